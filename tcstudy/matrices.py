@@ -17,18 +17,18 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
+from tcstudy.contact import certificates
+from tcstudy.contact.certificates import Certificate
+from tcstudy.contact.contact import Answer, solve_contact
+from tcstudy.contact.path.follow import Follower, ParametricProblem, Path
+from tcstudy.contact.path.start import NoSolutionError
+from tcstudy.contact.problem import ContactProblem as PlainProblem
 from tcstudy.errors import ProblemError
 from tcstudy.laws.composed import nodal
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import GrowthError
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.scene.study import BRANCHES, BUNDLE, SEPARABLE, SOLVERS, Branch, Direction
-from tcstudy.solvers import certificates
-from tcstudy.solvers.certificates import Certificate
-from tcstudy.solvers.contact import Answer, solve_contact
-from tcstudy.solvers.path.follow import Follower, ParametricProblem, Path
-from tcstudy.solvers.path.start import NoSolutionError
-from tcstudy.solvers.problem import ContactProblem as PlainProblem
 
 __all__ = ["ContactProblem", "certify", "follow", "law", "solve"]
 

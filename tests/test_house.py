@@ -23,14 +23,14 @@ ARROWS: dict[str, set[str]] = {
     "scene": {"expressions", "laws"},
     "shapes": {"scene"},
     "accuracy": {"laws", "scene", "shapes"},
-    "solvers": {"laws", "scene"},
-    "online": {"laws", "scene", "solvers"},
+    "contact": {"laws", "scene"},
+    "online": {"laws", "scene", "contact"},
     "executors": {"errors", "laws", "online"},
     "exact": {"accuracy", "expressions", "laws", "scene", "shapes"},
     "read": {"errors", "exact", "expressions", "laws", "scene", "shapes"},
     "fem": {"errors", "expressions", "laws", "scene", "shapes"},
-    "offline": {"condense", "expressions", "fem", "laws", "scene", "solvers"},
-    "refine": {"accuracy", "exact", "expressions", "fem", "laws", "offline", "scene", "solvers"},
+    "offline": {"condense", "expressions", "fem", "laws", "scene", "contact"},
+    "refine": {"accuracy", "exact", "expressions", "fem", "laws", "offline", "scene", "contact"},
     "data": {"errors", "scene"},
     "reports": {"accuracy", "data", "errors", "laws", "read", "scene"},
 }
@@ -48,7 +48,7 @@ NUMERICS = (
     "online",
     "refine",
     "shapes",
-    "solvers",
+    "contact",
 )
 """Rooms that never print, parse or touch files."""
 SPEAKING = {"print", "input", "open", "eval", "exec"}

@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from tcstudy.condense import Condensation, ForwardLoad, condense
 from tcstudy.condense.multifrontal import Known
 from tcstudy.condense.symbolic import EliminationPlan
+from tcstudy.contact.problem import least_eigenpair
 from tcstudy.fem.boundary import ContactLine
 from tcstudy.fem.forms import ElasticForms, Moduli, Springs
 from tcstudy.fem.meshes import Frames
 from tcstudy.offline.loads import BasisLoad, LoadTerm, Recent
 from tcstudy.scene.points import distinct, of_stiffness
 from tcstudy.scene.records import Scene, Where
-from tcstudy.solvers.problem import least_eigenpair
 
 Array = NDArray[np.float64]
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tcstudy.condense.multifrontal import Known
 from tcstudy.condense.symbolic import EliminationPlan
+from tcstudy.contact.problem import ContactProblem
 from tcstudy.fem.boundary import constrain, contact_line
 from tcstudy.fem.forms import ElasticForms, Moduli, Springs
 from tcstudy.fem.heat_forms import HeatForms
@@ -38,7 +39,6 @@ from tcstudy.offline.loads import (
 from tcstudy.offline.thermal import Temperature, Temperatures
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Clamped, Contact, Rigid, Role, Scene
-from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
 MEMORY = 512e6

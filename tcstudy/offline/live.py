@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.contact.problem import ContactProblem
 from tcstudy.offline.level import Level
 from tcstudy.offline.loads import loaded_by, split
 from tcstudy.scene.records import Heat, Scene
 from tcstudy.scene.study import Study
-from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.contact.linearised import Linearised
 from tcstudy.laws.derivatives import agreed, law_slopes, number_of
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level
@@ -23,7 +24,6 @@ from tcstudy.offline.loads import loaded_by
 from tcstudy.offline.whole_slopes import WholeBody, affine_scene, change_of
 from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.records import Scene
-from tcstudy.solvers.linearised import Linearised
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -6,7 +6,7 @@ Order:     1. unique or not, before any solution;
            3. what is not unique: the certificate of a global minimum;
            4. what has neither: the search for less energy (frictionless start, hulls, moves of single nodes);
            5. what still has no proven minimum: the single solve.
-The search takes the same steps from the same starts as tcstudy.solvers.contact, so that it ends where that ends.
+The search takes the same steps from the same starts as tcstudy.contact.contact, so that it ends where that ends.
 A block's numbers depend on its own points and their order only, not on what else is solved where.
 """
 
@@ -17,6 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.contact.bounds import least_slopes
+from tcstudy.contact.contact import TIE, Answer, solve_contact
+from tcstudy.contact.loop import Status
+from tcstudy.contact.problem import MARGIN, kept
+from tcstudy.contact.search import MOVES
+from tcstudy.contact.separable.finish import finish, refined
 from tcstudy.laws.laws import Laws
 from tcstudy.online.certify import (
     definite,
@@ -28,12 +34,6 @@ from tcstudy.online.certify import (
 from tcstudy.online.descent import TOLERANCE, Descended, descend, descend_nested, hull_starts, move_starts
 from tcstudy.online.problems import BlockAnswers, Certificates, CondensedBody, Judged, Rows, judge
 from tcstudy.scene.study import ESCAPE, EXACT, FRICTIONLESS, NEIGHBOUR, START_NAMES, ZERO, Acceptance, Branch
-from tcstudy.solvers.bounds import least_slopes
-from tcstudy.solvers.contact import TIE, Answer, solve_contact
-from tcstudy.solvers.loop import Status
-from tcstudy.solvers.problem import MARGIN, kept
-from tcstudy.solvers.search import MOVES
-from tcstudy.solvers.separable.finish import finish, refined
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -44,7 +44,7 @@ Flags = NDArray[np.bool_]
 class Options:
     """What is asked of a block.
 
-    branch:    as in tcstudy.solvers.contact.solve_contact
+    branch:    as in tcstudy.contact.contact.solve_contact
     tolerance: largest inclusion residual of a solution as a study writes it; None for the default of
                tcstudy/scene/study.py
     """
@@ -158,7 +158,7 @@ class _Block:
         self.strict[open_] = strict_minimum(self.rows.take(open_), self.v[open_])
 
     def search(self, points: Index) -> None:
-        """Look for less energy at points of which nothing is proved, as solvers/search.py does."""
+        """Look for less energy at points of which nothing is proved, as contact/search.py does."""
         if not len(points):
             return
         points = self.improve(points, descend(self.rows.take(points), self.v[points], self.aim, minima=True), ZERO)
@@ -214,7 +214,7 @@ class _Block:
                 self.prove_strict(np.array([p]))
 
     def _ask_single(self, p: int) -> bool:
-        """Solve one point by tcstudy.solvers.contact; whether its answer is taken."""
+        """Solve one point by tcstudy.contact.contact; whether its answer is taken."""
         options = self.options
         near = self.neighbours[p] if np.all(np.isfinite(self.neighbours[p])) else None
         if options.branch == "lowest":

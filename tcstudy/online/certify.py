@@ -1,4 +1,4 @@
-"""What can be proved about P points at once; the flags of tcstudy/solvers/certificates.py with the same meaning.
+"""What can be proved about P points at once; the flags of tcstudy/contact/certificates.py with the same meaning.
 
 Before any solution: convex (ω < λ₁) or convex on the box that holds all solutions → unique.
 At a solution v:     global minimum, if Ã − C diag D is positive definite with D below; that proves a strict one,
@@ -18,13 +18,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.contact.bounds import FEW, PARTS, bends, boxes_of, largest_push, value_range
+from tcstudy.contact.problem import kept, least_lowered
+from tcstudy.contact.separable.pieces import factor_free, negative_curvature
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
 from tcstudy.online.newton import slopes
 from tcstudy.online.problems import CondensedBody, Rows
-from tcstudy.solvers.bounds import FEW, PARTS, bends, boxes_of, largest_push, value_range
-from tcstudy.solvers.problem import kept, least_lowered
-from tcstudy.solvers.separable.pieces import factor_free, negative_curvature
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

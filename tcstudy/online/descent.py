@@ -1,11 +1,11 @@
-"""Descent of many rows at once: the separable Newton method of tcstudy/solvers/separable/newton.py in a batch.
+"""Descent of many rows at once: the separable Newton method of tcstudy/contact/separable/newton.py in a batch.
 
 Every step is the same for all rows (rest, Newton's equations, clipped path with Armijo's rule, node by node where that
 gives no decrease, and on request the step along negative curvature at a saddle); rows that are done drop out. Where
 energies can no longer tell two points apart the residual judges, and a row ends with the best point that it has seen.
 Left out: the convex model of thin layers; rows that would need it end unsolved and are left to the single solve.
 
-The search for less energy starts descents elsewhere, by the two steps of tcstudy/solvers/search.py: descent on the
+The search for less energy starts descents elsewhere, by the two steps of tcstudy/contact/search.py: descent on the
 problems with the laws' proximal hulls b_κ, κ growing from below λ₁, knows all wells of j; a move puts one node on
 another piece or up-jump of b while all others relax.
 """
@@ -17,14 +17,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.contact.hulls import proximal_hulls
+from tcstudy.contact.moves import best_places, follow, relaxed_stiffness
+from tcstudy.contact.search import GROWTH, LOOSE, PROMISES
+from tcstudy.contact.separable.descent import descend_nodes
+from tcstudy.contact.separable.pieces import factor_free
 from tcstudy.laws.pieces import Place
 from tcstudy.online.newton import BlockSlopes, directions, leave_saddles, slopes
 from tcstudy.online.problems import Rows
-from tcstudy.solvers.hulls import proximal_hulls
-from tcstudy.solvers.moves import best_places, follow, relaxed_stiffness
-from tcstudy.solvers.search import GROWTH, LOOSE, PROMISES
-from tcstudy.solvers.separable.descent import descend_nodes
-from tcstudy.solvers.separable.pieces import factor_free
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

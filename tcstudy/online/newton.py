@@ -7,7 +7,7 @@ on F, or, with the compliance G = Ã⁻¹, on the nodes K that rest or have b′
 
 A_FF + C b′ is positive definite exactly if G_KK + D has as many negative eigenvalues as b′ (Sylvester's law of inertia
 on both Schur complements of one block matrix). Where it is not, the falls of b are lifted to zero, as in
-tcstudy/solvers/separable/pieces.py.
+tcstudy/contact/separable/pieces.py.
 
 Where A_FF + C b′ of a stationary point is not positive definite, that is no minimum but for luck, and a direction d
 with dᵀ(A_FF + C b′)d ≤ 0 leads down from it; a row at a time, since few rows end so.
@@ -21,10 +21,10 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from tcstudy.contact.separable.descent import ROUNDINGS, off_saddle
+from tcstudy.contact.separable.pieces import negative_curvature, with_diagonal
 from tcstudy.laws.pieces import BEND, Place
 from tcstudy.online.problems import CondensedBody, Rows
-from tcstudy.solvers.separable.descent import ROUNDINGS, off_saddle
-from tcstudy.solvers.separable.pieces import negative_curvature, with_diagonal
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -40,7 +40,7 @@ _INDEFINITE_COST = 1.5
 
 @dataclass(frozen=True, eq=False)
 class BlockSlopes:
-    """First-order information of R rows at v, (R, m) each; as tcstudy/solvers/separable/pieces.Slopes.
+    """First-order information of R rows at v, (R, m) each; as tcstudy/contact/separable/pieces.Slopes.
 
     at:          where v sits
     left, right: derivatives of L̃ in v_i from both sides [N/m]

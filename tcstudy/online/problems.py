@@ -3,7 +3,7 @@
 Nothing here knows a load, a law or a mesh: the record is made once (offline), pickles, and serves any number of
 problems 0 ∈ Ãv − l̃ + ∂Ψ(v) on this body. A body whose E varies is one body, too: divide the problem by E.
 
-The coarse copies, which give starts, are those of solvers/separable/newton.py.
+The coarse copies, which give starts, are those of contact/separable/newton.py.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ import scipy.linalg
 import scipy.sparse
 from numpy.typing import NDArray
 
+from tcstudy.contact.problem import ContactProblem, distance_bound, inverse_rounding, least_eigenvalue, pivot_shift
+from tcstudy.contact.separable.finish import extended
+from tcstudy.contact.separable.newton import COARSEST, galerkin, interpolation
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import BEND, Place
 from tcstudy.scene.study import Acceptance
-from tcstudy.solvers.problem import ContactProblem, distance_bound, inverse_rounding, least_eigenvalue, pivot_shift
-from tcstudy.solvers.separable.finish import extended
-from tcstudy.solvers.separable.newton import COARSEST, galerkin, interpolation
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -150,7 +150,7 @@ class Rows:
 
 @dataclass(frozen=True, eq=False)
 class Certificates:
-    """What is proved about P points, (P,) each; the meaning is that of tcstudy.solvers.certificates.Certificate.
+    """What is proved about P points, (P,) each; the meaning is that of tcstudy.contact.certificates.Certificate.
 
     margin: NaN with one law a row, where it is λ₁ − ω [Pa/m]
     """
@@ -165,7 +165,7 @@ class Certificates:
 
 @dataclass(frozen=True, eq=False)
 class BlockAnswers:
-    """Judged solutions of P points: fields (P,), (P, m) or (P, 5) with the meaning of tcstudy.solvers.contact.Answer.
+    """Judged solutions of P points: fields (P,), (P, m) or (P, 5) with the meaning of tcstudy.contact.contact.Answer.
 
     steps: Newton steps on the body itself of the descent that led to v, or of the single solve
     certificates: what is proved

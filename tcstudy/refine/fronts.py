@@ -24,9 +24,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.contact.problem import ContactProblem
 from tcstudy.fem.boundary import ContactLine
 from tcstudy.laws.pieces import UP
-from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
 

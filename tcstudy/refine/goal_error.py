@@ -60,6 +60,9 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.accuracy.corners import Side, Sticks, opening, sticking_near, vertex, vertices
+from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.loop import Status
+from tcstudy.contact.problem import ContactProblem
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.estimators import own_strain
 from tcstudy.fem.meshes import CurveEnd, PlaneMesh, curve_ends
@@ -72,9 +75,6 @@ from tcstudy.refine.halved import Halved, contributions
 from tcstudy.scene.points import needs_heat_solve
 from tcstudy.scene.records import BODY, Scene
 from tcstudy.scene.study import Goal
-from tcstudy.solvers.contact import solve_contact
-from tcstudy.solvers.loop import Status
-from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
 

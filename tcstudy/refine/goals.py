@@ -22,6 +22,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from tcstudy.contact.problem import ContactProblem
 from tcstudy.fem.boundary import ContactLine
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.laws.composed import each
@@ -29,7 +30,6 @@ from tcstudy.laws.laws import Laws
 from tcstudy.refine.fronts import slopes
 from tcstudy.scene.records import Point
 from tcstudy.scene.study import Goal
-from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
 

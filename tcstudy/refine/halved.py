@@ -29,6 +29,7 @@ import scipy.sparse.linalg
 from numpy.typing import NDArray
 
 from tcstudy.accuracy.transfer import prolongation
+from tcstudy.contact.problem import ContactProblem
 from tcstudy.fem.estimators import own_strain
 from tcstudy.fem.forms import Conductivity, Springs
 from tcstudy.fem.meshes import PlaneMesh, refine_uniformly
@@ -36,7 +37,6 @@ from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Level
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Goal
-from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
 

@@ -1,7 +1,7 @@
 """What a contact node does: the states of the contact line, by the part of the friction law that the node is on.
 
 A part of b is a piece between two kinks, or a kink itself, where b̂ is an interval. Its code is 2k for piece k and
-2k + 1 for kink k, as in `tcstudy.solvers.path.problem`.
+2k + 1 for kink k, as in `tcstudy.contact.path.problem`.
 """
 
 from __future__ import annotations

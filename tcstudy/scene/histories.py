@@ -5,7 +5,7 @@ The scene's law gives the monotone virgin curve τ(κ) = b(s > 0). Beside it a n
     elastic-plastic  ±k (|s − p| − Δp), at most τ(κ + Δp)   p plastic slip, κ = Σ|Δp|
     damage           τ(κ) s/κ for |s| ≤ κ, beyond it τ(|s|)   κ = max |v|
 Literature: Ortiz & Pandolfi, Int. J. Numer. Meth. Engng 44 (1999) 1267–1282 (damage, κ the largest opening); Simo &
-Hughes, Computational Inelasticity (1998) (return mapping). Here only what a study says of it; solvers/history solves.
+Hughes, Computational Inelasticity (1998) (return mapping). Here only what a study says of it; contact/history solves.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ Of a history (`history_scene`) the steps are compared that were measured: one hi
 number, which is a little off, for differences. All other derivatives are exact.
 
 Vertical: the scene is solved at every datum, each from the solution before (the way a test goes: one solve a datum),
-and its results are compared; derivatives from the factor at each solution (`solvers.linearised`).
+and its results are compared; derivatives from the factor at each solution (`contact.linearised`).
 
 Orthogonal: the path of the scene along the measured parameter t is followed once, and every datum is projected on the
 curve (t, R), R = Σξ, in units of the noise of both. By the envelope theorem ∂d/∂p = −nᵀ∂(t, R)/∂p, whatever coordinate
@@ -21,6 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.condense import NotPositiveDefinite
+from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.linearised import Linearised
+from tcstudy.contact.loop import Status
+from tcstudy.contact.path.follow import Follower, Path
+from tcstudy.contact.path.record import WHOLE
 from tcstudy.errors import FitError, PathError
 from tcstudy.offline.level import Level
 from tcstudy.offline.whole_slopes import WholeBody
@@ -29,11 +34,6 @@ from tcstudy.scene.histories import HistoryPlan, UnfitLaw
 from tcstudy.scene.parameters import path_scene, with_number
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Direction
-from tcstudy.solvers.contact import solve_contact
-from tcstudy.solvers.linearised import Linearised
-from tcstudy.solvers.loop import Status
-from tcstudy.solvers.path.follow import Follower, Path
-from tcstudy.solvers.path.record import WHOLE
 from tcstudy.study.fit_path import MovingPath
 from tcstudy.study.history_scene import STIFFNESS, with_stiffness
 from tcstudy.study.history_scene import followed as followed_steps

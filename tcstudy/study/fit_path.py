@@ -3,7 +3,7 @@
 On a side of the polygon (t, R), R = Σξ, the nodes keep their pieces, and held fixed is eᵀv with e along the side: the
 bordered matrix [H −l̃₁; eᵀ 0] is regular at a simple fold, where H is not. At a corner the slip of the node that passes
 its kink there is held on that kink. The same beside the path of a law with exponential pieces, on the curve itself
-(`solvers.path.smooth`). Literature: Keller, in Rabinowitz (ed.), Applications of Bifurcation Theory (1977)
+(`contact.path.smooth`). Literature: Keller, in Rabinowitz (ed.), Applications of Bifurcation Theory (1977)
 359–384 (bordering).
 """
 
@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.accuracy.curve_distance import Feet, feet
+from tcstudy.contact.path.follow import Path
+from tcstudy.contact.path.smooth import CurvePoint, Goal, SmoothPath
 from tcstudy.errors import FitError
 from tcstudy.laws.derivatives import LawSlopes, law_slopes, number_of
 from tcstudy.offline.level import Level
@@ -24,8 +26,6 @@ from tcstudy.offline.whole_slopes import WholeBody
 from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene
-from tcstudy.solvers.path.follow import Path
-from tcstudy.solvers.path.smooth import CurvePoint, Goal, SmoothPath
 
 Array = NDArray[np.float64]
 TEETH = 1e-2

@@ -22,6 +22,9 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from tcstudy.condense import NotPositiveDefinite
+from tcstudy.contact.history.memory import NodeState
+from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
+from tcstudy.contact.history.steps import history
 from tcstudy.data.history_store import HistoryRecord, read_known, steps_done, write_history
 from tcstudy.data.journal import Journal
 from tcstudy.data.provenance import collect, study_sha256, tell
@@ -34,9 +37,6 @@ from tcstudy.read.study import read_study_text
 from tcstudy.scene.histories import UnfitLaw
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
-from tcstudy.solvers.history.memory import NodeState
-from tcstudy.solvers.history.problem import HistoryProblem, HistoryStep
-from tcstudy.solvers.history.steps import history
 from tcstudy.study.expected import of_history
 from tcstudy.study.history_scene import problem_of, step_derivatives
 from tcstudy.study.jobs import Staff, submit

@@ -1,6 +1,6 @@
 """The load history of one scene: its problem and loads, its steps, and derivatives of these by numbers of the study.
 
-Derivatives are differences of whole histories on the same mesh (`solvers.history.differences`), all side by side.
+Derivatives are differences of whole histories on the same mesh (`contact.history.differences`), all side by side.
 """
 
 from __future__ import annotations
@@ -14,6 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.condense import NotPositiveDefinite
+from tcstudy.contact.history.differences import HALFWAY, STEPS, one_sided, two_sided
+from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
+from tcstudy.contact.history.steps import history
 from tcstudy.data.on_request import AT_EVENT, DIFFERENTIABLE, STATUS, STEP_QUANTITIES, name_of
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import is_load, load_slope
@@ -22,9 +25,6 @@ from tcstudy.scene.histories import HistoryPlan, Keys
 from tcstudy.scene.parameters import loaded_scene, number_in, with_number
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
-from tcstudy.solvers.history.differences import HALFWAY, STEPS, one_sided, two_sided
-from tcstudy.solvers.history.problem import HistoryProblem, HistoryStep
-from tcstudy.solvers.history.steps import history
 
 Array = NDArray[np.float64]
 STIFFNESS = ("history", "stiffness")

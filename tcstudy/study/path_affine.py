@@ -9,16 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.contact.bounds import solution_box
+from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.loop import Status
+from tcstudy.contact.path.chords import piecewise_linear
+from tcstudy.contact.path.follow import Follower, ParametricProblem, Path
+from tcstudy.contact.path.start import NoSolutionError
 from tcstudy.errors import PathError
 from tcstudy.offline.level import Condensed, Level
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Branch, Direction
-from tcstudy.solvers.bounds import solution_box
-from tcstudy.solvers.contact import solve_contact
-from tcstudy.solvers.loop import Status
-from tcstudy.solvers.path.chords import piecewise_linear
-from tcstudy.solvers.path.follow import Follower, ParametricProblem, Path
-from tcstudy.solvers.path.start import NoSolutionError
 
 Array = NDArray[np.float64]
 

@@ -12,6 +12,14 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from tcstudy.condense import NotPositiveDefinite
+from tcstudy.contact.certificates import certify
+from tcstudy.contact.contact import TIE
+from tcstudy.contact.path.follow import Follower, ParametricProblem, Path
+from tcstudy.contact.path.hysteresis import hysteresis
+from tcstudy.contact.path.problem import by_code
+from tcstudy.contact.path.proofs import proved_minima
+from tcstudy.contact.path.query import PathSolution, folds, lowest, solutions_at, solutions_of
+from tcstudy.contact.path.record import WHOLE
 from tcstudy.data.path_store import PathRecord, Values, write_path
 from tcstudy.data.provenance import Remark, collect, tell
 from tcstudy.data.records import LevelRecord
@@ -20,14 +28,6 @@ from tcstudy.offline.level import Level
 from tcstudy.scene.contact_states import ContactState, contact_states
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.study import Acceptance, Branch, PathPlan, Study
-from tcstudy.solvers.certificates import certify
-from tcstudy.solvers.contact import TIE
-from tcstudy.solvers.path.follow import Follower, ParametricProblem, Path
-from tcstudy.solvers.path.hysteresis import hysteresis
-from tcstudy.solvers.path.problem import by_code
-from tcstudy.solvers.path.proofs import proved_minima
-from tcstudy.solvers.path.query import PathSolution, folds, lowest, solutions_at, solutions_of
-from tcstudy.solvers.path.record import WHOLE
 from tcstudy.study.doubts import loaded
 from tcstudy.study.path_affine import AffineLoad, PathError, affine_load, followed, straightened
 from tcstudy.study.plan import warnings

@@ -14,6 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.condense import NotPositiveDefinite
+from tcstudy.contact.certificates import Certificate, certify
+from tcstudy.contact.contact import Answer, solve_contact
+from tcstudy.contact.loop import Status
+from tcstudy.contact.problem import kept
 from tcstudy.data.records import PointRecord, PointStatus
 from tcstudy.data.schema import BALANCED, HEAT_BOUND, LIMITED, MET, NOT_JUDGED, UNBALANCED
 from tcstudy.offline.level import Condensed, CondensedBlock, Level
@@ -21,10 +25,6 @@ from tcstudy.offline.thermal import Temperature
 from tcstudy.online import BlockAnswers, Certificates
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
-from tcstudy.solvers.certificates import Certificate, certify
-from tcstudy.solvers.contact import Answer, solve_contact
-from tcstudy.solvers.loop import Status
-from tcstudy.solvers.problem import kept
 
 Array = NDArray[np.float64]
 Number = float | Array

@@ -1,6 +1,6 @@
 """Derivatives of the results of solved points by numbers of the study, for the variables of `data.on_request`.
 
-A point is linearised once at its solution (`solvers.linearised`); a number then costs O(m²).
+A point is linearised once at its solution (`contact.linearised`); a number then costs O(m²).
 """
 
 from __future__ import annotations
@@ -8,13 +8,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.contact.linearised import EVENT, Linearised
 from tcstudy.data.on_request import AT_EVENT, AT_FOLD, DIFFERENTIABLE, EVENTS, STATUS, name_of
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import friction_energy, law_slope, load_slope, omega_slope
 from tcstudy.offline.whole_slopes import WholeBody, change_of
 from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.records import Scene
-from tcstudy.solvers.linearised import EVENT, Linearised
 
 Array = NDArray[np.float64]
 

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.accuracy.norms import Line, Modulus, Triangles
+from tcstudy.contact.contact import TIE
+from tcstudy.contact.separable.finish import finish
 from tcstudy.data.records import PointRecord, PointStatus
 from tcstudy.errors import GeometryFailed
 from tcstudy.offline.level import Level
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
-from tcstudy.solvers.contact import TIE
-from tcstudy.solvers.separable.finish import finish
 from tcstudy.study.point import solve_point
 from tcstudy.study.run import stages
 from tcstudy.study.starts import contact_line, exact_at

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.condense import NotPositiveDefinite
+from tcstudy.contact.loop import Status
 from tcstudy.data.on_request import variables
 from tcstudy.data.records import BlockRecord, PointRecord, PointStatus, block_of
 from tcstudy.executors import TIMEOUT, Job, SerialExecutor, WorkersFailed, timed
@@ -32,7 +33,6 @@ from tcstudy.refine.survey import Survey
 from tcstudy.scene.points import combinations, of_stiffness
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
-from tcstudy.solvers.loop import Status
 from tcstudy.study.point import STATUS, block_numbers, solve_point
 from tcstudy.study.starts import Solutions, contact_line, exact_at
 

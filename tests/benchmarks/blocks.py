@@ -16,15 +16,15 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from tcstudy.contact.certificates import Certificate, certify
+from tcstudy.contact.contact import TIE, Answer, solve_contact
+from tcstudy.contact.loop import Status
+from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.laws import Laws
 from tcstudy.online import BlockAnswers, CondensedBody, solve_block
-from tcstudy.solvers.certificates import Certificate, certify
-from tcstudy.solvers.contact import TIE, Answer, solve_contact
-from tcstudy.solvers.loop import Status
-from tcstudy.solvers.problem import ContactProblem
 from tests.benchmarks.stability_chain import ChainGrid, chain
 from tests.benchmarks.stability_maps import Grid, down_jumps, synthetic, waves
-from tests.solvers.contact_cases import half_laplacian, random_problem
+from tests.contact.contact_cases import half_laplacian, random_problem
 
 FLAGS = ("convex", "unique", "strict_minimum", "global_minimum")
 SIZES = (20, 60, 200)

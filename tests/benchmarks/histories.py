@@ -13,13 +13,13 @@ import time
 
 import numpy as np
 
+from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
+from tcstudy.contact.history.steps import next_step
+from tcstudy.contact.problem import ContactProblem
 from tcstudy.matrices import law
 from tcstudy.scene.histories import Memory
-from tcstudy.solvers.contact import solve_contact
-from tcstudy.solvers.history.problem import HistoryProblem, HistoryStep
-from tcstudy.solvers.history.steps import next_step
-from tcstudy.solvers.problem import ContactProblem
-from tests.solvers.history.cases import coupled_line, softening
+from tests.contact.history.cases import coupled_line, softening
 
 LAWS = {
     "tresca": law("tresca", tau=2e7),

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from tcstudy.contact.history.differences import STEPS, two_sided
+from tcstudy.contact.history.problem import HistoryProblem
+from tcstudy.contact.history.steps import history
 from tcstudy.matrices import law
-from tcstudy.solvers.history.differences import STEPS, two_sided
-from tcstudy.solvers.history.problem import HistoryProblem
-from tcstudy.solvers.history.steps import history
 from tests.benchmarks.random_histories import random_history
 
 Array = NDArray[np.float64]

@@ -1,6 +1,6 @@
 """The methods that are compared, each with one signature: a problem and a start in, a point and a claim out.
 
-Ours run as tcstudy.solvers.contact runs them, with its last step `finish` on the identified pieces. The peers of scipy
+Ours run as tcstudy.contact.contact runs them, with its last step `finish` on the identified pieces. The peers of scipy
 get L̃ in units of c·(peak of b), one subgradient (right limits of b), the second derivatives where they take them,
 and tolerances of 1e-10 or better with no limit of iterations. Every method is stopped at a deadline and then judged
 by the best point it has seen.
@@ -17,12 +17,12 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
 
-from tcstudy.solvers.bundle.contact import solve_with_bundle
-from tcstudy.solvers.contact import solve_contact
-from tcstudy.solvers.loop import Outcome, Status, iterate
-from tcstudy.solvers.problem import ContactProblem
-from tcstudy.solvers.separable.finish import finish
-from tcstudy.solvers.separable.newton import SeparableNewton
+from tcstudy.contact.bundle.contact import solve_with_bundle
+from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.loop import Outcome, Status, iterate
+from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.separable.finish import finish
+from tcstudy.contact.separable.newton import SeparableNewton
 from tests.benchmarks.semismooth import SemismoothNewton
 
 Array = NDArray[np.float64]
@@ -114,7 +114,7 @@ def bundle(problem: ContactProblem, x0: Array, deadline: float) -> Attempt:
 
 
 def _finished(problem: ContactProblem, run: Callable[[Watched], Outcome], x0: Array, deadline: float) -> Attempt:
-    """As tcstudy.solvers.contact ends: on the exact active pieces if the tolerance is missed, success by inclusion.
+    """As tcstudy.contact.contact ends: on the exact active pieces if the tolerance is missed, success by inclusion.
 
     What the deadline stops is not finished: that would credit the method with what it has not reached.
     """

@@ -10,9 +10,9 @@ import sys
 import time
 from collections.abc import Sequence
 
-from tcstudy.solvers.bundle.newton import BundleNewton
-from tcstudy.solvers.loop import iterate
-from tests.solvers.bundle.scalable import Problem, published, random_problem
+from tcstudy.contact.bundle.newton import BundleNewton
+from tcstudy.contact.loop import iterate
+from tests.contact.bundle.scalable import Problem, published, random_problem
 
 
 def line(problem: Problem) -> str:

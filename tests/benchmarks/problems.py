@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.contact.problem import ContactProblem, least_eigenvalue
 from tcstudy.laws.laws import Laws
-from tcstudy.solvers.problem import ContactProblem, least_eigenvalue
-from tests.solvers.contact_cases import half_laplacian, sawtooth, slip_weakening
+from tests.contact.contact_cases import half_laplacian, sawtooth, slip_weakening
 
 Array = NDArray[np.float64]
 

@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
+from tcstudy.contact.history.steps import next_step
+from tcstudy.contact.problem import least_eigenvalue
 from tcstudy.laws.laws import Laws
 from tcstudy.matrices import law
 from tcstudy.scene.histories import Memory, UnfitLaw
-from tcstudy.solvers.history.problem import HistoryProblem, HistoryStep
-from tcstudy.solvers.history.steps import next_step
-from tcstudy.solvers.problem import least_eigenvalue
-from tests.solvers.contact_cases import half_laplacian
+from tests.contact.contact_cases import half_laplacian
 
 Array = NDArray[np.float64]
 

@@ -16,12 +16,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.loop import iterate
+from tcstudy.contact.separable.newton import SeparableNewton
 from tcstudy.scene.study import ESCAPE
-from tcstudy.solvers.contact import solve_contact
-from tcstudy.solvers.loop import iterate
-from tcstudy.solvers.separable.newton import SeparableNewton
-from tests.solvers.contact_cases import independent_residual, random_problem, rescaled
-from tests.solvers.exhaustive import compare, hit_rates, least_energy, search, small_problem
+from tests.contact.contact_cases import independent_residual, random_problem, rescaled
+from tests.contact.exhaustive import compare, hit_rates, least_energy, search, small_problem
 
 TOLERANCE = 1e-12
 UNITS = ((1e9, 1.0, 1.0), (1e-9, 1.0, 1.0), (1.0, 1e9, 1.0), (1.0, 1e-9, 1.0), (1e-9, 1e9, 1e9))

@@ -20,10 +20,10 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from tcstudy.contact.loop import Outcome, Status
+from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
-from tcstudy.solvers.loop import Outcome, Status
-from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -47,7 +47,7 @@ class SemismoothState:
 
 @dataclass(frozen=True)
 class SemismoothNewton:
-    """Options; a Method for tcstudy.solvers.loop.iterate. Piecewise-linear laws only (raises ValueError).
+    """Options; a Method for tcstudy.contact.loop.iterate. Piecewise-linear laws only (raises ValueError).
 
     max_iterations: linear solves before giving up
     tolerance:      inclusion residual at which returning branches (by rounding) are a solution

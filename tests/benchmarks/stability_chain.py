@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tcstudy.contact.problem import ContactProblem
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import MeshPlan
-from tcstudy.solvers.problem import ContactProblem
 from tests.benchmarks.problems import weakening
 from tests.benchmarks.stability_maps import RATIOS, Case, waves
 

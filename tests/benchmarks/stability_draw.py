@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.contact.problem import least_eigenvalue
 from tcstudy.reports.figures.style import INK, PALE, WIDTH, save, styled
-from tcstudy.solvers.problem import least_eigenvalue
 from tests.benchmarks.panels import inches
 from tests.benchmarks.stability_chain import HEAT, POISSON, SHAPE, WEAK
 from tests.benchmarks.stability_maps import DOWN_JUMPS, MAPS, NODES, REACH, SOFTENING, UNITS, UP_JUMPS
 from tests.benchmarks.stability_measure import FLAGGED, LEFT_OUT, SILENT, SLOW, SOLVED, Row
 from tests.benchmarks.stability_trial import CONTENDERS
-from tests.solvers.contact_cases import half_laplacian
+from tests.contact.contact_cases import half_laplacian
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -16,10 +16,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.contact.problem import ContactProblem, least_eigenvalue
 from tcstudy.laws.laws import Laws
-from tcstudy.solvers.problem import ContactProblem, least_eigenvalue
 from tests.benchmarks.problems import weakening
-from tests.solvers.contact_cases import half_laplacian, linear_law, rescaled
+from tests.contact.contact_cases import half_laplacian, linear_law, rescaled
 
 Array = NDArray[np.float64]
 

@@ -17,11 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
-from tcstudy.solvers.separable.pieces import energy_change
+from tcstudy.contact.separable.pieces import energy_change
 from tests.benchmarks.methods import TOLERANCE
 from tests.benchmarks.stability_maps import Case
 from tests.benchmarks.stability_trial import CONTENDERS, Contender, Trial
-from tests.solvers.contact_cases import independent_residual
+from tests.contact.contact_cases import independent_residual
 
 SOLVED, FLAGGED, SILENT, SLOW, LEFT_OUT = "solved", "flagged", "silent", "slow", "left out"
 

@@ -17,13 +17,13 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
 
+from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.loop import Status, iterate
+from tcstudy.contact.path.follow import Follower, ParametricProblem, PathStatus
+from tcstudy.contact.path.query import solutions_at
+from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.separable.pieces import cholesky
 from tcstudy.laws.pieces import UP
-from tcstudy.solvers.contact import solve_contact
-from tcstudy.solvers.loop import Status, iterate
-from tcstudy.solvers.path.follow import Follower, ParametricProblem, PathStatus
-from tcstudy.solvers.path.query import solutions_at
-from tcstudy.solvers.problem import ContactProblem
-from tcstudy.solvers.separable.pieces import cholesky
 from tests.benchmarks.methods import ENDLESS, TOLERANCE, OutOfTimeError, watched
 from tests.benchmarks.semismooth import SemismoothNewton, solve_branches
 

@@ -19,15 +19,15 @@ import xarray as xr
 
 import tcstudy
 from tcstudy.condense import condense
+from tcstudy.contact.certificates import certify
+from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.problem import least_eigenvalue
 from tcstudy.fem.forms import GradientProducts
 from tcstudy.fem.geometry import build
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.level import Level
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
-from tcstudy.solvers.certificates import certify
-from tcstudy.solvers.contact import solve_contact
-from tcstudy.solvers.problem import least_eigenvalue
 from tests.verification.scenes import mesh_family
 
 QUICKSTART = Path(__file__).resolve().parents[2] / "configs" / "quickstart.yaml"

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tcstudy.solvers.loop import iterate
+from tcstudy.contact.loop import iterate
 from tests.benchmarks import peers
 from tests.benchmarks.measure import NOT_RUN, RETURNED, TIME_LIMIT, Limits, measure
 from tests.benchmarks.methods import PEERS, TOLERANCE, Attempt, Peer
 from tests.benchmarks.problems import cases
 from tests.benchmarks.semismooth import SemismoothNewton
 from tests.benchmarks.summary import markdown, solved, wrong_claims
-from tests.solvers.contact_cases import independent_residual
+from tests.contact.contact_cases import independent_residual
 
 SMALL = Limits(solve=30.0, budget=30.0, repeats=2)
 

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tcstudy.solvers.contact import solve_contact
-from tcstudy.solvers.loop import Status
+from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.loop import Status
 from tests.benchmarks import stability
 from tests.benchmarks.methods import TOLERANCE
 from tests.benchmarks.stability_chain import CHAIN, SHAPE, WEAK, ChainGrid, chain
 from tests.benchmarks.stability_maps import MAPS, NODES, Grid, down_jumps, synthetic, up_jumps
 from tests.benchmarks.stability_measure import FLAGGED, SILENT, SLOW, SOLVED, judged, measure, read
 from tests.benchmarks.stability_trial import AT_KINK, CONTENDERS, CYCLING, INDEFINITE, Contender, Trial
-from tests.solvers.contact_cases import half_laplacian, independent_residual
+from tests.contact.contact_cases import half_laplacian, independent_residual
 
 EDGES = (0.1, 1.33, 7.5, 100.0)
 SYNTHETIC = Grid(EDGES, (10, 100, 300), (0.01, 0.3, 0.9), (1, 10, 100), (-9, 0, 9), loads=2)

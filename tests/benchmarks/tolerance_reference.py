@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tcstudy.contact.contact import solve_contact
 from tcstudy.fem.geometry import GeometryFailed
 from tcstudy.fem.meshes import PlaneMesh, refine_marked, refine_uniformly
 from tcstudy.offline.level import Level
@@ -20,7 +21,6 @@ from tcstudy.refine.fronts import fronts, slip_length
 from tcstudy.refine.goals import goal_value
 from tcstudy.scene.records import Point
 from tcstudy.scene.study import Goal, MeshPlan, Study
-from tcstudy.solvers.contact import solve_contact
 
 ADAPTIVE, MOST = 2500, 60_000
 """Unknowns of the bisected mesh at least, and of the finest one at most."""

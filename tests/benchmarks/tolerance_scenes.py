@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 from ruamel.yaml import YAML
 
+from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.problem import ContactProblem
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.refine.family import Family
 from tcstudy.scene.records import Point
 from tcstudy.scene.study import Goal, Study
-from tcstudy.solvers.contact import solve_contact
-from tcstudy.solvers.problem import ContactProblem
 
 Array = NDArray[np.float64]
 Draw = np.random.Generator

@@ -22,11 +22,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tcstudy.contact.contact import solve_contact
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import Family
 from tcstudy.refine.survey import COMPARED
 from tcstudy.scene.study import Goal, MeshPlan, Study
-from tcstudy.solvers.contact import solve_contact
 from tests.benchmarks.tolerance_reference import reference
 from tests.benchmarks.tolerance_scenes import draw_scene
 from tests.verification.goal_scenes import (

@@ -8,7 +8,7 @@ import pytest
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import BEND, DOWN, UP
 from tcstudy.laws.shapes import SHAPES
-from tests.solvers import contact_cases as cases
+from tests.contact import contact_cases as cases
 
 
 def close_points(rng: np.random.Generator, odd: bool) -> list[tuple[float, float]]:

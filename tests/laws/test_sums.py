@@ -8,14 +8,14 @@ from itertools import combinations_with_replacement
 import numpy as np
 import pytest
 
+from tcstudy.contact.bounds import bend_below_tangent, least_slopes, value_range
+from tcstudy.contact.history.memory import MemoryModel, NodeState
+from tcstudy.contact.path.chords import piecewise_linear
 from tcstudy.laws.composed import total
 from tcstudy.laws.laws import NONE, Laws
 from tcstudy.laws.pieces import BEND, DOWN, UP
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.scene.histories import Memory, is_odd
-from tcstudy.solvers.bounds import bend_below_tangent, least_slopes, value_range
-from tcstudy.solvers.history.memory import MemoryModel, NodeState
-from tcstudy.solvers.path.chords import piecewise_linear
 
 
 def law(shape: str, **parameters: object) -> Laws:

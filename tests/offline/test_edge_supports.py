@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tcstudy.contact.contact import solve_contact
 from tcstudy.offline.level import Condensed, Level
 from tcstudy.offline.requested import Requested
 from tcstudy.read.study import read_study
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene
-from tcstudy.solvers.contact import solve_contact
 from tcstudy.study.path_affine import affine_load
 from tests.test_cli import CONFIGS
 from tests.verification.scenes import HEATED_BRACKET, levels_of, study_of

@@ -7,6 +7,7 @@ import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
+from tcstudy.contact.contact import solve_contact
 from tcstudy.fem.boundary import values_at
 from tcstudy.fem.geometry import build
 from tcstudy.offline import conduction
@@ -15,7 +16,6 @@ from tcstudy.read.study import read_study
 from tcstudy.refine.survey import Survey
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene
-from tcstudy.solvers.contact import solve_contact
 from tcstudy.study.path_affine import affine_load
 from tests.test_cli import CONFIGS
 from tests.verification.scenes import HEATED_BRACKET, levels_of, mesh_family, study_of

@@ -8,11 +8,11 @@ from dataclasses import fields
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.laws import Laws
 from tcstudy.online import BlockAnswers, Certificates, CondensedBody, Options, solve_block
-from tcstudy.solvers.problem import ContactProblem
 from tcstudy.study.workshop import ENOUGH, ENTRIES, MOST, POINTS
-from tests.solvers import contact_cases as cases
+from tests.contact import contact_cases as cases
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

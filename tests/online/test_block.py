@@ -5,20 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tcstudy.contact.bounds import solution_box
+from tcstudy.contact.certificates import certify
+from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.loop import Status
+from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.composed import nodal, row_laws
 from tcstudy.laws.laws import NONE, Laws
 from tcstudy.online import BlockAnswers, CondensedBody, Options, solve_block
 from tcstudy.online.certify import solution_boxes
 from tcstudy.online.problems import Rows
 from tcstudy.scene.study import NEIGHBOUR
-from tcstudy.solvers.bounds import solution_box
-from tcstudy.solvers.certificates import certify
-from tcstudy.solvers.contact import solve_contact
-from tcstudy.solvers.loop import Status
-from tcstudy.solvers.problem import ContactProblem
+from tests.contact import contact_cases as cases
+from tests.contact.exhaustive import least_energy, small_problem
 from tests.online.rows import block, reordered, single, solve_points, some_laws
-from tests.solvers import contact_cases as cases
-from tests.solvers.exhaustive import least_energy, small_problem
 
 FLAGS = ("convex", "unique", "strict_minimum", "global_minimum")
 TIE = 1e-12

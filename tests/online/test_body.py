@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tcstudy.online import CondensedBody
-from tests.solvers import contact_cases as cases
+from tests.contact import contact_cases as cases
 
 
 @pytest.mark.parametrize("m", [41, 44, 90])

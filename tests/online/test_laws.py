@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tcstudy.contact import bounds
+from tcstudy.contact.bounds import largest_push, least_slopes, tables_of, value_range
+from tcstudy.contact.hulls import proximal_hulls
 from tcstudy.laws.laws import Laws
 from tcstudy.online.certify import bends_below_tangent
-from tcstudy.solvers import bounds
-from tcstudy.solvers.bounds import largest_push, least_slopes, tables_of, value_range
-from tcstudy.solvers.hulls import proximal_hulls
 from tests.online.rows import some_laws
 
 LAWS = some_laws()

@@ -8,7 +8,7 @@ import pytest
 from tcstudy.online import CondensedBody
 from tcstudy.online.certify import definite
 from tcstudy.online.newton import directions
-from tests.solvers import contact_cases as cases
+from tests.contact import contact_cases as cases
 
 
 @pytest.mark.parametrize("m", [12, 70])

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.laws import Laws
 from tcstudy.refine.ends import end_cells
-from tcstudy.solvers.problem import ContactProblem
 from tests.refine.test_fronts import TRESCA, line_of
 
 ZERO = np.zeros(4)

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.problem import ContactProblem
 from tcstudy.fem.boundary import ContactLine
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import Family
 from tcstudy.refine.fronts import fronts, slip_length, slopes
 from tcstudy.scene.study import MeshPlan
-from tcstudy.solvers.contact import solve_contact
-from tcstudy.solvers.problem import ContactProblem
 from tests.verification.goal_scenes import front_study
 
 Array = NDArray[np.float64]

@@ -12,6 +12,8 @@ import pytest
 import scipy.linalg
 from netgen import occ
 
+from tcstudy.contact.contact import Answer, solve_contact
+from tcstudy.contact.loop import Status
 from tcstudy.data.records import LevelRecord
 from tcstudy.exact.numbers import known_goal
 from tcstudy.fem.meshes import doubled_areas
@@ -25,8 +27,6 @@ from tcstudy.refine.goals import goal_value, lost, steps, torn
 from tcstudy.refine.halved import Halved
 from tcstudy.refine.survey import Survey
 from tcstudy.scene.study import Goal, MeshPlan
-from tcstudy.solvers.contact import Answer, solve_contact
-from tcstudy.solvers.loop import Status
 from tcstudy.study.run import run
 from tests.verification.closed_forms import CHANGE, A, B, ring, stick_slip
 from tests.verification.goal_scenes import RESULTANT, SLIP_LENGTH, front_resultant, front_slip, front_study

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tcstudy.contact.contact import solve_contact
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import Family
 from tcstudy.refine.goals import dual, goal_value
 from tcstudy.refine.halved import Halved, contributions
 from tcstudy.scene.study import Goal
-from tcstudy.solvers.contact import solve_contact
 from tests.verification.scenes import study_of
 
 PULLED = """

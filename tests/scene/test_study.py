@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.loop import Status
+from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import linear, piecewise_linear, tresca
 from tcstudy.scene.study import LOST, TOLERANCE, Acceptance
-from tcstudy.solvers.contact import solve_contact
-from tcstudy.solvers.loop import Status
-from tcstudy.solvers.problem import ContactProblem
 
 
 def test_default_goes_as_far_as_rounding() -> None:

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 import tcstudy
+from tcstudy.contact.contact import Answer
+from tcstudy.contact.loop import Status
+from tcstudy.contact.problem import ContactProblem
 from tcstudy.data.measured import STAGES, Cost
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import StoreError
 from tcstudy.errors import CostError
 from tcstudy.scene.study import Study
-from tcstudy.solvers.contact import Answer
-from tcstudy.solvers.loop import Status
-from tcstudy.solvers.problem import ContactProblem
 from tcstudy.study import point as point_module
 from tcstudy.study.convergence_run import converge
 from tcstudy.study.cost import FINER, _same, cost_to_file, measure

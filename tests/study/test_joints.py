@@ -11,6 +11,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import tcstudy
+from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.history.memory import MemoryModel, NodeState
 from tcstudy.data.on_request import name_of
 from tcstudy.fem.study_meshes import Meshes
 from tcstudy.laws.laws import Laws
@@ -18,8 +20,6 @@ from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.histories import Memory, MemoryName
 from tcstudy.scene.records import Scene
-from tcstudy.solvers.contact import solve_contact
-from tcstudy.solvers.history.memory import MemoryModel, NodeState
 from tcstudy.study.history_run import execute_history
 from tcstudy.study.sensitivities import of_point
 

@@ -10,6 +10,7 @@ import pytest
 import xarray as xr
 
 import tcstudy
+from tcstudy.contact.contact import solve_contact
 from tcstudy.data.reading import ASKED, asked
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import StudyError
@@ -21,7 +22,6 @@ from tcstudy.reports.terminal.summary import summary
 from tcstudy.reports.terminal.tables import fitting
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import OutputPlan
-from tcstudy.solvers.contact import solve_contact
 from tcstudy.study import sensitivities
 from tests.verification.scenes import HEATED_BRACKET, levels_of, study_of
 

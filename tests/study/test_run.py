@@ -14,12 +14,12 @@ import pytest
 import xarray as xr
 
 import tcstudy
+from tcstudy.contact.contact import solve_contact
 from tcstudy.data.journal import COMMIT_SECONDS
 from tcstudy.data.records import PointStatus
 from tcstudy.fem import heat_forms as heat
 from tcstudy.laws.laws import Laws
 from tcstudy.offline import elastic as elastic_module
-from tcstudy.solvers.contact import solve_contact
 from tcstudy.study import workshop
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, study_of
 

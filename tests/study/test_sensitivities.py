@@ -10,6 +10,7 @@ import pytest
 import xarray as xr
 
 import tcstudy
+from tcstudy.contact.contact import solve_contact
 from tcstudy.data.on_request import AT_EVENT, DIFFERENTIABLE, name_of, quotient
 from tcstudy.errors import StudyError
 from tcstudy.fem.study_meshes import Meshes
@@ -20,7 +21,6 @@ from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.parameters import number_in, with_number
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
-from tcstudy.solvers.contact import solve_contact
 from tcstudy.study.sensitivities import of_point
 
 BRACKET = """

@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tcstudy.contact.contact import solve_contact
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.fem.meshes import PlaneMesh, refine_marked, refine_uniformly
 from tcstudy.offline.level import Level
@@ -30,7 +31,6 @@ from tcstudy.refine.goals import goal_value
 from tcstudy.scene.families import FamilyName
 from tcstudy.scene.records import Point
 from tcstudy.scene.study import Goal, MeshPlan, Study
-from tcstudy.solvers.contact import solve_contact
 from tcstudy.study.run import run
 from tests.verification import closed_forms
 from tests.verification.scenes import HEATED_BRACKET

@@ -14,13 +14,13 @@ import numpy as np
 from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
+from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.loop import Status
 from tcstudy.fem.estimators import Strain, energy_norm, strain
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import Family
 from tcstudy.scene.study import MeshPlan, Study
-from tcstudy.solvers.contact import solve_contact
-from tcstudy.solvers.loop import Status
 
 Array = NDArray[np.float64]
 

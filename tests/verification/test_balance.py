@@ -7,9 +7,9 @@ import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
+from tcstudy.contact.contact import solve_contact
 from tcstudy.offline.level import Level
 from tcstudy.scene.records import Scene
-from tcstudy.solvers.contact import solve_contact
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, study_of
 
 

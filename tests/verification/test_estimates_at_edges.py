@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from tcstudy.contact.contact import solve_contact
 from tcstudy.read.study import read_study_text
 from tcstudy.refine.survey import Survey
-from tcstudy.solvers.contact import solve_contact
 from tcstudy.study.reference import NestedReference
 from tcstudy.study.solved_levels import solve_levels
 from tests.verification.scenes import levels_of

@@ -15,12 +15,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from tcstudy.contact.contact import solve_contact
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import Family
 from tcstudy.refine.survey import Survey
 from tcstudy.scene.families import FamilyName
 from tcstudy.scene.study import Goal, MeshPlan, Study
-from tcstudy.solvers.contact import solve_contact
 from tests.verification import closed_forms
 from tests.verification.goal_scenes import (
     BRACKET,

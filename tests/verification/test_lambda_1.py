@@ -7,11 +7,11 @@ import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
+from tcstudy.contact.certificates import certify
+from tcstudy.contact.problem import ContactProblem, least_eigenpair
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import slip_weakening
 from tcstudy.online import CondensedBody, solve_block
-from tcstudy.solvers.certificates import certify
-from tcstudy.solvers.problem import ContactProblem, least_eigenpair
 from tests.verification.scenes import RECTANGLE, levels_of, study_of
 
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from tcstudy.contact.contact import solve_contact
 from tcstudy.fem.geometry import build
 from tcstudy.offline.level import Level
-from tcstudy.solvers.contact import solve_contact
 from tests.verification import manufactured as exact
 from tests.verification.norms import l2_and_h1_errors
 from tests.verification.scenes import mesh_family

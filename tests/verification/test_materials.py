@@ -10,12 +10,12 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import tcstudy
+from tcstudy.contact.contact import solve_contact
 from tcstudy.fem.forms import GradientProducts
 from tcstudy.read.study import read_study_text
 from tcstudy.refine.survey import Survey
 from tcstudy.reports.export.export_fields import stresses, von_mises
 from tcstudy.reports.picture import body_fields
-from tcstudy.solvers.contact import solve_contact
 from tcstudy.study.plan import plan
 from tcstudy.study.reference import NestedReference
 from tcstudy.study.solved_levels import solve_levels

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.separable.finish import finish
 from tcstudy.fem.geometry import build
 from tcstudy.offline.level import Level
-from tcstudy.solvers.contact import solve_contact
-from tcstudy.solvers.separable.finish import finish
 from tests.verification.patch import CASES, HEIGHT, SOFTENING, Case, exact_energy, patch_study
 from tests.verification.scenes import mesh_family
 

@@ -11,9 +11,9 @@ import ngsolve as ngs
 import numpy as np
 from ngsolve.solvers import NewtonMinimization
 
+from tcstudy.contact.contact import solve_contact
 from tcstudy.fem.geometry import build
 from tcstudy.offline.level import Level
-from tcstudy.solvers.contact import solve_contact
 from tests.verification.scenes import mesh_family, study_of
 
 A, B, DELTA = 0.08, 0.05, 0.3

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.refine.family import Family
 from tcstudy.scene.records import Convection, Scene, Traction
 from tcstudy.scene.study import Study
-from tcstudy.solvers.problem import ContactProblem
 
 PAD = """
 title: A pad pushed sideways

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tcstudy.contact.loop import iterate
+from tcstudy.contact.separable.newton import SeparableNewton
 from tcstudy.reports.page.write import write_page
 from tcstudy.reports.stored_study import file_order
-from tcstudy.solvers.loop import iterate
-from tcstudy.solvers.separable.newton import SeparableNewton
 from tcstudy.study.execute import execute
 from tests.reports.page.browser import Browser, missing
 from tests.reports.page.live_cases import finest, settings, studies

@@ -1,4 +1,4 @@
-// The globalised separable Newton method of tcstudy/solvers/separable_newton.py in plain JavaScript, from one start:
+// The globalised separable Newton method of tcstudy/contact/separable_newton.py in plain JavaScript, from one start:
 // rest on up-jumps, Newton on the pieces of all other nodes along a path that stops at up-jumps, Armijo's rule, node by
 // node where that fails, a last refinement, escape along negative curvature. Left out: coarse copies of large problems.
 TC.Problem = class {

@@ -1,0 +1,359 @@
+"""How far j bends below its tangent at a solution, on a box that holds all solutions: what certificates are made of.
+
+D_i = sup over s in [low_i, high_i] of 2 [j(v_i) + ζ_i (s − v_i) − j(s)] / (s − v_i)²,  ζ_i ∈ b̂(v_i), so that
+j(s) ≥ j(v_i) + ζ_i (s − v_i) − ½ D_i (s − v_i)² there. Summed over the nodes:
+L̃(w) − L̃(v) ≥ ½ (w−v)ᵀ(Ã − C diag D)(w−v) for every w in the box.
+
+On a linear piece the quotient is a parabola in 1/(s − v_i): its largest value is known in closed form. An exponential
+piece is cut into parts; on each b is bounded from below by a line through its value at the near end (the tangent
+where b is convex, the chord where it is concave), while j at the near end is exact. A smaller b makes the
+quotient larger, so the result is an upper bound of D_i, too large by O(part length²).
+
+The box: every solution satisfies v = Ã⁻¹(l̃ − Cζ) with ζ_i ∈ b̂(v_i), so a box for v gives an interval for ζ and that
+gives a better box; the iteration starts from what the energy allows. All bounds are widened by the rounding of the
+inverse, so that a box is never too small.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from tcstudy.contact.problem import ContactProblem, inverse_rounding, kept
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import DOWN
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+FEW, PARTS = 6, 48
+"""Parts of an exponential piece: for a first try, which proves most of what can be proved, and of the careful bound."""
+_ROUNDS, _SHRINKS = 30, 0.01
+"""Improvements of a box at most, and by which part of its size one must shrink it."""
+_HALVINGS = 60
+"""Of the interval in which b′ of two exponentials vanishes."""
+_DECAY, _ROUNDINGS = 16.0, 64.0
+"""Decay lengths that the parts cover (one more takes the rest), and roundings of j by which every D is enlarged."""
+
+
+def bend_below_tangent(law: Laws, v: Array, zeta: Array, low: Array, high: Array, parts: int = PARTS) -> Array:
+    """Upper bounds of D_i for slips between low and high (m,) [Pa/m]; inf where v_i sits on a down-jump.
+
+    zeta:  (m,) elements of b̂(v), exactly b(v) off the kinks [Pa]
+    parts: of an exponential piece
+    """
+    return np.maximum(*bends_by_side(law, v, zeta, low, high, parts))
+
+
+def bends_by_side(law: Laws, v: Array, zeta: Array, low: Array, high: Array, parts: int = PARTS) -> tuple[Array, Array]:
+    """(right, left): the same with s > v_i and with s < v_i alone, −∞ where the box has no such s."""
+    right, left = bends(*tables_of(law, len(v)), v, zeta, low, high, parts, below=False)
+    return right[0], left[0]
+
+
+def bends(
+    tables: Laws, law: Index, v: Array, zeta: Array, low: Array, high: Array, parts: int, below: bool = True
+) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """(upper, lower) bounds of D_i with s > v_i alone and with s < v_i alone, (n,) each; law: of every slip (n,).
+
+    below: whether lower bounds are asked for
+    """
+    right = _one_side(tables, law, v, zeta, high, parts, below)
+    left = _one_side(tables.mirrored, law, -v, -zeta, -low, parts, below)
+    return (right.D, right.least), (left.D, left.least)
+
+
+@dataclass
+class _March:
+    """Nodes on their way from v to the right: where they are and the gap h = j(v) + ζ(s − v) − j(s) there.
+
+    D, least: bounds of the sup so far, from above and, if it is asked for, from below
+    """
+
+    below: bool
+    tables: Laws
+    v: Array
+    zeta: Array
+    at: Array
+    gap: Array
+    D: Array
+    least: Array
+    size: Array
+
+    def advance(self, nodes: Index, piece: Index, width: Array) -> None:
+        """Take the part [at, at + width] of the pieces (n,) of the named nodes into account and go to its end."""
+        tables, at, gap = self.tables, self.at[nodes], self.gap[nodes]
+        v, zeta = self.v[nodes], self.zeta[nodes]
+        value, slope = tables.value_and_slope(at, piece)
+        excess = np.where(at == v, start_excess(value, zeta), zeta - value)
+        start = -slope
+        concave = tables.concave.take(piece)
+        if np.any(concave):
+            chord = (tables.value(at + width, piece) - value) / np.where(width > 0.0, width, 1.0)
+            slope = np.where(concave & (width > 0.0), np.minimum(chord, slope), slope)
+        self.size[nodes] = np.maximum(self.size[nodes], np.abs(value))
+        distance = at - v
+        noise = np.zeros(len(nodes))  # of the quotient, which at v itself is a limit
+        np.divide(_ROUNDINGS * np.finfo(float).eps * self.size[nodes], distance, out=noise, where=distance > 0.0)
+        largest = quotient(gap, excess, slope, distance, width) + noise
+        self.D[nodes] = np.maximum(self.D[nodes], np.where(width > 0.0, largest, -np.inf))
+        gap = gap + width * zeta - tables.piece_integral(piece, at, at + width)
+        at = at + width
+        self.gap[nodes], self.at[nodes] = gap, at
+        if self.below:
+            tangent = np.where((distance == 0.0) & (excess == 0.0) & (width > 0.0), start, -np.inf)
+            self.least[nodes] = np.maximum(self.least[nodes], np.maximum(tangent, self._at_end(nodes, gap, at - v)))
+
+    def _at_end(self, nodes: Index, gap: Array, distance: Array) -> Array:
+        """The quotient at a point, lowered by rounding; −∞ at v itself and infinitely far away."""
+        quotient = np.full(len(gap), -np.inf)
+        lowered = gap - _ROUNDINGS * np.finfo(float).eps * self.size[nodes] * distance
+        known = (distance > 0.0) & np.isfinite(distance)
+        np.divide(2.0 * lowered, distance**2, out=quotient, where=known)
+        return quotient
+
+
+def _one_side(tables: Laws, law: Index, v: Array, zeta: Array, high: Array, parts: int, below: bool) -> _March:
+    """Bounds of the sup of the quotient over s ∈ (v, high] (−∞ where that is empty)."""
+    at = tables.locate(v, law)
+    begin = at.piece + at.on
+    none = np.full(len(v), -np.inf)
+    march = _March(below, tables, v, zeta, v.copy(), np.zeros(len(v)), none, none.copy(), np.abs(zeta))
+    for column in range(tables.q.shape[1]):
+        piece = tables.first[law] + column
+        end = np.minimum(tables.upper.take(piece), high)
+        active = ((begin <= piece) & (march.at < end)).nonzero()[0]
+        if not len(active):
+            continue
+        bent = tables.bent.take(piece[active])
+        for nodes, count in ((active[~bent], 1), (active[bent], parts)):
+            if len(nodes):
+                for width in _parts(tables, piece[nodes], end[nodes] - march.at[nodes], count):
+                    march.advance(nodes, piece[nodes], width)
+                march.at[nodes] = end[nodes]
+    return march
+
+
+def _parts(tables: Laws, piece: Index, width: Array, count: int) -> list[Array]:
+    """Widths of the parts into which [at, at + width] is cut: fine on the side where b changes fast.
+
+    Of two exponentials the slower one has parts of its own behind those of the faster.
+    """
+    if count == 1:
+        return [width]
+    rates = [np.where(a.take(piece) != 0.0, r.take(piece), 0.0) for a, r in tables.exponentials]
+    rate = rates[0] if len(rates) == 1 else np.where(rates[0] != 0.0, rates[0], rates[1])
+    inner, covered = [], np.zeros(len(width))
+    with np.errstate(divide="ignore"):
+        for fine in np.sort([np.minimum(width, _DECAY / np.abs(one)) for one in rates], axis=0):
+            inner += [(fine - covered) / count] * count
+            covered = fine
+    ahead, behind = (np.where(way * rate > 0.0, width - covered, 0.0) for way in (-1.0, 1.0))
+    return [ahead, *(inner if len(rates) == 1 else _turned(inner, rate < 0.0)), behind]
+
+
+def _turned(parts: list[Array], back: NDArray[np.bool_]) -> list[Array]:
+    """The parts in the opposite order where `back` is True."""
+    return [np.where(back, last, first) for first, last in zip(parts, reversed(parts), strict=True)]
+
+
+def start_excess(value: Array, zeta: Array) -> Array:
+    """ζ − b(v + 0) at v itself: 0 inside a piece, negative on an up-jump; rounding above 0 is removed."""
+    excess = zeta - value
+    rounding = _ROUNDINGS * np.finfo(float).eps * np.maximum(np.abs(zeta), np.abs(value))
+    return np.where(np.abs(excess) <= rounding, np.minimum(excess, 0.0), excess)
+
+
+def quotient(gap: Array, excess: Array, slope: Array, distance: Array, width: Array) -> Array:
+    """sup over 0 < w ≤ width of 2 (gap + excess w − ½ slope w²)/(distance + w)², a parabola in 1/(distance + w).
+
+    Where its vertex is too far away for a double it is at infinity, beyond the width.
+    """
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        touching = np.where(excess > 0.0, np.inf, 2.0 * excess / width - slope)
+        h_0 = gap - excess * distance - 0.5 * slope * distance**2
+        vertex = -2.0 * h_0 / (excess + slope * distance) - distance
+        apart = np.full(len(gap), -np.inf)
+        for w in (np.zeros(len(gap)), width, np.clip(np.nan_to_num(vertex), 0.0, width)):
+            value = 2.0 * (gap + w * (excess - 0.5 * slope * w)) / (distance + w) ** 2
+            apart = np.maximum(apart, value)
+    return np.where(distance == 0.0, touching, apart)
+
+
+def solution_box(
+    problem: ContactProblem,
+    lambda_1: float,
+    inverse: Array | None = None,
+    others: Array | None = None,
+    common: bool = False,
+) -> tuple[Array, Array]:
+    """(low, high), (m,) each: every solution lies between them [m].
+
+    lambda_1: λ_min(C^{−½}ÃC^{−½}) [Pa/m]
+    inverse:  Ã⁻¹ if known (many problems share one Ã)
+    others:   (k, m) more loads l̃: the box holds for them, for the problem's own, and for all loads between them
+    common:   the part that the boxes of all these loads have in common instead (low > high where there is none)
+    """
+    tables, law = tables_of(problem.law, problem.m)
+    loads = problem.l_tilde[None, :] if others is None else np.vstack([problem.l_tilde, others])
+    inverse = np.asarray(scipy.linalg.inv(problem.A_tilde)) if inverse is None else inverse
+    error = problem.A_error
+    body = problem.c, kept(error) * lambda_1, inverse, inverse_rounding(problem.A_tilde, inverse, error)
+    push = np.max(largest_push(tables)[law], initial=0.0, keepdims=True)
+    low, high = boxes_of(loads[:, None], push, body, lambda _, *box: value_range(tables, law, *box), common)
+    return low[0], high[0]
+
+
+def boxes_of(
+    loads: Array,
+    push: Array,
+    body: tuple[Array, float, Array, float],
+    ranges: Callable[[Index, Array, Array], tuple[Array, Array]],
+    common: bool = False,
+) -> tuple[Array, Array]:
+    """(low, high), (R, m) each: boxes of all solutions of R problems on one body, `common` as in `solution_box` [m].
+
+    loads:  (k, R, m) l̃;  push: (R,) sup −sign(s) b(s);  ranges: (rows, low, high) → least and largest b
+    body:   c (m,), λ₁, Ã⁻¹ (m, m) and the relative rounding of products with it
+
+    Ã⁻¹ of an interval is Ã⁻¹ of its middle and |Ã⁻¹| of its radius: two products a round. Rows that shrink no more
+    drop out.
+    """
+    c, lambda_1, inverse, rounding = body
+    widest, narrowest = (np.min, np.max) if common else (np.max, np.min)
+    high = energy_reach(widest(np.sqrt((loads / c) ** 2 @ c), axis=0)[:, None], push[:, None], c, lambda_1)
+    low, absolute, answers, size = -high, np.abs(inverse), loads @ inverse, np.max(np.abs(loads), axis=0)
+    least_answer, largest_answer = narrowest(answers, axis=0), widest(answers, axis=0)
+    at = np.arange(len(low))
+    for _ in range(_ROUNDS):
+        own_low, own_high = low[at], high[at]
+        least, largest = ranges(at, own_low, own_high)
+        middle, radius = c * (0.5 * (largest + least)), c * (0.5 * (largest - least))
+        # what rounding adds goes through the same product: row sums of |Ã⁻¹| would be far too much for slender bodies
+        centre, reach = middle @ inverse, (radius + rounding * (size[at] + np.abs(middle) + radius)) @ absolute
+        new_low = np.maximum(own_low, least_answer[at] - centre - reach)
+        new_high = np.minimum(own_high, largest_answer[at] - centre + reach)
+        new_high = new_high if common else np.maximum(new_high, new_low)
+        gain = np.max(np.maximum(new_low - own_low, own_high - new_high), axis=1, initial=0.0)
+        low[at], high[at] = new_low, new_high
+        shrinks = gain > _SHRINKS * np.max(own_high - own_low, axis=1, initial=0.0)
+        at = at[shrinks & np.all(new_low <= new_high, axis=1)]
+        if not len(at):
+            break
+    return low, high
+
+
+def first_box(problem: ContactProblem, lambda_1: float) -> tuple[Array, Array]:
+    """(low, high), (m,) each: a box of all solutions from what the energy allows alone [m]."""
+    tables, law = tables_of(problem.law, problem.m)
+    load = float(np.sqrt((problem.l_tilde / problem.c) ** 2 @ problem.c))
+    high = energy_reach(load, np.max(largest_push(tables)[law], initial=0.0), problem.c, lambda_1)
+    return -high, high
+
+
+def energy_reach(load: float | Array, push: float | Array, c: Array, lambda_1: float) -> Array:
+    """How far from 0 the energy allows solutions to be (m,), or (R, m) with ‖l̃/c‖ and push (R, 1) [m].
+
+    With B = sup −sign(s) b(s) a solution has λ₁‖v‖² ≤ vᵀÃv = vᵀ(l̃ − Cζ) ≤ (‖l̃/c‖ + B‖1‖)‖v‖ in the norm weighted by c.
+    """
+    return np.asarray((1.0 + 1e-6) * (load + push * np.sqrt(c.sum())) / lambda_1 / np.sqrt(c))
+
+
+def least_slope(law: Laws, low: Array, high: Array) -> Array:
+    """inf (b(s₁)−b(s₂))/(s₁−s₂) over [low, high]: −∞ with a down-jump in it (m,) [Pa/m]."""
+    return least_slopes(*tables_of(law, len(low)), low, high)
+
+
+def tables_of(law: Laws, m: int) -> tuple[Laws, Index]:
+    """The tables of one law for all of m nodes or of a law a node, and which of them every node has (m,)."""
+    return law.tables, law.node_index(m)
+
+
+def value_range(tables: Laws, law: Index, low: Array, high: Array) -> tuple[Array, Array]:
+    """(least, largest) value of the filled graph of b on [low, high] (shape of low); law broadcasts with low [Pa]."""
+    least, largest = np.full(low.shape, np.inf), np.full(low.shape, -np.inf)
+
+    def meet(inside: NDArray[np.bool_] | bool, value: Array) -> None:
+        np.minimum(least, value, out=least, where=inside)
+        np.maximum(largest, value, out=largest, where=inside)
+
+    for s in (low, high):
+        at = tables.locate(s, law)
+        meet(True, tables.value(s, at.piece))
+        if np.any(at.on):
+            meet(at.on, tables.value(s, at.piece + at.on))
+    for kink in range(tables.kinks.shape[1]):
+        s = tables.kinks[:, kink]
+        inside = (low <= s[law]) & (s[law] <= high)
+        if np.any(inside):
+            s, piece = np.where(np.isfinite(s), s, 0.0), tables.first + kink
+            meet(inside, tables.value(s, piece)[law])
+            meet(inside, tables.value(s, piece + 1)[law])
+    if not tables.piecewise_linear:
+        turning, value = _turning_points(tables)
+        for column in np.flatnonzero(np.any(np.isfinite(turning), axis=0)):
+            s = turning[:, column][law]
+            meet((low <= s) & (s <= high), value[:, column][law])
+    return least, largest
+
+
+def _turning_points(tables: Laws) -> tuple[Array, Array]:
+    """(L, K+1) slip where b′ = q − a r exp(−r (s − s_0)) vanishes inside a piece, NaN where it does not; b there."""
+    if tables.a_2 is not None:
+        return _bisected_turning_points(tables)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s = tables.s_0 - np.log(tables.q / (tables.a * tables.r)) / tables.r
+        s = np.where(np.isfinite(s) & (tables.lower < s) & (s < tables.upper), s, np.nan)
+    piece = tables.first[:, None] + np.arange(s.shape[1])
+    return s, tables.value(np.where(np.isnan(s), 0.0, s), piece)
+
+
+def _bisected_turning_points(tables: Laws) -> tuple[Array, Array]:
+    """The same of pieces with two exponentials, whose b′ is monotone."""
+    reach = far(tables)[:, None]
+    piece = tables.first[:, None] + np.arange(tables.q.shape[1])
+    low, high = np.clip(tables.lower, -reach, reach), np.clip(tables.upper, -reach, reach)
+    begins = tables.slope(low, piece) < 0.0
+    turns = tables.bent & (low < high) & (begins != (tables.slope(high, piece) < 0.0))
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        before = (tables.slope(middle, piece) < 0.0) == begins
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    return np.where(turns, low, np.nan), tables.value(low, piece)
+
+
+def least_slopes(tables: Laws, law: Index, low: Array, high: Array) -> Array:
+    """inf (b(s₁) − b(s₂))/(s₁ − s₂) over [low, high]: −∞ with a down-jump in it (shape of low) [Pa/m]."""
+    least = np.full(low.shape, np.inf)
+    for piece in range(tables.q.shape[1]):
+        first, last = (tables.lower[:, piece])[law], (tables.upper[:, piece])[law]
+        met = (low <= last) & (first <= high)
+        if tables.piecewise_linear:
+            np.minimum(least, tables.q[:, piece][law], out=least, where=met)
+        elif np.any(met):
+            address = np.broadcast_to((tables.first + piece)[law], low.shape)[met]
+            for s in (np.maximum(low, first)[met], np.minimum(high, last)[met]):
+                least[met] = np.minimum(least[met], tables.slope(s, address))
+    for kink in np.flatnonzero(np.any(tables.kinds == DOWN, axis=0)):
+        s = np.where(tables.kinds[:, kink] == DOWN, tables.kinks[:, kink], np.nan)[law]
+        least[(low <= s) & (s <= high)] = -np.inf
+    return least
+
+
+def largest_push(tables: Laws) -> Array:
+    """(L,) sup over s of −sign(s) b(s), at least 0: how hard friction may push slip on (finite by (15)) [Pa]."""
+    reach, every = far(tables), np.arange(len(tables.q), dtype=np.intp)
+    least, _ = value_range(tables, every, np.zeros(len(reach)), reach)
+    _, largest = value_range(tables, every, -reach, np.zeros(len(reach)))
+    return np.maximum(0.0, np.maximum(-least, largest))
+
+
+def far(tables: Laws) -> Array:
+    """(L,) slip beyond which a law has no kink and its exponentials have decayed [m]."""
+    kinks = np.where(np.isfinite(tables.kinks), np.abs(tables.kinks), 0.0)
+    decays = np.divide(40.0, tables.rate, out=np.zeros(tables.q.shape), where=tables.rate > 0.0)
+    return np.asarray(2.0 * np.max(kinks, axis=1) + np.max(decays, axis=1))

@@ -1,0 +1,311 @@
+"""A load step along its exact path: what slides goes on sliding, what turns back starts a new part, what folds jumps.
+
+Inside a step the load is l̃(t) = l̃ⁿ⁻¹ + t (l̃ⁿ − l̃ⁿ⁻¹), t from 0 to 1, with the laws that the last state gives. They hold
+as long as no node takes back what it has done since: slipped, yielded or torn. So a step is a sequence of parts, each
+with laws of its own and each a piece of a piecewise-linear path (contact/path):
+  1. From the state the path is followed on the stable way on which t grows, up to a fold, or to where the first node
+     begins to take back what it has done: there the memory is updated. All parts of a step share one tableau.
+  2. Where there is no such way, a descent to the load a little further on finds what comes next. The path through it
+     is traced back: where it ends elsewhere, no solution is near, and the state *jumps* there at once, with the energy
+     that is released. Else the path through it leads on.
+Between vertices forces and slips are linear, so that work and dissipation are exact: closure is rounding.
+In the place of exponential pieces the path has straight ones (memory.py). At the end of every part the law's own
+solution is found beside it, at a fold the law's own (folds.py), and what friction takes on the way there has a closed
+form: states and energies are exact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.contact.contact import Answer, as_it_is, solve_contact
+from tcstudy.contact.history.folds import ended, folds_beside, standing
+from tcstudy.contact.history.memory import LAW_ERROR
+from tcstudy.contact.history.part import ROUNDING, StepPart
+from tcstudy.contact.history.problem import Energies, HistoryProblem, HistoryStep, booked, proved
+from tcstudy.contact.loop import Status, iterate
+from tcstudy.contact.path.follow import Follower, Path, PathStatus
+from tcstudy.contact.path.start import locate
+from tcstudy.contact.path.tableau import Tableau
+from tcstudy.contact.path.walk import units_of
+from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.separable.descent import escape, first_rest, new_state
+from tcstudy.contact.separable.newton import Downhill
+from tcstudy.contact.separable.pieces import energy_change, factorise
+from tcstudy.scene.study import Acceptance, Direction
+
+Array = NDArray[np.float64]
+
+AHEAD, DIGITS = 1e-6, 1e-10
+"""Share of what is left of a step that a part looks ahead, and part of the load that it is at least."""
+BACK = 0.5
+"""The path back from there has ended elsewhere if it is this far from the state, relative to the way ahead."""
+ASIDE = 0.05
+"""The law's own solution lies beside that of straight pieces if it is nearer than this part of the way to it."""
+CREEPS = 40
+"""Steps of a descent after which it is helped out of flat places, and how often."""
+MOST_PARTS = 1000
+UPHILL = "no state of less energy is found beyond a fold: the next one found has {gain:.2g} J/m more"
+HIDDEN = "the law's own way is not the one along straight pieces in the place of its curve"
+ENDED = "the path inside the step ends at {share:.3g} of it: {reason}; write substeps: 8, or make more steps"
+
+
+def continued(body: HistoryProblem, last: HistoryStep, load: Array) -> HistoryStep:
+    """The step along its path, as `next_step` has it; one that cannot be followed fails with its reason."""
+    step = _Step(body, last, load)
+    while step.t < 1.0:
+        if step.parts > MOST_PARTS or not step.go_on():
+            reason = step.reason or f"more than {MOST_PARTS} times a node turns back or jumps"
+            failed = ENDED.format(share=step.t, reason=reason)
+            return replace(step.now, energies=step.energies, status=Status.STALLED, reason=failed)
+    assert step.judged is not None
+    whole = replace(step.now, energies=step.energies, parts=step.pieces, iterations=step.iterations,
+                    jumps=step.jumps, jumped=step.jumped)  # fmt: skip
+    return proved(body, *step.judged, whole)
+
+
+class _Step:
+    """The parts of one step so far.
+
+    now: where the last part has ended, at the share t;  part: that from there on;  energies: of all parts
+    pieces: of all paths
+    """
+
+    def __init__(self, body: HistoryProblem, last: HistoryStep, load: Array) -> None:
+        self.body, self.last, self.load, self.change = body, last, load, load - last.load
+        self.energies = Energies()
+        self._to(last, 0.0)
+        self.jumped = np.zeros(body.m, dtype=bool)
+        self.parts = self.pieces = self.jumps = self.iterations = 0
+        self.judged: tuple[ContactProblem, Answer] | None = None
+        self.reason, self.beyond, self.fold = "", last.state.v, 0.0
+        self.tableau: Tableau | None = None
+        on = 1.0 if float(np.sign(last.xi) @ self.change) >= 0.0 else -1.0
+        self.ways = np.where(last.xi == 0.0, np.sign(self.change), on * np.sign(last.xi))
+
+    def _to(self, step: HistoryStep, t: float) -> None:
+        """The next part begins at the state of a step, at the share t."""
+        self.now, self.t, self.part = step, t, StepPart(self.body, step, self.last.load, self.change)
+
+    def load_at(self, t: float) -> Array:
+        return self.load if t == 1.0 else self.last.load + t * self.change
+
+    def go_on(self) -> bool:
+        """The next part or the next jump; False if there is none."""
+        self.parts += 1
+        path = self._onward() if self.fold <= self.t else None
+        if path is None and self.fold <= self.t and not self.body.law.piecewise_linear:
+            path = standing(self.part.parametric, self.t, self.part.w)  # the law may go on where no chord does
+        return (path is not None and self._along(path)) or self._elsewhere()
+
+    def _onward(self) -> Path | None:
+        """The path from the state, as far as it is stable and nobody turns back; None without one."""
+        problem = self.part.parametric
+        try:
+            walk = locate(problem, units_of(problem), self.part.w, self.t, self.ways, self.tableau)
+        except ValueError as error:
+            self.reason = str(error).partition("; ")[0]
+            return None
+        self.tableau = walk.tableau
+        path = replace(self._follower, one_way=True).onward(walk)
+        self.ways = walk.graph.sense[walk.codes] * np.sign(walk.dx)
+        if path is not None:
+            over = path.u[-1]
+            if path.end.status == PathStatus.UNSTABLE:  # half a piece beyond the fold, where the energy falls
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    step, _ = walk.reach()
+                step = step if np.isfinite(step) else float(np.max(np.abs(walk.u)) / np.max(np.abs(walk.dx)))
+                over = np.where(walk.free, walk.x + 0.5 * step * walk.dx, walk.u)
+            self.beyond = self.part.origin + over
+        return path
+
+    def _elsewhere(self) -> bool:
+        """By a descent to the load a little further on, where the path does not lead on by itself."""
+        size = float(np.max(np.abs(self.load))) + float(np.max(np.abs(self.last.load)))
+        share = max(AHEAD * (1.0 - self.t), DIGITS * size / float(np.max(np.abs(self.change))))
+        ahead, self.fold, part = min(1.0, self.t + share + max(0.0, self.fold - self.t)), 0.0, self.part
+        problem, w, beyond = part.parametric.at(ahead), part.w, self.beyond - part.origin
+        xi = problem.xi(w)
+        falls = energy_change(problem, w, xi, beyond - w, problem.A_tilde @ (beyond - w)) < 0.0
+        found = self._descended(problem, beyond if falls else w)  # who turned back rests: it may bar the way beyond
+        way = found - w
+        back = self._path(found, ahead, "backward")
+        if back is None:
+            return False
+        allowed = max(BACK * float(np.max(np.abs(way))), ROUNDING * float(np.max(np.abs(back.u))))
+        if np.max(np.abs(back.u[-1] - w)) > allowed:
+            return self._jump(back)
+        path = self._path(found, ahead, "forward")
+        if path is None:
+            return False
+        if self._along(path, back):
+            self.beyond = self.now.state.v
+            return True
+        if self.reason == HIDDEN:
+            return self._jump(back)
+        return self.fold > ahead and self._elsewhere()  # straight pieces may fold later still
+
+    def _descended(self, problem: ContactProblem, w: Array) -> Array:
+        """Where descent from w ends, to rounding.
+
+        Beside a fold the energy is flat, and Newton's steps on a convex model creep: one along the negative curvature,
+        to the end of the piece, takes their place; where it is flat, Newton's own, as far as the energy falls.
+        """
+        method = Downhill(tolerance=1e-14, max_iterations=CREEPS)
+        for _ in range(CREEPS):
+            outcome = iterate(method, problem, w)
+            self.iterations += outcome.iterations
+            if outcome.status != Status.ITERATION_LIMIT:
+                break
+            state = new_state(problem, outcome.x)
+            free = np.flatnonzero(~state.slopes.at_rest)
+            slope = problem.law.of_nodes(free).slope(state.v[free], state.piece[free])
+            system = factorise(problem, free, slope)
+            w = escape(problem, state, system).v
+            if system.curvature is None:
+                target = state.v.copy()
+                target[free] -= system.solve(state.slopes.descent[free])
+                rest = first_rest(problem, state, target)
+                w = w if rest is None else rest
+        return outcome.x
+
+    @property
+    def _follower(self) -> Follower:
+        return Follower(self.t, 1.0, tolerance=self.body.tolerance, stable_only=True)
+
+    def _path(self, w: Array, t: float, direction: Direction) -> Path | None:
+        """The path through w at t, backward to the present share or forward; None, with the reason, without one."""
+        try:
+            return self._follower.follow(self.part.parametric, w, t, direction)
+        except ValueError as error:
+            self.reason = str(error).partition("; ")[0]
+            return None
+
+    def _jump(self, path: Path) -> bool:
+        """To the solution to which the path back from the load ahead leads, or ahead if only that gains.
+
+        Where the energy of the step is convex no state lets go: what looks like a jump is rounding, and counts as none.
+        """
+        body, state = self.body, self.now.state
+        for vertex in (-1, 0):
+            t = float(path.t[vertex])
+            landed = self._answer(path.u[vertex], t)
+            if landed.status != Status.CONVERGED:
+                self.reason = landed.reason
+                return False
+            change = self.load_at(t) - self.now.load  # at rest until then: at the fold, but for straight pieces
+            drop = 0.5 * float((landed.xi + self.now.xi + change) @ (self.part.origin + landed.v - state.v))
+            step = booked(body, self.now, self.load_at(t), landed, (-float(state.v @ change), drop))
+            if step.energies.closure > 0.0:
+                break
+        moved, forces = np.abs(step.state.v - state.v), np.abs(step.load) + np.abs(body.A_tilde) @ np.abs(step.state.v)
+        rounding = np.sqrt(body.m) * np.finfo(float).eps * float(forces @ moved)
+        if step.energies.closure < -rounding:
+            self.reason = UPHILL.format(gain=-step.energies.closure)
+            return False
+        lets_go = step.energies.closure > rounding and not self._held()
+        released = step.energies.closure if lets_go else 0.0
+        self.energies += replace(step.energies, closure=step.energies.closure - released, released=released)
+        if lets_go:
+            self.jumped |= moved > ROUNDING * np.max(moved)
+            self.jumps += 1
+        self.beyond = step.state.v
+        self._to(step, t)
+        return True
+
+    def _held(self) -> bool:
+        """Whether the state is a solution of the part and the only one: just behind a down-jump it is none."""
+        problem, w = self.part.problem(self.now.load), self.part.w
+        own = Acceptance(self.body.tolerance).accepts(problem.inclusion_residual(w), problem.xi_rounding(w))
+        return own and self.body.one_solution(problem.law)
+
+    def _along(self, path: Path, lead: Path | None = None) -> bool:
+        """Forward to where the first node takes something back, or to the end of the path.
+
+        lead: the path back from its beginning to the state
+        """
+        last = self.part.first_return(path)
+        fold = last == path.pieces and path.end.status == PathStatus.UNSTABLE
+        folded = self._folded(path, last) if fold else None
+        if not (folded or ((last or lead) and path.t[last] > self.t)):
+            self.reason = path.end.reason
+            return False
+        path, last, answer = folded or self._reached(path, last)
+        t = float(path.t[last])
+        if answer.status != Status.CONVERGED:
+            self.reason = answer.reason
+            return False
+        self.pieces += last
+        way = self._way(path, last, answer, lead)
+        if way is None:
+            self.reason = HIDDEN
+            return False
+        step = booked(self.body, self.now, self.load_at(t), answer, way)
+        self.energies += step.energies
+        self._to(step, t)
+        return True
+
+    def _way(self, path: Path, last: int, answer: Answer, lead: Path | None) -> tuple[float, float] | None:
+        """Work and ∫ξᵀdv of the part that ends with `answer`; None where the law's own way is not beside the path.
+
+        Along the graph of b ∫ξᵀdv = Σ c (j(w₁) − j(w₀)) whatever the curve, and what straight pieces miss of that they
+        miss of the work as well: between the same ends each balances ΔE.
+        """
+        body, p = self.body, path.problem
+        t = np.array([self.t, *(lead.t[::-1] if lead else ()), *path.t[1:last], float(path.t[last])])
+        ws = np.array([self.part.w, *(lead.u[::-1] if lead else ()), *path.u[1:last], answer.v])
+        balance = p.l_0 + t[1:-1, None] * p.l_1 - ws[1:-1] @ p.A_tilde
+        xi = np.array([self.now.xi, *balance, answer.xi])
+        slips = np.diff(ws, axis=0)
+        middle = 0.5 * (ws[1:] + ws[:-1]) + self.part.origin
+        work = -float(np.diff(t) @ (middle @ self.change))
+        friction = 0.5 * float(np.sum((xi[1:] + xi[:-1]) * slips))
+        if body.law.piecewise_linear:
+            return work, friction
+        missed = float(body.c @ self.part.law.integral(ws[0], answer.v)) - friction
+        allowed = 4.0 * LAW_ERROR * body.law.b_scale * float(np.sum(np.abs(slips) @ body.c))
+        return (work + missed, friction + missed) if abs(missed) <= allowed else None
+
+    def _folded(self, path: Path, last: int) -> tuple[Path, int, Answer] | None:
+        """The path to where the law itself folds beside a vertex, that vertex and the state; None if it does not."""
+        law = self.body.law
+        for t, w in () if law.piecewise_linear else folds_beside(path, last, self.part.law, law.s_scale):
+            answer = self._answer(w, t)
+            if answer.status == Status.CONVERGED and np.array_equal(answer.v, w):
+                self.fold = float(np.nextafter(t, 2.0))
+                return *ended(path, t, w), answer
+        return None
+
+    def _reached(self, path: Path, last: int) -> tuple[Path, int, Answer]:
+        """The last vertex beside which the law itself has a solution, and that.
+
+        Straight pieces in the place of a curve may fold a little later than it does: short of that the part ends.
+        """
+        answer = self._answer(path.u[last], float(path.t[last]))
+        if self.body.law.piecewise_linear:
+            return path, last, answer
+        fold = last == path.pieces and path.end.status == PathStatus.UNSTABLE
+        slip = self.body.law.b_scale * float(np.max(self.body.c / np.diagonal(self.body.A_tilde)))
+        for back in (0, *(2**k for k in range(20) if 2**k < last and path.t[last - 2**k] > self.t)):
+            if back:
+                answer = self._answer(path.u[last - back], float(path.t[last - back]))
+            way = float(np.max(np.abs(path.u[last - back] - path.u[0])))
+            near = float(np.max(np.abs(answer.v - path.u[last - back]))) <= ASIDE * way + 30.0 * LAW_ERROR * slip
+            if near and answer.status == Status.CONVERGED:
+                break
+        self.fold = float(path.t[last]) if fold or back else 0.0
+        if not near:
+            answer = replace(answer, status=Status.STALLED, reason=path.end.reason if self.fold else HIDDEN)
+        return path, last - back, answer
+
+    def _answer(self, w: Array, t: float) -> Answer:
+        """w, judged as a solution at the share t."""
+        body = self.body
+        problem = self.part.problem(self.load_at(t))
+        answer = as_it_is(problem, w, body.tolerance) if body.law.piecewise_linear else None
+        answer = answer or solve_contact(problem, tolerance=body.tolerance, branch="continued", neighbour=w)
+        self.judged = problem, answer
+        return answer

@@ -1,0 +1,278 @@
+"""What all steps of a load history share, a step and its energies, and what is proved of it.
+
+Step n:     0 ∈ Ãvⁿ − l̃ⁿ + ∂Σ c_i j_iⁿ(v_i), ξⁿ = l̃ⁿ − Ãvⁿ, ξ_iⁿ/c_i ∈ b̂_iⁿ(v_iⁿ), the laws of the step by memory.py
+Energies:   E = ½ vᵀÃv − l̃ᵀv of the body, B = Σ c stored in bonds, D = Σ c dissipated in the step
+Identity:   ΔE + ½ (vⁿ + vⁿ⁻¹)ᵀΔl̃ = −½ (ξⁿ + ξⁿ⁻¹)ᵀΔv, to rounding, whatever the law
+Closure:    ½ (ξⁿ + ξⁿ⁻¹)ᵀΔv − ΔB − D, what a step misses by being finite; it falls like its square
+So ΔE + ΔB + D + closure + released = work, work = −½ (vⁿ + vⁿ⁻¹)ᵀΔl̃, sums over the parts of a step where it has any.
+Two-sided estimate: −Δl̃ᵀvⁿ ≤ ΔE + ΔB + D ≤ −Δl̃ᵀvⁿ⁻¹, the upper bound for every descent from vⁿ⁻¹, the lower one
+where vⁿ⁻¹ was a global minimum. Literature: Mielke, Evolution of rate-independent systems (2005), §5.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from tcstudy.contact.bounds import far, least_slope, tables_of
+from tcstudy.contact.certificates import certify, positive_definite
+from tcstudy.contact.contact import Answer
+from tcstudy.contact.history.memory import MemoryModel, NodeState
+from tcstudy.contact.loop import Status
+from tcstudy.contact.path.problem import ScaledBody
+from tcstudy.contact.problem import MARGIN, ContactProblem, kept, least_eigenvalue, least_lowered
+from tcstudy.contact.separable.pieces import slopes
+from tcstudy.laws.laws import Laws
+from tcstudy.scene.histories import HistoryBranch, Memory
+from tcstudy.scene.study import Acceptance
+
+Array = NDArray[np.float64]
+
+UNDETERMINED = (
+    "all nodes slide at their limit, so that how far the body has moved as a whole is not determined: put a contact "
+    "node where the slip changes its direction (another number of elements)"
+)
+
+
+@dataclass(frozen=True)
+class Energies:
+    """Of one step, or of parts of it added up [J/m].
+
+    work:       −½ (vⁿ + vⁿ⁻¹)ᵀΔl̃, what the change of the loads did
+    dissipated: D ≥ 0;  closure: what finite steps miss;  released: lost at jumps, ≥ 0
+    identity:   largest defect of the identity of all parts, relative to the terms it is made of: rounding
+    """
+
+    work: float = 0.0
+    dissipated: float = 0.0
+    closure: float = 0.0
+    released: float = 0.0
+    identity: float = 0.0
+
+    def __add__(self, other: Energies) -> Energies:
+        return Energies(
+            self.work + other.work,
+            self.dissipated + other.dissipated,
+            self.closure + other.closure,
+            self.released + other.released,
+            max(self.identity, other.identity),
+        )
+
+
+@dataclass(frozen=True)
+class HistoryStep:
+    """A step and all that the next one needs.
+
+    load:     (m,) l̃ [N/m];  xi: (m,) nodal friction forces [N/m];  state: what the nodes remember
+    stored:   B [J/m];  body: E [J/m]
+    energies: of this step
+    residual, rounding: inclusion residual of the last part, and what rounding allows of it
+    status, reason: CONVERGED, or why the history ends here
+    unique, strict, lowest: proved for the last part: one solution; strict local; global minimum of its energy
+    margin:   λ_min(C^{−½}ÃC^{−½} − diag ω_i) of the memory: above 0 every step is unique [Pa/m]
+    parts:    contact problems solved or pieces of a path followed;  iterations: of the solvers
+    jumped:   (m,) nodes that a jump has moved
+    """
+
+    load: Array
+    xi: Array
+    state: NodeState
+    stored: float
+    body: float
+    energies: Energies = Energies()
+    residual: float = 0.0
+    rounding: float = 0.0
+    status: Status = Status.CONVERGED
+    reason: str = ""
+    unique: bool = False
+    strict: bool = False
+    lowest: bool = False
+    margin: float = float("nan")
+    parts: int = 0
+    iterations: int = 0
+    jumps: int = 0
+    jumped: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
+
+    @property
+    def solved(self) -> bool:
+        """Whether the step has a solution."""
+        return self.status == Status.CONVERGED
+
+    @classmethod
+    def virgin(cls, m: int) -> HistoryStep:
+        """Before any load."""
+        return cls(np.zeros(m), np.zeros(m), NodeState.virgin(m), 0.0, 0.0, jumped=np.zeros(m, dtype=bool))
+
+
+@dataclass(frozen=True)
+class HistoryProblem:
+    """What all steps share.
+
+    A_tilde, c: as in `ContactProblem`, Ã only semidefinite for a body that nothing but friction holds
+    law, memory: the scene's law and what is remembered of it
+    branch:     "lowest": lowest found of the step from all starts; "continued": from the last state
+    substeps:   of every step, equal parts of the load's change, each solved by descent from the state before; None to
+                follow the path inside the step (continued.py)
+    tolerance:  of the inclusion residual, as in `solve_contact`
+    lambda_1:   λ₁ if it is known
+    held:       False for a body that only friction holds, which then has no λ₁
+    A_error:    as in `ContactProblem`
+
+    Raises UnfitLaw if the memory cannot be made of the law.
+    """
+
+    A_tilde: Array
+    c: Array
+    law: Laws
+    memory: Memory
+    branch: HistoryBranch = "continued"
+    substeps: int | None = 1
+    tolerance: float | None = None
+    lambda_1: float | None = None
+    held: bool = True
+    A_error: float = 0.0
+
+    @property
+    def m(self) -> int:
+        """Number of contact nodes."""
+        return len(self.c)
+
+    @cached_property
+    def model(self) -> MemoryModel:
+        """The memory of the contact line."""
+        return MemoryModel(self.memory, self.law, self.m)
+
+    @cached_property
+    def stiffness(self) -> float:
+        """λ₁ [Pa/m]; 0 where only friction holds the body."""
+        if not self.held:
+            return 0.0
+        return least_eigenvalue(self.A_tilde, self.c) if self.lambda_1 is None else self.lambda_1
+
+    @cached_property
+    def margin(self) -> float:
+        """λ_min(C^{−½}ÃC^{−½} − diag ω_i) [Pa/m], λ₁ − ω where all nodes have one law."""
+        omega = self.model.omega
+        if np.any(omega != omega[:1]):
+            return least_lowered(kept(self.A_error) * self.A_tilde, self.c, omega)
+        return kept(self.A_error) * self.stiffness - float(np.max(omega, initial=0.0))
+
+    @cached_property
+    def convex(self) -> bool:
+        """True if every step has one solution, whatever its load."""
+        largest = float(np.max(np.diagonal(self.A_tilde) / self.c, initial=0.0))
+        noise = 8.0 * self.m * np.finfo(float).eps * largest
+        return self.held and self.margin > max(MARGIN * self.stiffness, noise)
+
+    def one_solution(self, law: Laws) -> bool:
+        """Whether a step with these laws, as the memory has moved them, has one solution or a connected set of them."""
+        if self.convex or self.monotone:
+            return True
+        tables, own = tables_of(law, self.m)
+        reach = far(tables)[own]
+        slope = least_slope(law, -reach, reach)
+        problem = ContactProblem(self.A_tilde, np.zeros(self.m), self.c, law, self.A_error)
+        return bool(np.all(slope >= 0.0)) or positive_definite(problem, slope, self.stiffness)
+
+    @cached_property
+    def monotone(self) -> bool:
+        """True if no law falls, so that every solution has the least energy."""
+        return not np.any(self.model.omega)
+
+    @property
+    def follows_paths(self) -> bool:
+        """Whether steps are followed along their paths; parts of a step cannot heal, which a whole one does.
+
+        Without friction nothing is remembered, and no path has a scale.
+        """
+        alone = self.substeps is None and self.branch == "continued" and not self.memory.healing
+        return alone and not self.law.vanishes
+
+    @cached_property
+    def scaled(self) -> ScaledBody:
+        """Ã as paths have it."""
+        return ScaledBody.of(self.A_tilde, self.held)
+
+    @cached_property
+    def inverse(self) -> Array:
+        """Ã⁻¹, for certificates."""
+        return np.asarray(scipy.linalg.inv(self.A_tilde))
+
+    def problem(self, state: NodeState, load: Array) -> ContactProblem:
+        """The contact problem of the next step in w = v − a."""
+        a = self.model.origin(state)
+        rest = load - self.A_tilde @ a if np.any(a) else load
+        return ContactProblem(self.A_tilde, rest, self.c, self.model.next_law(state), self.A_error)
+
+    def energy(self, v: Array, load: Array) -> float:
+        """E = ½ vᵀÃv − l̃ᵀv [J/m]."""
+        return float(0.5 * v @ (self.A_tilde @ v) - load @ v)
+
+
+def booked(
+    body: HistoryProblem, last: HistoryStep, load: Array, answer: Answer, way: tuple[float, float] | None = None
+) -> HistoryStep:
+    """The step to a solution w (m,) of its problem, with its energies.
+
+    way: work and ∫ξᵀdv of a path from the last state that is known between its ends; else it is taken as straight
+    """
+    bonds = body.model.after(last.state, answer.v)
+    v, xi, old = bonds.state.v, answer.xi, last.state.v
+    stored, dissipated = float(body.c @ bonds.stored), float(body.c @ bonds.dissipated)
+    energy = body.energy(v, load)
+    straight = -0.5 * float((v + old) @ (load - last.load)), 0.5 * float((xi + last.xi) @ (v - old))
+    work, friction = straight if way is None else way
+    closure = friction - (stored - last.stored) - dissipated
+    defect = abs(energy - last.body - work + friction) / (_size(body, v, load) + _size(body, old, last.load) or 1.0)
+    energies = Energies(work, dissipated, closure, 0.0, defect)
+    return HistoryStep(
+        load,
+        xi,
+        bonds.state,
+        stored,
+        energy,
+        energies,
+        answer.inclusion_residual,
+        answer.rounding,
+        answer.status,
+        answer.reason,
+        margin=body.margin,
+        parts=1,
+        iterations=answer.iterations,
+        jumped=np.zeros(body.m, dtype=bool),
+    )
+
+
+def _size(body: HistoryProblem, v: Array, load: Array) -> float:
+    """Of the terms that E is made of: |v|ᵀ|Ã||v| + |l̃|ᵀ|v| [J/m]."""
+    size = np.abs(v)
+    return float(size @ (np.abs(body.A_tilde) @ size) + np.abs(load) @ size)
+
+
+def proved(body: HistoryProblem, problem: ContactProblem, answer: Answer, step: HistoryStep) -> HistoryStep:
+    """The step with its certificates; a loose body whose motion as a whole is free has none, and fails."""
+    if body.convex:
+        return replace(step, unique=True, strict=True, lowest=True)
+    if body.monotone or not body.held:
+        strict = _strict(body, problem, answer.v)
+        if not (strict or body.held):
+            return replace(step, status=Status.NOT_POSITIVE_DEFINITE, reason=UNDETERMINED)
+        return replace(step, unique=strict and body.monotone, strict=strict, lowest=body.monotone)
+    proof = certify(
+        problem, answer.v, body.stiffness, body.tolerance, inverse=body.inverse, residual=answer.inclusion_residual
+    )
+    return replace(step, unique=proof.unique, strict=proof.strict_minimum, lowest=proof.global_minimum)
+
+
+def _strict(body: HistoryProblem, problem: ContactProblem, w: Array) -> bool:
+    """Whether A_FF + C b′ is definite on the nodes F that do not rest with slack; where no law falls: one solution."""
+    s = slopes(problem, w, problem.xi(w))
+    slack = Acceptance(body.tolerance).aim * problem.traction_scale * problem.c
+    free = np.flatnonzero(~(s.at_rest & (s.left < -slack) & (s.right > slack)))
+    own, at = problem.law.of_nodes(free), w[free]
+    slope = np.minimum(own.slope(at, own.piece(at, -1)), own.slope(at, own.piece(at, +1)))
+    return positive_definite(problem, slope, body.stiffness, free)

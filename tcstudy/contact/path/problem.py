@@ -1,0 +1,229 @@
+"""What a path is followed on: a load affine in t, l̃(t) = l̃₀ + t l̃₁, and a law of straight pieces.
+
+The filled graph of b̂ of such a law is a polygonal line in the (s, ξ/c) plane. With K kinks it has the pieces 0 … 2K in
+the order in which the line runs from s = −∞ to s = +∞: piece 2k is the segment of slopes between kink k−1 and kink k,
+piece 2k+1 the vertical side at kink k (absent where b only bends). On a segment the coordinate that moves is s, on a
+vertical side it is ξ/c.
+
+Where nodes have laws of their own (tcstudy/laws) the pieces of all of them are numbered through, law after
+law, so that a piece's code says of which law it is and whatever is asked by code needs no law.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from tcstudy.contact.problem import ContactProblem
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import BEND, DOWN
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ParametricProblem:
+    """Ãv + ξ = l̃₀ + t l̃₁ with ξ_i/c_i ∈ b̂(v_i), for all t at once.
+
+    A_tilde: (m, m) symmetric positive definite, condensed stiffness [Pa]
+    l_0:     (m,) load at t = 0 [N/m]
+    l_1:     (m,) load per unit of t [N/m per unit of t], not zero
+    c:       (m,) segment lengths > 0 [m]
+    law:     friction law b [Pa] of the slip [m], or the laws of the nodes (tcstudy/laws)
+    span:    two values of t whose loads are the scale of residuals where the law has none
+    A_error: as in `ContactProblem`
+
+    t is anything the load is affine in: a load factor, θ̄, the strength of a source, the share of a load step.
+    """
+
+    A_tilde: Array
+    l_0: Array
+    l_1: Array
+    c: Array
+    law: Laws
+    span: tuple[float, float] = (0.0, 1.0)
+    A_error: float = 0.0
+
+    @property
+    def m(self) -> int:
+        """Number of contact unknowns."""
+        return len(self.c)
+
+    @cached_property
+    def traction_scale(self) -> float:
+        """Scale of b for the whole path, that of the problems at both ends of `span` [Pa]."""
+        return max(self.at(t).traction_scale for t in self.span) or float(np.max(np.abs(self.l_1 / self.c)))
+
+    def xi_rounding(self, t: float, v: Array) -> float:
+        """What rounding of v, t, l̃₀ and l̃₁ does to a residual relative to `traction_scale` (ContactProblem)."""
+        return self.at(t).rounding(v, np.abs(self.l_0) + abs(t) * np.abs(self.l_1)) / self.traction_scale
+
+    def load(self, t: float) -> Array:
+        """l̃(t) (m,)."""
+        return self.l_0 + t * self.l_1
+
+    def at(self, t: float) -> ContactProblem:
+        """The problem of one t."""
+        return ContactProblem(self.A_tilde, self.load(t), self.c, self.law, self.A_error)
+
+    def with_law(self, law: Laws) -> ParametricProblem:
+        """The same body and loads under another law."""
+        return replace(self, law=law)
+
+    @cached_property
+    def body(self) -> ScaledBody:
+        """Ã in working units; raises ValueError if it is not positive definite."""
+        return ScaledBody.of(self.A_tilde)
+
+    @cached_property
+    def graph(self) -> LawGraph:
+        """The law's pieces by their codes; raises ValueError for exponential pieces."""
+        return law_graph(self.law)
+
+
+Codes = NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class ScaledBody:
+    """A stiffness in units of its mean diagonal.
+
+    stiffness:  mean diagonal of Ã [Pa];  A: Ã divided by it
+    compliance: largest of some diagonal entries of A⁻¹;  spread: ‖A⁻¹‖₁, about
+    blur:       rounding of a displacement relative to the largest one, about: ε √m times a condition number of Ã
+    """
+
+    stiffness: float
+    A: Array
+    compliance: float
+    spread: float
+    blur: float
+
+    @classmethod
+    def of(cls, A_tilde: Array, held: bool = True) -> ScaledBody:
+        """held: False for a body that can move freely, whose compliance is that with its first node held."""
+        m, stiffness = len(A_tilde), float(np.mean(np.diagonal(A_tilde)))
+        A = np.asfortranarray(A_tilde / stiffness)
+        part = A if held else A[1:, 1:]
+        factor, info = scipy.linalg.lapack.dpotrf(part, lower=1, clean=0)
+        if info != 0 or not stiffness > 0.0:
+            raise ValueError(
+                "the condensed stiffness is not positive definite; clamp the body, check its elastic constants"
+            )
+        probes = np.unique(np.linspace(0, len(part) - 1, 16).astype(int))
+        columns = scipy.linalg.lapack.dpotrs(factor, np.eye(len(part))[:, probes], lower=1)[0]
+        compliance, size = float(np.max(np.abs(columns), initial=0.0)), float(np.linalg.norm(A, np.inf))
+        spread = float(np.max(np.sum(np.abs(columns), axis=0), initial=0.0))
+        return cls(stiffness, A, compliance, spread, float(np.sqrt(m) * np.finfo(float).eps * compliance * size))
+
+
+Row = tuple[bool, float, float, int, int, int, float, float, float, float]
+
+
+class CodeRows(dict[int, Row]):
+    """CodeRows of arrays, made when they are asked for the first time."""
+
+    def __init__(self, columns: list[NDArray[Any]]) -> None:
+        self.columns = columns
+
+    def __missing__(self, code: int) -> Row:
+        row: Row = tuple(column.item(code) for column in self.columns)
+        self[code] = row
+        return row
+
+
+@dataclass(frozen=True)
+class LawGraph:
+    """The line's pieces as arrays over the piece code (2K+1,), of several laws one after the other.
+
+    free:         True on a segment, False on a vertical side
+    low, high:    bounds of the moving coordinate (s [m] on a segment, ξ/c [Pa] on a vertical side)
+    sense:        sign of the moving coordinate's change along the line: +1, on the side of a down-jump −1
+    after_low, after_high: code of the piece that follows at either bound (−1 where the bound is infinite)
+    slope, anchor, start: b = start + slope·(s − anchor) on a segment; 0 on a vertical side [Pa/m, m, Pa]
+    kink:         s of a vertical side, 0 on a segment [m]
+    first:        code of the first piece of every node's law (m,), or of the only law (1,)
+    """
+
+    free: NDArray[np.bool_]
+    low: Array
+    high: Array
+    sense: NDArray[np.int8]
+    after_low: Codes
+    after_high: Codes
+    slope: Array
+    anchor: Array
+    start: Array
+    kink: Array
+    first: Codes
+
+    @cached_property
+    def rows(self) -> CodeRows:
+        """The arrays as one tuple a code, for the one node that changes its piece."""
+        return CodeRows([getattr(self, f.name) for f in fields(self) if f.name != "first"])
+
+    @cached_property
+    def outward(self) -> Array:
+        """Sense in which |s| grows on a segment that lies on one side of 0, else 0."""
+        sense = np.where(self.low >= 0.0, 1.0, np.where(self.high <= 0.0, -1.0, 0.0))
+        return np.asarray(self.free * sense)
+
+    def points(self, codes: Codes, x: Array, weight: Array) -> tuple[Array, Array]:
+        """(u, ξ/c) where the moving coordinates are x, forces in units of `weight` on a vertical side.
+
+        What a piece does not have is 0 in its row, so that sums take the place of choices, which are slow.
+        """
+        moves = self.free[codes].astype(float)
+        u = moves * x + self.kink[codes]
+        return u, self.on_segment(codes, u) + (1.0 - moves) * (x / weight)
+
+    def on_segment(self, codes: Codes, s: Array) -> Array:
+        """b(s) of the named segments [Pa]."""
+        return np.asarray(self.start[codes] + self.slope[codes] * (s - self.anchor[codes]))
+
+
+def by_code(law: Laws, answer: Callable[[Laws], NDArray[Any]]) -> NDArray[Any]:
+    """What `answer` says of the pieces (2K+1,) of a law, by the codes of its graph."""
+    table = law.tables
+    rows = [answer(own) for own in table.laws]
+    width = 2 * table.kinks.shape[1] + 1
+    return np.concatenate([np.append(row, np.repeat(row[-1:], width - len(row))) for row in rows])
+
+
+def law_graph(law: Laws) -> LawGraph:
+    """The graph of a piecewise-linear law, or of the laws of nodes; raises ValueError for exponential pieces.
+
+    All laws have as many codes as the one with most kinks; nothing leads to those that a law does not need.
+    """
+    if not law.piecewise_linear:
+        raise ValueError(
+            f"the law {law.name} is not piecewise linear; replace it by path.chords.piecewise_linear(law, …) first"
+        )
+    table = law.tables
+    laws, count = table.kinks.shape
+    shape, real = (laws, 2 * count + 1), np.isfinite(table.kinks)
+    free, codes = np.zeros(shape, dtype=bool), np.arange(laws * shape[1], dtype=np.int32).reshape(shape)
+    low, high, slope, anchor, start, kink = (np.zeros(shape) for _ in range(6))
+    free[:, 0::2] = True
+    low[:, 0::2], high[:, 0::2] = table.lower, table.upper
+    anchor[:, 0::2], start[:, 0::2], slope[:, 0::2] = table.pieces[:3]
+    low[:, 1::2], high[:, 1::2] = (f(table.b_left, table.b_right) for f in (np.minimum, np.maximum))
+    kink[:, 1::2] = np.where(real, table.kinks, 0.0)
+    sense = np.ones(shape, dtype=np.int8)
+    sense[:, 1::2] = np.where(table.kinds == DOWN, -1, 1)
+    before, after = codes - 1, codes + 1
+    bends = real & (table.kinds == BEND)
+    after[:, :-1:2] += bends
+    before[:, 2::2] -= bends
+    before[:, 0] = after[np.arange(laws), 2 * np.count_nonzero(real, axis=1)] = -1
+    falls = sense < 0
+    low_after, high_after = np.where(falls, after, before), np.where(falls, before, after)
+    first = codes[:1, 0] if law.one else codes[law.index, 0]
+    moving = (free.ravel(), low.ravel(), high.ravel(), sense.ravel(), low_after.ravel(), high_after.ravel())
+    return LawGraph(*moving, slope.ravel(), anchor.ravel(), start.ravel(), kink.ravel(), first)

@@ -1,0 +1,240 @@
+"""Questions to a followed path: its solutions at one t, those of the true smooth law, its folds, the least energy.
+
+Folds: a turn of t and its neighbour that comes back the least are one small step back: the pair is taken away, smallest
+first, and what it stepped back is the size of both (persistence, Edelsbrunner, Letscher & Zomorodian, Discrete Comput.
+Geom. 28 (2002) 511–533). So a wiggle at a large fold is small, and the fold itself stays large.
+
+Least energy: the lower envelope of parabolas, exact up to rounding. Along a piece dL̃/dt = −W with W = l̃₁ᵀu linear in
+t, so L̃ is a parabola of t there; where two of them cross (a Maxwell point) the lowest solution changes without a fold.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.contact.path.record import Path
+from tcstudy.contact.separable.finish import ActivePieces, finish, solve_on
+from tcstudy.laws.laws import Laws
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+ROUNDINGS = 8.0
+"""A step back of t is rounding up to this many times what one rounding of every term in the balance does to t."""
+
+
+def turn_sizes(t: Array, turns: Index) -> tuple[Array, Index]:
+    """(size, partner) of every turn: how far t steps back, and the turn with which the step ends (−1: with no other).
+
+    t: (k,) parameter at the vertices;  turns: (f,) vertices at which it turns, growing
+    """
+    where = [0, *(int(v) for v in turns), len(t) - 1]
+    left = list(range(len(where)))
+    size, partner = np.zeros(len(where)), np.full(len(where), -1, dtype=np.intp)
+    while len(left) > 3:
+        steps = np.abs(np.diff(t[[where[i] for i in left]]))
+        at = 1 + int(np.argmin(steps[1:-1]))
+        i, j = left[at], left[at + 1]
+        size[[i, j]] = steps[at]
+        partner[i], partner[j] = j - 1, i - 1
+        del left[at : at + 2]
+    if len(left) == 3:
+        size[left[1]] = float(np.min(np.abs(np.diff(t[[where[i] for i in left]]))))
+    return size[1:-1], partner[1:-1]
+
+
+def real_turns(path: Path) -> tuple[Index, Array]:
+    """(vertices, sizes) of the turns of t that are more than rounding."""
+    turns = path.folds
+    size, partner = turn_sizes(path.t, turns)
+    real = np.ones(len(turns), dtype=bool)
+    small = size <= 1e-6 * float(np.ptp(path.t)) if len(turns) else real  # rounding is never larger than that
+    for i in np.flatnonzero(small & (partner >= 0)):
+        real[i] = size[i] > _rounding(path, int(turns[i]), int(turns[partner[i]]))
+    return turns[real], size[real]
+
+
+def _rounding(path: Path, one: int, other: int) -> float:
+    """What rounding of the balance does to t between two vertices.
+
+    A defect r shifts the t at which a direction w is in balance by wᵀr/(wᵀl̃₁).
+    """
+    p = path.problem
+    way = path.u[other] - path.u[one]
+    work = abs(float(way @ p.l_1))
+    terms = np.abs(p.load(float(path.t[one]))) + np.abs(p.A_tilde) @ np.abs(path.u[one])
+    blur = ROUNDINGS * np.finfo(float).eps * float(np.abs(way) @ terms)
+    return blur / work if work > 0.0 else float("inf")
+
+
+@dataclass(frozen=True)
+class PathSolution:
+    """One solution on a path.
+
+    v:        (m,) displacements [m]
+    energy:   L̃(v) at this t [J/m]
+    stable:   strict local minimum of L̃ (at a vertex: on both sides)
+    piece:    index of the piece of the path that holds it
+    residual: inclusion residual relative to the scale of b
+    """
+
+    v: Array
+    energy: float
+    stable: bool
+    piece: int
+    residual: float
+
+
+@dataclass(frozen=True)
+class Fold:
+    """A turning point of t.
+
+    vertex: index into the path;  t: the parameter there
+    size:   how far t steps back there, see turn_sizes
+    limit:  True where t has a local maximum along the path, False at a minimum
+    stable: the branch is stable on one side (before, after: on which)
+    """
+
+    vertex: int
+    t: float
+    size: float
+    limit: bool
+    stable: tuple[bool, bool]
+
+
+def solutions_at(path: Path, t: float) -> list[PathSolution]:
+    """All solutions of the path at t in its order; a vertex counts once.
+
+    Along a piece on which t stands still all points are solutions of the same t: its two ends are returned.
+    """
+    low, high = np.minimum(path.t[:-1], path.t[1:]), np.maximum(path.t[:-1], path.t[1:])
+    found: list[PathSolution] = []
+    problem, last = path.problem.at(t), -1.0
+    for piece in np.flatnonzero((low <= t) & (t <= high)).tolist():
+        (t_0, t_1), (begin, end) = path.t[piece : piece + 2], path.u[piece : piece + 2]
+        for s in (0.0, 1.0) if t_0 == t_1 else (float((t - t_0) / (t_1 - t_0)),):
+            before = found.pop().stable if piece + s == last else True  # the vertex between two pieces
+            v, last = end if s == 1.0 else begin + s * (end - begin), piece + s
+            stable = before and bool(path.stable[piece])
+            found.append(PathSolution(v, problem.energy(v), stable, piece, problem.inclusion_residual(v)))
+    return found
+
+
+def folds(path: Path) -> list[Fold]:
+    """All turns of t that are more than rounding, with both sides' stability."""
+    return [
+        Fold(
+            int(k),
+            float(path.t[k]),
+            float(size),
+            bool(path.t[k] > path.t[k - 1] or path.t[k] > path.t[min(k + 1, path.pieces)]),
+            (bool(path.stable[k - 1]), bool(path.stable[k])),
+        )
+        for k, size in zip(*real_turns(path), strict=True)
+    ]
+
+
+def solutions_of(law: Laws, path: Path, t: float, newton_steps: int = 12) -> list[PathSolution]:
+    """The solutions of the law that the path's law approximates, by Newton's method from those of the path.
+
+    Each node keeps its place: on the same jump, or on the piece of `law` in which it lies. A solution that does not
+    carry over (its residual says so) is handed to separable.finish; judge every answer by its residual.
+    """
+    problem = path.problem.with_law(law).at(t)
+    found: list[PathSolution] = []
+    for solution in solutions_at(path, t):
+        v = solve_on(problem, _pieces(law, path, solution), solution.v, newton_steps)
+        residual = float("inf") if v is None else problem.inclusion_residual(v)
+        if v is None or not residual <= 1e-9:
+            other, other_residual = finish(problem, solution.v, newton_steps=newton_steps)
+            if v is None or other_residual < residual:
+                v, residual = other, other_residual
+        found.append(PathSolution(v, problem.energy(v), solution.stable, solution.piece, residual))
+    return found
+
+
+def _pieces(law: Laws, path: Path, solution: PathSolution) -> ActivePieces:
+    """Places of the nodes in terms of the true law; extra kinks of the approximation are none."""
+    codes, graph = path.codes[solution.piece], path.problem.graph
+    free = graph.free[codes]
+    kink = np.full(len(codes), -1, dtype=np.intp)
+    if not np.all(free):
+        kink = np.where(free, kink, law.nearest_kink(graph.kink[codes]))
+    left, right = (np.where(free & np.isfinite(end), end, np.nan) for end in (graph.low[codes], graph.high[codes]))
+    beyond = law.piece(np.where(np.isnan(left), solution.v, left), +1)
+    before = law.piece(np.where(np.isnan(right), solution.v, right), -1)
+    return ActivePieces(kink, np.where(kink >= 0, kink + 1, np.where(np.isnan(left), before, beyond)))
+
+
+SHORT = 1e-13
+"""Intervals below this part of the range of t are vertices that differ by rounding."""
+
+
+@dataclass(frozen=True)
+class Lowest:
+    """The lowest solutions of a path, by growing t: piece[i] is lowest for begin[i] ≤ t ≤ end[i], all (n,)."""
+
+    begin: Array
+    end: Array
+    piece: Index
+
+
+def lowest(path: Path) -> Lowest:
+    """The piece of least energy among all solutions on the path, for every t that it reaches."""
+    values = np.unique(path.t)
+    low, high = np.minimum(path.t[:-1], path.t[1:]), np.maximum(path.t[:-1], path.t[1:])
+    found: list[tuple[float, float, int]] = []
+    for a, b in pairwise(values):
+        if b - a <= SHORT * (values[-1] - values[0]):
+            continue
+        pieces = np.flatnonzero((low <= a) & (high >= b))
+        for s_0, s_1, i in _envelope(*_parabolas(path, pieces, a, b)) if len(pieces) else ():
+            begin, end, piece = a + s_0 * (b - a), a + s_1 * (b - a), int(pieces[i])
+            if found and found[-1][2] == piece:
+                begin = found.pop()[0]
+            found.append((begin, end, piece))
+    columns = list(zip(*found, strict=True)) or [(), (), ()]
+    return Lowest(np.array(columns[0]), np.array(columns[1]), np.array(columns[2], dtype=np.intp))
+
+
+def _parabolas(path: Path, pieces: Index, a: float, b: float) -> tuple[Array, Array, Array]:
+    """(e, f, g) of L̃ = e + f s + g s² on every piece, with s = 0 at t = a and s = 1 at t = b."""
+    t_0, t_1 = path.t[pieces], path.t[pieces + 1]
+    w_0, w_1 = path.conjugate[pieces], path.conjugate[pieces + 1]
+    slope = (w_1 - w_0) / (t_1 - t_0)
+    at_a = w_0 + slope * (a - t_0)
+    e = path.energy[pieces] - 0.5 * (w_0 + at_a) * (a - t_0)
+    return e, -at_a * (b - a), -0.5 * slope * (b - a) ** 2
+
+
+def _envelope(e: Array, f: Array, g: Array) -> list[tuple[float, float, int]]:
+    """(from, to, which) of the lower envelope of e + f s + g s² on 0 ≤ s ≤ 1."""
+    noise = 1e-13 * float(np.max(np.abs(e) + np.abs(f) + np.abs(g)))
+    s, parts = 0.0, []
+    first = e + f * 1e-6 + g * 1e-12 - np.min(e)
+    now = int(np.argmin(first))
+    for _ in range(2 * len(e) + 1):
+        crossing = _next_crossing(e - e[now], f - f[now], g - g[now], s, noise)
+        which = int(np.argmin(crossing))
+        if not crossing[which] < 1.0:
+            break
+        parts.append((s, float(crossing[which]), now))
+        s, now = float(crossing[which]), which
+    return [*parts, (s, 1.0, now)]
+
+
+def _next_crossing(e: Array, f: Array, g: Array, s: float, noise: float) -> Array:
+    """Where e + f s + g s² first falls through zero beyond s; inf where it does not before 1."""
+    root = np.sqrt(np.maximum(f * f - 4.0 * e * g, 0.0))
+    q = -0.5 * (f + np.where(f >= 0.0, root, -root))
+    result = np.full(len(e), np.inf)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for x in (q / g, e / q):
+            falls = (f + 2.0 * g * x < 0.0) & (f * f > 4.0 * e * g) & (x > s + 1e-9) & (x < 1.0)
+            deep = np.minimum(e + f + g, 0.0) < -noise  # a branch that only touches is no change
+            result = np.where(falls & deep & (x < result), x, result)
+    return result

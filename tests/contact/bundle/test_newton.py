@@ -1,0 +1,336 @@
+"""Bundle-Newton against the 20 problems of TR-798: values, derivatives, accuracy, counts, invariance, failure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tcstudy.contact.bundle.model import Piece, smoothly_joined
+from tcstudy.contact.bundle.newton import BundleNewton, Oracle, State
+from tcstudy.contact.bundle.simplex_qp import direction, positive_definite
+from tcstudy.contact.loop import Outcome, Status, iterate
+
+from . import tr798
+from .tr798 import Reference
+
+Array = NDArray[np.float64]
+
+PROBLEMS = tr798.problems()
+NAMES = [p.name for p in PROBLEMS]
+LOCALITY = "exact quadratic pieces; γ > 0 (one value for all) shifts them until they come from nearby, one step each"
+MORE_THAN_PNEW = {
+    "CB3": "pieces from the far start overestimate the quartic branch and are damped away over some small steps",
+    "QL": LOCALITY,
+    "Shor": LOCALITY,
+    "Maxquad": LOCALITY,
+    "Steiner 2": "at coinciding points ‖·‖ has a continuum of pieces, of curvature 1/distance: each serves only nearby",
+}
+"""Problems that take more iterations or evaluations than the tuned reference, and why."""
+
+ACCURACY = 1e-9
+"""|f − f*| ≤ ACCURACY (1 + |f*|)"""
+
+
+@cache
+def run(number: int) -> Outcome:
+    """The one default parameter set on one problem."""
+    problem = PROBLEMS[number - 1]
+    return iterate(BundleNewton(), problem.oracle, problem.x0)
+
+
+@cache
+def plain(number: int) -> list[State]:
+    """Every state of that run."""
+    problem = PROBLEMS[number - 1]
+    return centres(problem.oracle, problem.x0)
+
+
+def error(outcome: Outcome, problem: Reference) -> float:
+    return abs(outcome.f - problem.f_star) / (1.0 + abs(problem.f_star))
+
+
+def comparison_table() -> str:
+    """Iterations / evaluations of this method (untuned) and as published for PNEW and PBUN (tuned per problem)."""
+    lines = [f"{'':2s} {'problem':14s} {'n':>2s} {'ours':>9s} {'PNEW':>9s} {'PBUN':>9s} {'error':>8s}"]
+    sums = np.zeros((3, 2), dtype=int)
+    for p in PROBLEMS:
+        ours = run(p.number)
+        counts = [(ours.iterations, ours.evaluations), p.pnew, p.pbun]
+        sums += np.array(counts)
+        cells = " ".join(f"{f'{i}/{e}':>9s}" for i, e in counts)
+        lines.append(f"{p.number:2d} {p.name:14s} {len(p.x0):2d} {cells} {error(ours, p):8.1e}")
+    cells = " ".join(f"{f'{i}/{e}':>9s}" for i, e in sums)
+    lines.append(f"{'':2s} {'sum':14s} {'':2s} {cells}")
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize("problem", PROBLEMS, ids=NAMES)
+def test_start_value_is_the_published_one(problem: Reference) -> None:
+    value, digits = problem.oracle(problem.x0)[0], len(problem.f0.partition(".")[2])
+    if problem.name == "Gill":
+        # 189.0225176 in double precision; a start rounded to single precision gives 189.0225219 (published …523)
+        margin = 6e-6
+    else:
+        margin = 0.5001 * 10.0**-digits if digits >= 4 else 1e-13 * (1 + abs(value))
+    assert value == pytest.approx(float(problem.f0), abs=margin, rel=0)
+
+
+@pytest.mark.parametrize("problem", PROBLEMS, ids=NAMES)
+def test_derivatives_agree_with_differences(problem: Reference) -> None:
+    random = np.random.default_rng(problem.number)
+    n, h = len(problem.x0), 1e-5
+    for _ in range(5):
+        x = problem.x0 + 0.3 * random.standard_normal(n)
+        _, g, G = problem.oracle(x)
+        around = [(problem.oracle(x + h * e), problem.oracle(x - h * e)) for e in np.eye(n)]
+        slope = np.array([(up[0] - down[0]) / (2 * h) for up, down in around])
+        bend = np.array([(up[1] - down[1]) / (2 * h) for up, down in around])
+        assert np.allclose(slope, g, rtol=0, atol=1e-7 * (1 + np.abs(g).max()))
+        assert np.allclose(bend, G, rtol=0, atol=1e-7 * (1 + np.abs(G).max()))
+        assert np.array_equal(G, G.T)
+
+
+@pytest.mark.parametrize("problem", PROBLEMS, ids=NAMES)
+def test_solved_untuned(problem: Reference) -> None:
+    outcome = run(problem.number)
+    assert outcome.converged, outcome.reason
+    assert error(outcome, problem) <= ACCURACY
+
+
+def test_fewer_steps_and_evaluations_than_the_tuned_reference() -> None:
+    """The bar is PNEW's own sums, 535/562; measured 389/409 (385 to 390 with other kernels)."""
+    iterations = sum(run(p.number).iterations for p in PROBLEMS)
+    evaluations = sum(run(p.number).evaluations for p in PROBLEMS)
+    assert iterations <= min(440, sum(p.pnew[0] for p in PROBLEMS))
+    assert evaluations <= min(460, sum(p.pnew[1] for p in PROBLEMS))
+
+
+def test_only_the_named_problems_need_clearly_more_than_the_tuned_reference() -> None:
+    """10 % are left to rounding, which decides late steps of the long runs differently from machine to machine."""
+    more = [p.name for p in PROBLEMS if run(p.number).evaluations > 1.1 * p.pnew[1] + 1]
+    assert set(more) <= set(MORE_THAN_PNEW)
+
+
+@pytest.mark.parametrize("name", ["CB2", "Colville 1", "HS78", "Gill"])
+def test_reset_repairs_stationarity_that_remote_pieces_pretend(name: str) -> None:
+    """Without a locality measure (γ = 0) the model is stationary far from a solution; resets alone repair it."""
+    problem, kinds = PROBLEMS[NAMES.index(name)], list[str]()
+    outcome = iterate(BundleNewton(gamma=0.0), problem.oracle, problem.x0, kinds.append)
+    assert any(" reset " in line for line in kinds)
+    assert outcome.converged, outcome.reason
+    assert error(outcome, problem) <= ACCURACY
+
+
+def test_searches_nearby_without_success_are_reported() -> None:
+    """A state that is stationary by remote pieces only, as if it had been searched many times already."""
+    problem, method = PROBLEMS[NAMES.index("HS78")], BundleNewton(gamma=0.0)
+    state = method.start(problem.oracle, problem.x0)
+    while not (method.stationary(state) and np.any(method.remote(state))):
+        state = method.step(problem.oracle, state)
+    assert method.verdict(problem.oracle, state) is None
+    stuck = method.verdict(problem.oracle, replace(state, resets=1000))
+    assert stuck is not None
+    assert stuck[0] == Status.STALLED
+    assert "tolerance" in stuck[1]
+
+
+def test_table_has_every_problem_and_the_published_sums() -> None:
+    table = comparison_table()
+    assert all(name in table for name in NAMES)
+    assert "535/562" in table
+    assert "1171/1219" in table
+
+
+@pytest.mark.parametrize("problem", PROBLEMS, ids=NAMES)
+def test_solved_from_a_disturbed_start(problem: Reference) -> None:
+    random = np.random.default_rng(100 + problem.number)
+    x0 = problem.x0 + 0.03 * (1 + np.abs(problem.x0)) * random.standard_normal(len(problem.x0))
+    outcome = iterate(BundleNewton(), problem.oracle, x0)
+    assert outcome.converged, outcome.reason
+    assert error(outcome, problem) <= ACCURACY
+
+
+def scaled(oracle: Oracle, a: float, b: float) -> Oracle:
+    """a·f(x/b)."""
+
+    def rescaled(x: Array) -> tuple[float, Array, Array]:
+        f, g, G = oracle(x / b)
+        return a * f, (a / b) * g, (a / b**2) * G
+
+    return rescaled
+
+
+def centres(oracle: Oracle, x0: Array) -> list[State]:
+    """Every state of a run."""
+    method = BundleNewton()
+    states = [method.start(oracle, x0)]
+    while method.verdict(oracle, states[-1]) is None and len(states) < 200:
+        states.append(method.step(oracle, states[-1]))
+    return states
+
+
+SCALED = [(p, 2.0**-30, 2.0**30) for p in PROBLEMS] + [(p, 2.0**30, 2.0**-30) for p in PROBLEMS[::3]]
+
+
+@pytest.mark.parametrize(("problem", "a", "b"), SCALED)
+def test_binary_scaling_is_exact(problem: Reference, a: float, b: float) -> None:
+    """Scaling f and x by powers of 4 is exact: an absolute constant anywhere would show at once.
+
+    Not bit for bit, because dense kernels round differently in differently aligned memory; later states of a long
+    run may therefore drift apart.
+    """
+    own = plain(problem.number)
+    other = centres(scaled(problem.oracle, a, b), b * problem.x0)
+    for p, q in zip(own[:6], other[:6], strict=True):
+        assert q.kind == p.kind
+        assert q.f == pytest.approx(a * p.f, rel=1e-10)
+        assert np.allclose(q.x / b, p.x, rtol=0, atol=1e-10 * np.linalg.norm(p.x))
+    assert abs(len(own) - len(other)) <= max(2, 0.2 * len(own))
+    assert abs(other[-1].f / a - problem.f_star) <= ACCURACY * (1 + abs(problem.f_star))
+
+
+@pytest.mark.parametrize(("a", "b"), [(1e9, 1.0), (1e-9, 1.0), (1.0, 1e9), (1.0, 1e-9)])
+@pytest.mark.parametrize("name", ["CB2", "QL", "Rosen–Suzuki", "Shor", "Maxquad"])
+def test_decimal_scaling_gives_the_same_iterates_to_rounding(name: str, a: float, b: float) -> None:
+    problem = PROBLEMS[NAMES.index(name)]
+    other = centres(scaled(problem.oracle, a, b), b * problem.x0)
+    # below a predicted decrease of 1e-9 |f| rounding decides the last steps
+    own, other = ([s for s in run if s.accuracy > 1e-9] for run in (plain(problem.number), other))
+    assert len(other) == len(own) >= 3
+    for p, q in zip(own, other, strict=True):
+        assert p.kind == q.kind
+        assert q.f == pytest.approx(a * p.f, rel=1e-7)
+        assert np.allclose(q.x / b, p.x, rtol=0, atol=1e-6 * np.linalg.norm(p.x))
+
+
+def test_step_leaves_the_old_state_untouched() -> None:
+    problem, method = PROBLEMS[2], BundleNewton()
+    state = method.start(problem.oracle, problem.x0)
+    before = (state.x.copy(), state.lam.copy(), state.step.d.copy(), len(state.pieces))
+    method.step(problem.oracle, state)
+    assert np.array_equal(state.x, before[0])
+    assert np.array_equal(state.lam, before[1])
+    assert np.array_equal(state.step.d, before[2])
+    assert len(state.pieces) == before[3]
+
+
+def test_value_never_rises_and_every_step_costs_at_most_one_evaluation() -> None:
+    states = centres(PROBLEMS[13].oracle, PROBLEMS[13].x0)
+    assert all(q.f <= p.f for p, q in pairwise(states))
+    assert all(q.evaluations - p.evaluations in (0, 1) for p, q in pairwise(states))
+    assert all((q.kind == "reset") == (q.evaluations == p.evaluations) for p, q in pairwise(states))
+
+
+@pytest.mark.parametrize("name", ["Maxl", "Maxq", "Rosenbrock"])
+def test_start_at_the_solution_stops_at_once(name: str) -> None:
+    problem = PROBLEMS[NAMES.index(name)]
+    solution = np.ones(2) if name == "Rosenbrock" else np.zeros(20)
+    outcome = iterate(BundleNewton(), problem.oracle, solution)
+    assert outcome.converged, outcome.reason
+    assert (outcome.f, outcome.evaluations) == (0.0, 1)
+
+
+def test_unbounded_function_is_reported() -> None:
+    outcome = iterate(BundleNewton(), lambda x: (-float(x[0]), np.array([-1.0]), np.zeros((1, 1))), np.ones(1))
+    assert outcome.status == Status.UNBOUNDED
+    assert "growth" in outcome.reason
+
+
+def test_start_outside_the_domain_is_reported() -> None:
+    outcome = iterate(BundleNewton(), lambda x: (np.nan, np.zeros(1), np.zeros((1, 1))), np.ones(1))
+    assert outcome.status == Status.NOT_FINITE
+    assert "start" in outcome.reason
+
+
+def test_trial_outside_the_domain_shortens_the_step() -> None:
+    def barrier(x: Array) -> tuple[float, Array, Array]:
+        """x − log x, infinite for x ≤ 0; minimum 1 at 1."""
+        if x[0] <= 0.0:
+            return np.inf, np.zeros(1), np.zeros((1, 1))
+        return float(x[0] - np.log(x[0])), 1 - 1 / x, np.array([[1 / x[0] ** 2]])
+
+    outcome = iterate(BundleNewton(), barrier, np.array([5.0]))
+    assert outcome.converged, outcome.reason
+    assert outcome.x[0] == pytest.approx(1.0, abs=1e-5)
+
+
+def test_wrong_gradient_is_reported_not_solved() -> None:
+    """An oracle whose g points uphill: no decrease can be found, and the reason says what to check."""
+    outcome = iterate(BundleNewton(), lambda x: (float(x @ x), -2 * x, 2 * np.eye(2)), np.array([1.0, 2.0]))
+    assert outcome.status in (Status.STALLED, Status.ITERATION_LIMIT)
+    assert len(outcome.reason) > 20
+
+
+def test_iteration_limit_says_what_to_try() -> None:
+    outcome = iterate(BundleNewton(max_iterations=3), PROBLEMS[0].oracle, PROBLEMS[0].x0)
+    assert outcome.status == Status.ITERATION_LIMIT
+    assert outcome.iterations == 3
+    assert "max_iterations" in outcome.reason
+
+
+def test_quadratic_programmes_count_against_the_iteration_limit() -> None:
+    """A run whose steps took more than they may on average ends, with what to try."""
+    method, problem = BundleNewton(max_iterations=3), PROBLEMS[0]
+    state = method.start(problem.oracle, problem.x0)
+    assert method.verdict(problem.oracle, state) is None
+    ended = method.verdict(problem.oracle, replace(state, factorisations=1000))
+    assert ended is not None
+    assert ended[0] == Status.ITERATION_LIMIT
+    assert "quadratic programmes" in ended[1]
+    assert "max_iterations" in ended[1]
+
+
+def test_log_has_one_aligned_line_a_state() -> None:
+    lines: list[str] = []
+    outcome = iterate(BundleNewton(), PROBLEMS[2].oracle, PROBLEMS[2].x0, lines.append)
+    assert len(lines) == outcome.iterations + 1
+    assert len({line.index("w=") for line in lines}) == 1
+
+
+def test_direction_satisfies_the_optimality_conditions() -> None:
+    random = np.random.default_rng(3)
+    for _ in range(50):
+        n, N = int(random.integers(1, 8)), int(random.integers(1, 12))
+        R = random.standard_normal((n, n))
+        metric = positive_definite(R @ R.T + 0.1 * np.eye(n), 0.0, 1e-8, 0.0)
+        c, A, h = random.standard_normal(N), random.standard_normal((N, n)), random.standard_normal(n)
+        lam, q = direction(c, A, h, metric, np.zeros(N))
+        values = c + A @ q
+        assert lam.min() >= 0
+        assert lam.sum() == pytest.approx(1.0, abs=1e-12)
+        assert np.allclose(metric.matrix @ q + h + lam @ A, 0, atol=1e-9)
+        assert np.all(values[lam > 1e-8] >= values.max() - 1e-9)
+
+
+def test_direction_survives_a_steep_piece_that_plays_no_part() -> None:
+    """The two kinks of |q₁| far from a piece steeper by 1e8: exact to rounding although W has almost no curvature."""
+    metric = positive_definite(np.diag([1e-6, 1.0]), 0.0, 1e-8, 0.0)
+    c, A = np.array([0.0, -3e-8, -1e6]), np.array([[1.0, 0.1], [-1.0, 0.1], [1e8, 1e8]])
+    lam, q = direction(c, A, np.zeros(2), metric, np.zeros(3))
+    assert q == pytest.approx([-1.5e-8, -0.1], rel=1e-9)
+    assert lam == pytest.approx([0.5, 0.5, 0.0], abs=1e-9)
+
+
+def test_direction_with_slopes_of_many_sizes_and_twelve_almost_equal_pieces() -> None:
+    """Orthogonal slopes, where all but the steepest lie far below: the answer in closed form."""
+    sizes = np.sqrt(np.concatenate([[0.0], np.full(11, 1e-8), [1e-7, 1e-3, 1.0, 1e4]]))
+    c = np.concatenate([np.full(15, -25.0), [0.0]])
+    lam, q = direction(c, np.diag(sizes), np.zeros(16), positive_definite(np.zeros((16, 16)), 1.0, 1e-8, 0.0), c * 0)
+    assert lam.sum() == pytest.approx(1.0, abs=1e-12)
+    assert 0.5 * q @ q + np.max(c + sizes * q) == pytest.approx(-25.0 + 25.0**2 / (2 * 1e4), rel=1e-8)
+
+
+def test_smoothness_between_two_points() -> None:
+    def piece(x: float, kink: bool) -> Piece:
+        f, g, G = (abs(x), np.sign(x), 0.0) if kink else (x**4, 4 * x**3, 12 * x**2)
+        return Piece(np.array([x]), f, np.array([g]), np.array([[G]]))
+
+    assert smoothly_joined([piece(0.3, False)], piece(1.0, False))[0]
+    assert smoothly_joined([piece(0.2, True)], piece(0.7, True))[0]
+    kinks = smoothly_joined([piece(-1.0, True), piece(-0.3, True), piece(0.3, True)], piece(1.0, True))
+    assert kinks.tolist() == [False, False, True]

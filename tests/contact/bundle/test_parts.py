@@ -1,0 +1,130 @@
+"""Parts of bundle-Newton against plain dense algebra and an independent QP solver."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tcstudy.contact.bundle.contact import contact_method, contact_oracle
+from tcstudy.contact.bundle.model import DiagonalShift, Stack
+from tcstudy.contact.bundle.simplex_qp import direction, dual_decrease, positive_definite
+from tests.contact import contact_cases as cases
+
+from .scalable import hilbert
+
+Array = NDArray[np.float64]
+
+
+def symmetric(rng: np.random.Generator, n: int) -> Array:
+    R = rng.standard_normal((n, n))
+    return R + R.T
+
+
+def test_structured_stack_equals_the_dense_one() -> None:
+    rng = np.random.default_rng(0)
+    base, lam, d, rows = symmetric(rng, 6), rng.random(4), rng.standard_normal(6), rng.standard_normal((4, 6))
+    shifted = [DiagonalShift(base, rng.standard_normal(6)) for _ in range(4)]
+    fast, slow = Stack.of(shifted), Stack.of([np.asarray(G) for G in shifted])
+    assert fast.base is base
+    assert slow.base is None
+    assert np.allclose(fast.times(d), slow.times(d), atol=1e-14)
+    assert np.allclose(fast.times_rows(rows), slow.times_rows(rows), atol=1e-14)
+    assert np.allclose(fast.combine(lam), slow.combine(lam), atol=1e-14)
+
+
+def test_different_bases_are_taken_as_dense() -> None:
+    rng = np.random.default_rng(1)
+    mixed = [DiagonalShift(symmetric(rng, 3), rng.random(3)) for _ in range(2)] + [symmetric(rng, 3)]
+    expected = np.asarray(mixed[0]) + 2.0 * np.asarray(mixed[1]) + 3.0 * np.asarray(mixed[2])
+    assert np.allclose(Stack.of(mixed).combine(np.array([1.0, 2.0, 3.0])), expected)
+
+
+@pytest.mark.parametrize("lift", [-20.0, 0.0, 20.0])
+def test_metric_reverses_negative_eigenvalues_and_leaves_a_positive_matrix(lift: float) -> None:
+    rng = np.random.default_rng(2)
+    H = symmetric(rng, 7) + lift * np.eye(7)
+    metric = positive_definite(H, 0.5, 1e-8, 0.0)
+    w, V = np.linalg.eigh(H)
+    assert np.allclose(metric.matrix, (V * (np.abs(w) + 0.5)) @ V.T)
+    rows = rng.standard_normal((3, 7))
+    white = metric.whiten(rows)
+    assert np.allclose(white @ white.T, rows @ np.linalg.solve(metric.matrix, rows.T))
+    assert np.allclose(metric.unwhiten(metric.whiten(rows[0])), np.linalg.solve(metric.matrix, rows[0]))
+
+
+def test_the_subproblem_has_no_duality_gap() -> None:
+    """Random subproblems with repeated and affinely dependent pieces, from arbitrary multipliers."""
+    rng = np.random.default_rng(4)
+    for _ in range(200):
+        n, N = int(rng.integers(1, 10)), int(rng.integers(2, 30))
+        R = rng.standard_normal((n, n))
+        metric = positive_definite(R @ R.T + 0.1 * np.eye(n), 0.0, 1e-8, 0.0)
+        W, c, A, h = metric.matrix, rng.standard_normal(N), rng.standard_normal((N, n)), rng.standard_normal(n)
+        A[rng.integers(N)] = A[rng.integers(N)]
+        lam, q = direction(c, A, h, metric, rng.random(N) * (rng.random(N) < 0.4))
+        slope = h + lam @ A
+        primal = 0.5 * q @ W @ q + h @ q + np.max(c + A @ q)
+        assert primal == pytest.approx(c @ lam - 0.5 * slope @ np.linalg.solve(W, slope), rel=1e-8, abs=1e-8)
+        assert lam.min() >= 0.0
+        assert lam.sum() == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["Hilbert", "low rank", "repeated"])
+def test_the_gap_is_rounding_where_slopes_are_numerically_dependent(kind: str) -> None:
+    """Primal minus dual value, relative to the decrease of the primal from q = 0, whatever the guess."""
+    rng = np.random.default_rng(6)
+    for _ in range(60):
+        n, N = int(rng.integers(2, 60)), int(rng.integers(2, 100))
+        A = rng.choice([-1.0, 1.0], (N, 1)) * hilbert(N, n)
+        if kind == "low rank":
+            A = rng.standard_normal((N, 2)) @ rng.standard_normal((2, n))
+        elif kind == "repeated":
+            A = rng.standard_normal((N, n))[rng.integers(0, 1 + N // 3, N)]
+        metric = positive_definite(np.diag(10.0 ** rng.uniform(-9, 0, n)), 0.0, 1e-8, 0.0)
+        c = -(10.0 ** rng.uniform(-8, 1)) * rng.random(N)
+        lam, q = direction(c, A, np.zeros(n), metric, rng.random(N) * (rng.random(N) < 0.4))
+        primal = float(0.5 * q @ metric.matrix @ q + np.max(c + A @ q))
+        gap = primal + dual_decrease(c, A, lam, metric)
+        slope = float(np.max(np.linalg.norm(metric.whiten(A), axis=1)))
+        assert abs(gap) <= 1e-9 * (np.max(c) - primal) + 1e-14 * np.max(np.abs(c)) + (1e-12 * slope) ** 2
+
+
+def test_the_gap_is_rounding_where_rows_span_twelve_decades() -> None:
+    """Bound: what doubles leave of c + Aq at q, and of ‖Tᵀλ‖² where λ is rounded."""
+    eps = np.finfo(float).eps
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        n, N = int(rng.integers(2, 60)), int(rng.integers(2, 100))
+        A = rng.standard_normal((N, n)) * 10.0 ** rng.uniform(-6, 6, (N, 1))
+        metric = positive_definite(np.diag(10.0 ** rng.uniform(-9, 0, n)), 0.0, 1e-8, 0.0)
+        c = -(10.0 ** rng.uniform(-8, 1)) * rng.random(N)
+        lam, q = direction(c, A, np.zeros(n), metric, rng.random(N) * (rng.random(N) < 0.4))
+        primal = float(0.5 * q @ metric.matrix @ q + np.max(c + A @ q))
+        values = np.max(np.abs(c)) + np.max(np.linalg.norm(A[lam > 0.0], axis=1)) * np.linalg.norm(q)
+        white = lam[:, None] * metric.whiten(A)
+        slope = np.linalg.norm(white.sum(axis=0)) * np.max(np.linalg.norm(white, axis=1))
+        gap = primal + dual_decrease(c, A, lam, metric)
+        assert gap <= 1e-9 * (np.max(c) - primal) + 16 * eps * (values + slope)
+
+
+def test_dense_and_structured_oracle_give_the_same_run() -> None:
+    problem = cases.random_problem(np.random.default_rng(5), 12)
+    oracle = contact_oracle(problem)
+
+    def dense(v: Array) -> tuple[float, Array, Array]:
+        f, g, G = oracle(v)
+        return f, g, np.asarray(G)
+
+    runs: list[list[float]] = [[], []]
+    for values, each in zip(runs, (oracle, dense), strict=True):
+        method = contact_method(problem, 1e-8)
+        state = method.start(each, np.zeros(12))
+        while method.verdict(each, state) is None and len(values) < 300:
+            state = method.step(each, state)
+            values.append(state.f)
+    assert runs[0][:8] == pytest.approx(runs[1][:8], rel=1e-9)
+    assert runs[0][-1] == pytest.approx(runs[1][-1], rel=1e-7)
+    assert all(b <= a for a, b in pairwise(runs[0]))

@@ -1,0 +1,189 @@
+"""Contact problems for the solver tests: laws built directly from their pieces and a random generator.
+
+Stiffnesses are discrete half-Laplacians (what a condensed elastic body looks like on its contact line) or random
+symmetric positive definite matrices; every length and stress below is in arbitrary units chosen by the caller.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.contact.problem import ContactProblem, least_eigenvalue
+from tcstudy.laws.laws import Laws
+
+Array = NDArray[np.float64]
+
+
+def linear_law(name: str, kinks: list[float], left: list[float], right: list[float], ends: tuple[float, float]) -> Laws:
+    """Piecewise-linear law through given one-sided values at its kinks; `ends` are the two outer slopes."""
+    s, low, high = (np.array(x, dtype=float) for x in (kinks, left, right))
+    inner = (low[1:] - high[:-1]) / np.diff(s)
+    q = np.concatenate([[ends[0]], inner, [ends[1]]])
+    inward = np.concatenate([[False], np.abs(s[:-1]) <= np.abs(s[1:]), [True]])  # the left end is nearer to s = 0
+    s_0 = np.where(inward, np.append(s[0], s), np.append(s, s[-1]))
+    b_0 = np.where(inward, np.append(low[0], high), np.append(low, high[-1]))
+    return Laws(name, s, s_0, b_0, q, np.zeros(len(q)), np.zeros(len(q)))
+
+
+def slip_weakening(mu_s: float = 1.0, mu_k: float = 0.5, d: float = 0.1) -> Laws:
+    """Odd stick law that falls linearly from mu_s to mu_k over the slip d."""
+    return linear_law("slip weakening", [-d, 0.0, d], [-mu_k, -mu_s, mu_k], [-mu_k, mu_s, mu_k], (0.0, 0.0))
+
+
+def exponential_decay(mu_s: float = 1.0, mu_k: float = 0.5, d: float = 0.1) -> Laws:
+    """Odd stick law b(s) = mu_k + (mu_s − mu_k) exp(−s/d) for s > 0."""
+    drop = mu_s - mu_k
+    return Laws(
+        "exponential decay",
+        np.array([0.0]),
+        np.zeros(2),
+        np.array([-mu_k, mu_k]),
+        np.zeros(2),
+        np.array([-drop, drop]),
+        np.array([-1.0 / d, 1.0 / d]),
+    )
+
+
+def sawtooth(mu: float = 1.0, d: float = 0.1, slope: float = 5.0, drop: float = 0.5) -> Laws:
+    """Stick at 0, then rising teeth that end in down-jumps, odd (delamination in steps)."""
+    starts = [mu, mu * drop, mu * drop**2, mu * drop**3]
+    kinks = [-3 * d, -2 * d, -d, 0.0, d, 2 * d, 3 * d]
+    enter = [starts[0], starts[1], starts[2], starts[3]]
+    leave = [value + slope * d for value in starts[:3]]
+    right = [-leave[2], -leave[1], -leave[0], enter[0], enter[1], enter[2], enter[3]]
+    left = [-enter[3], -enter[2], -enter[1], -enter[0], leave[0], leave[1], leave[2]]
+    return linear_law("sawtooth", kinks, left, right, (0.0, 0.0))
+
+
+def spring(stiffness: float = 1.0) -> Laws:
+    """b(s) = stiffness · s, a law without kinks."""
+    zero = np.zeros(1)
+    return Laws("spring", np.zeros(0), zero, zero, np.array([stiffness]), zero, zero)
+
+
+def half_laplacian(m: int, stiffness: float = 1.0) -> tuple[Array, Array]:
+    """(Ã, c) of a clamped half-plane model: eigenvalues proportional to the wave number, λ₁ = π·stiffness."""
+    k, h = np.arange(1, m + 1), 1.0 / (m + 1)
+    modes = np.sqrt(2.0 / (m + 1)) * np.sin(np.pi * np.outer(k, k) / (m + 1))
+    A_tilde = (modes * (h * np.pi * stiffness * k)) @ modes.T
+    return 0.5 * (A_tilde + A_tilde.T), np.full(m, h)
+
+
+def random_stiffness(rng: np.random.Generator, m: int) -> tuple[Array, Array]:
+    """(Ã, c): a half-Laplacian with uneven cells and a random coupling of up to its own size, or a random matrix."""
+    A_tilde, c = half_laplacian(m)
+    c = c * rng.uniform(0.5, 1.5, m)
+    if rng.random() < 0.3:
+        factor = rng.normal(size=(m, m)) / np.sqrt(m)
+        A_tilde = A_tilde + rng.uniform(0.1, 1.0) * c.mean() * factor @ factor.T
+    return A_tilde, c
+
+
+def random_law(rng: np.random.Generator, lambda_1: float, max_kinks: int = 41, smooth: bool = False) -> Laws:
+    """Random law of unit size: up- and down-jumps, pieces that fall by up to 100 λ₁, growth (15), (16) kept."""
+    count = int(rng.integers(1, max_kinks + 1))
+    steepest = lambda_1 * 10.0 ** rng.uniform(-1.0, 2.0)
+    spacing = 10.0 ** rng.uniform(-2.0, 0.0) * rng.uniform(0.2, 1.8, count - 1)
+    kinks = np.concatenate([[0.0], np.cumsum(spacing)])
+    kinks = kinks - kinks[rng.integers(count)] * (rng.random() < 0.8)
+    slopes = np.where(rng.random(count - 1) < 0.6, -1.0, 1.0) * steepest * rng.random(count - 1)
+    rise = np.clip(slopes * spacing, -1.5, 1.5)
+    jump = rng.normal(size=count) * (rng.random(count) < 0.7) * rng.choice([0.2, 1.0])
+    jump[rng.integers(count)] += 1.0
+    left = -rng.uniform(0.1, 1.0) + np.concatenate([[0.0], np.cumsum(jump[:-1] + rise)])
+    right = left + jump
+    if right[-1] <= 0.1:
+        right[-1] = rng.uniform(0.1, 1.0)
+    ends = rng.uniform(0.0, 1.0, 2) * lambda_1 * (rng.random(2) < 0.3)
+    law = linear_law("random", list(kinks), list(left), list(right), (ends[0], ends[1]))
+    return _bent(rng, law) if smooth else law
+
+
+def _bent(rng: np.random.Generator, law: Laws) -> Laws:
+    """Some pieces turned into exponentials with the same values at their ends (outer pieces: a decaying part)."""
+    s, b_0, q = law.kinks, law.b_0.copy(), law.q.copy()
+    a, r = np.zeros(len(q)), np.zeros(len(q))
+    fastest = 20.0 / max(float(np.max(np.abs(s))), 0.1)
+    for k in range(1, len(s)):
+        if rng.random() < 0.5:
+            rate = rng.uniform(0.3, 3.0) / (s[k] - s[k - 1])
+            r[k] = rng.choice([-1.0, 1.0]) * min(rate, fastest)
+            first, last = law.b_right[k - 1], law.b_left[k]
+            part = np.exp(-r[k] * (s[k - 1 : k + 1] - law.s_0[k]))
+            a[k] = (first - last) / (part[0] - part[1])
+            b_0[k], q[k] = first - a[k] * part[0], 0.0
+    for k, sign in ((0, -1.0), (-1, 1.0)):
+        if rng.random() < 0.5:
+            r[k] = sign * min(10.0 ** rng.uniform(0.0, 1.5), fastest)
+            a[k] = sign * rng.uniform(0.0, 1.0)
+    return Laws("random smooth", s, law.s_0, b_0, q, a, r)
+
+
+def random_problem(rng: np.random.Generator, m: int, max_kinks: int = 41, smooth: bool = False) -> ContactProblem:
+    """Random stiffness, law and load; the load grows through first slip (0.5 to 3 times the size of b)."""
+    A_tilde, c = random_stiffness(rng, m)
+    law = random_law(rng, least_eigenvalue(A_tilde, c), max_kinks, smooth)
+    law.check_growth()
+    x = (np.arange(m) + 0.5) / m
+    shape = rng.normal() + sum(rng.normal() / k * np.sin(np.pi * k * x + rng.uniform(0, 6)) for k in range(1, 6))
+    if rng.random() < 0.2:
+        shape = shape + 0.3 * rng.normal(size=m)
+    size = rng.uniform(0.5, 3.0) * law.b_scale / np.max(np.abs(shape))
+    return ContactProblem(A_tilde, c * shape * size, c, law)
+
+
+def rescaled(problem: ContactProblem, s_unit: float, b_unit: float, x_unit: float) -> ContactProblem:
+    """The same problem with slips, tractions and lengths along the contact measured in other units."""
+    return ContactProblem(
+        problem.A_tilde * (s_unit / b_unit / x_unit),
+        problem.l_tilde / (b_unit * x_unit),
+        problem.c / x_unit,
+        problem.law.scaled(s_unit, b_unit),
+    )
+
+
+def independent_residual(problem: ContactProblem, v: Array, v_low: Array | None = None) -> float:
+    """Inclusion residual in extended precision and by plain loops, sharing no code with the package.
+
+    v_low: (m,) low part of displacements that are a sum of two doubles; then ξ is summed without error
+    """
+    law, low = problem.law, np.zeros(problem.m) if v_low is None or not len(v_low) else v_low
+    traction = _longdouble_xi(problem, v) if not np.any(low) else _exact_xi(problem, v, low)
+    traction = traction / problem.c
+    worst, largest = 0.0, 0.0
+
+    def piece_value(k: int, s: float, s_low: float = 0.0) -> float:
+        apart = (s - law.s_0[k]) + s_low
+        return float(law.b_0[k] + law.q[k] * apart + law.a[k] * np.exp(-law.r[k] * apart))
+
+    for node, s in enumerate(zip(v, low, strict=True)):
+        below = sum(1 for kink in law.kinks if (kink, 0.0) < s)
+        values = [piece_value(k, *s) for k in {below, below + sum(1 for kink in law.kinks if (kink, 0.0) == s)}]
+        gap = max(min(values) - float(traction[node]), float(traction[node]) - max(values), 0.0)
+        worst = gap if not gap <= worst else worst
+    for k, kink in enumerate(law.kinks):
+        largest = max(largest, abs(piece_value(k, kink)), abs(piece_value(k + 1, kink)))
+    for k in (0, len(law.q) - 1):
+        largest = max(largest, abs(float(law.b_0[k])) if law.q[k] == 0.0 else 0.0)
+    return worst / (largest or float(np.max(np.abs(problem.l_tilde / problem.c))))
+
+
+def _longdouble_xi(problem: ContactProblem, v: Array) -> NDArray[np.longdouble]:
+    A, l_tilde = (np.asarray(x, dtype=np.longdouble) for x in (problem.A_tilde, problem.l_tilde))
+    return np.asarray(l_tilde - A @ v.astype(np.longdouble))
+
+
+def _exact_xi(problem: ContactProblem, v: Array, v_low: Array) -> Array:
+    """l̃ − Ã(v + v_low), rounded once: products of halves of doubles are doubles, and fsum adds without error."""
+
+    def halves(x: Array) -> tuple[Array, Array]:
+        high = 134217729.0 * x
+        high = high - (high - x)
+        return high, x - high
+
+    A, parts = halves(problem.A_tilde), (*halves(v), v_low)
+    rows = np.concatenate([problem.l_tilde[:, None], *(-half * part for half in A for part in parts)], axis=1)
+    return np.array([math.fsum(row) for row in rows.tolist()])

@@ -1,0 +1,42 @@
+"""Bodies for load histories: a thin strip as in one-dimensional theory, and a coupled line as of a plane body."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.laws.laws import Laws
+from tcstudy.matrices import law
+from tests.contact import contact_cases as cases
+
+Array = NDArray[np.float64]
+
+
+def strip(cells: int, length: float, stiffness: float, held: bool = True) -> tuple[Array, Array, Array]:
+    """(Ã, c, l̃ for ε = 1) of a bar D u″ = b on `cells` cells, N = D (u′ − ε), its left end held or free.
+
+    stiffness: D = E·H [N/m]
+    """
+    h = length / cells
+    A = np.zeros((cells + 1, cells + 1))
+    for i in range(cells):
+        A[i : i + 2, i : i + 2] += stiffness / h * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    c = np.full(cells + 1, h)
+    c[[0, -1]] = 0.5 * h
+    heat = np.zeros(cells + 1)
+    heat[0], heat[-1] = -stiffness, stiffness
+    if not held:
+        return A, c, heat
+    c[1] += c[0]
+    return A[1:, 1:], c[1:], heat[1:]
+
+
+def coupled_line(m: int) -> tuple[Array, Array, Array]:
+    """(Ã, c, a load) in SI units of a plane steel body: every node pushes every other, λ₁ of some GPa/m."""
+    A, c = cases.half_laplacian(m, 1e9)
+    return A, c, c * np.linspace(0.2, 1.0, m) * 5e7
+
+
+def softening() -> Laws:
+    """A film that falls by 3.75 GPa/m, less steeply than λ₁ of the coupled line (π GPa/m · …) rises."""
+    return law("slip-weakening", tau_s=2e7, tau_k=1.4e7, delta=4e-3)

@@ -1,0 +1,115 @@
+"""memory: the law of every step is the derivative of stored + dissipated energy, by node and the row's own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tcstudy.contact.history.memory import MemoryModel, NodeState
+from tcstudy.contact.path.problem import law_graph
+from tcstudy.laws.composed import nodal
+from tcstudy.laws.laws import Laws
+from tcstudy.matrices import law
+from tcstudy.scene.histories import Memory, UnfitLaw
+
+SOFTENING = law("slip-weakening", tau_s=3.0, tau_k=1.0, delta=2.0)
+DECAYING = law("exponential", a=3.0, b=1.0, delta=2.0)
+BENT = law(points=[(0.0, 3.0), (0.5, 2.0), (1.0, 1.9), (2.5, 0.0)])
+HARDENING = law(points=[(0.0, 0.0), (1.0, 2.0), (2.0, 2.0)])
+KAPPA = np.array([0.0, 0.3, 1.0, 2.0, 2.0 * (1.0 - 1e-15), 2.0 + 1e-15, 7.0])
+CASES: list[tuple[Memory, Laws]] = [
+    (Memory("friction"), SOFTENING),
+    (Memory("friction"), DECAYING),
+    (Memory("friction"), HARDENING),
+    (Memory("elastic-plastic", 5.0), SOFTENING),
+    (Memory("elastic-plastic", 5.0), BENT),
+    (Memory("elastic-plastic", 5.0), HARDENING),
+    (Memory("damage"), SOFTENING),
+    (Memory("damage"), DECAYING),
+    (Memory("damage"), nodal([SOFTENING, BENT], [0, 1, 0, 1, 0, 1, 0], stronger=[1, 1, 2, 2, 1, 1, 1])),
+]
+
+
+@pytest.mark.parametrize(("memory", "law"), CASES, ids=lambda x: getattr(x, "name", None))
+def test_the_law_of_a_step_is_the_derivative_of_its_energy(memory: Memory, law: Laws) -> None:
+    """j = stored + dissipated, whatever is remembered; j and b of a row are those of the row as a law of its own."""
+    m, rng = len(KAPPA), np.random.default_rng(3)
+    model = MemoryModel(memory, law, m)
+    state = NodeState(np.zeros(m), KAPPA, np.zeros(m))
+    rows = model.next_law(state)
+    for size in (0.1, 1.0, 5.0):
+        w = rng.normal(size=m) * size
+        bonds = model.after(state, w)
+        assert rows.j(w) == pytest.approx(bonds.stored + bonds.dissipated, rel=1e-13, abs=1e-14)
+        assert rows.j(-w) == pytest.approx(rows.j(w), rel=1e-14, abs=1e-15)
+        assert np.all(bonds.dissipated >= 0.0)
+        assert np.all(bonds.state.kappa >= state.kappa)
+        for i, own in enumerate(rows.single(k) for k in range(m)):
+            assert own.b(w[i]) == rows.b(w)[i]
+            assert own.j(w[i]) == pytest.approx(rows.j(w)[i], rel=1e-14)
+            assert np.array_equal(own.kinds, rows.kinds[i][: len(own.kinds)])
+            own.check_growth()
+    assert all(rows.single(k).omega <= rows.falls[rows.index][k] * (1.0 + 1e-12) for k in range(m))
+
+
+def test_what_has_slipped_so_far_moves_along_the_law() -> None:
+    """τ = 3 − w to w = 2, then 1: values by hand after κ = 1, for all three memories."""
+    state = NodeState(np.zeros(1), np.ones(1), np.zeros(1))
+    friction = MemoryModel(Memory("friction"), SOFTENING, 1).next_law(state)
+    assert friction.b(0.0)[0] == 2.0
+    assert friction.b([0.5])[0] == 1.5
+    assert friction.b([-3.0])[0] == -1.0
+    damage = MemoryModel(Memory("damage"), SOFTENING, 1).next_law(state)
+    assert damage.b([0.5])[0] == 1.0
+    assert damage.b([1.5])[0] == 1.5
+    model = MemoryModel(Memory("elastic-plastic", 5.0), SOFTENING, 1)
+    assert model.next_law(state).b([0.2])[0] == 1.0
+    assert model.next_law(state).b([0.8])[0] == 1.5  # Δp = 0.5, τ = 1.5, 5 (0.8 − 0.5)
+    flowed = model.after(state, np.array([-0.8]))
+    assert flowed.state.plastic[0] == pytest.approx(-0.5, rel=1e-15)
+    assert flowed.state.kappa[0] == pytest.approx(1.5, rel=1e-15)
+
+
+def test_healing_forgets_at_every_step() -> None:
+    state = NodeState(np.full(1, 0.3), np.zeros(1), np.zeros(1))
+    model = MemoryModel(Memory("friction", healing=True), SOFTENING, 1)
+    assert model.next_law(state) is SOFTENING
+    after = model.after(state, np.array([1.0]))
+    assert after.state.kappa[0] == 0.0
+    assert after.dissipated[0] == 2.5
+
+
+@pytest.mark.parametrize(
+    ("memory", "law", "said"),
+    [
+        (Memory("friction"), law(points=[(-1, -1), (1, 2)], odd=False), "needs an odd law"),
+        (Memory("friction"), law(points=[(0, 1), (1, -1), (2, 1)]), "opposes slip"),
+        (Memory("damage"), law(points=[(0, 0), (1, 1), (2, 3)]), "secant b"),
+        (Memory("damage"), law("saw-tooth", tau=1, delta=1, teeth=2, drop=1.0), "never rises"),
+        (Memory("damage"), law(points=[(0, 1), (1, 1), (1, 2)]), "jumps up at s = 1"),
+        (Memory("elastic-plastic", 1.0), SOFTENING, "k = 1 Pa/m must be above the steepest fall h = 1 Pa/m"),
+        (Memory("elastic-plastic", 9.0), law("saw-tooth", tau=1, delta=1, teeth=2, drop=0.5), "h = inf"),
+        (Memory("elastic-plastic", 9.0), DECAYING, "straight pieces"),
+        (Memory("elastic-plastic"), SOFTENING, "needs a stiffness"),
+        (Memory("elastic-plastic", 9.0), law(points=[(0, 1), (1, 1), (1, 2)]), "without up-jumps"),
+    ],
+)
+def test_laws_that_cannot_be_remembered_are_refused(memory: Memory, law: Laws, said: str) -> None:
+    with pytest.raises(UnfitLaw, match=said):
+        MemoryModel(memory, law, 3)
+
+
+@pytest.mark.parametrize(("memory", "law"), [case for case in CASES if case[1].piecewise_linear])
+def test_the_graph_of_all_rows_is_that_of_their_laws(memory: Memory, law: Laws) -> None:
+    """Code by code as the path follower makes it law by law; rows may have more codes, which none reaches."""
+    m = len(KAPPA)
+    rows = MemoryModel(memory, law, m).next_law(NodeState(np.zeros(m), KAPPA, np.zeros(m)))
+    whole = law_graph(rows)
+    for i in range(m):
+        own, first = law_graph(rows.single(i)), int(whole.first[i])
+        count = len(own.free)
+        for name in ("free", "low", "high", "sense", "slope", "anchor", "start", "kink"):
+            assert np.array_equal(getattr(whole, name)[first : first + count], getattr(own, name))
+        for name in ("after_low", "after_high"):
+            after = getattr(whole, name)[first : first + count]
+            assert np.array_equal(np.where(after < 0, -1, after - first), getattr(own, name))

@@ -1,0 +1,253 @@
+"""path: closed forms, exhaustive enumeration, stability, ends, accuracy along whole paths, other units."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tcstudy.contact.loop import iterate
+from tcstudy.contact.path.follow import Follower, ParametricProblem, PathStatus
+from tcstudy.contact.path.query import folds, solutions_at
+from tcstudy.contact.path.start import NoSolutionError
+from tcstudy.contact.path.tableau import Tableau
+from tcstudy.contact.separable.newton import SeparableNewton
+from tests.contact import contact_cases as cases
+from tests.contact.path.cases import a_solution, all_solutions, follow, one_node, random_path_problem, softening_line
+
+
+def test_one_softening_node_in_closed_form() -> None:
+    """Ã = c = 1, b = 1 − 2s to 0.4, then 0.2: folds at t = 1, s = 0 and t = 0.6, s = 0.4; energies by hand."""
+    path = follow(one_node(cases.slip_weakening(1.0, 0.2, 0.4)), np.zeros(1), 0.0, -2.0, 2.0)
+    assert path.t == pytest.approx([-2.0, -0.6, -1.0, 0.0, 1.0, 0.6, 2.0], abs=1e-15)
+    assert path.u[:, 0] == pytest.approx([-1.8, -0.4, 0.0, 0.0, 0.0, 0.4, 1.8], abs=1e-15)
+    assert list(path.stable) == [True, False, True, True, False, True]
+    assert [(f.t, f.limit, f.stable) for f in folds(path)[2:]] == [
+        (pytest.approx(1.0, abs=1e-15), True, (True, False)),
+        (pytest.approx(0.6, abs=1e-15), False, (False, True)),
+    ]
+    found = solutions_at(path, 0.8)
+    assert [s.v[0] for s in found] == pytest.approx([0.0, 0.2, 0.6], abs=1e-15)
+    assert [s.energy + 0.32 for s in found] == pytest.approx([0.32, 0.34, 0.30], abs=1e-15)
+    assert [s.stable for s in found] == [True, False, True]
+    assert not path.slipping[3, 0]
+    assert path.slipping[4, 0]
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_every_solution_on_the_path_is_one_and_for_one_node_all_are_on_it(seed: int) -> None:
+    """Against enumeration of all combinations of pieces, stability included; m = 1, 2 with up to 6 kinks."""
+    rng = np.random.default_rng([seed, 41])
+    m = 1 + seed % 2
+    problem = random_path_problem(rng, m)
+    path = follow(problem, a_solution(problem, 0.0), 0.0, -3.0, 3.0)
+    assert {path.begin.status, path.end.status} <= {PathStatus.RANGE_END, PathStatus.CLOSED_LOOP}
+    assert path.residual.max() <= 1e-13
+    for t in rng.uniform(-2.9, 2.9, 4):
+        expected = all_solutions(problem, t)
+        found = solutions_at(path, t)
+        for solution in found:
+            assert solution.residual <= 1e-13
+            assert cases.independent_residual(problem.at(t), solution.v) <= 1e-12
+            distance = [float(np.max(np.abs(solution.v - v))) for v, _ in expected]
+            assert min(distance) <= 1e-10
+            assert expected[int(np.argmin(distance))][1] == solution.stable
+            assert solution.energy == pytest.approx(problem.at(t).energy(solution.v), abs=1e-13)
+        assert len(found) % 2 == 1 or path.end.status == PathStatus.CLOSED_LOOP
+        if m == 1:
+            assert len(found) == len(expected)
+
+
+def test_energy_along_a_piece_is_the_integral_of_the_conjugate() -> None:
+    """dL̃/dt = −W: the trapezoidal rule is exact on every piece; both against the energy of the problem itself."""
+    path = follow(softening_line(30, 0.05), np.zeros(30), 0.0, -2.0, 2.0)
+    direct = [path.problem.at(t).energy(u) for t, u in zip(path.t, path.u, strict=True)]
+    assert path.energy == pytest.approx(direct, abs=1e-13)
+    work = np.diff(path.t) * 0.5 * (path.conjugate[1:] + path.conjugate[:-1])
+    assert np.diff(path.energy) == pytest.approx(-work, abs=1e-13)
+
+
+def test_no_folds_inside_the_uniqueness_margin() -> None:
+    for seed in range(12):
+        rng = np.random.default_rng([seed, 43])
+        problem = random_path_problem(rng, 8)
+        law = problem.law
+        if not np.isfinite(law.omega) or problem.at(0.0).lambda_1 <= law.omega:
+            scale = 0.9 * problem.at(0.0).lambda_1 / 3.0
+            law = cases.slip_weakening(1.0, 0.4, 0.6 / scale)
+        problem = problem.with_law(law)
+        assert problem.at(0.0).lambda_1 > law.omega
+        path = follow(problem, a_solution(problem, 0.0), 0.0, -3.0, 3.0)
+        assert not len(path.folds)
+        assert path.stable.all()
+        assert len(solutions_at(path, 1.234)) == 1
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_solutions_of_the_minimiser_lie_on_paths(seed: int) -> None:
+    """A minimiser's solution is found again by the path through it; where both share a cell they share the point."""
+    rng = np.random.default_rng([seed, 47])
+    problem = random_path_problem(rng, 10)
+    path = follow(problem, a_solution(problem, 0.0), 0.0, -2.0, 2.0)
+    known = {codes.tobytes() for codes in path.codes}
+    for t in rng.uniform(-1.9, 1.9, 4):
+        outcome = iterate(SeparableNewton(), problem.at(t), rng.normal(size=10))
+        assert outcome.converged
+        other = follow(problem, outcome.x, t, -2.0, 2.0)
+        assert other.stable[other.start]
+        assert min(np.max(np.abs(s.v - outcome.x)) for s in solutions_at(other, t)) <= 1e-11
+        if known & {codes.tobytes() for codes in other.codes}:
+            assert min(np.max(np.abs(s.v - outcome.x)) for s in solutions_at(path, t)) <= 1e-10
+
+
+def test_stability_by_eigenvalues_along_a_long_path() -> None:
+    """The inertia that is carried along against eigenvalues of the free nodes' matrix on every piece."""
+    problem = softening_line(40, 0.02)
+    path = follow(problem, np.zeros(40), 0.0, 0.0, 3.0)
+    law = problem.law
+    assert path.pieces > 90
+    assert 0 < np.count_nonzero(path.stable) < path.pieces
+    for codes, stable in zip(path.codes, path.stable, strict=True):
+        free = codes % 2 == 0
+        H = problem.A_tilde[np.ix_(free, free)] + np.diag(problem.c[free] * law.q[codes[free] // 2])
+        held_down = np.any(law.kinds[codes[~free] // 2] < 0)
+        assert stable == ((not free.any() or np.linalg.eigvalsh(H)[0] > 0) and not held_down)
+
+
+@pytest.mark.parametrize("m", [200, 400])
+def test_residual_at_every_vertex_of_a_path_with_many_folds(m: int) -> None:
+    problem = softening_line(m, 0.02)
+    path = Follower(t_min=0.0, t_max=3.0).follow(problem, np.zeros(m), 0.0, "forward")
+    assert path.pieces > 2 * m
+    assert len(path.folds) > 100
+    assert path.residual.max() <= 1e-11
+    worst = max(problem.at(t).inclusion_residual(u, 1e-13) for t, u in zip(path.t, path.u, strict=True))
+    assert worst <= 1e-11
+    assert path.end.status == PathStatus.RANGE_END
+    assert path.factorisations < 20
+    one = solutions_at(path, 0.9)
+    assert len(one) > 1
+    assert max(s.residual for s in one) <= 1e-11
+
+
+@pytest.mark.parametrize("error", [1e-13, 1e-10, 1e-6])
+def test_lost_accuracy_is_noticed_and_repaired(error: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every block pivot is spoilt by a relative error; the residuals stay where they were and so does the path."""
+    problem = softening_line(100, 0.01)
+    exact = Follower(t_min=0.0, t_max=3.0).follow(problem, np.zeros(100), 0.0, "forward")
+    pivot, rng = Tableau._pivot, np.random.default_rng(0)
+
+    def spoilt(self: Tableau, *equations: np.ndarray) -> None:
+        pivot(self, *equations)
+        self.P *= 1.0 + error * rng.normal(size=self.P.shape)
+
+    monkeypatch.setattr(Tableau, "_pivot", spoilt)
+    path = Follower(t_min=0.0, t_max=3.0).follow(problem, np.zeros(100), 0.0, "forward")
+    assert path.end.status == PathStatus.RANGE_END
+    assert path.residual.max() <= 1e-11
+    assert path.pieces == exact.pieces
+    assert np.max(np.abs(path.u - exact.u)) <= 1e-9
+
+
+def test_both_directions_give_the_same_path() -> None:
+    problem = softening_line(25, 0.03)
+    there = Follower(t_min=0.0, t_max=3.0).follow(problem, np.zeros(25), 0.0, "forward")
+    back = Follower(t_min=0.0, t_max=3.0).follow(problem, there.u[-1], 3.0, "backward")
+    assert back.pieces == there.pieces
+    assert back.t[::-1] == pytest.approx(there.t, abs=1e-12)
+    assert np.max(np.abs(back.u[::-1] - there.u)) <= 1e-12
+    middle = there.pieces // 2
+    t, v = there.t[middle : middle + 2].mean(), there.u[middle : middle + 2].mean(axis=0)
+    both = follow(problem, v, t, 0.0, 3.0)
+    assert both.pieces == there.pieces + 1
+    assert both.t[both.start] == t
+    assert np.array_equal(np.delete(both.codes, both.start, axis=0), there.codes) or np.array_equal(
+        np.delete(both.codes, both.start, axis=0)[::-1], there.codes
+    )
+
+
+@pytest.mark.parametrize("units", [(1e9, 1e-9, 1.0), (1e-9, 1e9, 1e3), (1.0, 1e9, 1e-9)])
+def test_other_units_give_the_same_path(units: tuple[float, float, float]) -> None:
+    s_unit, b_unit, x_unit = units
+    problem = softening_line(40, 0.02)
+    path = follow(problem, np.zeros(40), 0.0, -3.0, 3.0)
+    scaled = cases.rescaled(problem.at(1.0), s_unit, b_unit, x_unit)
+    t_unit = 1e7
+    other = ParametricProblem(scaled.A_tilde, np.zeros(40), scaled.l_tilde * t_unit, scaled.c, scaled.law)
+    again = follow(other, np.zeros(40), 0.0, -3.0 / t_unit, 3.0 / t_unit)
+    assert again.pieces == path.pieces
+    assert again.t * t_unit == pytest.approx(path.t, rel=1e-9, abs=1e-9)
+    assert np.max(np.abs(again.u * s_unit - path.u)) <= 1e-9
+    assert np.array_equal(again.stable, path.stable)
+    assert again.residual.max() <= 1e-11
+
+
+def test_reasons_for_the_end() -> None:
+    problem = softening_line(20, 0.02)
+    zero = np.zeros(20)
+    assert Follower(max_pieces=5).follow(problem, zero, 0.0).end.status == PathStatus.PIECE_LIMIT
+    assert Follower(max_pieces=5).follow(problem, zero, 0.0).pieces == 10
+    free = follow(problem, zero, 0.0)
+    assert free.begin.status == free.end.status == PathStatus.UNBOUNDED
+    branch = Follower(stable_only=True).follow(problem, zero, 0.0, "forward")
+    assert branch.end.status == PathStatus.UNSTABLE
+    assert branch.stable.all()
+    assert branch.begin.status == PathStatus.START
+    hopeless = Follower(tolerance=1e-20).follow(problem, zero, 0.0, "forward")
+    assert hopeless.end.status == PathStatus.LOST_ACCURACY
+    assert "tolerance" in hopeless.end.reason
+    assert len(hopeless.t) == len(hopeless.residual) == hopeless.pieces + 1
+
+
+def test_a_closed_loop_is_recognised() -> None:
+    """Seeds whose start lies on an isolated loop: the path returns to its start exactly, from either side."""
+    loops = 0
+    for seed in (249, 386):
+        rng = np.random.default_rng(seed)
+        p = cases.random_problem(rng, int(rng.integers(1, 4)), max_kinks=6)
+        l_0 = rng.normal(size=p.m) * p.l_tilde * 0.3
+        problem = ParametricProblem(p.A_tilde, l_0, p.l_tilde, p.c, p.law)
+        v = a_solution(problem, 0.0)
+        path = follow(problem, v, 0.0, -3.0, 3.0)
+        if path.end.status == PathStatus.CLOSED_LOOP:
+            loops += 1
+            assert path.begin.status == PathStatus.CLOSED_LOOP
+            assert path.t[0] == path.t[-1]
+            assert np.max(np.abs(path.u[0] - path.u[-1])) <= 1e-12
+            assert len(path.folds) >= 2
+            backward = Follower(t_min=-3.0, t_max=3.0).follow(problem, v, 0.0, "backward")
+            assert backward.pieces == path.pieces
+    assert loops == 2
+
+
+def test_bad_input_is_named() -> None:
+    problem = softening_line(5)
+    with pytest.raises(NoSolutionError, match="no solution at t = 3"):
+        follow(problem, np.zeros(5), 3.0)
+    with pytest.raises(ValueError, match="outside the range"):
+        follow(problem, np.zeros(5), 3.0, 0.0, 1.0)
+    with pytest.raises(ValueError, match="piecewise linear"):
+        follow(problem.with_law(cases.exponential_decay()), np.zeros(5), 0.0)
+    with pytest.raises(ValueError, match="not positive definite"):
+        follow(
+            ParametricProblem(-problem.A_tilde, problem.l_0, problem.l_1, problem.c, problem.law),
+            np.zeros(5),
+            0.0,
+        )
+    with pytest.raises(ValueError, match="l_1 is zero"):
+        follow(
+            ParametricProblem(problem.A_tilde, problem.l_0, 0 * problem.l_1, problem.c, problem.law),
+            np.zeros(5),
+            0.0,
+        )
+
+
+def test_a_law_without_kinks_and_progress() -> None:
+    calls: list[tuple[int, float]] = []
+    problem = softening_line(6).with_law(cases.spring(2.0))
+    path = Follower(t_min=-1.0, t_max=1.0).follow(problem, np.zeros(6), 0.0, progress=lambda n, t: calls.append((n, t)))
+    assert path.pieces == 2
+    exact = np.linalg.solve(problem.A_tilde + 2.0 * np.diag(problem.c), problem.l_1)
+    assert path.u[-1] == pytest.approx(exact, rel=1e-12)
+    many = softening_line(60, 0.02)
+    Follower(t_min=0.0, t_max=3.0).follow(many, np.zeros(60), 0.0, progress=lambda n, t: calls.append((n, t)))
+    assert len(calls) >= 3

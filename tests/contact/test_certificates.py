@@ -1,0 +1,219 @@
+"""Certificates against exhaustive search: nothing that is certified may be contradicted."""
+
+import numpy as np
+import pytest
+
+from tcstudy.contact.bounds import bend_below_tangent, least_slope, quotient, solution_box, tables_of, value_range
+from tcstudy.contact.certificates import certify
+from tcstudy.contact.loop import iterate
+from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.separable.finish import ActivePieces, solve_on
+from tcstudy.contact.separable.newton import SeparableNewton
+from tcstudy.laws.laws import Laws
+from tests.contact import contact_cases as cases
+from tests.contact import exhaustive
+
+
+def one_node(law: Laws, load: float) -> ContactProblem:
+    return ContactProblem(np.eye(1), np.array([load]), np.ones(1), law)
+
+
+@pytest.mark.parametrize(("m", "max_kinks", "count"), [(1, 9, 150), (2, 5, 120), (3, 3, 50)])
+def test_no_certificate_is_contradicted(m: int, max_kinks: int, count: int) -> None:
+    """All places of all nodes are tried; unique, global and strict must agree with what exists."""
+    found = [x for seed in range(count) for x in exhaustive.compare(seed, m, max_kinks)]
+    assert len(found) >= count
+    assert sum(x.solutions > 1 for x in found) >= 15
+    for x in found:
+        assert x.certificate.residual <= 1e-10
+        assert not x.certificate.unique or x.solutions == 1
+        assert not x.certificate.global_minimum or x.above_least <= 1e-12
+        assert not x.certificate.strict_minimum or x.strict
+    rates = exhaustive.hit_rates(found)
+    assert rates["strict_minimum"] >= 0.9
+    assert rates["global_minimum"] >= 0.8
+    assert rates["unique"] >= 0.5
+
+
+def test_three_solutions_of_one_node() -> None:
+    """b = 1 − 2s up to 0.4, then 0.2; l̃ = 0.8: s = 0, 0.2, 0.6 with L = 0, +0.02, −0.02 (c = Ã = 1)."""
+    problem = one_node(cases.slip_weakening(1.0, 0.2, 0.4), 0.8)
+    falling = solve_on(problem, ActivePieces(np.array([-1]), np.array([2])), np.array([0.2]), 1)
+    stick, top, slip = (certify(problem, v) for v in (np.zeros(1), falling, np.array([0.6])))
+    assert (stick.strict_minimum, stick.global_minimum, stick.unique) == (True, False, False)
+    assert (top.strict_minimum, top.global_minimum) == (False, False)
+    assert (slip.strict_minimum, slip.global_minimum, slip.unique) == (True, True, False)
+    assert (slip.lambda_1, slip.omega) == (pytest.approx(1.0), pytest.approx(2.0))
+    assert slip.margin == pytest.approx(-1.0)
+    assert stick.least_slack == pytest.approx(0.2)
+    assert slip.energy_gap <= 1e-20
+
+
+def test_bend_of_one_node() -> None:
+    """At s = 0 with ζ = 0.8 against dense samples of 2[0.8 s − j(s)]/s², j written out by hand."""
+    law = cases.slip_weakening(1.0, 0.2, 0.4)
+    s = np.linspace(1e-4, 5.0, 200001)
+    j = np.where(s < 0.4, s - s**2, 0.24 + 0.2 * (s - 0.4))
+    sampled = np.max(2.0 * (0.8 * s - j) / s**2)
+    bend = bend_below_tangent(law, np.zeros(1), np.array([0.8]), np.array([-5.0]), np.array([5.0]))
+    assert bend[0] == pytest.approx(sampled, rel=1e-8)
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_bend_bounds_every_sampled_quotient(smooth: bool) -> None:
+    """Sampled at many slips and at the kinks; the bound is attained (exponential pieces: to a tenth)."""
+    reach = np.outer([-1.0, 1.0], np.geomspace(3e-5, 2.0, 4000)).ravel()
+    for seed in range(25):
+        rng = np.random.default_rng([seed, int(smooth)])
+        law = cases.random_law(rng, 1.0, 9, smooth)
+        slips = np.array([law.kinks[0], *rng.uniform(-1.0, 1.5, 3)])
+        bends = bend_below_tangent(law, slips, law.b(slips), slips - 2.0, slips + 2.0)
+        for v, zeta, bend in zip(slips, law.b(slips), bends, strict=True):
+            kinks = law.kinks[(np.abs(law.kinks - v) > 3e-5) & (np.abs(law.kinks - v) < 2.0)]
+            u = np.concatenate([reach, kinks - v])
+            gap = zeta * u - law.integral(np.full(len(u), v), v + u)
+            sampled = np.max(2.0 * gap / u**2)
+            assert sampled <= bend + 1e-6 * (1.0 + abs(sampled))
+            assert not 0.1 < bend < np.inf or sampled >= bend * (0.9 if smooth else 0.99)
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_integral_of_the_law(smooth: bool) -> None:
+    """∫ b between any two slips, kinks included, against Gauss–Legendre quadrature."""
+    for seed in range(30):
+        rng = np.random.default_rng([seed, int(smooth), 7])
+        law = cases.random_law(rng, 1.0, 9, smooth)
+        points = np.unique(np.concatenate([rng.uniform(law.kinks[0] - 1.0, law.kinks[-1] + 1.0, 12), law.kinks]))
+        j = quadrature(law, points)
+        x, y = (a.ravel() for a in np.meshgrid(np.arange(len(points)), np.arange(len(points))))
+        assert np.allclose(law.integral(points[x], points[y]), j[y] - j[x], rtol=0.0, atol=1e-9)
+
+
+def test_mirrored_law() -> None:
+    law = cases.random_law(np.random.default_rng(4), 1.0, 9, True)
+    s = np.linspace(-2.0, 2.0, 101)
+    tables, index = tables_of(law, len(s))
+    mirrored = tables.mirrored
+    assert np.allclose(mirrored.value(s, mirrored.locate(s, index).piece), -law.b(-s, +1), rtol=1e-12, atol=1e-12)
+
+
+def quadrature(law: Laws, points: np.ndarray) -> np.ndarray:
+    """∫₀ˢ b at increasing points by Gauss–Legendre between neighbours, cut at the kinks."""
+    cuts = np.unique(np.concatenate([points, law.kinks, [0.0]]))
+    x, w = np.polynomial.legendre.leggauss(12)
+    half, middle = 0.5 * np.diff(cuts), 0.5 * (cuts[1:] + cuts[:-1])
+    parts = half * (law.b(middle[:, None] + half[:, None] * x) @ w)
+    j = np.concatenate([[0.0], np.cumsum(parts)])
+    return (j - j[np.searchsorted(cuts, 0.0)])[np.searchsorted(cuts, points)]
+
+
+def grid_energy(problem: ContactProblem, axes: list[np.ndarray]) -> np.ndarray:
+    """L̃ on a product grid with increasing axes."""
+    v = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    j = np.stack(np.meshgrid(*[quadrature(problem.law, a) for a in axes], indexing="ij"), axis=-1)
+    return np.asarray(0.5 * np.sum(v * (v @ problem.A_tilde), axis=-1) - v @ problem.l_tilde + j @ problem.c)
+
+
+@pytest.mark.parametrize("m", [1, 2])
+def test_exponential_laws_against_a_grid_of_energies(m: int) -> None:
+    """No grid point of the whole box lies below a certified global minimum; most minima are certified."""
+    certified, least = 0, 0
+    for seed in range(40):
+        rng = np.random.default_rng([seed, m, 8])
+        A_tilde, c = cases.half_laplacian(m)
+        law = cases.random_law(rng, 3.0, 5, True) if seed % 2 else cases.exponential_decay(1.0, 0.4, 0.1)
+        load = c * law.b_scale * rng.uniform(0.4, 1.2) * np.ones(m)
+        problem = ContactProblem(A_tilde, load, c, law)
+        low, high = solution_box(problem, problem.lambda_1)
+        axes = [np.linspace(min(a, -0.01), max(b, 0.01), 601) for a, b in zip(low, high, strict=True)]
+        lowest = float(np.min(grid_energy(problem, axes)))
+        for x0 in (np.zeros(m), problem.frictionless()):
+            v = iterate(SeparableNewton(), problem, x0).x
+            here = float(grid_energy(problem, [np.array([s]) for s in v]).item())
+            certificate = certify(problem, v)
+            assert np.all(low - 1e-10 <= v)
+            assert np.all(v <= high + 1e-10)
+            assert not certificate.global_minimum or here <= lowest + 1e-10
+            certified, least = certified + certificate.global_minimum, least + (here <= lowest + 1e-10)
+    assert certified >= 0.7 * least
+
+
+def test_box_holds_every_solution() -> None:
+    for seed in range(40):
+        rng = np.random.default_rng([seed, 2])
+        A_tilde, c = cases.half_laplacian(2)
+        A_tilde = A_tilde * np.array([[1.0, rng.choice([-1.0, 1.0])], [1.0, 1.0]])
+        A_tilde[1, 0] = A_tilde[0, 1]  # inverses with entries of both signs
+        law = cases.random_law(rng, 1.0, 5)
+        problem = ContactProblem(A_tilde, c * rng.normal(size=2) * law.b_scale, c, law)
+        low, high = solution_box(problem, problem.lambda_1)
+        for v in exhaustive.all_solutions(problem):
+            assert np.all(low - 1e-10 <= v)
+            assert np.all(v <= high + 1e-10)
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_range_and_least_slope_on_intervals(smooth: bool) -> None:
+    """Against dense samples of b; difference quotients between neighbours are never below the least slope."""
+    for seed in range(30):
+        rng = np.random.default_rng([seed, int(smooth), 1])
+        law = cases.random_law(rng, 1.0, 7, smooth)
+        low = rng.uniform(-1.0, 1.0, 4)
+        high = low + rng.uniform(0.0, 1.5, 4)
+        least, largest = value_range(*tables_of(law, 4), low, high)
+        slope = least_slope(law, low, high)
+        for i in range(4):
+            s = np.linspace(low[i], high[i], 4001)
+            b = law.b(s)
+            assert least[i] <= b.min() + 1e-12
+            assert largest[i] >= b.max() - 1e-12
+            quotient = np.min(np.diff(b) / np.diff(s))
+            assert slope[i] <= quotient + 1e-6 * (1.0 + abs(quotient))
+
+
+def test_convex_and_flags_under_other_units() -> None:
+    A_tilde, c = cases.half_laplacian(30)
+    x = np.linspace(0.0, 1.0, 30)
+    for d, convex in ((0.2, True), (0.1, False)):
+        problem = ContactProblem(A_tilde, c * (0.9 + 0.4 * np.sin(5 * x)), c, cases.slip_weakening(1.0, 0.5, d))
+        v = iterate(SeparableNewton(), problem, np.zeros(30)).x
+        certificate = certify(problem, v)
+        assert certificate.convex == convex
+        assert certificate.lambda_1 == pytest.approx(np.pi, rel=1e-12)
+        other = certify(cases.rescaled(problem, 1e9, 1e-9, 1e3), v / 1e9)
+        flags = ("convex", "unique", "strict_minimum", "global_minimum", "resting")
+        assert [getattr(other, f) for f in flags] == [getattr(certificate, f) for f in flags]
+
+
+def test_a_node_at_the_limit_of_sticking_is_no_strict_minimum() -> None:
+    """ξ/c = 1 = b(0+) and b falls faster than Ã rises: the inclusion holds, but slipping lowers the energy."""
+    certificate = certify(one_node(cases.slip_weakening(), 1.0), np.zeros(1))
+    assert certificate.residual <= 1e-28
+    assert certificate.least_slack == 0.0
+    assert not certificate.strict_minimum
+    assert not certificate.global_minimum
+
+
+def test_what_is_no_solution_gets_no_flag() -> None:
+    problem = one_node(cases.slip_weakening(1.0, 0.2, 0.4), 0.8)
+    certificate = certify(problem, np.array([0.3]))
+    assert not certificate.strict_minimum
+    assert not certificate.global_minimum
+    assert np.isnan(certificate.energy_gap)
+
+
+def test_spring_and_empty_problem() -> None:
+    spring = certify(one_node(cases.spring(), 1.0), np.array([0.5]))
+    assert spring.convex
+    assert spring.unique
+    assert spring.global_minimum
+    assert spring.resting == 0
+    empty = ContactProblem(np.zeros((0, 0)), np.zeros(0), np.zeros(0), cases.slip_weakening())
+    assert certify(empty, np.zeros(0)).unique
+
+
+def test_a_quotient_whose_vertex_is_too_far_away_for_a_double_is_bounded_by_its_ends() -> None:
+    """2 (gap − ½ slope w²)/(1 + w)² with a slope so flat that the vertex at −2 gap/slope overflows: monotone in w."""
+    gap, none, flat = np.array([1.0, -1.0]), np.zeros(2), np.array([1e-310, -1e-310])
+    largest = quotient(gap, none, flat, np.ones(2), np.full(2, 3.0))
+    assert largest == pytest.approx([2.0, -2.0 / 16.0], rel=1e-15)

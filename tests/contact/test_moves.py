@@ -1,0 +1,114 @@
+"""Moves of one node with the others relaxed: the rank-one energies against dense algebra, and what they find."""
+
+from itertools import islice
+
+import numpy as np
+import pytest
+
+from tcstudy.contact.bounds import tables_of
+from tcstudy.contact.loop import iterate
+from tcstudy.contact.moves import best_places, follow
+from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.search import _relaxed, node_moves
+from tcstudy.contact.separable.newton import SeparableNewton
+from tcstudy.contact.separable.pieces import energy_change, slopes
+from tests.contact import contact_cases as cases
+
+
+def descend(problem: ContactProblem, x0: np.ndarray | None = None) -> np.ndarray:
+    start = np.zeros(problem.m) if x0 is None else x0
+    return iterate(SeparableNewton(coarsest=0), problem, start).x
+
+
+def test_one_node_leaves_its_well() -> None:
+    """b = 1 − 2s up to 0.4, then 0.2; l̃ = 0.8: from s = 0 (L = 0) to 0.6 (L = −0.02), and from there nowhere."""
+    law = cases.slip_weakening(1.0, 0.2, 0.4)
+    problem = ContactProblem(np.eye(1), np.array([0.8]), np.ones(1), law)
+    assert [float(w[0]) for w in node_moves(problem, np.zeros(1))] == pytest.approx([0.6], rel=1e-14)
+    assert list(node_moves(problem, np.array([0.6]))) == []
+
+
+def test_one_node_leaves_a_well_along_an_exponential() -> None:
+    """b = 0.5 + 0.5 e^(−10 s) falls fastest where the node sticks; b + s = 0.95 again at 0.4441."""
+    problem = ContactProblem(np.eye(1), np.array([0.95]), np.ones(1), cases.exponential_decay(1.0, 0.5, 0.1))
+    (found,) = node_moves(problem, np.zeros(1))
+    assert 0.4 < found[0] < 0.5
+    assert 0.5 + 0.5 * np.exp(-10.0 * found[0]) + found[0] == pytest.approx(0.95, abs=1e-14)
+    mirrored = ContactProblem(np.eye(1), np.array([-0.95]), np.ones(1), problem.law)
+    assert [float(w[0]) for w in node_moves(mirrored, np.zeros(1))] == [-found[0]]
+
+
+def test_many_nodes_leave_wells_along_an_exponential() -> None:
+    promised = lower = 0
+    for seed in range(40):
+        rng = np.random.default_rng([seed, 9])
+        A_tilde, c = cases.half_laplacian(12)
+        law = cases.exponential_decay(1.0, 0.5, 10.0 ** rng.uniform(-2.5, -1.0))
+        problem = ContactProblem(A_tilde, c * rng.uniform(0.3, 1.3, 12), c, law)
+        v = descend(problem)
+        for w in islice(node_moves(problem, v), 1):
+            promised += 1
+            lower += problem.energy(descend(problem, w)) < problem.energy(v)
+    assert promised >= 8
+    assert lower >= 0.8 * promised
+
+
+def test_stiffnesses_are_schur_complements() -> None:
+    """k_i by eliminating all other free nodes one problem at a time."""
+    for seed in range(6):
+        problem = cases.random_problem(np.random.default_rng([seed, 51]), 12, max_kinks=9)
+        v = descend(problem)
+        xi = problem.xi(v)
+        relaxed = _relaxed(problem, v, xi)
+        assert relaxed is not None
+        rest = slopes(problem, v, xi).at_rest
+        q = np.where(rest, 0.0, problem.law.slope(v, problem.law.piece(v)))
+        for i in range(12):
+            others = np.flatnonzero(~rest & (np.arange(12) != i))
+            H = problem.A_tilde[np.ix_(others, others)] + np.diag(problem.c[others] * q[others])
+            row = problem.A_tilde[others, i]
+            k = problem.A_tilde[i, i] - (row @ np.linalg.solve(H, row) if len(others) else 0.0)
+            assert relaxed[2][i] == pytest.approx(k, rel=1e-9)
+
+
+def test_a_promise_is_the_exact_change_where_nobody_else_leaves_his_piece() -> None:
+    kept = 0
+    for seed in range(40):
+        problem = cases.random_problem(np.random.default_rng([seed, 52]), 10, max_kinks=9)
+        v = descend(problem)
+        xi = problem.xi(v)
+        relaxed = _relaxed(problem, v, xi)
+        assert relaxed is not None
+        c, laws = problem.c, tables_of(problem.law, problem.m)
+        gain, target = best_places(*laws, v, xi / c, relaxed[2] / c)
+        for node in np.flatnonzero(gain):
+            step = follow(problem.A_tilde, *relaxed[:2], int(node), float(target[node] - v[node]))
+            same = problem.law.piece(v + step) == problem.law.piece(v)
+            if np.all(same | slopes(problem, v, xi).at_rest | (np.arange(10) == node)):
+                change = energy_change(problem, v, xi, step, problem.A_tilde @ step)
+                assert change == pytest.approx(c[node] * gain[node], rel=1e-8)
+                kept += 1
+    assert kept >= 3
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_promises_lead_down(smooth: bool) -> None:
+    """From local minima of problems with many wells; descent from the best promise ends lower in most cases."""
+    promised = lower = 0
+    for seed in range(80):
+        problem = cases.random_problem(np.random.default_rng([seed, 53]), 20, max_kinks=15, smooth=smooth)
+        v = descend(problem)
+        for w in islice(node_moves(problem, v), 1):
+            end = descend(problem, w)
+            promised += 1
+            lower += problem.energy(end) < problem.energy(v)
+    assert promised >= 4
+    assert lower >= 0.5 * promised
+
+
+def test_no_move_from_a_point_that_is_no_minimum() -> None:
+    A_tilde, c = cases.half_laplacian(5)
+    law = cases.slip_weakening(1.0, 0.2, 0.2)
+    slip = np.full(5, 0.1)
+    problem = ContactProblem(A_tilde, A_tilde @ slip + c * law.b(slip), c, law)
+    assert list(node_moves(problem, slip)) == []

@@ -1,0 +1,199 @@
+"""Laws by node: one law to the bit, enumeration of small problems, the field ω(x), films and gaps in closed form."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tcstudy.contact.certificates import certify
+from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.loop import Status
+from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.separable.convex_step import convex_step
+from tcstudy.laws.composed import nodal
+from tcstudy.laws.laws import NONE, Laws
+from tcstudy.laws.shapes import tresca
+from tcstudy.scene.study import SOLVERS
+from tests.contact import contact_cases as cases
+from tests.contact.exhaustive import primitive, small_problem
+
+Array = NDArray[np.float64]
+
+
+def in_two_rows(problem: ContactProblem) -> ContactProblem:
+    """The same problem with its law twice in a table, every second node having the second."""
+    law = problem.law
+    assert isinstance(law, Laws)
+    return replace(problem, law=Laws.of((law, law, NONE), np.arange(problem.m) % 2))
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("smooth", [False, True])
+def test_one_law_given_by_node_is_that_law_to_the_bit(solver: str, smooth: bool) -> None:
+    for seed in range(4):
+        problem = cases.random_problem(np.random.default_rng([seed, 3]), 44 if solver == SOLVERS[0] else 12, 7, smooth)
+        one, two = solve_contact(problem, solver), solve_contact(in_two_rows(problem), solver)
+        assert np.array_equal(one.v, two.v)
+        assert one.energies[:2] == two.energies[:2]
+        assert one.energy == two.energy
+        assert one.iterations == two.iterations
+        proved, again = certify(problem, one.v), certify(in_two_rows(problem), one.v)
+        flags = ("residual", "omega", "convex", "unique", "strict_minimum", "global_minimum", "least_slack", "resting")
+        assert all(getattr(proved, flag) == getattr(again, flag) for flag in flags)
+        np.testing.assert_allclose(again.margin, proved.margin, rtol=1e-9)
+
+
+def test_the_convex_model_is_the_same_to_the_bit() -> None:
+    problem = cases.random_problem(np.random.default_rng(5), 30, 5)
+    v = problem.frictionless()
+    one = convex_step(problem, v, problem.law.piece(v))
+    two = convex_step(in_two_rows(problem), v, in_two_rows(problem).law.piece(v))
+    assert one is not None
+    assert two is not None
+    assert np.array_equal(one[0], two[0])
+    assert one[1] == two[1]
+
+
+def test_the_convex_model_of_laws_that_rise_is_the_problem_itself() -> None:
+    A_tilde, c = cases.half_laplacian(30)
+    laws = [tresca(1.0), cases.spring(2.0), NONE, cases.linear_law("bed", [-1.0, 1.0], [-1, 2], [-1, 2], (0.5, 3.0))]
+    law = nodal(laws, np.arange(30) // 8, np.linspace(0.5, 2.0, 30))
+    problem = ContactProblem(A_tilde, c * np.linspace(-1.0, 4.0, 30), c, law)
+    found = convex_step(problem, np.zeros(30), law.piece(np.zeros(30)))
+    assert found is not None
+    np.testing.assert_allclose(found[0], solve_contact(problem).v, atol=1e-9)
+
+
+def test_all_nodes_alike_are_one_law() -> None:
+    law = cases.sawtooth()
+    assert nodal([law, cases.sawtooth()], [0, 1, 0]) is law
+    assert nodal([law], [0, 0], 0.0) == NONE
+    twice = nodal([law], [0, 0, 0], 2.0)
+    assert isinstance(twice, Laws)
+    assert np.array_equal(twice.b_0, 2.0 * law.b_0)
+    with pytest.raises(ValueError, match="strength"):
+        nodal([law], [0, 0], [1.0, -1.0])
+
+
+def least_energy(problem: ContactProblem, laws: Sequence[Laws]) -> tuple[float, int]:
+    """(least energy, number of solutions) by trying every piece and kink of every node's own law."""
+    m, least, found = problem.m, np.inf, []
+    for places in product(*(range(2 * len(law.kinks) + 1) for law in laws)):
+        rows, rhs, fixed = problem.A_tilde.copy(), problem.l_tilde.copy(), []
+        for i, (law, place) in enumerate(zip(laws, places, strict=True)):
+            count = len(law.q)
+            if place >= count:
+                rows[i], rhs[i] = np.eye(m)[i], law.kinks[place - count]
+                fixed.append(i)
+            else:
+                rows[i, i] += problem.c[i] * law.q[place]
+                rhs[i] -= problem.c[i] * (law.b_0[place] - law.q[place] * law.s_0[place])
+        if abs(np.linalg.det(rows)) < 1e-14:
+            continue
+        v = np.linalg.solve(rows, rhs)
+        traction = (problem.l_tilde - problem.A_tilde @ v) / problem.c
+        good = True
+        for i, (law, place) in enumerate(zip(laws, places, strict=True)):
+            ends, count = [-np.inf, *law.kinks, np.inf], len(law.q)
+            if i in fixed:
+                at = place - count
+                sides = [law.b_0[k] + law.q[k] * (law.kinks[at] - law.s_0[k]) for k in (at, at + 1)]
+                good &= min(sides) - 1e-10 <= traction[i] <= max(sides) + 1e-10
+            else:
+                good &= bool(ends[place] - 1e-10 <= v[i] <= ends[place + 1] + 1e-10)
+        if good and not any(np.max(np.abs(v - w)) < 1e-8 for w in found):
+            found.append(v)
+            friction = sum(
+                c * float(primitive(law, v[i : i + 1])[0])
+                for i, (c, law) in enumerate(zip(problem.c, laws, strict=True))
+            )
+            least = min(least, float(0.5 * v @ problem.A_tilde @ v - problem.l_tilde @ v) + friction)
+    return least, len(found)
+
+
+@pytest.mark.parametrize("m", [2, 3])
+def test_the_least_energy_of_all_is_found_with_a_law_of_its_own_at_every_node(m: int) -> None:
+    found, convex = 0, 0
+    for seed in range(30):
+        problem = small_problem(seed, m)
+        rng = np.random.default_rng([seed, m])
+        shared = [problem.law, cases.slip_weakening(1.0, 0.3, 0.4), tresca(0.7)]
+        index, beta = rng.integers(0, 3, m), np.where(rng.random(m) < 0.2, 0.0, rng.uniform(0.3, 2.0, m))
+        sigma, a = rng.uniform(0.5, 2.0, m), np.where(rng.random(m) < 0.5, 0.0, 0.1 * rng.normal(size=m))
+        law = nodal(shared, index, beta, sigma, a)
+        problem = replace(problem, law=law)
+        least, solutions = least_energy(problem, [law.single(i) for i in range(m)])
+        answer = solve_contact(problem)
+        assert answer.status == Status.CONVERGED
+        proved = certify(problem, answer.v)
+        above = least + 1e-9 * (abs(least) + float(problem.c @ np.abs(law.j(answer.v))))
+        # j counts from 0 here and there, so that both energies have one zero
+        assert answer.energy >= least - 1e-9 * (abs(least) + 1.0)
+        found += answer.energy <= above
+        assert not proved.unique or solutions == 1
+        assert not proved.global_minimum or answer.energy <= above
+        convex += proved.convex
+    assert found >= 29
+    assert convex > 0
+
+
+def test_a_field_of_falls_is_sharper_than_its_largest() -> None:
+    """One steep node in forty on a body that its neighbours hold: λ₁ − max ω < 0, yet every load has one solution."""
+    A_tilde, c = cases.half_laplacian(40)
+    steep = cases.slip_weakening(1.0, 0.5, 0.5 / (1.5 * np.pi))  # ω = 1.5 λ₁
+    law = nodal([steep, tresca(1.0)], np.where(np.arange(40) == 3, 0, 1))
+    problem = ContactProblem(A_tilde, 1.4 * c, c, law)
+    proved = certify(problem, solve_contact(problem).v)
+    assert proved.lambda_1 - proved.omega < 0.0 < proved.margin
+    assert proved.convex
+    assert proved.unique
+    weight = np.sqrt(np.outer(c, c))
+    fall = np.where(np.arange(40) == 3, 1.5 * np.pi, 0.0)
+    np.testing.assert_allclose(proved.margin, np.linalg.eigvalsh(A_tilde / weight - np.diag(fall))[0], rtol=1e-9)
+
+
+def bar(n: int, stiffness: float, length: float) -> tuple[Array, Array]:
+    """(Ã, c) of n cells of a bar with both ends free but for a spring far softer than the friction on it."""
+    h = length / n
+    A = stiffness / h * (2.0 * np.eye(n + 1) - np.eye(n + 1, k=1) - np.eye(n + 1, k=-1))
+    A[0, 0] = A[-1, -1] = stiffness / h
+    A[0, 0] += 1e-9 * stiffness
+    c = np.full(n + 1, h)
+    c[[0, -1]] = 0.5 * h
+    return A, c
+
+
+def test_two_films_and_a_gap_have_the_closed_form() -> None:
+    """A bar pulled at its end slips over film 2, the gap and part of film 1: P = τ₂ℓ₂ + τ₁ℓ, N linear, u quadratic."""
+    n, length, D, pull = 400, 4.0, 100.0, 2.5
+    A_tilde, c = bar(n, D, length)
+    x = np.linspace(0.0, length, n + 1)
+    index = np.where(x < 2.0 - 1e-9, 0, np.where(x < 3.0 - 1e-9, 1, 2))
+    law = nodal([tresca(1.0), tresca(5.0), tresca(2.0)], index, np.where(index == 1, 0.0, 1.0))
+    load = np.zeros(n + 1)
+    load[-1] = pull
+    answer = solve_contact(ContactProblem(A_tilde, load, c, law))
+    slipped = float(c[(answer.v > 1e-12)].sum())
+    front = 2.0 - (pull - 2.0 * 1.0)  # τ₂ = 2 on [3, 4], none on [2, 3], τ₁ = 1 on [front, 2]
+    assert slipped == pytest.approx(length - front, abs=2 * c[1])
+    gone = 2.0 - front
+    end = (0.5 * gone**2 * 1.0 + gone * 1.0 * 1.0 + (gone * 1.0 + 0.5 * 2.0)) / D
+    assert answer.v[-1] == pytest.approx(end, rel=0.02)
+
+
+def test_strength_two_is_the_law_times_two() -> None:
+    for seed in range(3):
+        problem = cases.random_problem(np.random.default_rng(seed), 20, 5, smooth=True)
+        index = np.arange(20) // 10
+        strength = np.where(index == 1, 2.0, 1.0)
+        laws = [problem.law, problem.law.scaled(1.0, 0.5)]
+        one = replace(problem, law=nodal([problem.law], np.zeros(20), strength))
+        two = replace(problem, law=nodal(laws, index))
+        v, w = solve_contact(one), solve_contact(two)
+        np.testing.assert_allclose(v.v, w.v, rtol=1e-12, atol=1e-14)
+        assert v.status == w.status == Status.CONVERGED

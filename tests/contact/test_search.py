@@ -1,0 +1,205 @@
+"""The search for less energy: against enumeration, never up, the same every time, and only where it has business."""
+
+import numpy as np
+import pytest
+
+from tcstudy.contact import search as escape_module
+from tcstudy.contact.contact import Answer, solve_contact
+from tcstudy.contact.loop import Outcome, Status, iterate
+from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.search import (
+    GROWTH,
+    PROMISES,
+    escape,
+    estimate_lambda_1,
+    hull_start,
+    seems_global,
+)
+from tcstudy.contact.separable.newton import SeparableNewton
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.shapes import SHAPES
+from tcstudy.scene.study import ESCAPE, Branch
+from tests.benchmarks.stability_maps import down_jumps
+from tests.contact import contact_cases as cases
+from tests.contact import exhaustive
+
+
+def without(answer: Answer) -> float:
+    """The energy that the other starts had led to."""
+    return float(np.nanmin(answer.energies[:ESCAPE]))
+
+
+@pytest.mark.parametrize(("m", "count"), [(2, 80), (3, 80), (4, 60)])
+def test_the_least_energy_of_all_is_found(m: int, count: int) -> None:
+    """Against every choice of pieces; nothing is passed over as global that is not."""
+    before = after = ran = 0
+    for seed in range(count):
+        problem = exhaustive.small_problem(seed, m)
+        least = exhaustive.least_energy(problem)
+        answer = solve_contact(problem)
+        slack = 1e-10 * (abs(least) + float(problem.c @ problem.law.j(answer.v)))
+        assert answer.energy >= least - slack
+        before += without(answer) <= least + slack
+        after += answer.energy <= least + slack
+        ran += np.isfinite(answer.energies[ESCAPE])
+    assert after == count
+    assert before < count
+    assert ran < 0.3 * count
+
+
+def test_laws_that_push_hide_no_well() -> None:
+    """Any law, odd or not, opposing the slip or pushing it on: the share of `tests.benchmarks.reliability` for CI."""
+    results = [exhaustive.search(seed, 1 + seed % 8) for seed in range(160)]
+    assert all(r.solved and not r.contradicted for r in results)
+    assert all(r.found for r in results)
+    assert sum(r.plain for r in results) < len(results)
+
+
+def test_a_well_between_two_samples_of_the_law_is_found() -> None:
+    """One node on a soft body; the well at 0.377 lies between the last kink and the next sample, at 0.74."""
+    points = [(0.25, 0.0), (0.25, 0.7), (0.29, -0.5)]
+    law = SHAPES["piecewise-linear"].build(points=points, odd=False, slopes=[0.0, 5.7])
+    problem = ContactProblem(np.array([[0.0017]]), np.array([-0.0033]), np.ones(1), law)
+    answer = solve_contact(problem)
+    assert answer.start == ESCAPE
+    assert answer.energy == pytest.approx(exhaustive.least_energy(problem), rel=1e-12)
+    assert not seems_global(problem, np.array([-0.0033 / 0.0017]), problem.lambda_1)
+
+
+def test_nodes_that_push_each_other_apart() -> None:
+    """The softest mode is perpendicular to the rigid slip."""
+    points = [(-0.2, 0.4), (-0.1, -0.5), (0.3, -0.9), (0.4, -1.4), (0.5, 1.0)]
+    law = SHAPES["piecewise-linear"].build(points=points, odd=False, slopes=[2.0, 0.3])
+    problem = ContactProblem(np.array([[5.0, 4.0], [4.0, 5.0]]), np.full(2, -0.98), np.full(2, 0.675), law)
+    assert estimate_lambda_1(problem) == pytest.approx(problem.lambda_1, rel=1e-12)
+    assert solve_contact(problem).energy == pytest.approx(exhaustive.least_energy(problem), rel=1e-12)
+
+
+def test_least_energy_agrees_with_all_solutions() -> None:
+    for seed in range(8):
+        problem = exhaustive.small_problem(seed, 2)
+        energies = [float(exhaustive.energy(problem, v)) for v in exhaustive.all_solutions(problem)]
+        assert exhaustive.least_energy(problem, batch=7) == pytest.approx(min(energies), rel=1e-12, abs=1e-14)
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_never_higher_and_the_same_every_time(smooth: bool) -> None:
+    gains = 0
+    for seed in range(24):
+        problem = cases.random_problem(np.random.default_rng([seed, 61]), (20, 40)[seed % 2], smooth=smooth)
+        answer, again = solve_contact(problem), solve_contact(problem)
+        assert answer.status == Status.CONVERGED
+        assert cases.independent_residual(problem, answer.v) <= 1e-10
+        assert np.array_equal(answer.v, again.v)
+        assert np.array_equal(answer.energies, again.energies, equal_nan=True)
+        assert answer.energy <= without(answer) + 1e-12 * abs(answer.energy)
+        assert answer.start != ESCAPE or answer.energies[ESCAPE] == answer.energy
+        gains += answer.start == ESCAPE
+    assert gains >= 1
+
+
+def test_same_answer_in_other_units() -> None:
+    for seed in range(8):
+        problem = cases.random_problem(np.random.default_rng([seed, 61]), 20, smooth=seed % 2 == 1)
+        reference = solve_contact(problem)
+        for units in ((1e9, 1, 1), (1, 1e-9, 1), (1e-9, 1e9, 1e9)):
+            other = solve_contact(cases.rescaled(problem, *units))
+            assert np.max(np.abs(other.v * units[0] - reference.v)) <= 1e-9 * np.max(np.abs(reference.v))
+
+
+def test_no_business() -> None:
+    """Without a fall of b, with ω < λ₁, on another branch, with bundle-newton, without nodes: no search."""
+    A_tilde, c = cases.half_laplacian(20)
+    load = c * np.linspace(0.4, 1.8, 20)
+    for law in (cases.spring(), cases.slip_weakening(1.0, 1.0, 0.1), cases.slip_weakening(1.0, 0.5, 0.2)):
+        answer = solve_contact(ContactProblem(A_tilde, load, c, law))
+        assert answer.status == Status.CONVERGED
+        assert np.isnan(answer.energies[ESCAPE])
+    many_wells = ContactProblem(A_tilde, load, c, down_jumps(0.6, 10))
+    assert solve_contact(many_wells).start == ESCAPE
+    branches: tuple[Branch, ...] = ("from-zero", "continued")
+    assert all(np.isnan(solve_contact(many_wells, branch=branch).energies[ESCAPE]) for branch in branches)
+    assert np.isnan(solve_contact(many_wells, "bundle-newton").energies[ESCAPE])
+    empty = solve_contact(ContactProblem(np.zeros((0, 0)), np.zeros(0), np.zeros(0), cases.sawtooth()))
+    assert empty.status == Status.CONVERGED
+
+
+def test_a_body_that_can_move_freely_raises_nothing() -> None:
+    """It has no frictionless solution and no λ₁; what is found from zero is judged all the same."""
+    problem = ContactProblem(np.diag([1.0, -1.0]), np.array([2.0, 2.0]), np.ones(2), cases.sawtooth())
+    assert np.all(np.isnan(solve_contact(problem).energies[1:]))
+
+
+def test_convexified_start_knows_when_it_is_the_lowest() -> None:
+    """Where no node is on a bridge of the first hull its solution is the global minimum; with teeth some are."""
+    A_tilde, c = cases.half_laplacian(30)
+    x = np.linspace(0.0, 1.0, 30)
+
+    def start(law: Laws) -> bool:
+        problem = ContactProblem(A_tilde, c * (1.4 + 0.6 * np.sin(7 * x)), c, law)
+        loose = SeparableNewton(1e-3)
+        v, lowest = hull_start(problem, np.zeros(30), estimate_lambda_1(problem), lambda p, x0: iterate(loose, p, x0))
+        assert problem.m == len(v)
+        return lowest
+
+    assert start(cases.slip_weakening(1.0, 0.1, 0.01))
+    assert not start(down_jumps(0.6, 10))
+
+
+def test_estimate_of_lambda_1() -> None:
+    for m in (1, 7, 60):
+        A_tilde, c = cases.half_laplacian(m)
+        problem = ContactProblem(A_tilde, c, c, cases.sawtooth())
+        assert 1.0 - 1e-12 <= estimate_lambda_1(problem) / problem.lambda_1 <= 1.02
+
+
+def test_seems_global_near_a_down_jump() -> None:
+    """One node a little before a jump: D = J/(2δ) − q is attained a distance δ behind it, where no sample is."""
+    law = cases.linear_law("jump", [0.0, 1.0], [-1.0, 1.0], [1.0, 0.5], (0.0, 0.0))
+    for stiffness, expected in ((20.0, False), (30.0, True)):  # J/(2δ) = 25
+        at = 0.99
+        problem = ContactProblem(np.array([[stiffness]]), np.array([stiffness * at + 1.0]), np.ones(1), law)
+        assert problem.inclusion_residual(np.array([at])) <= 1e-14
+        assert seems_global(problem, np.array([at]), stiffness) is expected
+
+
+def test_moves_begin_at_the_best_and_end_where_none_helps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever converges higher up, or as high, neither takes the place of the best nor goes on."""
+    A_tilde, c = cases.half_laplacian(20)
+    problem = ContactProblem(A_tilde, c * np.linspace(0.4, 1.8, 20), c, down_jumps(0.6, 10))
+    best = solve_contact(problem).v
+    begun: list[np.ndarray] = []
+
+    def moves(own: ContactProblem, v: np.ndarray) -> list[np.ndarray]:
+        begun.append(v)
+        slipping = np.flatnonzero(~np.isin(v, own.law.kinks))[0]
+        return [np.where(np.arange(own.m) == slipping, v * (1.0 + 1e-13), v), v + 0.1, v + 0.2]
+
+    def stay(own: ContactProblem, x0: np.ndarray, accuracy: float) -> Outcome:
+        return Outcome(x0, 0.0, Status.CONVERGED, "", 1, 1)
+
+    monkeypatch.setattr(escape_module, "seems_global", lambda *_: False)
+    monkeypatch.setattr(escape_module, "hull_start", lambda p, x, *_: (x + 0.5, False))
+    monkeypatch.setattr(escape_module, "node_moves", moves)
+    found = escape(problem, best, 1e-12, stay)
+    assert found is not None
+    assert len(begun) == 1
+    assert np.array_equal(begun[0], best)
+    assert found.iterations == 1 + PROMISES
+
+
+def test_nonconvexity_is_let_in_step_by_step() -> None:
+    """Falls of the convexified laws: below λ₁, then four times as steep each time."""
+    A_tilde, c = cases.half_laplacian(30)
+    problem = ContactProblem(A_tilde, c * 1.4, c, down_jumps(0.6, 10))
+    falls: list[float] = []
+
+    def solve(changed: ContactProblem, x0: np.ndarray) -> Outcome:
+        falls.append(changed.law.omega)
+        return iterate(SeparableNewton(1e-3), changed, x0)
+
+    hull_start(problem, np.zeros(30), problem.lambda_1, solve)
+    assert len(falls) >= 2
+    assert falls[0] < problem.lambda_1
+    assert np.array(falls[1:]) == pytest.approx(GROWTH * np.array(falls[:-1]), rel=1e-9)
+    assert GROWTH == 4.0
