@@ -96,10 +96,14 @@ class LawParameter:
     least: float | None = None
 
 
-LENGTH, TRACTION, STIFFNESS = "m", "Pa", "Pa/m"
+LENGTH, TRACTION, STIFFNESS, ENERGY = "m", "Pa", "Pa/m", "J/m^2"
 _TAU = LawParameter("tau", "traction, of a saw-tooth its first peak", TRACTION)
 _DELTA = LawParameter("delta", "slip over which b falls, of a saw-tooth the width of a tooth", LENGTH, "40 um")
+_PEAK = LawParameter("tau", "traction at its peak", TRACTION, "4 MPa")
+_S0 = LawParameter("s0", "slip at the end of the elastic branch", LENGTH, "20 um")
 _optional = partial(LawParameter, required=False)
+_SF = _optional("sf", "slip at which nothing is left; or give G_f", LENGTH, "200 um")
+_GF = _optional("G_f", "fracture energy, the area below b, in place of sf", ENERGY, "400 J/m^2")
 
 
 @dataclass(frozen=True)
@@ -233,6 +237,68 @@ def saw_tooth(tau: float, delta: float, teeth: int, drop: float, decay: float) -
     pieces = [_Piece(i * delta, (1.0 - drop) * peak, drop * peak / delta) for i, peak in enumerate(peaks[:-1])]
     pieces.append(_Piece(teeth * delta, (1.0 - drop) * peaks[-1]))
     return _odd("saw-tooth", [i * delta for i in range(1, teeth + 1)], pieces)
+
+
+# Laws of interfaces with an elastic branch: bilinear as of fibre-reinforced plates on concrete
+# (Yuan, Teng, Seracino, Wu & Yao, Eng. Struct. 26, 2004), trapezoidal as of ductile adhesives (Campilho et al., Int. J.
+# Adhes. Adhes. 46, 2013), trilinear as of grouted bolts (Ren, Yang & Chen, Constr. Build. Mater. 24, 2010).
+
+
+@_shape(_PEAK, _S0)
+def elastic_plastic(tau: float, s0: float) -> Laws:
+    """b rises linearly from 0 to tau over s0, then b = tau"""
+    return _interface("elastic-plastic", tau, (s0, tau))
+
+
+@_shape(_PEAK, _S0, _SF, _GF)
+def bilinear(tau: float, s0: float, sf: float | None, G_f: float | None) -> Laws:
+    """b rises linearly from 0 to tau over s0, falls linearly to 0 at sf (so that G_f = tau sf/2), then b = 0"""
+    return _interface("bilinear", tau, (s0, tau), (_debonded(tau, s0, s0, sf, G_f), 0.0))
+
+
+@_shape(_PEAK, _S0, LawParameter("s1", "slip at the end of the plateau", LENGTH, "100 um"), _SF, _GF)
+def trapezoidal(tau: float, s0: float, s1: float, sf: float | None, G_f: float | None) -> Laws:
+    """b rises linearly from 0 to tau over s0, stays to s1, falls linearly to 0 at sf (G_f = tau (sf + s1 - s0)/2)"""
+    return _interface("trapezoidal", tau, (s0, tau), (s1, tau), (_debonded(tau, s0, s1, sf, G_f), 0.0))
+
+
+@_shape(
+    _PEAK, _S0, replace(_SF, meaning="slip at which b has fallen to tau_r", required=True),
+    LawParameter("tau_r", "traction that is left", TRACTION, "1 MPa"),
+)  # fmt: skip
+def trilinear(tau: float, s0: float, sf: float, tau_r: float) -> Laws:
+    """b rises linearly from 0 to tau over s0, falls linearly to tau_r at sf, then b = tau_r"""
+    _not_negative(tau_r=tau_r)
+    return _interface("trilinear", tau, (s0, tau), (sf, tau_r))
+
+
+def _debonded(tau: float, s0: float, s1: float, sf: float | None, energy: float | None) -> float:
+    """The slip at which a law that falls from tau at s1 has reached 0: sf, or as the energy below it says."""
+    if sf is not None and energy is not None:
+        raise LawError("G_f", "follows from sf; give one of the two")
+    if sf is not None:
+        return sf
+    if energy is None:
+        raise LawError("sf", "is missing; give the slip sf at which nothing is left, or the fracture energy G_f")
+    _positive(tau=tau)
+    end = 2.0 * energy / tau - (s1 - s0)
+    if not end > s1:
+        least = tau * (s1 - 0.5 * s0)
+        raise LawError("G_f", f"must be above {least:g} J/m^2, what is below b up to s = {s1:g} m, not {energy:g}")
+    return end
+
+
+def _interface(name: str, tau: float, *corners: tuple[float, float]) -> Laws:
+    """The odd law through 0 and these corners (s, b), constant after the last."""
+    _not_negative(tau=tau)
+    names = ("s0", "s1", "sf") if len(corners) == 3 else ("s0", "sf")
+    _positive(s0=corners[0][0])
+    for (before, (least, _)), (after, (s, _)) in pairwise(zip(names, corners, strict=False)):
+        if not s > least:
+            raise LawError(after, f"must be above {before} = {least:g}, not {s:g}")
+    pieces = [_Piece(0.0, 0.0, tau / corners[0][0])]
+    pieces += [_Piece(s, b, (after - b) / (end - s)) for (s, b), (end, after) in pairwise(corners)]
+    return _odd(name, [s for s, _ in corners], [*pieces, _Piece(*corners[-1])])
 
 
 class _Vertex(NamedTuple):

@@ -289,7 +289,7 @@ ROWS: tuple[Key, ...] = (
 """All keys but the parameters of laws, in the order in which they are shown."""
 
 
-_OF_LAWS = {one.si: one for one in (u.NONE, u.LENGTH, u.TRACTION, u.STIFFNESS)}
+_OF_LAWS = {one.si: one for one in (u.NONE, u.LENGTH, u.TRACTION, u.STIFFNESS, u.FRACTURE_ENERGY)}
 
 
 @cache

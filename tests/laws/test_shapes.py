@@ -42,6 +42,11 @@ CASES: list[tuple[str, dict[str, Any], Callable[[float], float]]] = [
     ("saw-tooth", SAW, lambda s: saw(s, **SAW)),
     ("saw-tooth", {**SAW, "drop": 1.0, "decay": 1.0}, lambda s: saw(s, **{**SAW, "drop": 1.0, "decay": 1.0})),
     ("linear", {"k": 7.0}, lambda s: 7.0 * s),
+    ("elastic-plastic", {"tau": 3.0, "s0": 0.2}, lambda s: min(15.0 * s, 3.0)),
+    ("bilinear", {"tau": 7e6, "s0": 4e-5, "sf": 2e-4}, lambda s: np.interp(s, [0, 4e-5, 2e-4], [0, 7e6, 0])),
+    ("bilinear", {"tau": 7e6, "s0": 4e-5, "G_f": 700.0}, lambda s: np.interp(s, [0, 4e-5, 2e-4], [0, 7e6, 0])),
+    ("trapezoidal", {"tau": 2.0, "s0": 1.0, "s1": 3.0, "G_f": 6.0}, lambda s: np.interp(s, [0, 1, 3, 4], [0, 2, 2, 0])),
+    ("trilinear", {"tau": 2.0, "s0": 1.0, "sf": 3.0, "tau_r": 0.5}, lambda s: np.interp(s, [0, 1, 3], [0, 2, 0.5])),
     (
         "piecewise-linear",
         {"points": [[0, 2], [0.5, 1], [0.5, 1.5], [1.0, 0.25]], "slope": 0.5},
@@ -153,6 +158,13 @@ REFUSED: list[tuple[str, dict[str, Any], str, str]] = [
     ("saw-tooth", {**SAW, "drop": 1.1}, "drop", "at most 1"),
     ("saw-tooth", {**SAW, "decay": 1.5}, "decay", "at most 1"),
     ("linear", {"k": -1}, "k", "at least 0"),
+    ("elastic-plastic", {"tau": 1, "s0": 0}, "s0", "above 0"),
+    ("bilinear", {"tau": 1, "s0": 1}, "sf", "fracture energy"),
+    ("bilinear", {"tau": 1, "s0": 1, "sf": 2, "G_f": 1}, "G_f", "one of the two"),
+    ("bilinear", {"tau": 1, "s0": 1, "sf": 1}, "sf", "above s0 = 1"),
+    ("bilinear", {"tau": 2, "s0": 1, "G_f": 1}, "G_f", "above 1 J/m^2"),
+    ("trapezoidal", {"tau": 1, "s0": 2, "s1": 1, "sf": 3}, "s1", "above s0 = 2"),
+    ("trilinear", {"tau": 1, "s0": 1, "sf": 3, "tau_r": -1}, "tau_r", "at least 0"),
     ("piecewise-linear", {"points": []}, "points", "at least one pair"),
     ("piecewise-linear", {"points": [[0, 1, 2]]}, "points", "pair"),
     ("piecewise-linear", {"points": [0, 1]}, "points", "list"),
@@ -202,7 +214,7 @@ def test_parameters_are_described() -> None:
         for parameter in shape.parameters:
             assert parameter.meaning
             assert parameter.kind in ("number", "integer", "law points", "flag", "numbers")
-            assert parameter.required or parameter.name in ("decay", "odd", "slope", "slopes")
+            assert parameter.required or parameter.name in ("decay", "odd", "slope", "slopes", "sf", "G_f")
 
 
 def test_defaults_may_be_written_out() -> None:

@@ -106,7 +106,7 @@ def test_refused(text: str, dimension: units.Dimension, message: str, remedy: st
 
 def test_every_example_has_its_own_dimension() -> None:
     dimensions = [value for value in vars(units).values() if isinstance(value, units.Dimension)]
-    assert len(dimensions) == 15
+    assert len(dimensions) == 16
     for dimension in dimensions:
         parts = split_quantity(dimension.example)
         if dimension is units.NONE:

@@ -133,3 +133,27 @@ path: {parameter: load, from: 0, to: 1, at: [0.5, 1]}
     assert data["solution_count"].values.tolist() == [1, 1]
     assert data["solution_unique"].values.all()
     assert not data.sizes.get("fold", 0)
+
+
+BONDED = """
+body: {rectangle: {width: 300 mm, height: 2 mm}}
+material: {E: 165 GPa, nu: 0.3}
+boundary: {bottom: {role: contact}, right: {role: clamped, u_x: 0 mm, u_y: 0}, top: free, left: free}
+friction: {LAW}
+mesh: {maxh: 2 mm, levels: 1}
+path: {parameter: boundary.right.u_x, from: 0, to: 1 mm}
+"""
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        "law: bilinear, tau: 7 MPa, s0: 40 um, G_f: 900 J/m^2",
+        "law: trapezoidal, tau: 7 MPa, s0: 40 um, s1: 80 um, G_f: 0.9 N/mm",
+    ],
+)
+def test_a_long_bond_bears_what_its_fracture_energy_says(law: str, tmp_path: Path) -> None:
+    """max ∫ξ = √(2 G_f E′ t) whatever the shape of the law (Täljsten, Int. J. Adhes. Adhes. 16, 1996; Yuan et al.)."""
+    data = path_of(BONDED.replace("LAW", law), tmp_path)
+    force = np.abs(data["xi"].values @ data["c"].values)
+    assert force.max() == pytest.approx(np.sqrt(2 * 900 * 165e9 / (1 - 0.3**2) * 2e-3), rel=5e-5)
