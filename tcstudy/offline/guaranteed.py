@@ -1,0 +1,212 @@
+"""What is proved of the body, not of its mesh: λ₁ from both sides.
+
+λ₁ = min a(v,v)/‖v_T‖² over Γ_C decides uniqueness: one solution for every ω < λ₁. P1 displacements are a subset, so
+that λ_min(Ã, M) with the exact mass matrix M of Γ_C bounds it from above. From below, with λ̂ of the equilibrium
+elements: 1/λ₁ = sup_g ‖u_g‖²_a/‖g‖² over tangential tractions g; split g = πg + (g − πg), π the L² projection onto
+linear functions on every segment. ‖u_πg‖² ≤ ‖πg‖²/λ̂, as the dual overestimates compliance, and ‖u_{g−πg}‖ ≤ C‖g − πg‖ with
+C² = max_K Σ_e sup_v ‖(I − π)v_T‖²_e/a_K(v,v), so that
+    λ̂/(1 + C²λ̂) ≤ λ₁ ≤ λ_min(Ã, M).
+A triangle gives C² ≤ C₀² h_e/2μ, C₀ of its shape alone. C₀ is bounded without a constant of Korn: refine the triangle k
+times, and its parts at e are copies of it, 2⁻ᵏ as large; hence C₀² ≤ ν_k + 2⁻ᵏC₀², ν_k that of piecewise πv on the
+equilibrium elements of the refinement. A triangle that holds a smaller one on the same edge has no greater constant, so
+that a few shapes serve all. All up to rounding, which is estimated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from tcstudy.contact.problem import least_eigenpair
+from tcstudy.errors import GeometryFailed
+from tcstudy.fem.boundary import ContactLine
+from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.fem.rigid import edge_arms, unknown
+from tcstudy.offline.equilibrium import (
+    GAUSS,
+    EquilibriumBody,
+    Supports,
+    edges_of,
+    equilibrium_body,
+    numbers_of,
+)
+from tcstudy.scene.records import Clamped, Contact, Loaded, Rigid, Role, Scene
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+ROUNDINGS = 4.0
+"""Of K̂, by which the error of λ̂ is estimated."""
+REFINED = 3
+"""Times that a triangle is refined for its constant."""
+SHAPES = 16
+"""Shapes of triangles are told apart by so many places along the edge, and their heights by as many a factor of e."""
+
+
+@dataclass(frozen=True)
+class Band:
+    """low ≤ λ₁ of the body ≤ high [Pa/m];  hat: λ̂ of the equilibrium elements, nearer to λ₁ than λ₁ of P1."""
+
+    low: float
+    hat: float
+    high: float
+
+
+def lambda_1_band(mesh: PlaneMesh, scene: Scene, line: ContactLine, A_tilde: Array) -> Band:
+    """λ₁ of the body from both sides; A_tilde: (m, m) that of P1 on the mesh, all moduli those of the scene [Pa].
+
+    Raises GeometryFailed for curved edges, as a polygon is another body.
+    """
+    body = dual_of(mesh, scene, line)
+    hat, x, error = least_eigenpair(body.A_hat, body.c)
+    whole = body.condensation.expand(x)
+    error += ROUNDINGS * float(np.finfo(float).eps) * float(body.diagonal @ whole**2) / hat
+    lam, mu = moduli_of(mesh, scene)
+    C2 = neglected(mesh.points, mesh.triangles, mesh.segments[line.which], np.minimum(mu, lam + mu))
+    high = float(scipy.linalg.eigvalsh(A_tilde, mass_of(line), subset_by_index=[0, 0])[0])
+    return Band(hat * (1.0 - error) / (1.0 + C2 * hat), hat, high * (1.0 + error))
+
+
+def dual_of(mesh: PlaneMesh, scene: Scene, line: ContactLine) -> EquilibriumBody:
+    """The equilibrium elements of a scene. Raises GeometryFailed for curved edges."""
+    curved = sorted({curve.name for curve in mesh.geometry.curves if not curve.straight})
+    if curved:
+        what = f"guarantee: needs straight edges, but {', '.join(curved)} is curved, and its mesh is another body"
+        raise GeometryFailed(f"{what}; draw it with straight edges, or leave guarantee out", ("mesh", "guarantee"))
+    supports, ties = _supports(mesh, scene.boundary, line)
+    return equilibrium_body(mesh.points, mesh.triangles, mesh.segments, *moduli_of(mesh, scene), supports, ties)
+
+
+def moduli_of(mesh: PlaneMesh, scene: Scene) -> tuple[Array, Array]:
+    """(t,) λ and μ of every triangle [Pa]."""
+    lam, mu = np.empty((2, len(mesh.triangles)))
+    for where, material in scene.pieces:
+        inside = mesh.inside(where)
+        lam[inside], mu[inside] = material.lam, material.mu
+    return lam, mu
+
+
+def mass_of(line: ContactLine) -> Array:
+    """(m, m) ∫_{Γ_C} φ_i φ_j of P1 [m]."""
+    ends, length = line.unknowns, np.hypot(*(line.ends[:, 1] - line.ends[:, 0]).T)
+    M = np.zeros((line.m + 1, line.m + 1))  # what is held goes to the last row
+    for i in (0, 1):
+        for j in (0, 1):
+            np.add.at(M, (ends[:, i], ends[:, j]), length / (3.0 if i == j else 6.0))
+    return M[:-1, :-1]
+
+
+def _supports(
+    mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...], line: ContactLine
+) -> tuple[Supports, sp.csr_array | None]:
+    """What holds the boundary segments of a mesh, and T of its rigid edges."""
+    s = len(mesh.segments)
+    along = mesh.points[mesh.segments[:, 1]] - mesh.points[mesh.segments[:, 0]]
+    t = along / np.hypot(*along.T)[:, None]
+    tn = np.stack([t, np.column_stack([t[:, 1], -t[:, 0]])], axis=2)
+    axes, held, springs = np.tile(np.eye(2), (s, 1, 1)), np.zeros((s, 2), dtype=bool), np.zeros((s, 2))
+    tied = []
+    for name, role in boundary:
+        on = mesh.on(name)
+        match role:
+            case Contact():
+                axes[on], held[on] = tn[on], (False, True)
+            case Clamped():
+                given = np.array([component is not None for component in role.u])
+                if role.frame == "nt":
+                    axes[on], held[on] = tn[on], given[::-1]
+                else:
+                    held[on] = given
+                if isinstance(role, Rigid):
+                    tied.append((name, role))
+            case Loaded() if any(role.spring):
+                axes[on], springs[on] = tn[on], role.spring[::-1]
+    return Supports(axes, held, springs, line.which), _ties(mesh, tied) if tied else None
+
+
+def _ties(mesh: PlaneMesh, rigid: list[tuple[str, Rigid]]) -> sp.csr_array:
+    """T of w = T w': the displacements of a rigid edge in rows of its first segment, a_x, a_y and, if it turns, φℓ."""
+    edges, _, _ = edges_of(mesh.triangles)
+    e = len(edges)
+    rest, parts = np.ones(4 * e, dtype=bool), []
+    for name, role in rigid:
+        number = numbers_of(edges, mesh.segments[mesh.on(name)])
+        ends = mesh.points[edges[number]]
+        at = ends[:, :1] + GAUSS[None, :, None] * (ends[:, 1:] - ends[:, :1])  # (k, 2, 2) by edge and Gauss point
+        rows = 2 * e * np.arange(2) + number[:, None]
+        nodes, _, arms = edge_arms(mesh, name)
+        middle = mesh.points[nodes[0]] - arms[0]
+        length = float(np.hypot(*arms.T).max())
+        for c in unknown(role):
+            parts.append((rows + c * e, np.full(rows.shape, number[0] + c * e), np.ones(rows.shape)))
+            rest[rows + c * e] = False
+            if role.moment is not None:
+                arm = (at - middle)[..., 1 - c] * (-1.0 if c == 0 else 1.0) / length
+                parts.append((rows + c * e, np.full(rows.shape, 2 * e + number[0]), arm))
+    kept = np.flatnonzero(rest)
+    row, column, value = (np.concatenate([a.ravel() for a in part]) for part in zip(*parts, strict=True))
+    entries = (np.append(value, np.ones(len(kept))), (np.append(row, kept), np.append(column, kept)))
+    return sp.csr_array(entries, shape=(4 * e, 4 * e))
+
+
+# -- what linear tractions leave out ---------------------------------------------------------------
+
+
+def neglected(points: Array, triangles: Indices, contact: Indices, stiffness: Array) -> float:
+    """C² = max_K Σ_e sup_v ‖(I − π)v_T‖²_e/a_K(v,v) over triangles at Γ_C [m/Pa].
+
+    contact: (k, 2) segments of Γ_C, the body on their left;  stiffness: (t,) half the least of c, min(μ, λ + μ) [Pa]
+    """
+    n = len(points)
+    ends = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2)
+    keys = (ends[..., 0] * n + ends[..., 1]).ravel()
+    order = np.argsort(keys)
+    found = order[np.searchsorted(keys[order], contact[:, 0] * n + contact[:, 1])]
+    owner, side = np.divmod(found, 3)
+    a, b, apex = (points[triangles[owner, (side + k) % 3]] for k in range(3))
+    h = np.hypot(*(b - a).T)
+    along, across = (b - a) / h[:, None], apex - a
+    x = np.einsum("ij,ij->i", along, across) / h
+    y = (along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0]) / h
+    C2 = [shape_constant(*_smaller(*shape)) for shape in zip(x.tolist(), y.tolist(), strict=True)]
+    return float(np.bincount(owner, np.array(C2) * h / (2.0 * stiffness[owner])).max())
+
+
+def _smaller(x: float, y: float) -> tuple[float, float]:
+    """The apex of a triangle on (0, 0), (1, 0) within the one with apex (x, y), one of few; by symmetry x ≤ ½."""
+    x = min(x, 1.0 - x)
+    low = np.exp(np.floor(np.log(y * (1.0 - 1.0 / SHAPES)) * SHAPES) / SHAPES)
+    share = low / y  # at this height the triangle reaches from x·share to 1 − (1 − x)·share, 1/SHAPES wide or more
+    at = np.ceil(x * share * SHAPES) / SHAPES
+    assert x * share <= at <= 1.0 - (1.0 - x) * share
+    return float(at), float(low)
+
+
+@lru_cache(maxsize=4096)
+def shape_constant(x: float, y: float) -> float:
+    """C₀²: ‖(I − π)v_T‖²_e ≤ C₀² h_e ‖ε(v)‖²_K for v_N = 0 on the side e of a triangle with its apex at (x, y)h_e."""
+    k = 2**REFINED
+    i, j = (index.ravel() for index in np.meshgrid(np.arange(k + 1), np.arange(k + 1)))
+    inside = i + j <= k
+    number = np.cumsum(inside).reshape(k + 1, k + 1) - 1  # [j, i]
+    points = np.column_stack([i / k + x * j / k, y * j / k])[inside]
+    up = [(number[j, i], number[j, i + 1], number[j + 1, i]) for j in range(k) for i in range(k - j)]
+    down = [(number[j, i + 1], number[j + 1, i + 1], number[j + 1, i]) for j in range(k) for i in range(k - j - 1)]
+    triangles = np.array([*up, *down], dtype=np.intp)
+    bottom = np.column_stack([number[0, :-1], number[0, 1:]])
+    supports = Supports(np.tile(np.eye(2), (k, 1, 1)), np.tile([False, True], (k, 1)), np.zeros((k, 2)), np.arange(k))
+    t = len(triangles)
+    body = equilibrium_body(points, triangles, bottom, np.zeros(t), np.full(t, 0.5), supports)
+    root = np.sqrt(body.c)
+    A = body.A_hat / root[:, None] / root
+    at = (np.arange(k)[:, None] + GAUSS).ravel() / k
+    Q = np.linalg.qr(np.column_stack([root, root * at]))[0]  # linear functions on e, rigid motion first
+    inverse = np.linalg.inv(A + np.trace(A) * np.outer(Q[:, 0], Q[:, 0]))
+    left = np.eye(len(A)) - Q @ Q.T
+    nu = float(np.linalg.eigvalsh(left @ inverse @ left)[-1])
+    return nu / (1.0 - 0.5**REFINED)

@@ -1,0 +1,161 @@
+"""λ₁ of the body from both sides, against NGSolve at order 4 on meshes refined thrice, and against finer P1 meshes."""
+
+from __future__ import annotations
+
+import ngsolve as ngs
+import numpy as np
+import pytest
+
+from tcstudy.errors import GeometryFailed
+from tcstudy.fem.forms import csr
+from tcstudy.offline.guaranteed import Band, lambda_1_band, shape_constant
+from tcstudy.offline.level import Level
+from tcstudy.scene.records import Scene
+from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, study_of
+
+ELL = """
+units: none
+body: {outline: [{from: [0, 0], edge: bottom}, {from: [2, 0], edge: right}, {from: [2, 1], edge: shelf},
+                 {from: [1, 1], edge: step}, {from: [1, 2], edge: top}, {from: [0, 2], edge: left},
+                 {from: [0, 1], edge: low}]}
+boundary: {bottom: contact, left: clamped, right: free, shelf: free, step: free, top: free, low: free}
+material: {E: 1, nu: 0.3}
+friction: {law: tresca, tau: 0.01}
+mesh: {maxh: 0.25, levels: 3}
+"""
+SUPPORTS = {
+    "left": ("clamped", "{role: clamped, u_x: 0}", "symmetry", "{role: traction, spring: {normal: K}}"),
+    "right": ("free", "{role: traction, spring: {normal: K, tangential: K}}", "{role: rigid, u_y: 0}"),
+    "top": ("free", "{role: traction, spring: {normal: K}}", "{role: rigid, moment: 0}", "clamped"),
+}
+
+
+def bands(text: str, *changes: str) -> list[tuple[Level, Scene, Band]]:
+    study = study_of(text, *changes)
+    scene = study.scenes[0]
+    return [
+        (level, scene, lambda_1_band(level.mesh, scene, level.line, level.condensed(scene).problem.A_tilde))
+        for level in levels_of(study)
+    ]
+
+
+def reference(level: Level, scene: Scene, refined: int = 1) -> float:
+    """λ₁ by order 4 on a mesh refined so often; contact along y = 0, no rigid edge."""
+    kernel = level.mesh.kernel.ngmesh.Copy()
+    for _ in range(refined):
+        kernel.Refine()
+    kernel.Scale(level.mesh.unit)
+    mesh = ngs.Mesh(kernel)
+    held: dict[int, list[str]] = {0: [], 1: [level.mesh.region("bottom")]}
+    for name, role in scene.boundary:
+        for c, given in enumerate(getattr(role, "u", ())):
+            if given is not None:  # symmetry: u_N = u_x of the left edge
+                held[c].append(level.mesh.region(name))
+    V = ngs.VectorH1(mesh, order=4, dirichletx="|".join(held[0]), dirichlety="|".join(held[1]))
+    (u, v), n = V.TnT(), ngs.specialcf.normal(2)
+    at = np.empty((2, mesh.ne))
+    index = mesh.ngmesh.Elements2D().NumPy()["index"]
+    for where, own in scene.pieces:
+        names = np.array([not where or name in where for name in mesh.GetMaterials()])[index - 1]
+        at[:, names] = [[own.lam], [own.mu]]
+    lam, mu = (ngs.GridFunction(ngs.L2(mesh, order=0)) for _ in range(2))
+    lam.vec.FV().NumPy()[:], mu.vec.FV().NumPy()[:] = at
+    eps = lambda w: ngs.Sym(ngs.Grad(w))  # noqa: E731
+    a = ngs.BilinearForm((lam * ngs.div(u) * ngs.div(v) + 2 * mu * ngs.InnerProduct(eps(u), eps(v))) * ngs.dx)
+    for name, k_n, k_t in scene.springs:
+        push = k_n * (u * n) * (v * n) + k_t * (u * v - (u * n) * (v * n))
+        a += push * ngs.ds(level.mesh.region(name))
+    b = ngs.BilinearForm(u[0] * v[0] * ngs.ds(level.mesh.region("bottom")), check_unused=False)
+    B, inverse = csr(b.Assemble()).tocsr(), a.Assemble().mat.Inverse(V.FreeDofs(), "sparsecholesky")
+    on = np.flatnonzero(np.diff(B.indptr) * np.array(list(V.FreeDofs())))
+    load, found = a.mat.CreateColVector(), np.empty((len(on), len(on)))
+    for i, dof in enumerate(on):  # 1/λ₁ is the largest eigenvalue of A⁻¹B
+        load[:] = 0.0
+        load[int(dof)] = 1.0
+        found[:, i] = (inverse * load).Evaluate().FV().NumPy()[on]
+    return float(1 / np.linalg.eigvals(found @ B[on][:, on].toarray()).real.max())
+
+
+def scene_of(seed: int) -> str:
+    rng = np.random.default_rng(seed)
+    size, E = 10 ** rng.uniform(-2, 2), 10 ** rng.uniform(0, 11)
+    w, h = rng.uniform(1, 4) * size, rng.uniform(0.4, 1.5) * size
+    x, y = w + rng.uniform(-0.3, 0.3) * size, h * rng.uniform(0.6, 1)
+    roles = {name: str(rng.choice(some)) for name, some in SUPPORTS.items()}
+    if roles["right"].startswith("{role: rigid") and roles["top"].startswith(("{role: rigid", "clamped")):
+        roles["top"] = "free"
+    if roles["top"] != "free" and roles["left"] in ("symmetry", "clamped") and "rigid" in roles["top"]:
+        roles["left"] = SUPPORTS["left"][3]
+    edges = ", ".join(f"{name}: {role}" for name, role in roles.items()).replace(
+        "K", repr(E * 10 ** rng.uniform(-2, 2) / size)
+    )
+    nu = rng.choice([0.0, 0.3, 0.45, 0.499, 0.4999])
+    return f"""
+units: none
+body:
+  outline: [{{from: [0, 0], edge: bottom}}, {{from: [{w}, 0], edge: right}}, {{from: [{x}, {y}], edge: top}},
+            {{from: [0, {h}], edge: left}}]
+  regions: {{part: {{rectangle: {{corner: [{0.2 * w}, {0.1 * h}], width: {0.4 * w}, height: {0.3 * h}}}}}}}
+boundary: {{bottom: contact, {edges}}}
+material: {{E: {E!r}, nu: {nu}, plane: {rng.choice(["strain", "stress"])}}}
+materials: {{part: {{E: {E * 10 ** rng.uniform(-2, 2)!r}, nu: 0.3}}}}
+friction: {{law: tresca, tau: {E * 0.01!r}}}
+mesh: {{maxh: {h * rng.uniform(0.15, 0.6)}}}
+"""
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_body_lies_within_the_band(seed: int) -> None:
+    ((level, scene, band),) = bands(scene_of(seed))
+    if any("Rigid" in type(role).__name__ for _, role in scene.boundary):
+        finest = bands(scene_of(seed), "mesh.levels=4")[-1][2]
+        assert band.low <= finest.high * (1 + 1e-9)
+        assert finest.low <= band.high * (1 + 1e-9)
+    else:
+        exact = reference(level, scene)
+        assert band.low <= exact * (1 + 1e-6)
+        assert exact <= band.high * (1 + 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "nu", "maxh", "low", "high", "exact"),
+    [
+        (RECTANGLE, 0.3, 0.0625, 0.4085, 0.4149, 0.41335),
+        (RECTANGLE, 0.4999, 0.0625, 0.4844, 0.7753, 0.4926),
+        (ELL, 0.3, 0.0625, 0.1648, 0.1734, 0.1678),
+        (ELL, 0.4999, 0.25, 0.1764, 0.2573, 0.1884),
+    ],
+)
+def test_the_band_is_as_narrow_as_it_was_found(
+    text: str, nu: float, maxh: float, low: float, high: float, exact: float
+) -> None:
+    """An own program's on other meshes of these sizes; exact: NGSolve, order 4."""
+    ((_, _, band),) = bands(text, f"material.nu={nu}", f"mesh.maxh={maxh}", "mesh.levels=1")
+    assert low * 0.995 <= band.low <= exact <= band.high <= high * 1.03
+
+
+def test_the_band_closes_and_turns_with_the_body() -> None:
+    """First order at least; the same for a body that lies on a slope."""
+    found = [band for _, _, band in bands(RECTANGLE)]
+    gaps = [(band.high - band.low) / band.high for band in found]
+    assert gaps[0] < 0.05
+    assert gaps[2] < 0.27 * gaps[0]
+    turned = """
+units: none
+body: {outline: [{from: [0, 0], edge: bottom}, {from: [1.6, 1.2], edge: right}, {from: [1, 2], edge: top},
+                 {from: [-0.6, 0.8], edge: left}]}
+boundary: {bottom: contact, left: clamped, top: free, right: free}
+"""
+    rest = RECTANGLE[RECTANGLE.index("material") :]
+    other = bands(turned + rest)[2][2]
+    assert (other.low, other.hat, other.high) == pytest.approx((found[2].low, found[2].hat, found[2].high), rel=2e-3)
+
+
+def test_a_shape_has_the_constant_that_was_found() -> None:
+    assert shape_constant(0.5, np.sqrt(0.75)) == pytest.approx(0.320, abs=5e-4)
+    assert shape_constant(0.4, 0.5) >= shape_constant(0.4, 0.6)  # one lies in the other
+
+
+def test_curved_edges_are_refused() -> None:
+    with pytest.raises(GeometryFailed, match=r"guarantee.*bore, curve"):
+        bands(HEATED_BRACKET, "mesh.levels=1")
