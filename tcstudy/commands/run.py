@@ -118,9 +118,9 @@ def _onward(options: argparse.Namespace, output: Path, failed: int) -> Iterator[
     if study.design is not None and study.design.mode == "saltelli":
         yield "which parameter decides", ["tcstudy", "show", str(output), "--of=friction_resultant"]
     if not shared.proved_unique(output):
-        from tcstudy.read.plans import affine_parameters
+        from tcstudy.scene.parameters import affine_numbers
 
-        if len(study.axes) == 1 and (axis := study.axes[0]).path in dict(affine_parameters(study.scenes[0])):
+        if len(study.axes) == 1 and (axis := study.axes[0]).path in dict(affine_numbers(study.scenes[0])):
             span = f"path={{parameter: {'.'.join(axis.path)}, from: {axis.values[0]}, to: {axis.values[-1]}}}"
             yield "whether a path has other solutions", ["tcstudy", "run", *again, f"--set={span}"]
     if study.mesh.levels > 1:

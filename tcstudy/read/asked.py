@@ -11,26 +11,23 @@ A scene with one of the FEATURES is refused what its theory or its code does not
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
 
 import numpy as np
 
-from tcstudy.expressions.expression import Expression
 from tcstudy.laws.composed import EdgeLaws
-from tcstudy.laws.derivatives import POINTS
 from tcstudy.read.checks import corner_faults
 from tcstudy.read.fields import Context
-from tcstudy.read.node import Node, hint
-from tcstudy.read.plans import affine_parameters, path_of
+from tcstudy.read.node import Node, hint, holds
+from tcstudy.read.plans import path_of
 from tcstudy.scene.fits import Sensitivity
-from tcstudy.scene.keys import law_rows, row
-from tcstudy.scene.parameters import SHORT, path_scene, sweepable
+from tcstudy.scene.keys import row
+from tcstudy.scene.parameters import SHORT, Number, affine_numbers, numbers, sweepable
 from tcstudy.scene.points import distinct
-from tcstudy.scene.records import Body, Contact, Convection, Loaded, Rigid, Scene, exchanges
+from tcstudy.scene.records import Body, Contact, Rigid, Scene
 from tcstudy.scene.study import Exact, OutputPlan, Probe
-from tcstudy.scene.units import NONE, STIFFNESS, TRACTION, Dimension
 from tcstudy.shapes.edges import body_size, edge_distance, loop_polygon, loop_size
 
 Keys = tuple[str, ...]
@@ -69,8 +66,6 @@ def _placed(ctx: Context, node: Node, probe: Probe, body: Body, contact: tuple[s
     return replace(probe, on_contact=any(edge.name in contact for edge in on))
 
 
-NUMBERS = ("E", "nu", "alpha_T", "beta", "k")
-"""Of materials."""
 REMEDY = "compare points of a sweep over it"
 
 
@@ -87,7 +82,7 @@ def read_sensitivity(
         what = "the loads are derived from the exact solution and would change with the number"
         ctx.errors.at(node, what, "give the loads, or remove sensitivity")
         return ()
-    known = dict(differentiable(root, base, scenes))
+    known = differentiable(root, base, scenes)
     found: dict[Keys, Sensitivity] = {}
     for item in node.value if isinstance(node.value, tuple) else (node,):
         word = ctx.text(item, "the name of a number")
@@ -101,75 +96,35 @@ def read_sensitivity(
 
 
 def named_number(
-    ctx: Context, node: Node, word: str, root: Node, known: dict[Keys, tuple[Dimension, str]], on_key: bool = False
+    ctx: Context, node: Node, word: str, root: Node, known: Mapping[Keys, Number], on_key: bool = False
 ) -> Sensitivity | None:
     """The number that a word names, of those that are `differentiable`; None after a fault."""
     path = path_of(word)
-    if path not in known or known[path][1]:
+    if path not in known or known[path].no_number:
         what, remedy = _why_not(word, path, known)
         ctx.errors.at(node, what, remedy, on_key=on_key)
         return None
-    every = root.child("materials")
-    material = every.child(path[1]) if every and path[0] == "materials" else root.child("material")
-    heat_grows = material is None or material.child("beta") is None  # with E, as β follows from alpha_T
-    return Sensitivity(word, path, ctx.cf(known[path][0]), heat_grows)
+    place = path[:2] if path[0] == "materials" else ("material",)
+    heat_grows = not holds(root, (*place, "beta"))  # with E, as β follows from alpha_T
+    return Sensitivity(word, path, ctx.cf(known[path].row.dimension), heat_grows)
 
 
-def differentiable(root: Node, base: Scene, scenes: Sequence[Scene]) -> Iterator[tuple[Keys, tuple[Dimension, str]]]:
-    """(path, (dimension, why not)) of the numbers that the reader knows how to differentiate by."""
-    for path, parameter in affine_parameters(base):
-        varies = isinstance(parameter.value, Expression)
-        yield path, (parameter.dimension, "it varies in space" if varies else parameter.idle)
-    every = root.child("materials")
-    places = [("material",), *(("materials", region) for region, _ in base.material.regions)]
-    for place in places:
-        own = root.child("material") if len(place) == 1 else every.child(place[1]) if every else None
-        given = set(own.value) if own and isinstance(own.value, Mapping) else set()
-        for name in NUMBERS:
-            if name in given:
-                yield (*place, name), (row("material", name).dimension, "")
-    if base.heat.theta is None and base.conducts:
-        yield from _of_edges(base)
-    for edge, role in base.boundary:
-        if isinstance(role, Loaded) and any(role.spring):
-            for name in ("normal", "tangential"):
-                yield ("boundary", edge, "spring", name), (STIFFNESS, "")
+def differentiable(root: Node, base: Scene, scenes: Sequence[Scene]) -> dict[Keys, Number]:
+    """The numbers by which results can be differentiated, and those that have a reason why not; of materials those
+    that the study gives, of laws those of all scenes."""
+    found = {path: one for path, one in numbers(base) if path[0] != "friction"}
+    found = {path: one for path, one in found.items() if path[0][:8] != "material" or holds(root, path)}
     for scene in distinct(scenes, "friction"):
-        yield from _of_laws(scene)
-    if (history := root.child("history")) and history.child("stiffness"):
-        yield ("history", "stiffness"), (STIFFNESS, "")
+        found |= {path: one for path, one in numbers(scene) if path[0] == "friction"}
+    if holds(root, ("history", "stiffness")):
+        found["history", "stiffness"] = Number(row("history", "stiffness"), 0.0, ())
+    return found
 
 
-def _of_edges(base: Scene) -> Iterator[tuple[Keys, tuple[Dimension, str]]]:
-    """The heat transfer coefficients."""
-    dimension = row("heat", "alpha").dimension
-    if any(exchanges(role) and not (role.heat and role.heat.alpha) for _, role in base.boundary):
-        yield ("heat", "alpha"), (dimension, "")
-    for edge, role in base.boundary:
-        if role.heat and role.heat.alpha:
-            inner = () if isinstance(role, Convection) else ("heat",)
-            yield ("boundary", edge, *inner, "alpha"), (dimension, "")
-
-
-def _of_laws(scene: Scene) -> Iterator[tuple[Keys, tuple[Dimension, str]]]:
-    """The numbers of a scene's laws."""
-    friction = scene.friction
-    laws = friction.laws if isinstance(friction, EdgeLaws) else (("", friction, 1.0),)
-    for edge, law, strength in laws:
-        place = ("friction", edge) if edge else ("friction",)
-        values = law.made.values if law.made else {}
-        for key in law_rows(law.made.shape) if law.made else ():
-            if isinstance(values[key.name], float) and key.kind != "integer":
-                yield (*place, key.name), (key.dimension, "")
-        for i in range(len(values.get(POINTS, ()))):
-            yield (*place, POINTS, str(i)), (TRACTION, "")
-        yield (*place, "strength"), (NONE, "it varies in space" if isinstance(strength, Expression) else "")
-
-
-def _why_not(word: str, path: Keys, known: dict[Keys, tuple[Dimension, str]]) -> tuple[str, str]:
+def _why_not(word: str, path: Keys, known: Mapping[Keys, Number]) -> tuple[str, str]:
     """What is wrong with a name, and the remedy."""
     if path in known:
-        return f"there is no derivative by {word}: {known[path][1]}", "name a single number that has an effect"
+        return f"there is no derivative by {word}: {known[path].no_number}", "name a single number that has an effect"
     if path[0] in ("body", "mesh"):
         return f"there is no derivative by {word}: it moves the mesh", REMEDY
     if path[0] in ("material", "materials") and path[-1] in ("lambda", "mu"):
@@ -178,7 +133,7 @@ def _why_not(word: str, path: Keys, known: dict[Keys, tuple[Dimension, str]]) ->
         return f"there is no derivative by {word}: it may stand in any expression", "name a number of a section"
     if path in sweepable({}, None):
         return f"this study has no number {word} by which its solution can be differentiated", REMEDY
-    names = [".".join(one) for one, (_, why) in known.items() if not why]
+    names = [".".join(path) for path, one in known.items() if not one.no_number]
     shorter = [short for short, full in SHORT.items() if full in names]
     return f"the study has no number {word!r}", hint(word, [*names, *shorter], f"use {', '.join(names)}")
 
@@ -187,8 +142,8 @@ def _check_corner(ctx: Context, item: Node, base: Scene, path: Keys) -> None:
     """A prescribed displacement that a corner shares with another edge cannot change alone."""
     if path[0] != "boundary" or not path[-1].startswith("u_"):
         return
-    value = dict(affine_parameters(base))[path].value
-    moved = path_scene(base, path, 1.0 + 2.0 * abs(float(value)))  # type: ignore[arg-type]
+    one = dict(affine_numbers(base))[path]
+    moved = one.put(base, 1.0 + 2.0 * abs(float(one.value)))  # type: ignore[arg-type]
     for _, why in islice(corner_faults(base.body, moved.boundary), 1):
         ctx.errors.at(item, f"{'.'.join(path)} cannot change alone: {why}", "free a component of one of the two edges")
 

@@ -47,6 +47,18 @@ MOST = 2**31 - 1
 """Largest whole number that any key takes."""
 
 
+def out_of_bounds(row: Key, value: float) -> str:
+    """What a number of a row must that is out of its bounds, in words; empty for one within them, and for NaN."""
+    low = row.above is not None and value <= row.above
+    if low or (row.below is not None and value >= row.below):
+        if row.above and row.below:
+            return f"lie between {row.above:g} and {row.below:g}"
+        return f"be greater than {row.above:g}" if low else f"be less than {row.below:g}"
+    if row.least is not None and value < row.least:
+        return f"be {row.least:g} or more"
+    return f"be {row.most:g} or less" if row.most is not None and value > row.most else ""
+
+
 @dataclass
 class Context:
     """What every reader needs: where faults go, whether texts may have units, the study's folder, its named numbers."""
@@ -128,19 +140,10 @@ class Context:
     def bounded(self, node: Node, row: Key, dimension: Dimension) -> float:
         """A number in SI within the bounds of a row; NaN after a fault."""
         value = self.quantity(node, dimension)
-        if row.above is not None and value <= row.above:
-            what = f"be greater than {row.above:g}"
-        elif row.below is not None and value >= row.below:
-            what = f"be less than {row.below:g}"
-        elif row.least is not None and value < row.least:
-            what = f"be {row.least:g} or more"
-        elif row.most is not None and value > row.most:
-            what = f"be {row.most:g} or less"
-        else:
+        if not (must := out_of_bounds(row, value)):
             return value
-        what = f"lie between {row.above:g} and {row.below:g}" if row.above and row.below else what
         remedy = f"write for example {self.example(row.example or dimension.example)}"
-        return self._none(node, f"must {what}, but is {node.brief()}", remedy)
+        return self._none(node, f"must {must}, but is {node.brief()}", remedy)
 
     def items(self, node: Node, content: str, least: int = 0) -> tuple[Node, ...]:
         """The entries of a list; empty after a fault."""

@@ -20,14 +20,15 @@ from tcstudy.laws.derivatives import POINTS
 from tcstudy.laws.pieces import GrowthError
 from tcstudy.laws.shapes import LawError
 from tcstudy.read.asked import differentiable, named_number
-from tcstudy.read.fields import Context, Fields, none_after_fault
+from tcstudy.read.fields import Context, Fields, none_after_fault, out_of_bounds
 from tcstudy.read.history import check_fit
 from tcstudy.read.node import Node, hint
-from tcstudy.read.plans import affine_parameters, level_of, path_of
+from tcstudy.read.plans import level_of, path_of
 from tcstudy.read.points import table_lines
 from tcstudy.scene.fits import PLACE, RESULTS, STEP, FitColumn, FitMark, FitParameter, FitPlan, Sensitivity
 from tcstudy.scene.histories import HistoryPlan, Memory, UnfitLaw
-from tcstudy.scene.parameters import with_number
+from tcstudy.scene.key import Key
+from tcstudy.scene.parameters import affine_numbers, with_number
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import MeshPlan
 from tcstudy.scene.units import LENGTH, NONE, NUMBER, Dimension
@@ -199,7 +200,7 @@ def _column(
 ) -> FitColumn | None:
     """One column in SI; None after a fault. stepwise: of a history, whose lines have steps in the place of loads"""
     before, path = len(ctx.errors), path_of(name)
-    affine = {} if stepwise else dict(affine_parameters(scene))
+    affine = {} if stepwise else dict(affine_numbers(scene))
     if name in RESULTS:
         path, dimension = (), RESULTS[name]
     elif path == PLACE:
@@ -207,7 +208,7 @@ def _column(
     elif stepwise and path == STEP:
         dimension = NONE
     elif path in affine and not affine[path].idle:
-        dimension = affine[path].dimension
+        dimension = affine[path].row.dimension
     else:
         known = [
             *RESULTS,
@@ -263,23 +264,23 @@ def _parameters(
 ) -> tuple[FitParameter, ...]:
     """The numbers to find."""
     node, memory = fields.values["parameters"], history.memory if history else None
-    known = dict(differentiable(root, scene, (scene,)))
+    known = differentiable(root, scene, (scene,))
     found, remedy = [], "write {friction.tau_s: {start: 4 MPa, within: [1 MPa, 50 MPa]}}"
     for name, item in ctx.mapping(node, "numbers", remedy).items():
         if number := named_number(ctx, item, name, root, known, on_key=True):
-            found.append(_parameter(ctx, item, number, known[number.path][0], scene, memory))
+            found.append(_parameter(ctx, item, number, known[number.path].row, scene, memory))
     return tuple(one for one in found if one)
 
 
 def _parameter(
-    ctx: Context, node: Node, number: Sensitivity, dimension: Dimension, scene: Scene, memory: Memory | None
+    ctx: Context, node: Node, number: Sensitivity, row: Key, scene: Scene, memory: Memory | None
 ) -> FitParameter | None:
     before, fields = len(ctx.errors), Fields(ctx, node, "fit_parameter")
     if len(ctx.errors) > before:
         return None
     both = ctx.pair(fields.values["within"], "a pair [low, high]", fields.rows["within"].example)
-    start = fields.value("start", dimension)
-    low, high = (ctx.quantity(item, dimension) for item in both) if both else (math.nan, math.nan)
+    start = fields.value("start", row.dimension)
+    low, high = (ctx.quantity(item, row.dimension) for item in both) if both else (math.nan, math.nan)
     if len(ctx.errors) > before:
         return None
     if not low < high:
@@ -290,24 +291,19 @@ def _parameter(
     if scale == "log" and low <= 0.0:
         ctx.errors.at(fields.values["within"], "begins at 0 or below, which has no logarithm", "write scale: linear")
     for end in (low, high) if len(ctx.errors) == before else ():
-        if why := _refused(scene, number, end, memory):
+        if why := _refused(scene, number, row, end, memory):
             ctx.errors.at(fields.values["within"], f"{number.name} = {end:g}: {why}", "narrow the bounds")
     return FitParameter(number, start, low, high, scale == "log") if len(ctx.errors) == before else None
 
 
-def _refused(scene: Scene, number: Sensitivity, value: float, memory: Memory | None) -> str:
+def _refused(scene: Scene, number: Sensitivity, row: Key, value: float, memory: Memory | None) -> str:
     """Why a scene cannot have this value; empty if it can."""
-    section, name = number.path[0], number.path[-1]
-    if name in ("E", "k") and section in ("material", "materials") and value <= 0.0:
-        return "must be above 0"
-    if name == "nu" and not -1.0 < value < 0.5:
-        return "must lie between -1 and 0.5"
-    if name == "alpha" and section in ("heat", "boundary") and value <= 0.0:
-        return "must be above 0, or the heat of the body cannot be told"
-    if number.path[-2:-1] == ("spring",) and value < 0.0:
-        return "must be at least 0"
+    if must := out_of_bounds(row, value):
+        return f"must {must}"
+    if number.path[-1] == "alpha" and value <= 0.0:
+        return "must be greater than 0, or the heat of the body cannot be told"
     try:
-        if section == "history" and memory:
+        if number.path[0] == "history" and memory:
             memory = replace(memory, stiffness=value)
         else:
             scene = with_number(scene, number, value)

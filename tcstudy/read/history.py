@@ -14,10 +14,11 @@ from tcstudy.expressions.expression import Expression
 from tcstudy.read.checks import supports_fault
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.node import Node, hint
-from tcstudy.read.plans import Affine, affine_parameters, level_of, path_of
+from tcstudy.read.plans import level_of, path_of
 from tcstudy.scene.fits import STEP, FitPlan, Sensitivity
 from tcstudy.scene.histories import MOST_STEPS, HistoryLine, HistoryPlan, Keys, Memory, UnfitLaw
 from tcstudy.scene.keys import rows
+from tcstudy.scene.parameters import Number, affine_numbers
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import SEPARABLE, MeshPlan
@@ -51,9 +52,9 @@ def read_history(
     if len(ctx.errors) > before:
         return None
     _check_laws(ctx, fields, memory, scenes)
-    known = dict(affine_parameters(base))
+    known = dict(affine_numbers(base))
     used = dict.fromkeys(keys for line in lines for keys, _ in line.values)
-    parameters = tuple((keys, ctx.cf(known[keys].dimension), float(known[keys].value)) for keys in used)  # type: ignore[arg-type]
+    parameters = tuple((keys, ctx.cf(known[keys].row.dimension), float(known[keys].value)) for keys in used)  # type: ignore[arg-type]
     _refuse(ctx, root, mesh)
     options = fields.given(("repeat", "branch", "substeps")) | level_of(ctx, fields, mesh, "a history")
     plan = HistoryPlan(memory, lines, parameters, **options)
@@ -82,7 +83,7 @@ def _memory(ctx: Context, fields: Fields) -> Memory:
 
 def _lines(ctx: Context, fields: Fields, base: Scene, swept: Collection[Keys]) -> tuple[HistoryLine, ...]:
     """The lines in order; one that leaves all loads as they are is a fault."""
-    known, found, told = dict(affine_parameters(base)), [], False
+    known, found, told = dict(affine_numbers(base)), [], False
     values: dict[Keys, float] = {}
     for item in ctx.items(fields.values["steps"], "a list of lines {theta: 60 K, in: 8, name: hot}", 1):
         if not isinstance(item.value, Mapping):
@@ -104,7 +105,7 @@ def _lines(ctx: Context, fields: Fields, base: Scene, swept: Collection[Keys]) -
     return tuple(found)
 
 
-def _line(ctx: Context, item: Node, known: Mapping[Keys, Affine], swept: Collection[Keys]) -> HistoryLine | None:
+def _line(ctx: Context, item: Node, known: Mapping[Keys, Number], swept: Collection[Keys]) -> HistoryLine | None:
     before = len(ctx.errors)
     own = rows("step")
     given: dict[str, Any] = {}
@@ -115,7 +116,7 @@ def _line(ctx: Context, item: Node, known: Mapping[Keys, Affine], swept: Collect
             continue
         keys = _keys(ctx, word, node, known, own, swept)
         if keys is not None:
-            values[keys] = ctx.quantity(node, known[keys].dimension)
+            values[keys] = ctx.quantity(node, known[keys].row.dimension)
     if len(ctx.errors) > before:
         return None
     if not values:
@@ -126,7 +127,7 @@ def _line(ctx: Context, item: Node, known: Mapping[Keys, Affine], swept: Collect
 
 
 def _keys(
-    ctx: Context, word: str, node: Node, known: Mapping[Keys, Affine], own: Iterable[str], swept: Collection[Keys]
+    ctx: Context, word: str, node: Node, known: Mapping[Keys, Number], own: Iterable[str], swept: Collection[Keys]
 ) -> Keys | None:
     """The load that a key of a line names; None after a fault."""
     keys = path_of(word)

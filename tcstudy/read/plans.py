@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any, get_args
@@ -16,9 +16,9 @@ from tcstudy.read.node import Node, hint
 from tcstudy.scene.families import FAMILIES, PLAIN, TO_TOLERANCE, FamilyName
 from tcstudy.scene.keys import rows
 from tcstudy.scene.parameters import SHORT, affine_numbers, path_scene, sweepable
-from tcstudy.scene.records import Clamped, Convection, Loaded, Rigid, Scalar, Scene, exchanges, resultant
+from tcstudy.scene.records import Scene
 from tcstudy.scene.study import BUNDLE, Goal, MeshPlan, OutputPlan, PathPlan, Quantity, SolverPlan
-from tcstudy.scene.units import LENGTH, LINE_FORCE, NONE, TEMPERATURE, Dimension
+from tcstudy.scene.units import LENGTH, LINE_FORCE, TEMPERATURE, Dimension
 
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
 IN_SWEEP = ("tolerance", "of", "max_levels", "known")
@@ -150,15 +150,6 @@ def read_output(ctx: Context, node: Node | None) -> OutputPlan:
     return OutputPlan(**(given | {"path": path}))
 
 
-@dataclass(frozen=True)
-class Affine:
-    """A parameter that enters the load affinely: its dimension, its value in the scene, why it would do nothing."""
-
-    dimension: Dimension
-    value: Scalar
-    idle: str = ""
-
-
 @none_after_fault
 def read_path(ctx: Context, node: Node, scene: Scene | None, mesh: MeshPlan | None) -> PathPlan | None:
     """The path; None without the section or after a fault.
@@ -172,7 +163,7 @@ def read_path(ctx: Context, node: Node, scene: Scene | None, mesh: MeshPlan | No
     keys = _parameter(ctx, fields.values["parameter"], scene)
     if keys is None:
         return None
-    dimension = dict(affine_parameters(scene))[keys].dimension
+    dimension = dict(affine_numbers(scene))[keys].row.dimension
     begin, end = (fields.value(key, dimension) for key in ("from", "to"))
     if begin == end:
         ctx.errors.at(fields.values["to"], "is the same value as from", "give a range, from: A, to: B")
@@ -196,51 +187,12 @@ def path_of(word: str) -> tuple[str, ...]:
     return tuple(SHORTER.get(word, word).split("."))
 
 
-def affine_parameters(scene: Scene) -> Iterator[tuple[tuple[str, ...], Affine]]:
-    """All parameters of the scene that a path may run along, by key path."""
-    heat = scene.heat
-    idle = "" if scene.material.expands else "beta is 0, so temperature does not load the body"
-    left = [r for _, r in scene.boundary if exchanges(r) and (r.heat is None or r.heat.theta_bar is None)]
-    acts = {"theta"} if heat.theta is not None else {"theta_bar"} if left else set()
-    if scene.held_theta or any(alpha > 0.0 for _, alpha, _ in scene.exchange):
-        acts.add("q")
-    for row, name, value in affine_numbers(heat, "heat"):
-        if name in acts:
-            yield ("heat", name), Affine(row.dimension, value, idle)
-    for edge, role in scene.boundary:
-        for row, name, value in affine_numbers(role.heat, "edge_heat"):
-            inner = () if isinstance(role, Convection) else ("heat",)
-            yield ("boundary", edge, *inner, name), Affine(row.dimension, value, idle)
-    for row, name, value in affine_numbers(scene, "loads"):
-        yield ("loads", name), Affine(row.dimension, value)
-    loads: list[Scalar] = [*scene.f]
-    for edge, role in scene.boundary:
-        if isinstance(role, Clamped):
-            loads += resultant(role)
-            if isinstance(role, Rigid) and role.moment is not None:
-                loads.append(role.moment)
-                yield ("boundary", edge, "moment"), Affine(rows("boundary")["moment"].dimension, role.moment)
-            names = ("u_x", "u_y") if role.frame == "xy" else ("u_N", "u_T")
-            for name, held in zip(names, role.u, strict=True):
-                if held is not None:
-                    yield ("boundary", edge, name), Affine(rows("boundary")[name].dimension, held)
-                elif isinstance(role, Rigid):
-                    force = f"force_{name[-1]}"
-                    yield ("boundary", edge, force), Affine(LINE_FORCE, role.force["xy".index(name[-1])])
-        elif isinstance(role, Loaded):
-            loads += [*role.g, role.pressure, *role.force]
-            for row, name, value in affine_numbers(role, "boundary"):
-                yield ("boundary", edge, name), Affine(row.dimension, value)
-    loaded = any(isinstance(x, Expression) or x != 0.0 for x in loads)
-    yield ("load",), Affine(NONE, 1.0, "" if loaded else "the study has no f, g, pressure, force or moment")
-
-
 def _parameter(ctx: Context, node: Node, scene: Scene) -> tuple[str, ...] | None:
     """Key path of the parameter; None after a fault."""
     word = ctx.text(node, "the name of a parameter")
     if not word:
         return None
-    keys, known = path_of(word), dict(affine_parameters(scene))
+    keys, known = path_of(word), dict(affine_numbers(scene))
     name = ".".join(keys)
     if keys not in known:
         usable = (path for path, p in known.items() if not p.idle and not isinstance(p.value, Expression))

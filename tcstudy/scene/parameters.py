@@ -8,22 +8,24 @@ changes with E and ν where α_T is given and not β.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, TypeVar
+from functools import partial
+from typing import Any, NamedTuple
 
 from tcstudy.expressions.expression import Expression, parse
 from tcstudy.laws.composed import EdgeLaws
-from tcstudy.laws.derivatives import POINTS, number_of, point_of
+from tcstudy.laws.derivatives import POINTS
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.key import Key
-from tcstudy.scene.keys import ROWS, law_rows, rows
-from tcstudy.scene.records import Clamped, Loaded, Material, Rigid, Role, Scalar, Scene, resultant
+from tcstudy.scene.keys import ROWS, law_rows, row, rows
+from tcstudy.scene.records import Clamped, Convection, Loaded, Material, Rigid, Scalar, Scene, exchanges, resultant
+from tcstudy.scene.units import TRACTION
 
 Keys = tuple[str, ...]
-R = TypeVar("R")
+Place = tuple["str | int", ...]
 
 
 NUMBERS = ("number", "integer", "field", "component")
@@ -53,22 +55,20 @@ class Parameter:
         return isinstance(value, Mapping) and any(key in value for key in WHOLE[self.row.kind])
 
 
-OF_EDGES = ("boundary", "edge_heat", "spring")
-"""Sections whose keys belong to one edge."""
+OF_EDGES: dict[str, Keys] = {"boundary": (), "edge_heat": ("heat",), "spring": ("spring",)}
+"""Sections whose keys belong to one edge, and where they stand in its mapping."""
 PLAIN: dict[Keys, Parameter] = {
-    path: Parameter(path, row)
-    for row in ROWS
-    if row.swept and row.section not in OF_EDGES and (path := (row.section, row.name) if row.section else (row.name,))
+    path: Parameter(path, one)
+    for one in ROWS
+    if one.swept and one.section not in OF_EDGES and (path := (one.section, one.name) if one.section else (one.name,))
 }
 """Parameters of every study but those of the law and of the edges."""
 EDGE: dict[Keys, Key] = {
-    **{(row.name,): row for row in rows("boundary").values() if row.swept},
-    **{("heat", row.name): row for row in rows("edge_heat").values() if row.swept},
-    **{("spring", row.name): row for row in rows("spring").values() if row.swept},
+    (*inner, one.name): one for section, inner in OF_EDGES.items() for one in rows(section).values() if one.swept
 }
 """Parameters of one edge, by path in its mapping."""
 
-FIXED = {row.name: row.fixed for row in rows("").values() if row.fixed}
+FIXED = {one.name: one.fixed for one in rows("").values() if one.fixed}
 """Sections that cannot be swept, and what to do instead."""
 
 
@@ -84,9 +84,10 @@ def sweepable(
     """
     found = dict(PLAIN)
     for region in regions:
-        for one in (one for path, one in PLAIN.items() if path[0] == "material" and path[-1] != "plane"):
-            here = ("materials", region, *one.path[1:])
-            found[here] = Parameter(here, one.row)
+        for path, known in PLAIN.items():
+            if path[0] == "material" and path[-1] != "plane":
+                here = ("materials", region, *path[1:])
+                found[here] = Parameter(here, known.row)
     places: dict[Keys, str | None] = {("friction",): law if isinstance(law, str) else None}
     if isinstance(law, Mapping):
         del found["friction", "strength"]
@@ -94,13 +95,13 @@ def sweepable(
         found |= {path: Parameter(path, PLAIN[("friction",)].row) for path in places}
     for place, own in places.items():
         for name in (*([own] if own in SHAPES else []), *SHAPES):
-            for row in (*law_rows(str(name)), PLAIN["friction", "strength"].row):
-                path = (*place, row.name)
-                found.setdefault(path, Parameter(path, row))
+            for one in (*law_rows(str(name)), PLAIN["friction", "strength"].row):
+                path = (*place, one.name)
+                found.setdefault(path, Parameter(path, one))
     for edge, taken in edges.items():
-        for inner, row in EDGE.items():
+        for inner, one in EDGE.items():
             path = ("boundary", edge, *inner)
-            found[path] = Parameter(path, row, idle=inner[0] not in taken)
+            found[path] = Parameter(path, one, idle=inner[0] not in taken)
     return found
 
 
@@ -114,24 +115,159 @@ SHORT = {
 """Short names: alpha for heat.alpha, k for material.k (a law's k is friction.k)."""
 
 
-def path_scene(scene: Scene, parameter: tuple[str, ...], t: float) -> Scene:
-    """The scene with the value t [SI] put at a parameter's key path (see records.PathPlan).
+@dataclass(frozen=True)
+class Number:
+    """A number of a scene that a path, a history, a fit or a derivative may change.
 
-    ("load",) multiplies f, g, pressure, force and moment by t; everything else is replaced. Raises KeyError for a
-    parameter that the scene does not have.
+    value:  in the scene [SI];  place: fields and places that lead to it, or to the material or law that has it
+    made:   (material or law, value) → the same with another value; None where the value stands at the place
+    affine: whether the load is affine in it;  idle: why it changes nothing
     """
-    section, key = parameter[0], parameter[-1]
-    if parameter == ("load",):
-        boundary = tuple((name, _scaled_role(role, t)) for name, role in scene.boundary)
-        return replace(scene, f=(_scaled(scene.f[0], t), _scaled(scene.f[1], t)), boundary=boundary)
-    if section == "heat":
-        return replace(scene, heat=_put(scene.heat, section, key, t))
-    if section == "loads":
-        return _put(scene, section, key, t)
-    if section == "boundary" and len(parameter) > 2:
-        roles = ((name, _role(role, key, t) if name == parameter[1] else role) for name, role in scene.boundary)
-        return replace(scene, boundary=tuple(roles))
-    raise KeyError(".".join(parameter))
+
+    row: Key
+    value: Scalar
+    place: Place
+    made: Callable[[Any, float], Any] | None = None
+    affine: bool = False
+    idle: str = ""
+
+    @property
+    def no_number(self) -> str:
+        """Why nothing can be said by this number alone; empty if it can."""
+        return "it varies in space" if isinstance(self.value, Expression) else self.idle
+
+    def put(self, scene: Scene, value: float) -> Scene:
+        """The scene with another value. Raises LawError or GrowthError where a law cannot have it."""
+        return _put(scene, self.place, value, self.made)
+
+
+def _put(record: Any, place: Place, value: float, made: Callable[[Any, float], Any] | None) -> Any:
+    """A record or tuple with a value at a place, or what is made with it."""
+    if not place:
+        return value if made is None else made(record, value)
+    key, rest = place[0], place[1:]
+    if isinstance(key, int):
+        return (*record[:key], _put(record[key], rest, value, made), *record[key + 1 :])
+    return replace(record, **{key: _put(getattr(record, key), rest, value, made)})
+
+
+def _of_rows(record: object, section: str, path: Keys, place: Place, idle: str = "") -> Iterator[tuple[Keys, Number]]:
+    """The affine numbers of a record that are given; u of a clamped edge is not among them, whose frame has names."""
+    for one in rows(section).values():
+        value = getattr(record, one.name, None)
+        if one.affine and value is not None:
+            parts = [((), value)] if one.kind != "vector" else [((i,), part) for i, part in enumerate(value)]
+            for name, (inner, part) in zip(one.numbers, parts, strict=True):
+                yield (*path, name), Number(one, part, (*place, one.name, *inner), affine=True, idle=idle)
+
+
+def affine_numbers(scene: Scene) -> Iterator[tuple[Keys, Number]]:
+    """The numbers of a scene in which the load is affine, by key path; ("load",) is a factor of f, g, pressure, force
+    and moment."""
+    heat, roles = scene.heat, [(edge, role, ("boundary", i, 1)) for i, (edge, role) in enumerate(scene.boundary)]
+    idle = "" if scene.material.expands else "beta is 0, so temperature does not load the body"
+    left = any(exchanges(r) and (r.heat is None or r.heat.theta_bar is None) for _, r, _ in roles)
+    acts = {"theta": True, "theta_bar": heat.theta is None and left}
+    acts["q"] = bool(scene.held_theta) or any(alpha > 0.0 for _, alpha, _ in scene.exchange)
+    yield from (one for one in _of_rows(heat, "heat", ("heat",), ("heat",), idle) if acts[one[0][-1]])
+    for edge, role, place in roles:
+        inner = () if isinstance(role, Convection) else ("heat",)
+        yield from _of_rows(role.heat, "edge_heat", ("boundary", edge, *inner), (*place, "heat"), idle)
+    yield from _of_rows(scene, "loads", ("loads",), ())
+    loads: list[Scalar] = [*scene.f]
+    for edge, role, place in roles:
+        path = ("boundary", edge)
+        if isinstance(role, Clamped):
+            if isinstance(role, Rigid):
+                loads += [*role.force, role.moment or 0.0]
+                if role.moment is not None:
+                    yield (
+                        (*path, "moment"),
+                        Number(row("boundary", "moment"), role.moment, (*place, "moment"), None, True),
+                    )
+            for i, name in enumerate(("u_x", "u_y") if role.frame == "xy" else ("u_N", "u_T")):
+                if (held := role.u[i]) is not None:
+                    yield (*path, name), Number(row("boundary", name), held, (*place, "u", i), affine=True)
+                elif isinstance(role, Rigid):
+                    force = Number(row("boundary", "force"), role.force[i], (*place, "force", i), affine=True)
+                    yield (*path, f"force_{name[-1]}"), force
+        elif isinstance(role, Loaded):
+            loads += [*role.g, role.pressure, *role.force]
+            yield from _of_rows(role, "boundary", path, place)
+    loaded = any(isinstance(x, Expression) or x != 0.0 for x in loads)
+    nothing = "" if loaded else "the study has no f, g, pressure, force or moment"
+    yield ("load",), Number(LOAD, 1.0, (), _scaled_by, True, nothing)
+
+
+LOAD = Key("load", "number", "factor of all mechanical loads")
+
+
+def numbers(scene: Scene, heat_grows: bool = True) -> Iterator[tuple[Keys, Number]]:
+    """All numbers of a scene by which its solution can be differentiated, by key path.
+
+    heat_grows: whether β of materials follows E and ν, because alpha_T is given and not beta
+    """
+    yield from affine_numbers(scene)
+    regions = enumerate(scene.material.regions)
+    own = [(("materials", name), ("material", "regions", i, 1), one) for i, (name, one) in regions]
+    for path, place, material in [(("material",), ("material",), scene.material), *own]:
+        for name in ("E", "nu", "alpha_T", "beta", "k"):
+            value = material.beta / material.bulk if name == "alpha_T" else getattr(material, name)
+            if value is not None:
+                made = partial(with_modulus, name=name, heat_grows=heat_grows)
+                yield (*path, name), Number(row("material", name), value, place, made)
+    roles = [(("boundary", edge), ("boundary", i, 1), role) for i, (edge, role) in enumerate(scene.boundary)]
+    if scene.heat.theta is None and scene.conducts:
+        if any(exchanges(role) and not (role.heat and role.heat.alpha) for _, _, role in roles):
+            yield ("heat", "alpha"), Number(row("heat", "alpha"), scene.heat.alpha, ("heat", "alpha"))
+        for path, place, role in roles:
+            if role.heat and role.heat.alpha:
+                inner = ("alpha",) if isinstance(role, Convection) else ("heat", "alpha")
+                yield (*path, *inner), Number(row("edge_heat", "alpha"), role.heat.alpha, (*place, "heat", "alpha"))
+    for path, place, role in roles:
+        spring = role.spring if isinstance(role, Loaded) else ()
+        for i, (one, value) in enumerate(zip(rows("spring").values(), spring, strict=False)):
+            idle = "" if any(spring) else "the edge rests on no springs"
+            yield (*path, "spring", one.name), Number(one, value, (*place, "spring", i), idle=idle)
+    if isinstance(scene.friction, Laws):
+        yield from _of_law(scene.friction, ("friction",), ("friction",), 1.0)
+    for i, (edge, law, strength) in enumerate(scene.friction.laws if isinstance(scene.friction, EdgeLaws) else ()):
+        yield from _of_law(law, ("friction", edge) if edge else ("friction",), ("friction", "laws", i, 1), strength)
+
+
+def _of_law(law: Laws, path: Keys, place: Place, strength: Scalar) -> Iterator[tuple[Keys, Number]]:
+    """The numbers of a law, the b of its points and its strength."""
+    if law.made is None:
+        return
+    values = law.made.values
+    for one in law_rows(law.made.shape):
+        if isinstance(value := values[one.name], float) and one.kind != "integer":
+            yield (*path, one.name), Number(one, value, place, partial(_law, name=one.name))
+    for i, (_, b) in enumerate(values.get(POINTS, ())):
+        yield (*path, POINTS, str(i)), Number(_B, float(b), place, partial(_law, name=POINTS, point=i))
+    whole = strength if isinstance(strength, Expression) else law.made.strength
+    yield (*path, "strength"), Number(row("friction", "strength"), whole, place, partial(_law, name="strength"))
+
+
+_B = Key("b", "quantity", "b of a point of a law", TRACTION)
+
+
+def _law(law: Laws, value: float, name: str, point: int = 0) -> Laws:
+    """The law with another value of one of its numbers."""
+    assert law.made is not None
+    shape, given, strength = SHAPES[law.made.shape], dict(law.made.values), law.made.strength
+    if name == "strength":
+        strength = value
+    elif name == POINTS:
+        given[name] = [(s, value if i == point else b) for i, (s, b) in enumerate(given[name])]
+    else:
+        given[name] = value
+    return shape.build(**given).times(strength)
+
+
+def path_scene(scene: Scene, parameter: Keys, t: float) -> Scene:
+    """The scene with the value t [SI] of a number in which its load is affine; raises KeyError if it has none such."""
+    return dict(affine_numbers(scene))[parameter].put(scene, t)
 
 
 def loaded_scene(scene: Scene, values: Mapping[Keys, float]) -> Scene:
@@ -142,126 +278,28 @@ def loaded_scene(scene: Scene, values: Mapping[Keys, float]) -> Scene:
 
 
 def with_number(scene: Scene, by: Sensitivity, value: float) -> Scene:
-    """The scene with another value of one number. Raises LawError or GrowthError where a law cannot have it."""
-    section, name = by.path[0], by.path[-1]
-    if section == "friction":
-        name, friction = number_of(by.path), scene.friction
-        if isinstance(friction, Laws):
-            return replace(scene, friction=_law(friction, name, value))
-        edges = ("", *by.path)
-        laws = ((edge, _law(law, name, value) if edge in edges else law, at) for edge, law, at in friction.laws)
-        return replace(scene, friction=EdgeLaws(tuple(laws)))
-    material = scene.material
-    if section == "material":
-        return replace(scene, material=with_modulus(material, name, value, by.heat_grows))
-    if section == "materials":
-        own = (
-            (at, with_modulus(m, name, value, by.heat_grows) if at == by.path[1] else m) for at, m in material.regions
-        )
-        return replace(scene, material=replace(material, regions=tuple(own)))
-    return path_scene(scene, by.path, value)
+    """The scene with another value of one number. Raises KeyError, and LawError or GrowthError as `Number.put`."""
+    return dict(numbers(scene, by.heat_grows))[by.path].put(scene, value)
 
 
 def number_in(scene: Scene, by: Sensitivity) -> float:
     """The value of a number that `with_number` puts in. Raises KeyError for one that the scene does not have."""
-    section, name = by.path[0], by.path[-1]
-    if section == "load":
-        return 1.0
-    if section == "friction":
-        edges, found = ("", *by.path), scene.friction
-        laws = [found] if isinstance(found, Laws) else [law for edge, law, _ in found.laws if edge in edges]
-        return _number_of_law(laws[0], number_of(by.path))
-    if section in ("material", "materials"):
-        own = scene.material if section == "material" else dict(scene.material.regions)[by.path[1]]
-        return float(own.beta / own.bulk if name == "alpha_T" else getattr(own, name))
-    if section != "boundary":
-        return _got(scene.heat if section == "heat" else scene, section, name)
-    role = dict(scene.boundary)[by.path[1]]
-    if isinstance(role, Clamped) and name in ("u_x", "u_y", "u_N", "u_T"):
-        return float(role.u[name in ("u_y", "u_T")])  # type: ignore[arg-type]
-    if name in rows("edge_heat"):
-        return _got(role.heat, "edge_heat", name)
-    if isinstance(role, Loaded) and name in rows("spring"):
-        return float(role.spring[name != "normal"])
-    return _got(role, "boundary", name)
+    return float(dict(numbers(scene))[by.path].value)  # type: ignore[arg-type]
 
 
-def _number_of_law(law: Laws, name: str) -> float:
-    made = law.made
-    if made is None:
-        raise KeyError(name)
-    if name == "strength":
-        return made.strength
-    value = made.values[POINTS][point_of(law, name)][1] if name.startswith(f"{POINTS}.") else made.values[name]
-    return float(value)
-
-
-def _law(law: Laws, name: str, value: float) -> Laws:
-    made = law.made
-    if made is None:
-        raise KeyError(name)
-    shape = SHAPES[made.shape]
-    if name == "strength":
-        return shape.build(**made.values).times(value)
-    if name.startswith(f"{POINTS}."):
-        points = list(made.values[POINTS])
-        points[point_of(law, name)] = (points[point_of(law, name)][0], value)
-        name, value = POINTS, points  # type: ignore[assignment]
-    return shape.build(**{**made.values, name: value}).times(made.strength)
-
-
-def affine_numbers(record: object, section: str) -> Iterator[tuple[Key, str, Scalar]]:
-    """(key, name, value) of every number of a record in which the load is affine; u of a clamped edge is not among
-    them, as its names depend on the frame, and nothing that is not given."""
-    for row in rows(section).values():
-        value = getattr(record, row.name, None)
-        if row.affine and value is not None:
-            for name, part in zip(row.numbers, value if row.kind == "vector" else (value,), strict=True):
-                yield row, name, part
-
-
-def _put(record: R, section: str, key: str, t: float) -> R:
-    """The record with one number put in. Raises KeyError where it has none of this name."""
-    for row in rows(section).values():
-        value = getattr(record, row.name, None)
-        if key in row.numbers and value is not None:
-            parts = zip(row.numbers, value if row.kind == "vector" else (value,), strict=True)
-            new = tuple(t if name == key else part for name, part in parts)
-            return replace(record, **{row.name: new if row.kind == "vector" else t})  # type: ignore[type-var]
-    raise KeyError(key)
-
-
-def _got(record: object, section: str, key: str) -> float:
-    """One number of a record. Raises KeyError where it has none of this name."""
-    for row in rows(section).values():
-        value = getattr(record, row.name, None)
-        if key in row.numbers and value is not None:
-            return float(value[row.numbers.index(key)] if row.kind == "vector" else value)
-    raise KeyError(key)
-
-
-def _role(role: Role, key: str, t: float) -> Role:
-    """The role with one number put in."""
-    if isinstance(role, Clamped) and key in ("u_x", "u_N"):
-        return replace(role, u=(t, role.u[1]))
-    if isinstance(role, Clamped) and key in ("u_y", "u_T"):
-        return replace(role, u=(role.u[0], t))
-    if key in rows("edge_heat"):
-        return replace(role, heat=_put(role.heat, "edge_heat", key, t))
-    if isinstance(role, Loaded) and key in rows("spring"):
-        return replace(role, spring=(t, role.spring[1]) if key == "normal" else (role.spring[0], t))
-    return _put(role, "boundary", key, t)
-
-
-def _scaled_role(role: Role, factor: float) -> Role:
-    x, y = resultant(role)
-    if isinstance(role, Rigid):
-        moment = None if role.moment is None else factor * role.moment
-        return replace(role, force=(factor * x, factor * y), moment=moment)
-    if not isinstance(role, Loaded):
-        return role
-    g = (_scaled(role.g[0], factor), _scaled(role.g[1], factor))
-    return replace(role, g=g, pressure=_scaled(role.pressure, factor), force=(factor * x, factor * y))
+def _scaled_by(scene: Scene, factor: float) -> Scene:
+    """The scene with f, g, pressure, force and moment times a factor."""
+    boundary = []
+    for name, role in scene.boundary:
+        x, y = resultant(role)
+        if isinstance(role, Rigid):
+            moment = None if role.moment is None else factor * role.moment
+            role = replace(role, force=(factor * x, factor * y), moment=moment)
+        elif isinstance(role, Loaded):
+            g, pressure = (_scaled(role.g[0], factor), _scaled(role.g[1], factor)), _scaled(role.pressure, factor)
+            role = replace(role, g=g, pressure=pressure, force=(factor * x, factor * y))
+        boundary.append((name, role))
+    return replace(scene, f=(_scaled(scene.f[0], factor), _scaled(scene.f[1], factor)), boundary=tuple(boundary))
 
 
 def _scaled(scalar: Scalar, factor: float) -> Scalar:
@@ -280,7 +318,7 @@ class ModuliSlope(NamedTuple):
     k: float = 0.0
 
 
-def with_modulus(material: Material, name: str, value: float, heat_grows: bool) -> Material:
+def with_modulus(material: Material, value: float, name: str, heat_grows: bool) -> Material:
     """The material with another E, nu, alpha_T, beta or k; materials of regions stay.
 
     heat_grows: whether alpha_T is given, so that β follows E and ν
