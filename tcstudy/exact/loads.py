@@ -157,7 +157,7 @@ def description(study: Study) -> str | None:
             held = [s for s, component in zip(symbols, role.u, strict=True) if component is not None]
             words.append(f"{' and '.join(held)} on {name}")
         elif isinstance(role, Loaded):
-            loaded = any(dict(s.boundary)[name].g != (0.0, 0.0) for s in scenes)  # type: ignore[union-attr]
+            loaded = any(dict(s.boundary)[name].g != (0.0, 0.0) for s in scenes)
             words.append(f"g on {name}" if loaded else f"g = 0 on {name}")
     if first.heat.theta is not None:
         words.append("theta in the body")

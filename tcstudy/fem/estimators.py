@@ -28,7 +28,7 @@ from tcstudy.fem.boundary import ContactLine, values_at
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.laws.composed import EdgeLaws, law_along
 from tcstudy.laws.laws import Laws
-from tcstudy.scene.records import Clamped, Contact, Convection, Rigid, Role, Scene, Traction, resultant
+from tcstudy.scene.records import Clamped, Contact, Convection, Rigid, Role, Scene, Traction
 
 Array = NDArray[np.float64]
 
@@ -116,7 +116,7 @@ def edge_residual(
             continue
         role = roles[curve.name]
         target = _target(role, at[here], normal[here], friction.xi[here])
-        if any(force := resultant(role)):
+        if any(force := role.force):
             # of the whole edge, also where regions cut it
             target = target + np.array(force) / sum(c.length for c in mesh.geometry.curves if c.name == curve.name)
         if curve.name in springs:

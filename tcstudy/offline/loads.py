@@ -15,7 +15,7 @@ from typing import Generic, TypeVar
 
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.forms import Conductivity
-from tcstudy.scene.records import Clamped, Convection, EdgeHeat, Rigid, Role, Scalar, Scene, Traction, Where, resultant
+from tcstudy.scene.records import Clamped, Convection, EdgeHeat, Rigid, Role, Scalar, Scene, Traction, Where
 
 Roles = tuple[tuple[str, Role], ...]
 
@@ -132,7 +132,7 @@ def mechanical_terms(f: tuple[Scalar, Scalar], boundary: Roles) -> Iterator[Load
     """Terms of ∫f·v and of the tractions and pressures on all edges."""
     yield from (LoadTerm(BodyForce(shape), factor) for shape, factor in _by_axis(f))
     for name, role in boundary:
-        forces = ((axis, force) for axis, force in enumerate(resultant(role)) if force != 0.0)
+        forces = ((axis, force) for axis, force in enumerate(role.force) if force != 0.0)
         yield from (LoadTerm(EdgeForce(name, axis), force) for axis, force in forces)
         if isinstance(role, Rigid) and role.moment:
             yield LoadTerm(EdgeMoment(name), role.moment)

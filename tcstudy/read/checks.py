@@ -17,7 +17,7 @@ from tcstudy.laws.composed import EdgeLaws
 from tcstudy.read.fields import Context
 from tcstudy.read.heat import Boundary, value_at
 from tcstudy.read.node import Node, deepest
-from tcstudy.scene.records import Body, Clamped, Contact, Edge, Loaded, Point, Rigid, Role, Symmetry
+from tcstudy.scene.records import Body, Clamped, Contact, Edge, Point, Rigid, Role, Symmetry
 from tcstudy.scene.study import Goal, MeshPlan
 from tcstudy.shapes.edges import body_area, body_size, edge_distance, edge_normal, edge_points, loop_size
 from tcstudy.shapes.faults import loop_polygon
@@ -31,9 +31,8 @@ ARC_PIECES = 32
 
 def supports(boundary: Boundary) -> tuple[object, ...]:
     """What of the boundary decides about rigid motions: which components are held on which edges."""
-    clamped = [(e, r.frame, r.u[0] is None, r.u[1] is None) for e, r in boundary if isinstance(r, Clamped)]
-    springs = ((e, r.spring[0] > 0.0, r.spring[1] > 0.0) for e, r in boundary if isinstance(r, Loaded))
-    return (*clamped, *(e for e, r in boundary if isinstance(r, Contact)), *(s for s in springs if any(s[1:])))
+    held = ((edge, role.frame, *(u is None for u in role.held)) for edge, role in boundary)
+    return tuple(one for one in held if one[2:] != (True, True))
 
 
 class BoundaryPiece(NamedTuple):
@@ -74,24 +73,18 @@ def support_fault(
     return f"{what}: it can still {_motion(motions[rank:], centre, size)}", remedy
 
 
-def _constraints(piece: BoundaryPiece, role: object, centre: Point, size: float) -> Iterator[list[float]]:
+def _constraints(piece: BoundaryPiece, role: Role | None, centre: Point, size: float) -> Iterator[list[float]]:
     """Rows d·r(p) = 0 of a curve for the rigid motions r = (a − cη, b + cξ), (ξ, η) = (p − centre)/size."""
-    if isinstance(role, Contact):
-        fixed, frame = (True, False), "nt"
-    elif isinstance(role, Clamped):
-        fixed, frame = (role.u[0] is not None, role.u[1] is not None), role.frame
-    elif isinstance(role, Loaded):
-        fixed, frame = (role.spring[0] > 0.0, role.spring[1] > 0.0), "nt"
-    else:
+    if role is None:
         return
     if isinstance(role, Rigid) and role.moment is None:  # what is tied does not turn
         for x, y in piece.points[1:] - piece.points[0]:
             yield from ([0.0, 0.0, s / size] for s, u in zip((-y, x), role.u, strict=True) if u is None)
     for (x, y), n in zip(piece.points, piece.normals, strict=True):
         xi, eta = (x - centre[0]) / size, (y - centre[1]) / size
-        directions = ((1.0, 0.0), (0.0, 1.0)) if frame == "xy" else ((n[0], n[1]), (-n[1], n[0]))
-        for held, d in zip(fixed, directions, strict=True):
-            if held:
+        directions = ((1.0, 0.0), (0.0, 1.0)) if role.frame == "xy" else ((n[0], n[1]), (-n[1], n[0]))
+        for held, d in zip(role.held, directions, strict=True):
+            if held is not None:
                 yield [d[0], d[1], d[1] * xi - d[0] * eta]
 
 
@@ -190,9 +183,7 @@ def _held_lines(edge: Edge, roles: Mapping[str, Role], at: Point) -> Iterator[tu
     role = roles.get(edge.name)
     n = edge_normal(edge, np.array([at]))[0]
     normal, tangent = (float(n[0]), float(n[1])), (-float(n[1]), float(n[0]))
-    if isinstance(role, Contact):
-        yield (*normal, 0.0)
-    elif isinstance(role, Clamped):
+    if role is not None:
         directions = ((1.0, 0.0), (0.0, 1.0)) if role.frame == "xy" else (normal, tangent)
         for direction, component in zip(directions, role.u, strict=True):
             if component is not None:

@@ -24,7 +24,7 @@ from tcstudy.scene.keys import law_rows, of_role, row, rows
 from tcstudy.scene.records import Clamped, Contact, Convection, Free, Material, Rigid, Role, Scalar, Symmetry, Traction
 
 ROLES = row("boundary", "role").words
-UNLOADED: dict[str, type[Role]] = {"contact": Contact, "free": Free, "symmetry": Symmetry}
+UNLOADED = {one.word: one for one in (Contact, Free, Symmetry)}
 """Roles that are given by their name, and by what they do to heat."""
 ALL_KEYS = tuple(name for name in rows("boundary") if name != "role")
 FRAMES: tuple[tuple[Literal["xy", "nt"], str, str], ...] = (("xy", "u_x", "u_y"), ("nt", "u_N", "u_T"))

@@ -27,6 +27,11 @@ SINGLE = ("levels", "family", "tolerance", "max_levels", "grading", "marking", "
 """Keys of `mesh` that a list of sizes has no use for."""
 
 
+OF_MESH = ("maxh", "levels", "max_levels", "family", "goal", "of", "known")
+OF_PATH = ("parameter", "from", "to", "within", "at", "level")
+"""Keys that depend on each other; every other one of `mesh` and `path` is a field of the plan."""
+
+
 @none_after_fault
 def read_mesh(ctx: Context, node: Node | None, h: Node | None) -> MeshPlan | None:
     """The meshes, coarse to fine; None after a fault.
@@ -59,7 +64,7 @@ def _plan(ctx: Context, fields: Fields, sizes: tuple[float, ...]) -> MeshPlan:
     most = FAMILIES[family].max_levels
     key = "max_levels" if to_tolerance else "levels"
     levels = ctx.integer(node, 1, most) if (node := fields[key]) else min(fields.value(key), most)
-    options = fields.given(("grading", "marking", "tolerance", "max_dofs", "estimate", "refine"))
+    options = fields.given(name for name in fields.rows if name not in OF_MESH)
     return MeshPlan(sizes, len(sizes) if listed else levels, family, goal=_goal(ctx, fields), **options)
 
 
@@ -170,7 +175,7 @@ def read_path(ctx: Context, node: Node, scene: Scene | None, mesh: MeshPlan | No
         return None
     within = _within(ctx, fields, dimension, begin, end)
     plan = PathPlan(keys, ctx.cf(dimension), begin, end, within, scene)
-    given = fields.given(("start", "direction", "max_pieces", "hysteresis", "law_error"))
+    given = fields.given(name for name in fields.rows if name not in OF_PATH)
     level = {} if mesh and mesh.strategy.adapts else level_of(ctx, fields, mesh, "a path")  # a run needs no path
     plan = replace(plan, at=_at(ctx, fields, dimension, plan), **given, **level)
     if len(ctx.errors) == before:

@@ -83,7 +83,7 @@ def schema() -> Schema:
 def _section(section: str, required: tuple[str, ...] | None = None) -> Schema:
     known = rows(section).values()
     if required is None:
-        required = tuple(one.name for one in known if one.required and not one.swept and one.name != "maxh")
+        required = tuple(one.name for one in known if one.required and not one.swept)
     made: Schema = {"type": "object", "properties": {one.name: _described(one) for one in known}}
     made |= {"required": list(required)} if required else {}
     made |= {"additionalProperties": False}

@@ -35,9 +35,6 @@ from tcstudy.scene.units import LENGTH
 from tcstudy.shapes.edges import body_area, body_size
 from tcstudy.shapes.faults import check_body
 
-OF_MESH = ("maxh", "refine", "grading", "marking")
-"""Numbers of `mesh` that a sweep may vary; its levels are a dimension of their own."""
-
 
 def geometric_parameters(root: Node, named: Sequence[Sequence[str]]) -> dict[Keys, Parameter]:
     """Those paths that lead to a number of the body or of the meshes, as parameters.
@@ -49,8 +46,8 @@ def geometric_parameters(root: Node, named: Sequence[Sequence[str]]) -> dict[Key
         path, keys = tuple(words), split_path(".".join(words))
         if path[0] not in GEOMETRIC or len(path) < 2 or keys is None:
             continue
-        if path[0] == "mesh" and len(path) == 2 and path[1] in OF_MESH:
-            row = rows("mesh")[path[1]]
+        row = rows("mesh").get(path[1]) if path[0] == "mesh" and len(path) == 2 else None
+        if row is not None and row.swept:  # its levels are a dimension of their own
             found[path] = Parameter(path, replace(row, kind="number"))
         elif path[0] == "body" and holds(root, keys) and isinstance(deepest(root, keys).value, int | float | str):
             found[path] = Parameter(path, Key(path[-1], "number", "number of the body", LENGTH))

@@ -19,7 +19,7 @@ from tcstudy.errors import StudyError
 from tcstudy.laws.composed import NO_JOINTS, EdgeLaws, Joints, law_along
 from tcstudy.laws.laws import Laws
 from tcstudy.read.study import read_study_text
-from tcstudy.scene.records import Clamped, Convection, Role, Scene, Traction, resultant
+from tcstudy.scene.records import Clamped, Convection, Role, Scene, Traction
 from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
@@ -100,7 +100,7 @@ def outline(study: Study | None) -> list[NamedEdge]:
 
 
 def _loaded(role: Role | None) -> bool:
-    if role is not None and any(resultant(role)):
+    if role is not None and any(role.force):
         return True
     return isinstance(role, Traction | Convection) and (role.g != (0.0, 0.0) or role.pressure != 0.0)
 

@@ -28,7 +28,8 @@ def _shape(name: str) -> Key:
 
 
 def _share(name: str, meaning: str, least: float, default: float) -> Key:
-    return Key(name, "number", meaning, u.NONE, f"{default}", default=default, least=least, above=0.0, below=1.0)
+    bounds = {"least": least, "above": 0.0, "below": 1.0}
+    return Key(name, "number", meaning, u.NONE, f"{default}", default=default, swept=True, **bounds)
 
 
 _MOST_LEVELS = max(family.max_levels for family in FAMILIES.values())
@@ -206,9 +207,19 @@ ROWS: tuple[Key, ...] = (
     *in_section("friction", Key("law", "choice", "", example="tresca", required=True, words=tuple(SHAPES)), _STRENGTH),
     *in_section(
         "mesh",
-        Key("maxh", "sizes", "element size, or a list of them", u.LENGTH, "10 mm", required=True, above=0.0),
+        Key(
+            "maxh", "sizes", "element size, or a list of them", u.LENGTH, "10 mm", required=True, above=0.0, swept=True
+        ),
         Key("levels", "integer", "number of meshes", default=1, least=1, most=_MOST_LEVELS),
-        Key("refine", "integer", "refinements that make the mesh of maxh", default=0, least=0, most=MOST_REFINE),
+        Key(
+            "refine",
+            "integer",
+            "refinements that make the mesh of maxh",
+            default=0,
+            least=0,
+            most=MOST_REFINE,
+            swept=True,
+        ),
         Key("family", "choice", "how they are refined", words=tuple(FAMILIES), default=_MESH.family),
         _share("grading", "exponent of graded meshes", 0.1, _MESH.grading),
         _share("marking", "share of the error refined", 0.05, _MESH.marking),
@@ -289,9 +300,6 @@ ROWS: tuple[Key, ...] = (
 """All keys but the parameters of laws, in the order in which they are shown."""
 
 
-_OF_LAWS = {one.si: one for one in (u.NONE, u.LENGTH, u.TRACTION, u.STIFFNESS, u.FRACTURE_ENERGY)}
-
-
 @cache
 def _by_section() -> dict[str, dict[str, Key]]:
     found: dict[str, dict[str, Key]] = {}
@@ -303,9 +311,10 @@ def _by_section() -> dict[str, dict[str, Key]]:
 @cache
 def law_rows(law: str) -> tuple[Key, ...]:
     """The rows of a law's parameters."""
+    of_units = {one.si: one for one in u.DIMENSIONS}
     return tuple(
         Key(
-            *(one.name, one.kind, one.meaning, _OF_LAWS[one.dimension], one.example, "friction"),
+            *(one.name, one.kind, one.meaning, of_units[one.dimension], one.example, "friction"),
             required=one.required,
             default=one.default,
             least=one.least,

@@ -19,9 +19,9 @@ from tcstudy.laws.derivatives import POINTS
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.scene.fits import Sensitivity
-from tcstudy.scene.key import Key
+from tcstudy.scene.key import LOADED, Key
 from tcstudy.scene.keys import ROWS, law_rows, row, rows
-from tcstudy.scene.records import Clamped, Convection, Loaded, Material, Rigid, Scalar, Scene, exchanges, resultant
+from tcstudy.scene.records import Clamped, Convection, Loaded, Material, Rigid, Scalar, Scene, exchanges
 from tcstudy.scene.units import TRACTION
 
 Keys = tuple[str, ...]
@@ -60,7 +60,9 @@ OF_EDGES: dict[str, Keys] = {"boundary": (), "edge_heat": ("heat",), "spring": (
 PLAIN: dict[Keys, Parameter] = {
     path: Parameter(path, one)
     for one in ROWS
-    if one.swept and one.section not in OF_EDGES and (path := (one.section, one.name) if one.section else (one.name,))
+    if one.swept
+    and one.section not in (*OF_EDGES, "mesh")
+    and (path := (one.section, one.name) if one.section else (one.name,))
 }
 """Parameters of every study but those of the law and of the edges."""
 EDGE: dict[Keys, Key] = {
@@ -177,14 +179,10 @@ def affine_numbers(scene: Scene) -> Iterator[tuple[Keys, Number]]:
     loads: list[Scalar] = [*scene.f]
     for edge, role, place in roles:
         path = ("boundary", edge)
+        loads += [*role.g, role.pressure, *role.force, role.moment or 0.0]
+        if role.moment is not None:
+            yield (*path, "moment"), Number(row("boundary", "moment"), role.moment, (*place, "moment"), affine=True)
         if isinstance(role, Clamped):
-            if isinstance(role, Rigid):
-                loads += [*role.force, role.moment or 0.0]
-                if role.moment is not None:
-                    yield (
-                        (*path, "moment"),
-                        Number(row("boundary", "moment"), role.moment, (*place, "moment"), None, True),
-                    )
             for i, name in enumerate(("u_x", "u_y") if role.frame == "xy" else ("u_N", "u_T")):
                 if (held := role.u[i]) is not None:
                     yield (*path, name), Number(row("boundary", name), held, (*place, "u", i), affine=True)
@@ -192,7 +190,6 @@ def affine_numbers(scene: Scene) -> Iterator[tuple[Keys, Number]]:
                     force = Number(row("boundary", "force"), role.force[i], (*place, "force", i), affine=True)
                     yield (*path, f"force_{name[-1]}"), force
         elif isinstance(role, Loaded):
-            loads += [*role.g, role.pressure, *role.force]
             yield from _of_rows(role, "boundary", path, place)
     loaded = any(isinstance(x, Expression) or x != 0.0 for x in loads)
     nothing = "" if loaded else "the study has no f, g, pressure, force or moment"
@@ -225,10 +222,9 @@ def numbers(scene: Scene, heat_grows: bool = True) -> Iterator[tuple[Keys, Numbe
                 inner = ("alpha",) if isinstance(role, Convection) else ("heat", "alpha")
                 yield (*path, *inner), Number(row("edge_heat", "alpha"), role.heat.alpha, (*place, "heat", "alpha"))
     for path, place, role in roles:
-        spring = role.spring if isinstance(role, Loaded) else ()
-        for i, (one, value) in enumerate(zip(rows("spring").values(), spring, strict=False)):
-            idle = "" if any(spring) else "the edge rests on no springs"
-            yield (*path, "spring", one.name), Number(one, value, (*place, "spring", i), idle=idle)
+        for i, one in enumerate(rows("spring").values() if role.word in LOADED else ()):
+            idle = "" if any(role.spring) else "the edge rests on no springs"
+            yield (*path, "spring", one.name), Number(one, role.spring[i], (*place, "spring", i), idle=idle)
     if isinstance(scene.friction, Laws):
         yield from _of_law(scene.friction, ("friction",), ("friction",), 1.0)
     for i, (edge, law, strength) in enumerate(scene.friction.laws if isinstance(scene.friction, EdgeLaws) else ()):
@@ -291,14 +287,11 @@ def _scaled_by(scene: Scene, factor: float) -> Scene:
     """The scene with f, g, pressure, force and moment times a factor."""
     boundary = []
     for name, role in scene.boundary:
-        x, y = resultant(role)
-        if isinstance(role, Rigid):
-            moment = None if role.moment is None else factor * role.moment
-            role = replace(role, force=(factor * x, factor * y), moment=moment)
-        elif isinstance(role, Loaded):
-            g, pressure = (_scaled(role.g[0], factor), _scaled(role.g[1], factor)), _scaled(role.pressure, factor)
-            role = replace(role, g=g, pressure=pressure, force=(factor * x, factor * y))
-        boundary.append((name, role))
+        g = _scaled(role.g[0], factor), _scaled(role.g[1], factor)
+        force = factor * role.force[0], factor * role.force[1]
+        moment = None if role.moment is None else factor * role.moment
+        loaded = replace(role, g=g, pressure=_scaled(role.pressure, factor), force=force, moment=moment)
+        boundary.append((name, loaded))
     return replace(scene, f=(_scaled(scene.f[0], factor), _scaled(scene.f[1], factor)), boundary=tuple(boundary))
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,81 +111,102 @@ class EdgeHeat:
     theta_bar: Scalar | None = None
 
 
-@dataclass(frozen=True)
-class Clamped:
-    """Γ_D: prescribed displacement [m], (u_x, u_y) or in the frame "nt" (u_N, u_T) of the edge; None is free."""
+Given = tuple[Scalar | None, Scalar | None]
 
-    u: tuple[Scalar | None, Scalar | None] = (0.0, 0.0)
+
+@dataclass(frozen=True)
+class Role:
+    """What an edge does: how it is held, what loads it, what it rests on, what it does to heat. A kind of role has what
+    its keys say; all else is as it is here, so that loads and supports of any edge can be asked for.
+
+    word:     its name in a study
+    u, frame: displacement [m], (u_x, u_y) or in the frame "nt" (u_N, u_T) of the edge; None is free
+    g:        traction in x and y [Pa];  pressure: positive when it pushes [Pa]
+    force:    a resultant per unit thickness, spread evenly over the edge, or moving a rigid one [N/m]
+    moment:   about the middle of an edge that turns as a whole [N], None for one that does not
+    spring:   (k_N, k_T), stiffness of the support per area [Pa/m]
+    """
+
+    word: ClassVar[str]
+    u: Given = field(default=(None, None), kw_only=True)
+    frame: Literal["xy", "nt"] = field(default="xy", kw_only=True)
+    g: tuple[Scalar, Scalar] = field(default=(0.0, 0.0), kw_only=True)
+    pressure: Scalar = field(default=0.0, kw_only=True)
+    heat: EdgeHeat | None = field(default=None, kw_only=True)
+    force: tuple[float, float] = field(default=(0.0, 0.0), kw_only=True)
+    moment: float | None = field(default=None, kw_only=True)
+    spring: tuple[float, float] = field(default=(0.0, 0.0), kw_only=True)
+
+    @property
+    def held(self) -> Given:
+        """What of u an edge holds by itself or rests on springs with, in its frame; a rigid one as a whole."""
+        first, second = (0.0 if k > 0.0 else u for u, k in zip(self.u, self.spring, strict=True))
+        return first, second
+
+
+@dataclass(frozen=True)
+class Clamped(Role):
+    """Γ_D: prescribed displacement."""
+
+    word = "clamped"
+    u: Given = (0.0, 0.0)
     frame: Literal["xy", "nt"] = "xy"
-    heat: EdgeHeat | None = None
 
 
 @dataclass(frozen=True)
 class Symmetry(Clamped):
     """A straight edge on which the body is mirrored: u_N = 0 and no shear."""
 
-    u: tuple[Scalar | None, Scalar | None] = (0.0, None)
+    word = "symmetry"
+    u: Given = (0.0, None)
     frame: Literal["xy", "nt"] = "nt"
 
 
 @dataclass(frozen=True)
 class Rigid(Clamped):
-    """An edge that moves as a whole: a component u [m] is given, or None, one unknown under a resultant `force` [N/m].
+    """An edge that moves as a whole: a component u is given, or None, one unknown under a resultant `force`."""
 
-    moment: about the middle of an edge that turns [N], None for one that does not; all per unit thickness
-    """
-
-    u: tuple[Scalar | None, Scalar | None] = (None, None)
-    force: tuple[float, float] = (0.0, 0.0)
-    moment: float | None = None
+    word = "rigid"
+    u: Given = (None, None)
 
 
 @dataclass(frozen=True)
-class Loaded:
-    """What an edge of Γ_N carries: σn = g − p n + force/|Γ| − k_N u_N n − k_T u_T t.
-
-    g:        in x and y [Pa];  pressure: positive when it pushes [Pa]
-    force:    a resultant spread evenly over the edge, per unit thickness [N/m]
-    spring:   (k_N, k_T), stiffness of the support per area [Pa/m]
-    """
+class Loaded(Role):
+    """What an edge of Γ_N carries: σn = g − p n + force/|Γ| − k_N u_N n − k_T u_T t."""
 
     g: tuple[Scalar, Scalar] = (0.0, 0.0)
     pressure: Scalar = 0.0
-    heat: EdgeHeat | None = None
-    force: tuple[float, float] = (0.0, 0.0)
-    spring: tuple[float, float] = (0.0, 0.0)
+    frame: Literal["xy", "nt"] = field(default="nt", kw_only=True)
 
 
 @dataclass(frozen=True)
 class Traction(Loaded):
     """Γ_N."""
 
+    word = "traction"
+
 
 @dataclass(frozen=True)
-class Contact:
+class Contact(Role):
     """Γ_C: u_N = 0 and −S_T ∈ b̂(u_T), eq. (4)."""
 
-    heat: EdgeHeat | None = None
+    word = "contact"
+    u: Given = field(default=(0.0, None), kw_only=True)
+    frame: Literal["xy", "nt"] = field(default="nt", kw_only=True)
 
 
 @dataclass(frozen=True)
 class Convection(Loaded):
     """Γ_θ: −k∂θ/∂n = α(θ − θ̄), eq. (5); loaded and supported as `Traction` is, or not at all."""
 
+    word = "convection"
+
 
 @dataclass(frozen=True)
-class Free:
+class Free(Role):
     """Neither load nor, by itself, heat."""
 
-    heat: EdgeHeat | None = None
-
-
-Role = Clamped | Loaded | Contact | Free
-
-
-def resultant(role: Role) -> tuple[float, float]:
-    """The force that is spread over an edge, or moves it as a whole, in x and y [N/m]."""
-    return role.force if isinstance(role, Loaded | Rigid) else (0.0, 0.0)
+    word = "free"
 
 
 def exchanges(role: Role) -> bool:
@@ -302,8 +323,7 @@ class Scene:
     @property
     def springs(self) -> tuple[tuple[str, float, float], ...]:
         """(edge, k_N, k_T) of the edges that rest on springs [Pa/m]."""
-        loaded = ((name, role) for name, role in self.boundary if isinstance(role, Loaded))
-        return tuple((name, *role.spring) for name, role in loaded if any(role.spring))
+        return tuple((name, *role.spring) for name, role in self.boundary if any(role.spring))
 
     @property
     def heat_by_edge(self) -> bool:

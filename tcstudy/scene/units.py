@@ -32,8 +32,8 @@ LENGTH = Dimension("a length", "m", "m", "20 mm")
 TRACTION = Dimension("a stress", "Pa", "Pa", "20 MPa")
 STIFFNESS = Dimension("a traction per slip", "Pa/m", "Pa m-1", "5e9 Pa/m")
 BODY_FORCE = Dimension("a force per volume", "N/m^3", "N m-3", "-77 kN/m^3")
-FRACTURE_ENERGY = Dimension("an energy per area", "J/m^2", "J m-2", "400 J/m^2")
 LINE_FORCE = Dimension("a force per length", "N/m", "N m-1", "30 kN/m")
+FRACTURE_ENERGY = Dimension("an energy per area", "J/m^2", "J m-2", "400 J/m^2")
 MOMENT = Dimension("a moment per length", "N", "N", "20 N")
 HEAT_SOURCE = Dimension("a heat source density", "W/m^3", "W m-3", "5e6 W/m^3")
 HEAT_FLUX = Dimension("a heat flux", "W/m^2", "W m-2", "500 W/m^2")
@@ -99,10 +99,8 @@ def to_si(number: str, unit: str, dimension: Dimension) -> float:
     return value
 
 
-DIMENSIONS = (
-    *(NONE, LENGTH, TRACTION, STIFFNESS, BODY_FORCE, LINE_FORCE, HEAT_SOURCE, HEAT_TRANSFER, TEMPERATURE),
-    *(CONDUCTIVITY, EXPANSION, THERMAL_STRESS, HEAT_FLUX, VELOCITY, MOMENT),
-)
+DIMENSIONS = tuple(one for one in list(globals().values()) if isinstance(one, Dimension))
+"""All above: of two with the same units, the first is meant where only units are given."""
 
 
 def same_quantity(one: object, two: object) -> bool:

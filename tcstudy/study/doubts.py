@@ -29,7 +29,7 @@ from tcstudy.read.document import Found, located, tree_of
 from tcstudy.read.node import Collector
 from tcstudy.read.parameters import users, words_in
 from tcstudy.scene.points import combinations, distinct
-from tcstudy.scene.records import Body, Clamped, Contact, Convection, Scene, Traction, exchanges, resultant
+from tcstudy.scene.records import Body, Clamped, Contact, Convection, Scene, Traction, exchanges
 from tcstudy.scene.study import Study
 from tcstudy.shapes.edges import edge_length, edge_normal, loop_area
 from tcstudy.shapes.faults import TOLERANCE
@@ -77,7 +77,7 @@ def _forced(scene: Scene) -> bool:
     """Whether there is a force, a pressure or a displacement."""
     given: list[object] = [*scene.f]
     for _, role in scene.boundary:
-        given += resultant(role)
+        given += role.force
         if isinstance(role, Traction | Convection):
             given += [*role.g, role.pressure]
         elif isinstance(role, Clamped):

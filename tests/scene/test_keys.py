@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import fields
 
 import pytest
 
+from tcstudy.read.plans import OF_MESH, OF_PATH
 from tcstudy.scene.key import symbol
 from tcstudy.scene.keys import ROWS, of_role, row, rows
 from tcstudy.scene.parameters import FIXED, SHORT, sweepable
+from tcstudy.scene.study import MeshPlan, PathPlan
 
 ADDED = """
 from tcstudy.scene import keys
@@ -75,6 +78,11 @@ def test_parameters_are_written_with_the_symbols_of_the_paper() -> None:
 
 def test_every_key_is_once_in_its_section() -> None:
     assert len({(one.section, one.name) for one in ROWS}) == len(ROWS) > 90
+
+
+def test_no_key_of_the_meshes_or_a_path_is_accepted_and_ignored() -> None:
+    for section, plan, judged in (("mesh", MeshPlan, OF_MESH), ("path", PathPlan, OF_PATH)):
+        assert {*rows(section)} - {*judged} <= {field.name for field in fields(plan)}
 
 
 @pytest.mark.parametrize("one", [one for one in ROWS if one.affine], ids=lambda one: f"{one.section}.{one.name}")
