@@ -28,8 +28,8 @@ def _shape(name: str) -> Key:
 
 
 def _share(name: str, meaning: str, least: float, default: float) -> Key:
-    bounds = {"least": least, "above": 0.0, "below": 1.0}
-    return Key(name, "number", meaning, u.NONE, f"{default}", default=default, swept=True, **bounds)
+    said = (name, "number", meaning, u.NONE, f"{default}")
+    return Key(*said, default=default, least=least, above=0.0, below=1.0, swept=True)
 
 
 _MOST_LEVELS = max(family.max_levels for family in FAMILIES.values())

@@ -8,12 +8,12 @@ import pytest
 from tcstudy.errors import StudyError
 from tcstudy.exact.fields import body_edges, edge_samples
 from tcstudy.exact.loads import Derivation
+from tcstudy.expressions.derivative import value_and_gradient
 from tcstudy.expressions.expression import Expression, parse
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.records import Clamped, Convection, Traction
 from tcstudy.scene.study import Exact
 from tests.benchmarks.mutated import DERIVED
-from tests.expressions.forward_mode import forward_mode
 
 TEXT = DERIVED.replace("output: {live: true, fields: true}\n", "")
 U = '"y + (1 - 0.6*y)*(0.3 + 0.2*sin(pi*x))", "0.1*y*cos(pi*x)"'
@@ -213,13 +213,13 @@ exact: {u: ["(1 + x^2)*(1 + 0.5*y)", "y^2*sin(x) - x*y^2/3 - x*y^4"], loads: der
 
 @pytest.mark.parametrize("name", ["right", "dome", "bore", "slot"])
 def test_tractions_around_holes_on_arcs_and_on_four_sides_of_one_name(name: str) -> None:
-    """Against σn from forward mode and the geometry's own normals; u_x,y = k u_x on the base."""
+    """Against σn from gradients in numbers and the geometry's own normals; u_x,y = k u_x on the base."""
     scene = read_study_text(HOLES).scenes[0]
     role = dict(scene.boundary)[name]
     assert isinstance(role, Traction)
     for edge, hole in body_edges(scene.body, (name,)):
         points, n = edge_samples(edge, hole)
-        (u_xx, u_xy), (u_yx, u_yy) = (forward_mode(parse(u), *points.T)[1] for u in HOLES.split('"')[1:4:2])
+        (u_xx, u_xy), (u_yx, u_yy) = (value_and_gradient(parse(u), *points.T)[1] for u in HOLES.split('"')[1:4:2])
         s_xx, s_yy, s_xy = 3.5 * u_xx + 1.5 * u_yy, 1.5 * u_xx + 3.5 * u_yy, u_xy + u_yx
         expected = [s_xx * n[:, 0] + s_xy * n[:, 1], s_xy * n[:, 0] + s_yy * n[:, 1]]
         found = [at(component, *points.T) for component in role.g]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import math
-import operator
 import pickle
 import time
 from fractions import Fraction
@@ -146,73 +145,14 @@ def test_fold_passes_constants_as_floats_and_whole_powers_as_ints() -> None:
 
 
 HOSTILE = [
-    "__import__('os')",
-    "x.__class__",
-    "().__class__",
-    "lambda: 1",
-    "lambda x: x",
-    "[x for x in (1,)]",
-    "x if y else 1",
-    "x < y",
-    "x == y",
-    "x and y",
-    "not x",
-    "x := 1",
-    "x, y",
-    "sin(x=1)",
-    "sin(*x)",
-    "sin(**x)",
-    "sin",
-    "sin(x)(y)",
-    "x(y)",
-    "2(x)",
-    "print(x)",
-    "'x'",
-    "f'{x}'",
-    "True",
-    "None",
-    "...",
-    "1j",
-    "0x10",
-    "1_000",
-    "x // y",
-    "x % y",
-    "x @ y",
-    "~x",
-    "x & y",
-    "x ** * y",
-    "x * * y",
-    "x)+(y",
-    "(x",
-    "x +",
-    "* x",
-    "()",
-    "",
-    "   ",
-    "x;y",
-    "x#y",
-    "x\x00",
-    "ｘ",
-    "𝓍 + 1",
-    "x\u200b",
-    "²",
-    "1e400",
-    "9" * 1999,
-    "(" * 1000 + "x" + ")" * 999,
-    "(" * 900,
-    "-" * 1999 + "x",
-    "x" + "^x" * 990,
-    "x" + "+x" * 990,
-    "sin(" * 300 + "x" + ")" * 300,
-    "max(" * 200 + "x" + ",1)" * 200,
-    "x" * (MAX_LENGTH + 1),
-    "(x)" * (10**6),
-    "atan2(x)",
-    "sin()",
-    "sin(x, y)",
-    "min(x)",
-    "max()",
-]
+    "__import__('os')", "x.__class__", "().__class__", "lambda: 1", "lambda x: x", "[x for x in (1,)]", "x if y else 1",
+    "x < y", "x == y", "x and y", "not x", "x := 1", "x, y", "sin(x=1)", "sin(*x)", "sin(**x)", "sin", "sin(x)(y)",
+    "x(y)", "2(x)", "print(x)", "'x'", "f'{x}'", "True", "None", "...", "1j", "0x10", "1_000", "x // y", "x % y",
+    "x @ y", "~x", "x & y", "x ** * y", "x * * y", "x)+(y", "(x", "x +", "* x", "()", "", "   ", "x;y", "x#y", "x\x00",
+    "ｘ", "𝓍 + 1", "x\u200b", "²", "1e400", "9" * 1999, "(" * 1000 + "x" + ")" * 999, "(" * 900, "-" * 1999 + "x",
+    "x" + "^x" * 990, "x" + "+x" * 990, "sin(" * 300 + "x" + ")" * 300, "max(" * 200 + "x" + ",1)" * 200,
+    "x" * (MAX_LENGTH + 1), "(x)" * (10**6), "atan2(x)", "sin()", "sin(x, y)", "min(x)", "max()",
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("text", HOSTILE, ids=range(len(HOSTILE)))
@@ -300,11 +240,3 @@ def test_any_text_gives_an_expression_or_an_error(text: str) -> None:
         return
     assert isinstance(expression, Expression)
     assert expression.evaluate(np.array([0.5, 1.0]), 2.0).shape == (2,)
-
-
-def test_function_names_are_complete() -> None:
-    names = ["sin", "cos", "tan", "asin", "acos", "atan", "exp", "log", "sqrt", "abs", "sinh", "cosh", "tanh"]
-    for name in names:
-        reference = abs if name == "abs" else getattr(math, name)
-        assert parse(f"{name}(x)").evaluate(0.4, 0.0) == pytest.approx(reference(0.4), rel=1e-15)
-    assert operator.eq(parse("atan2(x, y)").evaluate(1.0, -2.0), math.atan2(1.0, -2.0))

@@ -200,15 +200,3 @@ def test_a_section_may_be_set_before_its_keys() -> None:
     root = apply_overrides(tree("a: {b: 1}\n"), ["a={b: 2, e: 3}", "a.b=4"], {}, errors)
     assert not errors.problems
     assert root.plain() == {"a": {"b": 4, "e": 3}}
-
-
-def test_a_problem_without_a_line_names_the_option_only() -> None:
-    assert str(Problem("--set a=1", 0, 0, "a", "what", "remedy")) == "--set a=1: a: what; remedy"
-    assert str(Problem("s.yaml", 3, 4, "a", "what", "remedy")) == "s.yaml:3:4: a: what; remedy"
-
-
-def test_an_error_sorts_its_problems_and_drops_duplicates() -> None:
-    late, early = Problem("s", 3, 1, "b", "w", "r"), Problem("s", 2, 9, "a", "w", "r")
-    error = StudyError([late, early, late])
-    assert error.problems == (early, late)
-    assert str(error) == "s:2:9: a: w; r\ns:3:1: b: w; r"

@@ -68,16 +68,6 @@ def test_a_tolerance_as_h_of_the_sweep() -> None:
     assert [axis.name for axis in study.axes] == ["tau"]
 
 
-def test_which_plans_estimate_and_which_are_nested() -> None:
-    assert not MeshPlan((0.5,), 3).estimates
-    assert MeshPlan((0.5,), 3, estimate=True).estimates
-    assert MeshPlan((0.5,), 3, "adaptive").estimates
-    assert MeshPlan((0.5,), 3, tolerance=0.1).estimates
-    assert MeshPlan((0.5,), 3).nested
-    assert not MeshPlan((0.5,), 3, "graded").nested
-    assert not MeshPlan((0.5, 0.2), 2).nested
-
-
 @pytest.mark.parametrize(
     ("text", "fault"),
     [
@@ -180,10 +170,6 @@ def test_all_keys() -> None:
     assert (plan.begin, plan.end, plan.within, plan.at) == (0.0, -4e6, (-5e6, 1e6), (-1e6, -2e6))
     assert (plan.start, plan.direction, plan.max_pieces, plan.level) == ("lowest", "forward", 50, 1)
     assert (plan.hysteresis, plan.law_error) == (False, 1e-4)
-
-
-def test_a_study_without_a_path_has_none() -> None:
-    assert read_study_text(STUDY.replace(PATH, "")).path is None
 
 
 def test_the_path_belongs_to_the_base_study() -> None:

@@ -14,23 +14,6 @@ QUICKSTART = Path(__file__).parents[2] / "configs" / "quickstart.yaml"
 GRID = "sweep={alpha: [25, 50], friction.delta: [10 um, 20 um, 30 um], theta_bar: [0, 10]}"
 
 
-def test_points_are_in_c_order_of_the_axes():
-    scenes = tcstudy.load(QUICKSTART, [GRID]).scenes
-    found = [(s.heat.alpha, s.friction.kinks.max(), s.heat.theta_bar) for s in scenes]
-    assert found == [(a, d, t) for a in (25, 50) for d in (1e-5, 2e-5, 3e-5) for t in (0, 10)]
-
-
-@pytest.mark.parametrize("mode", ["zip", "list"])
-def test_axes_read_together(mode):
-    points = {
-        "zip": "sweep={mode: zip, alpha: [25, 50, 75], theta_bar: [0, 10, 20]}",
-        "list": "sweep={mode: list, points: [{alpha: 25, theta_bar: 0}, {alpha: 50, theta_bar: 10}, "
-        "{alpha: 75, theta_bar: 20}]}",
-    }
-    scenes = tcstudy.load(QUICKSTART, [points[mode]]).scenes
-    assert [(s.heat.alpha, s.heat.theta_bar) for s in scenes] == [(25, 0), (50, 10), (75, 20)]
-
-
 def test_distinct_scenes_stand_for_all():
     scenes = tcstudy.load(QUICKSTART, [GRID]).scenes
     assert [s.heat.alpha for s in distinct(scenes, "heat")] == [25, 25, 50, 50]
