@@ -7,7 +7,7 @@
 
 Studies:  init, load, Study (from_dict, with_), plan, run, converge, cost
 Results:  open_results, draw, report, export
-Matrices: ContactProblem, law, solve, certify, follow
+Matrices: ContactProblem, law, solve, all_solutions, certify, follow
 
     problem = tcstudy.ContactProblem(A_tilde, l_tilde, c, tcstudy.law("tresca", tau=1.0))
     answer = tcstudy.solve(problem)                # answer.v, answer.xi, answer.inclusion_residual, answer.status
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
         UsageError,
         UserFault,
     )
-    from tcstudy.matrices import ContactProblem, certify, follow, law, solve
+    from tcstudy.matrices import ContactProblem, all_solutions, certify, follow, law, solve
     from tcstudy.results import draw, export, open_results, report
 
     __version__: str
@@ -60,12 +60,12 @@ if TYPE_CHECKING:
 __all__ = [
     "ContactProblem", "ConvergenceError", "CostError", "DrawError", "FitError", "GeometryFailed", "HistoryError",
     "PageError", "PathError", "ProblemError", "StoreError", "Study", "StudyError", "StudyWarning", "UsageError",
-    "UserFault", "__version__", "certify", "converge", "cost", "draw", "export", "follow",
+    "UserFault", "__version__", "all_solutions", "certify", "converge", "cost", "draw", "export", "follow",
     "init", "law", "load", "open_results", "plan", "report", "run", "solve",
 ]  # fmt: skip
 
 _FILES = {
-    **dict.fromkeys(("ContactProblem", "certify", "follow", "law", "solve"), "matrices"),
+    **dict.fromkeys(("ContactProblem", "all_solutions", "certify", "follow", "law", "solve"), "matrices"),
     **dict.fromkeys(("draw", "export", "open_results", "report"), "results"),
 }
 """Files of names that stand neither in errors nor in api."""

@@ -17,7 +17,10 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
+from tcstudy.contact import all_solutions as enumeration
 from tcstudy.contact import certificates
+from tcstudy.contact.all_solutions import LAW_ERROR, Solutions
+from tcstudy.contact.boxes import Limits
 from tcstudy.contact.certificates import Certificate
 from tcstudy.contact.contact import Answer, solve_contact
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path
@@ -30,7 +33,7 @@ from tcstudy.laws.pieces import GrowthError
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.scene.study import BRANCHES, BUNDLE, SEPARABLE, SOLVERS, Branch, Direction
 
-__all__ = ["ContactProblem", "certify", "follow", "law", "solve"]
+__all__ = ["ContactProblem", "all_solutions", "certify", "follow", "law", "solve"]
 
 Array = NDArray[np.float64]
 ASYMMETRY = 1e-10
@@ -125,6 +128,29 @@ def solve(
     if max_iterations is not None and solver == SEPARABLE:
         raise ProblemError(f"max_iterations is of {BUNDLE} alone; leave it out, or give solver={BUNDLE!r}")
     return solve_contact(problem.plain, solver, tolerance, max_iterations, branch, start)
+
+
+def all_solutions(
+    problem: ContactProblem, *, max_boxes: int = 20_000, max_seconds: float = 60.0, law_error: float = LAW_ERROR
+) -> Solutions:
+    """Every solution of the problem, stable or not, and whether these are proved to be all (contact/all_solutions.py).
+
+    max_boxes, max_seconds: where the search for more ends, with what is found so far
+    law_error: of the polygon that stands for a law with exponential pieces, relative to its scale; all is then said of
+               the polygon
+
+    The answer has, lowest energy first, v (S, m) [m], energy (S,) [J/m] and stable (S,), strict local minima; complete,
+    or else a reason and the undecided pieces. Complete, its first is the global minimum. Raises ProblemError for limits
+    that leave nothing to do and a law_error that is none.
+    """
+    if not (max_boxes >= 1 and max_seconds > 0.0):
+        raise ProblemError(f"max_boxes = {max_boxes!r}, max_seconds = {max_seconds!r} leave nothing to do; give more")
+    if not 1e-8 <= law_error < 1.0:
+        raise ProblemError(f"law_error = {law_error!r} must lie between 1e-8 and 1")
+    try:
+        return enumeration.all_solutions(problem.plain, Limits(max_boxes, max_seconds), law_error)
+    except (GrowthError, ValueError) as error:
+        raise ProblemError(f"no list of solutions: {error}") from error
 
 
 def certify(problem: ContactProblem, v: ArrayLike | Answer, tolerance: float | None = None) -> Certificate:

@@ -1,0 +1,151 @@
+"""All solutions of a problem against brute force over all pieces; limits, ties, laws of rows and exponential laws."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import tcstudy
+from tcstudy.contact.all_solutions import Solutions, all_solutions, of_rows
+from tcstudy.contact.boxes import Limits, PolygonProblems, reach_of
+from tcstudy.contact.certificates import certify
+from tcstudy.contact.problem import ContactProblem
+from tcstudy.laws.laws import Laws
+from tests.contact.contact_cases import half_laplacian
+from tests.contact.random_polygons import NEAR, by_brute_force, random_problem
+
+SAW = tcstudy.law(points=[(0, 4), (1, 1), (1, 4), (2, 1), (2, 4), (3, 1)])
+
+
+def saw_tooth(load: float, m: int = 8) -> ContactProblem:
+    """A bar-like body on a saw-tooth film with many equilibria."""
+    A, c = half_laplacian(m, 0.25)
+    ramp = load * c * np.linspace(0.4, 1.0, m)
+    return ContactProblem(A, ramp, c, SAW)
+
+
+def sorted_rows(v: np.ndarray) -> np.ndarray:
+    return v[np.lexsort(v.round(9).T)]
+
+
+def assert_equal_to_brute_force(problem: ContactProblem) -> Solutions:
+    v, _, nearest = by_brute_force(problem)
+    found = all_solutions(problem)
+    assert nearest > NEAR
+    assert found.complete, found.reason
+    assert len(found) == len(v)
+    np.testing.assert_allclose(sorted_rows(found.v), sorted_rows(v), atol=1e-8)
+    return found
+
+
+@pytest.mark.parametrize("m", [1, 2, 3])
+def test_random_problems_have_the_solutions_that_brute_force_finds(m: int) -> None:
+    """M-matrices and others, laws by node, jumps both ways; tests/benchmarks/equilibria.py has 2,000 of them."""
+    counts = []
+    for seed in range(40):
+        problem, _ = random_problem(seed, m)
+        found = assert_equal_to_brute_force(problem)
+        counts.append(len(found))
+        assert np.all(np.diff(found.energy) >= 0.0)
+        for v, energy, stable in zip(found.v, found.energy, found.stable, strict=True):
+            assert problem.inclusion_residual(v) < 1e-10
+            assert energy == pytest.approx(problem.energy(v), abs=1e-12)
+            assert stable == certify(problem, v).strict_minimum
+    assert max(counts) >= 3
+    assert all(count % 2 for count in counts)
+
+
+def test_rows_with_laws_of_their_own_are_the_problems_one_by_one() -> None:
+    problem = saw_tooth(6.0)
+    laws = [SAW, tcstudy.law(points=[(0, 4), (1, 1)]), tcstudy.law("tresca", tau=1.0)]
+    loads = np.array([[1.0], [0.85], [0.2]]) * problem.l_tilde
+    rows = of_rows(problem.A_tilde, problem.c, Laws.of(laws, [[0], [1], [2]]), loads, problem.lambda_1)
+    for found, law, load in zip(rows, laws, loads, strict=True):
+        alone = all_solutions(ContactProblem(problem.A_tilde, load, problem.c, law))
+        assert found.complete
+        np.testing.assert_array_equal(found.sides, alone.sides)
+        np.testing.assert_allclose(found.v, alone.v, rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize(("limits", "reason"), [(Limits(boxes=2), "2 boxes"), (Limits(seconds=0.0), "0 seconds")])
+def test_a_limit_ends_in_a_list_that_claims_nothing(limits: Limits, reason: str) -> None:
+    problem = saw_tooth(6.0)
+    assert len(all_solutions(problem)) > 3
+    found = all_solutions(problem, limits)
+    assert not found.complete
+    assert reason in found.reason
+
+
+def test_a_solution_on_a_kink_is_undecided_and_never_counted() -> None:
+    """A load that puts a node on a bend of its law: said, and decided by a load a little smaller."""
+    kink = tcstudy.law(points=[(0, 1), (1, 2), (2, 1.5)])
+    A, c = np.diag([1.0, 1.0]), np.ones(2)
+    on = all_solutions(ContactProblem(A, np.array([3.0, 0.2]), c, kink))  # v₁ + b(v₁) = 3 at the kink v₁ = 1
+    assert not on.complete
+    assert len(on.undecided) == 2
+    assert "within rounding" in on.reason
+    beside = all_solutions(ContactProblem(A, np.array([3.0 * (1 - 1e-9), 0.2]), c, kink))
+    assert beside.complete
+
+
+def test_solutions_put_on_corners_of_their_cells_are_never_lost() -> None:
+    """Loads made for v with nodes at the ends of jumps: without room for rounding the boxes there would be empty."""
+    for seed in range(60):
+        problem, _ = random_problem(seed, 3)
+        rng, laws = np.random.default_rng(seed), [problem.law.single(i) for i in range(3)]
+        k = [int(rng.integers(len(law.kinks))) for law in laws]
+        v = np.array([law.kinks[i] for law, i in zip(laws, k, strict=True)])
+        zeta = np.array(
+            [(law.b_left if rng.random() < 0.5 else law.b_right)[i] for law, i in zip(laws, k, strict=True)]
+        )
+        corner = ContactProblem(problem.A_tilde, problem.A_tilde @ v + problem.c * zeta, problem.c, problem.law)
+        found = all_solutions(corner)
+        assert not found.complete
+        graph = PolygonProblems(
+            corner.A_tilde, corner.c, corner.law, corner.l_tilde[None],
+            reach_of(corner.c, corner.law, corner.l_tilde[None], corner.lambda_1),
+        )  # fmt: skip
+        ends = graph.points[0, np.arange(3)[:, None], found.undecided[..., None] + np.arange(2)]
+        at = np.array([v, zeta]).T[:, None]
+        assert np.any((np.abs(ends - at) < 1e-12).all(-1).any(-1).all(-1)), seed
+
+
+def test_singular_pieces_are_undecided() -> None:
+    """b falls by as much as the body is stiff: a continuum of solutions at one load."""
+    A, c = np.array([[1.0]]), np.ones(1)
+    found = all_solutions(ContactProblem(A, np.array([2.0]), c, tcstudy.law(points=[(0, 2), (1, 1), (2, 1)])))
+    assert not found.complete
+
+
+def test_a_law_without_kinks_has_one_solution() -> None:
+    problem = ContactProblem(*half_laplacian(5)[:1], np.arange(5.0), np.ones(5), tcstudy.law("linear", k=2.0))
+    found = all_solutions(problem)
+    assert (found.complete, len(found), found.boxes) == (True, 1, 1)
+    np.testing.assert_allclose(found.v[0], np.linalg.solve(problem.A_tilde + 2.0 * np.eye(5), problem.l_tilde))
+
+
+def test_an_exponential_law_is_answered_by_its_polygon() -> None:
+    law = tcstudy.law("exponential", a=4.0, b=0.5, delta=1.0)
+    problem = saw_tooth(6.0, 4)
+    found = all_solutions(ContactProblem(problem.A_tilde, problem.l_tilde, problem.c, law))
+    assert found.complete
+    assert found.law_error == 1e-3
+    residuals = [
+        ContactProblem(problem.A_tilde, problem.l_tilde, problem.c, law).inclusion_residual(v) for v in found.v
+    ]
+    assert max(residuals) < 2e-3
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"max_boxes": 0}, "^max_boxes = 0, max_seconds = 60.0 leave nothing to do"),
+        ({"max_seconds": float("nan")}, "leave nothing to do"),
+        ({"law_error": 0.0}, "^law_error = 0.0 must lie between"),
+    ],
+)
+def test_the_door_refuses_limits_that_leave_nothing_to_do(given: dict[str, float], said: str) -> None:
+    problem = tcstudy.ContactProblem([[2.0]], [1.0], [1.0], SAW)
+    assert tcstudy.all_solutions(problem).complete
+    with pytest.raises(tcstudy.ProblemError, match=said):
+        tcstudy.all_solutions(problem, **given)
