@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tcstudy.contact import all_solutions as enumeration
 from tcstudy.contact import certificates
-from tcstudy.contact.all_solutions import LAW_ERROR, Solutions
+from tcstudy.contact.all_solutions import LAW_ERROR, Equilibria
 from tcstudy.contact.boxes import Limits
 from tcstudy.contact.certificates import Certificate
 from tcstudy.contact.contact import Answer, solve_contact
@@ -132,7 +132,7 @@ def solve(
 
 def all_solutions(
     problem: ContactProblem, *, max_boxes: int = 20_000, max_seconds: float = 60.0, law_error: float = LAW_ERROR
-) -> Solutions:
+) -> Equilibria:
     """Every solution of the problem, stable or not, and whether these are proved to be all (contact/all_solutions.py).
 
     max_boxes, max_seconds: where the search for more ends, with what is found so far

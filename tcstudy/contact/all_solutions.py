@@ -34,7 +34,7 @@ LAW_ERROR = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Solutions:
+class Equilibria:
     """The solutions of one problem, lowest energy first.
 
     v:         (S, m) slips [m], each proved to be within rounding of one solution
@@ -60,7 +60,7 @@ class Solutions:
         return len(self.v)
 
 
-def all_solutions(problem: ContactProblem, limits: Limits | None = None, law_error: float = LAW_ERROR) -> Solutions:
+def all_solutions(problem: ContactProblem, limits: Limits | None = None, law_error: float = LAW_ERROR) -> Equilibria:
     """Every solution of one problem; of laws with exponential pieces every one of their polygon."""
     laws, error = problem.law, 0.0
     if not laws.piecewise_linear:
@@ -72,7 +72,7 @@ def all_solutions(problem: ContactProblem, limits: Limits | None = None, law_err
 
 def of_rows(
     A_tilde: Array, c: Array, laws: Laws, loads: Array, lambda_1: float, limits: Limits | None = None
-) -> list[Solutions]:
+) -> list[Equilibria]:
     """The same of P problems on one body.
 
     laws: piecewise linear, of one problem or of all (index of the shape (), (m,), (R, 1) or (R, m), R = 1 or P)
@@ -92,7 +92,7 @@ def of_rows(
         undecided, order = cells.sides[own & ~inside & ~outside], np.argsort(energy, kind="stable")
         reason = _reason(int(cells.boxes[i]), bool(cells.stopped[i]), len(undecided), len(sides), limits)
         found.append(
-            Solutions(v[sure][order], energy[order], stable[order], sides[order], not reason, reason, undecided,
+            Equilibria(v[sure][order], energy[order], stable[order], sides[order], not reason, reason, undecided,
                       int(cells.boxes[i]))
         )  # fmt: skip
     return found

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.contact.all_solutions import Solutions, all_solutions, of_rows
+from tcstudy.contact.all_solutions import Equilibria, all_solutions, of_rows
 from tcstudy.contact.boxes import Limits, PolygonProblems, reach_of
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.problem import ContactProblem
@@ -28,7 +28,7 @@ def sorted_rows(v: np.ndarray) -> np.ndarray:
     return v[np.lexsort(v.round(9).T)]
 
 
-def assert_equal_to_brute_force(problem: ContactProblem) -> Solutions:
+def assert_equal_to_brute_force(problem: ContactProblem) -> Equilibria:
     v, _, nearest = by_brute_force(problem)
     found = all_solutions(problem)
     assert nearest > NEAR
