@@ -290,30 +290,22 @@ FIELDS: tuple[FileVariable, ...] = (
 
 
 LIVE = tuple(
-    FileVariable(name, "f8", units, long_name, tuple(dims) or (SWEEP,))
-    for name, units, long_name, *dims in (
-        ("A_tilde", "Pa", "condensed stiffness of the first point", "node", "node_column"),
-        ("mechanical_load", "N m-1", "condensed loads f, g and pressure", "mechanical_number", "node"),
-        ("held_load", "N m-1", "condensed loads of given displacements", "held_number", "node"),
-        ("source_node", "m-1", "alpha/k of the nodes of the source's function", "source_node_number"),
-        ("source_weight", "1", "barycentric weights of the source's function", "source_node_number"),
-        ("source_load", "m2", "alpha times the load of a unit source for beta = 1", "source_node_number", "node"),
-        ("surroundings_node", "m-1", "alpha/k of the nodes of the surroundings' function", "surroundings_number"),
-        ("surroundings_weight", "1", "barycentric weights of the surroundings' function", "surroundings_number"),
-        ("surroundings_load", "m", "load of unit surroundings for beta = 1", "surroundings_number", "node"),
-        ("stiffness", "1", "mu over that of the first point"),
-        ("mechanical", "1", "number of the mechanical load; -1 for none"),
-        ("held", "1", "number of the load of given displacements; -1 for none"),
-        ("beta", "Pa K-1", "stress-temperature modulus"),
-        ("alpha", "W m-2 K-1", "heat transfer coefficient; missing where the temperature is given"),
-        ("k", "W m-1 K-1", "conductivity"),
-        ("q", "W m-3", "factor of the source"),
-        ("theta_bar", "K", "factor of the temperature of the surroundings, or of the given temperature"),
-        ("valid", "1", "1 where these arrays give the point's problem, to 1e-11"),
+    FileVariable(name, "f8", units, long_name, dims)
+    for name, units, long_name, dims in (
+        ("A_tilde", "Pa", "condensed stiffness of the first point", ("node", "node_column")),
+        ("stiffness", "1", "mu over that of the first point", (SWEEP,)),
+        ("load", "N m-1", "condensed load", (SWEEP, "node")),
+        ("mechanical_load", "N m-1", "its part from f, g and pressure", (SWEEP, "node")),
+        (
+            "valid",
+            "1",
+            "1 where lambda/mu is that of the first point, so that these arrays give the problem",
+            (SWEEP,),
+        ),
     )
 )
-"""The group `live` of a level, what a browser needs to solve its contact problems (output.live): `tcstudy.offline.live`
-says what the arrays mean. A record hands them over as fields, LIVE_PREFIX before their names."""
+"""The group `live` of a level, what a browser needs to solve its contact problems (output.live; `live_arrays` in
+tcstudy.offline.level). A record hands them over as fields, LIVE_PREFIX before their names."""
 LIVE_PREFIX = "live_"
 
 _POINTWISE = frozenset(v.name for v in (*ROOT, *SOLVERS, *ESTIMATES) if v.dims[:2] == POINT_LEVEL)
@@ -344,5 +336,5 @@ def expected_bytes(study: Study, levels: Sequence[tuple[int, int]]) -> int:
         if study.output.fields:
             total += 8 * (len(FIELDS) * points + 5) * nodes
         if study.output.live:
-            total += 8 * (min(contact, 250) + 40) * contact + 72 * points
+            total += 8 * (contact + 2 * points) * contact if contact <= 250 else 0
     return total

@@ -3,8 +3,8 @@
 λ₁ = min a(v,v)/‖v_T‖² over Γ_C decides uniqueness: one solution for every ω < λ₁. P1 displacements are a subset, so
 that λ_min(Ã, M) with the exact mass matrix M of Γ_C bounds it from above. From below, with λ̂ of the equilibrium
 elements: 1/λ₁ = sup_g ‖u_g‖²_a/‖g‖² over tangential tractions g; split g = πg + (g − πg), π the L² projection onto
-linear functions on every segment. ‖u_πg‖² ≤ ‖πg‖²/λ̂, as the dual overestimates compliance, and ‖u_{g−πg}‖ ≤ C‖g − πg‖ with
-C² = max_K Σ_e sup_v ‖(I − π)v_T‖²_e/a_K(v,v), so that
+linear functions on every segment. ‖u_πg‖² ≤ ‖πg‖²/λ̂, as the dual overestimates compliance, and ‖u_{g−πg}‖ ≤
+C‖g − πg‖ with C² = max_K Σ_e sup_v ‖(I − π)v_T‖²_e/a_K(v,v), so that
     λ̂/(1 + C²λ̂) ≤ λ₁ ≤ λ_min(Ã, M).
 A triangle gives C² ≤ C₀² h_e/2μ, C₀ of its shape alone. C₀ is bounded without a constant of Korn: refine the triangle k
 times, and its parts at e are copies of it, 2⁻ᵏ as large; hence C₀² ≤ ν_k + 2⁻ᵏC₀², ν_k that of piecewise πv on the

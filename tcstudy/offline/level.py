@@ -34,6 +34,7 @@ from tcstudy.offline.loads import (
     Roles,
     TemperatureField,
     UniformTemperature,
+    loaded_by,
     mechanical_terms,
 )
 from tcstudy.offline.thermal import Temperature, Temperatures
@@ -341,3 +342,33 @@ class Level:
                 return self.elastic.force(load.edge, load.axis)
         assert isinstance(load, EdgeLoad)  # what is prescribed belongs to a factorised body
         return self.elastic.traction(load.edge, load.role)
+
+
+MOST_NODES = 250
+"""Contact nodes up to which a level is kept for a page: Ã of more would be several megabytes."""
+
+
+def live_arrays(level: Level, scenes: Sequence[Scene], shape: tuple[int, ...]) -> dict[str, Array]:
+    """What a page needs to solve the points of a sweep by itself; empty where a level has more than MOST_NODES nodes.
+
+    A_tilde: (m, m) of the first point;  stiffness: (*shape) μ over that of the first point
+    load, mechanical_load: (*shape, m) l̃, and its part from f, g, pressure and forces
+    valid:   (*shape) 1 where A_tilde × stiffness is Ã of a point: of the same elastic ratio as the first; 0 elsewhere
+    Raises NotPositiveDefinite as `Level.condensed`.
+    """
+    first, m = scenes[0], level.line.m
+    if not 0 < m <= MOST_NODES:
+        return {}
+    valid = np.array([level.ratio(scene) == level.ratio(first) for scene in scenes])
+    own, loads = [scene for scene, same in zip(scenes, valid, strict=True) if same], np.zeros((2, len(scenes), m))
+    mechanical = [loaded_by(scene, loads=True) for scene in own]
+    for found, some in zip(loads, (own, mechanical), strict=True):
+        found[valid] = level.block(some).l_tilde
+    stiffness = np.array([scene.material.mu / first.material.mu for scene in scenes])
+    return {
+        "A_tilde": level.condensed(first).problem.A_tilde,
+        "stiffness": stiffness.reshape(shape),
+        "load": loads[0].reshape(*shape, m),
+        "mechanical_load": loads[1].reshape(*shape, m),
+        "valid": valid.astype(float).reshape(shape),
+    }

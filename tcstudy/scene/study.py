@@ -252,8 +252,8 @@ class OutputPlan:
     """Where the data go and what beside the mandatory variables is kept.
 
     fields: θ and u of the whole body at every point
-    live:   what a page needs to solve the contact problem by itself (offline.live); off unless asked for, because it
-            costs a run some thirty temperatures and up to half a megabyte a level
+    live:   what a page needs to solve the contact problem by itself (`live_arrays` in offline.level); off unless
+            asked for, because it takes up to half a megabyte a level and two loads a point
     sensitivity: numbers by which the results of every point are differentiated
     probes, quantities: points and words for further numbers of every point (data.on_request)
     """

@@ -23,14 +23,14 @@ from tcstudy.data.files import StoreError
 from tcstudy.data.journal import Journal
 from tcstudy.data.provenance import collect, tell
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
+from tcstudy.data.schema import LIVE_PREFIX
 from tcstudy.data.store import Begun, write
 from tcstudy.errors import GeometryFailed
 from tcstudy.executors import SerialExecutor
 from tcstudy.fem.boundary import held_ends
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.fem.study_meshes import Meshes
-from tcstudy.offline.level import Level
-from tcstudy.offline.live import live_arrays
+from tcstudy.offline.level import Level, live_arrays
 from tcstudy.refine.family import Family
 from tcstudy.refine.survey import Survey
 from tcstudy.scene.study import Study
@@ -196,7 +196,8 @@ def level_record(study: Study, mesh: PlaneMesh, level: Level) -> LevelRecord:
         if own := study.scenes[0].material.regions:
             fields["region"] = mesh.numbered(tuple(name for name, _ in own)).astype(np.int8)
     if study.output.live:
-        fields |= live_arrays(study, level)
+        kept = live_arrays(level, study.scenes, study.shape)
+        fields |= {LIVE_PREFIX + name: values for name, values in kept.items()}
     return LevelRecord(
         level=mesh.level,
         h_max=mesh.h_max,

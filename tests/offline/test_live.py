@@ -1,19 +1,17 @@
-"""Live data give the problems that a level itself condenses, also between the points of a sweep."""
+"""What a page solves by itself: the problems that a level condenses, where points share the elastic ratio."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
 
+from tcstudy.offline import level as offline
 from tcstudy.offline.level import Level
-from tcstudy.offline.live import Rational, interpolated, live_arrays
 from tcstudy.read.study import read_study_text
 from tcstudy.refine.family import Family
-from tcstudy.scene.study import Study
 from tcstudy.study.execute import execute
 
 STUDY = """
@@ -24,70 +22,25 @@ boundary: {film: contact, back: {role: clamped, u_x: 10 um, u_y: 0 m}, top: conv
 material: {E: 210 GPa, nu: 0.3, k: 45, alpha_T: 12e-6}
 heat: {alpha: 200, theta_bar: "10 + 50*x", q: 5e5}
 friction: {law: tresca, tau: 40 MPa}
-mesh: {maxh: 40 mm, levels: 2}
-sweep: {alpha: [400, 100, 200], nu: [0.3, 0.2]}
+mesh: {maxh: 40 mm, levels: 1}
+sweep: {nu: [0.3, 0.2], alpha: [400, 100, 200]}
 output: {live: true}
 """
 
 
-@pytest.fixture(scope="module")
-def study() -> Study:
-    return read_study_text(STUDY)
-
-
-@pytest.fixture(scope="module")
-def level(study: Study) -> Level:
-    return Level(Family(study).next(0), study.scenes[0], study.scenes)
-
-
-def _function(arrays: dict[str, np.ndarray], name: str) -> Rational:
-    return Rational(*(arrays[f"live_{name}_{part}"] for part in ("node", "weight", "load")))
-
-
-def test_loads_between_the_points_of_the_sweep(study: Study, level: Level) -> None:
-    arrays = live_arrays(study, level)
-    source, surroundings = _function(arrays, "source"), _function(arrays, "surroundings")
-    scene = study.scenes[0]
-    for alpha in (30.0, 137.0, 1500.0):
-        wanted = level.condensed(replace(scene, heat=replace(scene.heat, alpha=alpha))).problem.l_tilde
-        a, beta = alpha / 45.0, scene.material.beta
-        thermal = beta * (5e5 / alpha * source(a) + surroundings(a))
-        found = arrays["live_mechanical_load"][0] + arrays["live_held_load"][0] + thermal
-        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-11 * np.max(np.abs(wanted)))
-
-
-def test_points_of_another_elastic_ratio_are_not_valid(study: Study, level: Level) -> None:
-    assert live_arrays(study, level)["live_valid"].tolist() == [[1.0, 0.0]] * 3
-
-
-def test_a_level_with_many_contact_nodes_is_not_kept(
-    study: Study, level: Level, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("tcstudy.offline.live.MOST_NODES", level.line.m - 1)
-    assert live_arrays(study, level) == {}
-
-
-def test_the_file_has_a_group_in_its_own_order(study: Study, tmp_path: Path) -> None:
+def test_problems_of_the_points_that_share_the_elastic_ratio(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    study = read_study_text(STUDY)
     execute(study, tmp_path / "study.nc")
+    level = Level(Family(study).next(0), study.scenes[0], study.scenes)
     with xr.open_datatree(tmp_path / "study.nc") as tree:
-        live = tree["level_1/live"].dataset
-        assert live["alpha"].dims == ("alpha", "nu")
-        np.testing.assert_array_equal(live["alpha"].values[:, 0], tree["alpha"].values)
-        np.testing.assert_array_equal(live["A_tilde"].values, live["A_tilde"].values.T)
-        assert live["A_tilde"].attrs["units"] == "Pa"
-
-
-def test_without_being_asked_nothing_is_kept(study: Study, tmp_path: Path) -> None:
-    execute(replace(study, output=replace(study.output, live=False)), tmp_path / "study.nc")
-    with xr.open_datatree(tmp_path / "study.nc") as tree:
-        assert "live" not in tree["level_1"].children
-
-
-@pytest.mark.parametrize("bounds", [(0.1, 100.0), (2.0, 2.5)])
-def test_functions_with_poles_below_zero_are_interpolated(bounds: tuple[float, float]) -> None:
-    def function(a: float) -> np.ndarray:
-        return np.array([1.0 / (a + 0.3), a / (a + 7.0) + 2.0, 5.0])
-
-    found = interpolated(function, bounds)
-    for a in np.geomspace(*bounds, 57):
-        np.testing.assert_allclose(found(float(a)), function(float(a)), rtol=1e-12)
+        live = tree["level_0/live"].dataset
+        assert live["valid"].sel(nu=0.3).values.all()
+        assert not live["valid"].sel(nu=0.2).values.any()
+        for scene, alpha in zip(study.scenes, (400, 100, 200), strict=False):
+            problem, own = level.condensed(scene).problem, live.sel(nu=0.3, alpha=alpha)
+            np.testing.assert_array_equal(own["stiffness"] * live["A_tilde"], problem.A_tilde)
+            np.testing.assert_array_equal(own["load"], problem.l_tilde)
+            pull = own["mechanical_load"].values.sum() / own["load"].values.sum()
+            assert 0.0 < abs(pull) < 1.0
+    monkeypatch.setattr(offline, "MOST_NODES", level.line.m - 1)
+    assert offline.live_arrays(level, study.scenes, study.shape) == {}

@@ -114,17 +114,12 @@ def geometry(group: Any, box: Container) -> Json:
     return nodes | {"edges": list(line.edge_names), "parts": parts}
 
 
-FUNCTIONS = ("mechanical_load", "held_load", *(f"{name}_{part}" for name in ("source", "surroundings")
-             for part in ("node", "weight", "load")))  # fmt: skip
-POINTWISE = ("stiffness", "mechanical", "held", "beta", "alpha", "k", "q", "theta_bar", "valid")
-
-
 def live_part(stored: Stored, box: Container) -> Json | None:
     """The finest level that has live data; None where no point is valid or the run kept none.
 
     A_tilde is symmetric: its lower triangle by rows.
     """
-    usable = [n for n, data in stored.live.items() if np.any(data["valid"].values == 1.0)]
+    usable = [n for n, data in stored.live.items() if "load" in data and np.any(data["valid"].values == 1.0)]
     if not usable or stored.study is None:
         return None
     level = max(usable)
@@ -133,6 +128,8 @@ def live_part(stored: Stored, box: Container) -> Json | None:
         "level": level,
         "A": box.array(A_tilde[np.tril_indices(len(A_tilde))]),
         "c": box.array(stored.groups[level]["c"].values),
-        **{name: box.array(data[name].values) for name in FUNCTIONS if name in data and data[name].size},
-        **{name: box.array(by_point(data[name], stored.data)) for name in POINTWISE},
+        **{
+            name: box.array(by_point(data[name], stored.data))
+            for name in ("stiffness", "valid", "load", "mechanical_load")
+        },
     }

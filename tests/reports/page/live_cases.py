@@ -86,24 +86,11 @@ def settings(study: Study, level: Level, count: int, seed: int) -> Iterator[Sett
     for _ in range(count):
         point = int(random.integers(len(study.scenes)))
         scene = study.scenes[point]
-        ratios = [s.heat.alpha for s in study.scenes]
-        alpha = (
-            float(np.exp(random.uniform(np.log(min(ratios) / 3.5), np.log(max(ratios) * 3.5)))) if ratios[0] else 0.0
-        )
         factor = float(random.uniform(-1.0, 2.0))
-        heat = scene.heat
-        theta_bar, q = float(random.uniform(-1.0, 3.0)), float(random.uniform(0.0, 2.0))
         spec = {k: _moved(k, v, random) for k, v in PARAMETERS[scene.friction.name](scene).items()}
         law = SHAPES[scene.friction.name].build(**spec)
-        if isinstance(heat.theta_bar, float):
-            theta_bar *= heat.theta_bar or 10.0
-            moved = replace(heat, alpha=alpha, theta_bar=theta_bar, q=q * float(heat.q))
-            sliders = {"alpha": alpha, "theta_bar": theta_bar}
-        else:  # an expression: its factor stays 1
-            moved = replace(heat, alpha=alpha, q=q * float(heat.q))
-            sliders = {"alpha": alpha, "theta_bar": 1.0}
-        changed = replace(_loaded(scene, factor), heat=moved, friction=law)
-        told = {**sliders, "q": moved.q, "factor": factor, "law": {"law": scene.friction.name, **spec}}
+        changed = replace(_loaded(scene, factor), friction=law)
+        told = {"factor": factor, "law": {"law": scene.friction.name, **spec}}
         yield Setting(point, told, level.condensed(changed).problem)
 
 

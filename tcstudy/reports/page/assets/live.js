@@ -1,4 +1,4 @@
-// The live mode: one point of the sweep to start from, sliders for its loads and its law, solved here at every move.
+// The live mode: one point of the sweep to start from, sliders for its load and its law, solved here at every move.
 TC.live = {
   setup() {
     const L = TC.data.live;
@@ -9,10 +9,9 @@ TC.live = {
     L.line = TC.data.lines[String(L.level)];
   },
   usable: (p) => TC.data.live.valid[p] === 1 && TC.data.laws.laws[TC.data.laws.index[p]].spec,
-  // What the sliders move: {alpha, theta_bar, factor, q, law}.
+  // What the sliders move: {factor, law}.
   base(p) {
-    const L = TC.data.live;
-    return { alpha: L.alpha[p], theta_bar: L.theta_bar[p], factor: 1, q: L.q[p], law: JSON.parse(JSON.stringify(TC.data.laws.laws[TC.data.laws.index[p]].spec)) };
+    return { factor: 1, law: JSON.parse(JSON.stringify(TC.data.laws.laws[TC.data.laws.index[p]].spec)) };
   },
   problem(p, set) {
     const L = TC.data.live;
@@ -54,15 +53,9 @@ TC.live = {
     picks.append(TC.el("button", { "aria-label": "reset", onclick: () => { TC.live.point = null; TC.set({ set: null }); } }, "reset sliders"));
     const sliders = TC.el("div", { class: "sliders" });
     TC.fill(host, picks, sliders);
-    if (!TC.live.set) { sliders.append(TC.el("p", { class: "bad" }, "This point cannot be solved here: its loads, its elastic ratio or its law are not of the kind that travels in the page. Choose another.")); return; }
-    const set = TC.live.set, units = TC.data.unit_system === "none" ? () => "1" : (u) => u, values = (name) => Array.from(L[name]).filter((v, k) => L.valid[k] === 1 && Number.isFinite(v));
-    if (Number.isFinite(set.alpha) && L.beta[p] !== 0 && (L.source_node || (L.surroundings_node && L.surroundings_node.length > 1))) {
-      const k = L.k[p], nodes = [...(L.source_node || []), ...(L.surroundings_node && L.surroundings_node.length > 1 ? L.surroundings_node : [])], lo = Math.min(...nodes) * k, hi = Math.max(...nodes) * k;
-      sliders.append(TC.live.slider("α", units("W m-2 K-1"), lo, hi, true, () => set.alpha, (v) => { set.alpha = v; }));
-    }
-    if (L.beta[p] !== 0 && L.surroundings_node) { const all = values("theta_bar"), most = Math.max(...all.map(Math.abs), 10); sliders.append(TC.live.slider("θ̄", units("K"), Math.min(0, ...all) - 0.5 * most, Math.max(...all) + most, false, () => set.theta_bar, (v) => { set.theta_bar = v; })); }
-    if (L.beta[p] !== 0 && L.source_node && L.q[p] !== 0) sliders.append(TC.live.slider("q", units("W m-3"), 0, 2 * L.q[p], false, () => set.q, (v) => { set.q = v; }));
-    if (L.mechanical[p] >= 0) sliders.append(TC.live.slider("load factor", "1", -2, 3, false, () => set.factor, (v) => { set.factor = v; }));
+    if (!TC.live.set) { sliders.append(TC.el("p", { class: "bad" }, "This point cannot be solved here: its elastic ratio or its law are not of the kind that travels in the page. Choose another.")); return; }
+    const set = TC.live.set, units = TC.data.unit_system === "none" ? () => "1" : (u) => u;
+    if (L.mechanical_load.subarray(p * L.m, (p + 1) * L.m).some((x) => x !== 0)) sliders.append(TC.live.slider("load factor", "1", -2, 3, false, () => set.factor, (v) => { set.factor = v; }));
     TC.live.lawSliders(p, sliders, units);
   },
   lawSliders(p, host, units) {

@@ -267,25 +267,10 @@ TC.lambda1 = function (A, c) {
   return { value, proved: 0 };
 };
 
-// The load of live data at given numbers: φ mechanical + held + β (q/α s(α/k) + θ̄ t(α/k)).
-TC.barycentric = function (nodes, weights, values, a) {
-  const J = nodes.length, m = values.shape[1], out = new Float64Array(m);
-  for (let j = 0; j < J; j++) if (nodes[j] === a || J === 1) { out.set(values.subarray(j * m, (j + 1) * m)); return out; }
-  let total = 0;
-  for (let j = 0; j < J; j++) { const w = weights[j] / (a - nodes[j]); total += w; for (let i = 0; i < m; i++) out[i] += w * values[j * m + i]; }
-  for (let i = 0; i < m; i++) out[i] /= total;
-  return out;
-};
-TC.liveLoad = function (live, p, { alpha, theta_bar, q, factor = 1 }) {
-  const m = live.c.length, out = new Float64Array(m), add = (values, by) => { for (let i = 0; i < m; i++) out[i] += by * values[i]; };
-  const row = (loads, k) => loads.subarray(k * m, (k + 1) * m);
-  if (live.mechanical[p] >= 0) add(row(live.mechanical_load, live.mechanical[p]), factor);
-  if (live.held[p] >= 0) add(row(live.held_load, live.held[p]), 1);
-  if (live.beta[p] !== 0) {
-    if (live.source_node && q !== 0) add(TC.barycentric(live.source_node, live.source_weight, live.source_load, alpha / live.k[p]), (live.beta[p] * q) / alpha);
-    if (live.surroundings_node) add(TC.barycentric(live.surroundings_node, live.surroundings_weight, live.surroundings_load, alpha / live.k[p]), live.beta[p] * theta_bar);
-  }
-  return out;
+// The load of a point, its mechanical part times a factor.
+TC.liveLoad = function (live, p, { factor = 1 }) {
+  const m = live.c.length, [whole, own] = [live.load, live.mechanical_load].map((all) => all.subarray(p * m, (p + 1) * m));
+  return Float64Array.from(whole, (x, i) => (factor === 1 ? x : x + (factor - 1) * own[i]));
 };
 TC.liveStiffness = function (live, p) { const by = live.stiffness[p]; return by === 1 ? live.A : live.A.map((x) => x * by); };
 
