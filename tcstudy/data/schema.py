@@ -195,6 +195,17 @@ ESTIMATES: tuple[FileVariable, ...] = (
 )
 """What is kept where errors are estimated."""
 
+GUARANTEED: tuple[FileVariable, ...] = (
+    result("lambda_1_low", "Pa m-1", "lower bound of lambda_1 of the body", "of the body itself, not of the mesh"),
+    result("lambda_1_high", "Pa m-1", "upper bound of lambda_1 of the body", "of the body itself, not of the mesh"),
+    result("lambda_1_dual", "Pa m-1", "lambda_1 of equilibrium elements", "nearer to the body than that of the mesh"),
+    replace(
+        flag("proved_unique", "only solution of the body", ("not_proved", "proved")),
+        comment="omega < lambda_1_low: the problem itself, not its discretisation, has one solution",
+    ),
+)
+"""What is kept where a guarantee is asked for."""
+
 _GOALS = {
     "friction_resultant": ("N m-1", _INTEGRAL),
     "slip_length": ("m", _SLIPPING),
@@ -308,14 +319,14 @@ LIVE = tuple(
 tcstudy.offline.level). A record hands them over as fields, LIVE_PREFIX before their names."""
 LIVE_PREFIX = "live_"
 
-_POINTWISE = frozenset(v.name for v in (*ROOT, *SOLVERS, *ESTIMATES) if v.dims[:2] == POINT_LEVEL)
+_POINTWISE = frozenset(v.name for v in (*ROOT, *SOLVERS, *ESTIMATES, *GUARANTEED) if v.dims[:2] == POINT_LEVEL)
 NUMBERS = (_POINTWISE | {*_GOAL_NAMES}) - {"status", "reason"}
 """Names that `PointRecord.numbers` may hold, derivatives apart."""
 
 FIELD_NAMES = frozenset(v.name for v in FIELDS)
 """Names that `PointRecord.fields` may hold."""
 
-_ALL = (*ROOT, *SOLVERS, *ESTIMATES, *CONTACT, *HELD, *JOINTS, *MESH, REGION, *FIELDS)
+_ALL = (*ROOT, *SOLVERS, *ESTIMATES, *GUARANTEED, *CONTACT, *HELD, *JOINTS, *MESH, REGION, *FIELDS)
 RESERVED = frozenset(name for v in _ALL for name in (v.name, *v.dims)) | {*_GOAL_NAMES, "geometry", "mesh", POINT}
 """Names of the file that no swept parameter may take; see `tcstudy.data.writer`."""
 

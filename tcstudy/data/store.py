@@ -238,6 +238,8 @@ def root_variables(study: Study) -> tuple[FileVariable, ...]:
     found = schema.ROOT
     if len(study.solver.names) > 1:
         found += schema.SOLVERS
+    if study.mesh.guarantee:
+        found += schema.GUARANTEED
     if study.mesh.estimates:
         found += schema.ESTIMATES + schema.goal_variables(study.mesh.goal, study.exact is not None)
     if study.output.asks:

@@ -3,8 +3,8 @@
 λ₁ = min a(v,v)/‖v_T‖² over Γ_C decides uniqueness: one solution for every ω < λ₁. P1 displacements are a subset, so
 that λ_min(Ã, M) with the exact mass matrix M of Γ_C bounds it from above. From below, with λ̂ of the equilibrium
 elements: 1/λ₁ = sup_g ‖u_g‖²_a/‖g‖² over tangential tractions g; split g = πg + (g − πg), π the L² projection onto
-linear functions on every segment. ‖u_πg‖² ≤ ‖πg‖²/λ̂, as the dual overestimates compliance, and ‖u_{g−πg}‖ ≤
-C‖g − πg‖ with C² = max_K Σ_e sup_v ‖(I − π)v_T‖²_e/a_K(v,v), so that
+linear functions on every segment. ‖u_πg‖² ≤ ‖πg‖²/λ̂, as the dual overestimates compliance, ‖u_{g−πg}‖ ≤ C‖g − πg‖ with
+C² = max_K Σ_e sup_v ‖(I − π)v_T‖²_e/a_K(v,v), so that
     λ̂/(1 + C²λ̂) ≤ λ₁ ≤ λ_min(Ã, M).
 A triangle gives C² ≤ C₀² h_e/2μ, C₀ of its shape alone. C₀ is bounded without a constant of Korn: refine the triangle k
 times, and its parts at e are copies of it, 2⁻ᵏ as large; hence C₀² ≤ ν_k + 2⁻ᵏC₀², ν_k that of piecewise πv on the
@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -29,7 +30,6 @@ from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.fem.rigid import edge_arms, unknown
 from tcstudy.offline.equilibrium import (
     GAUSS,
-    EquilibriumBody,
     Supports,
     edges_of,
     equilibrium_body,
@@ -56,30 +56,36 @@ class Band:
     hat: float
     high: float
 
+    def times(self, factor: float) -> Band:
+        """That of a body which is so many times as stiff."""
+        return Band(self.low * factor, self.hat * factor, self.high * factor)
+
+    def numbers(self, omega: Array | float, factor: Array | float = 1.0) -> dict[str, Any]:
+        """What is stored of it; ω of the law [Pa/m], and how many times as stiff the bodies are."""
+        low, high, hat = (value * factor for value in (self.low, self.high, self.hat))
+        proved = np.less(omega, low)
+        return {"lambda_1_low": low, "lambda_1_high": high, "lambda_1_dual": hat, "proved_unique": proved}
+
 
 def lambda_1_band(mesh: PlaneMesh, scene: Scene, line: ContactLine, A_tilde: Array) -> Band:
-    """λ₁ of the body from both sides; A_tilde: (m, m) that of P1 on the mesh, all moduli those of the scene [Pa].
-
-    Raises GeometryFailed for curved edges, as a polygon is another body.
-    """
-    body = dual_of(mesh, scene, line)
+    """λ₁ of the body from both sides; A_tilde: (m, m) that of P1 on the mesh, all moduli those of the scene [Pa]."""
+    supports, ties = _supports(mesh, scene.boundary, line)
+    lam, mu = moduli_of(mesh, scene)
+    body = equilibrium_body(mesh.points, mesh.triangles, mesh.segments, lam, mu, supports, ties)
     hat, x, error = least_eigenpair(body.A_hat, body.c)
     whole = body.condensation.expand(x)
     error += ROUNDINGS * float(np.finfo(float).eps) * float(body.diagonal @ whole**2) / hat
-    lam, mu = moduli_of(mesh, scene)
     C2 = neglected(mesh.points, mesh.triangles, mesh.segments[line.which], np.minimum(mu, lam + mu))
     high = float(scipy.linalg.eigvalsh(A_tilde, mass_of(line), subset_by_index=[0, 0])[0])
     return Band(hat * (1.0 - error) / (1.0 + C2 * hat), hat, high * (1.0 + error))
 
 
-def dual_of(mesh: PlaneMesh, scene: Scene, line: ContactLine) -> EquilibriumBody:
-    """The equilibrium elements of a scene. Raises GeometryFailed for curved edges."""
+def require_straight(mesh: PlaneMesh) -> None:
+    """Raise GeometryFailed for curved edges: their polygon is another body."""
     curved = sorted({curve.name for curve in mesh.geometry.curves if not curve.straight})
     if curved:
-        what = f"guarantee: needs straight edges, but {', '.join(curved)} is curved, and its mesh is another body"
-        raise GeometryFailed(f"{what}; draw it with straight edges, or leave guarantee out", ("mesh", "guarantee"))
-    supports, ties = _supports(mesh, scene.boundary, line)
-    return equilibrium_body(mesh.points, mesh.triangles, mesh.segments, *moduli_of(mesh, scene), supports, ties)
+        what = f"a guarantee needs straight edges, but the mesh of {', '.join(curved)} is another body"
+        raise GeometryFailed(f"{what}; draw straight edges, or leave guarantee out", ("mesh", "guarantee"))
 
 
 def moduli_of(mesh: PlaneMesh, scene: Scene) -> tuple[Array, Array]:

@@ -21,6 +21,7 @@ from tcstudy.laws.composed import EdgeLaws, law_along
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.conduction import BATCH
 from tcstudy.offline.elastic import Elastic, LoadMaker, ratio_and_scale, swept_parts
+from tcstudy.offline.guaranteed import Band, lambda_1_band, require_straight
 from tcstudy.offline.loads import (
     BasisLoad,
     BodyForce,
@@ -54,12 +55,14 @@ class Condensed:
     constant: what the total potential energy L_θ(u) has beside L̃(u₁) [J/m]
     terms:    the load's basis terms, for the way back
     time:     wall time spent on factorisation and loads for this scene [s]
+    band:     λ₁ of the body itself, where it is asked for
     """
 
     problem: ContactProblem
     constant: float
     terms: tuple[LoadTerm, ...]
     time: float
+    band: Band | None = None
 
 
 @dataclass(frozen=True)
@@ -72,6 +75,7 @@ class CondensedBlock:
     constant: (P,) what the total potential energies have beside L̃(u₁) [J/m]
     theta_mean, heat_balance: (P,) as in `Temperature`; NaN where temperature does not load the body
     time:     wall time spent on factorisation and loads [s]
+    band:     λ₁ of the body itself for μ = 1, where it is asked for
     """
 
     A_tilde: Array
@@ -84,6 +88,7 @@ class CondensedBlock:
     theta_mean: Array
     heat_balance: Array
     time: float
+    band: Band | None = None
 
 
 def _held(boundary: Roles) -> Roles:
@@ -112,14 +117,20 @@ def _groups(scenes: Sequence[Scene]) -> dict[BasisLoad, list[BasisLoad]]:
 class Level:
     """All scenes of a study on one mesh. Caches are keyed by value: equal inputs are computed once."""
 
-    def __init__(self, mesh: PlaneMesh, scene: Scene, scenes: Sequence[Scene] = (), held: bool = True) -> None:
+    def __init__(
+        self, mesh: PlaneMesh, scene: Scene, scenes: Sequence[Scene] = (), held: bool = True, guarantee: bool = False
+    ) -> None:
         """mesh: one level;  scene: any scene of the study (body and roles are the same in all of them).
 
         scenes: all scenes to come, if known: many values of α then cost a few temperatures, not one each
         held: False for a body that may slide along the contact line
+        guarantee: whether λ₁ of the body itself is asked for; raises GeometryFailed if an edge is curved then
         """
         start = time.perf_counter()
-        self.mesh, self.held = mesh, held
+        self.mesh, self.held, self.guarantee = mesh, held, guarantee
+        if guarantee:
+            require_straight(mesh)
+        self._bands: dict[tuple[Moduli, Springs], Band] = {}
         self.elastic = ElasticForms(mesh)
         given = tuple(edge for edge, _ in scene.held_theta)
         self.heat = HeatForms(self.elastic, tuple(edge for edge, _, _ in scene.exchange), held=given)
@@ -168,7 +179,8 @@ class Level:
         l_tilde, constant, terms = self._condensed_load(scene)
         body, mu, _ = self._body(scene)
         problem = ContactProblem(body.A_tilde(mu), l_tilde, self.line.c, self.law(scene), body.lambda_1_error)
-        return Condensed(problem, constant, terms, time.perf_counter() - start)
+        band = self.band(scene) if self.guarantee else None
+        return Condensed(problem, constant, terms, time.perf_counter() - start, band)
 
     def law(self, scene: Scene) -> Laws:
         """The friction law of Γ_C, or of every contact node where it differs along Γ_C.
@@ -230,6 +242,7 @@ class Level:
             constant=constant[of],
             theta_mean=mean[of],
             heat_balance=balance[of],
+            band=self.band(scenes[0]).times(1.0 / mu[0]) if self.guarantee else None,
             time=time.perf_counter() - start,
         )
 
@@ -254,6 +267,14 @@ class Level:
         """λ₁ of the body on this mesh (method §5) [Pa/m], once per λ/μ."""
         body, mu, _ = self._body(scene)
         return mu * body.lambda_1
+
+    def band(self, scene: Scene) -> Band:
+        """λ₁ of the body of a scene, not of its mesh, from both sides [Pa/m], once per λ/μ."""
+        body, mu, _ = self._body(scene)
+        ratio = self.ratio(scene)
+        if ratio not in self._bands:
+            self._bands[ratio] = lambda_1_band(self.mesh, scene, self.line, body.A_tilde(mu)).times(1.0 / mu)
+        return self._bands[ratio].times(mu)
 
     def A_inverse(self, scene: Scene) -> Array:
         """Ã⁻¹ of a scene's body [1/Pa], once per E, for the certificates."""

@@ -97,6 +97,40 @@ def mesh_error(error: float | None, estimated: bool, no_larger: int = 0) -> str:
     return ", ".join(said)
 
 
+LOCKS = 1.1
+"""λ₁ of a P1 mesh over that of equilibrium elements, beyond which the mesh is said to lock."""
+
+
+def of_the_body(low: Array, high: Array, proved: NDArray[np.bool_], units: str) -> str:
+    """What is proved of the body itself: low ≤ λ₁ ≤ high and ω < low, at the points of the finest level.
+
+    low, high: (P,) [units], NaN where a point was not solved
+    """
+    known = np.isfinite(low)
+    if not known.any():
+        return ""
+    at = int(np.nanargmin(low))
+    one = float(np.nanmin(low)) > (1.0 - EQUAL) * float(np.nanmax(low))
+    span = f"between {with_unit(float(low[at]), units)} and {with_unit(float(high[at]), units)}"
+    band = f"λ₁ of the body lies {span}" if one else f"λ₁ of the body is least {span}"
+    below = f"one solution for ω below {with_unit(float(low[at]), units)}"
+    count, total = int(np.count_nonzero(proved[known])), int(np.count_nonzero(known))
+    points = "this point" if total == 1 else f"{count} of {total} points"
+    here = f"; so at {points}" if count else ""
+    return f"{band}: {below}, proved of the body itself, not of the mesh{here}"
+
+
+def locks(mesh: Array, dual: Array) -> str:
+    """Where λ₁ of the mesh (P,) is far above that of equilibrium elements (P,), which do not lock."""
+    ratio = float(np.nanmax(mesh / dual, initial=0.0, where=np.isfinite(dual)))
+    if not ratio > LOCKS:
+        return ""
+    return (
+        f"the mesh locks: its λ₁ is up to {number(ratio, 3)} times that of equilibrium elements, so that what is "
+        "certified of the mesh by ω < λ₁ need not hold of the body; refine, or go by what is proved of the body"
+    )
+
+
 HOW = {
     "goal": "mesh error: largest estimated error of the goal",
     "energy": "mesh error: largest estimated error of the displacement in the energy norm",

@@ -230,6 +230,7 @@ ROWS: tuple[Key, ...] = (
         Key("max_dofs", "integer", "unknowns at which refinement ends", default=_MESH.max_dofs, least=1),
         Key("known", "quantity", "the goal's exact value"),
         Key("estimate", "flag", "estimate errors on uniform and graded meshes too", default=_MESH.estimate),
+        Key("guarantee", "flag", "enclose λ₁ of the body itself, not of the mesh", default=_MESH.guarantee),
     ),
     *in_section(
         "goal", Key("u_T", "point", "slip at a point of a contact edge", u.LENGTH, "[20 mm, 0 mm]", required=True)

@@ -97,6 +97,7 @@ class MeshPlan:
     tolerance: relative error at which refinement stops, None for all levels
     max_dofs:  displacement unknowns beyond which an adaptive family or one with a tolerance is not refined
     estimate:  whether errors are estimated on meshes that do not need it
+    guarantee: whether λ₁ of the body, not of the mesh, is enclosed
     refine:    uniform refinements, of a mesh of size maxh·2^refine, that make the mesh of size maxh: many times as
                fast as meshing at maxh
     """
@@ -110,6 +111,7 @@ class MeshPlan:
     tolerance: float | None = None
     max_dofs: int = 400_000
     estimate: bool = False
+    guarantee: bool = False
     refine: int = 0
 
     @property

@@ -223,7 +223,8 @@ def locking_note(nu: float) -> str | None:
     return (
         f"nu = {nu:.12g} in plane strain: P1 elements lock. On a test with h = 0.048 of its size, at nu = {near:g} "
         f"u is off by {energy:g} % (energy norm) and u_T by {slip:g} %, against {usual_energy:g} % and "
-        f"{usual_slip:g} % at nu = 0.3. Trust only levels with settled rates, and refine."
+        f"{usual_slip:g} % at nu = 0.3, and λ₁ of the mesh is far above that of the body. Trust only levels with "
+        "settled rates, and refine; mesh.guarantee: true says what is true of the body."
     )
 
 

@@ -145,6 +145,8 @@ def _numbers(
         "time_condense": condensed.time,
         "time_solve": solved[0].time,
     }
+    if condensed.band is not None:
+        values |= condensed.band.numbers(certificate.omega)
     energies = tuple(energy + condensed.constant for energy in answer.energies)
     found: dict[str, float | tuple[float, ...]] = {name: float(value) for name, value in values.items()}
     return found | {"start_energy": energies} | (_by_solver(condensed, solved) if len(solved) > 1 else {})
@@ -172,6 +174,8 @@ def block_numbers(
         "heat_status": heat_status(balance),
         "time_condense": np.full(len(factor), condensed.time / len(factor)),
     }
+    if condensed.band is not None:
+        values |= condensed.band.numbers(proved.omega * factor, condensed.mu)
     return {name: np.asarray(value, dtype=float) for name, value in values.items()}
 
 

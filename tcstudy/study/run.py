@@ -136,7 +136,7 @@ def stages(
             if whole and not study.mesh.estimates and (kept is None or not study.output.live):
                 continue
             clock = time.perf_counter()
-            level = Level(mesh, study.scenes[0], study.scenes)
+            level = Level(mesh, study.scenes[0], study.scenes, guarantee=study.mesh.guarantee)
             times.assemble = time.perf_counter() - clock
         except GeometryFailed as error:
             if i == 0 or not study.mesh.listed:

@@ -106,3 +106,21 @@ def test_ratcheting_is_not_walking() -> None:
 def test_every_flag_and_verdict_has_its_words() -> None:
     assert set(said.PROVED) == {word for _, word in PROOFS} | {"nothing", "failed"}
     assert set(said.VERDICTS) == set(measured.VERDICTS)
+
+
+def test_what_is_proved_of_the_body_itself() -> None:
+    low, high = np.array([0.41, np.nan]), np.array([0.42, np.nan])
+    words = said.of_the_body(low, high, np.array([True, False]), "Pa m-1")
+    assert words.startswith("λ₁ of the body lies between 410 mPa m-1 and 420 mPa m-1: one solution for ω below 410")
+    assert words.endswith("; so at this point")
+    several = said.of_the_body(np.array([0.4, 0.8]), np.array([0.5, 0.9]), np.array([False, True]), "Pa m-1")
+    assert "is least between 400" in several
+    assert several.endswith("so at 1 of 2 points")
+    assert "so at" not in said.of_the_body(low, high, np.array([False, False]), "Pa m-1")
+    assert said.of_the_body(low[1:], high[1:], np.array([False]), "Pa m-1") == ""
+
+
+def test_a_mesh_locks_where_its_lambda_1_is_far_above_that_of_equilibrium_elements() -> None:
+    assert said.locks(np.array([1.09]), np.array([1.0])) == ""
+    assert said.locks(np.array([np.nan]), np.array([np.nan])) == ""
+    assert "up to 1.96 times" in said.locks(np.array([0.967, 1.0]), np.array([0.493, 1.0]))

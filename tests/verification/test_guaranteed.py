@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import ngsolve as ngs
 import numpy as np
 import pytest
 
+import tcstudy
 from tcstudy.errors import GeometryFailed
 from tcstudy.fem.forms import csr
 from tcstudy.offline.guaranteed import Band, lambda_1_band, shape_constant
@@ -157,5 +160,41 @@ def test_a_shape_has_the_constant_that_was_found() -> None:
 
 
 def test_curved_edges_are_refused() -> None:
+    study = study_of(HEATED_BRACKET, "mesh.levels=1")
+    level = levels_of(study)[0]
     with pytest.raises(GeometryFailed, match=r"guarantee.*bore, curve"):
-        bands(HEATED_BRACKET, "mesh.levels=1")
+        Level(level.mesh, study.scenes[0], guarantee=True)
+
+
+STABILITY = """
+units: none
+body: {rectangle: {width: 2, height: 1}}
+boundary: {bottom: contact, left: clamped, top: {role: traction, g: [0.1, 0]}, right: free}
+material: {E: 1, nu: 0.3}
+friction: {law: slip-weakening, tau_s: 0.1, tau_k: 0.05, delta: 0.1}
+mesh: {maxh: 0.2, levels: 2, guarantee: true}
+sweep: {material.nu: [0.3, 0.4999999], friction.delta: [0.065, 0.15], material.E: [1, 3]}
+"""
+
+
+def test_a_study_says_what_is_proved_of_the_body(tmp_path: Path) -> None:
+    """At ν → ½ the mesh certifies one solution for ω = 0.77, above λ₁ = 0.4926 of the body; in blocks and alone."""
+    found = []
+    for name in ("separable-newton", "[separable-newton, bundle-newton]"):
+        (tmp_path / "s.yaml").write_text(STABILITY + f"solver: {{name: {name}}}\n")
+        tree = tcstudy.run(tmp_path / "s.yaml", tmp_path / f"{len(found)}.nc")
+        found.append(tree.to_dataset().load())
+    data, other = found
+    for name in ("lambda_1_low", "lambda_1_high", "lambda_1_dual", "proved_unique"):
+        np.testing.assert_allclose(data[name], other[name], rtol=1e-12)
+    assert np.all(data["lambda_1_low"] <= data["lambda_1_dual"] * (1 + 1e-9))
+    at = data.sel(level=1)
+    stiff = at["lambda_1_low"] / at["E"]
+    assert stiff.values == pytest.approx(stiff.isel(E=0).values[..., None] * np.ones(2), rel=1e-9)
+    for nu, exact in ((0.3, 0.41335), (0.4999999, 0.4926)):
+        one = at.sel(nu=nu, E=1)
+        assert (one["lambda_1_low"] < exact).all()
+        assert (exact < one["lambda_1_high"]).all()
+    proved = at["proved_unique"].sel(E=1)
+    assert proved.sel(nu=0.4999999).values.tolist() == [0, 1]
+    assert at["unique"].sel(nu=0.4999999, E=1).values.tolist() == [1, 1]

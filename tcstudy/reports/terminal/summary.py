@@ -18,6 +18,7 @@ from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import LIMITED, UNBALANCED
 from tcstudy.data.store import open_results
 from tcstudy.reports.select_point import axis_labels, describe
+from tcstudy.reports.sentences import locks, of_the_body
 from tcstudy.reports.terminal.tables import fits, plain_table, split_table, wrapped
 from tcstudy.reports.text import Failure, counted, digits_lost, failure_lines, headed, number, prefix, proved
 
@@ -49,7 +50,7 @@ def summary(path: Path, most: int | None = MOST_ROWS) -> str:
         solver_table(data),
         _failures(data),
     ]
-    parts += [_derivatives(data), _not_run(data), _rounding(data), _stiff(data), _heat(data)]
+    parts += [_derivatives(data), _not_run(data), _rounding(data), _stiff(data), *_guaranteed(data), _heat(data)]
     return wrapped("\n\n".join(part for part in parts if part))
 
 
@@ -234,6 +235,17 @@ def _stiff(data: Any) -> str:
     """Where λ₁ has lost digits."""
     error = data["lambda_1_error"].max() if "lambda_1_error" in data else 0.0
     return f"  {lost}" if (lost := digits_lost(float(error))) else ""
+
+
+def _guaranteed(data: Any) -> list[str]:
+    """What is proved of the body itself, on the finest level."""
+    if "lambda_1_low" not in data:
+        return []
+    fine = data.isel(level=-1)
+    low, high, dual, mesh = (fine[f"lambda_1{name}"].values.ravel() for name in ("_low", "_high", "_dual", ""))
+    proved_here = fine["proved_unique"].values.ravel() == 1
+    said = of_the_body(low, high, proved_here, data["lambda_1_low"].attrs["units"]), locks(mesh, dual)
+    return [f"  {words}" if words else "" for words in said]
 
 
 def _heat(data: Any) -> str:
