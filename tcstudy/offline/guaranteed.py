@@ -35,7 +35,7 @@ from tcstudy.offline.equilibrium import (
     equilibrium_body,
     numbers_of,
 )
-from tcstudy.scene.records import Clamped, Contact, Loaded, Rigid, Role, Scene
+from tcstudy.scene.records import Rigid, Role, Scene
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -118,20 +118,13 @@ def _supports(
     axes, held, springs = np.tile(np.eye(2), (s, 1, 1)), np.zeros((s, 2), dtype=bool), np.zeros((s, 2))
     tied = []
     for name, role in boundary:
-        on = mesh.on(name)
-        match role:
-            case Contact():
-                axes[on], held[on] = tn[on], (False, True)
-            case Clamped():
-                given = np.array([component is not None for component in role.u])
-                if role.frame == "nt":
-                    axes[on], held[on] = tn[on], given[::-1]
-                else:
-                    held[on] = given
-                if isinstance(role, Rigid):
-                    tied.append((name, role))
-            case Loaded() if any(role.spring):
-                axes[on], springs[on] = tn[on], role.spring[::-1]
+        on, given = mesh.on(name), np.array([component is not None for component in role.u])
+        if role.frame == "nt":
+            axes[on], held[on], springs[on] = tn[on], given[::-1], role.spring[::-1]
+        else:
+            held[on] = given
+        if isinstance(role, Rigid):
+            tied.append((name, role))
     return Supports(axes, held, springs, line.which), _ties(mesh, tied) if tied else None
 
 
