@@ -19,7 +19,6 @@ from tcstudy.errors import UsageError
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.scene import study as records
 from tcstudy.scene.keys import rows
-from tcstudy.scene.parameters import SHORT
 
 if TYPE_CHECKING:
     import xarray
@@ -49,15 +48,19 @@ class Study(records.Study):
     def with_(self, changes: Mapping[str, object] | None = None, **named: object) -> Study:
         """Another study with these values in place of its own, read and checked again.
 
-            study.with_(friction_delta="60 um", alpha=50)           # section_key, or a short name of a sweep
+            study.with_(friction_delta="60 um", alpha=50)           # section_key, a short name, a name of parameters
             study.with_({"boundary.top.pressure": 1e6})             # any key path
             study.with_(sweep=None)                                 # None takes a key away
 
         Numbers are SI, texts carry their unit. Raises StudyError with all faults.
         """
+        from tcstudy.read.document import tree_of, whole_key
+
+        root = tree_of(self)
         new = {**dict(changes or {}), **{_key(name): value for name, value in named.items()}}
-        paths = [SHORT.get(key, key) for key in new]
-        kept = [text for text in self.overrides if not any(_below(text.partition("=")[0], path) for path in paths)]
+        paths = [whole_key(root, key) for key in new]
+        old = {text: whole_key(root, text.partition("=")[0].strip()) for text in self.overrides}
+        kept = [text for text, key in old.items() if not any(f"{key}.".startswith(f"{path}.") for path in paths)]
         overrides = (*kept, *_texts(new))
         name = str(self.source) if self.source is not None else "<text>"
         return _opened(read_study_text(self.text, name, overrides, self.source))
@@ -71,12 +74,6 @@ def _key(name: str) -> str:
     """friction_delta → friction.delta; names without a section before "_" stay."""
     section, _, rest = name.partition("_")
     return f"{section}.{rest}" if rest and section in rows("") else name
-
-
-def _below(key: str, path: str) -> bool:
-    """Whether a key (short or whole) is a path or lies in it."""
-    whole = SHORT.get(key.strip(), key.strip())
-    return whole == path or whole.startswith(f"{path}.")
 
 
 def _texts(changes: Changes) -> tuple[str, ...]:

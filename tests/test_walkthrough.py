@@ -125,5 +125,9 @@ def test_a_study_changes_by_keys() -> None:
     assert once.with_(mesh_levels=3).mesh.levels == 3
     alone = once.with_(sweep=None, heat_alpha=50.0)
     assert (len(alone.scenes), alone.mesh.levels, alone.scenes[0].heat.alpha) == (1, 2, 50.0)
+    named = tcstudy.load(
+        HERE.parent / "configs" / "quickstart.yaml", {"parameters": {"size": 0.02}, "mesh.maxh": "size"}
+    )
+    assert named.with_(size=0.03).with_({"parameters.size": 0.04}).with_(size=0.01).mesh.maxh == (0.01,)
     with pytest.raises(tcstudy.StudyError, match=r"mesh\.level"):
         study.with_(mesh_level=2)

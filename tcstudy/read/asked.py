@@ -101,7 +101,7 @@ def named_number(
     """The number that a word names, of those that are `differentiable`; None after a fault."""
     path = path_of(word)
     if path not in known or known[path].no_number:
-        what, remedy = _why_not(word, path, known)
+        what, remedy = _why_not(root, word, path, known)
         ctx.errors.at(node, what, remedy, on_key=on_key)
         return None
     place = path[:2] if path[0] == "materials" else ("material",)
@@ -121,7 +121,7 @@ def differentiable(root: Node, base: Scene, scenes: Sequence[Scene]) -> dict[Key
     return found
 
 
-def _why_not(word: str, path: Keys, known: Mapping[Keys, Number]) -> tuple[str, str]:
+def _why_not(root: Node, word: str, path: Keys, known: Mapping[Keys, Number]) -> tuple[str, str]:
     """What is wrong with a name, and the remedy."""
     if path in known:
         return f"there is no derivative by {word}: {known[path].no_number}", "name a single number that has an effect"
@@ -129,7 +129,7 @@ def _why_not(word: str, path: Keys, known: Mapping[Keys, Number]) -> tuple[str, 
         return f"there is no derivative by {word}: it moves the mesh", REMEDY
     if path[0] in ("material", "materials") and path[-1] in ("lambda", "mu"):
         return f"there is no derivative by {word}", "give the material by E and nu, and name these"
-    if path[0] == "parameters":
+    if path[0] == "parameters" or holds(root, ("parameters", word)):
         return f"there is no derivative by {word}: it may stand in any expression", "name a number of a section"
     if path in sweepable({}, None):
         return f"this study has no number {word} by which its solution can be differentiated", REMEDY

@@ -21,6 +21,7 @@ from ruamel.yaml.nodes import Node as YamlNode
 
 from tcstudy.errors import Problem, StudyError
 from tcstudy.read.node import Collector, Keys, Mark, Node, Scalar, deepest, holds, put, split_path
+from tcstudy.scene.keys import rows
 from tcstudy.scene.parameters import SHORT
 from tcstudy.scene.study import Study
 from tcstudy.scene.units import LONGEST
@@ -226,7 +227,7 @@ def apply_overrides(root: Node, overrides: Sequence[str], short: Mapping[str, st
     for option in overrides:
         file = f"--set {option}"
         key, equals, text = (part.strip() for part in option.partition("="))
-        key = short.get(key, key)
+        key = whole_key(root, key, short)
         keys = (_of_sweep(root, key) or split_path(key)) if equals else None
         if keys is None or not text:
             remedy = "write --set key.path=value, for example --set heat.alpha=25"
@@ -247,6 +248,13 @@ def apply_overrides(root: Node, overrides: Sequence[str], short: Mapping[str, st
         except KeyError as error:
             errors.at_mark(Mark(file, 0, 0), key, str(error.args[0]), "set a key that the study can have there")
     return root
+
+
+def whole_key(root: Node, key: str, short: Mapping[str, str] = SHORT) -> str:
+    """The key path that a short name stands for, or a bare name of the section `parameters`; others as they are."""
+    names = root.child("parameters")
+    own = names is not None and names.child(key) is not None and key not in rows("")
+    return short.get(key, f"parameters.{key}" if own else key)
 
 
 def _of_sweep(root: Node, key: str) -> Keys | None:

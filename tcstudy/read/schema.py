@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any, get_args
 
 from tcstudy.laws.shapes import SHAPES
@@ -69,11 +70,21 @@ def schema() -> Schema:
         made["hole"]["properties"][shape] |= {"required": ["edge"]}
     made["sweep"] = _sweep(_swept, ("mode", "points", "seed", "h"))
     made["point"] = _sweep(_at_point, ()) | {"minProperties": 1}
+    made["named_point"] = made["point"] | {"additionalProperties": _value(NAMED)}
+    points = _described(replace(row("sweep", "points"), of=("named_point",)))
+    properties = made["sweep"]["properties"] | {"points": points}
+    made["named_sweep"] = made["sweep"] | {"properties": properties, "additionalProperties": _swept(NAMED)}
     made["step"] |= {"additionalProperties": _value(NAMED), "minProperties": 1}
+    whole = _section("", ("body", "boundary"))
+    named, plain = ({"properties": {"sweep": _ref(section)}} for section in ("named_sweep", "sweep"))
+    del whole["properties"]["sweep"]["$ref"]  # which names it knows depends on the section `parameters`
     return {
         "$schema": DRAFT,
         "title": TITLE,
-        **_section("", ("body", "boundary")),
+        **whole,
+        "allOf": [
+            {"if": {"required": ["parameters"]}, "then": named, "else": {"properties": {"sweep": _ref("sweep")}}}
+        ],
         "if": {"anyOf": [{"required": ["sweep"]}, {"required": ["exact"]}]},
         "else": _complete(),
         "$defs": made | TEXTS,

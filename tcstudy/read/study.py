@@ -12,7 +12,7 @@ from typing import Any
 
 from tcstudy.errors import StudyError
 from tcstudy.read.checks import check_goal, check_mesh
-from tcstudy.read.document import apply_overrides, compose, load_text, with_sweep
+from tcstudy.read.document import apply_overrides, compose, load_text, whole_key, with_sweep
 from tcstudy.read.exact import derived_scenes, read_exact, without_loads
 from tcstudy.read.fields import Context, Fields
 from tcstudy.read.heat import needed_of_heat
@@ -150,7 +150,7 @@ def _check_options(ctx: Context, root: Node, sweep: Sweep, overrides: Sequence[s
         swept.append(("h", "maxh", ("mesh", "maxh"), False))
     for option in (text for text in overrides if "=" in text):
         key, _, value = (part.strip() for part in option.partition("="))
-        keys, place = split_path(SHORT.get(key, key)) or (), f"--set {option}"
+        keys, place = split_path(whole_key(root, key)) or (), f"--set {option}"
         for name, short, words, whole in swept:
             path = split_path(".".join(words)) or ()
             same = keys == path or (key == short and key not in rows(""))

@@ -130,8 +130,8 @@ def _lists(ctx: Context, given: Mapping[str, Node], known: Mapping[Keys, Paramet
 def _parameter(ctx: Context, key: str, item: Node, known: Mapping[Keys, Parameter]) -> Parameter | None:
     """What a key of the sweep stands for; None after a fault."""
     path = tuple(SHORT.get(key, key).split("."))
-    if path in known:
-        return known[path]
+    if (found := known.get(path) or known.get(("parameters", key))) is not None:
+        return found
     names = [".".join(path) for path in known]
     if path[0] in FIXED:
         what, remedy = f"{path[0]} cannot be swept", FIXED[path[0]]
@@ -146,7 +146,8 @@ def _parameter(ctx: Context, key: str, item: Node, known: Mapping[Keys, Paramete
         same = [".".join(keys) for keys, p in known.items() if keys[-1] == path[-1] and not p.idle]
         if path[1:] and same:
             same = [nearest(key, same) or same[0]]
-        remedy = hint(key, [*SHORT, *names, "mode"], "use a key path such as heat.alpha or friction.delta")
+        own = [path[1] for path in known if path[0] == "parameters"]
+        remedy = hint(key, [*SHORT, *own, *names, "mode"], "use a key path such as heat.alpha or friction.delta")
         if same:
             remedy = f"did you mean {' or '.join(map(repr, same))}?"
         if of_vector and not same:

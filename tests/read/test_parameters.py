@@ -35,7 +35,7 @@ def test_expressions_take_names_and_carry_their_units() -> None:
 
 
 def test_a_swept_name_acts_in_every_section_that_uses_it() -> None:
-    study = of("sweep={parameters.load: [1 MPa, 3 MPa], nu: [0.2, 0.3]}")
+    study = of("sweep={load: [1 MPa, 3 MPa], nu: [0.2, 0.3]}", "share=0.5")  # by the bare names
     assert [(axis.name, axis.units) for axis in study.axes] == [("load", "Pa"), ("nu", "1")]
     values = [(s.material.nu, dict(s.boundary)["top"].g[1], float(s.friction.b(1.0))) for s in study.scenes]  # type: ignore[union-attr]
     expected = [(nu, -0.5 * load, load) for load in (1e6, 3e6) for nu in (0.2, 0.3)]
