@@ -63,7 +63,7 @@ def check_shape(ctx: Context, body: Body, root: Node) -> bool:
         inline = deepest(root, ("heat", "omega"))
         if where.startswith("body.regions.omega") and isinstance(inline.value, Mapping):
             where = inline.path
-        ctx.errors.at(deepest(root, split_path(where) or ("body",)), fault.what, fault.remedy, key=where)
+        ctx.errors.unfit(deepest(root, split_path(where) or ("body",)), where, fault.what, fault.remedy)
     return not faults
 
 

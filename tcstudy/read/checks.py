@@ -119,7 +119,8 @@ def check_mesh(ctx: Context, maxh: Node, plan: MeshPlan, body: Body) -> None:
     if body.outline is None:
         return
     for i, what, remedy in mesh_faults(plan, body_area(body), body_size(body), ctx.units):
-        ctx.errors.at(maxh.value[i] if isinstance(maxh.value, tuple) else maxh, what, remedy)
+        node = maxh.value[i] if isinstance(maxh.value, tuple) else maxh
+        ctx.errors.unfit(node, "mesh.maxh" if ctx.errors.refused is not None else node.path, what, remedy)
 
 
 def mesh_faults(plan: MeshPlan, area: float, size: float, units: str) -> Iterator[tuple[int, str, str]]:

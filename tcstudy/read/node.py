@@ -90,12 +90,14 @@ class Collector:
 
     geometry, point: words for the geometry and the sweep point being read; empty while the base study is read
     drawn: whether the values of sweep points stand nowhere in the file, so that every fault must name the point
+    refused: what is wrong with the shape or the element sizes of one geometry of several, which then is left out
     """
 
     def __init__(self) -> None:
         self.problems: list[Problem] = []
         self.geometry = self.point = ""
         self.drawn = False
+        self.refused: list[str] | None = None
         self._count = 0
         self._places: set[tuple[Mark, str]] = set()
         self._said: set[str] = set()
@@ -116,6 +118,14 @@ class Collector:
         if what not in self._said:
             self._said.add(what)
             self.at(node, what, remedy, key=key)
+
+    def unfit(self, node: Node, key: str, what: str, remedy: str) -> None:
+        """Record a shape or an element size that is none: a fault, unless it is that of one geometry of several."""
+        if self.refused is None:
+            self.at(node, what, remedy, key=key)
+        else:
+            self._count += 1
+            self.refused.append(f"{key}: {what}; {remedy}")
 
     def unreadable(self, mark: Mark, key: str, what: str, remedy: str) -> None:
         """Record that there is no value at a place; whatever its readers say about it is no news."""

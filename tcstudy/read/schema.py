@@ -82,9 +82,7 @@ def schema() -> Schema:
         "$schema": DRAFT,
         "title": TITLE,
         **whole,
-        "allOf": [
-            {"if": {"required": ["parameters"]}, "then": named, "else": {"properties": {"sweep": _ref("sweep")}}}
-        ],
+        "allOf": [{"if": {"required": ["parameters"]}, "then": named, "else": plain}],
         "if": {"anyOf": [{"required": ["sweep"]}, {"required": ["exact"]}]},
         "else": _complete(),
         "$defs": made | TEXTS,

@@ -17,14 +17,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tcstudy.errors import Problem, StudyError
-from tcstudy.read.body import oversized, read_body
-from tcstudy.read.checks import mesh_faults
 from tcstudy.read.document import with_sweep
 from tcstudy.read.fields import Context
-from tcstudy.read.heat import read_inline_region
 from tcstudy.read.node import Collector, Node, deepest, holds, put, split_path
 from tcstudy.read.parameters import read_parameters, users, words_in
-from tcstudy.read.plans import read_mesh
 from tcstudy.read.sweep import Sweep, SweptAxis, records
 from tcstudy.scene.key import Key
 from tcstudy.scene.keys import rows
@@ -32,8 +28,6 @@ from tcstudy.scene.parameters import Keys, Parameter
 from tcstudy.scene.points import GEOMETRIC, Scenes
 from tcstudy.scene.study import Study, Variant
 from tcstudy.scene.units import LENGTH
-from tcstudy.shapes.edges import body_area, body_size
-from tcstudy.shapes.faults import check_body
 
 
 def geometric_parameters(root: Node, named: Sequence[Sequence[str]]) -> dict[Keys, Parameter]:
@@ -146,7 +140,14 @@ def _read_one(ctx: Context, one: _Geometry, read: Callable[..., Study], words: s
     inner.errors.geometry = words
     if names := one.root.child("parameters"):
         inner.named = read_parameters(inner, names)
-    return _refusal(inner, one.root, one.rest) or read(inner, one.root, one.rest, one.said)
+    refused: list[str] = []
+    inner.errors.refused = refused
+    try:
+        study = read(inner, one.root, one.rest, one.said)
+    except StudyError:
+        if not refused:
+            raise
+    return refused[0] if refused else study
 
 
 def _said_where(
@@ -192,23 +193,6 @@ def _combinations(sweep: Sweep, outer: list[int]) -> list[tuple[tuple[int, ...],
 
 def _at_places(axis: SweptAxis, places: list[int]) -> SweptAxis:
     return replace(axis, values=tuple(axis.values[k] for k in places), labels=tuple(axis.labels[k] for k in places))
-
-
-def _refusal(ctx: Context, root: Node, sweep: Sweep) -> str:
-    """Why the body of this geometry, or its mesh, cannot be made; empty if it can, or if that is a fault elsewhere."""
-    probe = Context(Collector(), ctx.units, ctx.folder, ctx.named)
-    node, section = root.child("body"), root.child("mesh")
-    body = read_body(probe, node)[0] if node else None
-    body = read_inline_region(probe, root.child("heat"), body) if body else None
-    if body is None or body.outline is None or probe.errors.problems:
-        return ""
-    if faults := oversized(body) or check_body(body):
-        return f"{faults[0].where}: {faults[0].what}; {faults[0].remedy}"
-    mesh = read_mesh(probe, section, sweep.h) if section or sweep.h else None
-    if mesh is None or probe.errors.problems:
-        return ""
-    found = mesh_faults(mesh, body_area(body), body_size(body), ctx.units)
-    return next((f"mesh.maxh: {what}; {remedy}" for _, what, remedy in found), "")
 
 
 def _said(
