@@ -65,6 +65,7 @@ class PointRecord:
     u_T, xi: (m,) tangential displacement [m] and traction −S_T = ξ_i/c_i [Pa]; empty if the point failed before
     sticks:  (m,) 1 where the node rests on an up-jump of the friction law, else 0; empty if that is not known
     fields:  whole-body nodal fields by name ("theta", "u_x", "u_y"), only if asked for
+    solutions: as in BlockRecord, without "row"
     """
 
     index: tuple[int, ...]
@@ -76,6 +77,7 @@ class PointRecord:
     xi: Array
     fields: dict[str, Array] = field(default_factory=dict)
     sticks: NDArray[np.int8] = field(default_factory=lambda: np.empty(0, dtype=np.int8))
+    solutions: dict[str, NDArray[Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _check_names(self.numbers.keys(), self.fields.keys())
@@ -92,6 +94,8 @@ class BlockRecord:
     u_T, xi: (P, m) as in PointRecord, NaN in rows that failed before; None if all did
     sticks: (P, m) likewise, −1 where it is not known
     fields: (P, n) whole-body nodal fields by name, NaN in rows without; only if asked for
+    solutions: all solutions of all points, if they are asked for: "row" (S,) of its point, growing, "energy", "stable"
+            (S,), "u_T", "piece" (S, m), as in data.schema.SOLUTION
     """
 
     number: int
@@ -105,6 +109,7 @@ class BlockRecord:
     xi: Array | None = None
     sticks: NDArray[np.int8] | None = None
     fields: dict[str, Array] = field(default_factory=dict)
+    solutions: dict[str, NDArray[Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _check_names(self.numbers.keys(), self.fields.keys())
@@ -135,7 +140,13 @@ class BlockRecord:
                 xi=self.xi[row] if known and self.xi is not None else empty,
                 fields={n: values[row] for n, values in self.fields.items() if not np.isnan(values[row]).all()},
                 sticks=self.sticks[row] if known and self.sticks is not None else np.empty(0, dtype=np.int8),
+                solutions=self.solutions_of(row),
             )
+
+    def solutions_of(self, row: int) -> dict[str, NDArray[Any]]:
+        """All solutions of a point, without "row"; empty if they are not kept."""
+        own = self.solutions["row"] == row if self.solutions else None
+        return {name: values[own] for name, values in self.solutions.items() if name != "row"}
 
 
 SENSITIVITY = "sensitivity_"
@@ -177,6 +188,11 @@ def block_of(points: Sequence[PointRecord], shape: tuple[int, ...], number: int 
         missing: object = (np.nan,) * width if width else np.nan
         return np.array([missing if v is None else v for v in values], dtype=float)
 
+    every = [(row, p.solutions) for row, p in enumerate(points) if p.solutions]
+    solutions = {name: np.concatenate([own[name] for _, own in every]) for name in every[0][1]} if every else {}
+    if every:
+        solutions["row"] = np.repeat([row for row, _ in every], [len(own["energy"]) for _, own in every])
+
     return BlockRecord(
         number=number,
         level=points[0].level,
@@ -192,6 +208,7 @@ def block_of(points: Sequence[PointRecord], shape: tuple[int, ...], number: int 
             name: stacked([p.fields.get(name, np.empty(0)) for p in points], len(array), np.nan)
             for name, array in fields.items()
         },
+        solutions=solutions,
     )
 
 
@@ -213,6 +230,11 @@ def check_block(block: BlockRecord, study: Study, level: LevelRecord | None) -> 
     mesh = level.fields.get("node_x") if level is not None else None
     _check_width(name, line, None if level is None else level.n_contact)
     _check_width(name, block.fields, None if mesh is None else len(mesh))
+    _check_width(
+        name, {key: block.solutions.get(key) for key in ("u_T", "piece")}, None if level is None else level.n_contact
+    )
+    if len({len(values) for values in block.solutions.values()}) > 1:
+        raise ValueError(f"{name} has not one row of numbers for each solution")
 
 
 def _check_width(name: str, arrays: Mapping[str, np.ndarray[Any, Any] | None], width: int | None) -> None:
@@ -246,10 +268,14 @@ def checksum(row: Row) -> int:
     return zlib.crc32(arrays, zlib.crc32(f"{row[:3]}{scalars}{layout}".encode()))
 
 
+GROUPS = ("numbers", "fields", "solutions")
+"""Of named arrays in a record."""
+
+
 def encode(record: BlockRecord | LevelRecord) -> Row:
     """A record as a row."""
     values = vars(record)
-    groups = {name: values[name] for name in ("numbers", "fields") if name in values}
+    groups = {name: values[name] for name in GROUPS if name in values}
     arrays = {name: v for name, v in values.items() if isinstance(v, np.ndarray)}
     arrays |= {f"{group}.{name}": array for group, named in groups.items() for name, array in named.items()}
     scalars = {name: v for name, v in values.items() if name not in arrays and name not in groups and v is not None}
@@ -280,14 +306,15 @@ def decode_block(row: Row) -> BlockRecord:
     scalars, arrays, groups = decode(row)
     scalars["shape"] = tuple(scalars["shape"])
     scalars["reasons"] = {int(i): words for i, words in scalars["reasons"].items()}
-    return BlockRecord(**scalars, **arrays, numbers=groups["numbers"], fields=groups["fields"])
+    named: dict[str, Any] = dict(groups)
+    return BlockRecord(**scalars, **arrays, **named)
 
 
 def decode(row: Row) -> tuple[dict[str, Any], dict[str, Any], dict[str, dict[str, NDArray[Any]]]]:
-    """Scalars, arrays, and the arrays that stand in `numbers` and `fields` of a row."""
+    """Scalars, arrays, and the arrays that stand in the groups of a row."""
     scalars, layout, blob = row[3:6]
     arrays: dict[str, Any] = {}
-    groups: dict[str, dict[str, NDArray[Any]]] = {"numbers": {}, "fields": {}}
+    groups: dict[str, dict[str, NDArray[Any]]] = {name: {} for name in GROUPS}
     start = 0
     for name, dtype, shape in json.loads(layout):
         count = int(np.prod(shape, dtype=np.int64))

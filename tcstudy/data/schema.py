@@ -176,6 +176,27 @@ ROOT: tuple[FileVariable, ...] = (
     _time("solve"),
 )
 
+NOT_ALL, ALL_PROVED, OF_POLYGON = 0, 1, 2
+EVERY: tuple[FileVariable, ...] = (
+    count("solutions", "number of equilibria"),
+    count("stable_solutions", "equilibria that are strict local minima"),
+    replace(
+        flag("complete", "whether these are all", ("not_proved", "proved", "proved_of_the_polygon")),
+        comment="a list that is not proved complete counts those found; of the polygon: within 1e-3 of b",
+    ),
+)
+"""What is kept of a point where all its solutions are sought."""
+
+_SOLUTION, _SIDES = ("solution",), "counted from the left, jumps included"
+SOLUTION: tuple[FileVariable, ...] = (
+    FileVariable("solution_point", "i4", "1", "place of its point in the sweep, in C order", _SOLUTION),
+    FileVariable("solution_energy", "f8", "J m-1", "energy of the equilibrium", _SOLUTION),
+    FileVariable("solution_stable", "i1", "1", "strict local minimum", _SOLUTION, extra=flags("unstable", "stable")),
+    FileVariable("solution_u_T", "f8", "m", "tangential displacement", (*_SOLUTION, "node")),
+    FileVariable("solution_piece", "i4", "1", "side of the law's graph", (*_SOLUTION, "node"), comment=_SIDES),
+)
+"""All solutions of all points of a level, those of a point one after the other, lowest energy first."""
+
 _BY_SOLVER = (*POINT_LEVEL, "solver")
 SOLVERS: tuple[FileVariable, ...] = (
     FileVariable("solver_residual", "f8", "1", "inclusion residual by solver", _BY_SOLVER),
@@ -319,14 +340,14 @@ LIVE = tuple(
 tcstudy.offline.level). A record hands them over as fields, LIVE_PREFIX before their names."""
 LIVE_PREFIX = "live_"
 
-_POINTWISE = frozenset(v.name for v in (*ROOT, *SOLVERS, *ESTIMATES, *GUARANTEED) if v.dims[:2] == POINT_LEVEL)
+_POINTWISE = frozenset(v.name for v in (*ROOT, *EVERY, *SOLVERS, *ESTIMATES, *GUARANTEED) if v.dims[:2] == POINT_LEVEL)
 NUMBERS = (_POINTWISE | {*_GOAL_NAMES}) - {"status", "reason"}
 """Names that `PointRecord.numbers` may hold, derivatives apart."""
 
 FIELD_NAMES = frozenset(v.name for v in FIELDS)
 """Names that `PointRecord.fields` may hold."""
 
-_ALL = (*ROOT, *SOLVERS, *ESTIMATES, *GUARANTEED, *CONTACT, *HELD, *JOINTS, *MESH, REGION, *FIELDS)
+_ALL = (*ROOT, *EVERY, *SOLUTION, *SOLVERS, *ESTIMATES, *GUARANTEED, *CONTACT, *HELD, *JOINTS, *MESH, REGION, *FIELDS)
 RESERVED = frozenset(name for v in _ALL for name in (v.name, *v.dims)) | {*_GOAL_NAMES, "geometry", "mesh", POINT}
 """Names of the file that no swept parameter may take; see `tcstudy.data.writer`."""
 

@@ -240,6 +240,8 @@ def root_variables(study: Study) -> tuple[FileVariable, ...]:
         found += schema.SOLVERS
     if study.mesh.guarantee:
         found += schema.GUARANTEED
+    if study.solver.every:
+        found += schema.EVERY
     if study.mesh.estimates:
         found += schema.ESTIMATES + schema.goal_variables(study.mesh.goal, study.exact is not None)
     if study.output.asks:
@@ -283,6 +285,7 @@ class Filling:
         self._open: dict[Key, Window] = {}
         self._written: set[Key] = set()
         self._left: set[Key] = set()
+        self._every: dict[int, dict[int, Arrays]] = {}
         put_axes(nc, study)
         put(nc, schema.LEVEL_COORDINATE, study, np.arange(study.mesh.levels))
         put_names(nc, "start", schema.START_NAMES, "where the solver started", study)
@@ -309,6 +312,9 @@ class Filling:
         """
         check_block(block, self.study, self.known.get(block.level))
         places = file_places(self.study, block.points)
+        if block.solutions and block.level in self.groups:
+            every = self._every.setdefault(block.level, {})
+            every.update((int(place), block.solutions_of(row)) for row, place in enumerate(places))
         for section in (self.sections[key] for key in (None, block.level) if key in self.sections):  # no mesh, no group
             for number in np.unique(np.searchsorted(section.starts, places, side="right") - 1).tolist():
                 if (window := self._window(section, number)) is None:
@@ -361,6 +367,9 @@ class Filling:
             for key, section in rest:
                 if key not in self._left:
                     self._put(key, self._open.get(key) or section.window(key[1]))
+        for number, group in self.groups.items():
+            if every := self._every.get(number):
+                _put_solutions(group, self.study, every)
         sought = self.count.total() - self.count[PointStatus.NOT_RUN]
         return sought, sought - self.count[PointStatus.OK]
 
@@ -392,6 +401,15 @@ def _make_group(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF
     put_edges(group, level, study)
     _put_held(group, study, level.fields)
     return group
+
+
+def _put_solutions(group: netCDF4.Group, study: Study, every: dict[int, Arrays]) -> None:
+    """All solutions of the points of a level, by place, in the order of the file."""
+    places = sorted(every)
+    names = [v.name.removeprefix("solution_") for v in schema.SOLUTION[1:]]
+    values = {f"solution_{name}": np.concatenate([every[place][name] for place in places]) for name in names}
+    values["solution_point"] = np.repeat(places, [len(every[place]["energy"]) for place in places])
+    put_all(group, schema.SOLUTION, values, study)
 
 
 def _put_held(group: netCDF4.Group, study: Study, fields: Mapping[str, np.ndarray[Any, Any]]) -> None:

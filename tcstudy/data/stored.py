@@ -113,8 +113,19 @@ def read_blocks(path: Path, study: Study, places: Places, wanted: NDArray[np.boo
                     reasons={row: str(words[i]) for row, i in enumerate(rows) if words[i]},
                     numbers=more,
                     **_on_line(group, cut, rows),
+                    solutions=_every(group, start + rows),
                 )
                 number += 1
+
+
+def _every(group: netCDF4.Group | None, places: Places) -> dict[str, Values]:
+    """All solutions of the points at places of the file, if it has them."""
+    if group is None or "solution_point" not in group.variables:
+        return {}
+    of = np.asarray(group["solution_point"][...])
+    own = np.isin(of, places)
+    found = {v.name.removeprefix("solution_"): group[v.name][...][own] for v in schema.SOLUTION[1:]}
+    return found | {"row": np.searchsorted(places, of[own])}
 
 
 def _points(group: netCDF4.Group | None) -> int:

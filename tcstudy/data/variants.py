@@ -105,7 +105,7 @@ def _table(study: Study, variant: Variant, file: Path) -> Iterable[BlockRecord]:
     places[file_places(variant.study, np.arange(count))] = variant.places
     wanted = np.ones((len(study.scenes), study.mesh.levels), dtype=bool)
     for block in read_blocks(file, study, places, wanted):
-        yield replace(block, u_T=None, xi=None, sticks=None, fields={})
+        yield replace(block, u_T=None, xi=None, sticks=None, fields={}, solutions={})
 
 
 def _put_numbers(nc: netCDF4.Dataset, study: Study, files: Sequence[Path | None]) -> None:

@@ -17,7 +17,7 @@ from tcstudy.scene.families import FAMILIES, PLAIN, TO_TOLERANCE, FamilyName
 from tcstudy.scene.keys import rows
 from tcstudy.scene.parameters import SHORT, affine_numbers, path_scene, sweepable
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import BUNDLE, Goal, MeshPlan, OutputPlan, PathPlan, Quantity, SolverPlan
+from tcstudy.scene.study import ALL, BUNDLE, SEPARABLE, Goal, MeshPlan, OutputPlan, PathPlan, Quantity, SolverPlan
 from tcstudy.scene.units import LENGTH, LINE_FORCE, TEMPERATURE, Dimension
 
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
@@ -137,7 +137,13 @@ def read_solver(ctx: Context, node: Node | None) -> SolverPlan:
         ctx.errors.at(fields.values["name"], "names a solver twice", "name each solver once")
     if BUNDLE not in names and "max_iterations" in fields.values:
         ctx.errors.at(fields.values["max_iterations"], f"is of {BUNDLE} alone", f"remove it, or choose name: {BUNDLE}")
-    return SolverPlan(names, **given)
+    every = given.get("branch") == ALL
+    for key in ("max_boxes", "max_seconds"):
+        if key in fields.values and not every:
+            ctx.errors.at(fields.values[key], f"is of branch: {ALL} alone", f"remove it, or choose branch: {ALL}")
+    if every and names != SolverPlan().names:
+        ctx.errors.at(fields.values["branch"], f"is of {SEPARABLE} alone", "leave `name` out")
+    return SolverPlan(names, **(given | {"branch": SolverPlan().branch, "every": True} if every else given))
 
 
 @none_after_fault

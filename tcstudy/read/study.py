@@ -264,5 +264,9 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
         from tcstudy.read.asked import check_together
 
         check_together(ctx, root, scenes, output, exact)
+    if solver and solver.every:
+        for key, remedy in (("path", "write path.complete: true"), ("history", "remove it"), ("fit", "remove it")):
+            if root.child(key):
+                ctx.errors.at(deepest(root, ("solver", "branch")), f"is of single points, not of a {key}", remedy)
     found = {"mesh": mesh, "solver": solver, "output": output, "exact": exact}
     return found | {"path": path, "history": history, "fit": fit}

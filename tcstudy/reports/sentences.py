@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.data.schema import OF_POLYGON
 from tcstudy.reports.text import counted, number, with_unit
 
 Array = NDArray[np.float64]
@@ -57,6 +58,23 @@ def proved(unique: int, least: int) -> str:
     """How many solutions are proved unique, and how many, these included, of least energy."""
     said = f"{unique} proved unique" if unique else "none proved unique"
     return f"{said}, {least} proved to have the least energy" if least > unique else said
+
+
+def equilibria(count: int, stable: int | None = None, complete: int = 1) -> str:
+    """A number of equilibria in words; stable: how many of them;  complete: the flag of the file, 0 not proved."""
+    words = f"{count}" if complete else f"at least {count}"
+    return f"{words}, {stable} stable" if stable is not None and count > 1 else words
+
+
+def all_equilibria(count: NDArray[np.int_], complete: NDArray[np.int_]) -> str:
+    """At how many of P points all equilibria are known, and how many they are at each; empty without points."""
+    if not len(count):
+        return ""
+    known = count[complete > 0]
+    span = f"{known.min()}" if len(known) and known.min() == known.max() else ""
+    span = span or (f"{known.min()} to {known.max()}" if len(known) else "")
+    told = f"all equilibria proved at {len(known)} of {len(count)}" + (f" ({span})" if span else "")
+    return told + (" of the polygons of exponential laws" if np.any(complete == OF_POLYGON) else "")
 
 
 def several(energy: Array, unique: NDArray[np.bool_]) -> NDArray[np.bool_]:

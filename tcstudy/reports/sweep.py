@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.records import PointStatus
+from tcstudy.data.schema import NOT_ALL
 from tcstudy.data.store import open_results
 from tcstudy.errors import DrawError
 from tcstudy.reports.select_point import (
@@ -30,6 +31,10 @@ from tcstudy.reports.sentences import several
 from tcstudy.reports.text import axis_unit, counted, labels, named, study_unit
 
 Array = NDArray[np.float64]
+
+
+COUNTS = ("solutions", "stable_solutions")
+"""Numbers of equilibria."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +59,7 @@ class DrawnParameter:
 class SweepPicture:
     """P points of a sweep on one level, and one number at each of them.
 
+    at_least: (P,) of numbers of equilibria, which are not proved to be all; None for any other number
     values:  (P,) the number in the units of the file; NaN where there is none
     status:  (P,) PointStatus;  proved: (P,) proved to be the only solution;  several: (P,) starts led to solutions of
              different energies
@@ -70,6 +76,7 @@ class SweepPicture:
     status: NDArray[np.int_]
     proved: NDArray[np.bool_]
     several: NDArray[np.bool_]
+    at_least: NDArray[np.bool_] | None = None
 
     @property
     def left_out(self) -> str:
@@ -108,7 +115,7 @@ def read_sweep(
         keep, fixed = fitting(data, point, names)
         at = data.isel(level=level_number(data, level)).load()
         dims = [str(dim) for dim in at["status"].dims]
-        needed = [key for key in (name, "status", "unique", "start_energy") if key in at]
+        needed = [key for key in (name, "status", "unique", "start_energy", "complete") if key in at]
         flat = {key: at[key].transpose(*dims, ...).values.reshape(len(keep), -1)[keep] for key in needed}
         by_point = labels_by_point(data)
         status = flat["status"][:, 0]
@@ -126,6 +133,7 @@ def read_sweep(
             values=np.where(good, values, np.nan),
             status=status,
             proved=unique,
+            at_least=flat["complete"][:, 0] == NOT_ALL if name in COUNTS and "complete" in flat else None,
             several=several(flat.get("start_energy", np.zeros((len(status), 1))), unique),
         )
 

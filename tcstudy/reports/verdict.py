@@ -104,6 +104,7 @@ def _told(run: RunSeen) -> dict[str, Any]:
     parts = [
         f"{solved} of {total} solved",
         sentences.proved(int(unique.sum()), int(run.flag("global_minimum", ok).sum())),
+        _every(run, ok),
         f"{int(several.sum())} with more than one solution found" if several.any() else "",
         sentences.mesh_error(error, estimated, no_larger),
         *abrupt(run, ok, several)[:2],
@@ -112,8 +113,16 @@ def _told(run: RunSeen) -> dict[str, Any]:
     return {"text": ", ".join(filter(None, parts)) + ".", "how": how, "ok": solved == total}
 
 
+def _every(run: RunSeen, ok: Flags) -> str:
+    """At how many points all solutions are known; empty where none were sought."""
+    count, complete = run.take("solutions", -1), run.take("complete", -1)
+    return "" if count is None or complete is None else sentences.all_equilibria(count[ok], complete[ok])
+
+
 def _several(run: RunSeen, ok: Flags, unique: Flags) -> Flags:
     """(*dims) solved points at which more than one solution was found, piece by piece to save memory."""
+    if (count := run.take("solutions", -1)) is not None:
+        return np.asarray(ok & (count > 1))
     starts = run.take("start_energy", -1)
     if starts is None:
         return np.zeros_like(ok)

@@ -20,7 +20,7 @@ from tcstudy.scene.families import FAMILIES
 from tcstudy.scene.fits import FITS
 from tcstudy.scene.histories import HISTORY
 from tcstudy.scene.key import EDGE_ROWS, Key, in_section
-from tcstudy.scene.study import BRANCHES, MOST_REFINE, SOLVERS, Direction, MeshPlan, PathPlan, SolverPlan, Start
+from tcstudy.scene.study import ALL, BRANCHES, MOST_REFINE, SOLVERS, Direction, MeshPlan, PathPlan, SolverPlan, Start
 
 
 def _shape(name: str) -> Key:
@@ -240,7 +240,13 @@ ROWS: tuple[Key, ...] = (
         Key("name", "one or more", "of the solver", words=SOLVERS, example=SOLVERS[0], default=_SOLVER.names[0]),
         Key("tolerance", "number", "largest inclusion residual, strict", example="1e-10", above=0.0, below=1.0),
         Key("max_iterations", "integer", "of one solve by bundle-newton", least=1),
-        Key("branch", "choice", "which solution is stored", words=BRANCHES, default=_SOLVER.branch),
+        Key(
+            *("branch", "choice", "which solution is stored; `all`: the lowest, beside all that there are"),
+            words=(*BRANCHES, ALL),
+            default=_SOLVER.branch,
+        ),
+        Key("max_boxes", "integer", "of one point, where `branch: all` ends", default=_SOLVER.max_boxes, least=1),
+        Key("max_seconds", "number", "the same in time", default=_SOLVER.max_seconds, above=0.0),
     ),
     *in_section(
         "sweep",

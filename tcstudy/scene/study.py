@@ -189,6 +189,8 @@ SEPARABLE, BUNDLE = SOLVERS = ("separable-newton", "bundle-newton")
 Branch = Literal["lowest", "continued", "from-zero"]
 """Which solution is stored where several are found; see `SolverPlan`."""
 BRANCHES: tuple[Branch, ...] = get_args(Branch)
+ALL = "all"
+"""The word for all solutions beside the lowest one."""
 
 START_NAMES = ("zero", "frictionless", "neighbour", "escape", "exact")
 """Starts: no displacement, the solution without friction, the solution of a neighbouring problem, where these may not
@@ -207,12 +209,17 @@ class SolverPlan:
     branch:         which solution is stored where several are found: the lowest found ("lowest": starts at
                     zero, at the frictionless solution and at the neighbouring sweep point), the one that continues
                     the neighbour's ("continued"), or the one from zero ("from-zero")
+    every:          whether all solutions are sought, and proved to be all, beside the lowest found (branch: all)
+    max_boxes, max_seconds: where the search for all of one point ends (contact/boxes.py)
     """
 
     names: tuple[str, ...] = (SEPARABLE,)
     tolerance: float | None = None
     max_iterations: int | None = None
     branch: Branch = "lowest"
+    every: bool = False
+    max_boxes: int = 20_000
+    max_seconds: float = 60.0
 
     @property
     def in_blocks(self) -> bool:

@@ -19,10 +19,20 @@ from tcstudy.contact.contact import Answer, solve_contact
 from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import kept
 from tcstudy.data.records import PointRecord, PointStatus
-from tcstudy.data.schema import BALANCED, HEAT_BOUND, LIMITED, MET, NOT_JUDGED, UNBALANCED
+from tcstudy.data.schema import (
+    ALL_PROVED,
+    BALANCED,
+    HEAT_BOUND,
+    LIMITED,
+    MET,
+    NOT_ALL,
+    NOT_JUDGED,
+    OF_POLYGON,
+    UNBALANCED,
+)
 from tcstudy.offline.level import Condensed, CondensedBlock, Level
 from tcstudy.offline.thermal import Temperature
-from tcstudy.online import BlockAnswers, Certificates
+from tcstudy.online import BlockAnswers, Certificates, Every
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 
@@ -177,6 +187,29 @@ def block_numbers(
     if condensed.band is not None:
         values |= condensed.band.numbers(proved.omega * factor, condensed.mu)
     return {name: np.asarray(value, dtype=float) for name, value in values.items()}
+
+
+def every_solution(found: Every, factor: Array, constant: Array) -> tuple[dict[str, Array], dict[str, Array]]:
+    """What a block stores of all solutions of its points: (P,) by variable name, and one row a solution.
+
+    factor, constant: as in `block_numbers` and of `_results`
+    """
+    count = np.array([len(one) for one in found.solutions])
+    complete = np.array([one.complete for one in found.solutions], dtype=bool)
+    numbers = {
+        "solutions": count,
+        "stable_solutions": np.array([np.count_nonzero(one.stable) for one in found.solutions]),
+        "complete": np.where(complete, np.where(found.polygon, OF_POLYGON, ALL_PROVED), NOT_ALL),
+    }
+    row = np.repeat(np.arange(len(count)), count)
+    solutions: dict[str, Any] = {
+        "row": row,
+        "energy": np.concatenate([one.energy for one in found.solutions]) * factor[row] + constant[row],
+        "stable": np.concatenate([one.stable for one in found.solutions]).astype(np.int8),
+        "u_T": np.concatenate([one.v for one in found.solutions]),
+        "piece": np.concatenate([one.sides for one in found.solutions]).astype(np.int32),
+    }
+    return {name: np.asarray(values, dtype=float) for name, values in numbers.items()}, solutions
 
 
 def _by_solver(condensed: Condensed, solved: Sequence[Timed]) -> dict[str, tuple[float, ...]]:

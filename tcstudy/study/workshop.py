@@ -15,11 +15,13 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.condense import NotPositiveDefinite
+from tcstudy.contact.boxes import Limits
 from tcstudy.contact.loop import Status
 from tcstudy.data.on_request import variables
 from tcstudy.data.records import BlockRecord, PointRecord, PointStatus, block_of
@@ -28,12 +30,12 @@ from tcstudy.laws.composed import row_laws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
 from tcstudy.offline.level import CondensedBlock, Level
-from tcstudy.online import BlockAnswers, CondensedBody, Options, solve_block
+from tcstudy.online import BlockAnswers, CondensedBody, Every, Options, solve_block, solve_every
 from tcstudy.refine.survey import Survey
 from tcstudy.scene.points import combinations, of_stiffness
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
-from tcstudy.study.point import STATUS, block_numbers, solve_point
+from tcstudy.study.point import STATUS, block_numbers, every_solution, solve_point
 from tcstudy.study.starts import Solutions, contact_line, exact_at
 
 Array = NDArray[np.float64]
@@ -119,7 +121,13 @@ class Workshop:
             points, m = loads.shape
             job = Job(timed, name, max(TIMEOUT, FACTORISATIONS / FLOPS * points * m**3 / 3.0))
             body = self._body(condensed, Level.ratio(scenes[0]))
-            future = self.executor.submit(job, solve_block, body, loads, laws, options, near, self.exact)
+            future: Future[Any]
+            if (plan := self.study.solver).every:
+                limits = Limits(plan.max_boxes, plan.max_seconds)
+                job = replace(job, timeout=job.timeout + points * (limits.seconds + SLOWEST))
+                future = self.executor.submit(job, solve_every, body, loads, laws, options, limits, self.exact)
+            else:
+                future = self.executor.submit(job, solve_block, body, loads, laws, options, near, self.exact)
             vanishing = np.array([scene.friction.vanishes for scene in scenes])
             solved = partial(self._solved, block, condensed, laws, vanishing, future)
         except Exception as error:  # as in solve_point
@@ -179,17 +187,21 @@ class Workshop:
         condensed: CondensedBlock,
         laws: Laws,
         vanishing: NDArray[np.bool_],
-        future: Future[tuple[BlockAnswers, float]],
+        future: Future[tuple[BlockAnswers | Every, float]],
     ) -> BlockRecord:
         """The record of a block whose answers an executor owes; vanishing: (P,) whether a point has no friction."""
-        answers, seconds = future.result()
+        found, seconds = future.result()
+        answers = found.answers if isinstance(found, Every) else found
         factor = condensed.mu / condensed.mu[0]
         # no friction leaves a solution nothing but rounding of ξ; how far from 0 that is is its inclusion residual
         nothing = vanishing & (answers.status == Status.CONVERGED)
         xi = np.where(nothing[:, None], 0.0, answers.xi * factor[:, None])
         sticks = laws.kind(laws.locate(answers.v)) == UP
         count = len(block.points)
-        numbers = block_numbers(condensed, factor, answers, xi, sticks)
+        numbers, solutions = block_numbers(condensed, factor, answers, xi, sticks), dict[str, Array]()
+        if isinstance(found, Every):
+            more, solutions = every_solution(found, factor, condensed.constant)
+            numbers |= more
         return BlockRecord(
             number=block.number,
             level=self.level.mesh.level,
@@ -201,6 +213,7 @@ class Workshop:
             u_T=answers.v,
             xi=xi / condensed.c,
             sticks=sticks.astype(np.int8),
+            solutions=solutions,
         )
 
     def _body(self, condensed: CondensedBlock, ratio: object) -> CondensedBody:
@@ -287,8 +300,10 @@ POINTS, ENTRIES = 1024, 2**17
 """Points of a block at most, and entries of its arrays (P, m) to aim at, so that many have a part in the work."""
 ENOUGH, MOST = 256, 2**18
 """Points from which a larger block is hardly cheaper by the point, and entries at most."""
-ESTIMATED = 16
-"""Points of a block where the error of each is estimated, which takes longer than its solution."""
+ESTIMATED, EVERY = 16, 64
+"""Points of a block where the error of each is estimated, or all solutions are sought, which takes longer than one."""
+SLOWEST = 10.0
+"""Seconds that a point may take beyond its limit, which is looked at between one set of boxes and the next."""
 FACTORISATIONS, FLOPS = 2000.0, 1e9
 """A block may take the time of so many factorisations of Ã a point on a slow processor."""
 FIELDS = 2**22
@@ -342,6 +357,8 @@ def _size(study: Study, m: int, n_points: int) -> int:
         return 1
     if study.mesh.estimates:
         return ESTIMATED
+    if study.solver.every:
+        return EVERY
     size = max(1, min(POINTS, max(ENTRIES // max(1, m), min(ENOUGH, MOST // max(1, m)))))
     return max(1, min(size, FIELDS // (3 * n_points))) if study.output.fields else size
 

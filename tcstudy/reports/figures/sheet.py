@@ -19,6 +19,7 @@ from tcstudy.reports.figures import style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.colorbar import Colorbar
     from matplotlib.figure import Figure
 
 SMALL, LARGE = 0.9, 1.25
@@ -109,11 +110,12 @@ class Sheet:
             columnspacing=1.2,
         )  # fmt: skip
 
-    def bar(self, axes: Axes, drawn: Any, *label: str) -> None:
+    def bar(self, axes: Axes, drawn: Any, *label: str) -> Colorbar:
         """A colour bar beside a panel; labels as for `label`."""
         bar = self.figure.colorbar(drawn, ax=axes, aspect=25.0, pad=0.02, fraction=0.04)
         bar.outline.set_visible(False)
         self.label(bar.ax, *label)
+        return bar
 
     def label(self, axes: Axes, *texts: str) -> None:
         """What stands beside a panel, wrapped to its height: the first text that does in two lines, or the last."""

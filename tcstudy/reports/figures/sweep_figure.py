@@ -127,8 +127,9 @@ def _families(sheet: Sheet, axes: Axes, by: DrawnParameter) -> None:
 def map_figure(picture: SweepPicture, look: style.Look) -> Figure:
     """One number over two parameters, a cell for each pair of values.
 
-    Hatched: not proved to be the only solution. Outlined: starts led to solutions of different energies. White with
-    crosses: no solution. Blank: a pair that the sweep does not have.
+    Hatched: not proved to be the only solution, of a number of equilibria not proved to be all. Outlined: starts led to
+    solutions of different energies. White with crosses: no solution. Blank: a pair that the sweep does not have. A line
+    parts cells with different numbers of equilibria: folds lie there.
     """
     x, y = picture.parameters
     grid = np.full((len(y.labels), len(x.labels)), -1, dtype=int)
@@ -142,17 +143,44 @@ def map_figure(picture: SweepPicture, look: style.Look) -> Figure:
     known = picture.values[np.isfinite(picture.values)]
     divisor, unit = axis_unit(known, picture.units)
     values = np.where(grid >= 0, picture.values[grid] / divisor, np.nan)
-    cells = axes.pcolormesh(np.ma.masked_invalid(values), cmap=COLOURS, edgecolors="white", linewidth=0.4)
+    counts, how = picture.at_least is not None, dict[str, Any](cmap=COLOURS, edgecolors="white", linewidth=0.4)
+    if counts and len(known):
+        how |= _steps(known) | {"linewidth": 0.0}
+    cells = axes.pcolormesh(np.ma.masked_invalid(values), **how)
     there = grid >= 0
-    gone, open_ = there & np.isnan(values), there & np.isfinite(values) & ~picture.proved[grid]
-    several = there & np.isfinite(values) & picture.several[grid]
+    gone, solved = there & np.isnan(values), there & np.isfinite(values)
+    open_ = solved & (picture.at_least[grid] if picture.at_least is not None else ~picture.proved[grid])
+    several = solved & picture.several[grid] & (not counts)
     _cells(axes, gone, GONE)
     _cells(axes, open_, {"hatch": "//", "edgecolor": "white", "linewidth": 0.0})
     _cells(axes, several, SEVERAL | {"zorder": 4})
-    sheet.bar(axes, cells, *number_labels(picture, unit))
+    bar = sheet.bar(axes, cells, *number_labels(picture, unit))
+    if counts:
+        bar.set_ticks(np.unique(known).tolist(), labels=[f"{n:.0f}" for n in np.unique(known)])
+        _fold_lines(axes, values)
     _cell_ticks(sheet, axes, x, y)
-    _cell_key(sheet, bool(gone.any()), bool(open_.any()), bool(several.any()))
+    _cell_key(sheet, bool(gone.any()), bool(open_.any()), bool(several.any()), counts)
     return sheet.finish()
+
+
+def _steps(known: Array) -> dict[str, Any]:
+    """A colour for each number of equilibria."""
+    from matplotlib import colormaps
+    from matplotlib.colors import BoundaryNorm
+
+    numbers = np.unique(known)
+    edges = np.concatenate([[numbers[0] - 1.0], 0.5 * (numbers[1:] + numbers[:-1]), [numbers[-1] + 1.0]])
+    return {"cmap": colormaps[COLOURS].resampled(len(numbers)), "norm": BoundaryNorm(edges, len(numbers))}
+
+
+def _fold_lines(axes: Axes, values: Array) -> None:
+    """Lines between cells with different numbers of equilibria."""
+    both = np.isfinite(values[:, 1:]) & np.isfinite(values[:, :-1])
+    for row, column in np.argwhere(both & (values[:, 1:] != values[:, :-1])):
+        axes.plot([column + 1, column + 1], [row, row + 1], color=style.VERMILLION, linewidth=1.4)
+    both = np.isfinite(values[1:]) & np.isfinite(values[:-1])
+    for row, column in np.argwhere(both & (values[1:] != values[:-1])):
+        axes.plot([column, column + 1], [row + 1, row + 1], color=style.VERMILLION, linewidth=1.4)
 
 
 def _cells(axes: Axes, which: NDArray[np.bool_], how: dict[str, Any]) -> None:
@@ -173,12 +201,16 @@ def _cell_ticks(sheet: Sheet, axes: Axes, x: DrawnParameter, y: DrawnParameter) 
     axes.tick_params(length=0)
 
 
-def _cell_key(sheet: Sheet, gone: bool, unproved: bool, several: bool) -> None:
+def _cell_key(sheet: Sheet, gone: bool, unproved: bool, several: bool, counts: bool) -> None:
     """What hatches and outlines mean, where there are some."""
     from matplotlib.patches import Patch
 
     kinds: tuple[tuple[bool, str, dict[str, Any]], ...] = (
-        (unproved, "not proved unique", {"facecolor": "#31688e", "edgecolor": "white", "hatch": "///"}),
+        (
+            unproved,
+            "at least so many" if counts else "not proved unique",
+            {"facecolor": "#31688e", "edgecolor": "white", "hatch": "///"},
+        ),
         (several, "several solutions found", {"facecolor": "none"} | SEVERAL),
         (gone, "no solution", {"facecolor": "none"} | GONE),
     )

@@ -15,10 +15,10 @@ import numpy as np
 
 from tcstudy.data.reading import GEOMETRIES, Unreadable, asked, axis_names, of_largest, probe, sweep_dims
 from tcstudy.data.records import PointStatus
-from tcstudy.data.schema import LIMITED, UNBALANCED
+from tcstudy.data.schema import LIMITED, OF_POLYGON, UNBALANCED
 from tcstudy.data.store import open_results
 from tcstudy.reports.select_point import axis_labels, describe
-from tcstudy.reports.sentences import locks, of_the_body
+from tcstudy.reports.sentences import equilibria, locks, of_the_body
 from tcstudy.reports.terminal.tables import fits, plain_table, split_table, wrapped
 from tcstudy.reports.text import Failure, counted, digits_lost, failure_lines, headed, number, prefix, proved
 
@@ -104,6 +104,13 @@ _COLUMNS = (
 """Numbers of a point, their titles, and their importance where there is no room for all."""
 
 
+EVERY_LEGEND = (
+    'proved to be all, but "at least" where a limit was met or rounding leaves some open',
+    'proved to be all, but "at least" where not; of exponential laws those of their polygon, within 1e-3 of b',
+)
+"""Without and with exponential laws."""
+
+
 def _extremes(data: Any) -> str:
     """Which of several geometries the table of levels means; empty for one."""
     if GEOMETRIES not in data.attrs:
@@ -136,7 +143,8 @@ def _points(data: Any, most: int | None) -> str:
     header += [headed(title, scales[name][1]) for name, title, _ in (*usual, *wanted)]
     refined = data.sizes["level"] > 1
     size, unit = scales.get("friction_resultant", (1.0, "1"))
-    header += ["certified", *([headed("Δ∫ξ to last level", unit)] if refined else [])]
+    every = "solutions" in fine
+    header += ["equilibria"] * every + ["certified", *([headed("Δ∫ξ to last level", unit)] if refined else [])]
     rows, failed = [], False
     for index in islice(np.ndindex(shape), most):
         where = dict(zip(dims, index, strict=True))
@@ -146,6 +154,9 @@ def _points(data: Any, most: int | None) -> str:
         failed = failed or not (solved or int(at["status"]) == int(PointStatus.NOT_RUN))
         cells = [number(at[name] / scales[name][0]) for name in scales]
         row += cells if solved else [cell if cell == "–" else f"({cell})" for cell in cells]
+        if every:
+            told = (int(at[name]) for name in ("solutions", "stable_solutions", "complete"))
+            row.append(equilibria(*told) if solved else "–")
         row.append(_certified(at))
         if refined:
             ends = data["friction_resultant"].isel(where).values[-2:]
@@ -155,16 +166,18 @@ def _points(data: Any, most: int | None) -> str:
     more = int(np.prod(shape)) - len(rows)
     title = f"  Level {level}, the finest:" + (f" first {len(rows)} of {len(rows) + more} points" if more > 0 else "")
     legend = "  certified: what is proved of the solution on its mesh (unique, global or local minimum of the energy)"
+    if every:
+        legend += f"\n  equilibria: {EVERY_LEGEND[bool((fine['complete'] == OF_POLYGON).any())]}"
     if failed:
         legend += "\n  failed: no solution; the numbers in (parentheses) are those of the last step"
-    ranks, below = (*(0 for _ in axes), *(rank for _, _, rank in usual), 1, 4), ""
+    ranks, below = (*(0 for _ in axes), *(rank for _, _, rank in usual), *[1] * every, 1, 4), ""
     if wanted and not fits(header, rows):
         first, last = len(axes) + len(usual), len(axes) + len(scales)
         own = [[*row[: len(axes)], *row[first:last]] for row in (header, *rows)]
         header, *rows = ([*row[:first], *row[last:]] for row in (header, *rows))
         below = "\n\n  Asked for by output:\n\n" + split_table(own[0], own[1:], len(axes))
     else:
-        ranks = (*ranks[:-2], *(0 for _ in wanted), *ranks[-2:])
+        ranks = (*ranks[: -2 - every], *(0 for _ in wanted), *ranks[-2 - every :])
     return title + "\n\n" + plain_table(header, rows, ranks) + below + "\n\n" + legend
 
 

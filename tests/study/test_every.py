@@ -1,0 +1,93 @@
+"""`solver: {branch: all}`: every solution of every point in the file, its proofs, limits, growth, table and map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import tcstudy
+from tcstudy.cli import main
+from tcstudy.reports.verdict import verdict
+from tests.verification.test_all_solutions import FILMS, QUICKSTART, all_solutions, quickstart_problems
+
+SWEEP = "sweep={boundary.end.g: [[2 MPa, 0], [20 MPa, 0]], theta_bar: [10 K, 0 K, 12 K]}"
+
+
+def study(*more: str, sweep: str = SWEEP, film: str = "brittle") -> tcstudy.Study:
+    law = f"friction={{law: piecewise-linear, points: {FILMS[film]}}}" if film in FILMS else film
+    return tcstudy.load(QUICKSTART, ["mesh.levels=1", "solver={branch: all}", law, sweep, *more])
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("every") / "all.nc"
+    tcstudy.run(study(), path).close()
+    return path
+
+
+def test_the_file_has_every_solution_and_its_proofs(file: Path) -> None:
+    with xr.open_datatree(file) as tree:
+        root, line = tree.to_dataset().isel(level=0), tree["level_0"]
+        problems = quickstart_problems("brittle", SWEEP.removeprefix("sweep="))
+        shape = root["status"].shape
+        assert root["complete"].values.all()
+        for place, problem in enumerate(problems):
+            g, theta = np.unravel_index(place, shape)
+            theta = (1, 0, 2)[theta]  # the file's axis grows
+            at = root.isel(g=g, theta_bar=theta)
+            own = line["solution_point"].values == np.ravel_multi_index((g, theta), shape)
+            found = all_solutions(problem)
+            assert int(at["solutions"]) == len(found) == own.sum()
+            assert int(at["stable_solutions"]) == found.stable.sum() == line["solution_stable"].values[own].sum()
+            np.testing.assert_allclose(line["solution_u_T"].values[own], found.v, rtol=1e-9, atol=1e-15)
+            np.testing.assert_array_equal(line["solution_piece"].values[own], found.sides)
+            assert float(at["energy"]) == pytest.approx(line["solution_energy"].values[own].min(), rel=1e-9)
+            assert int(at["global_minimum"]) == 1
+            assert int(at["unique"]) == (len(found) == 1)
+        assert np.all(root["solutions"].values % 2 == 1)
+        assert root["solutions"].values.max() == 11
+
+
+def test_workers_write_the_same_bits(file: Path, tmp_path: Path) -> None:
+    with tcstudy.run(study(), tmp_path / "two.nc", jobs=2) as two, xr.open_datatree(file) as one:
+        for group in ("/", "/level_0"):
+            timed = [name for name in one[group].data_vars if name.startswith("time_")]
+            xr.testing.assert_equal(one[group].to_dataset().drop_vars(timed), two[group].to_dataset().drop_vars(timed))
+
+
+def test_a_limit_is_told_and_claims_nothing(tmp_path: Path) -> None:
+    with tcstudy.run(study("solver.max_boxes=1"), tmp_path / "few.nc") as tree:
+        complete, count = tree["complete"].values.ravel(), tree["solutions"].values.ravel()
+        assert set(complete) == {0, 1}
+        assert np.all(count[complete == 1] == 1)
+    assert "all equilibria proved at 1 of 6 (1)" in verdict(tmp_path / "few.nc")["text"]
+
+
+def test_exponential_laws_are_proved_of_their_polygon_alone(tmp_path: Path) -> None:
+    law = "friction={law: exponential, a: 40 MPa, b: 10 MPa, delta: 5 um}"
+    with tcstudy.run(study(sweep="sweep={boundary.end.g: [[20 MPa, 0]]}", film=law), tmp_path / "decay.nc") as tree:
+        assert tree["complete"].values.ravel().tolist() == [2]
+    assert "of the polygons of exponential laws" in verdict(tmp_path / "decay.nc")["text"]
+
+
+def test_a_file_that_grows_keeps_them(file: Path, tmp_path: Path) -> None:
+    path = tmp_path / "grown.nc"
+    tcstudy.run(study(sweep="sweep={boundary.end.g: [[2 MPa, 0]], theta_bar: [10 K, 0 K, 12 K]}"), path).close()
+    more = "sweep={boundary.end.g: [[20 MPa, 0]], theta_bar: [10 K, 0 K, 12 K]}"
+    with tcstudy.run(study(sweep=more), path, append=True) as grown, xr.open_datatree(file) as whole:
+        for name in ("solution_point", "solution_piece", "solution_energy", "solution_u_T", "solution_stable"):
+            np.testing.assert_allclose(grown["level_0"][name], whole["level_0"][name], rtol=1e-9, atol=1e-15)
+
+
+def test_tables_and_maps_say_how_many_there_are(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["show", str(file)]) == 0
+    shown = capsys.readouterr().out
+    assert "5, 3 stable" in shown
+    assert "equilibria: proved to be all" in shown
+    assert "all equilibria proved at 6 of 6 (1 to 11)" in verdict(file)["text"]
+    picture = tmp_path / "map.svg"
+    assert main(["draw", str(file), str(picture), "--map=g,theta_bar", "--of=solutions"]) == 0
+    assert "number of equilibria" in picture.read_text(encoding="utf-8")
