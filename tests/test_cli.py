@@ -103,14 +103,6 @@ def test_set_and_output(folder: Path) -> None:
         assert "mesh.levels=1" in tree.attrs["overrides"]
 
 
-def test_a_key_that_is_set_twice_is_refused(folder: Path) -> None:
-    words = ("--set", "sweep=null", "--set", "tau=0.01", "--set", "friction.tau=0.02")
-    result = tcstudy_command("run", "block.yaml", *words, cwd=folder)
-    assert result.returncode == 2
-    assert result.stderr.startswith("--set friction.tau=0.02: friction.tau: --set tau=0.01 would not be used")
-    assert result.stderr.count("\n") == 1
-
-
 def test_plan_touches_nothing(folder: Path) -> None:
     result = tcstudy_command("run", "block.yaml", "--dry-run", cwd=folder)
     assert result.returncode == 0, result.stderr

@@ -47,13 +47,6 @@ def test_the_study_with_derived_loads(tmp_path: Path) -> None:
         assert data["exact_slip_length"].values == pytest.approx([1.0, 1.0])
 
 
-def test_a_load_that_would_be_derived_is_refused(tmp_path: Path) -> None:
-    result = tcstudy_command("run", CONFIGS / "manufactured.yaml", "--dry-run", "--set", "heat.q=1", cwd=tmp_path)
-    assert result.returncode == 2
-    assert result.stderr.count("\n") == 1
-    assert "--set heat.q=1: heat.q: is given, but exact.loads: derived" in result.stderr
-
-
 def test_nested_levels_and_formats(folder: Path) -> None:
     for form, sign in (("text", "tau = 0.005\n──"), ("markdown", "## tau = 0.005")):
         result = tcstudy_command("converge", "block.yaml", "--format", form, "--output", "a.nc", "-v", cwd=folder)

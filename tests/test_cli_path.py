@@ -47,8 +47,6 @@ def test_an_early_end_is_exit_code_1(folder: Path) -> None:
     [
         (("--append",), "--append adds points of a sweep, and block.yaml has a section path; leave it out, or run"),
         (("--dask", "local"), "--dask: a path has no work for others; leave it out"),
-        (("--set", "path.parameter=tau"), "path.parameter: the load is not affine in friction.tau"),
-        (("--set", "path.to=0"), "path.to: is the same value as from"),
         (("--plot", "a.gif"), "a.gif: a picture's name ends in .png, .svg, .pdf"),
         (("--output", "block.yaml/a.nc"), "block.yaml is a file"),
     ],

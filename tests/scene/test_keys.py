@@ -9,9 +9,10 @@ from dataclasses import fields
 import pytest
 
 from tcstudy.read.plans import OF_MESH, OF_PATH
-from tcstudy.scene.key import symbol
+from tcstudy.scene.key import ROLES, symbol
 from tcstudy.scene.keys import ROWS, of_role, row, rows
 from tcstudy.scene.parameters import FIXED, SHORT, sweepable
+from tcstudy.scene.records import Role
 from tcstudy.scene.study import MeshPlan, PathPlan
 
 ADDED = """
@@ -78,6 +79,13 @@ def test_parameters_are_written_with_the_symbols_of_the_paper() -> None:
 
 def test_every_key_is_once_in_its_section() -> None:
     assert len({(one.section, one.name) for one in ROWS}) == len(ROWS) > 90
+
+
+def test_every_role_of_the_table_has_its_record() -> None:
+    kinds = [Role]
+    for kind in kinds:  # which grows
+        kinds += kind.__subclasses__()
+    assert {kind.word for kind in kinds if "word" in vars(kind)} == {*ROLES}
 
 
 def test_no_key_of_the_meshes_or_a_path_is_accepted_and_ignored() -> None:
