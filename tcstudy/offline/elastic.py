@@ -23,7 +23,7 @@ from tcstudy.contact.problem import least_eigenpair
 from tcstudy.fem.boundary import ContactLine
 from tcstudy.fem.forms import ElasticForms, Moduli, Springs
 from tcstudy.fem.meshes import Frames
-from tcstudy.offline.loads import BasisLoad, LoadTerm, Recent
+from tcstudy.offline.loads import BasisLoad, LoadTerm, Prescribed, Recent
 from tcstudy.scene.points import distinct, of_stiffness
 from tcstudy.scene.records import Scene, Where
 
@@ -99,14 +99,19 @@ class Elastic:
         known: Known | None = None,
         held: bool = True,
         springs: Springs = (),
+        *,
+        local: Callable[[BasisLoad], Array],
+        together: Callable[[BasisLoad], Sequence[BasisLoad]],
     ) -> None:
         """frames: which rows are held (their values do not matter here);  plan: that of another ratio on the mesh.
 
         changing, known: rows in which other ratios differ, and what a factor of one of these has of the others
         held: False for a body that may slide along the contact line, which then has no λ₁
         springs: of edges, for μ = 1
+        local, together: a basis load in local rows (2n,), of what is prescribed w_D; the loads made together with one
         Raises NotPositiveDefinite if the body is not held.
         """
+        self._local, self._together = local, together
         stiffness = forms.stiffness_of(ratio, frames)
         if springs or frames.ties is not None:
             added = forms.springs(springs, frames) if springs else 0.0 * stiffness
@@ -152,29 +157,27 @@ class Elastic:
         """A w_D (2n,) for prescribed local displacements w_D (2n,)."""
         return self._reactions.T @ values[self._held]
 
-    def span(self, loads: tuple[BasisLoad, ...], make: LoadMaker) -> Span:
+    def span(self, loads: tuple[BasisLoad, ...]) -> Span:
         """The basis loads of a scene; those that are missing are eliminated together."""
-        return self._spans.get(loads, lambda: self._new_span(loads, make))
 
-    def _new_span(self, loads: tuple[BasisLoad, ...], make: LoadMaker) -> Span:
-        bases = self._bases(loads, make)
-        t = len(loads)
-        gram = np.empty((t, t))
-        for i in range(t):
-            for j in range(i + 1):
-                gram[i, j] = gram[j, i] = self._product((loads[i], bases[i]), (loads[j], bases[j]))
-        l_tilde = np.column_stack([b.l_tilde for b in bases]) if t else np.zeros((self.condensation.m, 0))
-        return Span(l_tilde, gram, np.array([b.held for b in bases]).reshape(t, len(self._held)))
+        def made() -> Span:
+            bases, t, m = self._bases(loads), len(loads), self.condensation.m
+            gram = np.empty((t, t))
+            for i in range(t):
+                for j in range(i + 1):
+                    key = (loads[i], loads[j])
+                    if key not in self._products:
+                        # the kept unknowns come last in the elimination, the rows before them are L⁻¹l₂
+                        inner = len(bases[i].rows) - m
+                        product = float(bases[i].rows[:inner] @ bases[j].rows[:inner])
+                        self._products[key] = self._products[key[::-1]] = product
+                    gram[i, j] = gram[j, i] = self._products[key]
+            l_tilde = np.column_stack([b.l_tilde for b in bases]) if t else np.zeros((m, 0))
+            return Span(l_tilde, gram, np.array([b.held for b in bases]).reshape(t, len(self._held)))
 
-    def _product(self, a: tuple[BasisLoad, _Basis], b: tuple[BasisLoad, _Basis]) -> float:
-        """⟨l_a, A₂₂⁻¹ l_b⟩: the kept unknowns come last in the elimination, the rows before them are L⁻¹l₂."""
-        key = (a[0], b[0])
-        if key not in self._products:
-            inner = len(a[1].rows) - self.condensation.m
-            self._products[key] = self._products[key[::-1]] = float(a[1].rows[:inner] @ b[1].rows[:inner])
-        return self._products[key]
+        return self._spans.get(loads, made)
 
-    def _bases(self, loads: Sequence[BasisLoad], make: LoadMaker) -> list[_Basis]:
+    def _bases(self, loads: Sequence[BasisLoad]) -> list[_Basis]:
         """Basis loads condensed, from the cache or eliminated at once with their companions.
 
         A load always goes with the same companions, so that its digits do not depend on what was asked for before.
@@ -183,8 +186,9 @@ class Elastic:
         for load in loads:
             known = self._basis.find(load)
             if known is None and load not in found:
-                together = make.together(load)
-                F = np.column_stack([make.local(one) for one in together])
+                together = self._together(load)
+                rows = ((one, self._local(one)) for one in together)
+                F = np.column_stack([-self.reaction(x) if isinstance(one, Prescribed) else x for one, x in rows])
                 forward = self.condensation.forward(F)
                 for i, one in enumerate(together):
                     found[one] = _Basis(forward.l_tilde[:, i].copy(), forward.rows[:, i].copy(), F[self._held, i])
@@ -197,9 +201,9 @@ class Elastic:
         """(m,) a load in local rows (2n,), condensed."""
         return np.asarray(self.condensation.forward(load[:, None]).l_tilde[:, 0])
 
-    def displacement(self, mu: float, u_T: Array, terms: Sequence[LoadTerm], make: LoadMaker) -> Array:
+    def displacement(self, mu: float, u_T: Array, terms: Sequence[LoadTerm]) -> Array:
         """Local displacements (2n,), eq. (20), without the prescribed ones."""
-        bases = self._bases([term.load for term in terms], make)
+        bases = self._bases([term.load for term in terms])
         rows = np.zeros((len(self.condensation.plan.permutation), 1))
         for term, basis in zip(terms, bases, strict=True):
             rows[:, 0] += term.coefficient / mu * basis.rows
@@ -220,11 +224,3 @@ class Elastic:
             value += 0.5 * mu * float(values @ self.reaction(values))
             value -= float(coefficients[:loads] @ (span.held[:loads] @ w_D))
         return value
-
-
-@dataclass(frozen=True)
-class LoadMaker:
-    """How basis loads are made: local rows (2n,) of a load, and the loads that are made together with one."""
-
-    local: Callable[[BasisLoad], Array]
-    together: Callable[[BasisLoad], Sequence[BasisLoad]]

@@ -20,7 +20,7 @@ from tcstudy.fem.rigid import couple
 from tcstudy.laws.composed import EdgeLaws, law_along
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.conduction import BATCH
-from tcstudy.offline.elastic import Elastic, LoadMaker, ratio_and_scale, swept_parts
+from tcstudy.offline.elastic import Elastic, ratio_and_scale, swept_parts
 from tcstudy.offline.guaranteed import Band, lambda_1_band, require_straight
 from tcstudy.offline.loads import (
     BasisLoad,
@@ -211,7 +211,7 @@ class Level:
         loads = len(terms)
         if np.any(frames.values):
             terms = (*terms, LoadTerm(Prescribed(_held(scene.boundary)), mu))
-        span = body.span(tuple(term.load for term in terms), self._maker(body, frames))
+        span = body.span(tuple(term.load for term in terms))
         coefficients = np.array([term.coefficient for term in terms])
         constant = body.energy_constant(mu, span, coefficients, loads, frames.values)
         return span.l_tilde @ coefficients, constant, terms
@@ -284,7 +284,7 @@ class Level:
     def displacement(self, scene: Scene, condensed: Condensed, u_T: Array) -> Array:
         """The whole displacement in x and y (2n,) from the contact solution, eq. (20)."""
         body, mu, frames = self._body(scene)
-        w = body.displacement(mu, u_T, condensed.terms, self._maker(body, frames))
+        w = body.displacement(mu, u_T, condensed.terms)
         return frames.cartesian(w + frames.values)
 
     def fields(self, scene: Scene, condensed: Condensed, u_T: Array) -> dict[str, Array]:
@@ -315,8 +315,11 @@ class Level:
 
     def reactions(self, scene: Scene, u: Array) -> Array:
         """(2n,) Au + Su − l_θ in x and y [N/m]: what supports do, at a solution u (2n,)."""
-        moduli = tuple((at, one.lam, one.mu) for at, one in scene.pieces)
-        return self.forces(u, moduli, scene.springs) - self.load(scene)
+        return self.stiffness_times(scene, u) - self.load(scene)
+
+    def stiffness_times(self, scene: Scene, u: Array) -> Array:
+        """(A + S)u of a scene's body, as `forces`."""
+        return self.forces(u, tuple((at, one.lam, one.mu) for at, one in scene.pieces), scene.springs)
 
     def _body(self, scene: Scene) -> tuple[Elastic, float, Frames]:
         """The body of this λ/μ, factorised, μ, and its local frames with what is prescribed."""
@@ -324,29 +327,23 @@ class Level:
         body = self._bodies.find(ratio)
         if body is None:
             self._bodies.clear()
-            sharing = (self._plan, self._changing, self._known)
-            body = Elastic(
-                self.elastic, frames, self.line, ratio[0], MEMORY, *sharing, held=self.held, springs=ratio[1]
-            )
+            own = (self.elastic, frames, self.line, ratio[0], MEMORY, self._plan, self._changing, self._known)
+            body = Elastic(*own, self.held, ratio[1], local=self._local, together=self._together)
             self._plan, self._known = body.condensation.plan, body.condensation.known
             self._bodies.put(ratio, body)
         return body, mu, frames
 
-    def _maker(self, body: Elastic, frames: Frames) -> LoadMaker:
-        """How the basis loads of a body are made."""
+    def _local(self, load: BasisLoad) -> Array:
+        """(2n,) a basis load in local rows; of what is prescribed the displacements."""
+        if isinstance(load, Prescribed):
+            return self._frames_of(load.held).values
+        return self.frames.local(self._vector(load))
 
-        def local(load: BasisLoad) -> Array:
-            if isinstance(load, Prescribed):
-                return -body.reaction(frames.values)
-            return frames.local(self._vector(load))
-
-        def together(load: BasisLoad) -> list[BasisLoad]:
-            if isinstance(load, TemperatureField) and isinstance(load.field, Column):
-                together = self.temperatures.together(load.field)
-                return [TemperatureField(column, load.where) for column in together]
-            return self._groups.get(load, [load])
-
-        return LoadMaker(local, together)
+    def _together(self, load: BasisLoad) -> Sequence[BasisLoad]:
+        """The loads that go through a factor with one."""
+        if isinstance(load, TemperatureField) and isinstance(load.field, Column):
+            return [TemperatureField(column, load.where) for column in self.temperatures.together(load.field)]
+        return self._groups.get(load, [load])
 
     def _vector(self, load: BasisLoad) -> Array:
         """A basis load in x and y (2n,)."""

@@ -1,65 +1,56 @@
-"""Derivatives of a condensed problem by one number of its scene: ∂Ã/∂p, ∂l̃/∂p, and of b and its kinks at every node.
+"""Derivatives of a condensed problem by one number p of its scene: of its load and body, and of its friction.
 
-Exact, each by how the number enters:
+Of the whole body's problem A(p) u = l(p), with û the displacement at a solution, prescribed part w_D included, and E
+the extension of contact nodes,
 
-- θ̄, θ, q, f, g, pressure, prescribed u: l̃ is affine, so ∂l̃/∂p is the l̃ of the scene with p = 1 and no other load;
-- E: Ã and what prescribed displacements load grow with it, so does heat where alpha_T is given (β ∝ E): l̃/E of these;
-- alpha_T, beta: heat alone;
-- a number of a law, or its strength: by the numbers that the law is made of (`laws.derivatives`);
-- ν, k, α, springs, all of materials by region: by the whole body (`offline.whole_slopes`).
+    r = ∂l̃/∂p − (∂Ã/∂p) v = Eᵀ(∂l/∂p − (∂A/∂p) û − A ∂w_D/∂p)           one forward elimination
+    ∂(energy)/∂p = ½ ûᵀ(∂A/∂p)û − (∂l/∂p)ᵀû + (Aû − l)ᵀ ∂w_D/∂p         envelope theorem; friction's part is the law's
+    ∂λ₁/∂p = x̂ᵀ(∂A/∂p)x̂ / xᵀCx,   x̂ = E x, x the eigenvector
+
+exactly, for E, ν, alpha_T, beta and k of the body or of a region, stiffness of springs, α of edges (the heat problem
+solved once more with what the change puts in: −∫_e (θ − θ̄)φ, −∫_ω ∇θ·∇φ), and all in which the load is affine: the
+derivative is then the load of the scene with p = 1 and nothing else. Numbers of a law, or its strength, change b and
+its kinks by the numbers that the law is made of (`laws.derivatives`).
+
+Left out: the geometry, which moves the mesh.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.contact.linearised import Linearised
+from tcstudy.fem.forms import Moduli, Springs
 from tcstudy.laws.derivatives import agreed, law_slopes, number_of
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level
 from tcstudy.offline.loads import loaded_by
-from tcstudy.offline.whole_slopes import WholeBody, affine_scene, change_of
 from tcstudy.scene.fits import Sensitivity
-from tcstudy.scene.records import Scene
+from tcstudy.scene.parameters import moduli_slope, path_scene
+from tcstudy.scene.records import Scene, exchanges
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
-class LoadSlope:
-    """(m,) right = ∂l̃/∂p − (∂Ã/∂p) v at a solution v, and ∂(mean θ)/∂p."""
+class Change:
+    """What a number changes of the whole body.
 
-    right: Array
-    theta_mean: float
-
-
-def load_slope(level: Level, scene: Scene, by: Sensitivity, v: Array, whole: WholeBody | None = None) -> LoadSlope:
-    """What a number does to the load and the stiffness, at v (m,).
-
-    whole: the body at v, if it is at hand
-    Raises NotPositiveDefinite as `Level.condensed`.
+    load: (2n,) ∂l/∂p in x and y;  held: (2n,) ∂w_D/∂p in local rows
+    moduli, springs: of ∂A/∂p;  theta_mean: ∂(mean θ)/∂p
     """
-    path = by.path
-    if path[0] in ("friction", "history"):
-        return LoadSlope(np.zeros(level.line.m), 0.0)
-    if not _is_short(scene, path):
-        change = change_of(level, scene, by)
-        return LoadSlope((whole or WholeBody(level, scene, v)).right_side(change), change.theta_mean)
-    material = scene.material
-    if path == ("material", "E"):
-        grown = level.block([loaded_by(scene, moves=True, heat=by.heat_grows)]).l_tilde[0]
-        return LoadSlope((grown - level.condensed(scene).problem.A_tilde @ v) / material.E, 0.0)
-    if path[0] == "material":
-        one = replace(material, beta=material.bulk if path[1] == "alpha_T" else 1.0)
-        return LoadSlope(level.block([replace(loaded_by(scene, heat=True), material=one)]).l_tilde[0], 0.0)
-    linear = affine_scene(scene, path)
-    block = level.block([linear])
-    mean = float(block.theta_mean[0]) if path[0] == "heat" or linear.heat_by_edge else 0.0
-    return LoadSlope(block.l_tilde[0], mean)
+
+    load: Array
+    held: Array
+    moduli: Moduli = ()
+    springs: Springs = ()
+    theta_mean: float = 0.0
 
 
 def is_load(path: tuple[str, ...]) -> bool:
@@ -67,12 +58,97 @@ def is_load(path: tuple[str, ...]) -> bool:
     return path[0] in ("load", "loads", "heat", "boundary") and path[-1] != "alpha" and path[-2:-1] != ("spring",)
 
 
-def _is_short(scene: Scene, path: tuple[str, ...]) -> bool:
-    """Whether ∂Ã/∂p is Ã/p or 0 and ∂l̃/∂p a sum of basis loads."""
+def change_of(level: Level, scene: Scene, by: Sensitivity) -> Change:
+    """∂A/∂p, ∂l/∂p and ∂w_D/∂p; none for a number of a law. Raises KeyError for a number that there is not."""
+    path, none = by.path, np.zeros(2 * level.mesh.n_points)
+    load, mean, heat = none, 0.0, level.temperatures
+
+    def heated(put_in: Array) -> tuple[Array, float]:
+        """The load and the mean of the temperature that heat at the nodes (n,) makes."""
+        theta = heat.response(scene, put_in)
+        loads = (own.beta * level.elastic.expansion(theta, where) for where, own in scene.pieces if own.beta != 0.0)
+        return np.asarray(sum(loads, none)), heat.mean_of(theta)
+
+    if path[0] in ("friction", "history"):
+        return Change(none, none)
     if path[0] in ("material", "materials"):
-        alone = {"E": not scene.springs, "alpha_T": True, "beta": True}
-        return not scene.material.regions and alone.get(path[-1], False)
-    return is_load(path)
+        where, own = next(one for one in scene.pieces if path[0] == "material" or one[0] == (path[1],))
+        slope = moduli_slope(own, path[-1], by.heat_grows)
+        if slope.beta:
+            load = slope.beta * level.elastic.expansion(level.temperature(scene).theta, where)
+        if slope.k and scene.heat.theta is None and scene.conducts:
+            more, mean = heated(-(level.elastic.conduction(((where, 1.0),)) @ level.temperature(scene).theta))
+            load = load + more
+        return Change(load, none, ((where, slope.lam, slope.mu),) if slope.lam or slope.mu else (), (), mean)
+    if path[-2:-1] == ("spring",):
+        return Change(none, none, (), ((path[1], float(path[-1] == "normal"), float(path[-1] == "tangential")),))
+    if path[-1] == "alpha":
+        # of one edge, or of all without an α of their own
+        others = (name for name, role in scene.boundary if exchanges(role) and not (role.heat and role.heat.alpha))
+        load, mean = heated(heat.exchanged(scene, (path[1],) if path[0] == "boundary" else tuple(others)))
+        return Change(load, none, theta_mean=mean)
+    linear = loaded_by(scene, loads=True) if path == ("load",) else path_scene(loaded_by(scene), path, 1.0)
+    if path[0] == "heat" or linear.heat_by_edge:
+        mean = level.temperature(linear).mean if scene.material.expands else float("nan")
+    return Change(level.load(linear), level.held_values(linear), theta_mean=mean)
+
+
+@dataclass(frozen=True)
+class WholeBody:
+    """A scene on a level at a solution v (m,) of its contact problem."""
+
+    level: Level
+    scene: Scene
+    v: Array
+
+    @cached_property
+    def u(self) -> Array:
+        """(2n,) the displacement in x and y."""
+        return self.level.displacement(self.scene, self.level.condensed(self.scene), self.v)
+
+    def right_side(self, change: Change) -> Array:
+        """(m,) ∂l̃/∂p − (∂Ã/∂p) v."""
+        level, load = self.level, change.load
+        if change.moduli or change.springs:
+            load = load - self._times(change, self.u)
+        if np.any(change.held):
+            load = load - level.stiffness_times(self.scene, level.frames.cartesian(change.held))
+        return level.condensed_of(self.scene, load) if np.any(load) else np.zeros(level.line.m)
+
+    def energy(self, change: Change) -> float:
+        """∂/∂p of the energy but for that of friction, v being kept [J/m per unit of p]."""
+        u = self.u
+        found = 0.5 * float(u @ self._times(change, u)) - float(change.load @ u)
+        if np.any(change.held):
+            found += float(self._reaction @ change.held)
+        return found
+
+    @cached_property
+    def _reaction(self) -> Array:
+        """(2n,) Aû − l in local rows."""
+        return self.level.frames.local(self.level.reactions(self.scene, self.u))
+
+    def lambda_1(self, change: Change) -> float:
+        """∂λ₁/∂p; NaN where λ₁ is a double eigenvalue."""
+        if not change.moduli and not change.springs:
+            return 0.0
+        (first, second), x = self._least
+        if second - first <= 1e-9 * second:
+            return float("nan")
+        moved = self.level.extension(self.scene, x)
+        return float(moved @ self._times(change, moved))
+
+    @cached_property
+    def _least(self) -> tuple[Array, Array]:
+        """λ₁ and the next eigenvalue, and the eigenvector x (m,) with xᵀCx = 1."""
+        problem = self.level.condensed(self.scene).problem
+        last = min(1, problem.m - 1)
+        values, vectors = scipy.linalg.eigh(problem.A_tilde, np.diag(problem.c), subset_by_index=[0, last])
+        return np.append(values, np.inf)[:2], vectors[:, 0]
+
+    def _times(self, change: Change, u: Array) -> Array:
+        """(∂A/∂p) u, (2n,) in x and y."""
+        return self.level.forces(u, change.moduli, change.springs)
 
 
 def law_slope(level: Level, scene: Scene, by: Sensitivity, at: Linearised) -> tuple[Array, Array]:

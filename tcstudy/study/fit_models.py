@@ -28,7 +28,7 @@ from tcstudy.contact.path.follow import Follower, Path
 from tcstudy.contact.path.record import WHOLE
 from tcstudy.errors import FitError, PathError
 from tcstudy.offline.level import Level
-from tcstudy.offline.whole_slopes import WholeBody
+from tcstudy.offline.slopes import WholeBody, change_of
 from tcstudy.scene.fits import FitPlan
 from tcstudy.scene.histories import HistoryPlan, UnfitLaw
 from tcstudy.scene.parameters import path_scene, with_number
@@ -162,7 +162,8 @@ class FitModel:
                 v, known = self._solved(scene, v, i), loads
                 problem, whole = self.level.condensed(scene).problem, WholeBody(self.level, scene, v)
                 here = Linearised.at(problem, v)
-                moved = [rates_of(self.level, scene, one.number, here, whole) for one in plan.parameters]
+                numbers = [one.number for one in plan.parameters]
+                moved = [rates_of(whole, one, here, change_of(self.level, scene, one)) for one in numbers]
                 values, rates = self._results(scene, v, problem.xi(v), moved)
             for j, column in enumerate(plan.measured):
                 if column.name == "u_T":

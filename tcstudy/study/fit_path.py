@@ -21,8 +21,7 @@ from tcstudy.contact.path.smooth import CurvePoint, Goal, SmoothPath
 from tcstudy.errors import FitError
 from tcstudy.laws.derivatives import LawSlopes, law_slopes, number_of
 from tcstudy.offline.level import Level
-from tcstudy.offline.slopes import load_slope
-from tcstudy.offline.whole_slopes import WholeBody
+from tcstudy.offline.slopes import WholeBody, change_of
 from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene
@@ -155,15 +154,15 @@ class MovingPath:
         kinks, loads = (np.zeros((m, len(self.numbers))) for _ in range(2))
         whole = WholeBody(self.level, at, v)
         for j, number in enumerate(self.numbers):
-            slope = load_slope(self.level, at, number, v, whole)
+            load = whole.right_side(change_of(self.level, at, number))
             b, moving = np.zeros(m), np.zeros(m)
             if (change := laws[j]) is not None:
                 b = change.value(v, piece)
                 moving[piece < len(change.kinks)] = change.kinks[piece[piece < len(change.kinks)]]
                 right[-1, j] = scale * change.kinks[kink] if kink >= 0 else 0.0
             moving[free] = 0.0
-            kinks[:, j], loads[:, j] = moving, slope.right
-            right[:-1, j] = (slope.right - problem.c * b - problem.A_tilde @ moving)[free]
+            kinks[:, j], loads[:, j] = moving, load
+            right[:-1, j] = (load - problem.c * b - problem.A_tilde @ moving)[free]
         step = np.linalg.solve(bordered, right)
         dv = kinks
         dv[free] = step[:-1]

@@ -19,7 +19,7 @@ from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
 from tcstudy.contact.history.steps import history
 from tcstudy.data.on_request import AT_EVENT, DIFFERENTIABLE, STATUS, STEP_QUANTITIES, name_of
 from tcstudy.offline.level import Level
-from tcstudy.offline.slopes import is_load, load_slope
+from tcstudy.offline.slopes import WholeBody, change_of, is_load
 from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.histories import HistoryPlan, Keys
 from tcstudy.scene.parameters import loaded_scene, number_in, with_number
@@ -151,7 +151,8 @@ class _Varied:
         value, level, scene = number_in(self.scene, number), self.level, self.scene
         law, units = level.law(scene), {"1": 1.0, "Pa": scene.laws[0].b_scale, "m": scene.laws[0].s_scale}
         if is_load(number.path):
-            change = np.max(np.abs(load_slope(level, scene, number, np.zeros(level.line.m)).right), initial=0.0)
+            right = WholeBody(level, scene, np.zeros(level.line.m)).right_side(change_of(level, scene, number))
+            change = np.max(np.abs(right), initial=0.0)
             full = law.b_scale * float(np.max(level.condensed(scene).problem.c)) / change if change else abs(value)
             return value, max(abs(value), full) or 1.0
         return value, abs(value) or units.get(number.units, 0.0) or level.lambda_1(scene)

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from tcstudy.contact.linearised import EVENT, Linearised
 from tcstudy.data.on_request import AT_EVENT, AT_FOLD, DIFFERENTIABLE, EVENTS, STATUS, name_of
 from tcstudy.offline.level import Level
-from tcstudy.offline.slopes import friction_energy, law_slope, load_slope, omega_slope
-from tcstudy.offline.whole_slopes import WholeBody, change_of
+from tcstudy.offline.slopes import Change, WholeBody, change_of, friction_energy, law_slope, omega_slope
 from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.records import Scene
 
@@ -23,12 +22,12 @@ Rates = tuple[Array, Array, float]
 """(m,) derivatives of v and ξ by a number, and that of the mean θ."""
 
 
-def rates_of(level: Level, scene: Scene, number: Sensitivity, at: Linearised, whole: WholeBody) -> Rates:
+def rates_of(whole: WholeBody, number: Sensitivity, at: Linearised, change: Change) -> Rates:
     """Derivatives by a number at a solution. Raises KeyError for one that the scene does not have."""
-    slope = load_slope(level, scene, number, at.v, whole)
-    b, kinks = law_slope(level, scene, number, at)
-    dv = at.step(slope.right - at.problem.c * b, kinks)
-    return dv, slope.right - at.problem.A_tilde @ dv, slope.theta_mean
+    right = whole.right_side(change)
+    b, kinks = law_slope(whole.level, whole.scene, number, at)
+    dv = at.step(right - at.problem.c * b, kinks)
+    return dv, right - at.problem.A_tilde @ dv, change.theta_mean
 
 
 def of_point(level: Level, scene: Scene, v: Array, numbers: tuple[Sensitivity, ...]) -> dict[str, float]:
@@ -42,7 +41,7 @@ def of_point(level: Level, scene: Scene, v: Array, numbers: tuple[Sensitivity, .
     for number in numbers:
         try:
             change = change_of(level, scene, number)
-            dv, dxi, theta_mean = rates_of(level, scene, number, at, whole)
+            dv, dxi, theta_mean = rates_of(whole, number, at, change)
         except KeyError:  # a law of the sweep that has no such parameter
             continue
         values = {
