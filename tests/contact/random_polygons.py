@@ -86,8 +86,8 @@ def by_brute_force(problem: ContactProblem, per_s: Array | None = None) -> tuple
             a, b = (low - x_0) / way, (high - x_0) / way
         begin = np.maximum(np.minimum(a, b).max(-1), 0.0)
         end = np.minimum(np.maximum(a, b).min(-1), 1.0)
-        nearest = min(nearest, float(np.abs(end - begin).min(initial=np.inf)))
-        rows += [pair for pair in zip(begin, end, strict=True) if pair[1] > pair[0]]
+        nearest = min(nearest, float((end - begin)[end > begin + NEAR].min(initial=np.inf)))
+        rows += [pair for pair in zip(begin, end, strict=True) if pair[1] > pair[0] + NEAR]
     return np.array(found).reshape(-1, m), np.array(rows).reshape(-1, 2), nearest
 
 

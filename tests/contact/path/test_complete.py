@@ -1,0 +1,67 @@
+"""All branches over an interval against brute force over all cells; loops, ties, limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tcstudy.contact.all_solutions import all_solutions
+from tcstudy.contact.boxes import Limits
+from tcstudy.contact.path.complete import all_branches
+from tcstudy.contact.path.problem import ParametricProblem
+from tests.contact.random_polygons import by_brute_force, random_problem
+
+
+def parametric(seed: int, m: int) -> tuple[ParametricProblem, float, np.ndarray]:
+    """(problem, λ₁, ends of all segments (S, 2) for t from 0 to 1)."""
+    problem, per_t = random_problem(seed, m)
+    _, rows, _ = by_brute_force(problem, per_t)
+    along = ParametricProblem(problem.A_tilde, problem.l_tilde, per_t, problem.c, problem.law)
+    return along, problem.lambda_1, rows
+
+
+@pytest.mark.parametrize("m", [1, 2, 3])
+def test_random_problems_have_the_segments_that_brute_force_finds(m: int) -> None:
+    loops = 0
+    for seed in range(60 if m == 2 else 25):
+        problem, lambda_1, rows = parametric(seed, m)
+        found = all_branches(problem, 0.0, 1.0, lambda_1)
+        assert found.complete, found.reason
+        ends = np.array([sorted(pair) for branch in found.branches for pair in zip(*branch.ends, strict=True)])
+        np.testing.assert_allclose(np.sort(ends, axis=0), np.sort(rows, axis=0), atol=1e-8)
+        for branch in found.branches:
+            assert branch.loop or {0.0, 1.0} >= {branch.t[0], branch.t[-1]}
+            loops += branch.loop
+        for t in np.random.default_rng(seed).uniform(0.0, 1.0, 3):
+            at = all_solutions(problem.at(t))
+            assert found.count(t) == len(at)
+            stable = sum(int(branch.stable[branch.at(t)[1]].sum()) for branch in found.branches)
+            assert stable == np.count_nonzero(at.stable)
+            v = np.concatenate([branch.at(t)[0] for branch in found.branches])
+            np.testing.assert_allclose(np.sort(v, axis=0), np.sort(at.v, axis=0), atol=1e-9)
+    assert m != 2 or loops
+
+
+def test_an_interval_taken_backwards_is_the_same() -> None:
+    problem, lambda_1, _ = parametric(3, 3)
+    one, two = all_branches(problem, 0.2, 0.9, lambda_1), all_branches(problem, 0.9, 0.2, lambda_1)
+    for a, b in zip(one.branches, two.branches, strict=True):
+        np.testing.assert_array_equal(a.t, b.t)
+
+
+def test_equal_nodes_are_undecided_and_a_small_change_decides_them() -> None:
+    problem, _, _ = parametric(1, 3)
+    A, law = np.array([[2.0, -0.5], [-0.5, 2.0]]), problem.law.single(0)
+    equal = replace(problem, A_tilde=A, c=np.ones(2), l_0=np.zeros(2), l_1=np.ones(2) * 3.0, law=law)
+    said = all_branches(equal, 0.1, 1.0, 1.5)
+    assert not said.complete
+    assert "within rounding" in said.reason
+    assert all_branches(replace(equal, l_1=np.array([3.0, 3.0 + 1e-6])), 0.1, 1.0, 1.5).complete
+
+
+def test_a_limit_names_the_values_that_are_not_proved() -> None:
+    problem, lambda_1, _ = parametric(2, 3)
+    found = all_branches(problem, 0.0, 1.0, lambda_1, Limits(boxes=1))
+    assert found.reason.startswith("the limit of boxes or time was met where the parameter is 0")
