@@ -20,11 +20,11 @@ import numpy as np
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.read.checks import corner_faults
 from tcstudy.read.fields import Context
-from tcstudy.read.node import Node, hint, holds
-from tcstudy.read.plans import path_of
+from tcstudy.read.node import Node, holds
+from tcstudy.read.plans import meant_number, path_of
 from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.keys import row
-from tcstudy.scene.parameters import SHORT, Number, affine_numbers, numbers, sweepable
+from tcstudy.scene.parameters import Number, affine_numbers, numbers, sweepable
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Body, Contact, Rigid, Scene
 from tcstudy.scene.study import Exact, OutputPlan, Probe
@@ -133,9 +133,7 @@ def _why_not(root: Node, word: str, path: Keys, known: Mapping[Keys, Number]) ->
         return f"there is no derivative by {word}: it may stand in any expression", "name a number of a section"
     if path in sweepable({}, None):
         return f"this study has no number {word} by which its solution can be differentiated", REMEDY
-    names = [".".join(path) for path, one in known.items() if not one.no_number]
-    shorter = [short for short, full in SHORT.items() if full in names]
-    return f"the study has no number {word!r}", hint(word, [*names, *shorter], f"use {', '.join(names)}")
+    return f"the study has no number {word!r}", meant_number(word, known, "use")
 
 
 def _check_corner(ctx: Context, item: Node, base: Scene, path: Keys) -> None:

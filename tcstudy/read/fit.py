@@ -22,8 +22,8 @@ from tcstudy.laws.shapes import LawError
 from tcstudy.read.asked import differentiable, named_number
 from tcstudy.read.fields import Context, Fields, none_after_fault, out_of_bounds
 from tcstudy.read.history import check_fit
-from tcstudy.read.node import Node, hint
-from tcstudy.read.plans import level_of, path_of
+from tcstudy.read.node import Node
+from tcstudy.read.plans import level_of, meant_number, path_of
 from tcstudy.read.points import table_lines
 from tcstudy.scene.fits import PLACE, RESULTS, STEP, FitColumn, FitMark, FitParameter, FitPlan, Sensitivity
 from tcstudy.scene.histories import HistoryPlan, Memory, UnfitLaw
@@ -210,12 +210,8 @@ def _column(
     elif path in affine and not affine[path].idle:
         dimension = affine[path].row.dimension
     else:
-        known = [
-            *RESULTS,
-            *(["step"] if stepwise else []),
-            *(".".join(one) for one, parameter in affine.items() if not parameter.idle),
-        ]
-        remedy = hint(name, known, f"use {', '.join(known)}")
+        others = (*RESULTS, "step") if stepwise else tuple(RESULTS)
+        remedy = meant_number(name, affine, f"use {', '.join(others)}" + ("," if affine else ""), others)
         what = "the step of the history" if stepwise else "a parameter of the load"
         ctx.errors.at(node, f"{name!r} is neither a result nor {what}", remedy, on_key=True)
         return None

@@ -13,8 +13,8 @@ from typing import Any
 from tcstudy.expressions.expression import Expression
 from tcstudy.read.checks import supports_fault
 from tcstudy.read.fields import Context, Fields, none_after_fault
-from tcstudy.read.node import Node, hint
-from tcstudy.read.plans import level_of, path_of
+from tcstudy.read.node import Node
+from tcstudy.read.plans import level_of, meant_number, path_of
 from tcstudy.scene.fits import STEP, FitPlan, Sensitivity
 from tcstudy.scene.histories import MOST_STEPS, HistoryLine, HistoryPlan, Keys, Memory, UnfitLaw
 from tcstudy.scene.keys import rows
@@ -114,7 +114,7 @@ def _line(ctx: Context, item: Node, known: Mapping[Keys, Number], swept: Collect
         if word in own:
             given[word] = ctx.value(node, own[word])
             continue
-        keys = _keys(ctx, word, node, known, own, swept)
+        keys = _keys(ctx, word, node, known, swept)
         if keys is not None:
             values[keys] = ctx.quantity(node, known[keys].row.dimension)
     if len(ctx.errors) > before:
@@ -126,17 +126,13 @@ def _line(ctx: Context, item: Node, known: Mapping[Keys, Number], swept: Collect
     return HistoryLine(tuple(values.items()), given.get("in", 1), given.get("name", named))
 
 
-def _keys(
-    ctx: Context, word: str, node: Node, known: Mapping[Keys, Number], own: Iterable[str], swept: Collection[Keys]
-) -> Keys | None:
+def _keys(ctx: Context, word: str, node: Node, known: Mapping[Keys, Number], swept: Collection[Keys]) -> Keys | None:
     """The load that a key of a line names; None after a fault."""
     keys = path_of(word)
     what = remedy = ""
     if keys not in known:
-        names = [".".join(path) for path, one in known.items() if not one.idle]
-        same = [name for name in names if name.split(".")[-1] == word]
         what = "is no load of this study that a history may change"
-        remedy = hint(same[0] if same else word, same or [*names, *own], f"use one of {', '.join(names)}")
+        remedy = meant_number(word, known, "use one of", rows("step"))
     elif known[keys].idle:
         what, remedy = f"{known[keys].idle}, so it changes nothing", "choose another load"
     elif isinstance(known[keys].value, Expression):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import islice, pairwise
 from pathlib import Path
@@ -15,7 +15,7 @@ from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.node import Node, hint
 from tcstudy.scene.families import FAMILIES, PLAIN, TO_TOLERANCE, FamilyName
 from tcstudy.scene.keys import rows
-from tcstudy.scene.parameters import SHORT, affine_numbers, path_scene, sweepable
+from tcstudy.scene.parameters import SHORT, Keys, Number, affine_numbers, path_scene, sweepable
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import ALL, BUNDLE, SEPARABLE, Goal, MeshPlan, OutputPlan, PathPlan, Quantity, SolverPlan
 from tcstudy.scene.units import LENGTH, LINE_FORCE, TEMPERATURE, Dimension
@@ -198,6 +198,22 @@ def path_of(word: str) -> tuple[str, ...]:
     return tuple(SHORTER.get(word, word).split("."))
 
 
+def usable(known: Mapping[Keys, Number]) -> list[str]:
+    """Names of the numbers that nothing speaks against."""
+    return [".".join(path) for path, one in known.items() if not one.no_number]
+
+
+def meant_number(word: str, known: Mapping[Keys, Number], otherwise: str, more: Iterable[str] = ()) -> str:
+    """Remedy for a name that no number has: one that ends in it, the nearest, or all after `otherwise`.
+
+    more: other words that may have been meant
+    """
+    names = usable(known)
+    same = [name for name in names if name.split(".")[-1] == word]
+    shorter = [short for short, full in SHORTER.items() if full in names]
+    return hint(same[0] if same else word, same or [*names, *shorter, *more], f"{otherwise} {', '.join(names)}")
+
+
 def _parameter(ctx: Context, node: Node, scene: Scene) -> tuple[str, ...] | None:
     """Key path of the parameter; None after a fault."""
     word = ctx.text(node, "the name of a parameter")
@@ -206,17 +222,11 @@ def _parameter(ctx: Context, node: Node, scene: Scene) -> tuple[str, ...] | None
     keys, known = path_of(word), dict(affine_numbers(scene))
     name = ".".join(keys)
     if keys not in known:
-        usable = (path for path, p in known.items() if not p.idle and not isinstance(p.value, Expression))
-        names = [".".join(path) for path in usable]
         if keys in sweepable({}, None) and keys[0] in ("heat", "material", "friction"):
             what = f"the load is not affine in {name} in this study, so no path can be followed along it"
-            ctx.errors.at(node, what, f"use a sweep over it; a path runs along {', '.join(names)}")
+            ctx.errors.at(node, what, f"use a sweep over it; a path runs along {', '.join(usable(known))}")
         else:
-            shorter = {name: full for name, full in SHORTER.items() if full in names}
-            same = [name for name in names if name.split(".")[-1] == word]
-            remedy = hint(
-                same[0] if same else word, same or [*names, *shorter], f"a path runs along {', '.join(names)}"
-            )
+            remedy = meant_number(word, known, "a path runs along")
             ctx.errors.at(node, f"the scene has no parameter {word!r} for a path", remedy)
         return None
     if known[keys].idle:
