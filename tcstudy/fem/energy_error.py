@@ -49,10 +49,10 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
-def energy_squares(
+def _within(
     triangles: ElementGeometry, u: Array, theta: Array, scene: Scene, friction: ContactTraction
 ) -> tuple[Array, float, Strain]:
-    """(t,) η_K² of the energy norm [J/m], ‖u_h‖ [√(J/m)] and strain of u (2n,) at θ (n,), with one material."""
+    """(t,) η_K², ‖u_h‖ [√(J/m)] and strain of u (2n,) at θ (n,), with one material."""
     own, material = strain(triangles, u), scene.material
     squares = product(triangles, own.excess, own.excess, material.lam, material.mu)
     squares += element_residual(triangles, own, theta, scene) + edge_residual(triangles, own, theta, scene, friction)
@@ -136,6 +136,9 @@ class RegionMesh:
 
 def parts_of(whole: ElementGeometry, scene: Scene) -> list[RegionMesh]:
     """The pieces of a body, by material, that have triangles; the same for all scenes of a study."""
+    if not scene.material.regions:
+        mesh = whole.mesh
+        return [RegionMesh(0, *(np.arange(len(x)) for x in (mesh.triangles, mesh.points, mesh.segments)), whole)]
     inside = [np.flatnonzero(whole.mesh.inside(where)) for where, _ in scene.pieces]
     return [_part(whole, triangles, piece) for piece, triangles in enumerate(inside) if len(triangles)]
 
@@ -156,7 +159,7 @@ def _part(whole: ElementGeometry, triangles: Indices, piece: int) -> RegionMesh:
     return RegionMesh(piece, triangles, nodes, segments, ElementGeometry(own, triangles))
 
 
-def squares_by_region(
+def energy_squares(
     parts: list[RegionMesh], mesh: PlaneMesh, u: Array, theta: Array, scene: Scene, friction: ContactTraction
 ) -> tuple[Array, float]:
     """(t,) η_K² of the energy norm [J/m] and ‖u_h‖ [√(J/m)] of a displacement u (2n,) at a temperature θ (n,)."""
@@ -168,13 +171,14 @@ def squares_by_region(
     for number, (part, material) in enumerate(zip(parts, materials, strict=True)):
         one, own = replace(scene, material=material), np.concatenate([u[part.nodes], u[n + part.nodes]])
         touched, heat = friction.on(part.segments), theta[part.nodes]
-        squares[part.triangles], size, found = energy_squares(part.geometry, own, heat, one, touched)
+        squares[part.triangles], size, found = _within(part.geometry, own, heat, one, touched)
         norm += size**2
         lam, mu, beta, triangles = material.lam, material.mu, material.beta, part.geometry
         tractions[number, part.nodes] = stress_of(found.recovered, lam, mu) - beta * heat[:, None] * [1.0, 1.0, 0.0]
         if solved and material.k:
             flows[number, part.nodes] = material.k * (triangles.recovery @ triangles.gradient(heat))
-    squares += _jumps(parts, materials, mesh, tractions, flows if solved else None)
+    if len(parts) > 1:
+        squares += _jumps(parts, materials, mesh, tractions, flows if solved else None)
     return squares, float(np.sqrt(norm))
 
 

@@ -79,11 +79,10 @@ def energy_norm(triangles: ElementGeometry, u: Strain, lam: float, mu: float) ->
     return float(np.sqrt(product(triangles, own, own, lam, mu).sum()))
 
 
-def stress_of(recovered: Array, lam: float, mu: float) -> Array:
-    """cε, (…, 3) → (…, 3) [Pa]."""
-    trace = recovered[..., 0] + recovered[..., 1]
-    stress = 2.0 * mu * recovered
-    stress[..., :2] += lam * trace[..., None]
+def stress_of(strain: Array, lam: float | Array, mu: float | Array) -> Array:
+    """cε, (…, 3) → (…, 3) [Pa]; moduli one for all, or (…,)."""
+    stress = 2.0 * np.asarray(mu)[..., None] * strain
+    stress[..., :2] += np.asarray(lam * (strain[..., 0] + strain[..., 1]))[..., None]
     return stress
 
 

@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.fem.estimators import own_strain, stress_of
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Level
 from tcstudy.scene.records import Clamped, Contact, Scene
@@ -65,17 +66,12 @@ class Requested:
 
     def _stress(self, scene: Scene, u: Array, theta: Array) -> Array:
         """(t, 4) σ_xx, σ_yy, σ_xy, σ_zz of the triangles [Pa]."""
-        own = self._triangles.gradient(u.reshape(2, -1).T)
-        mean = theta[self.level.mesh.triangles].mean(axis=1)
-        sigma = np.empty((len(mean), 4))
+        lam, mu, beta = (self._triangles.of_material(scene, name) for name in ("lam", "mu", "beta"))
+        strain, hot = own_strain(self._triangles, u), beta * theta[self.level.mesh.triangles].mean(axis=1)
+        sigma = np.column_stack([stress_of(strain, lam, mu), lam * (strain[:, 0] + strain[:, 1])])
+        sigma[:, [0, 1, 3]] -= hot[:, None]
         for where, material in scene.pieces:
-            here = self.level.mesh.inside(where) if where else np.ones(len(mean), dtype=bool)
-            strain = own[here]
-            even = material.lam * (strain[:, 0, 0] + strain[:, 1, 1]) - material.beta * mean[here]
-            sigma[here, 0] = even + 2.0 * material.mu * strain[:, 0, 0]
-            sigma[here, 1] = even + 2.0 * material.mu * strain[:, 1, 1]
-            sigma[here, 2] = material.mu * (strain[:, 0, 1] + strain[:, 1, 0])
-            sigma[here, 3] = even if material.plane == "strain" else 0.0
+            sigma[self._triangles.inside(where), 3] *= material.plane == "strain"
         return sigma
 
     def _probes(self, u: Array, theta: Array, sigma: Array) -> dict[str, float]:

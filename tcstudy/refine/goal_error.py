@@ -64,7 +64,7 @@ from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.expressions.expression import Expression
-from tcstudy.fem.estimators import own_strain
+from tcstudy.fem.estimators import own_strain, stress_of
 from tcstudy.fem.meshes import CurveEnd, PlaneMesh, curve_ends
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Condensed, Level
@@ -220,9 +220,8 @@ def _parts(
 
 def _work(triangles: ElementGeometry, a: Array, b: Array, scene: Scene) -> Array:
     """(t,) ∫_K a:c b of strains that are constant on K (t, 3) [J/m]."""
-    lam, mu = (triangles.of_material(scene, name) for name in ("lam", "mu"))
-    density = lam * (a[:, 0] + a[:, 1]) * (b[:, 0] + b[:, 1])
-    return triangles.area * (density + 2.0 * mu * ((a * b) @ np.array([1.0, 1.0, 2.0])))
+    stress = stress_of(a, *(triangles.of_material(scene, name) for name in ("lam", "mu")))
+    return triangles.area * ((stress * b) @ np.array([1.0, 1.0, 2.0]))
 
 
 def _heat_shares(halved: Halved, scene: Scene, z: Array) -> Array:

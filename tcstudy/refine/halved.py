@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from tcstudy.accuracy.transfer import prolongation
 from tcstudy.contact.problem import ContactProblem
-from tcstudy.fem.estimators import own_strain
+from tcstudy.fem.estimators import own_strain, stress_of
 from tcstudy.fem.forms import Conductivity, Springs
 from tcstudy.fem.meshes import PlaneMesh, refine_uniformly
 from tcstudy.fem.recovery import ElementGeometry
@@ -195,9 +195,7 @@ def contributions(
 
 def _nodal_forces(triangles: ElementGeometry, u: Array, scene: Scene) -> Array:
     """(2n,) a(u, φ_j) of the hat functions in x and y [N/m]."""
-    strain = own_strain(triangles, u)
-    stress = 2.0 * triangles.of_material(scene, "mu")[:, None] * strain
-    stress[:, :2] += (triangles.of_material(scene, "lam") * (strain[:, 0] + strain[:, 1]))[:, None]
+    stress = stress_of(own_strain(triangles, u), *(triangles.of_material(scene, name) for name in ("lam", "mu")))
     rows = stress[:, [[0, 2], [2, 1]]] * triangles.area[:, None, None]
     forces = np.einsum("tcd,tkd->ctk", rows, triangles.slopes)
     at, n = triangles.mesh.triangles.ravel(), triangles.mesh.n_points

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tcstudy.accuracy.rates import ROUNDING
 from tcstudy.exact.numbers import known_goal
-from tcstudy.fem.energy_error import RegionMesh, energy_squares, parts_of, squares_by_region
+from tcstudy.fem.energy_error import RegionMesh, energy_squares, parts_of
 from tcstudy.fem.estimators import contact_traction
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Condensed, Level
@@ -124,14 +124,12 @@ class Survey:
 
     def _squares(self, scene: Scene, condensed: Condensed, v: Array, u: Array) -> tuple[Array, float]:
         """(t,) η_K² of the energy norm and ‖u_h‖."""
-        level, triangles, material = self.level, self.triangles, scene.material
-        theta = level.temperature(scene).theta if material.expands else np.zeros(level.mesh.n_points)
+        level, triangles = self.level, self.triangles
+        theta = level.temperature(scene).theta if scene.material.expands else np.zeros(level.mesh.n_points)
         xi = condensed.problem.xi(v) / level.line.c
         friction = contact_traction(triangles, level.line, scene.friction, v, xi, u)
-        if material.regions:
-            self._parts = self._parts or parts_of(triangles, scene)
-            return squares_by_region(self._parts, level.mesh, u, theta, scene, friction)
-        return energy_squares(triangles, u, theta, scene, friction)[:2]
+        self._parts = self._parts or parts_of(triangles, scene)
+        return energy_squares(self._parts, level.mesh, u, theta, scene, friction)
 
     # -- all solutions -----------------------------------------------------------------------------
 
