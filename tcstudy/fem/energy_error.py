@@ -138,7 +138,8 @@ def parts_of(whole: ElementGeometry, scene: Scene) -> list[RegionMesh]:
     """The pieces of a body, by material, that have triangles; the same for all scenes of a study."""
     if not scene.material.regions:
         mesh = whole.mesh
-        return [RegionMesh(0, *(np.arange(len(x)) for x in (mesh.triangles, mesh.points, mesh.segments)), whole)]
+        triangles, nodes, segments = (np.arange(len(x)) for x in (mesh.triangles, mesh.points, mesh.segments))
+        return [RegionMesh(0, triangles, nodes, segments, whole)]
     inside = [np.flatnonzero(whole.mesh.inside(where)) for where, _ in scene.pieces]
     return [_part(whole, triangles, piece) for piece, triangles in enumerate(inside) if len(triangles)]
 

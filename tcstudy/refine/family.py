@@ -14,7 +14,7 @@ from tcstudy.fem.meshes import PlaneMesh, doubled_areas, refine_marked
 from tcstudy.fem.study_meshes import Meshes
 from tcstudy.offline.level import Level
 from tcstudy.refine.ends import Hidden
-from tcstudy.refine.survey import Survey, marked
+from tcstudy.refine.error_estimator import ErrorEstimator, marked
 from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
@@ -64,23 +64,23 @@ class Family(Meshes):
         """Raises GeometryFailed if the body cannot be made."""
         super().__init__(study)
         self._study = study
-        self._survey: Survey | None = None
+        self._estimator: ErrorEstimator | None = None
 
     def next(self, level: int) -> PlaneMesh:
         """The mesh of a level, after those of all levels before. Raises GeometryFailed if the mesher fails."""
-        plan, survey = self._study.mesh, self._survey
+        plan, estimator = self._study.mesh, self._estimator
         if not plan.strategy.adapts or level == 0:
             return super().next(level)
         assert self.mesh is not None
-        assert survey is not None
-        self.mesh = bisected(self.mesh, survey.shares(), survey.aim(), plan.marking, survey.hidden())
+        assert estimator is not None
+        self.mesh = bisected(self.mesh, estimator.shares(), estimator.aim(), plan.marking, estimator.hidden())
         return self.mesh
 
-    def survey(self, level: Level) -> Survey | None:
-        """A new survey of a level, for its solutions; None if the study estimates no errors."""
+    def estimator(self, level: Level) -> ErrorEstimator | None:
+        """An estimator of the errors of a level's solutions; None if the study estimates no errors."""
         study = self._study
         if not study.mesh.estimates:
             return None
-        before = self._survey.estimates if self._survey is not None else {}
-        self._survey = Survey(level, study.mesh, dict(before), study.scenes, study.exact)
-        return self._survey
+        before = self._estimator.estimates if self._estimator is not None else {}
+        self._estimator = ErrorEstimator(level, study.mesh, dict(before), study.scenes, study.exact)
+        return self._estimator

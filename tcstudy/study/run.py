@@ -31,8 +31,8 @@ from tcstudy.fem.boundary import held_ends
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.fem.study_meshes import Meshes
 from tcstudy.offline.level import Level, live_arrays
+from tcstudy.refine.error_estimator import ErrorEstimator
 from tcstudy.refine.family import Family
-from tcstudy.refine.survey import Survey
 from tcstudy.scene.study import Study
 from tcstudy.study.grow import Kept
 from tcstudy.study.jobs import Choice, Staff
@@ -145,14 +145,14 @@ def stages(
             yield Stage(None, None, iter(() if 0 in known else (failed,)), str)
             continue
         clock = time.perf_counter()
-        survey = meshes.survey(level) if isinstance(meshes, Family) else None
+        estimator = meshes.estimator(level) if isinstance(meshes, Family) else None
         times.estimate = time.perf_counter() - clock
         who = executor(study, level.line.m) if executor is not None else SerialExecutor()
-        workshop = Workshop(study, level, survey, who, times, todo=todo)
+        workshop = Workshop(study, level, estimator, who, times, todo=todo)
         if kept is not None and workshop.solutions is not None:
             for block in kept.blocks(study, i):
                 workshop.solutions.take(block)
-        stop = partial(_stop, survey, i + 1 == study.mesh.levels, times)
+        stop = partial(_stop, estimator, i + 1 == study.mesh.levels, times)
         yield Stage(level, level_record(study, mesh, level), _timed(workshop.work(known), times), stop, times)
         if stop() and study.mesh.open_ended:
             return
@@ -174,10 +174,10 @@ def _timed(blocks: Iterator[BlockRecord], times: Times) -> Iterator[BlockRecord]
         yield block
 
 
-def _stop(survey: Survey | None, last: bool, times: Times) -> str:
+def _stop(estimator: ErrorEstimator | None, last: bool, times: Times) -> str:
     """Why refinement ends on this level; empty if it goes on."""
     clock = time.perf_counter()
-    words = survey.stop(last) if survey is not None else ""
+    words = estimator.stop(last) if estimator is not None else ""
     times.estimate += time.perf_counter() - clock
     return words
 

@@ -31,7 +31,7 @@ from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
 from tcstudy.offline.level import CondensedBlock, Level
 from tcstudy.online import BlockAnswers, CondensedBody, Every, Options, solve_block, solve_every
-from tcstudy.refine.survey import Survey
+from tcstudy.refine.error_estimator import ErrorEstimator
 from tcstudy.scene.points import combinations, of_stiffness
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
@@ -64,7 +64,7 @@ class Workshop:
 
     study: Study
     level: Level
-    survey: Survey | None
+    estimator: ErrorEstimator | None
     executor: SerialExecutor = field(default_factory=SerialExecutor)
     times: Times = field(default_factory=Times)
     bodies: dict[object, CondensedBody] = field(default_factory=dict)
@@ -103,7 +103,7 @@ class Workshop:
     def _must_wait(self, last: Block, block: Block) -> bool:
         """Whether a block needs the solutions of those before, or takes away the factor that these need to end."""
         output = self.study.output
-        more = self.survey is not None or output.fields or output.asks
+        more = self.estimator is not None or output.fields or output.asks
         return (self.solutions is not None and block.wave != last.wave) or (more and block.ratio != last.ratio)
 
     def _prepare(self, block: Block) -> Pending:
@@ -147,7 +147,7 @@ class Workshop:
             self.solutions.take(record)
         if pending is not record:
             yield replace(self._with_asked(record) if self.study.output.asks else record, number=block.number)
-        elif self.survey is not None:
+        elif self.estimator is not None:
             self._completed(record)
 
     def _singly(self, block: Block) -> BlockRecord:
@@ -228,13 +228,13 @@ class Workshop:
     @cached_property
     def _asked(self) -> list[Callable[[Scene, Array], dict[str, float]]]:
         """What gives the numbers on request of a scene and its u_T (m,), by variable name."""
-        from tcstudy.offline.requested import Requested  # only for a study that asks for more
+        from tcstudy.offline.requested_outputs import RequestedOutputs  # only for a study that asks for more
         from tcstudy.study.sensitivities import of_point
 
         output = self.study.output
         found: list[Callable[[Scene, Array], dict[str, float]]] = []
         if output.probes or output.quantities:
-            found.append(Requested(self.level, output).of)
+            found.append(RequestedOutputs(self.level, output).of)
         if output.sensitivity:
             found.append(lambda scene, v: of_point(self.level, scene, v, output.sensitivity))
         return found
@@ -257,7 +257,7 @@ class Workshop:
 
     def _completed(self, record: BlockRecord) -> BlockRecord:
         """Whole-body fields and estimates, where the study asks for them."""
-        if self.survey is None and not self.study.output.fields:
+        if self.estimator is None and not self.study.output.fields:
             return record
         points = [self._with_more(point) for point in record.one_by_one()]
         return block_of(points, self.study.shape, record.number)
@@ -268,9 +268,9 @@ class Workshop:
         scene = self._scene(np.ravel_multi_index(point.index, self.study.shape))
         condensed = self.level.condensed(scene)
         numbers, fields = dict(point.numbers), dict(point.fields)
-        if self.survey is not None:
+        if self.estimator is not None:
             clock = time.perf_counter()
-            numbers |= self.survey.look(point.index, scene, condensed, point.u_T)
+            numbers |= self.estimator.look(point.index, scene, condensed, point.u_T)
             self.times.estimate += time.perf_counter() - clock
         if self.study.output.fields and not fields:
             fields = self.level.fields(scene, condensed, point.u_T)

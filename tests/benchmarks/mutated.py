@@ -287,7 +287,7 @@ def survey(seeds: Sequence[int], say: Callable[[str], None] = print) -> Counter[
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Survey N seeds from FIRST on."""
+    """ErrorEstimator N seeds from FIRST on."""
     number, first = (*map(int, arguments), *(PROBLEMS, 0)[len(arguments) :])
     counts = survey(range(first, first + number))
     print(", ".join(f"{count} {how}" for how, count in sorted(counts.items())))

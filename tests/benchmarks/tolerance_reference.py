@@ -81,15 +81,15 @@ def _bisected(study: Study, goal: Goal) -> tuple[PlaneMesh, list[Point]]:
         level = Level(family.next(i), scene)
         condensed = level.condensed(scene)
         v = solve_contact(condensed.problem).v
-        survey = family.survey(level)
-        assert survey is not None
-        survey.look((), scene, condensed, v)
+        estimator = family.estimator(level)
+        assert estimator is not None
+        estimator.look((), scene, condensed, v)
         if level.frames.n_dof > ADAPTIVE:
             break
-        found = survey.estimates[()]
-        squares, _ = survey._squares(scene, condensed, v, level.displacement(scene, condensed, v))
+        found = estimator.estimates[()]
+        squares, _ = estimator._squares(scene, condensed, v, level.displacement(scene, condensed, v))
         both = found.indicators / max(found.indicators.sum(), 1e-300) + squares / squares.sum()
-        survey.estimates[()] = replace(found, indicators=both, error=1.0, hidden=0.0 * found.hidden)
+        estimator.estimates[()] = replace(found, indicators=both, error=1.0, hidden=0.0 * found.hidden)
     at = [level.line.ends[front.segment].mean(axis=0) for front in fronts(level.line, condensed.problem, v)]
     places = [(float(x), float(y)) for x, y in at]
     return level.mesh, places + ([goal.at] if goal.at is not None else [])

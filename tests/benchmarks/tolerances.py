@@ -24,8 +24,8 @@ import numpy as np
 
 from tcstudy.contact.contact import solve_contact
 from tcstudy.offline.level import Level
+from tcstudy.refine.error_estimator import COMPARED
 from tcstudy.refine.family import Family
-from tcstudy.refine.survey import COMPARED
 from tcstudy.scene.study import Goal, MeshPlan, Study
 from tests.benchmarks.tolerance_reference import reference
 from tests.benchmarks.tolerance_scenes import draw_scene
@@ -129,16 +129,16 @@ def judged(scene: int, study: Study, goal: Goal, tolerance: float, true: float) 
     for i in range(plan.levels):
         level = Level(family.next(i), problem)
         condensed = level.condensed(problem)
-        survey = family.survey(level)
-        assert survey is not None
-        survey.look((), problem, condensed, solve_contact(condensed.problem).v)
-        found, n_dof = survey.estimates[()], level.frames.n_dof
+        estimator = family.estimator(level)
+        assert estimator is not None
+        estimator.look((), problem, condensed, solve_contact(condensed.problem).v)
+        found, n_dof = estimator.estimates[()], level.frames.n_dof
         limit = found.value + 4.0 / 3.0 * found.change
         whole = 4.0 / 3.0 * abs(found.change) + max(abs(found.change) / 3.0, np.nan_to_num(0.5 * abs(limit - before)))
         before = limit
         if i >= COMPARED and not plain_dof and whole <= tolerance * abs(found.value):
             plain, plain_dof = abs(found.value - true) / abs(true) / tolerance, n_dof
-        if stop := survey.stop(i + 1 == plan.levels):
+        if stop := estimator.stop(i + 1 == plan.levels):
             break
     ratio, estimate = abs(found.value - true) / abs(true) / tolerance, found.error / tolerance
     law, elapsed = problem.friction.name, time.perf_counter() - start

@@ -7,7 +7,7 @@ import pytest
 
 from tcstudy.contact.contact import solve_contact
 from tcstudy.offline.level import Condensed, Level
-from tcstudy.offline.requested import Requested
+from tcstudy.offline.requested_outputs import RequestedOutputs
 from tcstudy.read.study import read_study
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene
@@ -231,7 +231,7 @@ def test_end_of_the_rail_on_its_spring() -> None:
     level, found = levels_of(study)[0], []
     for scene in study.scenes:
         v = solve_contact(level.condensed(scene).problem).v
-        found.append(Requested(level, study.output).of(scene, v))
+        found.append(RequestedOutputs(level, study.output).of(scene, v))
     assert [1e3 * one["probe_end_u_T"] for one in found] == pytest.approx([12.0960, 9.8479, 6.5940], rel=1e-3)
     held = 21e9 * 4.8e-4  # the middle, far from the end, holds all of the thermal force
     assert [one["reaction_middle_x"] for one in found] == pytest.approx([held] * 3, rel=1e-3)

@@ -13,7 +13,7 @@ from tcstudy.fem.geometry import build
 from tcstudy.offline import conduction
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study
-from tcstudy.refine.survey import Survey
+from tcstudy.refine.error_estimator import ErrorEstimator
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene
 from tcstudy.study.path_affine import affine_load
@@ -213,5 +213,5 @@ def looked(text: str) -> list[float]:
     scene, level = study.scenes[0], levels_of(study)[0]
     condensed = level.condensed(scene)
     answer = solve_contact(condensed.problem)
-    found = Survey(level, study.mesh).look((), scene, condensed, answer.v)
+    found = ErrorEstimator(level, study.mesh).look((), scene, condensed, answer.v)
     return [float(np.abs(condensed.problem.l_tilde).sum()), condensed.constant, *map(float, found.values())]

@@ -21,11 +21,11 @@ from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study
 from tcstudy.refine import goal_error as goal_error_module
+from tcstudy.refine.error_estimator import ErrorEstimator
 from tcstudy.refine.family import Family
 from tcstudy.refine.goal_error import SMOOTH, regions
 from tcstudy.refine.goals import goal_value, lost, steps, torn
 from tcstudy.refine.halved import Halved
-from tcstudy.refine.survey import Survey
 from tcstudy.scene.study import Goal, MeshPlan
 from tcstudy.study.run import run
 from tests.verification.closed_forms import CHANGE, A, B, ring, stick_slip
@@ -48,10 +48,10 @@ def bracket() -> tuple[Level, Halved]:
     family, scene = Family(study), study.scenes[0]
     for i in range(2):
         level = Level(family.next(i), scene)
-        survey = family.survey(level)
-        assert survey is not None
+        estimator = family.estimator(level)
+        assert estimator is not None
         condensed = level.condensed(scene)
-        survey.look((), scene, condensed, solve_contact(condensed.problem).v)
+        estimator.look((), scene, condensed, solve_contact(condensed.problem).v)
     return level, Halved(level, scene)
 
 
@@ -98,11 +98,11 @@ def look(goal: Goal = RESULTANT, levels: int = 2) -> dict[str, float]:
     family, scene = Family(study), study.scenes[0]
     for i in range(levels):
         level = Level(family.next(i), scene)
-        survey = family.survey(level)
-        assert survey is not None
+        estimator = family.estimator(level)
+        assert estimator is not None
         condensed = level.condensed(scene)
-        stored = survey.look((), scene, condensed, solve_contact(condensed.problem).v)
-    assert np.any(survey.shares() > 0.0)
+        stored = estimator.look((), scene, condensed, solve_contact(condensed.problem).v)
+    assert np.any(estimator.shares() > 0.0)
     return stored
 
 
@@ -216,7 +216,7 @@ def test_the_exact_slip_is_along_the_edge(study, at, value: float | None) -> Non
 
 
 @pytest.mark.parametrize("pick", [lambda p: p, lambda p: replace(p, goal=replace(p.goal, known=0.5))])
-def test_a_survey_compares_with_the_exact_solution(pick: Callable[[MeshPlan], MeshPlan]) -> None:
+def test_an_estimator_compares_with_the_exact_solution(pick: Callable[[MeshPlan], MeshPlan]) -> None:
     """What the study says is known goes first."""
     study = front_study(0.4)
     plan = pick(MeshPlan((0.2,), 1, goal=RESULTANT, estimate=True))
@@ -224,7 +224,7 @@ def test_a_survey_compares_with_the_exact_solution(pick: Callable[[MeshPlan], Me
     level = Level(Family(study).next(0), scene)
     condensed = level.condensed(scene)
     v = solve_contact(condensed.problem).v
-    stored = Survey(level, plan, exact=study.exact).look((), scene, condensed, v)
+    stored = ErrorEstimator(level, plan, exact=study.exact).look((), scene, condensed, v)
     known = front_resultant(0.4) if plan.goal.known is None else plan.goal.known
     error = abs(goal_value(RESULTANT, condensed.problem, level.line, v) - known)
     assert stored["goal_error"] == pytest.approx(error, rel=1e-2)

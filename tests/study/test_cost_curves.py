@@ -48,7 +48,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
         clock.now += GEOMETRY
         meshes.next = clock.timed(MESH, meshes.next)  # type: ignore[method-assign]
         if isinstance(meshes, family):
-            meshes.survey = clock.timed(ESTIMATE, meshes.survey)  # type: ignore[method-assign]
+            meshes.estimator = clock.timed(ESTIMATE, meshes.estimator)  # type: ignore[method-assign]
         return meshes
 
     def slow(*arguments: Any) -> Iterator[BlockRecord]:

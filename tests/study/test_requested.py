@@ -15,7 +15,7 @@ from tcstudy.data.reading import ASKED, asked
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import StudyError
 from tcstudy.offline.level import Level
-from tcstudy.offline.requested import Requested
+from tcstudy.offline.requested_outputs import RequestedOutputs
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.export.brief import brief
 from tcstudy.reports.terminal.summary import summary
@@ -81,7 +81,7 @@ def test_reactions_balance_the_loads(changes: tuple[str, ...]) -> None:
     scene, level = study.scenes[0], levels_of(study)[0]
     condensed = level.condensed(scene)
     answer = solve_contact(condensed.problem)
-    found = Requested(level, OutputPlan(quantities=("reactions",))).of(scene, answer.v)
+    found = RequestedOutputs(level, OutputPlan(quantities=("reactions",))).of(scene, answer.v)
     u = level.displacement(scene, condensed, answer.v)
     carried = np.zeros(2)
     if scene.springs:

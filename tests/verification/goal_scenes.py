@@ -183,9 +183,9 @@ def solved_meshes(study: Study, goal: Goal, most: int, marking: float = 0.6) -> 
         level = Level(family.next(i), scene)
         condensed = level.condensed(scene)
         v = solve_contact(condensed.problem).v
-        survey = family.survey(level)
-        assert survey is not None
-        survey.look((), scene, condensed, v)
+        estimator = family.estimator(level)
+        assert estimator is not None
+        estimator.look((), scene, condensed, v)
         yield family, level, goal_value(goal, condensed.problem, level.line, v)
         if level.frames.n_dof > most:
             return

@@ -41,14 +41,14 @@ def solved_levels(study: Study, plan: MeshPlan, most: float = np.inf) -> Iterato
     scene, family = study.scenes[0], Family(study)
     for i in range(plan.levels):
         level = Level(family.next(i), scene)
-        survey = family.survey(level)
-        assert survey is not None
+        estimator = family.estimator(level)
+        assert estimator is not None
         condensed = level.condensed(scene)
         answer = solve_contact(condensed.problem)
         assert answer.status == Status.CONVERGED, answer.reason
-        survey.look((), scene, condensed, answer.v)
-        own = strain(survey.triangles, level.displacement(scene, condensed, answer.v))
-        yield Solved(level.frames.n_dof, survey.estimates[()].energy, survey.triangles, own)
+        estimator.look((), scene, condensed, answer.v)
+        own = strain(estimator.triangles, level.displacement(scene, condensed, answer.v))
+        yield Solved(level.frames.n_dof, estimator.estimates[()].energy, estimator.triangles, own)
         if level.frames.n_dof > most:
             return
 

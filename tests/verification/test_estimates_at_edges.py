@@ -6,7 +6,7 @@ import pytest
 
 from tcstudy.contact.contact import solve_contact
 from tcstudy.read.study import read_study_text
-from tcstudy.refine.survey import Survey
+from tcstudy.refine.error_estimator import ErrorEstimator
 from tcstudy.study.reference import NestedReference
 from tcstudy.study.solved_levels import solve_levels
 from tests.verification.scenes import levels_of
@@ -30,8 +30,8 @@ def test_no_error_is_estimated_of_a_bar_that_is_exact_on_its_spring(right: str) 
     study = read_study_text(SPRINGS.replace("RIGHT", right).replace("LEVELS", "1"))
     level, scene = levels_of(study)[0], study.scenes[0]
     condensed = level.condensed(scene)
-    survey = Survey(level, study.mesh)
-    assert survey.look((), scene, condensed, solve_contact(condensed.problem).v)["error_estimate"] < 1e-10
+    estimator = ErrorEstimator(level, study.mesh)
+    assert estimator.look((), scene, condensed, solve_contact(condensed.problem).v)["error_estimate"] < 1e-10
 
 
 @pytest.mark.parametrize(
@@ -51,6 +51,6 @@ def test_estimates_of_springs_laws_by_edge_and_rigid_edges(right: str, friction:
     for number, level in enumerate(levels_of(study)[:2]):
         condensed = level.condensed(scene)
         v = solve_contact(condensed.problem).v
-        found = Survey(level, study.mesh).look((), scene, condensed, v)["error_estimate"]
+        found = ErrorEstimator(level, study.mesh).look((), scene, condensed, v)["error_estimate"]
         error, size = reference.errors(number, (), scene)["u_energy"]
         assert 0.9 < found * size / error < 1.35

@@ -17,8 +17,8 @@ import pytest
 
 from tcstudy.contact.contact import solve_contact
 from tcstudy.offline.level import Level
+from tcstudy.refine.error_estimator import ErrorEstimator
 from tcstudy.refine.family import Family
-from tcstudy.refine.survey import Survey
 from tcstudy.scene.families import FamilyName
 from tcstudy.scene.study import Goal, MeshPlan, Study
 from tests.verification import closed_forms
@@ -137,9 +137,9 @@ def test_numbers_under_a_law_that_grows_along_its_edge() -> None:
     family, scene, ratios = Family(replace(study, mesh=plan)), study.scenes[0], []
     for i in range(plan.levels):
         level = Level(family.next(i), scene)
-        survey, condensed = Survey(level, plan), level.condensed(scene)
-        survey.look((), scene, condensed, solve_contact(condensed.problem).v)
-        found = survey.estimates[()]
+        estimator, condensed = ErrorEstimator(level, plan), level.condensed(scene)
+        estimator.look((), scene, condensed, solve_contact(condensed.problem).v)
+        found = estimator.estimates[()]
         ratios.append((found.limit - found.value) / (resultant - found.value))
     assert all(abs(after - 1.0) < 0.6 * abs(before - 1.0) for before, after in pairwise(ratios)), ratios
     assert abs(ratios[-1] - 1.0) < 0.05, ratios

@@ -13,7 +13,7 @@ import tcstudy
 from tcstudy.contact.contact import solve_contact
 from tcstudy.fem.forms import GradientProducts
 from tcstudy.read.study import read_study_text
-from tcstudy.refine.survey import Survey
+from tcstudy.refine.error_estimator import ErrorEstimator
 from tcstudy.reports.export.export_fields import stresses, von_mises
 from tcstudy.reports.picture import body_fields
 from tcstudy.study.plan import plan
@@ -270,6 +270,6 @@ mesh: {maxh: 0.25, levels: 4, estimate: true}
     for number, level in enumerate(levels_of(study)[:2]):
         condensed = level.condensed(scene)
         v = solve_contact(condensed.problem).v
-        found = Survey(level, study.mesh).look((), scene, condensed, v)["error_estimate"]
+        found = ErrorEstimator(level, study.mesh).look((), scene, condensed, v)["error_estimate"]
         error, size = reference.errors(number, (), scene)["u_energy"]
         assert 0.95 < found * size / error < 1.35

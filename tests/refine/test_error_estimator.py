@@ -11,7 +11,7 @@ import pytest
 import tcstudy
 from tcstudy.data.journal import Journal
 from tcstudy.data.records import BlockRecord, LevelRecord
-from tcstudy.refine import survey as survey_module
+from tcstudy.refine import error_estimator
 from tcstudy.reports.terminal.summary import summary
 from tcstudy.study import workshop
 from tcstudy.study.execute import execute
@@ -128,7 +128,7 @@ def test_when_no_point_is_solved_refinement_ends(monkeypatch: pytest.MonkeyPatch
     def fail(*_: object) -> None:
         raise ArithmeticError("made to fail")
 
-    monkeypatch.setattr(survey_module.Survey, "look", fail)
+    monkeypatch.setattr(error_estimator.ErrorEstimator, "look", fail)
     records = list(run(study_of(PULLED, "mesh={maxh: 0.5, levels: 4, family: adaptive}")))
     points = [p for r in records if isinstance(r, BlockRecord) for p in r.one_by_one()]
     assert len(points) == 1

@@ -24,7 +24,7 @@ OUTSIDE = 0.1
 
 
 @dataclass(frozen=True)
-class Requested:
+class RequestedOutputs:
     """What a study asks for, on one level."""
 
     level: Level

@@ -55,7 +55,7 @@ class Estimate:
 
 
 @dataclass
-class Survey:
+class ErrorEstimator:
     """The estimates of one level, point by point.
 
     level:  the solved level;  plan: how the study refines
