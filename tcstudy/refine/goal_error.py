@@ -27,9 +27,9 @@ Hidden:     what both meshes are too coarse for in the cells beside held nodes o
             friction that falls (ends.py), is added to the error with its largest effect
 Crossing:   where contributions of different order cancel, J(u) − J(u_h) changes its sign between two levels and is
             small by accident. The parts see what cancels, and the error of the extrapolation remains: the
-            estimator adds half of what the limit has changed by since the level before, or what the orders differ by if that is
-            more, and takes at least a third of what that level's error has become at the rate 1/N. So the estimate
-            does not follow the error down to zero; its ratio to the error is then large and means nothing
+            estimator adds half of what the limit has changed by since the level before, or what the orders differ by
+            if that is more, and takes at least a third of what that level's error has become at the rate 1/N. So the
+            estimate does not follow the error down to zero; its ratio to the error is then large and means nothing
 Shares:     ‖u_{h/2} − u_h‖_K ‖z − I_h z‖_K + |a_K(lift of u_D − u_h, z)| + lumping + heat, with the dual solution z on
             the finer mesh (goals.py), and for ∫ξ held ends and tears: unsigned, without springs, for marking only
 Why not the dual weighted residual itself: products of recovered gradients gave 0.05 to 26 times the true error.
