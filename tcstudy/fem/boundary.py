@@ -72,28 +72,16 @@ def _collect(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> _Held:
             nodes, normals = curve_normals(mesh, index)
             if isinstance(role, Symmetry) and np.max(np.abs(_cross(normals, normals[:1]))) > SMOOTH:
                 raise GeometryFailed(f"the symmetry edge {name} is not straight; use u_N: 0 for a guide", EDGES)
-            if isinstance(role, Contact):
-                parts.append((nodes, normals, np.zeros(len(nodes)), name))
+            if role.frame == "nt":
+                directions = [normals, np.column_stack([-normals[:, 1], normals[:, 0]])]
             else:
-                parts += _clamped(mesh, role, nodes, normals, name)
+                directions = [np.tile(axis, (len(nodes), 1)) for axis in ((1.0, 0.0), (0.0, 1.0))]
+            for along, component in zip(directions, role.u, strict=True):
+                if component is not None:
+                    parts.append((nodes, along, values_at(component, mesh.points[nodes]), name))
     node, direction, value, edge = zip(*parts, strict=True)
     names = [name for name, nodes in zip(edge, node, strict=True) for _ in nodes]
     return np.concatenate(node), np.concatenate(direction), np.concatenate(value), names
-
-
-def _clamped(
-    mesh: PlaneMesh, role: Clamped, nodes: Indices, normals: Array, name: str
-) -> list[tuple[Indices, Array, Array, str]]:
-    """Constraints of one clamped curve: a direction for every component that is prescribed."""
-    if role.frame == "nt":
-        directions = [normals, np.column_stack([-normals[:, 1], normals[:, 0]])]
-    else:
-        directions = [np.tile(axis, (len(nodes), 1)) for axis in ((1.0, 0.0), (0.0, 1.0))]
-    return [
-        (nodes, direction, values_at(component, mesh.points[nodes]), name)
-        for direction, component in zip(directions, role.u, strict=True)
-        if component is not None
-    ]
 
 
 def values_at(scalar: Scalar, points: Array) -> Array:

@@ -64,30 +64,19 @@ def _within(
 
 def heat_estimate(triangles: ElementGeometry, theta: Array, scene: Scene) -> Array:
     """(t,) η_K² of a temperature (n,) that was solved for [W K/m]."""
-    k = scene.material.k
+    k, mesh, edges = scene.material.k, triangles.mesh, boundary_edges(triangles)
     assert k is not None
     own = triangles.gradient(theta)
     recovered = triangles.recovery @ own
-    excess = recovered[triangles.mesh.triangles] - own[:, None]
+    excess = recovered[mesh.triangles] - own[:, None]
     squares = np.einsum("tkd,tkd->t", excess, excess) + np.einsum("tkd,tjd->t", excess, excess)
-    return (
-        k * triangles.area / 12.0 * squares
-        + _element_residual(triangles, recovered, scene, k)
-        + _edge_residual(triangles, recovered, theta, scene, k)
-    )
 
-
-def _element_residual(triangles: ElementGeometry, recovered: Array, scene: Scene, k: float) -> Array:
     slope = triangles.gradient(recovered)
     q = values_at(scene.heat.q, triangles.inner_points.reshape(-1, 2)).reshape(-1, 3)
     if scene.heat.omega:
         q = q * triangles.inside(scene.heat.omega)[:, None]
-    square = np.mean((q + k * (slope[:, 0, 0] + slope[:, 1, 1])[:, None]) ** 2, axis=1) * triangles.area
-    return (triangles.diameter / np.pi) ** 2 / k * square
+    rest = np.mean((q + k * (slope[:, 0, 0] + slope[:, 1, 1])[:, None]) ** 2, axis=1) * triangles.area
 
-
-def _edge_residual(triangles: ElementGeometry, recovered: Array, theta: Array, scene: Scene, k: float) -> Array:
-    mesh, edges = triangles.mesh, boundary_edges(triangles)
     flux = k * np.einsum("sqd,sd->sq", on_segments(recovered, mesh.segments), edges.normal)
 
     def given(scalar: Scalar, some: NDArray[np.bool_]) -> Array:
@@ -100,8 +89,11 @@ def _edge_residual(triangles: ElementGeometry, recovered: Array, theta: Array, s
         flux[mesh.on(name)] -= given(into, mesh.on(name))
     for name, _ in scene.held_theta:
         flux[mesh.on(name)] = 0.0
-    weighted = edges.length**2 / (np.pi * k) * np.mean(flux**2, axis=1)
-    return triangles.from_segments(weighted)
+    return (
+        k * triangles.area / 12.0 * squares
+        + (triangles.diameter / np.pi) ** 2 / k * rest
+        + triangles.from_segments(edges.length**2 / (np.pi * k) * np.mean(flux**2, axis=1))
+    )
 
 
 def coupling(triangles: ElementGeometry, theta: Array, scene: Scene, solved: bool) -> Array:

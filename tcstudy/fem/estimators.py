@@ -28,7 +28,7 @@ from tcstudy.fem.boundary import ContactLine, values_at
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.laws.composed import EdgeLaws, law_along
 from tcstudy.laws.laws import Laws
-from tcstudy.scene.records import Clamped, Contact, Convection, Rigid, Role, Scene, Traction
+from tcstudy.scene.records import Clamped, Rigid, Role, Scene
 
 Array = NDArray[np.float64]
 
@@ -188,14 +188,11 @@ def on_segments(nodal: Array, segments: NDArray[np.intp]) -> Array:
 
 
 def _target(role: Role, at: Array, normal: Array, xi: Array) -> Array:
-    """What σn should be at the Gauss points (s, 2, 2); components that nothing prescribes do not count."""
-    if isinstance(role, Contact):
-        return -xi[..., None] * tangent(normal)[:, None]
-    if not isinstance(role, Traction | Convection):
-        return np.zeros_like(at)
+    """g − p n − ξ_h t: what σn should be at the Gauss points (s, 2, 2), where it is free."""
     points = at.reshape(-1, 2)
     g = np.stack([values_at(component, points).reshape(-1, 2) for component in role.g], axis=-1)
-    return g - values_at(role.pressure, points).reshape(-1, 2)[..., None] * normal[:, None]
+    pushed = values_at(role.pressure, points).reshape(-1, 2)[..., None] * normal[:, None]
+    return g - pushed - xi[..., None] * tangent(normal)[:, None]
 
 
 def _pull(springs: tuple[float, float], u: Array, normal: Array) -> Array:
@@ -206,16 +203,11 @@ def _pull(springs: tuple[float, float], u: Array, normal: Array) -> Array:
 
 
 def _free_part(role: Role, traction: Array, normal: Array) -> Array:
-    """The components of a traction in which every point of the edge is free to move."""
-    if isinstance(role, Rigid):
-        return traction[..., :0]
-    if not isinstance(role, Contact | Clamped):
-        return traction
-    in_frame = np.stack([np.einsum("sqd,sd->sq", traction, d) for d in (normal, tangent(normal))], axis=-1)
-    if isinstance(role, Contact):
-        return in_frame[..., 1:]
-    free = np.array([component is None for component in role.u])
-    return (in_frame if role.frame == "nt" else traction)[..., free]
+    """The components of a traction in which every point of the edge is free to move; none of a rigid one."""
+    free = np.array([component is None and not isinstance(role, Rigid) for component in role.u])
+    if role.frame == "nt" and not free.all():
+        traction = np.stack([np.einsum("sqd,sd->sq", traction, d) for d in (normal, tangent(normal))], axis=-1)
+    return traction[..., free]
 
 
 @dataclass(frozen=True)

@@ -225,12 +225,8 @@ class Laws(LawPieces):
         piece = self.locate(s).piece
         return np.asarray(piece - (s - self.lower.take(piece) < self.upper.take(piece) - s))
 
-    def on_kink(self, s: Array) -> Flags:
-        """Whether s is a kink, to the bit."""
-        return self.locate(s).on
-
     def kind_at(self, s: Array) -> NDArray[np.int8]:
-        """The same of slips."""
+        """UP, BEND or DOWN where a slip is a kink to the bit, BEND elsewhere."""
         return self.kind(self.locate(s))
 
     def sticking(self, v: Array) -> Flags:

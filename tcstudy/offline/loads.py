@@ -15,7 +15,7 @@ from typing import Generic, TypeVar
 
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.forms import Conductivity
-from tcstudy.scene.records import Clamped, Convection, EdgeHeat, Rigid, Role, Scalar, Scene, Traction, Where
+from tcstudy.scene.records import EdgeHeat, Role, Scalar, Scene, Traction, Where
 
 Roles = tuple[tuple[str, Role], ...]
 
@@ -134,13 +134,12 @@ def mechanical_terms(f: tuple[Scalar, Scalar], boundary: Roles) -> Iterator[Load
     for name, role in boundary:
         forces = ((axis, force) for axis, force in enumerate(role.force) if force != 0.0)
         yield from (LoadTerm(EdgeForce(name, axis), force) for axis, force in forces)
-        if isinstance(role, Rigid) and role.moment:
+        if role.moment:
             yield LoadTerm(EdgeMoment(name), role.moment)
-        if isinstance(role, Traction | Convection):
-            yield from (LoadTerm(EdgeLoad(name, Traction(g=shape)), factor) for shape, factor in _by_axis(role.g))
-            pressure, factor = split(role.pressure)
-            if factor != 0.0:
-                yield LoadTerm(EdgeLoad(name, Traction(pressure=pressure)), factor)
+        yield from (LoadTerm(EdgeLoad(name, Traction(g=shape)), factor) for shape, factor in _by_axis(role.g))
+        pressure, factor = split(role.pressure)
+        if factor != 0.0:
+            yield LoadTerm(EdgeLoad(name, Traction(pressure=pressure)), factor)
 
 
 def _by_axis(density: tuple[Scalar, Scalar]) -> Iterator[tuple[tuple[Scalar, Scalar], float]]:
@@ -173,14 +172,10 @@ def loaded_by(scene: Scene, *, loads: bool = False, moves: bool = False, heat: b
     """The scene with its mechanical loads, prescribed displacements or heat alone; without heat θ = 0."""
     boundary, none, body = [], (0.0, 0.0), scene.heat
     for name, role in scene.boundary:
-        kept: Role = role
-        if isinstance(kept, Clamped) and not moves:
+        kept = role if loads else replace(role, g=none, pressure=0.0, force=none, moment=role.moment and 0.0)
+        if not moves:
             x, y = (None if one is None else 0.0 for one in kept.u)
             kept = replace(kept, u=(x, y))
-        if isinstance(kept, Rigid) and not loads:
-            kept = replace(kept, force=none, moment=kept.moment and 0.0)
-        elif isinstance(kept, Traction | Convection) and not loads:
-            kept = replace(kept, g=none, pressure=0.0, force=none)
         if (own := kept.heat) is not None and not heat:
             theta, theta_bar = (None if one is None else 0.0 for one in (own.theta, own.theta_bar))
             kept = replace(kept, heat=EdgeHeat(theta, 0.0, own.alpha, theta_bar))

@@ -163,7 +163,7 @@ def law_slope(level: Level, scene: Scene, by: Sensitivity, at: Linearised) -> tu
         slopes, s = law_slopes(law, number_of(by.path)), at.v[nodes]
         b[nodes] += factor * slopes.value(s, law.piece(s))
         if len(law.kinks):
-            kinks[nodes] += np.where(law.on_kink(s), slopes.kinks[law.nearest_kink(s)], 0.0)
+            kinks[nodes] += np.where(law.locate(s).on, slopes.kinks[law.nearest_kink(s)], 0.0)
     return b, kinks
 
 
