@@ -31,9 +31,9 @@ class Clock:
     def timed(self, seconds: float, do: Callable[..., Any]) -> Callable[..., Any]:
         """The same work, which takes so long."""
 
-        def slow(*arguments: Any) -> Any:
+        def slow(*arguments: Any, **named: Any) -> Any:
             self.now += seconds
-            return do(*arguments)
+            return do(*arguments, **named)
 
         return slow
 

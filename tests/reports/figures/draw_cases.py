@@ -197,6 +197,10 @@ def example_laws() -> tuple[Laws, ...]:
         "saw-tooth": {"tau": 1.0, "delta": 0.5, "teeth": 3, "drop": 0.6, "decay": 0.8},
         "piecewise-linear": {"points": [(0.0, 0.0), (0.5, 1.0), (1.0, 1.0), (1.0, 0.4)]},
         "linear": {"k": 0.5},
+        "elastic-plastic": {"tau": 1.0, "s0": 0.3},
+        "bilinear": {"tau": 1.0, "s0": 0.3, "sf": 1.2},
+        "trapezoidal": {"tau": 1.0, "s0": 0.3, "s1": 0.6, "sf": 1.2},
+        "trilinear": {"tau": 1.0, "s0": 0.3, "sf": 0.9, "tau_r": 0.3},
     }
     return tuple(shape.build(**parameters[name]) for name, shape in SHAPES.items())
 
