@@ -45,8 +45,7 @@ class StepPart:
         now, body = self.now, self.body
         xi = now.load - body.A_tilde @ self.state.v
         size = np.abs(now.load) + np.abs(body.A_tilde) @ np.abs(self.state.v)
-        low, high = (body.c * limit - xi for limit in self.law.interval(self.w))
-        apart = np.where(np.abs(low) < np.abs(high), low, high)
+        apart = body.c * np.clip(xi / body.c, *self.law.interval(self.w)) - xi
         rounding = 8.0 * np.sqrt(body.m) * np.finfo(float).eps * size
         return np.where(np.abs(apart) <= rounding, apart, 0.0)
 
