@@ -37,6 +37,7 @@ class PathRecord:
     begin, end: why it ends at the first and at the last vertex: (name of the status, sentence)
     solutions:  all solutions on the path at the requested values, in the order of `at` and along the path
     loop:       the quasi-static hysteresis loop: stable branches one after the other and the falls between them
+    branches:   every branch of the range where they are asked for;  complete_reason: why not proved to be all, if so
     The rest is in LEVEL.
     """
 
@@ -52,6 +53,8 @@ class PathRecord:
     omega: float
     law_error: float
     affine_defect: float
+    branches: Values | None = None
+    complete_reason: str = ""
 
 
 _VERTEX, _PIECE, _FOLD, _EVENT, _INTERVAL = ("vertex",), ("piece",), ("fold",), ("event",), ("interval",)
@@ -113,7 +116,7 @@ SOLUTIONS: tuple[FileVariable, ...] = (
     _index("solution_count", "number of solutions on the path at the value", _AT),
     _index("solution_at", "index of the value that the solution belongs to", _SOLUTION),
     _number("solution_parameter", T, "parameter of the solution", _SOLUTION),
-    _index("solution_piece", "piece of the path that holds the solution", _SOLUTION),
+    _index("solution_piece", "piece of the path that holds the solution, -1 for none", _SOLUTION),
     _number("solution_energy", "J m-1", "total potential energy, per unit thickness", _SOLUTION, _WHERE),
     _number("solution_residual", "1", "inclusion residual over the scale of friction", _SOLUTION, _WHERE),
     _number("solution_rounding", "1", "what rounding allows of the inclusion residual", _SOLUTION, _WHERE),
@@ -145,6 +148,21 @@ LOOP: tuple[FileVariable, ...] = (
     FileVariable("loop_complete", "i1", "1", "whether both ends of the range were reached", (), coordinate=True),
 )
 """Of `PathRecord.loop`, which has loop_reason, a text, beside these."""
+
+_BRANCH, _ON_BRANCH = ("branch",), ("branch_vertex",)
+_BY_BRANCH = (("coordinates", "branch_parameter"),)
+BRANCHES: tuple[FileVariable, ...] = (
+    FileVariable("complete", "i1", "1", "whether these are all branches", (), coordinate=True, extra=flags(*CERTIFIED)),
+    _flag("branch_loop", "whether the branch is closed", _BRANCH, ("open", "closed")),
+    _flag("branch_on_path", "whether the path goes along it", _BRANCH, ("apart", "on_path")),
+    _index("branch_of", "branch that the vertex is on, its vertices in their order", _ON_BRANCH),
+    _number("branch_parameter", T, "parameter at the vertex", _ON_BRANCH),
+    _number("branch_energy", "J m-1", "total potential energy, per unit thickness", _ON_BRANCH, _BY_BRANCH),
+    _flag("branch_stable", "stability of the piece after the vertex, if there is one", _ON_BRANCH, _STABLE),
+    _at_node("branch_u_T", "f8", "m", "tangential displacement", "branch_vertex", "branch_parameter"),
+    _at_node("branch_xi", "f8", "Pa", "tangential traction -S_T", "branch_vertex", "branch_parameter"),
+)
+"""Of `PathRecord.branches`; a closed branch has its first vertex again at its end."""
 
 LINE = tuple(replace(v, coordinate=True) for v in CONTACT if v.dims == ("node",))
 """The contact line, as in the files of runs."""
@@ -193,6 +211,10 @@ def write_path(
     if record.loop is not None:
         parts.append((LOOP, record.loop))
         told["loop_reason"] = without_paths(record.loop["loop_reason"])
+
+    if record.branches is not None:
+        parts.append((BRANCHES, record.branches))
+        told["complete_reason"] = without_paths(record.complete_reason)
 
     def fill(nc: netCDF4.Dataset) -> None:
         for variables, values in parts:

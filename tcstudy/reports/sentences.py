@@ -273,5 +273,20 @@ def path(pieces: int, stable: int, folds: int, turns: int, most: int | None, fal
     return ", ".join([*parts, f"worst residual {number(residual, 2)}"]) + "."
 
 
+def equilibria_at(count: int, off_path: int, value: str, complete: bool) -> str:
+    """All equilibria at one value of a path's parameter."""
+    told = f"{count} of {count} equilibria at {value}" if complete else f"at least {count} equilibria at {value}"
+    return f"{told}, {off_path} of them not on the path from the start" if off_path else told
+
+
+def closed_loop(low: str, high: str, pieces: int, stable: int) -> str:
+    """A loop between two values, the second with its unit."""
+    return (
+        f"a closed loop from {low} to {high} that the path does not meet, {stable} of {counted(pieces, 'piece')} stable"
+    )
+
+
+WHOLE = "all branches of equilibria in the range are proved to be known"
+"""Said of a path with every branch."""
 CONNECTED = "other paths may exist that are not connected to it"
 """Said of every path."""

@@ -290,6 +290,7 @@ ROWS: tuple[Key, ...] = (
         Key("direction", "choice", "way from the start", words=get_args(Direction), default=_PATH["direction"]),
         Key("max_pieces", "integer", "most pieces on either side", least=1, default=_PATH["max_pieces"]),
         Key("hysteresis", "flag", "compute the loop", default=_PATH["hysteresis"]),
+        Key("complete", "flag", "every branch of the range, loops included, by proof", default=_PATH["complete"]),
         Key("level", "integer", "mesh level (default: finest)", least=0),
         Key("law_error", "number", "relative, of a smooth law's polygon", above=0.0, default=_PATH["law_error"]),
     ),

@@ -161,6 +161,7 @@ class PathPlan:
     hysteresis: whether the loop between begin and end is computed
     level:      mesh level, None for the finest
     law_error:  relative error of the piecewise-linear stand-in for a law with exponential pieces
+    complete:   whether every branch between begin and end is sought, and proved to be all (contact/path/complete.py)
     """
 
     parameter: tuple[str, ...]
@@ -176,6 +177,7 @@ class PathPlan:
     hysteresis: bool = True
     level: int | None = None
     law_error: float = 1e-3
+    complete: bool = False
 
     @property
     def name(self) -> str:

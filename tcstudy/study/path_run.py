@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from tcstudy.condense import NotPositiveDefinite
+from tcstudy.contact.boxes import Limits
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.contact import TIE
+from tcstudy.contact.path.complete import Branches, all_branches
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path
 from tcstudy.contact.path.hysteresis import hysteresis
 from tcstudy.contact.path.problem import by_code
@@ -35,6 +37,8 @@ from tcstudy.study.run import stages
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, float], None]
+LIMITS = Limits(boxes=20_000, seconds=20.0)
+"""Of each of the slabs that a range is proved in."""
 
 
 @dataclass(frozen=True)
@@ -68,13 +72,16 @@ def follow_path(study: Study, progress: Progress | None = None) -> PathRecord:
         raise PathError(str(error)) from error
     setting = _Setting(plan, load, load.problem, straight, lambda_1, study.solver.tolerance)
     path, v = _follow(setting, progress)
+    every = all_branches(straight, plan.begin, plan.end, lambda_1, LIMITS) if plan.complete else None
     return PathRecord(
         line=line,
         curve=_curve(setting, path),
         start=path.start,
         begin=(path.begin.status.name.lower(), path.begin.reason),
         end=(path.end.status.name.lower(), path.end.reason),
-        solutions=_solutions(setting, path),
+        solutions=_solutions(setting, path, every),
+        branches=None if every is None else _branches(setting, path, every),
+        complete_reason="" if every is None else every.reason,
         loop=_loop(setting, v) if plan.hysteresis else None,
         lambda_1=setting.lambda_1,
         lambda_1_error=setting.true.A_error,
@@ -138,18 +145,65 @@ def _curve(setting: _Setting, path: Path) -> Values:
     }
 
 
-def _solutions(setting: _Setting, path: Path) -> Values:
-    """Solutions on the path at the requested values; those of a smooth law by Newton's method from its stand-in's."""
+def _branches(setting: _Setting, path: Path, every: Branches) -> Values:
+    """All branches one after the other, a loop with its first vertex again at the end."""
+    problem, load = setting.straight, setting.load
+    known = {code.tobytes() for code in path.codes}
+    closed, parts = [int(b.loop) for b in every.branches], [(np.empty(0), np.empty((0, len(problem.c))))]
+    for branch, n in zip(every.branches, closed, strict=True):
+        parts.append((np.append(branch.t, branch.t[:n]), np.concatenate([branch.u, branch.u[:n]])))
+    t, u = (np.concatenate(x) for x in zip(*parts, strict=True))
+    loads, force = problem.l_0 + t[:, None] * problem.l_1, u @ problem.A_tilde
+    return {
+        "complete": int(every.complete),
+        "branch_of": np.repeat(np.arange(len(closed)), [len(own) for own, _ in parts[1:]]),
+        "branch_parameter": t,
+        "branch_energy": np.sum(u * (0.5 * force - loads), axis=1) + problem.law.j(u) @ problem.c + load.constant(t),
+        "branch_u_T": u,
+        "branch_xi": (loads - force) / problem.c,
+        "branch_stable": np.concatenate([np.zeros(0, bool), *(np.append(b.stable, False) for b in every.branches)]),
+        "branch_loop": closed,
+        "branch_on_path": [any(code.tobytes() in known for code in b.codes) for b in every.branches],
+    }
+
+
+SAME = 1e-7
+"""Of the largest slip, by which the same solution may differ on the path and on its branch."""
+
+
+def _beside(path: Path, every: Branches, t: float, found: list[PathSolution]) -> list[PathSolution]:
+    """The solutions at t that are on a branch, but not among those found on the path."""
+    problem, more = path.problem.at(t), list[PathSolution]()
+    for branch in every.branches:
+        for v, piece in zip(*branch.at(t), strict=True):
+            size = SAME * float(np.max(np.abs(v), initial=0.0))
+            if all(np.max(np.abs(v - one.v)) > size for one in found):
+                stable = bool(branch.stable[piece])
+                more.append(PathSolution(v, problem.energy(v), stable, -1, problem.inclusion_residual(v)))
+    return more
+
+
+def _solutions(setting: _Setting, path: Path, every: Branches | None) -> Values:
+    """Solutions on the path at the requested values; those of a smooth law by Newton's method from its stand-in's.
+
+    every: all branches, whose solutions are added; of a smooth law they are those of another problem
+    """
     law, at = setting.true.law, setting.plan.at
     found: list[list[PathSolution]] = [
         solutions_at(path, t) if law.piecewise_linear else solutions_of(law, path, t) for t in at
     ]
+    known = every is not None and law.piecewise_linear
+    if every is not None and known:
+        found = [[*group, *_beside(path, every, t, group)] for t, group in zip(at, found, strict=True)]
     rows = [(i, s) for i, group in enumerate(found) for s in group]
     proofs = [certify(setting.true.at(at[i]), s.v, setting.lambda_1, setting.tolerance) for i, s in rows]
     energies = np.array([s.energy for _, s in rows])
     least = [min((s.energy for s in group), default=np.nan) for group in found]
     slack = TIE * float(np.max(np.abs(energies), initial=0.0))
     v = np.array([s.v for _, s in rows]).reshape(len(rows), path.problem.m)
+    least_one = np.array([s.energy <= least[i] + slack for i, s in rows], dtype=bool)
+    proved = least_one & bool(known and every is not None and every.complete)
+    alone = np.array([len(found[i]) == 1 for i, _ in rows], dtype=bool)
     tractions = [setting.true.at(at[i]).xi(s.v) / path.problem.c for i, s in rows]
 
     return {
@@ -161,10 +215,10 @@ def _solutions(setting: _Setting, path: Path) -> Values:
         "solution_residual": [s.residual for _, s in rows],
         "solution_rounding": [setting.true.at(at[i]).xi_rounding(s.v) for i, s in rows],
         "solution_stable": [s.stable for _, s in rows],
-        "solution_lowest": [s.energy <= least[i] + slack for i, s in rows],
-        "solution_unique": [proof.unique for proof in proofs],
-        "solution_strict_minimum": [proof.strict_minimum for proof in proofs],
-        "solution_global_minimum": [proof.global_minimum for proof in proofs],
+        "solution_lowest": least_one,
+        "solution_unique": np.array([proof.unique for proof in proofs], dtype=bool) | (proved & alone),
+        "solution_strict_minimum": np.array([proof.strict_minimum for proof in proofs], dtype=bool) | proved,
+        "solution_global_minimum": np.array([proof.global_minimum for proof in proofs], dtype=bool) | proved,
         "solution_u_T": v,
         "solution_xi": np.array(tractions).reshape(v.shape),
     }
@@ -243,6 +297,8 @@ def shortfalls(study: Study, record: PathRecord) -> list[str]:
     inexact = sum(not acceptance.accepts(float(residual), float(rounding)) for residual, rounding in judged)
     if inexact:
         found.append(f"{inexact} solutions miss the tolerance {acceptance.aim:g}; see solution_residual")
+    if record.complete_reason:
+        found.append(f"the branches are not proved to be all: {record.complete_reason}")
     if record.loop is not None and not (record.loop["loop_complete"] and record.loop["loop_closed"]):
         why = record.loop["loop_reason"] if not record.loop["loop_complete"] else "it does not end where it began"
         found.append(f"the hysteresis loop is not whole: {why}")

@@ -56,8 +56,8 @@ class Branch:
         begin, end = self.ends
         inside = np.flatnonzero((begin - t) * (end - t) < 0.0)
         share = ((t - begin[inside]) / (end - begin)[inside])[:, None]
-        after = np.roll(self.u, -1, axis=0)
-        return (1.0 - share) * self.u[inside] + share * after[inside], inside
+        after = np.roll(self.u, -1, axis=0)[inside]
+        return self.u[inside] + share * (after - self.u[inside]), inside
 
 
 @dataclass(frozen=True, eq=False)

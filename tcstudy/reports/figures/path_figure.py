@@ -31,6 +31,7 @@ LOW, LOWER = "#c3dff2", "#5aa9dc"
 Mark = dict[str, Any]
 STABLE: Mark = {"color": style.INK, "linewidth": 1.3}
 UNSTABLE: Mark = {"color": style.VERMILLION, "linewidth": 0.9, "linestyle": (0, (4, 2))}
+APART: Mark = {"color": style.BLUE, "linewidth": 1.3}
 FOLD: Mark = {"color": style.VERMILLION, "marker": "o", "markersize": 3.2, "markerfacecolor": "white"}
 FOLD |= {"markeredgewidth": 0.9, "linestyle": "none"}
 ASKED: Mark = {"color": style.BLUE, "marker": "D", "markersize": 5.5, "linestyle": "none"}
@@ -90,6 +91,8 @@ def _caption(picture: PathPicture) -> str:
 def _draw_curve(axes: Axes, picture: PathPicture, divisor: float) -> None:
     data, t = picture.data, picture.t / divisor
     seen = picture.shown()[2].ravel()
+    if picture.branches is not None:
+        seen = np.concatenate([seen, picture.branches])
     seen = seen if len(seen) else picture.response
     size, unit = axis_unit(seen, picture.response_units)
     y, room = picture.response / size, 0.05 * (float(np.ptp(seen)) or size) / size
@@ -102,6 +105,7 @@ def _draw_curve(axes: Axes, picture: PathPicture, divisor: float) -> None:
     axes.plot(t[folds], y[folds], zorder=5, **FOLD)
     if picture.loop is not None:
         _loop(axes, picture, divisor, size)
+    _others(axes, picture, divisor, size)
     _asked(axes, picture, divisor, size)
     axes.set_ylabel(style.labelled(picture.label, unit))
     axes.set_xlim(*(x / divisor for x in picture.span))
@@ -117,6 +121,19 @@ def _pieces(axes: Axes, t: Array, y: Array, which: NDArray[np.bool_], **line: An
         x_all += [*t[first : last + 1], np.nan]
         y_all += [*y[first : last + 1], np.nan]
     axes.plot(x_all, y_all, **line)
+
+
+def _others(axes: Axes, picture: PathPicture, divisor: float, size: float) -> None:
+    """Branches that the path does not meet."""
+    if picture.branches is None:
+        return
+    data = picture.data
+    of, stable = data["branch_of"].values, data["branch_stable"].values.astype(bool)
+    for k in np.flatnonzero(data["branch_on_path"].values == 0):
+        own = np.flatnonzero(of == k)
+        t, y, good = data["branch_parameter"].values[own] / divisor, picture.branches[own] / size, stable[own[:-1]]
+        _pieces(axes, t, y, ~good, zorder=3, **APART | {"linestyle": UNSTABLE["linestyle"]})
+        _pieces(axes, t, y, good, zorder=4, **APART)
 
 
 def _lowest(axes: Axes, picture: PathPicture, divisor: float, size: float) -> None:
@@ -184,6 +201,7 @@ def _handles(picture: PathPicture) -> list[Line2D]:
     entries: list[tuple[bool, Mark, str]] = [
         (True, STABLE, "stable"),
         (not data["stable"].values.all(), UNSTABLE, "unstable"),
+        (picture.branches is not None and not data["branch_on_path"].values.all(), APART, "not met by the path"),
         (bool(proved.any()), {"color": LOWER, "linewidth": 6.0}, "global minimum (proved)"),
         (not proved.all(), {"color": LOW, "linewidth": 6.0}, "least energy on the path"),
         (bool(len(seen_folds(data)[0])), FOLD, "fold"),

@@ -40,6 +40,7 @@ class PathPicture:
     t:        (k,) parameter;  response: (k,) what is drawn over it, with its label and units
     loop:     (v,) response along the hysteresis loop, None without one
     asked:    (s,) response of the requested solutions
+    branches: (b,) response along every branch, None where they are not sought
     """
 
     data: Any
@@ -52,6 +53,7 @@ class PathPicture:
     response_units: str
     loop: Array | None
     asked: Array
+    branches: Array | None = None
 
     def shown(self) -> tuple[NDArray[np.intp], Array, Array]:
         """The pieces inside the span, and parameter and response at both ends of what is inside (p, 2)."""
@@ -89,6 +91,7 @@ def read_path_picture(path: Path, response: str = "mean-slip") -> PathPicture:
         response_units="N m-1" if like == "energy" and units != "1" else units,
         loop=values("loop_u_T", "loop_xi") if "loop_u_T" in data else None,
         asked=values("solution_u_T", "solution_xi"),
+        branches=values("branch_u_T", "branch_xi") if "branch_u_T" in data else None,
     )
 
 

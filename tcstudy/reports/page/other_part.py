@@ -183,7 +183,8 @@ def _path_verdict(data: Any, low: float, high: float, folds: Any, turns: int) ->
     inside = int(np.count_nonzero((t >= min(low, high)) & (t <= max(low, high))))
     most = int(data["solution_count"].max()) if data.sizes.get("at", 0) else None
     counts = int(data.sizes["piece"]), int(data["stable"].sum()), inside, turns, most, int(data.sizes.get("jump", 0))
-    return {"text": sentences.path(*counts, float(data["residual"].max())), "how": sentences.CONNECTED, "ok": True}
+    how = sentences.WHOLE if int(data.get("complete", 0)) else sentences.CONNECTED
+    return {"text": sentences.path(*counts, float(data["residual"].max())), "how": how, "ok": True}
 
 
 def fit_part(data: Any, box: Container) -> Json:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.store import load_root
+from tcstudy.reports.sentences import closed_loop, equilibria_at
 from tcstudy.reports.terminal.tables import plain_table
 from tcstudy.reports.text import counted, digits_lost, headed, number, prefix, proved, with_unit
 
@@ -35,7 +36,7 @@ def seen_folds(data: Any) -> tuple[NDArray[np.intp], int]:
 def path_summary(path: Path) -> str:
     """What a path's file holds: its extent and ends, the requested solutions, the loop; raises StoreError."""
     data = load_root(path, "path")
-    parts = [data.attrs["title"], _path(data), _solutions(data), _loop(data)]
+    parts = [data.attrs["title"], _path(data), _branches(data), _solutions(data), _loop(data)]
     return "\n\n".join(part for part in parts if part)
 
 
@@ -69,6 +70,34 @@ def _path(data: Any) -> str:
     return "\n".join(lines)
 
 
+def _branches(data: Any) -> str:
+    """What is known of all branches, the loops among them, and the number of equilibria at the requested values."""
+    if "complete" not in data:
+        return ""
+    complete, closed = bool(data["complete"]), data["branch_loop"].values.astype(bool)
+    of, t, stable = (data[f"branch_{name}"].values for name in ("of", "parameter", "stable"))
+    divisor, unit = prefix([float(x) for x in data.attrs["parameter_range"]], data["parameter"].attrs["units"])
+    polygon = " of the law's polygon" if float(data["law_error"]) > 0.0 else ""
+    apart = np.count_nonzero(~closed & ~data["branch_on_path"].values.astype(bool))
+    open_ = int(np.count_nonzero(~closed))
+    count = f"{open_} open branch{'es' if open_ != 1 else ''}"
+    count += f" ({apart} not on the path in the range)" if apart else ""
+    told = f"{count} and {counted(int(closed.sum()), 'closed loop')}{polygon}"
+    lines = [f"  every branch of the range: {told}; complete (proved)"]
+    if not complete:
+        lines = [f"  branches found in the range: {told}; not proved complete: {data.attrs['complete_reason']}"]
+    for k in np.flatnonzero(closed & (data["branch_on_path"].values == 0)):
+        own = t[of == k] / divisor
+        low, high = number(own.min()), f"{number(own.max())} {unit}".removesuffix(" 1")
+        lines.append(f"  {closed_loop(low, high, len(own) - 1, int(stable[of == k].sum()))}")
+    if not polygon:
+        for i, value in enumerate(data["at"].values if data.sizes.get("at", 0) else []):
+            on = data["solution_piece"].values[data["solution_at"].values == i]
+            told = f"{number(value / divisor)} {unit}".removesuffix(" 1")
+            lines.append(f"  {equilibria_at(len(on), int(np.count_nonzero(on < 0)), told, complete)}")
+    return "\n".join(lines)
+
+
 def _solutions(data: Any) -> str:
     """One row per solution at the requested values."""
     if not data.sizes.get("at", 0):
@@ -81,7 +110,7 @@ def _solutions(data: Any) -> str:
     scales = [prefix([float(np.max(np.abs(x), initial=0.0))], data[name].attrs["units"]) for x, name in columns]
     titles = (data.attrs["parameter"].split(".")[-1], "mean u_T", "energy")
     header = [headed(name, unit) for name, (_, unit) in zip(titles, scales, strict=True)]
-    header += ["stable", "least on path", "certified", "residual"]
+    header += ["stable", "least" if "complete" in data else "least on path", "certified", "residual"]
     rows = []
     for i in range(min(len(t), MOST_ROWS)):
         values = (t[i], slip[i], energy[i])
