@@ -28,6 +28,8 @@ Flags = NDArray[np.bool_]
 
 SLABS = 16
 """Parts of the interval that the search begins from; each is proved, or given up, by itself."""
+SAME = 1e-9
+"""Share of the interval within which vertices count as one."""
 _CELLS = 256
 
 
@@ -122,9 +124,24 @@ def all_branches(
         if left[i]:
             branches.append(_branch(i, h, link, left, (codes, u, t, stable)))
     missing = int(np.count_nonzero(link[..., 0] == -2))
-    return Branches(
-        tuple(branches), _reason(cells.stopped, undecided, missing, edge, (low, high)), int(cells.boxes.sum())
-    )
+    reason = _reason(cells.stopped, undecided, missing, edge, (low, high)) or _even(branches, (low, high))
+    return Branches(tuple(branches), reason, int(cells.boxes.sum()))
+
+
+def _even(branches: list[Branch], ends: tuple[float, float]) -> str:
+    """A value with an even number of solutions, which the degree forbids; empty if there is none.
+
+    Between vertices nearer than `SAME` of the interval nothing is asked: their own rounding may order them otherwise.
+    """
+    if not branches:
+        return "no solution was found"
+    begin, end = (np.concatenate(x) for x in zip(*(branch.ends for branch in branches), strict=True))
+    low, high = np.sort(np.minimum(begin, end)), np.sort(np.maximum(begin, end))
+    t = np.unique(np.concatenate([low, high, ends]))
+    middle = 0.5 * (t[1:] + t[:-1])[np.diff(t) > SAME * (ends[1] - ends[0])]
+    count = np.searchsorted(low, middle) - np.searchsorted(high, middle)
+    even = np.flatnonzero(count % 2 == 0)
+    return f"{count[even[0]]} solutions were found at {middle[even[0]]:g}, which must be odd" if len(even) else ""
 
 
 def _branch(i: int, h: int, link: Index, left: Flags, found: tuple[NDArray[np.int32], Array, Array, Flags]) -> Branch:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 from tcstudy.contact.all_solutions import all_solutions
 from tcstudy.contact.boxes import Limits
-from tcstudy.contact.path.complete import all_branches
+from tcstudy.contact.path.complete import Branch, _even, all_branches
 from tcstudy.contact.path.problem import ParametricProblem
 from tests.contact.random_polygons import by_brute_force, random_problem
 
@@ -65,3 +66,20 @@ def test_a_limit_names_the_values_that_are_not_proved() -> None:
     problem, lambda_1, _ = parametric(2, 3)
     found = all_branches(problem, 0.0, 1.0, lambda_1, Limits(boxes=1))
     assert found.reason.startswith("the limit of boxes or time was met where the parameter is 0")
+
+
+def test_a_branch_that_is_lost_is_missed() -> None:
+    """Growth makes the number of solutions odd; ends that rounding puts apart are one."""
+    way = partial(
+        Branch, u=np.zeros((2, 1)), stable=np.ones(1, dtype=bool), codes=np.zeros((1, 1), np.int32), loop=False
+    )
+    first, second = way(t=np.array([0.0, 0.5])), way(t=np.array([0.5 + 1e-15, 1.0]))
+    assert _even([first, second], (0.0, 1.0)) == ""
+    assert _even([second], (0.0, 1.0)) == "0 solutions were found at 0.25, which must be odd"
+    assert (
+        _even([way(t=np.array([0.0, 1.0])), second], (0.0, 1.0)) == "2 solutions were found at 0.75, which must be odd"
+    )
+    assert (
+        _even([first, way(t=np.array([0.6, 1.0]))], (0.0, 1.0)) == "0 solutions were found at 0.55, which must be odd"
+    )
+    assert _even([], (0.0, 1.0)) == "no solution was found"
