@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from tcstudy.errors import StudyError
-from tcstudy.read.checks import check_goal, check_mesh
+from tcstudy.read.checks import check_goal, check_guarantee, check_mesh
 from tcstudy.read.document import apply_overrides, compose, load_text, whole_key, with_sweep
 from tcstudy.read.exact import derived_scenes, read_exact, without_loads
 from tcstudy.read.fields import Context, Fields
@@ -232,6 +232,7 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
     if mesh and body:
         listed = sweep.h if sweep.h and isinstance(sweep.h.value, tuple) else None
         check_mesh(ctx, listed or deepest(root, ("mesh", "maxh")), mesh, body)
+        check_guarantee(ctx, root, mesh, body)
         given = sweep.h.child("of") if sweep.h and not listed else None
         words = (node for key in ("of", "goal") if (section := root.child("mesh")) and (node := section.child(key)))
         if scenes and (goal := given or next(words, None)):

@@ -91,7 +91,7 @@ def _limit(own: int) -> float:
 def family_plan(plan: MeshPlan, family: FamilyName) -> MeshPlan:
     """A family from the study's coarsest mesh, with its own grading, marking and goal."""
     own = replace(plan, maxh=plan.maxh[:1], levels=LEVELS, family=family)
-    return replace(own, tolerance=None, max_dofs=10**9, estimate=False)
+    return replace(own, tolerance=None, max_dofs=10**9, estimate=False, guarantee=False)
 
 
 def _steps(

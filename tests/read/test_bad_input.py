@@ -203,6 +203,12 @@ def test_a_geometry_file_must_exist(tmp_path: Path) -> None:
     assert brep.edges == (("bottom", ((0.0, 0.0),)), ("left", ((0.0, 1.0),)))
 
 
+def test_a_guarantee_needs_straight_edges() -> None:
+    arc, asked = ("[2, 1], edge: top", "[2, 1], edge: top, through: [1, 1.2]"), ("levels: 2", "guarantee: true")
+    [line] = problems(changed(*arc).replace(*asked))
+    assert line.endswith("mesh.guarantee: needs straight edges, but the mesh of top is another body; remove it")
+
+
 @pytest.mark.parametrize(
     ("option", "line"),
     [
