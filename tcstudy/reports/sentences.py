@@ -71,7 +71,7 @@ def all_equilibria(count: NDArray[np.int_], complete: NDArray[np.int_]) -> str:
     if not len(count):
         return ""
     known = count[complete > 0]
-    span = f"{known.min()}" if len(known) and known.min() == known.max() else ""
+    span = f"{known.min()} each" if len(known) and known.min() == known.max() else ""
     span = span or (f"{known.min()} to {known.max()}" if len(known) else "")
     told = f"all equilibria proved at {len(known)} of {len(count)}" + (f" ({span})" if span else "")
     return told + (" of the polygons of exponential laws" if np.any(complete == OF_POLYGON) else "")

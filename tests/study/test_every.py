@@ -63,7 +63,7 @@ def test_a_limit_is_told_and_claims_nothing(tmp_path: Path) -> None:
         complete, count = tree["complete"].values.ravel(), tree["solutions"].values.ravel()
         assert set(complete) == {0, 1}
         assert np.all(count[complete == 1] == 1)
-    assert "all equilibria proved at 1 of 6 (1)" in verdict(tmp_path / "few.nc")["text"]
+    assert "all equilibria proved at 1 of 6 (1 each)" in verdict(tmp_path / "few.nc")["text"]
 
 
 def test_exponential_laws_are_proved_of_their_polygon_alone(tmp_path: Path) -> None:

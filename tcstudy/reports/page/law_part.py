@@ -18,6 +18,10 @@ SAMPLES, DECAYS = 60, 6.0
 """Points on a curved piece, and how many decay lengths of a law are drawn."""
 
 
+INTERFACES = ("elastic-plastic", "bilinear", "trapezoidal", "trilinear")
+"""Shapes that the page moves by their points."""
+
+
 def law_part(study: Study | None) -> Json | None:
     """The different laws of a study and which one every point has; None if the study does not say.
 
@@ -73,6 +77,9 @@ def spec(law: Laws) -> Json | None:
     made = law.made
     if made is None:
         return None
+    if made.shape in INTERFACES:  # through 0, without a jump
+        points = [(s, b) for s, b in zip(law.kinks.tolist(), law.b_right.tolist(), strict=True) if s > 0.0]
+        return {"law": "piecewise-linear", "points": [[0.0, 0.0], *map(list, points)], "slope": float(law.q[-1])}
     tractions = {key.name for key in SHAPES[made.shape].parameters if key.dimension in (TRACTION, STIFFNESS)}
     values = {name: value * made.strength if name in tractions else value for name, value in made.values.items()
               if value is not None}  # fmt: skip

@@ -14,6 +14,7 @@ from tcstudy.laws.shapes import SHAPES
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.refine.family import Family
+from tcstudy.reports.page.law_part import INTERFACES
 from tcstudy.scene.records import Convection, Scene, Traction
 from tcstudy.scene.study import Study
 
@@ -42,7 +43,7 @@ heat: {alpha: 2, theta_bar: "1 + x", q: 0.5}
 friction: {law: saw-tooth, tau: 0.03, delta: 0.02, teeth: 3, drop: 0.6, decay: 0.8}
 mesh: {maxh: 0.2, levels: 3}
 sweep: {alpha: [4, 0.5], friction: {teeth: {law: saw-tooth, tau: 0.03, delta: 0.02, teeth: 3, drop: 0.6, decay: 0.8},
-        spring: {law: linear, k: 0.3},
+        spring: {law: linear, k: 0.3}, bond: {law: bilinear, tau: 0.03, s0: 0.02, sf: 0.3},
         shelf: {law: piecewise-linear, points: [[0, 0.02], [0.05, 0.04], [0.05, 0.01], [0.2, 0.02]], slope: 0.01}}}
 output: {live: true}
 """
@@ -87,10 +88,11 @@ def settings(study: Study, level: Level, count: int, seed: int) -> Iterator[Sett
         point = int(random.integers(len(study.scenes)))
         scene = study.scenes[point]
         factor = float(random.uniform(-1.0, 2.0))
+        name = "piecewise-linear" if scene.friction.name in INTERFACES else scene.friction.name
         spec = {k: _moved(k, v, random) for k, v in PARAMETERS[scene.friction.name](scene).items()}
-        law = SHAPES[scene.friction.name].build(**spec)
+        law = SHAPES[name].build(**spec)
         changed = replace(_loaded(scene, factor), friction=law)
-        told = {"factor": factor, "law": {"law": scene.friction.name, **spec}}
+        told = {"factor": factor, "law": {"law": name, **spec}}
         yield Setting(point, told, level.condensed(changed).problem)
 
 
@@ -131,6 +133,7 @@ PARAMETERS = {
     },
     "saw-tooth": lambda scene: {"tau": 0.03, "delta": 0.02, "teeth": 3, "drop": 0.6, "decay": 0.8},
     "linear": lambda scene: {"k": 0.3},
+    "bilinear": lambda scene: {"points": [[0.0, 0.0], [0.02, 0.03], [0.3, 0.0]], "slope": 0.0},
     "piecewise-linear": lambda scene: {"points": _points(scene), "slope": float(scene.friction.slope(1e9, -1))},
 }  # fmt: skip
 

@@ -48,7 +48,7 @@ def main() -> None:
             browser.picture(ROOT / "results" / "page-live.png", (0, 0, WIDTH, height - 40))
             for command, study, place, last in OTHERS:
                 file = Path(folder) / f"{study}.nc"
-                tcstudy([command, str(ROOT / "configs" / f"{study}.yaml"), "--output", str(file), "-q"])
+                tcstudy(["run", str(ROOT / "configs" / f"{study}.yaml"), "--output", str(file), "-q"])
                 browser.open(write_page(file, file.with_suffix(".html")).path, place)
                 bottom = browser.run(BOX, "header", last)[1]
                 browser.picture(ROOT / "results" / f"page-{command}.png", (0, 0, WIDTH, bottom + 20))

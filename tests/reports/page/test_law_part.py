@@ -9,6 +9,7 @@ import tcstudy
 from tcstudy.laws import composed
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.study import read_study_text
+from tcstudy.reports.page import law_part
 from tcstudy.reports.page.container import Container
 from tcstudy.reports.page.law_part import drawn, node_part, spec
 from tcstudy.reports.picture import read_picture
@@ -38,6 +39,20 @@ def test_points_with_a_jump_are_told() -> None:
     points = [[0.0, 4.0], [1.0, 4.0], [1.0, 1.0], [2.0, 3.0]]
     found = spec(SHAPES["piecewise-linear"].build(points=points, slope=0.5))
     assert found == {"law": "piecewise-linear", "points": points, "slope": 0.5}
+
+
+def test_laws_of_interfaces_are_told_by_their_points() -> None:
+    """Those that `lawOf` does not know by name, as every shape is known by it or told so."""
+    found = spec(SHAPES["bilinear"].build(tau=7e6, s0=4e-5, G_f=700.0).times(2.0))
+    assert found is not None
+    assert found["law"] == "piecewise-linear"
+    assert found["slope"] == 0.0
+    np.testing.assert_allclose(found["points"], [[0.0, 0.0], [4e-5, 1.4e7], [2e-4, 0.0]], rtol=1e-14)
+    script = (Path(law_part.__file__).parent / "assets" / "laws.js").read_text(encoding="utf-8")
+    known = script[script.index("const shapes = {") :]
+    assert [name for name in SHAPES if f'{name}"(' not in known and f"    {name}(" not in known] == [
+        *law_part.INTERFACES
+    ]
 
 
 def test_a_strength_scales_tractions_alone() -> None:
