@@ -19,6 +19,7 @@ HEATED = ("material.beta=1", "heat={}", "sweep={theta: [0.001, 0.03]}", SOFTENIN
         ((), "how exact these are: tcstudy converge block.yaml\n"),
         (("mesh.levels=1",), "how exact these are: tcstudy converge block.yaml --set=mesh.levels=3\n"),
         (HEATED, "'--set=path={parameter: heat.theta, from: 0.001, to: 0.03}'\n"),
+        ((*HEATED, "solver={branch: all}"), "how exact these are: tcstudy converge"),
         (
             (
                 "solver={name: separable-newton, tolerance: 1e-19}",
@@ -28,7 +29,7 @@ HEATED = ("material.beta=1", "heat={}", "sweep={theta: [0.001, 0.03]}", SOFTENIN
             "what failed, and why: tcstudy show results/block.nc -v\n",
         ),
     ],
-    ids=["levels", "one level", "swept load", "failed"],
+    ids=["levels", "one level", "swept load", "all known", "failed"],
 )
 def test_a_run_ends_with_the_command_that_fits_it(tmp_path: Path, options: tuple[str, ...], told: str) -> None:
     (tmp_path / "block.yaml").write_text(STUDY)

@@ -117,7 +117,7 @@ def _onward(options: argparse.Namespace, output: Path, failed: int) -> Iterator[
         return
     if study.design is not None and study.design.mode == "saltelli":
         yield "which parameter decides", ["tcstudy", "show", str(output), "--of=friction_resultant"]
-    if not shared.proved_unique(output):
+    if not study.solver.every and not study.mesh.guarantee and not shared.proved_unique(output):
         from tcstudy.scene.parameters import affine_numbers
 
         if len(study.axes) == 1 and (axis := study.axes[0]).path in dict(affine_numbers(study.scenes[0])):

@@ -93,6 +93,12 @@ def verdict(path: Path) -> dict[str, Any]:
         return _told(RunSeen(dims, levels, str(nc.sweep_mode), labels, take, friction, units))
 
 
+def _of_the_body(run: RunSeen, ok: Flags) -> str:
+    """At how many points the problem itself has one solution, where that is asked for."""
+    asked = run.take("proved_unique", -1) is not None
+    return f"{int(run.flag('proved_unique', ok).sum())} of them for the body itself" if asked else ""
+
+
 def _told(run: RunSeen) -> dict[str, Any]:
     ok = run.ok()
     total, solved = int(ok.size), int(ok.sum())
@@ -104,6 +110,7 @@ def _told(run: RunSeen) -> dict[str, Any]:
     parts = [
         f"{solved} of {total} solved",
         sentences.proved(int(unique.sum()), int(run.flag("global_minimum", ok).sum())),
+        _of_the_body(run, ok),
         _every(run, ok),
         f"{int(several.sum())} with more than one solution found" if several.any() else "",
         sentences.mesh_error(error, estimated, no_larger),

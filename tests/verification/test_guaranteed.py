@@ -13,6 +13,7 @@ from tcstudy.errors import GeometryFailed
 from tcstudy.fem.forms import csr
 from tcstudy.offline.guaranteed import Band, lambda_1_band, shape_constant
 from tcstudy.offline.level import Level
+from tcstudy.reports.verdict import verdict
 from tcstudy.scene.records import Scene
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, study_of
 
@@ -184,6 +185,7 @@ def test_a_study_says_what_is_proved_of_the_body(tmp_path: Path) -> None:
         (tmp_path / "s.yaml").write_text(STABILITY + f"solver: {name}\n")
         tree = tcstudy.run(tmp_path / "s.yaml", tmp_path / f"{len(found)}.nc")
         found.append(tree.to_dataset().load())
+        assert "of them for the body itself" in verdict(tmp_path / f"{len(found) - 1}.nc")["text"]
     data, other = found
     for name in ("lambda_1_low", "lambda_1_high", "lambda_1_dual", "proved_unique"):
         np.testing.assert_allclose(data[name], other[name], rtol=1e-12)
