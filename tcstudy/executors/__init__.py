@@ -2,9 +2,9 @@
 
 Each is a concurrent.futures.Executor: `submit(function, *arguments)` gives a Future, whether the function solves a
 block of points or a whole geometry. A Job tells in addition how the call is named and how long it may take. An executor
-writes nothing and knows no study; a worker imports tcstudy.online and what the function needs.
+writes nothing and knows no study; a worker imports tcstudy.contact and what the function needs.
 
-Not here: which points form a block, what is recorded of them (study); how to solve them (online).
+Not here: which points form a block, what is recorded of them (study); how to solve them (contact).
 """
 
 from tcstudy.executors.cluster import DaskExecutor

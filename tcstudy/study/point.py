@@ -14,8 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.condense import NotPositiveDefinite
+from tcstudy.contact.body import BlockAnswers, Certificates
 from tcstudy.contact.certificates import Certificate, certify
 from tcstudy.contact.contact import Answer, solve_contact
+from tcstudy.contact.every import Every
 from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import kept
 from tcstudy.data.records import PointRecord, PointStatus
@@ -32,7 +34,6 @@ from tcstudy.data.schema import (
 )
 from tcstudy.offline.level import Condensed, CondensedBlock, Level
 from tcstudy.offline.thermal import Temperature
-from tcstudy.online import BlockAnswers, Certificates, Every
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 

@@ -4,7 +4,7 @@ Solved one by one, here: points for which the study names several solvers, the b
 
 A block depends on the study and on the size of the contact line alone, so that a run that was stopped, or that others
 help with, has the same blocks and in them the same numbers, to the bit. Points of a block share λ/μ; their loads are
-rows of one array and their laws rows of one table (tcstudy.online).
+rows of one array and their laws rows of one table (tcstudy.contact).
 """
 
 from __future__ import annotations
@@ -21,7 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.condense import NotPositiveDefinite
+from tcstudy.contact.block import Options, solve_block
+from tcstudy.contact.body import BlockAnswers, CondensedBody
 from tcstudy.contact.boxes import Limits
+from tcstudy.contact.every import Every, solve_every
 from tcstudy.contact.loop import Status
 from tcstudy.data.on_request import variables
 from tcstudy.data.records import BlockRecord, PointRecord, PointStatus, block_of
@@ -30,7 +33,6 @@ from tcstudy.laws.composed import row_laws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
 from tcstudy.offline.level import CondensedBlock, Level
-from tcstudy.online import BlockAnswers, CondensedBody, Every, Options, solve_block, solve_every
 from tcstudy.refine.error_estimator import ErrorEstimator
 from tcstudy.scene.points import combinations, of_stiffness
 from tcstudy.scene.records import Scene

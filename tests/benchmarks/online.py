@@ -3,7 +3,8 @@
 Body:    the quickstart's at five mesh sizes, m = 11 to 352 contact nodes; loads of 10 α × 25 θ̄
 Sweeps:  softening with 10 δ, the quickstart's four laws, and 1,000 random laws of all shapes; 1,000 points each
 Before:  tcstudy.contact.contact with its certificates, λ₁ and Ã⁻¹ of the body given, on every 40th point
-Now:     tcstudy.online.solve_block in blocks as a study has them, tables of the laws included; CPU time, least of two
+Now:     tcstudy.contact.block.solve_block in blocks as a study has them, tables of the laws included; CPU time, least
+         of two
 Whole:   1,000 points from the condensed body to the finished file: loads, solve, certificates, journal, netCDF
 `--whole` measures that alone and keeps the other figures.
 
@@ -29,6 +30,7 @@ import scipy.linalg
 import xarray as xr
 from numpy.typing import NDArray
 
+from tcstudy.contact.body import BlockAnswers, CondensedBody
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.data.journal import Journal
 from tcstudy.data.provenance import collect
@@ -36,13 +38,12 @@ from tcstudy.data.store import write
 from tcstudy.executors.pool import keep_freed_memory
 from tcstudy.laws import shapes
 from tcstudy.laws.laws import Laws
-from tcstudy.online import BlockAnswers, CondensedBody
 from tcstudy.reports.figures.style import INK, WIDTH, save, styled
 from tcstudy.scene.study import Study
 from tcstudy.study.run import Stage, stages
 from tests.benchmarks.blocks import Single, differences, said, solved_alone
 from tests.benchmarks.panels import inches
-from tests.online.rows import solve_points
+from tests.contact.rows import solve_points
 
 T = TypeVar("T")
 Array = NDArray[np.float64]

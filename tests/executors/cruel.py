@@ -10,10 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-import tcstudy.online
+from tcstudy.contact import block
 from tcstudy.executors import worker
 from tcstudy.laws.laws import Laws
-from tcstudy.online import block
 from tests.executors.calls import treat
 
 WHAT, TAU, FILE = sys.argv[1], float(sys.argv[2]), Path(sys.argv[3])
@@ -26,6 +25,6 @@ def cruel(body: object, loads: object, laws: Laws, *more: object) -> object:
     return original(body, loads, laws, *more)  # type: ignore[arg-type]
 
 
-block.solve_block = tcstudy.online.solve_block = cruel  # type: ignore[assignment]
+block.solve_block = cruel  # type: ignore[assignment]
 del sys.argv[1:4]
 worker.main()

@@ -7,11 +7,12 @@ import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
+from tcstudy.contact.block import solve_block
+from tcstudy.contact.body import CondensedBody
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.problem import ContactProblem, least_eigenpair
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import slip_weakening
-from tcstudy.online import CondensedBody, solve_block
 from tests.verification.scenes import RECTANGLE, levels_of, study_of
 
 

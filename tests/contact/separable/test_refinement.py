@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tcstudy.contact.body import CondensedBody
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.loop import Status
@@ -12,10 +13,9 @@ from tcstudy.contact.problem import ContactProblem
 from tcstudy.contact.separable.finish import extended, refined
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import slip_weakening, tresca
-from tcstudy.online import CondensedBody
 from tcstudy.scene.study import TOLERANCE, Acceptance
 from tests.contact.ill_conditioned import body
-from tests.online.rows import solve_points
+from tests.contact.rows import solve_points
 
 
 def rail(m: int, strain: float = 7.2e-4) -> ContactProblem:

@@ -17,22 +17,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.contact.body import BlockAnswers, Certificates, CondensedBody, Judged, Rows, judge
 from tcstudy.contact.bounds import least_slopes
-from tcstudy.contact.contact import TIE, Answer, solve_contact
-from tcstudy.contact.loop import Status
-from tcstudy.contact.problem import MARGIN, kept
-from tcstudy.contact.search import MOVES
-from tcstudy.contact.separable.finish import finish, refined
-from tcstudy.laws.laws import Laws
-from tcstudy.online.certify import (
+from tcstudy.contact.certify import (
     definite,
     global_minimum,
     margins,
     solution_boxes,
     strict_minimum,
 )
-from tcstudy.online.descent import TOLERANCE, Descended, descend, descend_nested, hull_starts, move_starts
-from tcstudy.online.problems import BlockAnswers, Certificates, CondensedBody, Judged, Rows, judge
+from tcstudy.contact.contact import TIE, Answer, solve_contact
+from tcstudy.contact.descent import TOLERANCE, Descended, descend, descend_nested, hull_starts, move_starts
+from tcstudy.contact.loop import Status
+from tcstudy.contact.problem import MARGIN, kept
+from tcstudy.contact.search import MOVES
+from tcstudy.contact.separable.finish import finish, refined
+from tcstudy.laws.laws import Laws
 from tcstudy.scene.study import ESCAPE, EXACT, FRICTIONLESS, NEIGHBOUR, START_NAMES, ZERO, Acceptance, Branch
 
 Array = NDArray[np.float64]

@@ -17,14 +17,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.contact.body import Rows
 from tcstudy.contact.hulls import proximal_hulls
 from tcstudy.contact.moves import best_places, follow, relaxed_stiffness
+from tcstudy.contact.newton import BlockSlopes, directions, leave_saddles, slopes
 from tcstudy.contact.search import GROWTH, LOOSE, PROMISES
 from tcstudy.contact.separable.descent import descend_nodes
 from tcstudy.contact.separable.pieces import factor_free
 from tcstudy.laws.pieces import Place
-from tcstudy.online.newton import BlockSlopes, directions, leave_saddles, slopes
-from tcstudy.online.problems import Rows
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

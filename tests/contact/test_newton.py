@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.online import CondensedBody
-from tcstudy.online.certify import definite
-from tcstudy.online.newton import directions
+from tcstudy.contact.body import CondensedBody
+from tcstudy.contact.certify import definite
+from tcstudy.contact.newton import directions
 from tests.contact import contact_cases as cases
 
 

@@ -18,13 +18,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.contact.body import CondensedBody, Rows
 from tcstudy.contact.bounds import FEW, PARTS, bends, boxes_of, largest_push, value_range
+from tcstudy.contact.newton import slopes
 from tcstudy.contact.problem import kept, least_lowered
 from tcstudy.contact.separable.pieces import factor_free, negative_curvature
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
-from tcstudy.online.newton import slopes
-from tcstudy.online.problems import CondensedBody, Rows
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

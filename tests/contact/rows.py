@@ -1,4 +1,4 @@
-"""Blocks of contact problems for the tests of the online engine, and their single problems."""
+"""Blocks of contact problems for the tests of the engine, and their single problems."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from dataclasses import fields
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.contact.block import Options, solve_block
+from tcstudy.contact.body import BlockAnswers, Certificates, CondensedBody
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.laws import Laws
-from tcstudy.online import BlockAnswers, Certificates, CondensedBody, Options, solve_block
 from tcstudy.study.workshop import ENOUGH, ENTRIES, MOST, POINTS
 from tests.contact import contact_cases as cases
 

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.contact.all_solutions import LAW_ERROR, Equilibria, of_rows
+from tcstudy.contact.block import Options, solve_block
+from tcstudy.contact.body import BlockAnswers, CondensedBody, Rows, judge
 from tcstudy.contact.boxes import Limits, reach_of
 from tcstudy.contact.contact import TIE
 from tcstudy.contact.loop import Status
 from tcstudy.contact.path.chords import piecewise_linear
 from tcstudy.contact.problem import kept
 from tcstudy.laws.laws import Laws
-from tcstudy.online.block import Options, solve_block
-from tcstudy.online.problems import BlockAnswers, CondensedBody, Rows, judge
 from tcstudy.scene.study import ESCAPE
 
 Array = NDArray[np.float64]

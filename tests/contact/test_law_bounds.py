@@ -7,10 +7,10 @@ import pytest
 
 from tcstudy.contact import bounds
 from tcstudy.contact.bounds import largest_push, least_slopes, tables_of, value_range
+from tcstudy.contact.certify import bends_below_tangent
 from tcstudy.contact.hulls import proximal_hulls
 from tcstudy.laws.laws import Laws
-from tcstudy.online.certify import bends_below_tangent
-from tests.online.rows import some_laws
+from tests.contact.rows import some_laws
 
 LAWS = some_laws()
 TABLES = Laws.of(LAWS)

@@ -21,10 +21,10 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from tcstudy.contact.body import CondensedBody, Rows
 from tcstudy.contact.separable.descent import ROUNDINGS, off_saddle
 from tcstudy.contact.separable.pieces import negative_curvature, with_diagonal
 from tcstudy.laws.pieces import BEND, Place
-from tcstudy.online.problems import CondensedBody, Rows
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

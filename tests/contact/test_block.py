@@ -5,20 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tcstudy.contact.block import Options, solve_block
+from tcstudy.contact.body import BlockAnswers, CondensedBody, Rows
 from tcstudy.contact.bounds import solution_box
 from tcstudy.contact.certificates import certify
+from tcstudy.contact.certify import solution_boxes
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.composed import nodal, row_laws
 from tcstudy.laws.laws import NONE, Laws
-from tcstudy.online import BlockAnswers, CondensedBody, Options, solve_block
-from tcstudy.online.certify import solution_boxes
-from tcstudy.online.problems import Rows
 from tcstudy.scene.study import NEIGHBOUR
 from tests.contact import contact_cases as cases
 from tests.contact.exhaustive import least_energy, small_problem
-from tests.online.rows import block, reordered, single, solve_points, some_laws
+from tests.contact.rows import block, reordered, single, solve_points, some_laws
 
 FLAGS = ("convex", "unique", "strict_minimum", "global_minimum")
 TIE = 1e-12
