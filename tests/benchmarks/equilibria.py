@@ -1,7 +1,8 @@
 """Are lists of equilibria complete, and what do they cost? `python -m tests.benchmarks.equilibria`
 
-N random problems with 3 to 5 nodes against brute force over all pieces; N points of quickstart's body (m = 13) against
-mixed-integer programs; seconds of CPU for maps of quickstart's body over traction × air temperature.
+N random problems with 3 to 5 nodes against brute force over all pieces, at a load and along an interval of loads; N
+points of quickstart's body (m = 13) against mixed-integer programs; seconds of CPU for maps of quickstart's body over
+traction × air temperature.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ from collections import Counter
 import numpy as np
 
 from tcstudy.contact.all_solutions import all_solutions, of_rows
+from tcstudy.contact.path.complete import all_branches
+from tcstudy.contact.path.problem import ParametricProblem
 from tests.contact.random_polygons import NEAR, by_brute_force, random_problem
 from tests.verification.test_all_solutions import FILMS, equal_to_milp, quickstart_problems
 
@@ -20,11 +23,9 @@ MAPS = {"softening": (2, 40), "brittle": (2, 40), "saw-tooth": (2, 40)}
 
 
 def against_brute_force(count: int) -> str:
-    """`count` problems: three quarters with three nodes, a fifth with four, the rest with five."""
-    sizes = [3] * (3 * count // 4) + [4] * (count // 5)
-    sizes += [5] * (count - len(sizes))
+    """`count` problems at one load each."""
     differ, degenerate, counts = [], 0, Counter[int]()
-    for seed, m in enumerate(sizes):
+    for seed, m in enumerate(_sizes(count)):
         problem, _ = random_problem(10_000 + seed, m)
         v, _, nearest = by_brute_force(problem)
         if nearest < NEAR:
@@ -40,6 +41,35 @@ def against_brute_force(count: int) -> str:
             differ.append(10_000 + seed)
     told = f"{count} random problems: {len(differ)} differ {differ or ''}, {degenerate} degenerate"
     return f"{told}; counts {dict(sorted(counts.items()))}"
+
+
+def against_segments(count: int) -> str:
+    """`count` intervals of loads, of the same sizes: ends of all segments, in what branches and loops they are."""
+    differ, unproved, degenerate, segments, loops = [], [], 0, 0, 0
+    for seed, m in enumerate(_sizes(count)):
+        problem, per_t = random_problem(20_000 + seed, m)
+        _, rows, nearest = by_brute_force(problem, per_t)
+        if nearest < 1e-7:  # a segment so short that brute force, which has no bounds of rounding, may err
+            degenerate += 1
+            continue
+        along = ParametricProblem(problem.A_tilde, problem.l_tilde, per_t, problem.c, problem.law)
+        found = all_branches(along, 0.0, 1.0, problem.lambda_1)
+        ends = np.array([sorted(pair) for branch in found.branches for pair in zip(*branch.ends, strict=True)])
+        if not found.complete:
+            unproved.append(20_000 + seed)
+        elif len(ends) != len(rows) or not np.allclose(np.sort(ends, axis=0), np.sort(rows, axis=0), atol=1e-7):
+            differ.append(20_000 + seed)
+        segments, loops = segments + len(rows), loops + sum(branch.loop for branch in found.branches)
+    return (
+        f"{count} intervals: {len(differ)} differ {differ or ''}, {len(unproved)} not proved {unproved or ''}, "
+        f"{degenerate} degenerate; {segments} segments, {loops} loops"
+    )
+
+
+def _sizes(count: int) -> list[int]:
+    """Three quarters with three nodes, a fifth with four, the rest with five."""
+    sizes = [3] * (3 * count // 4) + [4] * (count // 5)
+    return sizes + [5] * (count - len(sizes))
 
 
 def against_programs(count: int) -> str:
@@ -71,11 +101,14 @@ def map_of(film: str, levels: int, n: int) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--problems", type=int, default=2_000, help="random problems; 2,000")
+    parser.add_argument("--intervals", type=int, default=2_000, help="intervals of random problems; 2,000")
     parser.add_argument("--milp", type=int, default=20, help="points by integer programs; 20")
     parser.add_argument("--map", nargs=3, action="append", metavar=("FILM", "LEVELS", "N"), help="instead of all maps")
     given = parser.parse_args()
     if given.problems:
         print(against_brute_force(given.problems), flush=True)
+    if given.intervals:
+        print(against_segments(given.intervals), flush=True)
     if given.milp:
         print(against_programs(given.milp), flush=True)
     for film, (levels, n) in ({f: (int(x), int(y)) for f, x, y in given.map} if given.map else MAPS).items():
