@@ -153,6 +153,7 @@ _BRANCH, _ON_BRANCH = ("branch",), ("branch_vertex",)
 _BY_BRANCH = (("coordinates", "branch_parameter"),)
 BRANCHES: tuple[FileVariable, ...] = (
     FileVariable("complete", "i1", "1", "whether these are all branches", (), coordinate=True, extra=flags(*CERTIFIED)),
+    _flag("at_complete", "whether the solutions at the value are all", _AT, CERTIFIED),
     _flag("branch_loop", "whether the branch is closed", _BRANCH, ("open", "closed")),
     _flag("branch_on_path", "whether the path goes along it", _BRANCH, ("apart", "on_path")),
     _index("branch_of", "branch that the vertex is on, its vertices in their order", _ON_BRANCH),

@@ -72,7 +72,9 @@ def follow_path(study: Study, progress: Progress | None = None) -> PathRecord:
         raise PathError(str(error)) from error
     setting = _Setting(plan, load, load.problem, straight, lambda_1, study.solver.tolerance)
     path, v = _follow(setting, progress)
-    every = all_branches(straight, plan.begin, plan.end, lambda_1, LIMITS) if plan.complete else None
+    every = None
+    if plan.complete:
+        every = all_branches(straight, plan.begin, plan.end, lambda_1, LIMITS, plan.at)
     return PathRecord(
         line=line,
         curve=_curve(setting, path),
@@ -156,6 +158,7 @@ def _branches(setting: _Setting, path: Path, every: Branches) -> Values:
     loads, force = problem.l_0 + t[:, None] * problem.l_1, u @ problem.A_tilde
     return {
         "complete": int(every.complete),
+        "at_complete": _known(setting, every),
         "branch_of": np.repeat(np.arange(len(closed)), [len(own) for own, _ in parts[1:]]),
         "branch_parameter": t,
         "branch_energy": np.sum(u * (0.5 * force - loads), axis=1) + problem.law.j(u) @ problem.c + load.constant(t),
@@ -171,16 +174,25 @@ SAME = 1e-7
 """Of the largest slip, by which the same solution may differ on the path and on its branch."""
 
 
-def _beside(path: Path, every: Branches, t: float, found: list[PathSolution]) -> list[PathSolution]:
-    """The solutions at t that are on a branch, but not among those found on the path."""
-    problem, more = path.problem.at(t), list[PathSolution]()
-    for branch in every.branches:
-        for v, piece in zip(*branch.at(t), strict=True):
-            size = SAME * float(np.max(np.abs(v), initial=0.0))
-            if all(np.max(np.abs(v - one.v)) > size for one in found):
-                stable = bool(branch.stable[piece])
-                more.append(PathSolution(v, problem.energy(v), stable, -1, problem.inclusion_residual(v)))
-    return more
+def _beside(path: Path, every: Branches, i: int, t: float, found: list[PathSolution]) -> list[PathSolution]:
+    """The solutions at t, the requested value i, that are known beside those found on the path."""
+    problem, all_of_them = path.problem.at(t), list(found)
+    known = [(v, branch.stable[piece]) for branch in every.branches for v, piece in zip(*branch.at(t), strict=True)]
+    if (listed := every.listed[i]) is not None:
+        known += zip(listed.v, listed.stable, strict=True)
+    for v, stable in known:
+        size = SAME * float(np.max(np.abs(v), initial=0.0))
+        if all(np.max(np.abs(v - one.v)) > size for one in all_of_them):
+            residual = problem.inclusion_residual(v)
+            all_of_them.append(PathSolution(v, problem.energy(v), bool(stable), -1, residual))
+    return all_of_them
+
+
+def _known(setting: _Setting, every: Branches) -> Array:
+    """Whether all solutions at each of the requested values are known by proof."""
+    ends = sorted((setting.plan.begin, setting.plan.end))
+    pairs = zip(setting.plan.at, every.listed, strict=True)
+    return np.array([ends[0] <= t <= ends[1] and every.complete if x is None else x.complete for t, x in pairs], bool)
 
 
 def _solutions(setting: _Setting, path: Path, every: Branches | None) -> Values:
@@ -192,9 +204,10 @@ def _solutions(setting: _Setting, path: Path, every: Branches | None) -> Values:
     found: list[list[PathSolution]] = [
         solutions_at(path, t) if law.piecewise_linear else solutions_of(law, path, t) for t in at
     ]
-    known = every is not None and law.piecewise_linear
-    if every is not None and known:
-        found = [[*group, *_beside(path, every, t, group)] for t, group in zip(at, found, strict=True)]
+    known = np.zeros(len(at), dtype=bool)
+    if every is not None and law.piecewise_linear:
+        found = [_beside(path, every, i, at[i], group) for i, group in enumerate(found)]
+        known = _known(setting, every)
     rows = [(i, s) for i, group in enumerate(found) for s in group]
     proofs = [certify(setting.true.at(at[i]), s.v, setting.lambda_1, setting.tolerance) for i, s in rows]
     energies = np.array([s.energy for _, s in rows])
@@ -202,7 +215,7 @@ def _solutions(setting: _Setting, path: Path, every: Branches | None) -> Values:
     slack = TIE * float(np.max(np.abs(energies), initial=0.0))
     v = np.array([s.v for _, s in rows]).reshape(len(rows), path.problem.m)
     least_one = np.array([s.energy <= least[i] + slack for i, s in rows], dtype=bool)
-    proved = least_one & bool(known and every is not None and every.complete)
+    proved = least_one & known[[i for i, _ in rows]]
     alone = np.array([len(found[i]) == 1 for i, _ in rows], dtype=bool)
     tractions = [setting.true.at(at[i]).xi(s.v) / path.problem.c for i, s in rows]
 

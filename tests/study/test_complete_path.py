@@ -49,10 +49,17 @@ def test_the_joint_has_thirteen_loops() -> None:
     assert np.count_nonzero(np.array(record.solutions["solution_piece"]) < 0) == 26
 
 
-def test_an_unproved_range_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(path_run, "LIMITS", replace(Limits(), boxes=1))
+def test_where_the_range_is_not_proved_values_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The loop is followed from what is listed at 0.9 mm, and what is known of each value is said."""
+    monkeypatch.setattr(path_run, "LIMITS", replace(Limits(), boxes=40))
     study = read_study(CONFIGS / "path.yaml", ["mesh.levels=1", "path.complete=true", "path.hysteresis=false"])
     record = follow_path(study)
     assert record.branches is not None
     assert not record.branches["complete"]
     assert any("not proved to be all: the limit of boxes" in one for one in shortfalls(study, record))
+    assert sum(record.branches["branch_loop"]) == 1
+    assert record.solutions["solution_count"] == [5, 7, 3]
+    known = record.branches["at_complete"]
+    assert known.tolist() == [True, False, False]
+    least, of = (np.array(record.solutions[name]) for name in ("solution_lowest", "solution_at"))
+    assert record.solutions["solution_global_minimum"][least & (of == 0)].all()

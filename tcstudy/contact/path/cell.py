@@ -11,8 +11,8 @@ Sources: Cottle, Pang & Stone, The Linear Complementarity Problem (1992), §2.3 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -33,8 +33,7 @@ class Found(IntEnum):
     UNDECIDED = 2
 
 
-@dataclass(frozen=True)
-class Segments:
+class Segments(NamedTuple):
     """The solutions of n cells, t falling or growing from the first end to the second.
 
     found: (n,) of Found; where it is not ONE the rest means nothing
@@ -81,12 +80,14 @@ def segments(problem: ParametricProblem, codes: NDArray[np.integer], t_min: floa
     size += np.where(free, 0.0, np.abs(base))
     row_size = np.abs(N).max(axis=-1)
     N, rhs, size = N / row_size[..., None], rhs / row_size, size / row_size
-    way = np.array([scipy.linalg.qr(one.T, check_finite=False)[0][:, -1] for one in N])  # about the line's direction
+    way = np.array([scipy.linalg.qr(one.T, check_finite=False)[0][:, -1] for one in N])
+    way = way.reshape(n, m + 1)  # about the line's direction
     pivot = np.argmax(np.abs(way), axis=-1)
-    rest = np.array([np.delete(np.arange(m + 1), j) for j in pivot])
+    rest = np.array([np.delete(np.arange(m + 1), j) for j in pivot], dtype=np.intp).reshape(n, m)
     S = np.take_along_axis(N, rest[:, None, :].repeat(m, axis=1), axis=-1)
     column = np.take_along_axis(N, pivot[:, None, None].repeat(m, axis=1), axis=-1)[..., 0]
     Y = np.array([scipy.linalg.pinv(one) if np.linalg.matrix_rank(one) < m else np.linalg.inv(one) for one in S])
+    Y = Y.reshape(n, m, m)
     rho = np.abs(np.eye(m) - Y @ S).sum(axis=-1).max(axis=-1)
     rho += 2 * m * EPS * (np.abs(Y) @ np.abs(S)).sum(axis=-1).max(axis=-1)
     alpha, gamma = (Y @ rhs[..., None])[..., 0], -(Y @ column[..., None])[..., 0]

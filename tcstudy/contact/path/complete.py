@@ -9,27 +9,30 @@ Checks of every graph: no segment ends where no other begins, and the number of 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.all_solutions import is_stable
+from tcstudy.contact.all_solutions import Equilibria, all_solutions, is_stable
 from tcstudy.contact.boxes import OVER_LOADS, Limits, PolygonProblems, reach_of
-from tcstudy.contact.path.cell import Found, segments
+from tcstudy.contact.path.cell import Found, Segments, segments
 from tcstudy.contact.path.problem import ParametricProblem
-from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import BEND
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
+Codes = NDArray[np.int32]
 
 SLABS = 16
 """Parts of the interval that the search begins from; each is proved, or given up, by itself."""
 SAME = 1e-9
 """Share of the interval within which vertices count as one."""
+MOST_CELLS = 20_000
+"""To which unfinished branches are followed."""
 _CELLS = 256
 
 
@@ -44,7 +47,7 @@ class Branch:
     t: Array
     u: Array
     stable: Flags
-    codes: NDArray[np.int32]
+    codes: Codes
     loop: bool
 
     @cached_property
@@ -67,11 +70,13 @@ class Branches:
     """All branches between two values of t.
 
     reason: why they are not proved to be all, "" if they are;  boxes: number that was looked at
+    listed: solutions at the values asked for, where they were listed by themselves
     """
 
     branches: tuple[Branch, ...]
     reason: str
     boxes: int
+    listed: tuple[Equilibria | None, ...] = ()
 
     @property
     def complete(self) -> bool:
@@ -83,13 +88,21 @@ class Branches:
 
 
 def all_branches(
-    problem: ParametricProblem, begin: float, end: float, lambda_1: float, limits: Limits | None = None
+    problem: ParametricProblem,
+    begin: float,
+    end: float,
+    lambda_1: float,
+    limits: Limits | None = None,
+    at: Sequence[float] = (),
 ) -> Branches:
-    """Every branch for t from begin to end; limits are of each slab.
+    """Every branch for t from begin to end; limits are of each slab, and of each value.
 
+    at: values of t whose solutions are to be known. Where the search of all branches does not answer for one, as its
+        limits are met or the value is outside, the solutions there are listed by themselves; those inside are followed
+        from cell to cell like what was found of unfinished branches, so that every branch known is whole.
     Raises ValueError for laws with exponential pieces.
     """
-    graph, law, limits = problem.graph, problem.law, limits or Limits()
+    law, limits = problem.law, limits or Limits()
     low, high = min(begin, end), max(begin, end)
     loads = np.stack([problem.load(low), problem.load(high)])
     reach = reach_of(problem.c, law, loads, lambda_1)
@@ -97,26 +110,26 @@ def all_branches(
     boxes = PolygonProblems(problem.A_tilde, problem.c, law, np.tile(loads[0], (SLABS, 1)), reach, per_s)
     edge = np.linspace(0.0, 1.0, SLABS + 1)
     cells = boxes.search(boxes.whole(np.arange(SLABS), edge[:-1], edge[1:]), limits, OVER_LOADS)
-    sides = np.unique(cells.sides, axis=0)
-    codes = _codes(law, sides) + graph.first
-    parts = [segments(problem, codes[i : i + _CELLS], low, high) for i in range(0, len(codes), _CELLS)]
-    found, u, t, node, upper = (
-        np.concatenate([getattr(part, name) for part in parts]) if parts else np.empty(0)
-        for name in ("found", "u", "t", "node", "upper")
-    )
-    one, undecided = found == Found.ONE, int(np.count_nonzero(found == Found.UNDECIDED))
-    sides, codes, u, t, node, upper = (x[one] for x in (sides, codes, u, t, node, upper))
+    stopped, codes = bool(np.any(cells.stopped)), _codes(problem, np.unique(cells.sides, axis=0))
+    listed = [all_solutions(problem.at(t), limits) if stopped or not low <= t <= high else None for t in at]
+    inside = [x.sides for t, x in zip(at, listed, strict=True) if x is not None and low <= t <= high]
+    if inside:
+        codes = np.unique(np.concatenate([codes, _codes(problem, np.concatenate(inside))]), axis=0)
+    found = _segments(problem, codes, low, high)
+    if stopped:
+        codes, found = _grown(problem, codes, found, low, high)
+    one, undecided = found.found == Found.ONE, int(np.count_nonzero(found.found == Found.UNDECIDED))
+    codes, (_, u, t, node, upper) = codes[one], (x[one] for x in found)
     t = np.where(node == problem.m, np.where(upper, high, low), t)
     row = {code.tobytes(): i for i, code in enumerate(codes)}
     link = np.full((*node.shape, 2), -1, dtype=np.intp)  # the piece behind each end, and which of its ends meets it
     for i, h in np.argwhere(node < problem.m):
-        code, j = codes[i].copy(), node[i, h]
-        code[j] = (graph.after_high if upper[i, h] else graph.after_low)[code[j]]
+        code, j = _behind(problem, codes[i], node[i, h], upper[i, h]), node[i, h]
         other = row.get(code.tobytes(), -1)
         meets = [g for g in (0, 1) if other >= 0 and node[other, g] == j]
-        meets = [g for g in meets if (graph.after_high if upper[other, g] else graph.after_low)[code[j]] == codes[i, j]]
+        meets = [g for g in meets if _behind(problem, code, j, upper[other, g])[j] == codes[i, j]]
         link[i, h] = (other, meets[0]) if meets else (-2, 0)
-    stable = is_stable(boxes, np.zeros(len(sides), dtype=np.intp), sides, lambda_1)
+    stable = is_stable(boxes, np.zeros(len(codes), dtype=np.intp), _sides(problem, codes), lambda_1)
     branches = []
     left = np.ones(len(codes), dtype=bool)
     open_ends = [(int(i), int(h)) for i, h in np.argwhere(link[..., 0] < 0)]
@@ -125,7 +138,38 @@ def all_branches(
             branches.append(_branch(i, h, link, left, (codes, u, t, stable)))
     missing = int(np.count_nonzero(link[..., 0] == -2))
     reason = _reason(cells.stopped, undecided, missing, edge, (low, high)) or _even(branches, (low, high))
-    return Branches(tuple(branches), reason, int(cells.boxes.sum()))
+    return Branches(tuple(branches), reason, int(cells.boxes.sum()), tuple(listed))
+
+
+def _segments(problem: ParametricProblem, codes: Codes, low: float, high: float) -> Segments:
+    """`segments` of many cells, some at a time."""
+    parts = [segments(problem, codes[i : i + _CELLS], low, high) for i in range(0, max(len(codes), 1), _CELLS)]
+    return Segments(*map(np.concatenate, zip(*parts, strict=True)))
+
+
+def _behind(problem: ParametricProblem, code: Codes, node: int, upper: bool) -> Codes:
+    """The cell behind a facet of another."""
+    behind = code.copy()
+    behind[node] = (problem.graph.after_high if upper else problem.graph.after_low)[code[node]]
+    return behind
+
+
+def _grown(
+    problem: ParametricProblem, codes: Codes, found: Segments, low: float, high: float
+) -> tuple[Codes, Segments]:
+    """Cells and their segments with all that segments go on in, at most `MOST_CELLS`."""
+    known, parts = {code.tobytes() for code in codes}, [(codes, found)]
+    while len(codes) and len(known) < MOST_CELLS:
+        more = dict[bytes, Codes]()
+        for i, h in np.argwhere((found.node < problem.m) & (found.found == Found.ONE)[:, None]):
+            behind = _behind(problem, codes[i], found.node[i, h], found.upper[i, h])
+            more[behind.tobytes()] = behind
+        codes = np.array([code for key, code in more.items() if key not in known], np.int32).reshape(-1, problem.m)
+        found = _segments(problem, codes, low, high)
+        known |= more.keys()
+        parts.append((codes, found))
+    all_codes, all_found = zip(*parts, strict=True)
+    return np.concatenate(all_codes), Segments(*map(np.concatenate, zip(*all_found, strict=True)))
 
 
 def _even(branches: list[Branch], ends: tuple[float, float]) -> str:
@@ -144,7 +188,7 @@ def _even(branches: list[Branch], ends: tuple[float, float]) -> str:
     return f"{count[even[0]]} solutions were found at {middle[even[0]]:g}, which must be odd" if len(even) else ""
 
 
-def _branch(i: int, h: int, link: Index, left: Flags, found: tuple[NDArray[np.int32], Array, Array, Flags]) -> Branch:
+def _branch(i: int, h: int, link: Index, left: Flags, found: tuple[Codes, Array, Array, Flags]) -> Branch:
     """The branch that begins at the end h of segment i, or goes through it; takes its segments from those left."""
     codes, u, t, stable = found
     way: list[tuple[int, int]] = []
@@ -161,21 +205,31 @@ def _branch(i: int, h: int, link: Index, left: Flags, found: tuple[NDArray[np.in
     return Branch(t_all, u_all, stable[pieces], codes[pieces], loop)
 
 
-def _codes(law: Laws, sides: Index) -> NDArray[np.int32]:
-    """Codes within a law's graph of sides (n, m) of its polygon, which leaves out jumps that are none."""
-    tables = law.tables
+def _kept(problem: ParametricProblem) -> Flags:
+    """(m, …) places of the graph of every node that are sides of its polygon, which leaves out jumps that are none."""
+    tables = problem.law.tables
     kept = np.ones((len(tables.kinks), 2 * tables.kinks.shape[1] + 1), dtype=bool)
     kept[:, 1::2] = tables.kinds != BEND
-    order = np.argsort(~kept, axis=-1, kind="stable")
-    of_node = np.zeros(sides.shape[1], dtype=np.intp) if law.one else law.node_index(sides.shape[1])
-    return np.asarray(order[of_node, sides], dtype=np.int32)
+    return kept[np.zeros(problem.m, dtype=np.intp) if problem.law.one else problem.law.node_index(problem.m)]
+
+
+def _codes(problem: ParametricProblem, sides: Index) -> Codes:
+    """Codes within the laws' graphs of sides (n, m) of their polygons."""
+    order = np.argsort(~_kept(problem), axis=-1, kind="stable")
+    return np.asarray(order[np.arange(problem.m), sides] + problem.graph.first, dtype=np.int32)
+
+
+def _sides(problem: ParametricProblem, codes: Codes) -> Index:
+    """Sides (n, m) of the polygons, whose codes these are."""
+    return np.asarray((np.cumsum(_kept(problem), axis=-1) - 1)[np.arange(problem.m), codes - problem.graph.first])
 
 
 def _reason(stopped: Flags, undecided: int, missing: int, edge: Array, ends: tuple[float, float]) -> str:
     """Why the branches are not proved to be all; empty if they are."""
     if np.any(stopped):
         t = ends[0] + (ends[1] - ends[0]) * edge
-        parts = [f"{t[k]:g} to {t[k + 1]:g}" for k in np.flatnonzero(stopped)]
+        turns = np.flatnonzero(np.diff(stopped, prepend=False, append=False))
+        parts = [f"{t[i]:g} to {t[j]:g}" for i, j in turns.reshape(-1, 2)]
         return f"the limit of boxes or time was met where the parameter is {', '.join(parts)}"
     if undecided or missing:
         what = "a segment through a corner of its cell, as exact symmetry makes them, or a singular piece"

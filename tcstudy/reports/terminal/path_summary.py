@@ -91,10 +91,11 @@ def _branches(data: Any) -> str:
         low, high = number(own.min()), f"{number(own.max())} {unit}".removesuffix(" 1")
         lines.append(f"  {closed_loop(low, high, len(own) - 1, int(stable[of == k].sum()))}")
     if not polygon:
+        known = data["at_complete"].values if "at_complete" in data else [complete] * data.sizes.get("at", 0)
         for i, value in enumerate(data["at"].values if data.sizes.get("at", 0) else []):
             on = data["solution_piece"].values[data["solution_at"].values == i]
             told = f"{number(value / divisor)} {unit}".removesuffix(" 1")
-            lines.append(f"  {equilibria_at(len(on), int(np.count_nonzero(on < 0)), told, complete)}")
+            lines.append(f"  {equilibria_at(len(on), int(np.count_nonzero(on < 0)), told, bool(known[i]))}")
     return "\n".join(lines)
 
 

@@ -65,7 +65,35 @@ def test_equal_nodes_are_undecided_and_a_small_change_decides_them() -> None:
 def test_a_limit_names_the_values_that_are_not_proved() -> None:
     problem, lambda_1, _ = parametric(2, 3)
     found = all_branches(problem, 0.0, 1.0, lambda_1, Limits(boxes=1))
-    assert found.reason.startswith("the limit of boxes or time was met where the parameter is 0")
+    assert found.reason == "the limit of boxes or time was met where the parameter is 0.25 to 0.3125, 0.6875 to 0.75"
+
+
+def test_what_a_limit_leaves_is_followed_from_the_values_asked_for() -> None:
+    """Branches that are known in part become whole; of each value it is known whether its list is all."""
+    at, more = (0.23, 0.61, 0.87), 0
+    for seed in range(12):
+        problem, lambda_1, _ = parametric(seed, 3)
+        part = all_branches(problem, 0.0, 1.0, lambda_1, Limits(boxes=2), at)
+        for branch in part.branches:
+            assert branch.loop or {0.0, 1.0} >= {branch.t[0], branch.t[-1]}
+        for t, listed in zip(at, part.listed, strict=True):
+            every = len(all_solutions(problem.at(t)))
+            if listed is not None:
+                assert len(listed) <= part.count(t) <= every
+                assert not listed.complete or len(listed) == every
+                more += part.count(t) > len(listed)
+    assert more
+
+
+def test_values_outside_the_interval_are_listed_by_themselves() -> None:
+    problem, lambda_1, _ = parametric(3, 3)
+    found = all_branches(problem, 0.2, 0.9, lambda_1, at=(0.5, 1.4))
+    assert found.complete
+    assert found.listed[0] is None
+    outside = found.listed[1]
+    assert outside is not None
+    assert outside.complete
+    np.testing.assert_array_equal(outside.v, all_solutions(problem.at(1.4)).v)
 
 
 def test_a_branch_that_is_lost_is_missed() -> None:
