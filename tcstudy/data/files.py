@@ -212,20 +212,16 @@ def new_dataset(file: Path) -> netCDF4.Dataset:
 
 
 def write_dataset(
-    path: Path,
-    attributes: Mapping[str, Any],
-    fill: Callable[[netCDF4.Dataset], None],
-    kept: str = "",
-    begun: netCDF4.Dataset | None = None,
+    path: Path, attributes: Mapping[str, Any], fill: Callable[[netCDF4.Dataset], None], kept: str = ""
 ) -> None:
     """Write a result file, replacing an old one in one step: its global attributes, then what `fill` puts into it.
 
-    kept: as in `replace_file`;  begun: the file, open at `aside_of` the path, if something stands in it already
+    kept: as in `replace_file`
     Raises StoreError if it cannot be written; the old one is then untouched.
     """
 
     def make(aside: Path) -> None:
-        with new_dataset(aside) if begun is None else begun as nc:
+        with new_dataset(aside) as nc:
             nc.setncatts(attributes)
             fill(nc)
             nc.setncattr(FINISHED, np.int32(1))

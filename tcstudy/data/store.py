@@ -1,24 +1,23 @@
 """The result file of a run: one netCDF-4 file, complete or not there at all (see `tcstudy.data.files`).
 
-`tcstudy.data.schema` says what stands in it. Values by point come in windows of its chunks, filled by blocks in any
-order: a window is a run of tiles, which follow one another as the points of the sweep do (`tcstudy.data.writer`). One
-that is full is written, every chunk once.
+`tcstudy.data.schema` says what stands in it. The file is written once, from the records of the journal. Values by point
+are gathered in parts, runs of tiles that follow one another as the points of the sweep do (`tcstudy.data.writer`), as
+many at a time as MEMORY holds; blocks come in any order, so that each time all of them are looked through.
 """
 
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tcstudy.data import schema
-from tcstudy.data.files import StoreError, aside_of, new_dataset, write_dataset
+from tcstudy.data.files import StoreError, write_dataset
 from tcstudy.data.provenance import Kind, Provenance, global_attributes, kind_of, without_paths
 from tcstudy.data.reading import attributes
 from tcstudy.data.records import BlockRecord, LevelRecord, check_block, check_level
@@ -47,137 +46,15 @@ if TYPE_CHECKING:
     import xarray
 
 Arrays = dict[str, np.ndarray[Any, Any]]
-Tile = tuple[tuple[slice, ...], int, int]
-"""(slices, first place, place after the last), as from `tcstudy.data.writer.tiles`."""
+Records = Collection[BlockRecord] | Callable[[], Iterable[BlockRecord]]
 
 MEMORY = 2**26
 """Bytes of results that the writer holds at a time; a longer sweep takes several passes over its records."""
-
-
-@dataclass(frozen=True, eq=False)
-class Section:
-    """Variables by point of one group: the root, which has all levels, or the contact line of one level.
-
-    level: None for the root;  group: where they stand;  runs: the tiles of every window;  starts: its first place
-    after: sizes of the dimensions after those of the sweep, by variable;  point_bytes: what a point takes in memory
-    """
-
-    level: int | None
-    group: netCDF4.Dataset
-    variables: tuple[FileVariable, ...]
-    runs: list[list[Tile]]
-    starts: list[int]
-    after: dict[str, tuple[int, ...]]
-    point_bytes: int
-
-    def bytes_of(self, run: list[Tile]) -> int:
-        """What a window takes in memory."""
-        return (run[-1][2] - run[0][1]) * self.point_bytes
-
-    def window(self, number: int) -> Window:
-        """A window without any value."""
-        run = self.runs[number]
-        start, stop = run[0][1], run[-1][2]
-        arrays = {v.name: missing(v, (stop - start, *self.after[v.name])) for v in self.variables}
-        return Window(self, run, start, stop, arrays)
-
-
-@dataclass(eq=False)
-class Window:
-    """A run of tiles of a section, and what their points have there.
-
-    start, stop: places;  arrays: (stop − start, …) by variable;  taken: how many points have come, on all levels
-    """
-
-    section: Section
-    run: list[Tile]
-    start: int
-    stop: int
-    arrays: Arrays
-    taken: int = 0
-
-    def take(self, block: BlockRecord, places: Places) -> None:
-        """Put the points of a block that lie in the window in their places."""
-        rows = np.flatnonzero((places >= self.start) & (places < self.stop))
-        at = places[rows] - self.start
-        self.taken += len(rows)
-        if self.section.level is None:
-            _take_numbers(self.arrays, block, rows, at)
-            return
-        known = np.zeros(0, dtype=bool) if block.u_T is None else ~np.isnan(block.u_T[rows]).any(axis=1)
-        for name, line in (("u_T", block.u_T), ("xi", block.xi), ("sticks", block.sticks)) if known.any() else ():
-            if line is not None:
-                self.arrays[name][at[known]] = line[rows[known]]
-
-
-def _width(variable: FileVariable) -> int:
-    return 8 if variable.dtype == "str" else np.dtype(variable.dtype).itemsize
-
-
-def section_of(
-    level: int | None, group: netCDF4.Dataset, study: Study, variables: Iterable[FileVariable], sizes: dict[str, int]
-) -> Section:
-    """Define the variables by point of a group, which goes to the disk by windows of a quarter of MEMORY."""
-    own = tuple(v for v in variables if SWEEP in v.dims)
-    after = {v.name: tuple(sizes[d] for d in v.dims if d != SWEEP) for v in own}
-    widths = {v.name: math.prod(after[v.name]) * _width(v) for v in own}
-    tile = tile_shape(study.shape, max(1, CHUNK // max(1, *widths.values())))
-    for variable in own:
-        define(group, variable, study, (*tile, *after[variable.name]))
-    point_bytes = sum(widths.values())
-    every = list(tiles(study.shape, tile))
-    count = max(1, MEMORY // (4 * max(1, point_bytes) * math.prod(tile)))
-    runs = [every[i : i + count] for i in range(0, len(every), count)]
-    return Section(level, group, own, runs, [run[0][1] for run in runs], after, point_bytes)
-
-
-def missing(variable: FileVariable, shape: tuple[int, ...]) -> np.ndarray[Any, Any]:
-    """An array full of missing values."""
-    return np.full(shape, variable.missing, dtype=object if variable.dtype == "str" else variable.dtype)
-
-
-def _take_numbers(arrays: Arrays, block: BlockRecord, rows: Places, at: Places) -> None:
-    """Status, reason and numbers of some rows of a block, to their places in the arrays of the root."""
-    words = np.full(len(block), "", dtype=object)
-    for row, reason in block.reasons.items():
-        words[row] = without_paths(reason)
-    arrays["status"][at, block.level] = block.status[rows]
-    arrays["reason"][at, block.level] = words[rows]
-    for name, values in block.numbers.items():
-        array, found = arrays[name][:, block.level], values[rows]
-        if array.dtype.kind != "f":
-            # NaN stands for missing: of several values of a point each for itself, a single one leaves what is there
-            none = MISSING_COUNT if found.ndim > 1 else array[at]
-            missing = np.isnan(found)
-            found = np.where(missing, none, np.where(missing, 0.0, found))
-        array[at] = found
-
-
-def put_window(window: Window) -> None:
-    """Write a window tile by tile, each a hyperslab."""
-    for variable in window.section.variables:
-        array, new = window.arrays.pop(variable.name), window.section.group[variable.name]
-        for cut, start, stop in window.run:
-            values = array[start - window.start : stop - window.start]
-            if variable.dtype == "str" and not values.any():
-                continue  # what is never written is empty, and costs nothing
-            new[cut] = values.reshape(*(s.stop - s.start for s in cut), *values.shape[1:])
-
-
-Key = tuple[int | None, int]
-"""The level of a section, None for the root, and the number of a window in it."""
-Records = Collection[BlockRecord] | Callable[[], Iterable[BlockRecord]]
-
 KEPT = "finished points are kept in the journal"
 
 
 def write(
-    path: Path,
-    study: Study,
-    levels: Sequence[LevelRecord],
-    records: Records,
-    provenance: Provenance,
-    begun: Begun | None = None,
+    path: Path, study: Study, levels: Sequence[LevelRecord], records: Records, provenance: Provenance
 ) -> tuple[int, int]:
     """Write all results of a run to `path`, replacing an old file in one step.
 
@@ -185,7 +62,6 @@ def write(
 
     records: all of them, or a function that gives them anew for every pass: neither they nor the results need fit
              into memory. Of two records of one point the last one counts; points without any stay "not run"
-    begun:   the same file, which has some of them already
 
     Raises StoreError if the file cannot be written (the old one is then untouched), ValueError if a record does
     not fit the study.
@@ -193,44 +69,9 @@ def write(
     if problems := axis_problems(study):
         raise StoreError("; ".join(problems))
     counts: list[tuple[int, int]] = []
-    own = begun.filling if begun is not None else None
-    make = lambda nc: counts.append((own or Filling(nc, study)).finish(levels, records))  # noqa: E731
-    write_dataset(path, global_attributes(study, provenance), make, KEPT, own.nc if own is not None else None)
+    make = lambda nc: counts.append(fill(nc, study, levels, records))  # noqa: E731
+    write_dataset(path, global_attributes(study, provenance), make, KEPT)
     return counts[-1]
-
-
-class Begun:
-    """The file of a run under way, so that little is left to write at its end; nothing is there but its journal until
-    `write` has finished it. Whatever goes wrong before is left to `write`, too, which then says it."""
-
-    def __init__(self, path: Path, study: Study, wanted: bool = True) -> None:
-        """wanted: whether anything shall be written before the end."""
-        self.filling: Filling | None = None
-        self._aside = aside_of(path)
-        with self._dropped():
-            self.filling = Filling(new_dataset(self._aside), study) if wanted else None
-
-    def add(self, record: LevelRecord | BlockRecord) -> None:
-        """Take a record, each for the first time, levels before their blocks."""
-        with self._dropped():
-            if self.filling is not None:
-                self.filling.level(record) if isinstance(record, LevelRecord) else self.filling.take(record)
-
-    def close(self) -> None:
-        """Leave nothing behind."""
-        if self.filling is not None and self.filling.nc.isopen():
-            with suppress(OSError, RuntimeError):
-                self.filling.nc.close()
-        self.filling = None
-        with suppress(OSError):
-            self._aside.unlink(missing_ok=True)
-
-    @contextmanager
-    def _dropped(self) -> Iterator[None]:
-        try:
-            yield
-        except (OSError, RuntimeError):  # a full disk, for one
-            self.close()
 
 
 def root_variables(study: Study) -> tuple[FileVariable, ...]:
@@ -270,113 +111,147 @@ def load_root(path: Path, kind: Kind | None = None) -> xarray.Dataset:
         return tree.to_dataset().load()
 
 
-class Filling:
-    """A result file as its records come: each block goes to the windows of its points, and full ones to the disk.
+@dataclass(eq=False)
+class _Part:
+    """A run of tiles of the variables by point of one group: the root, of all levels, or the contact line of one level.
 
-    What does not come in the order of the file, beyond what MEMORY holds, is left to `finish`. Of a sweep over
-    geometries the table alone, without what a level has (`tcstudy.data.variants`).
+    level: None for the root;  shapes: of what a point has of each variable;  arrays: values of the part, once begun
     """
 
-    def __init__(self, nc: netCDF4.Dataset, study: Study) -> None:
-        self.nc, self.study = nc, study
-        self.known: dict[int, LevelRecord] = {}
-        self.groups: dict[int, netCDF4.Group] = {}
-        self.count: Counter[int] = Counter()
-        self._open: dict[Key, Window] = {}
-        self._written: set[Key] = set()
-        self._left: set[Key] = set()
-        self._every: dict[int, dict[int, Arrays]] = {}
-        put_axes(nc, study)
-        put(nc, schema.LEVEL_COORDINATE, study, np.arange(study.mesh.levels))
-        put_names(nc, "start", schema.START_NAMES, "where the solver started", study)
-        if len(study.solver.names) > 1:
-            put_names(nc, "solver", study.solver.names, "solver", study)
-        self.variables = root_variables(study)
-        sizes = {"level": study.mesh.levels, "start": len(schema.START_NAMES), "solver": len(study.solver.names)}
-        self.sections: dict[int | None, Section] = {None: section_of(None, nc, study, self.variables, sizes)}
+    group: netCDF4.Dataset
+    level: int | None
+    variables: list[FileVariable]
+    shapes: dict[str, tuple[int, ...]]
+    tiles: list[tuple[tuple[slice, ...], int, int]]
+    size: int
+    arrays: Arrays = field(default_factory=dict)
 
-    def level(self, level: LevelRecord) -> None:
-        """Make the group of a level, once. Raises ValueError if the level does not fit the study."""
-        if level.level in self.known:
-            return
-        check_level(level, self.study)
-        self.known[level.level] = level
-        group = self.groups[level.level] = _make_group(self.nc, self.study, level)
-        own = {"node": len(level.arclength)}
-        self.sections[level.level] = section_of(level.level, group, self.study, schema.CONTACT, own)
+    def begin(self) -> None:
+        """Nothing is known yet."""
+        count = self.tiles[-1][2] - self.tiles[0][1]
+        self.arrays = {v.name: missing(v, (count, *self.shapes[v.name])) for v in self.variables}
 
-    def take(self, block: BlockRecord, once: bool = True) -> Places:
-        """Take the points of a block, of which MEMORY holds some; returns their places in the file.
+    def take(self, block: BlockRecord, places: Places) -> None:
+        """The points of a block that lie here; places: where they all stand in the file."""
+        start, stop = self.tiles[0][1], self.tiles[-1][2]
+        rows = np.flatnonzero((places >= start) & (places < stop))
+        at = places[rows] - start
+        if self.level is None:
+            _take_numbers(self.arrays, block, rows, at)
+        elif block.u_T is not None:
+            known = ~np.isnan(block.u_T[rows]).any(axis=1)
+            for name, line in (("u_T", block.u_T), ("xi", block.xi), ("sticks", block.sticks)):
+                if line is not None:
+                    self.arrays[name][at[known]] = line[rows[known]]
 
-        once: none of them has come before, so that a window with as many as it has places is full
-        """
-        check_block(block, self.study, self.known.get(block.level))
-        places = file_places(self.study, block.points)
-        if block.solutions and block.level in self.groups:
-            every = self._every.setdefault(block.level, {})
-            every.update((int(place), block.solutions_of(row)) for row, place in enumerate(places))
-        for section in (self.sections[key] for key in (None, block.level) if key in self.sections):  # no mesh, no group
-            for number in np.unique(np.searchsorted(section.starts, places, side="right") - 1).tolist():
-                if (window := self._window(section, number)) is None:
-                    continue
-                window.take(block, places)
-                levels = 1 if section.level is not None else self.study.mesh.levels
-                if once and window.taken >= (window.stop - window.start) * levels:
-                    self._put((section.level, number), window)
-        return places
-
-    def _window(self, section: Section, number: int) -> Window | None:
-        """A window that is open, or opened while there is room; None where it is written or left to the next pass."""
-        key = section.level, number
-        if key not in self._open and key not in self._written and key not in self._left:
-            held = sum(window.section.bytes_of(window.run) for window in self._open.values())
-            if held and held + section.bytes_of(section.runs[number]) > MEMORY:
-                self._left.add(key)
-            else:
-                self._open[key] = section.window(number)
-        return self._open.get(key)
-
-    def _put(self, key: Key, window: Window) -> None:
-        """Write a window to the disk."""
-        self._open.pop(key, None)
-        self._written.add(key)
-        if window.section.level is None:
-            found, times = np.unique(window.arrays["status"], return_counts=True)
-            self.count.update(dict(zip(found.tolist(), times.tolist(), strict=True)))
-        put_window(window)
-
-    def finish(self, levels: Sequence[LevelRecord], records: Records) -> tuple[int, int]:
-        """The rest, in as many passes over all records as MEMORY asks for; returns what `write` does."""
+    def write(self) -> None:
+        """To the file, tile by tile, each a hyperslab."""
+        begin = self.tiles[0][1]
         for variable in self.variables:
-            if variable.dims == ("level",) and not self.study.variants:
-                values = missing(variable, (self.study.mesh.levels,))
-                for level in levels:
-                    values[level.level] = getattr(level, variable.name)
-                put(self.nc, variable, self.study, values)
-        for level in levels:
-            self.level(level)
-        first = True
-        while rest := self._rest():
-            self._open.clear()
-            self._left.clear()
-            for block in records() if callable(records) else records:
-                places = self.take(block, once=False)
-                if first:
-                    _put_fields(self.groups.get(block.level), self.study, block, places)
-            first = False
-            for key, section in rest:
-                if key not in self._left:
-                    self._put(key, self._open.get(key) or section.window(key[1]))
-        for number, group in self.groups.items():
-            if every := self._every.get(number):
-                _put_solutions(group, self.study, every)
-        sought = self.count.total() - self.count[PointStatus.NOT_RUN]
-        return sought, sought - self.count[PointStatus.OK]
+            array, new = self.arrays.pop(variable.name), self.group[variable.name]
+            for cut, start, stop in self.tiles:
+                values = array[start - begin : stop - begin]
+                if variable.dtype != "str" or values.any():  # a text that is never written is empty, and costs nothing
+                    new[cut] = values.reshape(*(s.stop - s.start for s in cut), *values.shape[1:])
 
-    def _rest(self) -> list[tuple[Key, Section]]:
-        """The windows that are not written."""
-        every = [((level, k), one) for level, one in self.sections.items() for k in range(len(one.runs))]
-        return [(key, section) for key, section in every if key not in self._written]
+
+def _parts(
+    group: netCDF4.Dataset, level: int | None, study: Study, variables: Iterable[FileVariable], sizes: dict[str, int]
+) -> list[_Part]:
+    """Define the variables by point of a group, and cut them into parts of a quarter of MEMORY at most.
+
+    sizes: of the dimensions after those of the sweep
+    """
+    own = [v for v in variables if SWEEP in v.dims]
+    shapes = {v.name: tuple(sizes[d] for d in v.dims if d != SWEEP) for v in own}
+    widths = [math.prod(shapes[v.name]) * (8 if v.dtype == "str" else np.dtype(v.dtype).itemsize) for v in own]
+    tile = tile_shape(study.shape, max(1, CHUNK // max(1, *widths)))
+    for variable in own:
+        define(group, variable, study, (*tile, *shapes[variable.name]))
+    every, size = list(tiles(study.shape, tile)), sum(widths) * math.prod(tile)
+    count = max(1, MEMORY // (4 * max(1, size)))
+    cuts = (every[i : i + count] for i in range(0, len(every), count))
+    return [_Part(group, level, own, shapes, cut, len(cut) * size) for cut in cuts]
+
+
+def fill(nc: netCDF4.Dataset, study: Study, levels: Sequence[LevelRecord], records: Records) -> tuple[int, int]:
+    """All that a run has, into an empty file; returns what `write` does.
+
+    Of a sweep over geometries the table alone, without what a level has (`tcstudy.data.variants`).
+    """
+    put_axes(nc, study)
+    put(nc, schema.LEVEL_COORDINATE, study, np.arange(study.mesh.levels))
+    put_names(nc, "start", schema.START_NAMES, "where the solver started", study)
+    if len(study.solver.names) > 1:
+        put_names(nc, "solver", study.solver.names, "solver", study)
+    variables = root_variables(study)
+    for variable in variables:
+        if variable.dims == ("level",) and not study.variants:
+            values = missing(variable, (study.mesh.levels,))
+            for level in levels:
+                values[level.level] = getattr(level, variable.name)
+            put(nc, variable, study, values)
+    sizes = {"level": study.mesh.levels, "start": len(schema.START_NAMES), "solver": len(study.solver.names)}
+    left = _parts(nc, None, study, variables, sizes)
+    known = {level.level: level for level in levels}
+    groups: dict[int, netCDF4.Group] = {}
+    for level in levels:
+        check_level(level, study)
+        group = groups[level.level] = _make_group(nc, study, level)
+        left += _parts(group, level.level, study, schema.CONTACT, {"node": level.n_contact})
+
+    solutions: dict[int, dict[int, Arrays]] = {number: {} for number in groups}
+    count = np.zeros(len(PointStatus), dtype=np.intp)
+    first = True
+    while left:
+        together = max(1, sum(size <= MEMORY for size in accumulate(part.size for part in left)))
+        now, left = left[:together], left[together:]
+        for part in now:
+            part.begin()
+        for block in records() if callable(records) else records:
+            if first:
+                check_block(block, study, known.get(block.level))
+            places = file_places(study, block.points)
+            if first:
+                _put_fields(groups.get(block.level), study, block, places)
+                if block.solutions:
+                    own = ((int(place), block.solutions_of(row)) for row, place in enumerate(places))
+                    solutions[block.level].update(own)
+            for part in now:
+                if part.level in (None, block.level):
+                    part.take(block, places)
+        for part in now:
+            if part.level is None:
+                count += np.bincount(part.arrays["status"].ravel(), minlength=len(count))
+            part.write()
+        first = False
+    for number, of_points in solutions.items():
+        if of_points:
+            _put_solutions(groups[number], study, of_points)
+    sought = int(count.sum() - count[PointStatus.NOT_RUN])
+    return sought, sought - int(count[PointStatus.OK])
+
+
+def missing(variable: FileVariable, shape: tuple[int, ...]) -> np.ndarray[Any, Any]:
+    """An array full of missing values."""
+    return np.full(shape, variable.missing, dtype=object if variable.dtype == "str" else variable.dtype)
+
+
+def _take_numbers(arrays: Arrays, block: BlockRecord, rows: Places, at: Places) -> None:
+    """Status, reason and numbers of some rows of a block, to their places in the arrays of the root."""
+    words = np.full(len(block), "", dtype=object)
+    for row, reason in block.reasons.items():
+        words[row] = without_paths(reason)
+    arrays["status"][at, block.level] = block.status[rows]
+    arrays["reason"][at, block.level] = words[rows]
+    for name, values in block.numbers.items():
+        array, found = arrays[name][:, block.level], values[rows]
+        if array.dtype.kind != "f":
+            # NaN stands for missing: of several values of a point each for itself, a single one leaves what is there
+            none = MISSING_COUNT if found.ndim > 1 else array[at]
+            missing = np.isnan(found)
+            found = np.where(missing, none, np.where(missing, 0.0, found))
+        array[at] = found
 
 
 def _make_group(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF4.Group:

@@ -22,7 +22,7 @@ from tcstudy.data.provenance import Provenance, global_attributes
 from tcstudy.data.reading import GEOMETRIES, refuse_changed
 from tcstudy.data.records import BlockRecord
 from tcstudy.data.schema import POINT, SWEEP, FileVariable
-from tcstudy.data.store import KEPT, Filling, missing, root_variables
+from tcstudy.data.store import KEPT, fill, missing, root_variables
 from tcstudy.data.stored import opened, read_blocks
 from tcstudy.data.writer import (
     COMPRESSED,
@@ -63,7 +63,7 @@ def write_variants(
     counts: list[tuple[int, int]] = []
 
     def make(nc: netCDF4.Dataset) -> None:
-        counts.append(Filling(nc, study).finish((), records))
+        counts.append(fill(nc, study, (), records))
         _put_numbers(nc, study, files)
         dims = (*geometry_dims(study), "level")
         by_level = [replace(v, dims=dims) for v in root_variables(study) if v.dims == ("level",)]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
@@ -24,7 +23,7 @@ from tcstudy.data.journal import Journal
 from tcstudy.data.provenance import collect, tell
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.data.schema import LIVE_PREFIX
-from tcstudy.data.store import Begun, write
+from tcstudy.data.store import write
 from tcstudy.errors import GeometryFailed
 from tcstudy.executors import SerialExecutor
 from tcstudy.fem.boundary import held_ends
@@ -253,13 +252,10 @@ def into_file(
     """
     if problems := faults(study, output):
         raise StoreError("\n".join(problems))
-    # all that the file will have comes in this run, and how many levels it has is known
-    fresh = kept is None and not study.output.fields and not study.mesh.estimates
     # Two BLAS threads make the many small dense operations of a sweep slower, not faster.
     with (
         threadpool_limits(1, user_api="blas"),
         Journal.open(output, study, kept.digest if kept is not None else "") as journal,
-        closing(Begun(output, study, fresh and not journal.finished)) as begun,
     ):
         # what broke down unexpectedly is tried again; what failed by its own numbers would fail again
         known = (block for block in journal.blocks() if not np.any(block.status == PointStatus.ERROR))
@@ -271,7 +267,6 @@ def into_file(
             if isinstance(record, LevelRecord):
                 record = record if kept is None else kept.joined(record)
             journal.add(record)
-            begun.add(record)
             if isinstance(record, LevelRecord):
                 if not record.stop:  # one that says why the level was the last follows its points
                     watcher.level(record)
@@ -286,7 +281,7 @@ def into_file(
             records = lambda: chain(kept.blocks(study), journal.blocks())  # noqa: E731
         if study.mesh.estimates and not study.mesh.listed and levels:  # without those that its tolerance did not need
             study = replace(study, mesh=replace(study.mesh, levels=levels[-1].level + 1))
-        points, failed = write(output, study, levels, records, provenance, begun)
+        points, failed = write(output, study, levels, records, provenance)
         journal.discard()
     return Summary(output, points, failed, sum(len(block) for block in finished.values()))
 

@@ -13,7 +13,7 @@ import pytest
 
 from tcstudy.data import store
 from tcstudy.data.provenance import Provenance
-from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, PointStatus, block_of
+from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, PointStatus
 from tcstudy.data.schema import FileVariable
 from tcstudy.data.store import open_results
 from tcstudy.data.writer import CHUNK, axis_labels, axis_order, in_file_order, storage, sweep_points, tile_shape, tiles
@@ -66,7 +66,6 @@ def long_sweep(study: Study) -> tuple[Study, list[BlockRecord]]:
     return long, blocks
 
 
-@pytest.mark.parametrize("begun", [False, True])
 @pytest.mark.parametrize("memory", [2**26, 200_000])
 def test_a_long_sweep_comes_back_whatever_the_passes(
     output: Path,
@@ -74,10 +73,8 @@ def test_a_long_sweep_comes_back_whatever_the_passes(
     levels: tuple[LevelRecord, ...],
     provenance: Provenance,
     memory: int,
-    begun: bool,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """begun: some blocks come before the end, each to the windows of its points."""
     long, blocks = long_sweep(study)
     passes = 0
 
@@ -88,16 +85,9 @@ def test_a_long_sweep_comes_back_whatever_the_passes(
 
     for name, value in (("MEMORY", memory), ("CHUNK", 2**15)):
         monkeypatch.setattr(store, name, value)
-    monkeypatch.setattr(store, "MEMORY", memory)
-    output.parent.mkdir(exist_ok=True)
-    growing = store.Begun(output, long, begun)
-    for record in (levels[0], *blocks) if begun else ():
-        growing.add(record)
-    store.write(output, long, levels[:1], again, provenance, growing)
-    growing.close()
+    store.write(output, long, levels[:1], again, provenance)
     assert not list(output.parent.glob(".*.tmp"))
-    assert (passes > 10) == (memory < 2**26)
-    assert (passes == 0) == (begun and memory == 2**26)
+    assert passes > 10 if memory < 2**26 else passes == 1
     with netCDF4.Dataset(output) as nc:
         for name in ("energy", "start_energy", "level_0/u_T"):
             assert nc[name].filters()["fletcher32"]
@@ -115,40 +105,6 @@ def test_a_long_sweep_comes_back_whatever_the_passes(
         np.testing.assert_array_equal(tree["level_0"]["u_T"], u_T)
         np.testing.assert_array_equal(tree["level_0"]["sticks"], np.where(failed[..., None], -1, u_T > 5))
         np.testing.assert_array_equal(root["start_energy"], u_T[..., STARTS])
-
-
-def test_what_comes_in_the_order_of_the_file_is_written_at_once(
-    output: Path,
-    study: Study,
-    levels: tuple[LevelRecord, ...],
-    provenance: Provenance,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """With room for three tiles no pass over the records is left; a file given up leaves nothing behind."""
-    long, blocks = long_sweep(study)
-    long = replace(long, axes=tuple(replace(axis, labels=tuple(sorted(axis.labels))) for axis in long.axes))
-    whole = block_of([point for block in blocks for point in block.one_by_one()], long.shape)
-    order = np.argsort(whole.points)
-    parts = [_rows(whole, rows) for rows in np.array_split(order, 40)]
-    monkeypatch.setattr(store, "CHUNK", 2**15)
-    monkeypatch.setattr(store, "MEMORY", 600_000)
-    output.parent.mkdir(exist_ok=True)
-    growing = store.Begun(output, long)
-    for record in (levels[0], *parts):
-        growing.add(record)
-    store.write(output, long, levels[:1], lambda: iter([{}["nothing is left"]]), provenance, growing)
-    with open_results(output) as tree:
-        np.testing.assert_array_equal(tree["energy"].values.ravel(), np.arange(15_000) / 7.0)
-    abandoned = store.Begun(output, long)
-    abandoned.add(levels[0])
-    abandoned.close()
-    assert [file.name for file in output.parent.iterdir()] == [output.name]
-
-
-def _rows(block: BlockRecord, rows: np.ndarray) -> BlockRecord:
-    numbers = {name: values[rows] for name, values in block.numbers.items()}
-    line = {name: getattr(block, name)[rows] for name in ("points", "status", "u_T", "xi", "sticks")}
-    return replace(block, numbers=numbers, reasons={}, **line)
 
 
 def test_a_file_of_three_points_is_small(

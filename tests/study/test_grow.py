@@ -177,7 +177,7 @@ from tcstudy.data import store
 from tcstudy.study import workshop
 workshop.POINTS = 1
 place, reached, calls = sys.argv[1], Path(sys.argv[2]), 0
-module = {"solve_block": workshop, "put_window": store}[place]
+module = {"solve_block": workshop, "define": store}[place]
 original = getattr(module, place)
 def pausing(*words, **more):
     global calls
@@ -208,7 +208,7 @@ def killed(tmp_path: Path, place: str, *words: str) -> None:
     reached.unlink()
 
 
-@pytest.mark.parametrize("place", ["solve_block", "put_window"])
+@pytest.mark.parametrize("place", ["solve_block", "define"])
 @pytest.mark.parametrize("how", ["append", "retry"])
 def test_killed_it_leaves_the_old_file_and_goes_on(
     file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str, place: str
