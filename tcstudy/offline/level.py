@@ -1,4 +1,9 @@
-"""One mesh level of a study: matrices once, a factorisation per λ/μ, a condensed problem per sweep point."""
+"""One mesh level of a study: matrices once, a factorisation for each λ/μ, a condensed problem for each sweep point.
+
+A(λ, μ) = μ A(λ/μ, 1), so that one factorisation serves all materials of the same ratio: Ã scales with μ, l̃ does not
+depend on it, A⁻¹l scales with 1/μ. Where materials differ by region the ratio is that of all their moduli, and of
+springs, to μ of the material of the body.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +12,14 @@ from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.linalg
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from tcstudy.condense import Condensation, ForwardLoad, condense
 from tcstudy.condense.multifrontal import Known
 from tcstudy.condense.symbolic import EliminationPlan
-from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.problem import ContactProblem, least_eigenpair
 from tcstudy.fem.boundary import constrain, contact_line
 from tcstudy.fem.forms import ElasticForms, Moduli, Springs
 from tcstudy.fem.heat_forms import HeatForms
@@ -20,31 +28,52 @@ from tcstudy.fem.rigid import couple
 from tcstudy.laws.composed import EdgeLaws, law_along
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.conduction import BATCH
-from tcstudy.offline.elastic import Elastic, ratio_and_scale, swept_parts
 from tcstudy.offline.guaranteed import Band, lambda_1_band, require_straight
 from tcstudy.offline.loads import (
     BasisLoad,
-    BodyForce,
     Column,
-    EdgeForce,
-    EdgeLoad,
-    EdgeMoment,
     LoadTerm,
-    Prescribed,
     Recent,
     Roles,
-    TemperatureField,
-    UniformTemperature,
     loaded_by,
     mechanical_terms,
+    to_digits,
 )
 from tcstudy.offline.thermal import Temperature, Temperatures
-from tcstudy.scene.points import distinct
-from tcstudy.scene.records import Clamped, Contact, Rigid, Role, Scene
+from tcstudy.scene.points import distinct, of_stiffness
+from tcstudy.scene.records import Clamped, Contact, Rigid, Role, Scene, Where
 
 Array = NDArray[np.float64]
+Ratio = tuple[Moduli, Springs]
+"""All moduli and springs over μ of the material of the body."""
+
 MEMORY = 512e6
 """Bytes of basis loads, and again of temperatures, that a level keeps for reuse."""
+ROUNDINGS = 4.0
+"""Of A, by which the error of λ₁ is estimated."""
+
+
+def ratio_of(scene: Scene) -> Ratio:
+    """λ/μ, μ/μ of the regions and springs over μ, to 15 digits: scenes that share it share a factor."""
+    mu = scene.material.mu
+    moduli = tuple((at, to_digits(one.lam / mu), to_digits(one.mu / mu)) for at, one in scene.pieces)
+    return moduli, tuple((edge, to_digits(n / mu), to_digits(t / mu)) for edge, n, t in scene.springs)
+
+
+def swept_parts(scenes: Sequence[Scene]) -> tuple[Where, ...]:
+    """The parts of the body in which the stiffness over μ differs between scenes; () where that is nowhere or all over.
+
+    What the other parts have of a factor serves all scenes.
+    """
+    ratios = [ratio_of(scene) for scene in distinct(scenes, *of_stiffness(scenes))]
+    found: dict[Where, set[tuple[float, float]]] = {}
+    for moduli, springs in ratios:
+        if springs != ratios[0][1]:
+            return ()
+        for where, lam, mu in moduli:
+            found.setdefault(where, set()).add((lam, mu))
+    swept = tuple(where for where, values in found.items() if len(values) > 1)
+    return swept if len(swept) < len(found) else ()
 
 
 @dataclass(frozen=True)
@@ -102,16 +131,138 @@ def _held(boundary: Roles) -> Roles:
     return tuple(found)
 
 
-def _groups(scenes: Sequence[Scene]) -> dict[BasisLoad, list[BasisLoad]]:
+def _batches(scenes: Sequence[Scene]) -> dict[BasisLoad, list[BasisLoad]]:
     """Load that needs no temperature → all that go through the factor with it."""
     loads: dict[BasisLoad, None] = {}
     for scene in distinct(scenes, "f", "boundary"):
-        loads |= dict.fromkeys(term.load for term in mechanical_terms(scene.f, scene.boundary))
+        loads |= dict.fromkeys(load for load, _ in mechanical_terms(scene.f, scene.boundary))
     for scene in distinct(scenes, "material"):
-        loads |= dict.fromkeys(UniformTemperature(where) for where, own in scene.pieces if own.beta != 0.0)
+        loads |= dict.fromkeys(BasisLoad("temperature", None, at) for at, own in scene.pieces if own.beta != 0.0)
     listed = list(loads)
     batches = [listed[first : first + BATCH] for first in range(0, len(listed), BATCH)]
     return {load: batch for batch in batches for load in batch}
+
+
+@dataclass(frozen=True)
+class _Basis:
+    """A basis load condensed (m,), L⁻¹F in elimination order (N,), and F at the rows that are held."""
+
+    l_tilde: Array
+    rows: Array
+    held: Array
+
+
+class ElasticBody:
+    """The body of one ratio of moduli, condensed, for μ = 1: all that its scenes share."""
+
+    def __init__(self, level: Level, ratio: Ratio) -> None:
+        """Raises NotPositiveDefinite if the body is not held."""
+        self._level, (moduli, springs), frames, line = level, ratio, level.frames, level.line
+        A = level.elastic.stiffness_of(moduli, frames)
+        if springs or frames.ties is not None:
+            added = level.elastic.springs(springs, frames) if springs else 0.0 * A
+            A = frames.tied(sp.csr_array(A + added))
+        eliminate = ~frames.fixed
+        eliminate[line.nodes] = False
+        at, again = (level.mesh.points, line.nodes, eliminate, 2), level.elimination
+        self.condensation: Condensation = condense(A, *at, plan=again[0], changing=level.changing, known=again[1])
+        level.elimination = self.condensation.plan, self.condensation.known
+        self.lambda_1, self.lambda_1_error = 0.0, 0.0
+        if level.held:
+            self.condensation.require_definite()
+            self.lambda_1, self.lambda_1_error = self._least(A.diagonal(), line.c)
+        self._fixed = np.flatnonzero(frames.fixed)
+        self._reactions = A[self._fixed]  # all that is needed of the matrix from here on
+        self._basis: Recent[_Basis] = Recent(MEMORY, lambda b: b.rows.nbytes)
+        self._spans: Recent[tuple[Array, ...]] = Recent(MEMORY, lambda s: s[0].nbytes)
+        self._products: dict[tuple[BasisLoad, BasisLoad], float] = {}
+        self._scaled: Recent[Array] = Recent(1, lambda _: 1)
+        self._inverses: Recent[Array] = Recent(1, lambda _: 1)
+
+    def _least(self, diagonal: Array, c: Array) -> tuple[float, float]:
+        """(λ₁, its relative error): the residual of the eigenpair, and what rounding of A does to it.
+
+        Assembly and factorisation know A up to about ε√(A_ii A_jj) in every entry (Cholesky: Demmel, LAPACK Working
+        Note 14, 1989), which moves λ₁ = uᵀAu by ε Σ A_ii u_i² with u the mode of the whole body: what is lost where
+        that is stiff but only moves as a whole, or along an edge that a spring holds across. An estimate, ROUNDINGS
+        of them; of 200 random bodies none lost more than one.
+        """
+        value, x, error = least_eigenpair(self.condensation.A_tilde, c)
+        work = float(diagonal @ self.condensation.expand(x) ** 2)
+        return value, error + (ROUNDINGS * np.finfo(float).eps * work / value if value > 0.0 else np.inf)
+
+    def A_tilde(self, mu: float) -> Array:
+        """Ã for a shear modulus μ [Pa]; the same array for the same μ."""
+        return self._scaled.get(mu, lambda: mu * self.condensation.A_tilde)
+
+    def A_inverse(self, mu: float) -> Array:
+        """Ã⁻¹ for a shear modulus μ; the same array for the same μ."""
+        return self._inverses.get(mu, lambda: np.asarray(scipy.linalg.inv(self.A_tilde(mu))))
+
+    def _reaction(self, w_D: Array) -> Array:
+        """A w_D (2n,) for prescribed local displacements w_D (2n,)."""
+        return self._reactions.T @ w_D[self._fixed]
+
+    def load(self, mu: float, terms: Sequence[LoadTerm], w_D: Array) -> tuple[Array, float]:
+        """l̃ (m,) and what the energy has beside L̃, of a load whose last term is "prescribed" where w_D (2n,) is not 0.
+
+        L_θ(u) − L̃(u₁) = −½⟨l₂, A₂₂⁻¹l₂⟩ + ½⟨w_D, A w_D⟩ − ⟨l, w_D⟩
+        """
+        loads, factors = tuple(load for load, _ in terms), np.array([factor for _, factor in terms])
+        l_tilde, gram, held = self._spans.get(loads, lambda: self._span(loads))
+        constant = -0.5 / mu * float(factors @ gram @ factors)
+        given = w_D[self._fixed]
+        if np.any(given):
+            constant += 0.5 * mu * float(w_D @ self._reaction(w_D))
+            constant -= float(factors[:-1] @ (held[:-1] @ given))
+        return l_tilde @ factors, constant
+
+    def _span(self, loads: Sequence[BasisLoad]) -> tuple[Array, Array, Array]:
+        """Of t basis loads: l̃ (m, t), ⟨l_a, A₂₂⁻¹ l_b⟩ (t, t), and what they are at the rows that are held (t, h)."""
+        bases, t, m = self._bases(loads), len(loads), self.condensation.m
+        gram = np.empty((t, t))
+        for i in range(t):
+            for j in range(i + 1):
+                if (key := (loads[i], loads[j])) not in self._products:
+                    # the kept unknowns come last in the elimination, the rows before them are L⁻¹l₂
+                    inner = len(bases[i].rows) - m
+                    product = float(bases[i].rows[:inner] @ bases[j].rows[:inner])
+                    self._products[key] = self._products[key[::-1]] = product
+                gram[i, j] = gram[j, i] = self._products[key]
+        l_tilde = np.column_stack([b.l_tilde for b in bases]) if t else np.zeros((m, 0))
+        return l_tilde, gram, np.array([b.held for b in bases]).reshape(t, len(self._fixed))
+
+    def _bases(self, loads: Sequence[BasisLoad]) -> list[_Basis]:
+        """Basis loads condensed, from the cache or eliminated at once with their companions.
+
+        A load always goes with the same companions, so that its digits do not depend on what was asked for before.
+        """
+        found: dict[BasisLoad, _Basis] = {}
+        for load in loads:
+            if (known := self._basis.find(load)) is not None:
+                found[load] = known
+            elif load not in found:
+                together = self._level.together(load)
+                F = np.column_stack([self._local(one) for one in together])
+                forward = self.condensation.forward(F)
+                for i, one in enumerate(together):
+                    basis = _Basis(forward.l_tilde[:, i].copy(), forward.rows[:, i].copy(), F[self._fixed, i])
+                    found[one] = self._basis.put(one, basis)
+        return [found[load] for load in loads]
+
+    def _local(self, load: BasisLoad) -> Array:
+        """(2n,) a basis load in local rows."""
+        if load.kind == "prescribed":
+            return -self._reaction(self._level.frames_of(load.data).values)
+        return self._level.frames.local(self._level.vector(load))
+
+    def displacement(self, mu: float, u_T: Array, terms: Sequence[LoadTerm]) -> Array:
+        """Local displacements (2n,), eq. (20), without the prescribed ones."""
+        rows = np.zeros((len(self.condensation.plan.permutation), 1))
+        bases = self._bases([load for load, _ in terms])
+        for (_, factor), basis in zip(terms, bases, strict=True):
+            rows[:, 0] += factor / mu * basis.rows
+        return self.condensation.expand(u_T, ForwardLoad(np.zeros(self.condensation.m), rows))
 
 
 class Level:
@@ -123,27 +274,26 @@ class Level:
         """mesh: one level;  scene: any scene of the study (body and roles are the same in all of them).
 
         scenes: all scenes to come, if known: many values of α then cost a few temperatures, not one each
-        held: False for a body that may slide along the contact line
+        held: False for a body that may slide along the contact line, which then has no λ₁
         guarantee: whether λ₁ of the body itself is asked for; raises GeometryFailed if an edge is curved then
         """
         start = time.perf_counter()
         self.mesh, self.held, self.guarantee = mesh, held, guarantee
         if guarantee:
             require_straight(mesh)
-        self._bands: dict[tuple[Moduli, Springs], Band] = {}
+        self._bands: dict[Ratio, Band] = {}
         self.elastic = ElasticForms(mesh)
         given = tuple(edge for edge, _ in scene.held_theta)
         self.heat = HeatForms(self.elastic, tuple(edge for edge, _, _ in scene.exchange), held=given)
         self.temperatures = Temperatures(self.heat, mesh.points, scenes, MEMORY)
-        self._groups = _groups(scenes)
+        self._batches = _batches(scenes)
         self._frames: dict[Hashable, Frames] = {}
         self._laws: dict[EdgeLaws, Laws] = {}
-        self._plan: EliminationPlan | None = None
-        self._known: Known | None = None
-        self._changing = self._changing_rows(scenes) if scene.material.regions else None
-        self._bodies: Recent[Elastic] = Recent(1, lambda _: 1)  # one factor at a time: they are large
+        self.elimination: tuple[EliminationPlan | None, Known | None] = None, None
+        self.changing = self._changing_rows(scenes) if scene.material.regions else None
+        self._bodies: dict[Ratio, ElasticBody] = {}
         self._rows: Recent[tuple[Array, float, float, float]] = Recent(MEMORY / 8, lambda row: row[0].nbytes + 1000)
-        self.frames = self._frames_of(scene.boundary)
+        self.frames = self.frames_of(scene.boundary)
         self.line = contact_line(mesh, self.frames, scene.edges(Contact))
         self.elastic.assemble()
         self.time_assemble = time.perf_counter() - start
@@ -156,13 +306,20 @@ class Level:
         nodes[self.mesh.triangles[self.mesh.inside(tuple(name for part in parts for name in part))]] = True
         return np.tile(nodes, 2)
 
-    # -- displacement constraints ------------------------------------------------------------------
-
-    def _frames_of(self, boundary: Roles) -> Frames:
+    def frames_of(self, boundary: Roles) -> Frames:
+        """The local frames of the nodes, with the displacements that a scene's boundary prescribes."""
         key = _held(boundary)
         if key not in self._frames:
             self._frames[key] = constrain(self.mesh, key)
         return self._frames[key]
+
+    def _body(self, scene: Scene) -> ElasticBody:
+        """The body of this λ/μ, factorised; one at a time, as factors are large."""
+        ratio = ratio_of(scene)
+        if ratio not in self._bodies:
+            self._bodies.clear()
+            self._bodies[ratio] = ElasticBody(self, ratio)
+        return self._bodies[ratio]
 
     # -- the condensed problem ---------------------------------------------------------------------
 
@@ -177,10 +334,20 @@ class Level:
         """
         start = time.perf_counter()
         l_tilde, constant, terms = self._condensed_load(scene)
-        body, mu, _ = self._body(scene)
-        problem = ContactProblem(body.A_tilde(mu), l_tilde, self.line.c, self.law(scene), body.lambda_1_error)
+        body = self._body(scene)
+        A_tilde = body.A_tilde(scene.material.mu)
+        problem = ContactProblem(A_tilde, l_tilde, self.line.c, self.law(scene), body.lambda_1_error)
         band = self.band(scene) if self.guarantee else None
         return Condensed(problem, constant, terms, time.perf_counter() - start, band)
+
+    def _condensed_load(self, scene: Scene) -> tuple[Array, float, tuple[LoadTerm, ...]]:
+        """l̃ (m,) [N/m], what the energy has beside L̃ [J/m], and the basis terms of the load."""
+        # heat first: its factor may go before the elastic one comes
+        terms = (*mechanical_terms(scene.f, scene.boundary), *self.temperatures.terms(scene))
+        body, mu, w_D = self._body(scene), scene.material.mu, self.frames_of(scene.boundary).values
+        if np.any(w_D):
+            terms = (*terms, (BasisLoad("prescribed", _held(scene.boundary)), mu))
+        return (*body.load(mu, terms, w_D), terms)
 
     def law(self, scene: Scene) -> Laws:
         """The friction law of Γ_C, or of every contact node where it differs along Γ_C.
@@ -193,28 +360,6 @@ class Level:
         if friction not in self._laws:
             self._laws[friction] = law_along(friction, line.edge_names, line.edge, line.xy, line.joints)
         return self._laws[friction]
-
-    def condensed_of(self, scene: Scene, load: Array) -> Array:
-        """(m,) l̃ of a load (2n,) in x and y on the body of a scene [N/m]: one forward elimination."""
-        body, _, frames = self._body(scene)
-        return body.condensed(frames.local(load))
-
-    def held_values(self, scene: Scene) -> Array:
-        """(2n,) the displacements that a scene prescribes, in local rows [m]."""
-        return self._frames_of(scene.boundary).values
-
-    def _condensed_load(self, scene: Scene) -> tuple[Array, float, tuple[LoadTerm, ...]]:
-        """l̃ (m,) [N/m], what the energy has beside L̃ [J/m], and the basis terms of the load."""
-        # heat first: its factor may go before the elastic one comes
-        terms = (*mechanical_terms(scene.f, scene.boundary), *self.temperatures.terms(scene))
-        body, mu, frames = self._body(scene)
-        loads = len(terms)
-        if np.any(frames.values):
-            terms = (*terms, LoadTerm(Prescribed(_held(scene.boundary)), mu))
-        span = body.span(tuple(term.load for term in terms))
-        coefficients = np.array([term.coefficient for term in terms])
-        constant = body.energy_constant(mu, span, coefficients, loads, frames.values)
-        return span.l_tilde @ coefficients, constant, terms
 
     def block(self, scenes: Sequence[Scene]) -> CondensedBlock:
         """The condensed problems of scenes that share λ/μ (see `ratio`), each distinct load once.
@@ -229,22 +374,12 @@ class Level:
         if len({self.ratio(scenes[i]) for i in first}) > 1:
             raise ValueError("the scenes of a block differ in λ/μ")
         loads = [self._loads(scenes[i]) for i in first]
-        body = self._body(scenes[0])[0]
-        l_tilde, constant, mean, balance = (np.array(column) for column in zip(*loads, strict=True))
+        body = self._body(scenes[0])
+        l_tilde, constant, mean, balance = (np.array(column)[of] for column in zip(*loads, strict=True))
         mu = np.array([scene.material.mu for scene in scenes])
-        return CondensedBlock(
-            A_tilde=body.A_tilde(1.0),
-            c=self.line.c,
-            lambda_1=body.lambda_1,
-            lambda_1_error=body.lambda_1_error,
-            mu=mu,
-            l_tilde=l_tilde[of],
-            constant=constant[of],
-            theta_mean=mean[of],
-            heat_balance=balance[of],
-            band=self.band(scenes[0]).times(1.0 / mu[0]) if self.guarantee else None,
-            time=time.perf_counter() - start,
-        )
+        own = (body.A_tilde(1.0), self.line.c, body.lambda_1, body.lambda_1_error, mu)
+        band = self.band(scenes[0]).times(1.0 / mu[0]) if self.guarantee else None
+        return CondensedBlock(*own, l_tilde, constant, mean, balance, time.perf_counter() - start, band)
 
     def _loads(self, scene: Scene) -> tuple[Array, float, float, float]:
         """l̃, the energy's constant, mean of θ and heat balance of a scene, kept for the next block."""
@@ -258,33 +393,29 @@ class Level:
 
         return self._rows.get((scene.f, scene.boundary, scene.heat, scene.material), made)
 
-    @staticmethod
-    def ratio(scene: Scene) -> tuple[Moduli, Springs]:
-        """λ/μ to 15 digits, that of the regions, and springs over μ: scenes that share it share a factor."""
-        return ratio_and_scale(scene)[0]
+    ratio = staticmethod(ratio_of)
 
     def lambda_1(self, scene: Scene) -> float:
         """λ₁ of the body on this mesh (method §5) [Pa/m], once per λ/μ."""
-        body, mu, _ = self._body(scene)
-        return mu * body.lambda_1
+        return scene.material.mu * self._body(scene).lambda_1
 
     def band(self, scene: Scene) -> Band:
         """λ₁ of the body of a scene, not of its mesh, from both sides [Pa/m], once per λ/μ."""
-        body, mu, _ = self._body(scene)
-        ratio = self.ratio(scene)
+        body, ratio, mu = self._body(scene), ratio_of(scene), scene.material.mu
         if ratio not in self._bands:
             self._bands[ratio] = lambda_1_band(self.mesh, scene, self.line, body.A_tilde(mu)).times(1.0 / mu)
         return self._bands[ratio].times(mu)
 
     def A_inverse(self, scene: Scene) -> Array:
         """Ã⁻¹ of a scene's body [1/Pa], once per E, for the certificates."""
-        body, mu, _ = self._body(scene)
-        return body.A_inverse(mu)
+        return self._body(scene).A_inverse(scene.material.mu)
+
+    # -- the whole body ----------------------------------------------------------------------------
 
     def displacement(self, scene: Scene, condensed: Condensed, u_T: Array) -> Array:
         """The whole displacement in x and y (2n,) from the contact solution, eq. (20)."""
-        body, mu, frames = self._body(scene)
-        w = body.displacement(mu, u_T, condensed.terms)
+        frames = self.frames_of(scene.boundary)
+        w = self._body(scene).displacement(scene.material.mu, u_T, condensed.terms)
         return frames.cartesian(w + frames.values)
 
     def fields(self, scene: Scene, condensed: Condensed, u_T: Array) -> dict[str, Array]:
@@ -295,14 +426,18 @@ class Level:
 
     def extension(self, scene: Scene, u_T: Array) -> Array:
         """The displacement in x and y (2n,) of a body without load whose contact nodes are moved by u_T (m,)."""
-        body, _, frames = self._body(scene)
-        return frames.cartesian(body.extension(u_T))
+        return self.frames.cartesian(self._body(scene).condensation.expand(u_T))
+
+    def condensed_of(self, scene: Scene, load: Array) -> Array:
+        """(m,) l̃ of a load (2n,) in x and y on the body of a scene [N/m]: one forward elimination."""
+        forward = self._body(scene).condensation.forward(self.frames.local(load)[:, None])
+        return np.asarray(forward.l_tilde[:, 0])
 
     def load(self, scene: Scene) -> Array:
         """l_θ in x and y (2n,) [N/m]: mechanical and thermal loads, without prescribed displacements."""
         total = np.zeros(2 * self.mesh.n_points)
-        for term in (*mechanical_terms(scene.f, scene.boundary), *self.temperatures.terms(scene)):
-            total += term.coefficient * self._vector(term.load)
+        for load, factor in (*mechanical_terms(scene.f, scene.boundary), *self.temperatures.terms(scene)):
+            total += factor * self.vector(load)
         return total
 
     def forces(self, u: Array, moduli: Moduli, springs: Springs) -> Array:
@@ -313,53 +448,36 @@ class Level:
             found += R @ (self.elastic.springs(springs, self.frames) @ (R.T @ u))
         return found
 
-    def reactions(self, scene: Scene, u: Array) -> Array:
-        """(2n,) Au + Su − l_θ in x and y [N/m]: what supports do, at a solution u (2n,)."""
-        return self.stiffness_times(scene, u) - self.load(scene)
-
     def stiffness_times(self, scene: Scene, u: Array) -> Array:
         """(A + S)u of a scene's body, as `forces`."""
         return self.forces(u, tuple((at, one.lam, one.mu) for at, one in scene.pieces), scene.springs)
 
-    def _body(self, scene: Scene) -> tuple[Elastic, float, Frames]:
-        """The body of this λ/μ, factorised, μ, and its local frames with what is prescribed."""
-        (ratio, mu), frames = ratio_and_scale(scene), self._frames_of(scene.boundary)
-        body = self._bodies.find(ratio)
-        if body is None:
-            self._bodies.clear()
-            own = (self.elastic, frames, self.line, ratio[0], MEMORY, self._plan, self._changing, self._known)
-            body = Elastic(*own, self.held, ratio[1], local=self._local, together=self._together)
-            self._plan, self._known = body.condensation.plan, body.condensation.known
-            self._bodies.put(ratio, body)
-        return body, mu, frames
+    def reactions(self, scene: Scene, u: Array) -> Array:
+        """(2n,) Au + Su − l_θ in x and y [N/m]: what supports do, at a solution u (2n,)."""
+        return self.stiffness_times(scene, u) - self.load(scene)
 
-    def _local(self, load: BasisLoad) -> Array:
-        """(2n,) a basis load in local rows; of what is prescribed the displacements."""
-        if isinstance(load, Prescribed):
-            return self._frames_of(load.held).values
-        return self.frames.local(self._vector(load))
-
-    def _together(self, load: BasisLoad) -> Sequence[BasisLoad]:
+    def together(self, load: BasisLoad) -> Sequence[BasisLoad]:
         """The loads that go through a factor with one."""
-        if isinstance(load, TemperatureField) and isinstance(load.field, Column):
-            return [TemperatureField(column, load.where) for column in self.temperatures.together(load.field)]
-        return self._groups.get(load, [load])
+        if isinstance(load.data, Column):
+            return [replace(load, data=column) for column in self.temperatures.together(load.data)]
+        return self._batches.get(load, [load])
 
-    def _vector(self, load: BasisLoad) -> Array:
-        """A basis load in x and y (2n,)."""
-        match load:
-            case BodyForce():
-                return self.elastic.body_force(load.f)
-            case UniformTemperature():
-                return self.elastic.expansion(np.ones(self.mesh.n_points), load.where)
-            case TemperatureField():
-                return self.elastic.expansion(self.temperatures.field(load.field), load.where)
-            case EdgeMoment():
-                return couple(self.mesh, load.edge)
-            case EdgeForce():
-                return self.elastic.force(load.edge, load.axis)
-        assert isinstance(load, EdgeLoad)  # what is prescribed belongs to a factorised body
-        return self.elastic.traction(load.edge, load.role)
+    def vector(self, load: BasisLoad) -> Array:
+        """A basis load in x and y (2n,); of what is prescribed there is none without a body."""
+        match load.kind:
+            case "body":
+                return self.elastic.body_force(load.data)
+            case "edge":
+                return self.elastic.traction(load.where[0], load.data)
+            case "force":
+                return self.elastic.force(load.where[0], load.data)
+            case "moment":
+                return couple(self.mesh, load.where[0])
+            case "temperature":
+                uniform = load.data is None
+                theta = np.ones(self.mesh.n_points) if uniform else self.temperatures.field(load.data)
+                return self.elastic.expansion(theta, load.where)
+        raise ValueError(load.kind)
 
 
 MOST_NODES = 250

@@ -11,33 +11,31 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, replace
-from typing import Generic, TypeVar
+from typing import Any, Generic, Literal, TypeVar
 
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.forms import Conductivity
-from tcstudy.scene.records import EdgeHeat, Role, Scalar, Scene, Traction, Where
+from tcstudy.scene.records import EdgeHeat, Role, Scalar, Scene, Traction
 
 Roles = tuple[tuple[str, Role], ...]
-
-
 Ratios = tuple[tuple[str, float], ...]
 
 
 @dataclass(frozen=True)
 class FamilyKey:
-    """What a family belongs to.
+    """What a family of temperatures belongs to.
 
-    kind:   "source", density of shape `data` in ω; "flux", the same into edges; "surroundings" at `data`, of edges or
-            of all of Γ_θ; "held", `data` being the temperature of an edge
+    kind:   "source", density of shape `data` in regions; "flux", the same into edges; "surroundings" at `data`, of
+            edges or of all of Γ_θ; "held", `data` being the temperature of an edge
+    where:  names of the regions or edges
     k:      relative conductivities where they differ by region
     ratios: between the α of the edges, none if they are equal
     """
 
-    kind: str
+    kind: Literal["source", "flux", "surroundings", "held"]
     data: Scalar
-    omega: tuple[str, ...] = ()
+    where: tuple[str, ...] = ()
     k: Conductivity = ()
-    edges: tuple[str, ...] = ()
     ratios: Ratios = ()
 
     @property
@@ -59,87 +57,42 @@ Field = Expression | Column
 
 
 @dataclass(frozen=True)
-class BodyForce:
-    """∫f·v over the body."""
+class BasisLoad:
+    """A load of no number but its shape.
 
-    f: tuple[Scalar, Scalar]
+    kind: "body":        ∫f·v, f = `data` (x, y)
+          "edge":        ∫(g − p n)·v over the study edge `where`, in the role `data` in a scene without other loads
+          "force":       a resultant of 1 along the axis `data`, 0 for x, spread evenly over an edge
+          "moment":      a moment of 1 about the middle of an edge
+          "temperature": ∫ θ tr ε(v) over regions (all without `where`) of the field `data`, of θ = 1 without one
+          "prescribed":  −a(w_D, v) for μ = 1, w_D what the roles `data` prescribe; it scales with μ
+    """
 
-
-@dataclass(frozen=True)
-class EdgeLoad:
-    """∫(g − p n)·v over the study edge of this name, which has this role in a scene without other loads."""
-
-    edge: str
-    role: Traction
-
-
-@dataclass(frozen=True)
-class EdgeForce:
-    """A resultant of 1 along axis, 0 for x, spread evenly over the study edge of this name."""
-
-    edge: str
-    axis: int
+    kind: Literal["body", "edge", "force", "moment", "temperature", "prescribed"]
+    data: Any = None
+    where: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class EdgeMoment:
-    """A moment of 1 about the middle of the study edge of this name."""
-
-    edge: str
-
-
-@dataclass(frozen=True)
-class UniformTemperature:
-    """∫ tr ε(v) over some regions: what a temperature of 1 everywhere makes for β = 1 there."""
-
-    where: Where = ()
-
-
-@dataclass(frozen=True)
-class TemperatureField:
-    """∫ θ tr ε(v) of a temperature field θ over some regions."""
-
-    field: Field
-    where: Where = ()
-
-
-@dataclass(frozen=True)
-class Prescribed:
-    """−a(w_D, v) for μ = 1 with w_D the displacements that these roles prescribe; it scales with μ."""
-
-    held: Roles
-
-
-BasisLoad = BodyForce | EdgeLoad | EdgeForce | EdgeMoment | UniformTemperature | TemperatureField | Prescribed
-
-
-@dataclass(frozen=True)
-class LoadTerm:
-    """coefficient × basis load."""
-
-    load: BasisLoad
-    coefficient: float
+LoadTerm = tuple[BasisLoad, float]
+"""A basis load and its coefficient."""
 
 
 def split(scalar: Scalar) -> tuple[Scalar, float]:
     """A scalar as (shape, factor): numbers become factors of the unit shape 1."""
-    if isinstance(scalar, Expression):
-        return scalar, 1.0
-    return 1.0, float(scalar)
+    return (scalar, 1.0) if isinstance(scalar, Expression) else (1.0, float(scalar))
 
 
 def mechanical_terms(f: tuple[Scalar, Scalar], boundary: Roles) -> Iterator[LoadTerm]:
     """Terms of ∫f·v and of the tractions and pressures on all edges."""
-    yield from (LoadTerm(BodyForce(shape), factor) for shape, factor in _by_axis(f))
+    yield from ((BasisLoad("body", shape), factor) for shape, factor in _by_axis(f))
     for name, role in boundary:
-        forces = ((axis, force) for axis, force in enumerate(role.force) if force != 0.0)
-        yield from (LoadTerm(EdgeForce(name, axis), force) for axis, force in forces)
+        yield from ((BasisLoad("force", axis, (name,)), force) for axis, force in enumerate(role.force) if force)
         if role.moment:
-            yield LoadTerm(EdgeMoment(name), role.moment)
-        yield from (LoadTerm(EdgeLoad(name, Traction(g=shape)), factor) for shape, factor in _by_axis(role.g))
+            yield BasisLoad("moment", None, (name,)), role.moment
+        yield from ((BasisLoad("edge", Traction(g=shape), (name,)), factor) for shape, factor in _by_axis(role.g))
         pressure, factor = split(role.pressure)
         if factor != 0.0:
-            yield LoadTerm(EdgeLoad(name, Traction(pressure=pressure)), factor)
+            yield BasisLoad("edge", Traction(pressure=pressure), (name,)), factor
 
 
 def _by_axis(density: tuple[Scalar, Scalar]) -> Iterator[tuple[tuple[Scalar, Scalar], float]]:
@@ -147,25 +100,6 @@ def _by_axis(density: tuple[Scalar, Scalar]) -> Iterator[tuple[tuple[Scalar, Sca
     for axis, (shape, factor) in enumerate(map(split, density)):
         if factor != 0.0:
             yield ((shape, 0.0), (0.0, shape))[axis], factor
-
-
-@dataclass(frozen=True)
-class Part:
-    """One linear contribution to the temperature: θ = constant + Σ factor × field, and its heat through Γ_θ.
-
-    constant: a uniform temperature [K];  fields: (field, factor) of the variation on top of it [K]
-    heat_out: α∫_{Γ_θ}(θ − θ̄) of this part [W/m];  through: a bound of the heat that it moves, either way [W/m]
-    """
-
-    constant: float
-    fields: tuple[tuple[Field, float], ...] = ()
-    heat_out: float = 0.0
-    through: float = 0.0
-
-    def times(self, factor: float) -> Part:
-        """The part of a source or surroundings that many times as strong."""
-        fields = tuple((name, factor * share) for name, share in self.fields)
-        return Part(factor * self.constant, fields, factor * self.heat_out, abs(factor) * self.through)
 
 
 def loaded_by(scene: Scene, *, loads: bool = False, moves: bool = False, heat: bool = False) -> Scene:
@@ -185,17 +119,19 @@ def loaded_by(scene: Scene, *, loads: bool = False, moves: bool = False, heat: b
     return replace(scene, boundary=tuple(boundary), f=scene.f if loads else none, heat=body)
 
 
-def exchange_level(scene: Scene) -> tuple[float, Ratios]:
-    """α of the edge that exchanges most, and the α of all edges over it; none where they are equal.
+def to_digits(ratio: float) -> float:
+    """A ratio to 15 digits, so that numbers that vary together keep it whatever the rounding."""
+    return float(f"{ratio:.14e}")
 
-    Ratios have 15 digits, so that all α may vary together without new modes whatever the rounding.
-    """
+
+def exchange_level(scene: Scene) -> tuple[float, Ratios]:
+    """α of the edge that exchanges most, and the α of all edges over it, to 15 digits; none where they are equal."""
     if not scene.heat_by_edge:
         return scene.heat.alpha, ()
     alpha = max((own for _, own, _ in scene.exchange), default=0.0)
     if alpha == 0.0:
         return alpha, ()
-    ratios = tuple((edge, float(f"{own / alpha:.14e}")) for edge, own, _ in scene.exchange)
+    ratios = tuple((edge, to_digits(own / alpha)) for edge, own, _ in scene.exchange)
     return alpha, ratios if any(ratio != 1.0 for _, ratio in ratios) else ()
 
 
@@ -204,15 +140,16 @@ def heat_shares(scene: Scene) -> tuple[float, list[tuple[FamilyKey, float]]]:
 
     What is constant on all edges is the uniform part: then nothing is solved for it.
     """
-    heat, found, ratios, k = scene.heat, [], exchange_level(scene)[1], relative_k(scene)
-    given: list[tuple[FamilyKey, Scalar]] = [(FamilyKey("surroundings", 1.0, (), k), heat.theta_bar)]
+    heat, shared = scene.heat, (relative_k(scene), exchange_level(scene)[1])
+    given: list[tuple[FamilyKey, Scalar]] = [(FamilyKey("surroundings", 1.0, (), shared[0]), heat.theta_bar)]
     if scene.heat_by_edge:
-        given = [(FamilyKey("surroundings", 1.0, (), k, (edge,), ratios), bar) for edge, _, bar in scene.exchange]
-        given += [(FamilyKey("held", 1.0, (), k, (edge,), ratios), theta) for edge, theta in scene.held_theta]
+        given = [(FamilyKey("surroundings", 1.0, (edge,), *shared), bar) for edge, _, bar in scene.exchange]
+        given += [(FamilyKey("held", 1.0, (edge,), *shared), theta) for edge, theta in scene.held_theta]
     numbers = [value for _, value in given if not isinstance(value, Expression)]
     uniform = float(numbers[0]) if len(numbers) == len(given) else 0.0
-    given += [(FamilyKey("source", 1.0, heat.omega, k, (), ratios), heat.q)]
-    given += [(FamilyKey("flux", 1.0, (), k, (edge,), ratios), flux) for edge, flux in scene.flux]
+    given += [(FamilyKey("source", 1.0, heat.omega, *shared), heat.q)]
+    given += [(FamilyKey("flux", 1.0, (edge,), *shared), flux) for edge, flux in scene.flux]
+    found = []
     for key, value in given:
         shape, factor = split(value)
         if not key.heats and shape == 1.0:
@@ -227,7 +164,7 @@ def relative_k(scene: Scene) -> Conductivity:
     k = scene.material.k
     if not k or not scene.material.regions:
         return ()
-    return tuple((where, float(f"{(own.k or 0.0) / k:.14e}")) for where, own in scene.pieces)
+    return tuple((where, to_digits((own.k or 0.0) / k)) for where, own in scene.pieces)
 
 
 T = TypeVar("T")
@@ -246,20 +183,15 @@ class Recent(Generic[T]):
     def get(self, key: Hashable, make: Callable[[], T]) -> T:
         """The value of `key`, made by `make` if it is not there."""
         found = self.find(key)
-        if found is not None:
-            return found
-        value = make()
-        self.put(key, value)
-        return value
+        return self.put(key, make()) if found is None else found
 
     def find(self, key: Hashable) -> T | None:
         """The value of `key` if it is there."""
-        if key not in self._entries:
-            return None
-        self._entries.move_to_end(key)
-        return self._entries[key]
+        if key in self._entries:
+            self._entries.move_to_end(key)
+        return self._entries.get(key)
 
-    def put(self, key: Hashable, value: T) -> None:
+    def put(self, key: Hashable, value: T) -> T:
         """Keep a value under a key; the oldest entries make room for it."""
         if key in self._entries:
             self._total -= self._size(self._entries.pop(key))
@@ -267,8 +199,4 @@ class Recent(Generic[T]):
         self._total += self._size(value)
         while self._total > self._budget and len(self._entries) > 1:
             self._total -= self._size(self._entries.popitem(last=False)[1])
-
-    def clear(self) -> None:
-        """Forget everything, for values so large that two must not stand side by side."""
-        self._entries.clear()
-        self._total = 0
+        return value

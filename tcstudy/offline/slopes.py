@@ -90,7 +90,7 @@ def change_of(level: Level, scene: Scene, by: Sensitivity) -> Change:
     linear = loaded_by(scene, loads=True) if path == ("load",) else path_scene(loaded_by(scene), path, 1.0)
     if path[0] == "heat" or linear.heat_by_edge:
         mean = level.temperature(linear).mean if scene.material.expands else float("nan")
-    return Change(level.load(linear), level.held_values(linear), theta_mean=mean)
+    return Change(level.load(linear), level.frames_of(linear.boundary).values, theta_mean=mean)
 
 
 @dataclass(frozen=True)

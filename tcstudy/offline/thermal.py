@@ -19,18 +19,16 @@ from tcstudy.expressions.expression import Expression
 from tcstudy.fem.boundary import values_at
 from tcstudy.fem.forms import Conductivity
 from tcstudy.fem.heat_forms import HeatForms
-from tcstudy.offline.conduction import Conduction
+from tcstudy.offline.conduction import Conduction, Part
 from tcstudy.offline.heat_factor import HeatFactor
 from tcstudy.offline.loads import (
+    BasisLoad,
     Column,
     FamilyKey,
     Field,
     LoadTerm,
-    Part,
     Ratios,
     Recent,
-    TemperatureField,
-    UniformTemperature,
     exchange_level,
     heat_shares,
     relative_k,
@@ -67,7 +65,7 @@ class Temperatures:
         self._factors: dict[Conductivity, HeatFactor] = {}
         self._fields: Recent[Array] = Recent(memory, lambda field: field.nbytes)
         self._means: dict[Field, float] = {}
-        self._last: tuple[Scene, list[Part], float] | None = None
+        self._last: tuple[Scene, Part, bool] | None = None
         self._prepared: set[Conductivity] = set()
 
     def conduction(self, k: Conductivity = (), ratios: Ratios = ()) -> Conduction:
@@ -86,38 +84,28 @@ class Temperatures:
 
     def of(self, scene: Scene) -> Temperature:
         """θ of a scene with its mean and heat balance; zero where the scene has no heat."""
-        parts, put_in = self._parts(scene)
-        constant = sum(part.constant for part in parts)
-        fields = [item for part in parts for item in part.fields]
+        whole, judged = self._whole(scene)
 
         def nodal() -> Array:
-            theta = np.full(len(self._points), constant)
-            for name, factor in fields:
+            theta = np.full(len(self._points), whole.constant)
+            for name, factor in whole.fields:
                 theta += factor * self.field(name)
             return theta
 
-        mean = constant + sum(factor * self.mean(name) for name, factor in fields)
-        balance = float("nan")
-        if not np.isnan(put_in):
-            # relative to all heat that moves, because sources and sinks may cancel, and little q pass much heat by
-            defect = sum(part.heat_out for part in parts) - put_in
-            through = sum(part.through for part in parts)
-            balance = abs(defect) / through if through else 0.0
-        return Temperature(mean, balance, nodal)
+        mean = whole.constant + sum(factor * self.mean(name) for name, factor in whole.fields)
+        # relative to all heat that moves, because sources and sinks may cancel, and little q pass much heat by
+        balance = abs(whole.heat_out - whole.heat_in) / whole.through if whole.through else 0.0
+        return Temperature(mean, balance if judged else float("nan"), nodal)
 
     def terms(self, scene: Scene) -> list[LoadTerm]:
         """β∫θ tr ε(v): the uniform part through one vector, the rest through one for each temperature field."""
         if not scene.material.expands:
             return []
         self._prepare(relative_k(scene))
-        parts = self._parts(scene)[0]
-        uniform = sum(part.constant for part in parts)
-        terms = []
-        for at, beta in ((where, own.beta) for where, own in scene.pieces if own.beta != 0.0):
-            terms += [LoadTerm(TemperatureField(name, at), beta * f) for part in parts for name, f in part.fields]
-            if uniform != 0.0:
-                terms.append(LoadTerm(UniformTemperature(at), beta * uniform))
-        return terms
+        whole = self._whole(scene)[0]
+        fields = [*whole.fields, *([(None, whole.constant)] if whole.constant != 0.0 else [])]
+        materials = ((where, own.beta) for where, own in scene.pieces if own.beta != 0.0)
+        return [(BasisLoad("temperature", name, at), beta * f) for at, beta in materials for name, f in fields]
 
     def _prepare(self, k: Conductivity) -> None:
         """Compute what all scenes to come need, if it fits into the memory, and let go of the factor."""
@@ -147,6 +135,11 @@ class Temperatures:
             self._means[name] = self.mean_of(self.field(name))
         return self._means[name]
 
+    def mean_of(self, theta: Array) -> float:
+        """Mean over the body of a temperature at the nodes (n,)."""
+        area = self._forms[()].nodal_area
+        return float(area @ theta) / float(area.sum())
+
     def response(self, scene: Scene, source: Array) -> Array:
         """(n,) θ [K] that heat put in at the nodes (n,) [W/m] makes, surroundings and held edges being at 0."""
         alpha, ratios = exchange_level(scene)
@@ -162,31 +155,25 @@ class Temperatures:
                 found[kept] += forms.surroundings(theta_bar, (edge,)) - forms.edge_mass((edge,)) @ theta[kept]
         return found
 
-    def mean_of(self, theta: Array) -> float:
-        """Mean over the body of a temperature at the nodes (n,)."""
-        area = self._forms[()].nodal_area
-        return float(area @ theta) / float(area.sum())
-
-    def _parts(self, scene: Scene) -> tuple[list[Part], float]:
-        """All parts of θ and the heat put in (NaN if nothing judges it), once where the same scene is asked for again.
+    def _whole(self, scene: Scene) -> tuple[Part, bool]:
+        """All parts of θ together, and whether heat judges them; once where the same scene is asked for again.
 
         Nothing is solved for what is constant or unused.
         """
         if self._last is not None and self._last[0] is scene:
             return self._last[1:]
-        parts, put_in, given = list[Part](), float("nan"), scene.heat.theta
+        parts, judged, given = list[Part](), False, scene.heat.theta
         if given is not None:
             parts = [Part(0.0, ((given, 1.0),)) if isinstance(given, Expression) else Part(float(given))]
         elif scene.conducts:
             (uniform, shares), (alpha, ratios) = heat_shares(scene), exchange_level(scene)
             k, conduction = scene.material.k or 1.0, self.conduction(relative_k(scene), ratios)
-            parts = [Part(uniform)] if uniform != 0.0 else []
-            parts += [conduction.part(key, alpha, k).times(factor) for key, factor in shares]
-            sources = [factor * conduction.heat_in(key) for key, factor in shares if key.heats]
-            if sources or (shares and scene.heat_by_edge):
-                put_in = sum(sources)
-        self._last = scene, parts, put_in
-        return parts, put_in
+            parts = [Part(uniform), *(conduction.part(key, alpha, k, factor) for key, factor in shares)]
+            judged = bool(shares) and (scene.heat_by_edge or any(key.heats for key, _ in shares))
+        fields = tuple(field for part in parts for field in part.fields)
+        sums = (sum(getattr(part, name) for part in parts) for name in ("heat_out", "heat_in", "through"))
+        self._last = scene, Part(sum(part.constant for part in parts), fields, *sums), judged
+        return self._last[1:]
 
 
 def _wanted(scenes: Sequence[Scene]) -> dict[tuple[Conductivity, Ratios], dict[FamilyKey, dict[float, None]]]:

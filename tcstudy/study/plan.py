@@ -17,8 +17,7 @@ from tcstudy.data.provenance import Remark
 from tcstudy.errors import GeometryFailed, StoreError, UsageError, UserFault
 from tcstudy.exact.loads import description
 from tcstudy.executors import WorkerDied, in_order
-from tcstudy.offline.elastic import swept_parts
-from tcstudy.offline.level import Level
+from tcstudy.offline.level import Level, swept_parts
 from tcstudy.offline.loads import exchange_level
 from tcstudy.read.document import located
 from tcstudy.scene.points import FELT, count_points, distinct, idle_notes, needs_heat_solve, of_stiffness, why_no_heat

@@ -105,12 +105,12 @@ def measure(progress: Callable[[str], None]) -> xr.Dataset:
 def _stages(level: Level, scene: Scene, clock: Clock) -> Iterator[float]:
     """CPU times from the elastic factor on, in the order of STAGES."""
     clock()
-    body, mu = level._body(scene, level.frames)
+    body, mu = level._body(scene), scene.material.mu
     elastic = clock()
     least_eigenvalue(body.A_tilde(mu), level.line.c)
     lowest = clock()
     yield elastic - lowest
-    level.temperatures._parts(scene)  # the heat factor, its spectrum and the condensed source
+    level.temperatures._whole(scene)  # the heat factor, its spectrum and the condensed source
     yield clock()
     condensed = level.condensed(scene)
     yield clock()
