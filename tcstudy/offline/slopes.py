@@ -27,11 +27,12 @@ from numpy.typing import NDArray
 from tcstudy.contact.linearised import Linearised
 from tcstudy.fem.forms import Moduli, Springs
 from tcstudy.laws.derivatives import agreed, law_slopes, number_of
+from tcstudy.laws.dual import Dual, slope_of
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level
 from tcstudy.offline.loads import loaded_by
 from tcstudy.scene.fits import Sensitivity
-from tcstudy.scene.parameters import moduli_slope, path_scene
+from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene, exchanges
 
 Array = NDArray[np.float64]
@@ -73,13 +74,14 @@ def change_of(level: Level, scene: Scene, by: Sensitivity) -> Change:
         return Change(none, none)
     if path[0] in ("material", "materials"):
         where, own = next(one for one in scene.pieces if path[0] == "material" or one[0] == (path[1],))
-        slope = moduli_slope(own, path[-1], by.heat_grows)
-        if slope.beta:
-            load = slope.beta * level.elastic.expansion(level.temperature(scene).theta, where)
-        if slope.k and scene.heat.theta is None and scene.conducts:
+        one = own.with_number(path[-1], Dual(getattr(own, path[-1]), 1.0))
+        lam, mu, beta, k = map(slope_of, (one.lam, one.mu, one.beta, one.k))
+        if beta:
+            load = beta * level.elastic.expansion(level.temperature(scene).theta, where)
+        if k and scene.heat.theta is None and scene.conducts:
             more, mean = heated(-(level.elastic.conduction(((where, 1.0),)) @ level.temperature(scene).theta))
             load = load + more
-        return Change(load, none, ((where, slope.lam, slope.mu),) if slope.lam or slope.mu else (), (), mean)
+        return Change(load, none, ((where, lam, mu),) if lam or mu else (), (), mean)
     if path[-2:-1] == ("spring",):
         return Change(none, none, (), ((path[1], float(path[-1] == "normal"), float(path[-1] == "tangential")),))
     if path[-1] == "alpha":

@@ -5,7 +5,7 @@ must agree, and expressions, which must have a finite value where they are used,
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import is_dataclass
 from typing import Any, NamedTuple
 
@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from tcstudy.expressions.expression import Expression
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.read.fields import Context
-from tcstudy.read.heat import Boundary, value_at
+from tcstudy.read.heat import Boundary
 from tcstudy.read.node import Node, deepest
-from tcstudy.scene.records import Body, Clamped, Contact, Edge, Point, Rigid, Role, Symmetry
+from tcstudy.scene.records import Body, Clamped, Contact, Edge, Point, Rigid, Role, Scalar, Symmetry
 from tcstudy.scene.study import Goal, MeshPlan
 from tcstudy.shapes.edges import body_area, body_size, edge_distance, edge_normal, edge_points, loop_size
 from tcstudy.shapes.faults import loop_polygon
@@ -163,73 +163,79 @@ def mesh_faults(plan: MeshPlan, area: float, size: float, units: str) -> Iterato
             yield i, f"about 10^{exponent:.1f} triangles are more than a study can use", remedy
 
 
-def check_straight(ctx: Context, node: Node, body: Body, boundary: Boundary) -> None:
-    """Record every symmetry edge that is an arc: there u_N = 0 mirrors nothing."""
+def check_boundary(ctx: Context, node: Node, body: Body, boundary: Boundary) -> None:
+    """Record every corner at which constraints have no common solution or two edges hold different temperatures, where
+    heat without end would flow; and every symmetry edge that is an arc, where u_N = 0 mirrors nothing."""
+    for name, what in corner_faults(body, boundary):
+        ctx.errors.at(deepest(node, (name,)), what, "make them agree there, or free a component")
+    if body.outline is None:
+        return
+    held = {name: role.heat.theta for name, role in boundary if role.heat and role.heat.theta is not None}
+    for edge, following in (pair for loop in body.loops for pair in loop.corners):
+        if edge.name == following.name or not {edge.name, following.name} <= {*held}:
+            continue
+        (x, y), (a, b) = edge.end, (_value_at(held[name], edge.end) for name in (edge.name, following.name))
+        if abs(a - b) > 1e-9 * max(abs(a), abs(b)):
+            what = f"{edge.name} and {following.name} hold different temperatures at their corner ({x:g}, {y:g})"
+            remedy = "make them agree there, or let one of them exchange heat: {alpha: ..., theta_bar: ...}"
+            ctx.errors.once(deepest(node, (following.name,)), what, remedy)
     mirrors = {name for name, role in boundary if isinstance(role, Symmetry)}
-    arcs = dict.fromkeys(edge.name for edge in body.edges if edge.through is not None) if body.outline else {}
-    for name in arcs:
+    for name in dict.fromkeys(edge.name for edge in body.edges if edge.through is not None):
         if name in mirrors:
             remedy = "use {role: clamped, u_N: 0} for a guide"
             ctx.errors.once(deepest(node, (name,)), "a symmetry edge is straight, but this is an arc", remedy)
 
 
-def check_corners(ctx: Context, node: Node, body: Body, boundary: Boundary) -> None:
-    """Record every corner at which the constraints have no common solution."""
-    for edge, what in corner_faults(body, boundary):
-        ctx.errors.at(deepest(node, (edge,)), what, "make them agree there, or free a component")
+def _value_at(scalar: Scalar, at: Point) -> float:
+    return float(scalar.evaluate(at[0], at[1])) if isinstance(scalar, Expression) else float(scalar)
 
 
 def corner_faults(body: Body, boundary: Boundary) -> Iterator[tuple[str, str]]:
-    """(edge, what is wrong) of every corner of a polygon body at which d·u = value have no common solution u."""
+    """(edge, what is wrong) of every corner of a polygon body at which d·u = value have no common solution u.
+
+    Near-parallel directions (a smooth junction) count as parallel.
+    """
     roles = dict(boundary)
+
+    def held(edge: Edge, at: Point) -> Iterator[tuple[float, float, float]]:
+        """(d₁, d₂, value) of every component that an edge holds at a point."""
+        n_x, n_y = map(float, edge_normal(edge, np.array([at]))[0])
+        if (role := roles.get(edge.name)) is not None:
+            directions = ((1.0, 0.0), (0.0, 1.0)) if role.frame == "xy" else ((n_x, n_y), (-n_y, n_x))
+            for direction, component in zip(directions, role.u, strict=True):
+                if component is not None:
+                    yield (*direction, _value_at(component, at))
+
     for edge, following in (pair for loop in body.loops for pair in loop.corners) if body.outline else ():
-        rows = [*_held_lines(edge, roles, edge.end), *_held_lines(following, roles, edge.end)]
-        if len(rows) > 1 and not _solvable(np.array(rows)):
+        rows = np.array([*held(edge, edge.end), *held(following, edge.end)]).reshape(-1, 3)
+        if len(rows) < 2 or not np.all(np.isfinite(rows)):  # an expression without a value is refused elsewhere
+            continue
+        u = np.linalg.lstsq(rows[:, :2], rows[:, 2], rcond=1e-6)[0]
+        if np.max(np.abs(rows[:, :2] @ u - rows[:, 2])) > 1e-9 * np.max(np.abs(rows[:, 2])):
             x, y = edge.end
-            others = f"{edge.name} and {following.name}"
             clamped = following if isinstance(roles.get(following.name), Clamped) else edge
-            yield clamped.name, f"{others} prescribe different displacements at their common corner ({x:g}, {y:g})"
-
-
-def _held_lines(edge: Edge, roles: Mapping[str, Role], at: Point) -> Iterator[tuple[float, float, float]]:
-    """(d₁, d₂, value) of every component that an edge holds at a point."""
-    role = roles.get(edge.name)
-    n = edge_normal(edge, np.array([at]))[0]
-    normal, tangent = (float(n[0]), float(n[1])), (-float(n[1]), float(n[0]))
-    if role is not None:
-        directions = ((1.0, 0.0), (0.0, 1.0)) if role.frame == "xy" else (normal, tangent)
-        for direction, component in zip(directions, role.u, strict=True):
-            if component is not None:
-                yield (*direction, value_at(component, at))
-
-
-def _solvable(rows: Array) -> bool:
-    """Whether d·u = value has a solution; near-parallel directions (a smooth junction) count as parallel."""
-    directions, values = rows[:, :2], rows[:, 2]
-    if not np.all(np.isfinite(values)):
-        return True  # refused elsewhere, as an expression without a finite value
-    u = np.linalg.lstsq(directions, values, rcond=1e-6)[0]
-    return bool(np.max(np.abs(directions @ u - values)) <= 1e-9 * np.max(np.abs(values), initial=0.0))
+            what = f"{edge.name} and {following.name} prescribe different displacements at their common corner"
+            yield clamped.name, f"{what} ({x:g}, {y:g})"
 
 
 EDGE_POINTS, GRID = 64, 40
 
 
-def check_finite(ctx: Context, root: Node, section: str, value: object, body: Body) -> None:
+def check_finite(ctx: Context, root: Node, section: str, value: Any, body: Body) -> None:
     """Record every expression of a section with a value that is not finite at a sample point of its edges or the body.
 
     Samples cannot see every singularity between them; a load that is not finite after all is a failed point.
     """
-    if body.outline is None:
-        return
-    for keys, edge, expression in _expressions(section, value):
-        points = _on_edges(body, edge) if edge else _inside(body)
-        result = np.broadcast_to(expression.evaluate(points[:, 0], points[:, 1]), len(points))
-        bad = np.flatnonzero(~np.isfinite(result))
-        if len(bad):
-            x, y = points[bad[0]]
-            what = f"the expression {str(expression)!r} has no finite value at ({x:g}, {y:g})"
-            ctx.errors.once(deepest(root, keys), what, "change it so that it is finite wherever it is used")
+    parts = value if section == "boundary" else [("f", value)] if section == "loads" else vars(value).items()
+    for key, part in parts if body.outline is not None else ():
+        for expression in _in(part):
+            x, y = (_on_edges(body, key) if section == "boundary" else _inside(body)).T
+            bad = np.flatnonzero(~np.isfinite(np.broadcast_to(expression.evaluate(x, y), len(x))))
+            if len(bad):
+                at = f"({x[bad[0]]:g}, {y[bad[0]]:g})"
+                what = f"the expression {str(expression)!r} has no finite value at {at}"
+                remedy = "change it so that it is finite wherever it is used"
+                ctx.errors.once(deepest(root, (section, key)), what, remedy)
 
 
 def check_laws(ctx: Context, root: Node, friction: EdgeLaws, boundary: Iterable[tuple[str, Role]], body: Body) -> None:
@@ -248,28 +254,14 @@ def check_laws(ctx: Context, root: Node, friction: EdgeLaws, boundary: Iterable[
         ctx.errors.once(deepest(root, ("friction",)), f"the contact edge {without[0]} has no law", remedy)
     for edge, _, strength in friction.laws if body.outline is not None else ():
         for name in [edge] if edge in contact else contact if not edge else []:
-            points = _on_edges(body, name)
-            values = strength.evaluate(points[:, 0], points[:, 1]) if isinstance(strength, Expression) else strength
-            bad = np.flatnonzero(~(np.isfinite(values) & (np.broadcast_to(values, len(points)) >= 0.0)))
+            x, y = _on_edges(body, name).T
+            values = np.broadcast_to(strength.evaluate(x, y) if isinstance(strength, Expression) else strength, len(x))
+            bad = np.flatnonzero(~(np.isfinite(values) & (values >= 0.0)))
             if len(bad):
-                x, y = points[bad[0]]
                 keys = ("friction", edge, "strength") if edge else ("friction", "strength")
-                what = f"the strength is negative or not finite at ({x:g}, {y:g})"
+                what = f"the strength is negative or not finite at ({x[bad[0]]:g}, {y[bad[0]]:g})"
                 remedy = 'bound it, for example "max(0, ...)"; 0 is a gap in the bond'
                 ctx.errors.once(deepest(root, keys), what, remedy)
-
-
-def _expressions(section: str, value: object) -> Iterator[tuple[tuple[str, ...], str | None, Expression]]:
-    """(key path, edge or None for the body, expression) of a section's record."""
-    if section == "boundary":
-        assert isinstance(value, tuple)
-        for name, role in value:
-            yield from (((section, name), name, e) for e in _in(role))
-    elif section == "loads":
-        yield from (((section, "f"), None, e) for e in _in(value))
-    else:
-        for key, part in vars(value).items():
-            yield from (((section, key), None, e) for e in _in(part))
 
 
 def _in(value: Any) -> Iterator[Expression]:

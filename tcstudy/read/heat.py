@@ -9,17 +9,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from tcstudy.expressions.expression import Expression
 from tcstudy.read.body import REGION_SHAPES, read_region
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.node import Node, deepest, hint
 from tcstudy.scene.keys import rows
-from tcstudy.scene.records import Body, EdgeHeat, Heat, Material, Point, Role, Scalar, exchanges
+from tcstudy.scene.records import Body, EdgeHeat, Heat, Material, Role, exchanges
 from tcstudy.shapes.faults import snapped
 
 Boundary = tuple[tuple[str, Role], ...]
 
 EXCHANGE = tuple(name for name in rows("edge_heat") if name != "theta")
+HEAT = ("alpha", "theta_bar")
+"""Keys of the section `heat` that edges may give by themselves."""
 HEAT_KEYS = ("heat", *EXCHANGE)
 """Keys of an edge that say what it does to heat."""
 
@@ -29,16 +30,14 @@ def read_edge_heat(ctx: Context, fields: Fields, kind: str) -> EdgeHeat | None:
     if kind == "convection":
         given = fields.given(EXCHANGE)
         return EdgeHeat(**given) if given else None
-    node = fields["heat"]
-    if node is None:
+    if (node := fields["heat"]) is None:
         return None
     own = Fields(ctx, node, "edge_heat")
     if isinstance(node.value, Mapping) and not own.values:
         ctx.errors.at(node, "says nothing", "give theta, or flux, or alpha and theta_bar; without heat it is insulated")
-    others = [key for key in own.values if key in EXCHANGE]
-    if own["theta"] and others:
+    if own["theta"] and (others := [key for key in own.values if key in EXCHANGE]):
         what = f"theta is held on the edge, so {', '.join(others)} would not be used"
-        ctx.errors.at(own.values["theta"], what, "keep theta alone, or remove it", on_key=True)
+        own.fault("theta", what, "keep theta alone, or remove it", on_key=True)
     return EdgeHeat(**own.given())
 
 
@@ -46,37 +45,36 @@ INLINE = "omega"
 """Name of the region that `omega` describes in place."""
 
 
-def read_inline_region(ctx: Context, heat: Node | None, body: Body) -> Body:
+def with_inline_region(ctx: Context, heat: Node | None, body: Body) -> Body:
     """The body with the region that `heat.omega` describes in place, if it does, and all regions on what they meet."""
     node = heat.child("omega") if heat else None
-    if node is None or not isinstance(node.value, Mapping):
-        return snapped(body) if body.regions else body
-    if any(region.name == INLINE for region in body.regions):
-        remedy = f"write omega: {INLINE}, or give the region under body.regions another name"
-        ctx.errors.at(node, f"the body already has a region {INLINE!r}", remedy)
-        return body
-    return snapped(replace(body, regions=(*body.regions, read_region(ctx, node, INLINE))))
+    if node is not None and isinstance(node.value, Mapping):
+        if any(region.name == INLINE for region in body.regions):
+            remedy = f"write omega: {INLINE}, or give the region under body.regions another name"
+            ctx.errors.at(node, f"the body already has a region {INLINE!r}", remedy)
+            return body
+        body = replace(body, regions=(*body.regions, read_region(ctx, node, INLINE)))
+    return snapped(body) if body.regions else body
 
 
 def needed_of_heat(boundary: Node | None) -> tuple[str, ...]:
     """The keys of `heat` that edges leave to it; both where no edge says anything of heat by itself."""
     edges = boundary.value if boundary and isinstance(boundary.value, Mapping) else {}
-    words = {edge: node.child("role") if isinstance(node.value, Mapping) else node for edge, node in edges.items()}
-    convection = {edge for edge, word in words.items() if word is not None and word.value == "convection"}
-    places = {edge: node if edge in convection else node.child("heat") for edge, node in edges.items()}
-    said = {edge: {*EXCHANGE} & {*p.value} for edge, p in places.items() if p and isinstance(p.value, Mapping)}
-    if not any(given or edge not in convection for edge, given in said.items()):
-        return ("alpha", "theta_bar")
-    exchanging = [said.get(edge, set()) for edge in edges if edge in convection or said.get(edge, set()) - {"flux"}]
-    return tuple(key for key in ("alpha", "theta_bar") if any(key not in given for given in exchanging))
+    exchanging, alone = [], True
+    for node in edges.values():
+        word = node.child("role") if isinstance(node.value, Mapping) else node
+        convection = word is not None and word.value == "convection"
+        place = node if convection else node.child("heat")
+        said = {*EXCHANGE} & {*place.value} if place and isinstance(place.value, Mapping) else None
+        if convection or (said or set()) - {"flux"}:
+            exchanging.append(said or set())
+        alone = alone and not said and (convection or said is None)
+    return tuple(key for key in HEAT if alone or any(key not in said for said in exchanging))
 
 
 @none_after_fault
 def read_heat(
-    ctx: Context,
-    node: Node | None,
-    regions: tuple[str, ...] | None,
-    required: tuple[str, ...] = ("alpha", "theta_bar"),
+    ctx: Context, node: Node | None, regions: tuple[str, ...] | None, required: tuple[str, ...] = HEAT
 ) -> Heat:
     """The heat problem; zero temperature without the section; None after a fault.
 
@@ -87,13 +85,12 @@ def read_heat(
         return Heat()
     if node.child("theta"):
         fields = Fields(ctx, node, "heat", ("theta",))
-        others = [key for key in fields.values if key in fields.rows and key != "theta"]
-        if others:
+        if others := [key for key in fields.values if key in fields.rows and key != "theta"]:
             what = f"theta is the known temperature, so {', '.join(others)} would not be used"
             ctx.errors.once(fields.values["theta"], what, "keep theta alone, or remove it to compute the temperature")
         return Heat(**fields.given(("theta",)))
     fields = Fields(ctx, node, "heat", required)
-    return Heat(**fields.given(("alpha", "theta_bar", "q")), omega=_omega(ctx, fields["omega"], regions))
+    return Heat(**fields.given((*HEAT, "q")), omega=_omega(ctx, fields["omega"], regions))
 
 
 def _omega(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) -> tuple[str, ...]:
@@ -105,12 +102,12 @@ def _omega(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) -> 
             remedy = "describe the regions under body.regions and sweep over their names"
             ctx.errors.at(node, "a shape cannot be swept, because the mesh depends on it", remedy)
         return (INLINE,)
-    if not isinstance(node.value, str) and (not isinstance(node.value, tuple) or not node.value):
+    items = node.value if isinstance(node.value, tuple) else (node,) if isinstance(node.value, str) else ()
+    if not items:
         remedy = f"write NAME or [NAME, ...], or a shape: {', '.join(REGION_SHAPES)}"
         ctx.errors.at(node, f"must name regions of the body, but is {node.kind()}", remedy)
-        return ()
-    names = []
-    for item in node.value if isinstance(node.value, tuple) else (node,):
+    names: list[str] = []
+    for item in items:
         name = ctx.text(item, "the name of a region")
         if name and regions is not None and name not in regions:
             shape = f"add it under body.regions, or write one of {', '.join(REGION_SHAPES)} here"
@@ -125,19 +122,21 @@ def _omega(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) -> 
 def check_heat(ctx: Context, root: Node, heat: Heat, boundary: Boundary, material: Material) -> None:
     """Heat needs a conductivity and an edge that decides about temperature; what is given must act somewhere."""
     own = [edge for edge, role in boundary if role.heat is not None]
-    passing = [edge for edge, role in boundary if exchanges(role)]
+    passing = [(edge, role.heat or EdgeHeat()) for edge, role in boundary if exchanges(role)]
+    held = [edge for edge, role in boundary if role.heat is not None and role.heat.theta is not None]
     section = root.child("heat")
     if heat.theta is not None or (section is None and not own):
-        for edge in dict.fromkeys((*passing, *own)):
-            node = deepest(root, ("boundary", edge))
-            why = "the study has no section heat" if section is None else "the temperature theta is given"
-            remedy = "add heat: {alpha: ..., theta_bar: ...}, or make the edge free or traction"
-            if section is not None and edge in own:
+        why = "the study has no section heat" if section is None else "the temperature theta is given"
+        for edge in dict.fromkeys((*(edge for edge, _ in passing), *own)):
+            what, remedy = (
+                "a convection edge",
+                "add heat: {alpha: ..., theta_bar: ...}, or make the edge free or traction",
+            )
+            if edge in own:
+                what = "what the edge does to heat"
                 remedy = "remove theta to compute the temperature, or what the edge says of heat"
-            what = "what the edge does to heat" if edge in own else "a convection edge"
-            ctx.errors.once(node, f"{what} has no meaning, because {why}", remedy)
+            ctx.errors.once(deepest(root, ("boundary", edge)), f"{what} has no meaning, because {why}", remedy)
         return
-    held = [edge for edge, role in boundary if role.heat is not None and role.heat.theta is not None]
     if not (passing or held or own) and heat.q == 0.0:  # no heat comes or goes: an alpha then is a doubt, no fault
         return
     places = (("material",), *(("materials", name) for name, _ in material.regions))
@@ -145,51 +144,22 @@ def check_heat(ctx: Context, root: Node, heat: Heat, boundary: Boundary, materia
         if one.k is None:
             node = deepest(root, place)
             ctx.errors.once(node, "is missing, but heat needs it", "add k: 45 W/(m*K)", key=f"{'.'.join(place)}.k")
+    alpha = deepest(root, ("heat", "alpha"))
     if not passing and not held and (own or heat.alpha > 0.0):
-        node = deepest(root, ("heat", "alpha") if heat.alpha > 0.0 else ("boundary", own[0]))
+        node, what = deepest(root, ("boundary", *own[:1])), "and none holds a temperature: no heat can leave"
+        if heat.alpha > 0.0:
+            node, what = alpha, "so alpha acts nowhere"
         remedy = "give the role convection to the edges that exchange heat, or give a known temperature theta"
-        what = "so alpha acts nowhere" if heat.alpha > 0.0 else "and none holds a temperature: no heat can leave"
         ctx.errors.once(node, f"no edge has the role convection, {what}", remedy)
-        return
-    _check_section(ctx, root, heat, boundary, bool(own))
-
-
-def _check_section(ctx: Context, root: Node, heat: Heat, boundary: Boundary, own: bool) -> None:
-    """α of the section heat: it acts somewhere, and where it is 0 nothing needs it."""
-    section, node = root.child("heat"), deepest(root, ("heat", "alpha"))
-    if section is None:
-        examples = {"alpha": "alpha: 100 W/(m^2*K)", "theta_bar": "theta_bar: 20 K"}
-        for edge, role in boundary:
-            for key, example in examples.items() if exchanges(role) and role.heat is not None else ():
-                if getattr(role.heat, key) is None:
-                    what = "is missing, and there is no section heat to take it from"
-                    place = deepest(root, ("boundary", edge, "heat"))
-                    ctx.errors.once(place, what, f"add {example}", key=f"boundary.{edge}.heat.{key}")
-        return
-    users = [role for _, role in boundary if exchanges(role) and (role.heat is None or role.heat.alpha is None)]
-    if own and users and heat.alpha == 0.0:
+    elif section is None:
+        for edge, said in passing:
+            for key, example in (("alpha", "100 W/(m^2*K)"), ("theta_bar", "20 K")) if edge in own else ():
+                if getattr(said, key) is None:
+                    what, place = "is missing, and there is no section heat to take it from", ("boundary", edge, "heat")
+                    ctx.errors.once(deepest(root, place), what, f"add {key}: {example}", key=".".join((*place, key)))
+    elif heat.alpha == 0.0 and own and any(said.alpha is None for _, said in passing):
         what = "with alpha = 0 the edges that have none of their own exchange nothing"
-        ctx.errors.once(node, what, "give alpha > 0, or make those edges free or traction")
-    elif not own and heat.alpha == 0.0 and heat.q != 0.0:
+        ctx.errors.once(alpha, what, "give alpha > 0, or make those edges free or traction")
+    elif heat.alpha == 0.0 and not own and heat.q != 0.0:
         what = "with alpha = 0 the heat of q cannot leave the body, so there is no steady state"
-        ctx.errors.once(node, what, "give alpha > 0, or q: 0")
-
-
-def value_at(scalar: Scalar, at: Point) -> float:
-    """A number, or the value of an expression at a point."""
-    return float(scalar.evaluate(at[0], at[1])) if isinstance(scalar, Expression) else float(scalar)
-
-
-def check_held(ctx: Context, node: Node, body: Body, boundary: Boundary) -> None:
-    """Record every corner at which two edges hold different temperatures: heat without end would flow there."""
-    held = {name: role.heat.theta for name, role in boundary if role.heat and role.heat.theta is not None}
-    if body.outline is None or len(held) < 2:
-        return
-    for edge, following in (pair for loop in body.loops for pair in loop.corners):
-        if edge.name == following.name or not {edge.name, following.name} <= {*held}:
-            continue
-        (x, y), (a, b) = edge.end, (value_at(held[name], edge.end) for name in (edge.name, following.name))
-        if abs(a - b) > 1e-9 * max(abs(a), abs(b)):
-            what = f"{edge.name} and {following.name} hold different temperatures at their corner ({x:g}, {y:g})"
-            remedy = "make them agree there, or let one of them exchange heat: {alpha: ..., theta_bar: ...}"
-            ctx.errors.once(deepest(node, (following.name,)), what, remedy)
+        ctx.errors.once(alpha, what, "give alpha > 0, or q: 0")

@@ -1,8 +1,4 @@
-"""Reads the sections that make up a scene beside its body and its heat: boundary, material, loads, friction.
-
-The plane problem: plane strain keeps lam and mu, beta = (3 lam + 2 mu) alpha_T, eq. (3);
-plane stress has lam → 2 lam mu/(lam + 2 mu), beta = E alpha_T/(1 − nu).
-"""
+"""Reads the sections that make up a scene beside its body and its heat: boundary, material, loads, friction."""
 
 from __future__ import annotations
 
@@ -19,7 +15,6 @@ from tcstudy.laws.shapes import SHAPES, LawError
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.heat import HEAT_KEYS, Boundary, read_edge_heat
 from tcstudy.read.node import COMPONENTS, Node, hint, nearest
-from tcstudy.scene.key import LOADED
 from tcstudy.scene.keys import law_rows, of_role, row, rows
 from tcstudy.scene.records import Clamped, Contact, Convection, Free, Material, Rigid, Role, Scalar, Symmetry, Traction
 
@@ -34,17 +29,26 @@ FRAMES: tuple[tuple[Literal["xy", "nt"], str, str], ...] = (("xy", "u_x", "u_y")
 def read_boundary(ctx: Context, node: Node, names: tuple[str, ...] | None) -> Boundary:
     """The roles of all edges in the order of the study; None after a fault.
 
-    names: the edges of the body; None if they are not known
+    names: the edges of the body, each of which has a role, as every role has an edge; None if they are not known
     """
-    before = len(ctx.errors)
     remedy = f"write one EDGE: role per line; roles are {', '.join(ROLES)}"
     given = ctx.mapping(node, "edges to roles", remedy, least=0)
-    if len(ctx.errors) > before:
+    if not isinstance(node.value, Mapping):
         return ()
     roles = {edge: _role(ctx, item) for edge, item in given.items()}
+    guessed = {}  # a misspelt edge is one fault, not two
     if names is not None:
-        _check_edges(ctx, node, given, names)
-    if not any(isinstance(role, Contact) for role in roles.values()) and len(ctx.errors) == before:
+        without = [name for name in names if name not in given]
+        guessed = {edge: nearest(edge, without) or nearest(edge, names) for edge in given if edge not in names}
+        for edge, near in guessed.items():
+            remedy = f"did you mean {near!r}?" if near else f"the edges are {', '.join(names)}"
+            ctx.errors.at(given[edge], f"the body has no edge {edge!r}", remedy, on_key=True)
+        for edge in without:
+            if edge not in guessed.values():
+                remedy = f"add {edge}: free, or one of {', '.join(ROLES[:-1])}"
+                ctx.errors.at(node, "the edge has no role", remedy, key=f"{node.path}.{edge}")
+    ctx.sound()
+    if not any(isinstance(role, Contact) for role in roles.values()):
         remedy = "give the role contact to the edges that touch the foundation"
         ctx.errors.at(node, "no edge is in contact, so there is no friction to study", remedy)
     return tuple(roles.items())
@@ -56,50 +60,43 @@ def keys_of(node: Node) -> tuple[str, ...]:
     return of_role(str(word.value)) if word is not None and word.value in ROLES else ALL_KEYS
 
 
-def _check_edges(ctx: Context, node: Node, given: Mapping[str, Node], names: tuple[str, ...]) -> None:
-    """Every edge has a role and every role an edge; a misspelt edge is one fault, not two."""
-    without = [name for name in names if name not in given]
-    guessed = set()
-    for edge, item in given.items():
-        if edge not in names:
-            near = nearest(edge, without) or nearest(edge, names)
-            guessed.add(near)
-            remedy = f"did you mean {near!r}?" if near else f"the edges are {', '.join(names)}"
-            ctx.errors.at(item, f"the body has no edge {edge!r}", remedy, on_key=True)
-    for edge in without:
-        if edge not in guessed:
-            remedy = f"add {edge}: free, or one of {', '.join(ROLES[:-1])}"
-            ctx.errors.at(node, "the edge has no role", remedy, key=f"{node.path}.{edge}")
-
-
 def _role(ctx: Context, node: Node) -> Role:
     """The role of one edge, given as a word or a mapping."""
     if not isinstance(node.value, Mapping):
         node = replace(node, value={"role": node})
     word, before = node.child("role"), len(ctx.errors)
-    if word is None:
-        Fields(ctx, node, "boundary")
-        return Free()
-    kind = ctx.choice(word, ROLES)
-    if len(ctx.errors) > before:
+    kind = ctx.choice(word, ROLES) if word else ""
+    if word is None or len(ctx.errors) > before:
+        if word is None:
+            Fields(ctx, node, "boundary")
         return Free()
     foreign = [key for key in ALL_KEYS if node.child(key) and key not in of_role(kind)]
     fields = Fields(ctx, node, "boundary", ("role",), (*of_role(kind), *foreign))
     for key in foreign:
-        ctx.errors.at(fields.values[key], f"the role {kind} takes no {key}", _home(key), on_key=True)
+        fields.fault(key, f"the role {kind} takes no {key}", _home(key), on_key=True)
     heat = read_edge_heat(ctx, fields, kind)
+    if kind in UNLOADED:
+        return UNLOADED[kind](heat=heat)
     if kind == "clamped":
         return replace(_clamped(ctx, node, fields), heat=heat)
+    force = fields.value("force") if fields["force"] else (0.0, 0.0)
+    if any(isinstance(one, Expression) for one in force):
+        what = "a resultant is one number in x and one in y"
+        fields.fault("force", what, "give g for a traction that varies along the edge")
+        force = 0.0, 0.0
     if kind == "rigid":
-        return replace(_rigid(ctx, node, fields), heat=heat)
+        return replace(_rigid(ctx, node, fields, force), heat=heat)
     if kind == "traction" and not any(fields[key] for key in ("g", "pressure", "force", "spring")):
         remedy = "write {role: traction, g: [gx, gy]} or {role: traction, pressure: p}, or the role free"
         ctx.errors.at(node, "a traction edge needs g or pressure", remedy)
-    if kind in LOADED:
-        given = fields.given(("g", "pressure"))
-        made = Traction if kind == "traction" else Convection
-        return made(**given, heat=heat, force=_force(ctx, fields), spring=_spring(ctx, fields))
-    return UNLOADED[kind](heat=heat)
+    spring = 0.0, 0.0
+    if (support := fields["spring"]) is not None:
+        own = Fields(ctx, support, "spring")
+        if isinstance(support.value, Mapping) and not own.values:
+            ctx.errors.at(support, "says nothing", "give normal or tangential: " + ctx.example("5e9 Pa/m"))
+        spring = own.value("normal"), own.value("tangential")
+    made = Traction if kind == "traction" else Convection
+    return made(**fields.given(("g", "pressure")), heat=heat, force=force, spring=spring)
 
 
 def _home(key: str) -> str:
@@ -116,54 +113,6 @@ def _home(key: str) -> str:
     return "give the edge the role traction or convection, which take g, pressure and force"
 
 
-def _force(ctx: Context, fields: Fields) -> tuple[float, float]:
-    """The resultant on an edge: two numbers."""
-    if not fields["force"]:
-        return 0.0, 0.0
-    x, y = fields.value("force")
-    if isinstance(x, Expression) or isinstance(y, Expression):
-        what = "a resultant is one number in x and one in y"
-        ctx.errors.at(fields.values["force"], what, "give g for a traction that varies along the edge")
-        return 0.0, 0.0
-    return x, y
-
-
-def _spring(ctx: Context, fields: Fields) -> tuple[float, float]:
-    """Stiffness of the support along the normal and along the edge."""
-    node = fields["spring"]
-    if node is None:
-        return 0.0, 0.0
-    own = Fields(ctx, node, "spring")
-    if isinstance(node.value, Mapping) and not own.values:
-        ctx.errors.at(node, "says nothing", "give normal or tangential: " + ctx.example("5e9 Pa/m"))
-    return own.value("normal"), own.value("tangential")
-
-
-def _rigid(ctx: Context, node: Node, fields: Fields) -> Rigid:
-    """An edge that moves as a whole: components that are given, and resultants of the others."""
-    if fields["u"] and (fields["u_x"] or fields["u_y"]):
-        ctx.errors.at(node, "the displacement is given in two ways", "give either u: [u_x, u_y], or u_x and u_y")
-        return Rigid()
-    u = fields.value("u") if fields["u"] else (fields.value("u_x"), fields.value("u_y"))
-    force, moment = _force(ctx, fields), None
-    if fields["moment"]:
-        moment = fields.value("moment")
-        if u != (None, None):
-            what = "an edge that turns moves as its forces and its moment want"
-            ctx.errors.at(fields.values["moment"], what, "leave out u, or the moment")
-            return Rigid()
-    if any(isinstance(component, Expression) for component in u):
-        ctx.errors.at(node, "a rigid edge moves as a whole, by one number", "use the role clamped")
-    elif None not in u:
-        what = "both components are given, so nothing is left for the edge to find"
-        ctx.errors.at(node, what, "give the edge the role clamped, or leave a component out")
-    for name, component, given in zip("xy", u, force, strict=True):
-        if component is not None and given != 0.0:
-            what = f"u_{name} is given, so a force in {name} would not be used"
-            ctx.errors.at(fields.values["force"], what, f"write 0 in its place, or leave out u_{name}")
-    return Rigid(u, force=force, moment=moment)
-
-
 def _clamped(ctx: Context, node: Node, fields: Fields) -> Clamped:
     """Prescribed displacement: u, or components in x and y or in the edge's frame; "free" leaves one free."""
     given = [frame for frame in FRAMES if fields[frame[1]] or fields[frame[2]]]
@@ -172,12 +121,33 @@ def _clamped(ctx: Context, node: Node, fields: Fields) -> Clamped:
         ctx.errors.at(node, "the displacement is given in two ways", remedy)
         return Clamped()
     result = Clamped(**fields.given(("u",)))
-    if given:
-        frame, first, second = given[0]
+    for frame, first, second in given:
         result = Clamped((fields.value(first), fields.value(second)), frame)
     if result.u == (None, None):
         ctx.errors.at(node, "both components are free, so nothing is clamped", "give the edge the role free")
     return result
+
+
+def _rigid(ctx: Context, node: Node, fields: Fields, force: tuple[float, float]) -> Rigid:
+    """An edge that moves as a whole: components that are given, and resultants of the others."""
+    if fields["u"] and (fields["u_x"] or fields["u_y"]):
+        ctx.errors.at(node, "the displacement is given in two ways", "give either u: [u_x, u_y], or u_x and u_y")
+        return Rigid()
+    u = fields.value("u") if fields["u"] else (fields.value("u_x"), fields.value("u_y"))
+    moment = fields.value("moment")
+    if moment is not None and u != (None, None):
+        what = "an edge that turns moves as its forces and its moment want"
+        fields.fault("moment", what, "leave out u, or the moment")
+    elif any(isinstance(component, Expression) for component in u):
+        ctx.errors.at(node, "a rigid edge moves as a whole, by one number", "use the role clamped")
+    elif None not in u:
+        what = "both components are given, so nothing is left for the edge to find"
+        ctx.errors.at(node, what, "give the edge the role clamped, or leave a component out")
+    for name, component, given in zip("xy", u, force, strict=True):
+        if component is not None and given != 0.0:
+            what = f"u_{name} is given, so a force in {name} would not be used"
+            fields.fault("force", what, f"write 0 in its place, or leave out u_{name}")
+    return Rigid(u, force=force, moment=moment)
 
 
 @none_after_fault
@@ -188,58 +158,45 @@ def read_materials(
 
     own: the section `materials`;  regions: names of the regions of the body; None if they are not known
     """
-    material = read_material(ctx, node)
+    material = _material(ctx, node)
     if own is None or material is None:
         return material
     found, remedy = [], ctx.example("write {REGION: {E: 70 GPa, nu: 0.33}}")
     for name, item in ctx.mapping(own, "regions to materials", remedy).items():
         if regions is not None and name not in regions:
             known = f"use one of {', '.join(regions)}" if regions else "add its shape under body.regions"
-            remedy = hint(name, regions, known)
-            ctx.errors.once(item, f"the body has no region {name!r}", remedy)
+            ctx.errors.once(item, f"the body has no region {name!r}", hint(name, regions, known))
         elif plane := item.child("plane"):
             ctx.errors.once(plane, "the whole body is in plane strain or in plane stress", "give it under material")
-        elif one := read_material(ctx, item, material.plane):
+        elif one := _material(ctx, item, material.plane):
             found.append((name, one))
     return replace(material, regions=tuple(found))
 
 
 @none_after_fault
-def read_material(ctx: Context, node: Node, plane: Literal["strain", "stress"] | None = None) -> Material:
+def _material(ctx: Context, node: Node, plane: Literal["strain", "stress"] | None = None) -> Material:
     """The material of the plane problem; None after a fault.
 
     plane: the assumption for the whole body, where that is read already
     """
     pairs = [pair for pair in (("E", "nu"), ("lambda", "mu")) if any(node.child(key) for key in pair)]
     fields = Fields(ctx, node, "material", (pairs or [("E", "nu")])[0] if len(pairs) < 2 else ())
+    E, nu, lame = fields.value("E"), fields.value("nu"), None
     if len(pairs) == 2:
         odd = next(fields.values[key] for key in ("lambda", "mu") if fields[key])
         ctx.errors.once(odd, "the material is given in two ways", "give either E and nu, or lambda and mu")
-        E = nu = lam = mu = math.nan
     elif pairs == [("lambda", "mu")]:
-        E, nu, lam, mu = _from_lame(ctx, fields)
-    else:
-        E, nu = fields.value("E"), fields.value("nu")
-        lam, mu = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
+        lam, mu = lame = fields.value("lambda"), fields.value("mu")
+        if 3 * lam + 2 * mu <= 0.0:
+            remedy = f"3 lambda + 2 mu must be positive: lambda greater than {-2 * mu / 3:g}"
+            fields.fault("lambda", f"{lam:g} makes the bulk modulus zero or negative", remedy)
+            lam = math.nan
+        E, nu = mu * (3 * lam + 2 * mu) / (lam + mu), lam / (2 * (lam + mu))
     if fields["alpha_T"] and fields["beta"]:
         ctx.errors.once(fields.values["beta"], "both alpha_T and beta are given", "give one of the two")
-    plane = plane or fields.value("plane")
-    alpha_T, beta = fields.value("alpha_T"), fields.value("beta")
-    if beta is None:
-        beta = (3 * lam + 2 * mu) * alpha_T if plane == "strain" else E * alpha_T / (1 - nu)
-    if plane == "stress":
-        lam = 2 * lam * mu / (lam + 2 * mu)
-    return Material(lam, mu, beta, fields.value("k"), E, nu, plane)
-
-
-def _from_lame(ctx: Context, fields: Fields) -> tuple[float, float, float, float]:
-    """E, nu and the three-dimensional Lamé moduli."""
-    lam, mu = fields.value("lambda"), fields.value("mu")
-    if 3 * lam + 2 * mu <= 0.0:
-        remedy = f"3 lambda + 2 mu must be positive: lambda greater than {-2 * mu / 3:g}"
-        ctx.errors.at(fields.values["lambda"], f"{lam:g} makes the bulk modulus zero or negative", remedy)
-        lam = math.nan
-    return mu * (3 * lam + 2 * mu) / (lam + mu), lam / (2 * (lam + mu)), lam, mu
+    plane, alpha_T, beta, k = plane or fields.value("plane"), *(fields.value(key) for key in ("alpha_T", "beta", "k"))
+    ctx.sound()
+    return Material.of(E, nu, plane, k, alpha_T, beta, lame)
 
 
 @none_after_fault
@@ -260,41 +217,37 @@ def laws_by_edge(node: Node | None) -> dict[str, Node]:
 @none_after_fault
 def read_friction(ctx: Context, node: Node) -> Laws | EdgeLaws | None:
     """The friction law, or the laws of the contact edges; None after a fault."""
-    by_edge = laws_by_edge(node)
-    if not by_edge:
-        law, strength = _read_law(ctx, node)
-        return law if law is None or strength == 1.0 else EdgeLaws((("", law, strength),))
-    laws = [(edge, *_read_law(ctx, own)) for edge, own in by_edge.items()]
-    return EdgeLaws(tuple((edge, law, strength) for edge, law, strength in laws if law is not None))
+    laws = [(edge, _law(ctx, own)) for edge, own in (laws_by_edge(node) or {"": node}).items()]
+    ctx.sound()
+    if laws[0][0] == "" and laws[0][1][1] == 1.0:
+        return laws[0][1][0]
+    return EdgeLaws(tuple((edge, law, strength) for edge, (law, strength) in laws if law is not None))
 
 
-def _read_law(ctx: Context, node: Node) -> tuple[Laws | None, Scalar]:
+def _law(ctx: Context, node: Node) -> tuple[Laws | None, Scalar]:
     """A law, None after a fault, and its strength where that varies: a number is made part of the law."""
     word, before = node.child("law"), len(ctx.errors)
-    if word is None:
-        Fields(ctx, node, "friction", ("law",))
+    name = ctx.choice(word, tuple(SHAPES)) if word else ""
+    if word is None or len(ctx.errors) > before:
+        if word is None:
+            Fields(ctx, node, "friction", ("law",))
         return None, 1.0
-    name = ctx.choice(word, tuple(SHAPES))
-    if len(ctx.errors) > before:
-        return None, 1.0
-    shape = SHAPES[name]
     own = (row("friction", "law"), row("friction", "strength"), *law_rows(name))
-    fields = Fields(ctx, node, {one.name: one for one in own})
+    fields, shape = Fields(ctx, node, {one.name: one for one in own}), SHAPES[name]
     values, strength = fields.given(), fields.value("strength")
     if isinstance(strength, float) and strength < 0.0:
         remedy = "write a factor of 0 or more; 0 is a gap in the bond"
-        ctx.errors.at(fields.values["strength"], f"must be 0 or more, but is {strength:g}", remedy)
+        fields.fault("strength", f"must be 0 or more, but is {strength:g}", remedy)
+    if len(ctx.errors) > before:
+        return None, 1.0
     try:
-        if len(ctx.errors) > before:
-            return None, 1.0
         law = shape.build(**{key: values[key] for key in values if key not in ("law", "strength")})
         if isinstance(strength, Expression):
             return law, strength
         return law if strength == 1.0 else law.times(strength), 1.0
     except LawError as error:
         what, _, remedy = error.message.partition("; ")
-        ctx.errors.at(node.child(error.parameter) or node, what, remedy or f"the law {name}: {shape.summary}")
+        fields.fault(error.parameter, what, remedy or f"the law {name}: {shape.summary}")
     except GrowthError as error:
-        remedy = "let the last values and slopes of b have the sign of the slip"
-        ctx.errors.at(node.child("points") or node, str(error), remedy)
+        fields.fault("points", str(error), "let the last values and slopes of b have the sign of the slip")
     return None, 1.0

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.read.body import check_shape, read_body
-from tcstudy.read.checks import check_corners, check_finite, check_laws, check_straight, supports, supports_fault
+from tcstudy.read.checks import check_boundary, check_finite, check_laws, supports, supports_fault
 from tcstudy.read.fields import Context
-from tcstudy.read.heat import check_heat, check_held, needed_of_heat, read_heat, read_inline_region
+from tcstudy.read.heat import check_heat, needed_of_heat, read_heat, with_inline_region
 from tcstudy.read.node import Node, put
 from tcstudy.read.parameters import read_parameters, users, words_in
 from tcstudy.read.physics import read_boundary, read_friction, read_loads, read_materials
@@ -93,7 +93,7 @@ class SceneReader:
         if body is None:
             return None
         before = len(self.ctx.errors)
-        body = read_inline_region(self.ctx, self.root.child("heat"), body)
+        body = with_inline_region(self.ctx, self.root.child("heat"), body)
         self.regions = tuple(region.name for region in body.regions)
         if len(self.ctx.errors) > before or not check_shape(self.ctx, body, self.root):
             return None
@@ -209,9 +209,7 @@ class SceneReader:
                 self.supports.add(held)
                 if fault := supports_fault(self.body, boundary):
                     self.ctx.errors.at(node, *fault)
-            check_corners(self.ctx, node, self.body, boundary)
-            check_held(self.ctx, node, self.body, boundary)
-            check_straight(self.ctx, node, self.body, boundary)
+            check_boundary(self.ctx, node, self.body, boundary)
         return boundary
 
     def _compare(self, root: Node, values: Mapping[str, Any]) -> None:

@@ -69,13 +69,11 @@ class Sensitivity:
 
     name:  as the study writes it;  path: key path, ("load",) for a factor of all mechanical loads
     units: of the number in CF form
-    heat_grows: whether heat loads grow with E, because alpha_T is given and not beta
     """
 
     name: str
     path: tuple[str, ...]
     units: str
-    heat_grows: bool = True
 
 
 @dataclass(frozen=True)

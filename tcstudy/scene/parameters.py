@@ -1,9 +1,6 @@
 """What a sweep may vary, out of the table of keys: key paths with their kind and dimension, and the short names.
 
-The scene with another value of one of its numbers: of a path's parameter, and of those that a fit is to find; and how
-fast the moduli of a material change with one of its numbers. Of E and ν: μ = E/2(1 + ν); plane strain
-λ = Eν/((1 + ν)(1 − 2ν)), plane stress λ = Eν/(1 − ν²); β = α_T E/(1 − cν) with c = 2 and 1 (`Material.bulk`), which
-changes with E and ν where α_T is given and not β.
+The scene with another value of one of its numbers: of a path's parameter, and of those that a fit is to find.
 """
 
 from __future__ import annotations
@@ -11,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 from tcstudy.expressions.expression import Expression, parse
 from tcstudy.laws.composed import EdgeLaws
@@ -199,20 +196,15 @@ def affine_numbers(scene: Scene) -> Iterator[tuple[Keys, Number]]:
 LOAD = Key("load", "number", "factor of all mechanical loads")
 
 
-def numbers(scene: Scene, heat_grows: bool = True) -> Iterator[tuple[Keys, Number]]:
-    """All numbers of a scene by which its solution can be differentiated, by key path.
-
-    heat_grows: whether β of materials follows E and ν, because alpha_T is given and not beta
-    """
+def numbers(scene: Scene) -> Iterator[tuple[Keys, Number]]:
+    """All numbers of a scene by which its solution can be differentiated, by key path."""
     yield from affine_numbers(scene)
     regions = enumerate(scene.material.regions)
     own = [(("materials", name), ("material", "regions", i, 1), one) for i, (name, one) in regions]
     for path, place, material in [(("material",), ("material",), scene.material), *own]:
         for name in ("E", "nu", "alpha_T", "beta", "k"):
-            value = material.beta / material.bulk if name == "alpha_T" else getattr(material, name)
-            if value is not None:
-                made = partial(with_modulus, name=name, heat_grows=heat_grows)
-                yield (*path, name), Number(row("material", name), value, place, made)
+            if (value := getattr(material, name)) is not None:
+                yield (*path, name), Number(row("material", name), value, place, partial(_of_material, name=name))
     roles = [(("boundary", edge), ("boundary", i, 1), role) for i, (edge, role) in enumerate(scene.boundary)]
     if scene.heat.theta is None and scene.conducts:
         if any(exchanges(role) and not (role.heat and role.heat.alpha) for _, _, role in roles):
@@ -229,6 +221,10 @@ def numbers(scene: Scene, heat_grows: bool = True) -> Iterator[tuple[Keys, Numbe
         yield from _of_law(scene.friction, ("friction",), ("friction",), 1.0)
     for i, (edge, law, strength) in enumerate(scene.friction.laws if isinstance(scene.friction, EdgeLaws) else ()):
         yield from _of_law(law, ("friction", edge) if edge else ("friction",), ("friction", "laws", i, 1), strength)
+
+
+def _of_material(material: Material, value: float, name: str) -> Material:
+    return material.with_number(name, value)
 
 
 def _of_law(law: Laws, path: Keys, place: Place, strength: Scalar) -> Iterator[tuple[Keys, Number]]:
@@ -275,7 +271,7 @@ def loaded_scene(scene: Scene, values: Mapping[Keys, float]) -> Scene:
 
 def with_number(scene: Scene, by: Sensitivity, value: float) -> Scene:
     """The scene with another value of one number. Raises KeyError, and LawError or GrowthError as `Number.put`."""
-    return dict(numbers(scene, by.heat_grows))[by.path].put(scene, value)
+    return dict(numbers(scene))[by.path].put(scene, value)
 
 
 def number_in(scene: Scene, by: Sensitivity) -> float:
@@ -300,54 +296,3 @@ def _scaled(scalar: Scalar, factor: float) -> Scalar:
     if not isinstance(scalar, Expression):
         return factor * scalar
     return 0.0 if factor == 0.0 else parse(f"{float(factor)!r}*({scalar.text})")
-
-
-class ModuliSlope(NamedTuple):
-    """Derivatives of λ, μ, β and k of a material by one of its numbers."""
-
-    lam: float = 0.0
-    mu: float = 0.0
-    beta: float = 0.0
-    k: float = 0.0
-
-
-def with_modulus(material: Material, value: float, name: str, heat_grows: bool) -> Material:
-    """The material with another E, nu, alpha_T, beta or k; materials of regions stay.
-
-    heat_grows: whether alpha_T is given, so that β follows E and ν
-    """
-    if name in ("alpha_T", "beta"):
-        return replace(material, beta=value * (material.bulk if name == "alpha_T" else 1.0))
-    if name == "k":
-        return replace(material, k=value)
-    if name == "E":
-        t = value / material.E
-        beta = t * material.beta if heat_grows else material.beta
-        return replace(material, E=value, lam=t * material.lam, mu=t * material.mu, beta=beta)
-    if name != "nu":
-        raise KeyError(name)
-    lam = material.E * value / ((1.0 + value) * _second(material, value))
-    new = replace(material, nu=value, lam=lam, mu=0.5 * material.E / (1.0 + value))
-    return replace(new, beta=material.beta * new.bulk / material.bulk) if heat_grows else new
-
-
-def moduli_slope(material: Material, name: str, heat_grows: bool) -> ModuliSlope:
-    """Derivatives by E, nu, alpha_T, beta or k."""
-    E, nu = material.E, material.nu
-    if name in ("alpha_T", "beta"):
-        return ModuliSlope(beta=material.bulk if name == "alpha_T" else 1.0)
-    if name == "k":
-        return ModuliSlope(k=1.0)
-    if name == "E":
-        return ModuliSlope(material.lam / E, material.mu / E, material.beta / E if heat_grows else 0.0)
-    if name != "nu":
-        raise KeyError(name)
-    c = 2.0 if material.plane == "strain" else 1.0
-    lam = E * (1.0 + c * nu**2) / ((1.0 + nu) * _second(material, nu)) ** 2
-    beta = c * material.beta / (1.0 - c * nu) if heat_grows else 0.0
-    return ModuliSlope(lam, -0.5 * E / (1.0 + nu) ** 2, beta)
-
-
-def _second(material: Material, nu: float) -> float:
-    """1 − 2ν in plane strain, 1 − ν in plane stress."""
-    return 1.0 - (2.0 if material.plane == "strain" else 1.0) * nu

@@ -228,7 +228,8 @@ class Material:
     lam, mu: Lamé moduli of the plane problem (plane stress already folded into lam) [Pa]
     beta:    stress–temperature modulus of the plane problem, σ = cε − βθI, eq. (3) [Pa/K]
     k:       conductivity [W/(m K)], None if the study gives none
-    E, nu:   the three-dimensional constants, for reports and warnings
+    E, nu:   the three-dimensional constants
+    alpha_T: coefficient of thermal expansion that beta follows from; None where beta is given [1/K]
     regions: (region, material) of those that have their own
     """
 
@@ -240,6 +241,41 @@ class Material:
     nu: float
     plane: Literal["strain", "stress"]
     regions: tuple[tuple[str, Material], ...] = ()
+    alpha_T: float | None = None
+
+    @classmethod
+    def of(
+        cls,
+        E: float,
+        nu: float,
+        plane: Literal["strain", "stress"],
+        k: float | None = None,
+        alpha_T: float | None = 0.0,
+        beta: float | None = None,
+        lame: tuple[float, float] | None = None,
+    ) -> Material:
+        """The material of the plane problem. lame: λ and μ of the body, if they are not to follow from E and ν
+
+        λ = Eν/((1 + ν)(1 − 2ν)), μ = E/2(1 + ν). Plane strain keeps them, β = (3λ + 2μ) α_T, eq. (3); plane stress has
+        λ → 2λμ/(λ + 2μ), β = E α_T/(1 − ν). A given beta stays as it is. Dual numbers carry their derivatives through.
+        """
+        lam, mu = lame or (E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu)))
+        if beta is not None:
+            alpha_T = None
+        elif alpha_T is not None:
+            beta = (3 * lam + 2 * mu) * alpha_T if plane == "strain" else E * alpha_T / (1 - nu)
+        if plane == "stress":
+            lam = 2 * lam * mu / (lam + 2 * mu)
+        return cls(lam, mu, 0.0 if beta is None else beta, k, E, nu, plane, alpha_T=alpha_T)
+
+    def with_number(self, name: str, value: float) -> Material:
+        """The material with another E, nu, alpha_T, beta or k; materials of regions stay."""
+        numbers = {"E": self.E, "nu": self.nu, "k": self.k, "alpha_T": self.alpha_T, "beta": None}
+        numbers |= {"beta": self.beta} if self.alpha_T is None else {}
+        new = Material.of(plane=self.plane, **(numbers | {name: value}))  # type: ignore[arg-type]
+        if name not in ("E", "nu"):
+            new = replace(new, lam=self.lam, mu=self.mu)
+        return replace(new, regions=self.regions)
 
     @property
     def all(self) -> tuple[Material, ...]:
@@ -250,11 +286,6 @@ class Material:
     def expands(self) -> bool:
         """Whether temperature loads the body."""
         return any(one.beta != 0.0 for one in self.all)
-
-    @property
-    def bulk(self) -> float:
-        """β over the thermal expansion: 3λ + 2μ in plane strain, E/(1 − ν) in plane stress [Pa]."""
-        return self.E / (1.0 - (2.0 if self.plane == "strain" else 1.0) * self.nu)
 
 
 @dataclass(frozen=True)
