@@ -24,7 +24,8 @@ def outside_the_sweep(options: argparse.Namespace, study: Study) -> Study:
 
 def path(options: argparse.Namespace, study: Study, output: Path) -> int:
     """Follow the equilibria on the branch from rest."""
-    from tcstudy.data.path_store import stored_shortfalls
+    from tcstudy.data.provenance import SHORTFALLS
+    from tcstudy.data.reading import attributes
     from tcstudy.reports.terminal.path_summary import path_summary
     from tcstudy.reports.terminal.progress import PathProgress
     from tcstudy.reports.terminal.tables import wrapped
@@ -32,15 +33,12 @@ def path(options: argparse.Namespace, study: Study, output: Path) -> int:
 
     names = [axis.name for axis in study.axes]
     study = outside_the_sweep(options, study)
-    there = is_there(options, "path", study, output)
-    if there:
-        problems = stored_shortfalls(output)
-    else:
+    if not is_there(options, "path", study, output):
         with closing(PathProgress()) as progress:
-            problems = execute_path(study, output, None if options.quiet else progress, options.words, names)
+            execute_path(study, output, None if options.quiet else progress, options.words, names)
     said = (*plotted(options, output), f"data in {output}")
     say(options, output, lambda: wrapped("\n".join([path_summary(output), "", *(f"  {line}" for line in said)])))
-    return SOME_FAILED if problems else OK
+    return SOME_FAILED if attributes(output).get(SHORTFALLS) else OK
 
 
 def history(options: argparse.Namespace, study: Study, output: Path) -> int:

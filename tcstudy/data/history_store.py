@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 
 from tcstudy.data.files import StoreError, write_dataset
 from tcstudy.data.on_request import step_derivatives
-from tcstudy.data.path_store import LINE
 from tcstudy.data.provenance import CONTENT, Provenance, global_attributes, program, without_paths
 from tcstudy.data.reading import is_foreign, refuse_changed
 from tcstudy.data.records import LevelRecord, PointStatus, Row, decode, row_of
 from tcstudy.data.schema import (
     BESIDE,
     DIFFERENCE,
+    JOINTS,
     JUDGED,
     STATUS,
     SWEEP,
@@ -34,7 +34,8 @@ from tcstudy.data.schema import (
     result,
 )
 from tcstudy.data.store import load_root, missing
-from tcstudy.data.writer import axis_name, in_file_order, put, put_all, put_axes, put_edges
+from tcstudy.data.tables import LINE
+from tcstudy.data.writer import axis_name, in_file_order, put, put_all, put_axes
 from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.histories import START
 from tcstudy.scene.study import Study
@@ -209,8 +210,7 @@ def write_history(path: Path, study: Study, line: LevelRecord, record: HistoryRe
 
     def fill(nc: netCDF4.Dataset) -> None:
         put_axes(nc, study)
-        put_all(nc, (*LINE, *LEVEL), vars(line), study)
-        put_edges(nc, line, study)
+        put_all(nc, (*LINE, *LEVEL, *JOINTS), {**vars(line), **line.fields}, study)
         for variable, values in loads:
             put(nc, variable, study, values)
         for variable in variables(study):

@@ -18,7 +18,7 @@ import numpy as np
 
 from tcstudy.data import schema
 from tcstudy.data.files import StoreError, write_dataset
-from tcstudy.data.provenance import Kind, Provenance, global_attributes, kind_of, without_paths
+from tcstudy.data.provenance import CONTENT, Kind, Provenance, global_attributes, kind_of, without_paths
 from tcstudy.data.reading import attributes
 from tcstudy.data.records import BlockRecord, LevelRecord, check_block, check_level
 from tcstudy.data.schema import MISSING_COUNT, SWEEP, FileVariable, PointStatus
@@ -32,7 +32,6 @@ from tcstudy.data.writer import (
     put,
     put_all,
     put_axes,
-    put_edges,
     put_names,
     tile_shape,
     tiles,
@@ -72,6 +71,39 @@ def write(
     make = lambda nc: counts.append(fill(nc, study, levels, records))  # noqa: E731
     write_dataset(path, global_attributes(study, provenance), make, KEPT)
     return counts[-1]
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """What a command other than a sweep finds: what its file holds, which has one group.
+
+    kind:       the command;  tables: variables in the order of the file; those without a value are left out
+    values:     by name of a variable, (P, …) where it lies along the sweep; edge_names are those of `edge`
+    attributes: global ones, beside those that the study has
+    """
+
+    kind: Kind
+    tables: Sequence[FileVariable]
+    values: Mapping[str, Any]
+    attributes: Mapping[str, Any]
+
+
+def write_record(path: Path, study: Study, record: Record, provenance: Provenance) -> None:
+    """Write a record to `path`, replacing an old file in one step; raises StoreError if that is not possible."""
+    texts = {name: without_paths(v) if isinstance(v, str) else v for name, v in record.attributes.items()}
+
+    def make(nc: netCDF4.Dataset) -> None:
+        values = dict(record.values)
+        if swept := [v.name for v in record.tables if SWEEP in v.dims and v.name in values]:
+            put_axes(nc, study)
+        for name in swept:
+            rows = np.asarray(values[name])
+            values[name] = in_file_order(study, rows.reshape((*study.shape, *rows.shape[1:])))
+        if "reason" in values:
+            values["reason"] = np.vectorize(without_paths, otypes=[object])(values["reason"])
+        put_all(nc, record.tables, values, study)
+
+    write_dataset(path, global_attributes(study, provenance) | {CONTENT: record.kind, **texts}, make)
 
 
 def root_variables(study: Study) -> tuple[FileVariable, ...]:
@@ -259,7 +291,6 @@ def _make_group(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF
     group = nc.createGroup(f"level_{level.level}")
     group.setncattr("level", np.int32(level.level))
     group.createDimension("node", len(level.arclength))
-    line = {v.name: getattr(level, v.name) for v in schema.CONTACT if SWEEP not in v.dims}
     if "node_x" in level.fields:
         mesh = group.createVariable("mesh", "i4", (), fill_value=False)
         mesh.setncatts(schema.MESH_TOPOLOGY)
@@ -272,8 +303,7 @@ def _make_group(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF
     if live:
         live |= {v.name: in_file_order(study, live[v.name]) for v in schema.LIVE if SWEEP in v.dims}
         put_all(group.createGroup("live"), schema.LIVE, live, study)
-    put_all(group, schema.CONTACT, line, study)
-    put_edges(group, level, study)
+    put_all(group, (*schema.CONTACT, *schema.JOINTS), {**vars(level), **level.fields}, study)
     _put_held(group, study, level.fields)
     return group
 

@@ -23,10 +23,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.records import LevelRecord
 from tcstudy.data.schema import (
     DIFFERENCE,
-    JOINTS,
     POINT,
     RATE,
     RESERVED,
@@ -213,18 +211,11 @@ def put(where: netCDF4.Dataset, variable: FileVariable, study: Study, values: An
 
 
 def put_all(where: netCDF4.Dataset, variables: Iterable[FileVariable], values: Mapping[str, Any], study: Study) -> None:
-    """Make the variables that `values` has by name, and write them."""
+    """Make the variables that `values` has by name, and write them; edge_names are the contact edges of `edge`."""
     for variable in variables:
         if variable.name in values:
-            put(where, variable, study, values[variable.name])
-
-
-def put_edges(where: netCDF4.Dataset, line: LevelRecord, study: Study) -> None:
-    """Name the contact edges of the written `edge`, and write where two of them meet."""
-    put_all(where, JOINTS, line.fields, study)
-    for name in ("edge", "joint_edge"):
-        if name in where.variables:
-            where[name].setncatts(edge_flags(line.edge_names))
+            edges = variable.name in ("edge", "joint_edge")
+            put(where, variable, study, values[variable.name], **(edge_flags(values["edge_names"]) if edges else {}))
 
 
 def dimensions(where: netCDF4.Dataset) -> dict[str, int]:

@@ -22,8 +22,9 @@ from threadpoolctl import threadpool_limits
 
 from tcstudy.accuracy.fitted import Box, Minimum, Uncertainty, different, minimise, product, uncertainty
 from tcstudy.condense import NotPositiveDefinite
-from tcstudy.data.fit_store import FitRecord, write_fit
 from tcstudy.data.provenance import collect, tell
+from tcstudy.data.store import Record, write_record
+from tcstudy.data.tables import FIT
 from tcstudy.errors import FitError, GeometryFailed
 from tcstudy.fem.meshes import refine_uniformly
 from tcstudy.fem.study_meshes import Meshes
@@ -49,7 +50,7 @@ DRAWN = 1e-4
 """Error of straight pieces in the place of exponential ones that nobody sees in a picture of the curve."""
 
 
-def fit(study: Study, progress: Progress | None = None) -> FitRecord:
+def fit(study: Study, progress: Progress | None = None) -> Record:
     """The numbers that the section `fit` asks for.
 
     progress: told what is done
@@ -76,7 +77,7 @@ def fit(study: Study, progress: Progress | None = None) -> FitRecord:
         progress("the same on a mesh of half the size")
     shift = mesh_shift(model, best, box, said, smooth.prior)
     weighed = {"smooth_weight": smooth.weight, "numbers_decided": smooth.numbers} if plan.smooth else {}
-    return FitRecord({**record.values, "mesh_shift": shift}, {**record.attributes, **weighed})
+    return Record("fit", FIT, {**record.values, "mesh_shift": shift}, {**record.attributes, **weighed})
 
 
 def mesh_shift(model: FitModel, best: Minimum, box: Box, said: Uncertainty, prior: Array) -> Array:
@@ -178,7 +179,7 @@ def _record(
     failures: list[str],
     found: Compared,
     said: Uncertainty,
-) -> FitRecord:
+) -> Record:
     best, names = minima[0][0], [one.number.name for one in plan.parameters]
     count = len(plan.measured[0].values)
     marks = plan.marks
@@ -245,7 +246,7 @@ def _record(
         "noise_assumed": plan.assumed_noise,
         "message": best.message,
     }
-    return FitRecord(values, attributes)
+    return Record("fit", FIT, values, attributes)
 
 
 def _law(plan: FitPlan, model: FitModel, best: Minimum, said: Uncertainty) -> dict[str, Array]:
@@ -276,4 +277,4 @@ def execute_fit(
     tell(remarks := warnings(study))
     with threadpool_limits(1, user_api="blas"):
         record = fit(study, progress)
-    write_fit(output, study, record, collect(study, command, remarks=remarks))
+    write_record(output, study, record, collect(study, command, remarks=remarks))

@@ -6,6 +6,7 @@ from __future__ import annotations
 import pathlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +23,10 @@ from tcstudy.contact.path.problem import by_code
 from tcstudy.contact.path.proofs import proved_minima
 from tcstudy.contact.path.query import PathSolution, folds, lowest, solutions_at, solutions_of
 from tcstudy.contact.path.record import WHOLE
-from tcstudy.data.path_store import PathRecord, Values, write_path
-from tcstudy.data.provenance import Remark, collect, tell
+from tcstudy.data.provenance import SHORTFALLS, Remark, collect, tell
 from tcstudy.data.records import LevelRecord
+from tcstudy.data.store import Record, write_record
+from tcstudy.data.tables import PATH
 from tcstudy.errors import GeometryFailed
 from tcstudy.offline.level import Level
 from tcstudy.scene.contact_states import ContactState, contact_states
@@ -36,6 +38,7 @@ from tcstudy.study.plan import warnings
 from tcstudy.study.run import stages
 
 Array = NDArray[np.float64]
+Values = dict[str, Any]
 Progress = Callable[[int, float], None]
 LIMITS = Limits(boxes=20_000, seconds=20.0)
 """Of each of the slabs that a range is proved in."""
@@ -53,7 +56,7 @@ class _Setting:
     tolerance: float | None
 
 
-def follow_path(study: Study, progress: Progress | None = None) -> PathRecord:
+def follow_path(study: Study, progress: Progress | None = None) -> Record:
     """The path that the study asks for.
 
     progress: called with (pieces, t) from time to time
@@ -75,22 +78,34 @@ def follow_path(study: Study, progress: Progress | None = None) -> PathRecord:
     every = None
     if plan.complete:
         every = all_branches(straight, plan.begin, plan.end, lambda_1, LIMITS, plan.at)
-    return PathRecord(
-        line=line,
-        curve=_curve(setting, path),
-        start=path.start,
-        begin=(path.begin.status.name.lower(), path.begin.reason),
-        end=(path.end.status.name.lower(), path.end.reason),
-        solutions=_solutions(setting, path, every),
-        branches=None if every is None else _branches(setting, path, every),
-        complete_reason="" if every is None else every.reason,
-        loop=_loop(setting, v) if plan.hysteresis else None,
-        lambda_1=setting.lambda_1,
-        lambda_1_error=setting.true.A_error,
-        omega=setting.true.law.omega,
-        law_error=0.0 if setting.true.law.piecewise_linear else plan.law_error,
-        affine_defect=setting.load.defect,
-    )
+    told = {
+        "parameter": plan.name,
+        "parameter_range": np.array([plan.begin, plan.end]),
+        "parameter_within": np.array(plan.within),
+        "begin_status": path.begin.status.name.lower(),
+        "begin_reason": path.begin.reason,
+        "end_status": path.end.status.name.lower(),
+        "end_reason": path.end.reason,
+    }
+    values = {
+        **vars(line),
+        **line.fields,
+        "start": path.start,
+        "lambda_1": lambda_1,
+        "lambda_1_error": load.problem.A_error,
+        "omega": load.problem.law.omega,
+        "law_error": 0.0 if load.problem.law.piecewise_linear else plan.law_error,
+        "affine_defect": load.defect,
+        **_curve(setting, path),
+        **_solutions(setting, path, every),
+    }
+    if plan.hysteresis:
+        found, told["loop_reason"] = _loop(setting, v)
+        values |= found
+    if every is not None:
+        values |= _branches(setting, path, every)
+        told["complete_reason"] = every.reason
+    return Record("path", PATH, values, told)
 
 
 def _level(study: Study, plan: PathPlan) -> tuple[Level, LevelRecord]:
@@ -223,6 +238,7 @@ def _solutions(setting: _Setting, path: Path, every: Branches | None) -> Values:
         "at": np.array(at),
         "solution_count": [len(group) for group in found],
         "solution_at": [i for i, _ in rows],
+        "solution_parameter": [at[i] for i, _ in rows],
         "solution_piece": [s.piece for _, s in rows],
         "solution_energy": energies + setting.load.constant(np.array([at[i] for i, _ in rows])),
         "solution_residual": [s.residual for _, s in rows],
@@ -237,8 +253,8 @@ def _solutions(setting: _Setting, path: Path, every: Branches | None) -> Values:
     }
 
 
-def _loop(setting: _Setting, v: Array) -> Values:
-    """The loop between begin and end; with a falling range it is driven in −t."""
+def _loop(setting: _Setting, v: Array) -> tuple[Values, str]:
+    """The loop between begin and end, and why it is not whole; with a falling range it is driven in −t."""
     plan, problem = setting.plan, setting.straight
     sign = 1.0 if plan.begin < plan.end else -1.0
     driven = problem if sign > 0.0 else replace(problem, l_1=-problem.l_1, span=(-plan.begin, -plan.end))
@@ -261,8 +277,7 @@ def _loop(setting: _Setting, v: Array) -> Values:
         "loop_area": loop.area,
         "loop_closed": int(loop.closed),
         "loop_complete": int(loop.complete),
-        "loop_reason": loop.reason,
-    }
+    }, loop.reason
 
 
 def execute_path(
@@ -281,7 +296,8 @@ def execute_path(
         record = follow_path(study, progress)
     found = shortfalls(study, record)
     tell(found)
-    write_path(output, study, record, collect(study, command, remarks=remarks), found)
+    record = replace(record, attributes={**record.attributes, SHORTFALLS: "\n".join(found)})
+    write_record(output, study, record, collect(study, command, remarks=remarks))
     return found
 
 
@@ -295,24 +311,25 @@ def _remarks(study: Study, swept: Sequence[str]) -> list[Remark]:
     return [*([Remark(unused)] if swept else []), *warnings(replace(study, scenes=(scene,), axes=(), variants=()))]
 
 
-def shortfalls(study: Study, record: PathRecord) -> list[str]:
+def shortfalls(study: Study, record: Record) -> list[str]:
     """What a user must know beside the results: an early end, missing or inexact solutions, an incomplete loop."""
     assert study.path is not None
+    values, told = record.values, record.attributes
     whole = [status.name.lower() for status in WHOLE]
-    ends = ((record.begin, record.curve["parameter"][0]), (record.end, record.curve["parameter"][-1]))
-    found = [f"the path ends early, at {t:g}: {reason}" for (name, reason), t in ends if name not in whole]
-    solutions = record.solutions
-    for t, count in zip(solutions["at"], solutions["solution_count"], strict=True):
+    ends = (("begin", values["parameter"][0]), ("end", values["parameter"][-1]))
+    early = [(t, told[f"{end}_reason"]) for end, t in ends if told[f"{end}_status"] not in whole]
+    found = [f"the path ends early, at {t:g}: {reason}" for t, reason in early]
+    for t, count in zip(values["at"], values["solution_count"], strict=True):
         if not count:
             found.append(f"the path has no solution at {study.path.name} = {t:g}")
-    judged = zip(solutions["solution_residual"], solutions["solution_rounding"], strict=True)
+    judged = zip(values["solution_residual"], values["solution_rounding"], strict=True)
     acceptance = Acceptance(study.solver.tolerance)
     inexact = sum(not acceptance.accepts(float(residual), float(rounding)) for residual, rounding in judged)
     if inexact:
         found.append(f"{inexact} solutions miss the tolerance {acceptance.aim:g}; see solution_residual")
-    if record.complete_reason:
-        found.append(f"the branches are not proved to be all: {record.complete_reason}")
-    if record.loop is not None and not (record.loop["loop_complete"] and record.loop["loop_closed"]):
-        why = record.loop["loop_reason"] if not record.loop["loop_complete"] else "it does not end where it began"
+    if told.get("complete_reason"):
+        found.append(f"the branches are not proved to be all: {told['complete_reason']}")
+    if study.path.hysteresis and not (values["loop_complete"] and values["loop_closed"]):
+        why = told["loop_reason"] if not values["loop_complete"] else "it does not end where it began"
         found.append(f"the hysteresis loop is not whole: {why}")
     return found

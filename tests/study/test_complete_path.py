@@ -42,11 +42,10 @@ def test_the_pad_has_a_loop_that_the_path_does_not_meet(tmp_path: Path, capsys: 
 
 def test_the_joint_has_thirteen_loops() -> None:
     record = follow_path(read_study(CONFIGS / "isola.yaml", ["path.hysteresis=false"]))
-    assert record.branches is not None
-    assert record.branches["complete"]
-    assert sum(record.branches["branch_loop"]) == 13
-    assert record.solutions["solution_count"] == [69]
-    assert np.count_nonzero(np.array(record.solutions["solution_piece"]) < 0) == 26
+    assert record.values["complete"]
+    assert sum(record.values["branch_loop"]) == 13
+    assert record.values["solution_count"] == [69]
+    assert np.count_nonzero(np.array(record.values["solution_piece"]) < 0) == 26
 
 
 def test_where_the_range_is_not_proved_values_are(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -54,12 +53,11 @@ def test_where_the_range_is_not_proved_values_are(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(path_run, "LIMITS", replace(Limits(), boxes=40))
     study = read_study(CONFIGS / "path.yaml", ["mesh.levels=1", "path.complete=true", "path.hysteresis=false"])
     record = follow_path(study)
-    assert record.branches is not None
-    assert not record.branches["complete"]
+    assert not record.values["complete"]
     assert any("not proved to be all: the limit of boxes" in one for one in shortfalls(study, record))
-    assert sum(record.branches["branch_loop"]) == 1
-    assert record.solutions["solution_count"] == [5, 7, 3]
-    known = record.branches["at_complete"]
+    assert sum(record.values["branch_loop"]) == 1
+    assert record.values["solution_count"] == [5, 7, 3]
+    known = record.values["at_complete"]
     assert known.tolist() == [True, False, False]
-    least, of = (np.array(record.solutions[name]) for name in ("solution_lowest", "solution_at"))
-    assert record.solutions["solution_global_minimum"][least & (of == 0)].all()
+    least, of = (np.array(record.values[name]) for name in ("solution_lowest", "solution_at"))
+    assert record.values["solution_global_minimum"][least & (of == 0)].all()

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tcstudy.data.path_store import PathRecord
 from tcstudy.data.records import BlockRecord, PointStatus
+from tcstudy.data.store import Record
 from tcstudy.fem.geometry import build
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study, read_study_text
@@ -31,9 +31,9 @@ def softer(text: str) -> str:
     return re.sub(r"friction: .*", law, text)
 
 
-def distance(record: PathRecord, t: float, v: np.ndarray) -> float:
+def distance(record: Record, t: float, v: np.ndarray) -> float:
     """How far v is from the nearest solution of t on the path, relative to the largest slip on it."""
-    T, u = record.curve["parameter"], record.curve["u_T"]
+    T, u = record.values["parameter"], record.values["u_T"]
     pieces = np.flatnonzero((np.minimum(T[:-1], T[1:]) <= t) & (np.maximum(T[:-1], T[1:]) >= t))
     s = (t - T[pieces]) / (T[pieces + 1] - T[pieces])
     points = u[pieces] + s[:, None] * (u[pieces + 1] - u[pieces])
@@ -41,13 +41,13 @@ def distance(record: PathRecord, t: float, v: np.ndarray) -> float:
 
 
 @pytest.fixture(scope="module")
-def pad() -> tuple[Study, PathRecord]:
+def pad() -> tuple[Study, Record]:
     study = read_study(PAD, ["mesh.levels=2"])
     return study, follow_path(study)
 
 
 @pytest.mark.parametrize("branch", ["lowest", "from-zero", "continued"])
-def test_stable_solutions_of_a_run_lie_on_the_path(pad: tuple[Study, PathRecord], branch: str) -> None:
+def test_stable_solutions_of_a_run_lie_on_the_path(pad: tuple[Study, Record], branch: str) -> None:
     overrides = [
         "mesh.levels=2",
         f"solver.branch={branch}",
@@ -61,7 +61,7 @@ def test_stable_solutions_of_a_run_lie_on_the_path(pad: tuple[Study, PathRecord]
         assert point.numbers["strict_minimum"] == 1
         t = VALUES[point.index[0]]
         assert distance(pad[1], t, point.u_T) <= 1e-10
-        curve = pad[1].curve
+        curve = pad[1].values
         at = np.flatnonzero((curve["lowest_begin"] <= t) & (curve["lowest_end"] >= t))
         piece = int(curve["lowest_piece"][at[0]])
         T, E = curve["parameter"][piece : piece + 2], curve["energy"][piece : piece + 2]
@@ -73,10 +73,10 @@ def test_stable_solutions_of_a_run_lie_on_the_path(pad: tuple[Study, PathRecord]
     assert energies == len(VALUES)
 
 
-def test_every_vertex_is_a_solution_and_energy_follows_its_rate(pad: tuple[Study, PathRecord]) -> None:
+def test_every_vertex_is_a_solution_and_energy_follows_its_rate(pad: tuple[Study, Record]) -> None:
     study, record = pad
     assert study.path
-    curve = record.curve
+    curve = record.values
     assert shortfalls(study, record) == []
     assert len(curve["fold_vertex"]) >= 8
     assert curve["residual"].max() <= 1e-11
@@ -93,9 +93,8 @@ def test_every_vertex_is_a_solution_and_energy_follows_its_rate(pad: tuple[Study
         assert curve["energy"][k] == pytest.approx(energy, abs=1e-11 * np.max(np.abs(curve["energy"])))
 
 
-def test_the_energy_lost_is_the_area_of_the_loop(pad: tuple[Study, PathRecord]) -> None:
-    loop = pad[1].loop
-    assert loop
+def test_the_energy_lost_is_the_area_of_the_loop(pad: tuple[Study, Record]) -> None:
+    loop = pad[1].values
     assert loop["loop_closed"]
     assert loop["energy_lost"] > 0.1
     assert loop["energy_lost"] == pytest.approx(loop["loop_area"], rel=1e-10)
@@ -120,18 +119,18 @@ def test_all_kinds_of_parameters_on_the_heated_bracket(section: str) -> None:
     study = read_study_text(f"{text}path: {section}\n")
     assert study.path
     record = follow_path(study)
-    assert record.solutions["solution_count"] != [0]
-    assert record.affine_defect <= 1e-12
+    assert record.values["solution_count"] != [0]
+    assert record.values["affine_defect"] <= 1e-12
     meshes = list(mesh_family(build(study.path.scene.body), study.mesh))
-    level = Level(meshes[record.line.level], study.path.scene)
+    level = Level(meshes[record.values["level"]], study.path.scene)
     scene = path_scene(study.path.scene, study.path.parameter, study.path.at[0])
     condensed = level.condensed(scene)
-    for v, energy in zip(record.solutions["solution_u_T"], record.solutions["solution_energy"], strict=True):
+    for v, energy in zip(record.values["solution_u_T"], record.values["solution_energy"], strict=True):
         assert condensed.problem.inclusion_residual(v) <= 1e-10
         assert energy == pytest.approx(condensed.problem.energy(v) + condensed.constant, rel=1e-10)
     if "direction: forward" in section:
-        assert record.start == 0
-        assert record.curve["parameter"][0] == study.path.begin
+        assert record.values["start"] == 0
+        assert record.values["parameter"][0] == study.path.begin
 
 
 def test_a_parameter_that_is_not_affine_is_refused() -> None:

@@ -10,38 +10,35 @@ import pytest
 import xarray as xr
 
 from tcstudy.data.files import StoreError
-from tcstudy.data.path_store import CURVE, LEVEL, LINE, LOOP, SOLUTIONS, write_path
 from tcstudy.data.provenance import collect
-from tcstudy.data.store import load_root
+from tcstudy.data.store import Record, load_root, write_record
+from tcstudy.data.tables import CURVE, LEVEL, LINE, LOOP, SOLUTIONS
 from tcstudy.read.study import read_study
 from tcstudy.scene.study import Study
-from tcstudy.study.path_run import PathRecord, follow_path
+from tcstudy.study.path_run import follow_path
 from tests.data.compliance import cf_faults
 
 PAD = Path(__file__).parents[2] / "configs" / "path.yaml"
 
 
 @pytest.fixture(scope="module")
-def followed() -> tuple[Study, PathRecord]:
+def followed() -> tuple[Study, Record]:
     study = read_study(PAD, ["mesh.levels=1"])
     return study, follow_path(study)
 
 
 @pytest.fixture
-def file(followed: tuple[Study, PathRecord], tmp_path: Path) -> Path:
-    write_path(tmp_path / "path.nc", *followed, collect(followed[0], ("tcstudy", "path", "path.yaml")))
+def file(followed: tuple[Study, Record], tmp_path: Path) -> Path:
+    write_record(tmp_path / "path.nc", *followed, collect(followed[0], ("tcstudy", "path", "path.yaml")))
     return tmp_path / "path.nc"
 
 
-def test_everything_comes_back_exactly(followed: tuple[Study, PathRecord], file: Path) -> None:
+def test_everything_comes_back_exactly(followed: tuple[Study, Record], file: Path) -> None:
     record = followed[1]
-    assert record.loop
     with xr.open_dataset(file) as data:
-        for part, variables in ((record.curve, CURVE), (record.solutions, SOLUTIONS), (record.loop, LOOP)):
-            for variable in variables:
-                if variable.name != "solution_parameter":
-                    assert np.array_equal(data[variable.name].values, part[variable.name]), variable.name
-                    assert data[variable.name].dtype == variable.dtype
+        for variable in (*CURVE, *SOLUTIONS, *LOOP):
+            assert np.array_equal(data[variable.name].values, record.values[variable.name]), variable.name
+            assert data[variable.name].dtype == variable.dtype
         assert data.sizes["vertex"] == data.sizes["piece"] + 1
         assert data.attrs["parameter"] == "boundary.plate.u_x"
         assert data.attrs["begin_status"] == data.attrs["end_status"] == "range_end"
@@ -92,10 +89,10 @@ def test_a_path_is_told_from_a_run(file: Path, tmp_path: Path) -> None:
         load_root(tmp_path / "none.nc", "path")
 
 
-def test_an_unwritable_place_keeps_the_old_file(followed: tuple[Study, PathRecord], file: Path) -> None:
+def test_an_unwritable_place_keeps_the_old_file(followed: tuple[Study, Record], file: Path) -> None:
     before = file.read_bytes()
     file.chmod(0o444)
     with pytest.raises(StoreError, match=r"write-protected.*choose another output$"):
-        write_path(file, *followed, collect(followed[0], ("tcstudy",)))
+        write_record(file, *followed, collect(followed[0], ("tcstudy",)))
     assert file.read_bytes() == before
     assert [p.name for p in file.parent.iterdir()] == [file.name]

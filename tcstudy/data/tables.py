@@ -1,61 +1,19 @@
-"""The file of a path: one group, vertices and pieces of one polygon (CF-1.11), complete or not there at all.
+"""Variables of the files of a path and of a fit (CF-1.11): one group each, complete or not there at all.
 
-`parameter`, `u_T` and `xi` hold the vertices exactly, so that every point between two vertices is their linear
-combination; piece i lies between the vertices i and i + 1. Flags are bytes with flag_meanings; nothing is missing.
+Path: `parameter`, `u_T` and `xi` hold the vertices of one polygon exactly, so that every point between two vertices is
+their linear combination; piece i lies between the vertices i and i + 1. Flags are bytes with flag_meanings; nothing is
+missing. Fit: what was found, how well it is known, what the data say against it, in SI units, which differ from
+parameter to parameter: `parameter_units` names them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
-import numpy as np
-
-from tcstudy.data.files import write_dataset
-from tcstudy.data.provenance import CONTENT, SHORTFALLS, Provenance, global_attributes, without_paths
-from tcstudy.data.reading import attributes
-from tcstudy.data.records import LevelRecord
-from tcstudy.data.schema import CERTIFIED, CONTACT, RATE, FileVariable, T, flags
-from tcstudy.data.writer import put_all, put_edges
+from tcstudy.data.schema import CERTIFIED, CONTACT, JOINTS, RATE, FileVariable, T, flags
 from tcstudy.scene.contact_states import ContactState
-from tcstudy.scene.study import Study
-
-if TYPE_CHECKING:
-    import netCDF4
-
-Values = Mapping[str, Any]
-
-
-@dataclass(frozen=True)
-class PathRecord:
-    """A study's path on a mesh level; values by name, whose shapes, units and meanings are those of the tables below.
-
-    curve:      the polygon of solutions with k vertices and k − 1 pieces, and lists beside it; see CURVE
-    start:      vertex from which the path was followed
-    begin, end: why it ends at the first and at the last vertex: (name of the status, sentence)
-    solutions:  all solutions on the path at the requested values, in the order of `at` and along the path
-    loop:       the quasi-static hysteresis loop: stable branches one after the other and the falls between them
-    branches:   every branch of the range where they are asked for;  complete_reason: why not proved to be all, if so
-    The rest is in LEVEL.
-    """
-
-    line: LevelRecord
-    curve: Values
-    start: int
-    begin: tuple[str, str]
-    end: tuple[str, str]
-    solutions: Values
-    loop: Values | None
-    lambda_1: float
-    lambda_1_error: float
-    omega: float
-    law_error: float
-    affine_defect: float
-    branches: Values | None = None
-    complete_reason: str = ""
-
 
 _VERTEX, _PIECE, _FOLD, _EVENT, _INTERVAL = ("vertex",), ("piece",), ("fold",), ("event",), ("interval",)
 _AT, _SOLUTION, _LOOP, _JUMP = ("at",), ("solution",), ("loop_vertex",), ("jump",)
@@ -107,7 +65,7 @@ CURVE: tuple[FileVariable, ...] = (
     _index("lowest_piece", "piece with the least energy on the path in the range", _INTERVAL),
     _flag("lowest_certified", "least energy of all states, proved at mid-range", _INTERVAL, CERTIFIED),
 )
-"""Of `PathRecord.curve`."""
+"""The polygon of solutions with k vertices and k − 1 pieces, and lists beside it."""
 
 _WHERE = (("coordinates", "solution_parameter"),)
 
@@ -128,7 +86,7 @@ SOLUTIONS: tuple[FileVariable, ...] = (
     _at_node("solution_u_T", "f8", "m", "tangential displacement", "solution", "solution_parameter"),
     _at_node("solution_xi", "f8", "Pa", "tangential traction -S_T", "solution", "solution_parameter"),
 )
-"""Of `PathRecord.solutions`; solution_parameter is at[solution_at]."""
+"""All solutions at the requested values, in the order of `at` and along the path."""
 
 _ROUND = (("coordinates", "loop_parameter"),)
 
@@ -147,7 +105,7 @@ LOOP: tuple[FileVariable, ...] = (
     FileVariable("loop_closed", "i1", "1", "whether the loop ends where it began", (), coordinate=True),
     FileVariable("loop_complete", "i1", "1", "whether both ends of the range were reached", (), coordinate=True),
 )
-"""Of `PathRecord.loop`, which has loop_reason, a text, beside these."""
+"""The quasi-static hysteresis loop: stable branches one after the other and the falls between them."""
 
 _BRANCH, _ON_BRANCH = ("branch",), ("branch_vertex",)
 _BY_BRANCH = (("coordinates", "branch_parameter"),)
@@ -163,7 +121,7 @@ BRANCHES: tuple[FileVariable, ...] = (
     _at_node("branch_u_T", "f8", "m", "tangential displacement", "branch_vertex", "branch_parameter"),
     _at_node("branch_xi", "f8", "Pa", "tangential traction -S_T", "branch_vertex", "branch_parameter"),
 )
-"""Of `PathRecord.branches`; a closed branch has its first vertex again at its end."""
+"""Every branch of the range, if they are asked for; a closed one has its first vertex again at its end."""
 
 LINE = tuple(replace(v, coordinate=True) for v in CONTACT if v.dims == ("node",))
 """The contact line, as in the files of runs."""
@@ -182,49 +140,51 @@ LEVEL: tuple[FileVariable, ...] = (
 )
 """What there is once."""
 
+PATH = (*LINE, *LEVEL, *CURVE, *SOLUTIONS, *LOOP, *BRANCHES, *JOINTS)
+"""Everything that a file of a path may hold."""
 
-def write_path(
-    path: Path, study: Study, record: PathRecord, provenance: Provenance, shortfalls: Sequence[str] = ()
-) -> None:
-    """Write a path to `path`, replacing an old file in one step; raises StoreError if that is not possible.
-
-    shortfalls: what is not as it was asked for, in words
-    """
-    plan, line, solutions = study.path, record.line, record.solutions
-    assert plan is not None
-    parts: list[tuple[tuple[FileVariable, ...], Values]] = [
-        (LINE, vars(line)),
-        (LEVEL, {**vars(line), **vars(record)}),
-        (CURVE, record.curve),
-        (SOLUTIONS, {**solutions, "solution_parameter": solutions["at"][solutions["solution_at"]]}),
-    ]
-    told = {
-        SHORTFALLS: without_paths("\n".join(shortfalls)),
-        CONTENT: "path",
-        "parameter": plan.name,
-        "parameter_range": np.array([plan.begin, plan.end]),
-        "parameter_within": np.array(plan.within),
-        "begin_status": record.begin[0],
-        "begin_reason": record.begin[1],
-        "end_status": record.end[0],
-        "end_reason": record.end[1],
-    }
-    if record.loop is not None:
-        parts.append((LOOP, record.loop))
-        told["loop_reason"] = without_paths(record.loop["loop_reason"])
-
-    if record.branches is not None:
-        parts.append((BRANCHES, record.branches))
-        told["complete_reason"] = without_paths(record.complete_reason)
-
-    def fill(nc: netCDF4.Dataset) -> None:
-        for variables, values in parts:
-            put_all(nc, variables, values, study)
-        put_edges(nc, line, study)
-
-    write_dataset(path, global_attributes(study, provenance) | told, fill)
+P, D, S = ("parameter",), ("row",), ("start",)
+_OWN = "in the units of parameter_units"
 
 
-def stored_shortfalls(path: Path) -> list[str]:
-    """What the file says of a path that is not as it was asked for. Raises StoreError."""
-    return [line for line in str(attributes(path).get(SHORTFALLS, "")).split("\n") if line]
+def _own(name: str, what: str, dims: tuple[str, ...] = P) -> FileVariable:
+    return FileVariable(name, "f8", "1", what, dims, comment=_OWN)
+
+
+FIT = (
+    FileVariable("parameter", "str", "", "number that was found", P, coordinate=True),
+    FileVariable("parameter_units", "str", "", "its units", P),
+    _own("estimate", "estimate"),
+    _own("standard_error", "standard error"),
+    _own("interval", "95 % interval", (*P, "end")),
+    FileVariable("mesh_shift", "f8", "1", "change on a mesh of half the size over the standard error", P),
+    _own("parameter_start", "where the search began"),
+    _own("parameter_within", "where it could go", (*P, "end")),
+    FileVariable("logarithmic", "i1", "1", "found by its logarithm", P, extra=flags("no", "yes")),
+    FileVariable("at_bound", "i1", "1", "on a bound", P, extra=flags("no", "yes")),
+    FileVariable("covariance", "f8", "1", "covariance, of ln where logarithmic", (*P, "other_parameter"), comment=_OWN),
+    FileVariable("singular_value", "f8", "1", "singular values of the Jacobian by ln p", ("direction",)),
+    FileVariable("singular_vector", "f8", "1", "their directions in ln p", ("direction", "parameter")),
+    FileVariable("measured_column", "i4", "1", "column of the datum", D),
+    FileVariable("datum", "f8", "1", "measured value", D, comment="in SI units of its column"),
+    FileVariable("datum_given", "f8", "1", "parameter of the load at it", D),
+    FileVariable("predicted", "f8", "1", "value of the study", D),
+    FileVariable("predicted_given", "f8", "1", "parameter of the load there", D),
+    FileVariable("residual", "f8", "1", "residual over its noise", D),
+    FileVariable("jacobian", "f8", "1", "residual by parameter, or by its logarithm", (*D, *P)),
+    FileVariable("noise", "f8", "1", "standard deviation of the noise", D),
+    FileVariable("cost", "f8", "1", "half the sum of squares by evaluation", ("improvement",)),
+    FileVariable("start_cost", "f8", "1", "half the sum of squares, by distinct minimum", S),
+    FileVariable("start_count", "i4", "1", "starts that end in this minimum", S),
+    FileVariable("start_estimate", "f8", "1", "estimate, by distinct minimum", (*S, *P), comment=_OWN),
+    FileVariable("start_evaluations", "i4", "1", "evaluations, by distinct minimum", S),
+    FileVariable("curve_given", "f8", "1", "parameter of the load along the curve", ("vertex",)),
+    FileVariable("curve_measured", "f8", "1", "value of the study along the curve", ("vertex",)),
+    FileVariable("curve_error", "f8", "1", "standard error of the curve across it", ("vertex",)),
+    FileVariable("fold_vertex", "i4", "1", "vertex of a fold", ("fold",)),
+    FileVariable("law_slip", "f8", "m", "slip", ("law_place",)),
+    FileVariable("law_traction", "f8", "Pa", "fitted friction law", ("law_place",)),
+    FileVariable("law_error", "f8", "Pa", "its standard error", ("law_place",)),
+)
+"""Everything that a file of a fit may hold. Residuals, and the Jacobian by ln p or by p (`logarithmic`), are in units
+of the noise."""
