@@ -12,9 +12,9 @@ TC.el = (tag, attrs = {}, ...children) => TC.made(document.createElement(tag), a
 
 TC.ticks = function (lo, hi, count) {
   const span = hi - lo || Math.abs(hi) || 1, raw = span / Math.max(1, count), power = 10 ** Math.floor(Math.log10(raw));
-  const step = [1, 2, 2.5, 5, 10].find((s) => s * power >= raw) * power, out = [];
-  for (let v = Math.ceil(lo / step - 1e-9) * step; v <= hi + 1e-9 * span; v += step) out.push(Math.abs(v) < 1e-9 * step ? 0 : v);
-  return out;
+  const step = [1, 2, 2.5, 5, 10].find((s) => s * power >= raw) * power, first = Math.ceil(lo / step - 1e-9), last = Math.floor((hi + 1e-9 * span) / step), out = [];
+  for (let k = first; k <= last && out.length <= 4 * count; k++) out.push(k * step || 0);
+  return out.length ? out : [lo];
 };
 TC.logTicks = function (lo, hi, count) {
   const a = Math.floor(Math.log10(lo) + 1e-9), b = Math.ceil(Math.log10(hi) - 1e-9), out = [];
@@ -118,7 +118,7 @@ TC.Plot = class {
 
 TC.pad = function ([lo, hi], part = 0.06, log = false) {
   if (log) { const f = (hi / lo || 10) ** part; return hi > lo ? [lo / f, hi * f] : [lo / 2, hi * 2]; }
-  const span = hi - lo || Math.abs(hi) || 1;
+  const size = Math.max(Math.abs(lo), Math.abs(hi)), span = hi - lo > 1e-12 * size ? hi - lo : size || 1; // what differs by rounding is one value
   return [lo - part * span, hi + part * span];
 };
 

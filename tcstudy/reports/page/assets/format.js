@@ -93,17 +93,17 @@ TC.quantity = function (value, units, digits = 4) {
   return `${TC.number(value / s.by, digits)}${s.unit ? " " + s.unit : ""}`;
 };
 // {by, unit} of a swept parameter: the unit that the study writes it in, else one prefix for the whole axis.
-TC.axisScale = (axis) => (!axis.numeric ? { by: 1, unit: "" } : axis.written ? { by: axis.written[0], unit: axis.written[1] } : TC.scale(axis.values, axis.units));
+TC.axisScale = (axis) => axis.scale || (axis.scale = !axis.numeric ? { by: 1, unit: "" } : axis.written ? { by: axis.written[0], unit: axis.written[1] } : TC.scale(axis.values, axis.units));
 // One value of a swept parameter, in one unit for the whole axis.
 TC.axisLabel = function (axis, i) {
   if (!axis.numeric) return axis.values[i];
-  if (!axis.labels) {
-    const s = TC.axisScale(axis), shown = (digits) => axis.values.map((v) => TC.number(v / s.by, digits)), different = new Set(axis.values).size;
-    let digits = 4;
-    while (digits < 12 && new Set(shown(digits)).size < different) digits++;
-    axis.labels = shown(digits);
+  if (!axis.digits) { // those that tell neighbours apart, but for what differs by rounding
+    const v = Float64Array.from(axis.values).sort();
+    let least = 1;
+    for (let k = 1; k < v.length; k++) { const gap = (v[k] - v[k - 1]) / Math.max(Math.abs(v[k]), Math.abs(v[k - 1])); if (gap > 1e-11) least = Math.min(least, gap); }
+    axis.digits = Math.max(4, 1 + Math.ceil(-Math.log10(least)));
   }
-  return axis.labels[i];
+  return TC.number(axis.values[i] / TC.axisScale(axis).by, axis.digits);
 };
 TC.axisText = (axis, i) => `${TC.axisLabel(axis, i)} ${TC.axisScale(axis).unit}`.trim();
 TC.axisTitle = (axis) => TC.titled(TC.symbol(axis.name), TC.axisScale(axis));

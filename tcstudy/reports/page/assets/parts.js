@@ -22,9 +22,10 @@ TC.choice = function (label, options, value, change, title) {
   const select = TC.el("select", { onchange: (e) => change(e.target.value) }, options.map(([key, text]) => TC.el("option", { value: key, selected: String(key) === String(value) }, text)));
   return TC.el("label", { title }, label, select);
 };
+// options: an array of texts, or its length and at(i).
 TC.slider = function (label, options, value, change) {
   const range = TC.el("input", { type: "range", min: 0, max: options.length - 1, step: 1, value, "aria-label": label, oninput: (e) => change(Number(e.target.value)) });
-  return TC.el("label", {}, TC.el("span", {}, `${label}: `, TC.el("output", {}, options[value])), range);
+  return TC.el("label", {}, TC.el("span", {}, `${label}: `, TC.el("output", {}, options.at(value))), range);
 };
 TC.panel = (...children) => TC.el("div", { class: "panel" }, ...children);
 TC.h3 = (text) => TC.el("h3", {}, text);
@@ -45,6 +46,7 @@ TC.fill = function (host, ...children) {
   if (inside) host.querySelector(`[aria-label="${CSS.escape(inside)}"]`)?.focus();
 };
 
+TC.MOST_ROWS = 300; // that a table shows; what is saved has all
 // A table that sorts by its columns; columns: {title, get(row), text(row), left, minor}; minor ones are not printed.
 TC.table = function ({ columns, rows, sort, down, onsort, chosen, pick }) {
   const order = rows.slice(), cls = (c) => (c.left ? "text" : "") + (c.minor ? " noprint" : "");
@@ -55,7 +57,7 @@ TC.table = function ({ columns, rows, sort, down, onsort, chosen, pick }) {
   }
   const head = columns.map((c, i) => TC.el("th", { class: cls(c), "aria-sort": i === sort ? (down ? "descending" : "ascending") : undefined },
     TC.el("button", { title: "sort", "aria-label": `sort by ${c.title}`, onclick: () => onsort(i) }, c.title + (i === sort ? (down ? " ▼" : " ▲") : ""))));
-  const body = order.map((row) => TC.el("tr", { "data-row": typeof row === "number" ? row : undefined, class: [chosen && chosen(row) ? "chosen" : "", pick ? "link" : ""].join(" "), onclick: pick ? () => pick(row) : undefined },
+  const body = order.slice(0, TC.MOST_ROWS).map((row) => TC.el("tr", { "data-row": typeof row === "number" ? row : undefined, class: [chosen && chosen(row) ? "chosen" : "", pick ? "link" : ""].join(" "), onclick: pick ? () => pick(row) : undefined },
     columns.map((c) => TC.el("td", { class: cls(c) }, c.text ? c.text(row) : TC.number(c.get(row))))));
   return { node: TC.el("table", {}, TC.el("thead", {}, TC.el("tr", {}, head)), TC.el("tbody", {}, body)), order };
 };

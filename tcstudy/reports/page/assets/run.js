@@ -53,9 +53,9 @@ TC.run = {
   },
   // Number of different energies among the starts.
   count(p, level) {
+    if (TC.run.proof(p, level) === "unique") return 1; // what differs then is rounding
     const e = TC.run.energies(p, level).filter(Number.isFinite).sort((a, b) => a - b), size = Math.max(...e.map(Math.abs), 0);
     let count = e.length ? 1 : 0;
-    if (TC.run.proof(p, level) === "unique") return count; // what differs then is rounding
     for (let i = 1; i < e.length; i++) if (e[i] - e[i - 1] > 1e-9 * size) count++;
     return count;
   },
@@ -108,10 +108,10 @@ TC.run = {
     }
     if (r.nlevels > 1) out.push(TC.slider("level", TC.run.levels(TC.run.flat(s.at)).h_max.map((h, i) => `${i} (h = ${TC.quantity(h, r.units.h_max, 3)})`), s.level, (level) => TC.set({ level })));
     if (r.grid) for (const a of r.varied) {
-      const d = TC.run.dim(a.name), texts = a.values.map((_, i) => TC.axisText(a, i));
+      const d = TC.run.dim(a.name), texts = { length: a.values.length, at: (i) => TC.axisText(a, i) };
       const move = (i) => { const at = s.at.slice(); at[d] = i; TC.set({ at }); };
-      out.push(a.numeric ? TC.slider(TC.symbol(a.name), texts, s.at[d], move) : TC.choice(TC.symbol(a.name), texts.map((t, i) => [i, t]), s.at[d], (v) => move(Number(v))));
-    } else out.push(TC.slider("point", [...Array(r.points)].map((_, p) => `${p + 1} of ${r.points}`), s.at[0], (i) => TC.set({ at: [i] })));
+      out.push(a.numeric ? TC.slider(TC.symbol(a.name), texts, s.at[d], move) : TC.choice(TC.symbol(a.name), a.values.map((t, i) => [i, t]), s.at[d], (v) => move(Number(v))));
+    } else out.push(TC.slider("point", { length: r.points, at: (p) => `${p + 1} of ${r.points}` }, s.at[0], (i) => TC.set({ at: [i] })));
     TC.fill(host, out);
   },
   // Colour of a value, and the bar that explains it.
@@ -140,17 +140,21 @@ TC.run = {
       add("nothing", 8, turned, TC.svgNode("path", { d: "M0,0V8M0,0H8", stroke: c, "stroke-width": 1.4 }));
     }
   },
-  cell(svg, x, y, w, h, p, shade, scale, numbers) {
-    const s = TC.state, proof = TC.run.proof(p, s.level), v = TC.run.value(s.q, p, s.level), rgb = shade.of(v), tone = TC.dark(rgb) ? "l" : "d";
+  PROOFS: ["failed", "nothing", "local", "global", "unique"],
+  // Points in one cell: the median of their values, what is proved of all of them; a click takes the middle one.
+  cell(svg, x, y, w, h, points, shade, scale, numbers) {
+    const s = TC.state, p = points[points.length >> 1], known = points.map((k) => TC.run.PROOFS.indexOf(TC.run.proof(k, s.level))), proof = TC.run.PROOFS[Math.min(...known)];
+    const all = points.filter((_, i) => known[i] > 0).map((k) => TC.run.value(s.q, k, s.level)).sort((a, b) => a - b), v = all.length ? all[all.length >> 1] : NaN, rgb = shade.of(v), tone = TC.dark(rgb) ? "l" : "d";
+    const several = points.reduce((most, k) => Math.max(most, TC.run.several(k, s.level)), 0), units = TC.data.run.numbers[s.q].units;
     const g = TC.svgNode("g", { class: "cell", "data-point": p });
-    const tip = `${TC.run.words(TC.run.index(p))}\n${TC.symbol(s.q)} = ${TC.quantity(v, TC.data.run.numbers[s.q].units)}\n${TC.run.proofs()[proof]}`;
-    g.append(TC.svgNode("title", {}, tip + (TC.run.several(p, s.level) > 1 ? `\n${TC.run.several(p, s.level)} different energies found` : "")));
+    const tip = `${points.length > 1 ? `${points.length} points about ` : ""}${TC.run.words(TC.run.index(p))}\n${TC.symbol(s.q)} = ${TC.quantity(v, units)}${points.length > 1 ? ` (median; ${TC.quantity(all[0], units)} to ${TC.quantity(all[all.length - 1], units)})` : ""}\n${TC.run.proofs()[proof]}`;
+    g.append(TC.svgNode("title", {}, tip + (several > 1 ? `\n${several} different energies found` : "")));
     if (proof === "failed") {
       g.append(TC.svgNode("rect", { x, y, width: w, height: h, fill: "var(--shade)", stroke: "var(--bad)" }), TC.svgNode("path", { d: `M${x + 4},${y + 4}L${x + w - 4},${y + h - 4}M${x + w - 4},${y + 4}L${x + 4},${y + h - 4}`, stroke: "var(--bad)", "stroke-width": 2 }));
     } else {
       g.append(TC.svgNode("rect", { x, y, width: w, height: h, fill: TC.css(rgb) }));
       if (proof !== "unique") g.append(TC.svgNode("rect", { x, y, width: w, height: h, fill: `url(#${proof}-${tone})` }));
-      if (TC.run.several(p, s.level) > 1) g.append(TC.svgNode("rect", { x: x + 2.5, y: y + 2.5, width: Math.max(0, w - 5), height: Math.max(0, h - 5), fill: "none", stroke: "#d55e00", "stroke-width": 3 }));
+      if (several > 1) g.append(TC.svgNode("rect", { x: x + 2.5, y: y + 2.5, width: Math.max(0, w - 5), height: Math.max(0, h - 5), fill: "none", stroke: "#d55e00", "stroke-width": 3 }));
       if (numbers) {
         const text = TC.number(v / scale.by, 3), wide = 7.2 * text.length + 6;
         g.append(TC.svgNode("rect", { x: x + w / 2 - wide / 2, y: y + h / 2 - 8, width: wide, height: 16, fill: TC.css(rgb) }), TC.svgNode("text", { x: x + w / 2, y: y + h / 2 + 4.5, "text-anchor": "middle", style: `fill:${TC.dark(rgb) ? "#fff" : "#111"}` }, text));
@@ -159,29 +163,31 @@ TC.run = {
     g.addEventListener("click", (e) => TC.set(e.shiftKey ? { vs: TC.run.index(p) } : { at: TC.run.index(p) }));
     svg.append(g);
   },
+  // n places in groups of neighbours, `most` or fewer: [first, behind] of each.
+  groups(n, most) { const k = Math.ceil(n / most); return [...Array(Math.ceil(n / k))].map((_, i) => [i * k, Math.min(n, (i + 1) * k)]); },
   cells(width, ax, ay, shade, scale) {
-    const s = TC.state, nx = ax.values.length, ny = ay.values.length, dx = TC.run.dim(ax.name), dy = TC.run.dim(ay.name);
+    const s = TC.state, gx = TC.run.groups(ax.values.length, 60), gy = TC.run.groups(ay.values.length, 40), nx = gx.length, ny = gy.length, kx = gx[0][1], ky = gy[0][1], dx = TC.run.dim(ax.name), dy = TC.run.dim(ay.name);
     const wide = ay.numeric ? 7 : Math.max(...ay.values.map((v) => String(v).length)) * 1, left = ay.numeric ? 66 : Math.min(150, 34 + 7 * wide), w = (width - left - 8) / nx, h = Math.max(14, (6.4 * TC.axisTitle(ay).length) / ny, Math.min(62, 330 / ny, Math.max(26, w))), height = ny * h + 58; // room for the title of y
     const svg = TC.svgNode("svg", { width, height, tabindex: 0, role: "application", "aria-label": `map of ${TC.symbol(s.q)}; arrow keys move the point` });
     TC.run.patterns(svg);
-    const at = (i, j) => { const k = s.at.slice(); k[dx] = i; k[dy] = j; return TC.run.flat(k); };
+    const at = (i, j) => { const k = s.at.slice(), out = []; for (k[dx] = gx[i][0]; k[dx] < gx[i][1]; k[dx]++) for (k[dy] = gy[j][0]; k[dy] < gy[j][1]; k[dy]++) out.push(TC.run.flat(k)); return out; };
     for (let i = 0; i < nx; i++) for (let j = 0; j < ny; j++) TC.run.cell(svg, left + i * w + 0.5, (ny - 1 - j) * h + 0.5, w - 1, h - 1, at(i, j), shade, scale, w > 46 && h > 22);
-    const frame = (k, attrs) => svg.append(TC.svgNode("rect", { x: left + k[dx] * w + 1, y: (ny - 1 - k[dy]) * h + 1, width: w - 2, height: h - 2, fill: "none", "pointer-events": "none", ...attrs }));
+    const frame = (k, attrs) => svg.append(TC.svgNode("rect", { x: left + Math.floor(k[dx] / kx) * w + 1, y: (ny - 1 - Math.floor(k[dy] / ky)) * h + 1, width: w - 2, height: h - 2, fill: "none", "pointer-events": "none", ...attrs }));
     frame(s.at, { stroke: "var(--halo)", "stroke-width": 6 });
     frame(s.at, { stroke: "var(--ink)", "stroke-width": 2.5 });
     if (s.vs && s.vs.every((v, k) => k === dx || k === dy || v === s.at[k])) frame(s.vs, { stroke: "var(--ink)", "stroke-width": 2.5, "stroke-dasharray": "5 4" });
-    const every = Math.max(1, Math.ceil(Math.max(...ax.values.map((_, i) => TC.axisLabel(ax, i).length)) * 8 / w));
-    for (let i = 0; i < nx; i += every) svg.append(TC.svgNode("text", { x: left + (i + 0.5) * w, y: ny * h + 17, "text-anchor": "middle" }, TC.axisLabel(ax, i)));
+    const every = Math.max(1, Math.ceil(Math.max(...gx.map(([i]) => TC.axisLabel(ax, i).length)) * 8 / w));
+    for (let i = 0; i < nx; i += every) svg.append(TC.svgNode("text", { x: left + (i + 0.5) * w, y: ny * h + 17, "text-anchor": "middle" }, TC.axisLabel(ax, gx[i][0])));
     const rows = Math.max(1, Math.ceil(15 / h));
-    for (let j = 0; j < ny; j += rows) svg.append(TC.svgNode("text", { x: left - 7, y: (ny - j - 0.5) * h + 4, "text-anchor": "end" }, TC.axisLabel(ay, j)));
+    for (let j = 0; j < ny; j += rows) svg.append(TC.svgNode("text", { x: left - 7, y: (ny - j - 0.5) * h + 4, "text-anchor": "end" }, TC.axisLabel(ay, gy[j][0])));
     svg.append(TC.svgNode("text", { x: left + (nx * w) / 2, y: ny * h + 40, "text-anchor": "middle" }, TC.axisTitle(ax)), TC.svgNode("text", { x: 12, y: (ny * h) / 2, "text-anchor": "middle", transform: `rotate(-90 12 ${(ny * h) / 2})` }, TC.axisTitle(ay)));
     svg.addEventListener("keydown", (e) => {
       const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[e.key];
       if (!step) return;
       e.preventDefault();
       const k = s.at.slice();
-      k[dx] = Math.min(nx - 1, Math.max(0, k[dx] + step[0]));
-      k[dy] = Math.min(ny - 1, Math.max(0, k[dy] + step[1]));
+      k[dx] = Math.min(ax.values.length - 1, Math.max(0, k[dx] + kx * step[0]));
+      k[dy] = Math.min(ay.values.length - 1, Math.max(0, k[dy] + ky * step[1]));
       TC.set({ at: k });
       document.querySelector("#sweep svg[tabindex]")?.focus();
     });
@@ -190,16 +196,18 @@ TC.run = {
   scatter(width, ax, ay, shade, scale) {
     const r = TC.data.run, s = TC.state, place = (a, p) => (a.numeric ? a.values[p] : a.values.indexOf(a.values[p]));
     const fx = TC.axisScale(ax).by, fy = TC.axisScale(ay).by;
-    const xs = [...Array(r.points)].map((_, p) => place(ax, p) / fx), ys = [...Array(r.points)].map((_, p) => place(ay, p) / fy);
+    const xs = Float64Array.from({ length: r.points }, (_, p) => place(ax, p) / fx), ys = Float64Array.from({ length: r.points }, (_, p) => place(ay, p) / fy);
     const plot = new TC.Plot({ width, height: 320, x: TC.pad(TC.range(xs)), y: TC.pad(TC.range(ys)), xlabel: TC.axisTitle(ax), ylabel: TC.axisTitle(ay) });
     TC.run.patterns(plot.svg);
-    const half = r.points > 150 ? 5 : 8; // many points must not hide one another
-    for (let p = 0; p < r.points; p++) {
-      const group = TC.svgNode("g");
-      TC.run.cell(group, plot.px(xs[p]) - half, plot.py(ys[p]) - half, 2 * half, 2 * half, p, shade, scale, false);
-      if (p === s.at[0]) group.append(TC.svgNode("rect", { x: plot.px(xs[p]) - 10, y: plot.py(ys[p]) - 10, width: 20, height: 20, fill: "none", stroke: "var(--ink)", "stroke-width": 2.5 }));
-      plot.over.append(group);
+    if (r.points > TC.run.MOST_MARKS) { // squares of 12 pixels instead of single points
+      const bins = new Map(), size = 12;
+      for (let p = 0; p < r.points; p++) { const key = `${Math.floor(plot.px(xs[p]) / size)} ${Math.floor(plot.py(ys[p]) / size)}`; bins.has(key) ? bins.get(key).push(p) : bins.set(key, [p]); }
+      for (const [key, points] of bins) { const [i, j] = key.split(" ").map(Number); TC.run.cell(plot.over, i * size, j * size, size - 1, size - 1, points, shade, scale, false); }
+    } else {
+      const half = r.points > 150 ? 5 : 8; // many points must not hide one another
+      for (let p = 0; p < r.points; p++) TC.run.cell(plot.over, plot.px(xs[p]) - half, plot.py(ys[p]) - half, 2 * half, 2 * half, [p], shade, scale, false);
     }
+    plot.over.append(TC.svgNode("rect", { x: plot.px(xs[s.at[0]]) - 10, y: plot.py(ys[s.at[0]]) - 10, width: 20, height: 20, fill: "none", stroke: "var(--ink)", "stroke-width": 2.5, "pointer-events": "none" }));
     return plot.svg;
   },
   bar(width, shade, scale) {
@@ -228,6 +236,15 @@ TC.run = {
     }
     return out;
   },
+  MOST_MARKS: 1500, // on the map and beside it; of more points a picture shows how their values are spread
+  MOST_CURVES: 14,
+  // Least, median and greatest value at every x, or in 120 parts of its range.
+  spread(pts, get) {
+    const xs = new Set(pts.map((o) => o.x)), [lo, hi] = TC.range(xs), n = 120, bins = new Map();
+    const place = xs.size <= n ? (x) => x : (x) => lo + ((Math.min(n - 1, Math.floor(((x - lo) / (hi - lo)) * n)) + 0.5) / n) * (hi - lo);
+    for (const o of pts) { const v = get(o), x = place(o.x); if (Number.isFinite(v)) bins.has(x) ? bins.get(x).push(v) : bins.set(x, [v]); }
+    return [...bins].sort((a, b) => a[0] - b[0]).map(([x, v]) => { v.sort((a, b) => a - b); return { x, low: v[0], middle: v[v.length >> 1], high: v[v.length - 1] }; });
+  },
   curves(host) {
     const r = TC.data.run, s = TC.state, q = r.numbers[s.q], width = TC.width(host);
     if (!s.x) return;
@@ -244,11 +261,17 @@ TC.run = {
     }
     const every = series.flatMap((g) => g.pts), get = (o) => (TC.run.flag("status", o.p, s.level) === 1 ? TC.run.value(s.q, o.p, s.level) : NaN);
     const scale = TC.scale(every.map(get), q.units), ys = every.map(get).map((v) => v / scale.by);
-    const names = series.map((g) => g.name), room = by && series.length <= 14 ? Math.min(130, 14 + 7 * Math.max(...names.map((n) => n.length))) : 14;
+    const many = series.length > TC.run.MOST_CURVES || every.length > TC.run.MOST_MARKS, single = every.length > TC.run.MOST_MARKS * TC.run.MOST_CURVES ? [] : series.filter((g) => g.on && g.pts.length <= TC.run.MOST_MARKS);
+    const names = series.map((g) => g.name), room = by && !many ? Math.min(130, 14 + 7 * Math.max(...names.map((n) => n.length))) : 14;
     const plot = new TC.Plot({ width, height: 330, x: TC.pad(TC.range(every.map((o) => o.x)), 0.03), y: TC.pad(TC.range(ys)), xlabel: TC.axisTitle(ax), ylabel: TC.titled(TC.symbol(s.q), scale), margin: { left: 66, right: room, top: 10, bottom: 46 },
       xticks: ax.numeric ? undefined : [...new Set(ax.values)].map((_, i) => i), xtext: ax.numeric ? undefined : (i) => [...new Set(ax.values)][i] });
     const ends = [];
-    series.forEach((g, k) => {
+    if (many) {
+      const parts = TC.run.spread(every, (o) => get(o) / scale.by), x = parts.map((o) => o.x), edge = [...x, ...x.slice().reverse()], ring = [...parts.map((o) => o.low), ...parts.map((o) => o.high).reverse()];
+      plot.line(edge, ring, { fill: "var(--soft)", "fill-opacity": 0.22, stroke: "none" });
+      plot.line(x, parts.map((o) => o.middle), { stroke: "var(--soft)", "stroke-width": 2 });
+    }
+    (many ? single : series).forEach((g, k) => {
       const look = TC.series(k), v = g.pts.map((o) => get(o) / scale.by);
       if (!ax.drawn) plot.line(g.pts.map((o) => o.x), v, { ...look, "stroke-width": g.on ? 2.8 : 1.5, opacity: g.on ? 1 : 0.75 });
       g.pts.forEach((o, i) => {
@@ -264,7 +287,8 @@ TC.run = {
     const here = TC.run.flat(s.at), mine = every.find((o) => o.p === here);
     if (mine && Number.isFinite(get(mine))) plot.over.append(TC.svgNode("circle", { cx: plot.px(mine.x), cy: plot.py(get(mine) / scale.by), r: 8, fill: "none", stroke: "var(--ink)", "stroke-width": 2 }));
     if (room > 14) plot.ends(ends, 14, 10, plot.bottom);
-    const note = `${by ? `one curve for each ${TC.symbol(by.name)}; ` : ""}filled marks: proved unique; ring: the point below`;
+    const kept = by ? `${TC.symbol(by.name)} of the point below` : "the other numbers as at the point below";
+    const note = many ? `grey: from the least to the greatest value, and the median${by ? ` over ${TC.symbol(by.name)}` : ""}; ${single.length ? `curve: ${kept}; ` : ""}ring: the point below` : `${by ? `one curve for each ${TC.symbol(by.name)}; ` : ""}filled marks: proved unique; ring: the point below`;
     TC.fill(host, TC.h3(`${TC.symbol(s.q)} over ${TC.symbol(ax.name)}`), TC.note(note), plot.svg);
   },
   accuracy(host) {
@@ -342,9 +366,9 @@ TC.run = {
       if (e > 0.01) out.push(`${what} still changed by ${TC.percent(e)}: one more level (mesh.levels: ${last + 2}) halves that if errors fall like h, at about four times the unknowns; tcstudy cost shows what graded and adaptive meshes need.`);
       else if (Number.isFinite(e)) out.push(`${what} changed by ${TC.percent(e)} with the last level, and nothing else by more; one level less takes about a quarter of the unknowns.`);
     }
-    const open = [...Array(r.points).keys()].filter((k) => TC.run.proof(k, last) === "local" || TC.run.proof(k, last) === "nothing").length;
+    let open = 0, several = 0;
+    for (let k = 0; k < r.points; k++) { open += ["local", "nothing"].includes(TC.run.proof(k, last)); several += TC.run.several(k, last) > 1; }
     if (open) out.push(`For ${open} of ${r.points} points other solutions with less energy are not excluded: a section path follows the equilibria on the branch from rest.`);
-    const several = [...Array(r.points).keys()].filter((k) => TC.run.several(k, last) > 1).length;
     if (several) out.push(`For ${several} points different starts led to different solutions; the stored one is that of ${TC.data.yaml.includes("branch:") ? "the branch that the study asks for" : "the least energy found"}.`);
     if (!TC.point.home(p).body) out.push("With output: {fields: true} the page also shows the body's temperature and deformation.");
     if (TC.data.homes) out.push("A page of one geometry can solve in the browser: tcstudy export FILE.nc --geometry --at NAME=VALUE -o ONE.nc, then tcstudy report ONE.nc, of a run with output: {live: true}.");
@@ -377,7 +401,7 @@ TC.run = {
     const t = TC.table({ columns, rows: points, ...TC.sorting(), chosen: (p) => p === TC.run.flat(s.at), pick: (p) => TC.set({ at: TC.run.index(p) }) });
     const csv = () => TC.saveTable(`${TC.fileName()}-level${level}.csv`, columns, t.order);
     const scroll = host.querySelector(".scroll")?.scrollTop || 0, box = TC.el("div", { class: "scroll" }, t.node);
-    TC.fill(host, TC.el("div", { class: "controls noprint" }, TC.el("button", { onclick: csv, "aria-label": "csv" }, "Download as CSV"), TC.el("span", { class: "note" }, `${r.points} points${r.nlevels > 1 ? ` on level ${level}` : ""}; a click on a row shows the point`)), box);
+    TC.fill(host, TC.el("div", { class: "controls noprint" }, TC.el("button", { onclick: csv, "aria-label": "csv" }, "Download as CSV"), TC.el("span", { class: "note" }, `${r.points > TC.MOST_ROWS ? `the first ${TC.MOST_ROWS} in this order of ` : ""}${r.points} points${r.nlevels > 1 ? ` on level ${level}` : ""}; a click on a row shows the point`)), box);
     box.scrollTop = scroll;
   },
 };
