@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
@@ -12,6 +13,7 @@ from tcstudy.reports.figures.law_figure import curves, slip_range
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.picture import LineFields
 from tcstudy.reports.stored_study import file_order
+from tcstudy.scene.points import combinations
 from tcstudy.scene.study import Study
 
 SAMPLES, DECAYS = 60, 6.0
@@ -32,13 +34,25 @@ def law_part(study: Study | None) -> Json | None:
     numbers: dict[Laws, int] = {}
     index: list[Json] = []
     edges: Json = {}
-    for friction in (study.scenes[i].friction for i in file_order(study)):
+    frictions, of = frictions_of(study)
+    for friction in frictions:
         if isinstance(friction, EdgeLaws):
             index.append([numbers.setdefault(law, len(numbers)) for _, law, _ in friction.laws])
             edges = {"edges": [edge for edge, _, _ in friction.laws]}
         else:
             index.append(numbers.setdefault(friction, len(numbers)))
-    return {"laws": [drawn(law) for law in numbers], "index": index, **edges}
+    return {"laws": [drawn(law) for law in numbers], "index": [index[k] for k in of], **edges}
+
+
+def frictions_of(study: Study | None) -> tuple[list[Laws | EdgeLaws], NDArray[np.intp]]:
+    """The different frictions of a study, and which of them every point of its file has."""
+    if study is None:
+        return [], np.empty(0, dtype=np.intp)
+    some, of = combinations(study.scenes, "friction")
+    of = of[file_order(study)]
+    _, first = np.unique(of, return_index=True)
+    order = of[np.sort(first)]  # as the file has them
+    return [some[k].friction for k in order], np.argsort(order)[of]
 
 
 def node_part(study: Study | None, line: LineFields, box: Container) -> Json:
@@ -46,10 +60,9 @@ def node_part(study: Study | None, line: LineFields, box: Container) -> Json:
 
     A joint has none of them (-1), but a mixture, which is not drawn.
     """
-    frictions = [] if study is None else [study.scenes[i].friction for i in file_order(study)]
-    xy, distinct = np.stack([line.x, line.y], axis=1), dict[EdgeLaws, int]()
-    of = [distinct.setdefault(friction, len(distinct)) for friction in frictions if isinstance(friction, EdgeLaws)]
-    if not of:
+    frictions, of = frictions_of(study)
+    xy, distinct = np.stack([line.x, line.y], axis=1), [one for one in frictions if isinstance(one, EdgeLaws)]
+    if not distinct:
         return {}
     factors = np.stack([one.factors(line.edge_names, line.edge, xy, line.joints) for one in distinct])
     has = ~np.isnan(factors[0])

@@ -11,14 +11,13 @@ import numpy as np
 
 from tcstudy.data.reading import by_point
 from tcstudy.data.schema import STICKS
-from tcstudy.laws.composed import EdgeLaws, each
-from tcstudy.laws.laws import Laws
+from tcstudy.laws.composed import each
 from tcstudy.reports.figures.body_panel import boundary_edges
 from tcstudy.reports.page.container import Container, Json
-from tcstudy.reports.page.law_part import node_part
+from tcstudy.reports.page.law_part import frictions_of, node_part
 from tcstudy.reports.page.stored import Stored
 from tcstudy.reports.picture import BodyFields, contact_line, ends_held
-from tcstudy.reports.stored_study import at_rest, file_order, law_of_nodes, nearest, outline, sources
+from tcstudy.reports.stored_study import at_rest, law_of_nodes, nearest, outline, sources
 from tcstudy.scene.contact_states import ContactState, node_states
 from tcstudy.scene.study import Study
 
@@ -82,13 +81,10 @@ def _states(stored: Stored, group: Any, u_T: Any) -> Any:
     sticks = by_point(group["sticks"], stored.data) == STICKS
     states = np.where(sticks, np.int8(ContactState.STICK), np.int8(ContactState.SLIP))
     solved = np.isfinite(u_T).all(axis=1)
-    laws: dict[Laws | EdgeLaws, Any] = {}
-    for p, i in enumerate([] if stored.study is None else file_order(stored.study)):
-        friction = stored.study.scenes[i].friction  # type: ignore[union-attr]
-        if solved[p]:
-            if friction not in laws:
-                laws[friction] = law_of_nodes(friction, group)
-            states[p] = each(laws[friction], node_states, u_T[p], sticks[p])
+    frictions, of = frictions_of(stored.study)
+    for k, friction in enumerate(frictions):
+        rows = np.flatnonzero(solved & (of == k))
+        states[rows] = each(law_of_nodes(friction, group), node_states, u_T[rows].T, sticks[rows].T).T
     states[~solved] = -1
     return states
 

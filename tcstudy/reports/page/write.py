@@ -80,12 +80,21 @@ def write_page(path: Path, target: Path) -> Written:
 def _fitting(stored: Stored, without: list[str]) -> bytes:
     """The page, with parts added to those left out until it is no larger than AIM."""
     having = [part for part in LEAVE_OUT if _has(stored, part)]
+    if _lines(stored) > 2 * AIM:  # however they are packed
+        without += [part for part in ("levels", "lines") if part in having]
     while True:
         text = page(stored, tuple(without)).encode()
         more = [part for part in having if part not in without]
         if len(text) <= AIM or not more:
             return text
         without.append(more[0])
+
+
+def _lines(stored: Stored) -> int:
+    """Bytes of the finest contact lines of a run before they are packed, slip and traction in 16 bits, states in 8."""
+    if stored.kind != "run" or not stored.groups:
+        return 0
+    return 5 * int(stored.groups[max(stored.groups)].sizes.get("node", 0)) * int(stored.data["status"][..., -1].size)
 
 
 def _has(stored: Stored, part: str) -> bool:
