@@ -166,7 +166,7 @@ def order(slope: float, error: float, digits: int = 2) -> str:
     """A measured order ± its standard error; of two levels it has none and is marked as a guess."""
     if not np.isfinite(slope):
         return "–"
-    return f"{slope:z.{digits}f}" + (f" ± {error:.{digits}f}" if np.isfinite(error) else GUESS)
+    return f"{slope:z.{digits}f}" + (f" ± {number(error, 1)}" if np.isfinite(error) else GUESS)
 
 
 def orders(verdicts: Iterable[tuple[str, str]], solved: bool) -> str:

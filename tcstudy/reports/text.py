@@ -94,13 +94,13 @@ def prefix(values: ArrayLike, units: str) -> tuple[float, str]:
 
 def with_unit(value: float, units: str, digits: int = 4) -> str:
     """A number with the prefix that suits it: 12.5 mm."""
-    divisor, unit = prefix([float(value)], units)
-    return f"{number(float(value) / divisor, digits)} {unit}".removesuffix(" 1")
+    divisor, unit = scaled_unit([value], units)
+    return f"{number(float(value) / divisor, digits)} {pretty(unit)}".rstrip()
 
 
 def headed(name: str, unit: str) -> str:
     """The heading of a column, with its unit if there is one."""
-    return name if unit == "1" else f"{name} [{unit}]"
+    return f"{name} [{pretty(unit)}]" if pretty(unit) else name
 
 
 PROOFS = (("unique", "unique"), ("global_minimum", "global"), ("strict_minimum", "local"))

@@ -111,7 +111,7 @@ def test_every_flag_and_verdict_has_its_words() -> None:
 def test_what_is_proved_of_the_body_itself() -> None:
     low, high = np.array([0.41, np.nan]), np.array([0.42, np.nan])
     words = said.of_the_body(low, high, np.array([True, False]), "Pa m-1")
-    assert words.startswith("λ₁ of the body lies between 410 mPa m-1 and 420 mPa m-1: one solution for ω below 410")
+    assert words.startswith("λ₁ of the body lies between 410 mPa m⁻¹ and 420 mPa m⁻¹: one solution for ω below 410")
     assert words.endswith("; so at this point")
     several = said.of_the_body(np.array([0.4, 0.8]), np.array([0.5, 0.9]), np.array([False, True]), "Pa m-1")
     assert "is least between 400" in several

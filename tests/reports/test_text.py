@@ -104,6 +104,6 @@ def test_a_reason_without_a_remedy_gets_one_and_nothing_of_the_machine_is_shown(
 
 def test_a_point_is_written_with_symbols_and_raised_exponents() -> None:
     words = point_words("alpha = 100 W m-2 K-1, theta_bar = 0 K, friction = brittle-2, nu = 0.3")
-    assert words == r"$\alpha$ = 100 W m⁻² K⁻¹, $\bar\theta$ = 0 K, friction = brittle-2, $\nu$ = 0.3"
-    assert point_words("price = $5") == r"price = \$5"
+    assert words == r"$\alpha$ = 100 W m⁻² K⁻¹, $\bar\theta$ = 0 K, friction: brittle-2, $\nu$ = 0.3"
+    assert point_words("price = $5") == r"price: \$5"
     assert point_words("E = 1, tau_s = 0.004, E = 2 Pa") == r"E = 1, $\tau_s$ = 0.004, E = 2 Pa"  # a plain number first

@@ -30,7 +30,6 @@ from tcstudy.data.writer import CHUNK, tile_shape, tiles
 from tcstudy.errors import StoreError, UsageError
 from tcstudy.reports.page.container import plain
 from tcstudy.reports.select_point import Value, matching
-from tcstudy.reports.text import headed
 
 if TYPE_CHECKING:
     import netCDF4
@@ -83,7 +82,9 @@ def write_csv(path: Path, target: Path, point: Mapping[str, Value] | None = None
 
     def fill(stream: IO[str], columns: list[TableColumn], rows: Iterable[Row], _: Mapping[str, Any]) -> None:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow([headed(column.name, column.units or "1") for column in columns])
+        writer.writerow(
+            [column.name if column.units in ("", "1") else f"{column.name} [{column.units}]" for column in columns]
+        )
         writer.writerows(rows)
 
     return _write(path, target, point, fill)

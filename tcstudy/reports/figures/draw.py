@@ -11,15 +11,14 @@ from tcstudy.data.provenance import Kind, kind_of, remarks_of
 from tcstudy.data.reading import attributes, reading
 from tcstudy.errors import UsageError, tell
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.convergence_plot import plot_convergence
-from tcstudy.reports.figures.cost_plot import plot_cost
-from tcstudy.reports.figures.fit_figure import draw_fit
-from tcstudy.reports.figures.history_figure import draw_history
-from tcstudy.reports.figures.law_figure import law_figure, read_law
-from tcstudy.reports.figures.path_figure import draw_path
-from tcstudy.reports.figures.point_figure import draw_point
-from tcstudy.reports.figures.sweep_figure import curves_figure, map_figure
-from tcstudy.reports.sweep import read_sweep
+from tcstudy.reports.figures.accuracy import draw_convergence, draw_cost
+from tcstudy.reports.figures.fit import draw_fit
+from tcstudy.reports.figures.history import draw_history
+from tcstudy.reports.figures.law import law_figure, laws_of
+from tcstudy.reports.figures.path import draw_path
+from tcstudy.reports.figures.point import point_figure
+from tcstudy.reports.figures.sweep import curves_figure, map_figure, read_sweep
+from tcstudy.reports.picture import read_picture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -102,18 +101,20 @@ def _drawn(file: Path, kind: Kind, wanted: Wanted, look: style.Look) -> tuple[Fi
         case "fit":
             return draw_fit(file, look)
         case "cost":
-            return plot_cost(file, wanted.y, look)
+            return draw_cost(file, wanted.y, look)
         case "convergence":
-            return plot_convergence(file, wanted.at, look)
+            return draw_convergence(file, wanted.at, look)
     level = -1 if wanted.level is None else wanted.level
-    if wanted.law:
-        shown = read_law(file, wanted.at, level)
-        laws = ", ".join(f"{edge}: {law.name}" if edge else law.name for edge, law in shown.laws)
-        where = f"{shown.point.point or shown.point.title}, level {shown.point.level}"
-        return law_figure(shown, look), f"law {laws}, {where}"
     if along := wanted.map or tuple(filter(None, (wanted.x, wanted.by))):
         sweep = read_sweep(file, along, wanted.of or wanted.y or "", wanted.at, level)
         over = " and ".join(one.name for one in sweep.parameters)
         figure = (map_figure if wanted.map else curves_figure)(sweep, look)
         return figure, f"{sweep.quantity} over {over}, {sweep.words}"
-    return draw_point(file, wanted.at, level, look)
+    point = read_picture(file, wanted.at, level)
+    where = f"{point.point or point.title}, level {point.level}"
+    if wanted.law:
+        laws = laws_of(point)
+        names = ", ".join(f"{edge}: {law.name}" if edge else law.name for edge, law in laws[0])
+        return law_figure(point, laws, look), f"law {names}, {where}"
+    fields = "" if point.body else " (contact line only: the run kept no fields, see output.fields)"
+    return point_figure(point, look), f"{where}{fields}"

@@ -100,12 +100,21 @@ class Sheet:
                              in_layout=False, **more)  # fmt: skip
             top += LINE * size * self.em
 
-    def key(self, handles: Sequence[Any], place: str = "lower center", title: str | None = None) -> None:
-        """What lines, marks and hatches mean, the labels of the handles, outside the panels; as in Figure.legend."""
-        columns = 1 if "right" in place else _columns([handle.get_label() for handle in handles], self.wide / SMALL)
+    def key(self, *panels: str, place: str = "lower center", title: str | None = None) -> None:
+        """What lines, marks and hatches mean that have a label in these panels, or in all; place: as in Figure.legend.
+
+        It stands outside the panels.
+        """
+        found: dict[str, Any] = {}
+        for name in panels or self.panels:
+            handles, labels = self.panels[name].get_legend_handles_labels()
+            found = dict(zip(labels, handles, strict=True)) | found
+        if not found:
+            return
+        columns = 1 if "right" in place else _columns(list(found), self.wide / SMALL)
         where: dict[str, Any] = {"loc": f"outside {place}"}
         self.figure.legend(
-            handles=list(handles), **where, title=title, ncols=columns, frameon=False,
+            handles=list(found.values()), **where, title=title, ncols=columns, frameon=False,
             fontsize=SMALL * self.look.letters, borderaxespad=0.0, borderpad=0.5 * APART, handlelength=1.6,
             columnspacing=1.2,
         )  # fmt: skip

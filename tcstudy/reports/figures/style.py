@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from tcstudy.data.files import check_writable, replace_file
 from tcstudy.errors import DrawError, StoreError, UsageError
-from tcstudy.reports.text import label, number, pretty, scaled_unit
+from tcstudy.reports.text import pretty
 from tcstudy.scene import key
 from tcstudy.scene.key import GREEK
 
@@ -122,6 +121,9 @@ def symbol(name: str) -> str:
     """A parameter as formulas write it, θ̄ or u_T (`scene.key.symbol`); others in words."""
     if ".points." in name:
         return f"$b_{{{name.rpartition('.')[2]}}}$"
+    if match := re.fullmatch(r"boundary[._](\w+?)[._]((?:u|g|f)_[xyNT]|[a-z]+)", name):
+        return f"{symbol(match[2])} of {plain(match[1]).replace('_', ' ')}"
+    name = re.sub(r"^(?:heat|friction|material|body|mesh)_(?=\w)", "", name)
     letter, _, index = name.rpartition(".")[2].partition("_")
     below = f"_{index}" if len(index) == 1 else f"_{{{index}}}" if index else ""
     if letter in GREEK:
@@ -204,26 +206,8 @@ _STATED = re.compile(r"(\w+) = (-?[\d.][^\s,]*)((?: [^\s,]+)*)(?=, |$)")
 
 def point_words(text: str) -> str:
     """A point as files name it, "alpha = 100 W m-2 K-1, friction = tresca", with symbols and raised exponents."""
-    named = re.sub(r"(\w+) = (?!-?[\d.])", lambda one: f"{symbol(one[1])} = ", plain(text))
+    named = re.sub(r"(\w+) = (?!-?[\d.])", lambda one: f"{symbol(one[1])}: ", plain(text))
     return _STATED.sub(lambda one: f"{symbol(one[1])} = {one[2]}{pretty(one[3])}", named)
-
-
-def with_unit(value: float, units: str, digits: int = 4) -> str:
-    """A number with the prefix that suits it and raised exponents."""
-    divisor, unit = scaled_unit([value], units)
-    return f"{number(value / divisor, digits)} {pretty(unit)}".rstrip()
-
-
-def parameter_words(parameters: Iterable[tuple[str, float | str, str]]) -> list[str]:
-    """Swept parameters (name, label, units) with their symbols."""
-    found = []
-    for name, value, units in parameters:
-        if isinstance(value, str):
-            found.append(f"{symbol(name)}: {plain(value)}")
-        else:
-            divisor, unit = scaled_unit([value], units)
-            found.append(f"{symbol(name)} = {label(value / divisor)} {pretty(unit)}".rstrip())
-    return found
 
 
 def plain(text: str) -> str:

@@ -9,7 +9,7 @@ from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import DOWN, UP
 from tcstudy.laws.shapes import SHAPES, STIFFNESS, TRACTION
-from tcstudy.reports.figures.law_figure import curves, slip_range
+from tcstudy.reports.figures.law import curves, slip_range
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.picture import LineFields
 from tcstudy.reports.stored_study import file_order

@@ -12,7 +12,7 @@ import numpy as np
 from tcstudy.data.reading import by_point
 from tcstudy.data.schema import STICKS
 from tcstudy.laws.composed import each
-from tcstudy.reports.figures.body_panel import boundary_edges
+from tcstudy.reports.figures.body import boundary_edges
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.law_part import frictions_of, node_part
 from tcstudy.reports.page.stored import Stored

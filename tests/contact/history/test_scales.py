@@ -132,6 +132,6 @@ def test_a_cycle_that_changes_less_than_rounding_allows_is_closed() -> None:
     closed = [cycle_change(ends, np.array(spent), rounding=1e-4) for spent in ([1.0, 1.0], [1.5, 1.0])]
     assert [one.kind for one in closed] == ["closed", "closed"]
     assert "the last two cycles dissipate the same" in closed[0].words
-    assert closed[1].words.endswith("it dissipates 1 J m-1, the one before 1.5 J m-1")
+    assert closed[1].words.endswith("it dissipates 1 J m⁻¹, the one before 1.5 J m⁻¹")
     walk = np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0 + 3e-6]])
     assert [cycle_change(walk, np.ones(2), rounding=r).kind for r in (0.0, 1e-5)] == ["settling", "walking"]

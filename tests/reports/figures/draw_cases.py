@@ -13,7 +13,7 @@ from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.point_figure import point_figure
+from tcstudy.reports.figures.point import point_figure
 from tcstudy.reports.picture import LineFields, Picture
 from tcstudy.scene.study import Axis, MeshPlan, OutputPlan, SolverPlan, Study
 from tests.data.by_points import write
@@ -118,7 +118,7 @@ def result(
 
 def figure_of(picture: Picture) -> Figure:
     with style.styled():
-        return point_figure(picture)
+        return point_figure(picture, style.Look())
 
 
 def contact_panels(figure: Figure) -> tuple[Any, Any]:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from tcstudy.laws.laws import Laws
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.law_figure import CURVE_STYLE, DOWN_STYLE, UP_STYLE, draw_law, slip_range
+from tcstudy.reports.figures.law import CURVE, JUMPS, draw_law, slip_range
+from tcstudy.reports.figures.panels import Lines, Scale
 from tcstudy.reports.text import number
 from tests.benchmarks.panels import inches
 from tests.reports.figures.draw_cases import example_laws
@@ -35,13 +36,12 @@ def laws_figure(laws: Sequence[Laws]) -> Figure:
         bottom = FOOT + (rows - 1 - row) * HIGH + 0.35
         axes = inches(figure, column * across + 0.5, bottom, across - 0.65, HIGH - 0.75)
         reach = slip_range(law) or 1.0
-        draw_law(axes, law, (-reach, reach), 1.0, 1.0, {})
+        draw_law(Lines(axes, Scale(""), Scale("")), law, (-reach, reach))
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 5, 10]))
         axes.set_title(law.name, loc="left", fontweight="bold")
         axes.set_title(rf"$\omega$ = {number(law.omega, 3)}", loc="right")
-    key = ((CURVE_STYLE, "b(s) = $-S_T$ against the slip s = $u_T$"), (UP_STYLE, "up-jump: sticks here"),
-           (DOWN_STYLE, "down-jump: sudden loss"))  # fmt: skip
+    key = [(CURVE, "b(s) = $-S_T$ against the slip s = $u_T$"), *((how, word) for _, word, how in JUMPS)]
     handles = [Line2D([], [], **how, label=text) for how, text in key]
     figure.legend(handles=handles, loc="lower center", ncols=3, frameon=False, handlelength=2.2)
     return figure

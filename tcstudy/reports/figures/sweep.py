@@ -1,0 +1,347 @@
+"""Pictures of a whole sweep: curves of one number over one parameter, families by another; a map over two parameters.
+
+Points without a solution have no number: they are left out, counted, and said with their status.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.data.records import PointStatus
+from tcstudy.data.schema import NOT_ALL
+from tcstudy.data.store import open_results
+from tcstudy.errors import DrawError
+from tcstudy.reports.figures import style
+from tcstudy.reports.figures.panels import Array, Lines, Scale, scale
+from tcstudy.reports.figures.sheet import BESIDE, Sheet
+from tcstudy.reports.select_point import (
+    Value,
+    axis_names,
+    fitting,
+    labels_by_point,
+    level_number,
+    parameter,
+    quantity,
+)
+from tcstudy.reports.sentences import several
+from tcstudy.reports.text import axis_unit, counted, labels, named, study_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Flags = NDArray[np.bool_]
+
+COUNTS = ("solutions", "stable_solutions")
+"""Numbers of equilibria."""
+MARKS = "osD^vPX"
+MOST_NAMED, MOST_MARKS = 10, 60
+"""Curves that a legend names (more of them, by a number, are told apart by a colour bar); points that get marks."""
+SHORT = {"u_T_max": "max $|u_T|$", "theta_mean": r"mean $\theta$", "lambda_1": r"$\lambda_1$", "omega": r"$\omega$"}
+"""Numbers on small sheets whose names are no words."""
+COLOURS = "viridis"
+"""Evenly light for every kind of colour vision, and in grey."""
+GONE: dict[str, Any] = {"hatch": "xxx", "edgecolor": style.PALE, "linewidth": 0.0}
+OPEN: dict[str, Any] = {"hatch": "//", "edgecolor": "white", "linewidth": 0.0}
+SEVERAL: dict[str, Any] = {"edgecolor": style.VERMILLION, "linewidth": 1.8}
+FOLD: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 1.4}
+EQUAL: dict[str, Any] = {"color": "black", "linewidth": 1.4, "linestyle": "--"}
+
+
+@dataclass(frozen=True)
+class Along:
+    """A swept parameter that is drawn.
+
+    labels:  its different values, ascending if they are numbers
+    numbers: the same as numbers in `unit`, None if one of them is a text
+    place:   (P,) which of them each point has
+    random:  drawn from a distribution, so that neighbours have nothing in common
+    """
+
+    name: str
+    labels: tuple[str, ...]
+    numbers: Array | None
+    unit: str
+    place: NDArray[np.intp]
+    random: bool = False
+
+    @property
+    def title(self) -> str:
+        """The parameter with its unit, for an axis."""
+        return style.labelled(style.symbol(self.name), self.unit)
+
+
+@dataclass(frozen=True)
+class SweepPicture:
+    """P points of a sweep on one level, and one number at each of them.
+
+    fixed:   what the points have in common, in words;  left_out: how many have no number and why, empty if all have one
+    values:  (P,) the number in the units of the file, NaN where there is none
+    proved:  (P,) to be the only solution;  several: (P,) starts led to solutions of different energies
+    at_least: (P,) of numbers of equilibria, those not proved to be all; None for any other number
+    excess:  (P,) ω − λ₁, below 0 where one solution is proved; NaN where it is not known
+    """
+
+    title: str
+    level: int
+    quantity: str
+    long_name: str
+    units: str
+    parameters: tuple[Along, ...]
+    fixed: tuple[str, ...]
+    left_out: str
+    values: Array
+    proved: Flags
+    several: Flags
+    at_least: Flags | None
+    excess: Array
+
+    @property
+    def words(self) -> str:
+        """What the points have in common, for messages."""
+        return ", ".join(filter(None, [*self.fixed, f"level {self.level}", self.left_out]))
+
+
+def read_sweep(path: Path, along: tuple[str, ...], number: str, point: Mapping[str, Value] | None, level: int) -> SweepPicture:
+    """Read the points of a sweep with the labels `point`, along the parameters `along` (see `fitting`).
+
+    Raises StoreError if `path` is no complete result file, DrawError for names that it does not have.
+    """
+    with open_results(path) as tree:
+        data = tree.to_dataset()
+        if not axis_names(data):
+            raise DrawError("the file has one point and no swept parameter; draw the point, without x, y and map")
+        names = tuple(parameter(data, given) for given in along)
+        if len(set(names)) < len(names):
+            raise DrawError(f"{names[0]} is named twice; name two different swept parameters")
+        name, n = quantity(data, number), level_number(data, level)
+        keep, fixed = fitting(data, point, names)
+        needed = (name, "status", "unique", "start_energy", "complete", "omega", "lambda_1")
+        at = data[[key for key in dict.fromkeys(needed) if key in data]].isel(level=n).load()
+        dims, by_point = [str(dim) for dim in at["status"].dims], labels_by_point(data)
+
+        def flat(key: str, missing: float) -> NDArray[Any]:
+            if key not in at:
+                return np.full((int(keep.sum()), 1), missing)
+            held = at[key].broadcast_like(at["status"]).transpose(*dims, ...)
+            return held.values.reshape(len(keep), -1)[keep]
+
+        status, values, unique = flat("status", 0)[:, 0], flat(name, np.nan)[:, 0], flat("unique", 0)[:, 0] == 1
+        good = (status == PointStatus.OK) & np.isfinite(values) & ((values != -1) | (values.dtype.kind == "f"))
+        with np.errstate(invalid="ignore"):
+            excess = np.where(good, flat("omega", np.nan)[:, 0] - flat("lambda_1", np.nan)[:, 0], np.nan)
+        return SweepPicture(
+            title=str(data.attrs["title"]),
+            level=n,
+            quantity=name,
+            long_name=str(data[name].attrs.get("long_name", name)),
+            units=str(data[name].attrs.get("units", "1")),
+            parameters=tuple(_along(data[one], one, by_point[one][keep]) for one in names),
+            fixed=tuple(one.words + (" (its first value)" if one.first else "") for one in fixed),
+            left_out=_left_out(status, good),
+            values=np.where(good, values.astype(float), np.nan),
+            proved=unique,
+            several=several(flat("start_energy", 0.0), unique),
+            at_least=flat("complete", 0)[:, 0] == NOT_ALL if name in COUNTS and "complete" in at else None,
+            excess=excess,
+        )
+
+
+def _left_out(status: NDArray[Any], good: Flags) -> str:
+    """How many points have no number and why, "2 of 9 points left out: 2 not converged"; empty if all have one."""
+    if good.all():
+        return ""
+    reasons = [
+        f"{count} {'without a value' if one == PointStatus.OK else named(PointStatus(int(one)))}"
+        for one, count in zip(*np.unique(status[~good], return_counts=True), strict=True)
+    ]
+    return f"{int((~good).sum())} of {counted(len(good), 'point')} left out: {', '.join(reasons)}"
+
+
+def _along(axis: Any, name: str, held: NDArray[Any]) -> Along:
+    """The different labels among those that the points have."""
+    if held.dtype.kind in "OUS":
+        texts = list(dict.fromkeys(str(one) for one in axis.values if one in set(held.tolist())))
+        place = np.array([texts.index(str(one)) for one in held], dtype=np.intp)
+        return Along(name, tuple(texts), None, "1", place)
+    different, place = np.unique(held, return_inverse=True)
+    divisor, unit = study_unit(axis.attrs) or axis_unit(different, str(axis.attrs["units"]))
+    numbers = different / divisor
+    return Along(name, tuple(labels(numbers.tolist())), numbers, unit, place.ravel(), "distribution" in axis.attrs)
+
+
+def _sheet(sweep: SweepPicture, look: style.Look) -> tuple[Sheet, Axes, Scale]:
+    """The sheet with what is the same at all points, its panel, and the axis of the number."""
+    same = ",  ".join([*map(style.point_words, sweep.fixed), f"level {sweep.level}"])
+    sheet = Sheet(look, sweep.title, [same, sweep.left_out + " (×)" * bool(sweep.left_out)])
+    known = sweep.values[np.isfinite(sweep.values)]
+    return sheet, sheet.panels[""], scale(style.with_symbols(sweep.long_name), known, sweep.units)
+
+
+def _short(sweep: SweepPicture, up: Scale) -> str:
+    """The number in fewer words, with its unit, where the whole ones find no room."""
+    name = SHORT.get(sweep.quantity, sweep.quantity.replace("_", " "))
+    return name + up.label[up.label.rindex(" [") :] if up.label.endswith("]") else name
+
+
+def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
+    """One number over the first parameter of the sweep, a curve for each value of the second if there is one."""
+    x, by = sweep.parameters[0], sweep.parameters[1] if len(sweep.parameters) > 1 else None
+    sheet, axes, up = _sheet(sweep, look)
+    panel = Lines(axes, Scale(x.title), up)
+    sheet.label(axes, up.label, _short(sweep, up))
+    across = x.numbers if x.numbers is not None else np.arange(len(x.labels), dtype=float)
+    bar = by is not None and by.numbers is not None and len(by.labels) > len(style.SERIES)
+    colours = _shades(len(by.labels)) if by and bar else style.SERIES
+    for k in range(len(by.labels) if by else 1):
+        own = np.flatnonzero(by.place == k) if by else np.arange(len(sweep.values))
+        own = own[np.argsort(x.place[own], kind="stable")]
+        at, values = across[x.place[own]], sweep.values[own]
+        joined = x.numbers is not None and not x.random and len(np.unique(at)) == len(at)  # a list may share its x
+        mark = MARKS[k % len(MARKS)] if len(at) <= MOST_MARKS or not joined else ""
+        how = {"color": colours[k % len(colours)], "linestyle": "-" if joined else "none", "linewidth": 1.3}
+        label = style.plain(by.labels[k]) if by else ""
+        panel.line(at, values, marker=mark, markersize=4, label=label, **how)
+        gone = at[np.isnan(values)]
+        axes.plot(gone, 0.0 * gone, "x", color=how["color"], markersize=5, clip_on=False, zorder=5,
+                  transform=axes.get_xaxis_transform())  # fmt: skip
+    if x.numbers is None:
+        axes.set_xticks(across, [style.plain(text) for text in x.labels])
+        axes.set_xlim(-0.5, len(across) - 0.5)
+    elif len(across) > 2 and across.min() > 0.0 and not x.random:
+        spread = [float(np.ptp(step) / np.mean(step)) for step in (np.diff(across), np.diff(np.log(across)))]
+        if spread[1] < spread[0]:  # the values were spaced like that
+            axes.set_xscale("log")
+            axes.minorticks_off()
+            few = range(0, len(across), -(-len(across) // 9))
+            axes.set_xticks(across[few], [x.labels[i] for i in few])
+    if len(np.unique(sweep.values[np.isfinite(sweep.values)])) == 1:
+        axes.margins(y=0.5)
+    panel.grid()
+    if by and bar and len(by.labels) > MOST_NAMED:
+        from matplotlib.cm import ScalarMappable
+        from matplotlib.colors import Normalize
+
+        assert by.numbers is not None
+        sheet.bar(axes, ScalarMappable(Normalize(by.numbers.min(), by.numbers.max()), COLOURS), by.title)
+    elif by:
+        sheet.key(place="right upper" if sheet.wide >= BESIDE else "lower center", title=by.title)
+    return sheet.finish()
+
+
+def _shades(count: int) -> list[Any]:
+    import matplotlib
+
+    return list(matplotlib.colormaps[COLOURS](np.linspace(0.0, 0.92, count)))
+
+
+def map_figure(sweep: SweepPicture, look: style.Look) -> Figure:
+    """One number over two parameters: a cell for each pair of values, of random ones a mark for each point.
+
+    Hatched: not proved to be the only solution, of a number of equilibria not proved to be all. Outlined: starts led to
+    solutions of different energies. Crosses: no solution. Blank: a pair that the sweep does not have. A line parts
+    cells with different numbers of equilibria, as folds lie there; on a dashed one ω = λ₁, below which one is proved.
+    """
+    sheet, axes, up = _sheet(sweep, look)
+    counts, values = sweep.at_least is not None, up(sweep.values)
+    how = _steps(values[np.isfinite(values)]) if counts and np.isfinite(values).any() else {"cmap": COLOURS}
+    if all(one.random for one in sweep.parameters):
+        drawn = _scattered(axes, sweep, values, how)
+    else:
+        drawn = _cells(sheet, axes, sweep, values, how)
+    axes.set(xlabel=sweep.parameters[0].title, ylabel=sweep.parameters[1].title)
+    bar = sheet.bar(axes, drawn, up.label, _short(sweep, up))
+    if counts:
+        numbers = np.unique(values[np.isfinite(values)])
+        bar.set_ticks(numbers.tolist(), labels=[f"{n:.0f}" for n in numbers])
+    sheet.key()
+    return sheet.finish()
+
+
+def _steps(known: Array) -> dict[str, Any]:
+    """A colour for each number of equilibria."""
+    from matplotlib import colormaps
+    from matplotlib.colors import BoundaryNorm
+
+    numbers = np.unique(known)
+    edges = np.concatenate([[numbers[0] - 1.0], 0.5 * (numbers[1:] + numbers[:-1]), [numbers[-1] + 1.0]])
+    return {"cmap": colormaps[COLOURS].resampled(len(numbers)), "norm": BoundaryNorm(edges, len(numbers))}
+
+
+def _scattered(axes: Axes, sweep: SweepPicture, values: Array, how: dict[str, Any]) -> Any:
+    """A dot for each point, outlined where the solution is proved to be the only one."""
+    x, y = (one.numbers[one.place] for one in sweep.parameters if one.numbers is not None)
+    known = np.isfinite(values)
+    drawn = axes.scatter(x[known], y[known], 20, values[known], linewidths=0, **how)
+    kinds: tuple[tuple[Flags, str, dict[str, Any]], ...] = (
+        (known & sweep.proved, "proved unique", {"marker": "o", "markerfacecolor": "none", "markersize": 4.6}),
+        (~known, "no solution", {"marker": "x", "markersize": 4.0}),
+    )
+    for which, name, look in kinds:
+        if which.any():
+            axes.plot(x[which], y[which], linestyle="none", color=style.INK, markeredgewidth=0.8, label=name, **look)
+    return drawn
+
+
+def _cells(sheet: Sheet, axes: Axes, sweep: SweepPicture, values: Array, how: dict[str, Any]) -> Any:
+    x, y = sweep.parameters
+    grid = np.full((len(y.labels), len(x.labels)), -1, dtype=int)
+    for i, (row, column) in enumerate(zip(y.place, x.place, strict=True)):
+        if grid[row, column] >= 0:
+            where = f"{x.name} = {x.labels[column]} and {y.name} = {y.labels[row]}"
+            raise DrawError(f"several points of the list have {where}; choose one value of another parameter")
+        grid[row, column] = i
+    there, shown = grid >= 0, np.where(grid >= 0, values[grid], np.nan)
+    known, counts = there & np.isfinite(shown), sweep.at_least is not None
+    open_ = known & (sweep.at_least[grid] if sweep.at_least is not None else ~sweep.proved[grid])
+    drawn = axes.pcolormesh(np.ma.masked_invalid(shown), edgecolors="white", linewidth=0.0 if counts else 0.4, **how)
+    kinds = (
+        (there & ~known, GONE, "no solution"),
+        (open_, OPEN, "at least so many" if counts else "not proved unique"),
+        (known & sweep.several[grid] & (not counts), SEVERAL | {"zorder": 4}, "several solutions found"),
+    )
+    for which, look, name in kinds:
+        _outlined(axes, which, look, name)
+    if counts:
+        _fold_lines(axes, shown)
+    excess = np.where(there, sweep.excess[grid], np.nan)
+    if min(grid.shape) > 1 and np.isfinite(excess).all() and excess.min() < 0.0 < excess.max():
+        middles = [np.arange(size) + 0.5 for size in grid.shape[::-1]]
+        axes.contour(*middles, excess, levels=[0.0], colors="black", linewidths=1.4, linestyles="--")
+        axes.plot([], [], **EQUAL, label=r"$\omega = \lambda_1$")
+    most_across = max(2, sheet.look.columns(0.6 * sheet.width) // (max(map(len, x.labels)) + 2))
+    most_up = max(2, int(0.6 * sheet.height / (1.6 * sheet.em)))
+    for axis, one, most in ((axes.xaxis, x, most_across), (axes.yaxis, y, most_up)):
+        few = range(0, len(one.labels), -(-len(one.labels) // most))
+        axis.set_ticks([i + 0.5 for i in few], [style.plain(one.labels[i]) for i in few])
+    axes.tick_params(length=0)
+    return drawn
+
+
+def _outlined(axes: Axes, which: Flags, look: dict[str, Any], name: str) -> None:
+    """Hatches or outlines of the cells (rows, columns), and what they mean."""
+    from matplotlib.patches import Rectangle
+
+    for row, column in np.argwhere(which):
+        axes.add_patch(Rectangle((column, row), 1.0, 1.0, facecolor="none", **look))
+    if which.any():
+        ground = "#31688e" if look is OPEN else "none"
+        axes.fill([], [], **{"facecolor": ground} | look | ({"hatch": "///"} if look is OPEN else {}), label=name)
+
+
+def _fold_lines(axes: Axes, values: Array) -> None:
+    """Lines between cells with different numbers of equilibria."""
+
+    def differ(a: Array, b: Array) -> NDArray[np.intp]:
+        return np.argwhere(np.isfinite(a) & np.isfinite(b) & (a != b))
+
+    for row, column in differ(values[:, 1:], values[:, :-1]):
+        axes.plot([column + 1] * 2, [row, row + 1], **FOLD)
+    for row, column in differ(values[1:], values[:-1]):
+        axes.plot([column, column + 1], [row + 1] * 2, **FOLD)

@@ -1,0 +1,348 @@
+"""The picture of a point shows what is stored: body, edges, contact line, whatever its shape; and its file."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("matplotlib")
+
+from matplotlib.image import imread
+
+import tcstudy
+from tcstudy.data.files import StoreError
+from tcstudy.errors import DrawError
+from tcstudy.read.study import read_study_text
+from tcstudy.reports.figures import style
+from tcstudy.reports.figures.body import boundary_edges, contact_chains, drawn, edge_words, exaggeration, loops, runs
+from tcstudy.reports.figures.draw import Wanted, picture
+from tcstudy.reports.figures.point import point_figure, stick_ranges, stick_text, window_below
+from tcstudy.reports.picture import read_picture
+from tcstudy.reports.stored_study import NamedEdge
+from tests.reports.figures.draw_cases import (
+    ALPHA,
+    HEIGHT,
+    LOOKS,
+    WIDTH,
+    cells,
+    contact_panels,
+    crowded,
+    figure_of,
+    level_record,
+    line,
+    off_the_page,
+    png_size,
+    point_record,
+    result,
+    shown_line,
+    shown_steps,
+    texts,
+)
+
+TWO = line([1, 2, 4, 4], [0, 0, 1, 2], [1, 2, 4, 5], [1.5, 1.5, 1.5, 0.5], [0, 0, 1, 1])
+"""Two edges with a gap between them."""
+
+
+@pytest.mark.parametrize("level", [0, 1])
+def test_the_curves_are_the_stored_numbers_in_readable_units(grid: Path, level: int) -> None:
+    upper, lower = contact_panels(figure_of(read_picture(grid, {"alpha": 25, "friction": "softening"}, level)))
+    record = point_record((0, 1), level_record(level, False))
+    s = 1e3 * level_record(level, False).arclength
+    np.testing.assert_allclose(shown_line(upper), [s, 1e6 * record.u_T], rtol=1e-12)
+    values, edges = shown_steps(lower)
+    n, h = cells(level), 1e3 * WIDTH / cells(level)
+    np.testing.assert_allclose(values, 1e-6 * record.xi, rtol=1e-12)
+    # Segments: the first one reaches to the held node at s = 0, the last one is half an element.
+    np.testing.assert_allclose(edges, [0.0, *(h * (np.arange(1, n) + 0.5)), 1e3 * WIDTH], rtol=1e-12)
+    assert [upper.get_ylabel(), lower.get_ylabel()] == ["$u_T$ [µm]", r"$\xi = -S_T$ [MPa]"]
+    assert lower.get_xlabel() == "arclength s along film [mm]"
+
+
+def test_the_deformed_body_is_the_mesh_moved_by_the_stated_factor(grid: Path) -> None:
+    shown = read_picture(grid, {"alpha": 100}, 0)
+    assert shown.body
+    body = figure_of(shown).axes[0]
+    factor = exaggeration(shown.body)
+    assert f"deformation × {factor:g};" in body.get_title(loc="left")
+    mesh, record = level_record(0, True).fields, point_record((1, 0), level_record(0, True))
+    (loop,) = loops(boundary_edges(shown.body))
+    still = 1e3 * np.stack([mesh["node_x"], mesh["node_y"]]).astype(float)[:, loop]
+    moved = still + 1e3 * factor * np.stack([record.fields["u_x"], record.fields["u_y"]])[:, loop]
+    found = [np.array(line.get_data(), dtype=float) for line in body.lines if len(line.get_xdata()) == len(loop)]
+    np.testing.assert_allclose(found, [still, moved], rtol=1e-12, atol=1e-12)
+    box, (left, right), (bottom, top) = body.get_window_extent(), body.get_xlim(), body.get_ylim()
+    assert (right - left) / box.width == pytest.approx((top - bottom) / box.height, rel=1e-9)
+
+
+@pytest.mark.parametrize("largest", [0.0, 1e-9, 3e-7, 4.2e-5, 1e-3, 2.0])
+def test_the_exaggeration_is_round_and_visible(grid: Path, largest: float) -> None:
+    body = read_picture(grid).body
+    assert body
+    factor = exaggeration(replace(body, u_x=largest * body.x / WIDTH, u_y=0.0 * body.y))
+    assert f"{factor:.0e}"[0] in "125"
+    assert factor == float(f"{factor:.0e}")
+    assert 0.02 < factor * largest / np.hypot(WIDTH, HEIGHT) <= 0.0601 or (largest, factor) == (0.0, 1.0)
+
+
+def test_the_colours_span_the_stored_temperature(grid: Path) -> None:
+    shown = read_picture(grid, {"alpha": 25}, 0)
+    assert shown.body
+    assert shown.body.theta is not None
+    np.testing.assert_array_equal(shown.body.theta, point_record((0, 0), level_record(0, True)).fields["theta"])
+    (bar,) = [axes for axes in figure_of(shown).axes if "temperature" in axes.get_ylabel()]
+    low, high = bar.get_ylim()
+    assert low <= 20.0 < 40.0 <= high < low + 30.0
+    assert "[K]" in bar.get_ylabel()
+    for theta in (None, np.full(len(shown.body.x), 293.0)):
+        figure = figure_of(replace(shown, body=replace(shown.body, theta=theta)))
+        assert len(figure.axes) == 3
+        assert ("293 K everywhere" in figure.axes[0].get_title(loc="left")) == (theta is not None)
+
+
+def test_the_caption_names_the_point_and_the_mesh_in_one_style_of_units(
+    grid: Path, listed: Path, tmp_path: Path
+) -> None:
+    shown = texts(figure_of(read_picture(grid, {"alpha": 100})))
+    mesh = "level 1,  longest element edge 25 mm,  80 displacement unknowns,  inclusion residual 1e-12"
+    for words in (r"$\alpha$ = 100 W m⁻² K⁻¹, friction: tresca", "Plate for $5 and $6", "film", mesh):
+        assert words in shown
+    assert r"$\alpha$ = 25 W m⁻² K⁻¹, $\tau$ = 20 MPa" in texts(figure_of(read_picture(listed, {"tau": 2e7})))
+    path = result(tmp_path / "r.nc", axes=(replace(ALPHA, units="1"),), units="none", fields=False)
+    figure = figure_of(read_picture(path))
+    assert len(figure.axes) == 2  # without fields the contact line alone
+    for words in ("$u_T$ [10⁻⁵]", r"$\xi = -S_T$ [10⁸]", r"$\alpha$ = 25"):
+        assert words in texts(figure)
+    assert "mm" not in texts(figure)
+    assert style.symbol("boundary_housing_u_T") == style.symbol("boundary.housing.u_T") == "$u_T$ of housing"
+    assert (style.symbol("heat_theta"), style.symbol("heat.theta_bar")) == (r"$\theta$", r"$\bar\theta$")
+    assert style.with_symbols("largest |u_T| of lambda_1 for $5") == r"largest |$u_T$| of $\lambda_1$ for \$5"
+
+
+def test_no_text_overlaps_another_or_leaves_the_page(grid: Path, tmp_path: Path) -> None:
+    shown = read_picture(grid)
+    body = shown.body
+    assert body
+    for one in (
+        shown,
+        replace(shown, body=None),
+        replace(shown, line=TWO, body=None),
+        replace(shown, body=replace(body, y=0.1 * body.y)),
+        replace(shown, body=replace(body, y=4.0 * body.y)),
+        replace(shown, point=", ".join([shown.point] * 4)),
+    ):
+        assert crowded(figure_of(one)) == []
+    for look in LOOKS:
+        with style.styled(look):
+            assert off_the_page(point_figure(shown, look)) == []
+
+
+def test_roles_and_the_heater_are_drawn_and_named(grid: Path) -> None:
+    clamp = NamedEdge("wall", "clamped", 0, np.array([[0.0, HEIGHT], [0.0, 0.0]]))
+    rest = NamedEdge("film", "contact", 0, np.array([[0.0, 0.0], [WIDTH, 0.0], [WIDTH, HEIGHT], [0.0, HEIGHT]]))
+    heater = np.array([[0.05, 0.03], [0.1, 0.03], [0.1, 0.06], [0.05, 0.06]])
+    figure = figure_of(replace(read_picture(grid), edges=(clamp, rest), sources=(heater,)))
+    assert crowded(figure) == []
+    assert {"wall: clamped", "heated"} <= {text.get_text() for axes in figure.axes for text in axes.texts}
+
+
+def test_the_boundary_is_cut_where_edges_end_whatever_the_orientation(grid: Path) -> None:
+    body = read_picture(grid).body
+    assert body
+    corners, roles = (
+        [(0.0, 0.0), (WIDTH, 0.0), (WIDTH, HEIGHT), (0.0, HEIGHT)],
+        ("contact", "convection", "free", "clamped"),
+    )
+    named = [
+        NamedEdge(f"e{i}", role, 0, np.array([corners[i], corners[(i + 1) % 4]]), role == "convection")
+        for i, role in enumerate(roles)
+    ]
+    mixed = body.triangles.copy()
+    mixed[::2] = mixed[::2, ::-1]
+    for one in (body, replace(body, triangles=mixed)):
+        found = {edge.name: (edge, nodes) for edge, nodes in runs(one, loops(boundary_edges(one)), named)}
+        assert sorted(found) == ["e0", "e1", "e2", "e3"]
+        assert np.all(body.y[found["e0"][1]] == 0.0)
+        assert len(found["e0"][1]) == 9
+    assert edge_words(named[1]) == "e1: convection, traction"
+
+
+# -- the contact line --------------------------------------------------------------------------------------------------
+
+
+def test_the_sticking_half_is_shaded_in_both_panels(grid: Path) -> None:
+    shown = read_picture(grid, level=0)
+    np.testing.assert_array_equal(shown.line.sticks, [True, True, False, False])
+    assert stick_ranges(shown.line) == [pytest.approx((0.0, 0.125))]
+    assert "the shaded part sticks (62.5 %)" in stick_text(shown.line)
+    for axes in contact_panels(figure_of(shown)):
+        (shade,) = [patch for patch in axes.patches if not hasattr(patch, "get_data")]
+        assert (shade.get_x(), shade.get_x() + shade.get_width()) == pytest.approx((0.0, 125.0))
+    still = replace(shown, line=replace(shown.line, u_T=0.0 * shown.line.u_T))
+    assert contact_panels(figure_of(still))[0].get_yticks().tolist() == [0.0]  # ±0.05 m would look like measured
+
+
+def test_parts_end_at_gaps_and_held_corners(grid: Path) -> None:
+    assert TWO.parts == [slice(0, 2), slice(2, 4)]
+    np.testing.assert_allclose(TWO.cells(slice(0, 2)), [0.0, 1.5, 3.0])
+    np.testing.assert_allclose(TWO.cells(slice(2, 4)), [3.0, 4.5, 5.0])
+    straight = line([1, 2, 3, 4], [0] * 4, [1, 2, 3, 4], [1.5, 1, 1, 0.5], [0, 0, 1, 1])
+    assert straight.parts == [slice(0, 4)]
+    _, lower = contact_panels(figure_of(replace(read_picture(grid), line=TWO, body=None)))
+    steps = [patch.get_data().values.tolist() for patch in lower.patches if hasattr(patch, "get_data")]
+    assert steps == [[10.0, 20.0], [30.0, 40.0]]
+    assert [text.get_text() for text in lower.texts] == ["pad", "rim"]
+    assert "along the contact line" in lower.get_xlabel()
+
+
+def test_a_ring_closes_on_itself(grid: Path) -> None:
+    ring = line([0, 1, 1, 0], [0, 0, 1, 1], [0, 1, 2, 3], [1, 1, 1, 1], [0, 0, 0, 0])
+    (part,) = ring.parts
+    assert ring.closed(part)
+    ends, nodes = ring.steps(part)
+    np.testing.assert_allclose(ends, [0.0, 0.5, 1.5, 2.5, 3.5, 4.0])
+    assert nodes.tolist() == [0, 1, 2, 3, 0]
+    assert stick_ranges(ring) == [pytest.approx((0.5, 3.5))]
+    assert not line([0, 1, 1, 0], [0, 0, 1, 1], [0, 1, 2, 3], [0.5, 1, 1, 0.5], [0] * 4).closed(part)
+    assert not line([1, 2, 3], [0, 0, 0], [1, 2, 3], [1.5, 1, 1.5], [0] * 3).closed(slice(0, 3))  # both ends held
+    shown = read_picture(grid, level=0)
+    assert shown.body
+    (loop,) = chains = loops(boundary_edges(shown.body))
+    x, y = shown.body.x[loop[:-1]], shown.body.y[loop[:-1]]
+    step, m = WIDTH / 4, len(loop) - 1
+    rim = line(x.tolist(), y.tolist(), [step * i for i in range(m)], [step] * m, [1] * m)
+    ((chain, index),) = contact_chains(shown.body, chains, rim)
+    assert chain.tolist() == loop.tolist()
+    assert index.tolist() == [*range(m), 0]
+    assert [text.get_text() for text in figure_of(replace(shown, line=rim)).axes[0].texts] == ["rim"]
+
+
+def test_the_drawn_contact_edge_reaches_the_held_corner(grid: Path) -> None:
+    shown, h = read_picture(grid, level=0), WIDTH / 4
+    assert shown.body
+    both = line([h, 2 * h, 3 * h], [0, 0, 0], [h, 2 * h, 3 * h], [1.5 * h, h, 1.5 * h], [0, 0, 0])
+    for one, expected in ((shown.line, [0, 0, 1, 2, 3]), (both, [0, 0, 1, 2, 2])):
+        ((chain, index),) = contact_chains(shown.body, loops(boundary_edges(shown.body)), one)
+        assert chain.tolist() == [0, 1, 2, 3, 4]
+        assert index.tolist() == expected
+
+
+def test_the_arclength_stands_below_x(grid: Path) -> None:
+    shown = read_picture(grid, level=0)
+    assert shown.body
+    shape = drawn(shown.body, "m")
+    back = replace(shown.line, x=WIDTH - shown.line.x)
+    assert window_below(shown.line, (10.0, 90.0), shape, 1e-3) == pytest.approx((10.0, 90.0))
+    assert window_below(back, (10.0, 90.0), shape, 1e-3) == pytest.approx((190.0, 110.0))
+    upper, lower = contact_panels(figure_of(shown))
+    (body,) = [axes for axes in upper.figure.axes if axes.get_xlabel().startswith("x")]
+    at = [axes.transData.transform((0.0, 0.0))[0] for axes in (body, upper, lower)]
+    np.testing.assert_allclose(at, at[0], atol=1e-6)
+
+
+def test_a_held_end_is_drawn_where_it_rests_or_moves(grid: Path, tmp_path: Path) -> None:
+    """Of every point its own: u_x of the end, which the sweep moves, and an expression at its corner."""
+    shown = read_picture(grid, level=0)
+    assert shown.line.held(slice(0, 4)) == (True, False)
+    assert not shown.held  # the file does not say it
+    upper, _ = contact_panels(figure_of(replace(shown, held=((0.0, None),))))
+    assert shown_line(upper)[:, 0].tolist() == [0.0, 0.0]
+    assert len(shown_line(upper)[0]) == len(shown.line.u_T) + 1
+    assert "held" in [text.get_text() for text in upper.texts]
+    study = read_study_text("""
+units: none
+body: {rectangle: {width: 2, height: 1}}
+boundary: {bottom: contact, left: {role: clamped, u_x: 0.1}, top: free,
+  right: {role: clamped, u: ["0.05 + y + x/10", 0]}}
+material: {E: 1, nu: 0.3}
+friction: {law: tresca, tau: 0.01}
+mesh: {maxh: 0.4}
+sweep: {boundary.left.u_x: [0.2, 0.1, 0.3]}
+""")
+    tcstudy.run(study, tmp_path / "out.nc")
+    for u_x in (0.1, 0.3):
+        moved = read_picture(tmp_path / "out.nc", {"boundary_left_u_x": u_x})
+        assert np.allclose(np.array(moved.held, dtype=float), [[u_x, 0.25]], rtol=1e-12)
+    upper, _ = contact_panels(figure_of(moved))
+    assert len(shown_line(upper)[0]) == len(moved.line.u_T) + 2
+
+
+# -- the file ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("fields", [True, False])
+def test_a_png_of_the_right_size_that_is_not_blank(tmp_path: Path, fields: bool) -> None:
+    target = tmp_path / "new" / "p.png"
+    said = picture(result(tmp_path / "r.nc", fields=fields), target, Wanted({"alpha": 100}))
+    width, height = png_size(target)
+    assert width == style.WIDTH * style.DPI
+    assert (height > 0.9 * width) == fields
+    assert imread(target)[..., :3].std() > 0.05
+    assert "alpha = 100 W m-2 K-1, friction = tresca, level 1" in said
+    assert ("output.fields" in said) == (not fields)
+
+
+def test_the_same_file_every_time_with_text_as_text_and_matplotlib_left_alone(grid: Path, tmp_path: Path) -> None:
+    """Journals refuse fonts of Type 3; letters as outlines can be neither edited nor found."""
+    import matplotlib
+
+    with matplotlib.rc_context({"font.size": 7.0, "axes.spines.top": True}):
+        before = dict(matplotlib.rcParams)
+        for name in ("a.svg", "b.svg", "p.pdf"):
+            picture(grid, tmp_path / name)
+        assert dict(matplotlib.rcParams) == before
+    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+    assert "Contact line: " in (tmp_path / "a.svg").read_text(encoding="utf-8")
+    written = (tmp_path / "p.pdf").read_bytes()
+    assert b"/Subtype /Type3" not in written
+    assert b"/FontFile2" in written
+
+
+def test_what_cannot_be_read_or_written_is_refused_in_one_line(
+    grid: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("x")
+    (tmp_path / "folder.png").mkdir()
+    os.mkfifo(tmp_path / "pipe.png")
+    for name, message in (
+        ("p.jpeg", r"ends in \.png, \.svg, \.pdf"),
+        ("file/p.png", r"file is a file, so .* cannot be made; choose another output"),
+        ("folder.png", r"folder.png is a directory"),
+        ("pipe.png", r"is a pipe, no file; choose another output"),
+    ):
+        with pytest.raises(DrawError, match=message):
+            picture(grid, tmp_path / name)
+    with pytest.raises(StoreError, match="Run the study first"):
+        picture(tmp_path / "none.nc", tmp_path / "p.png")
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(DrawError, match=r'pip install "tcstudy\[plot\]"') as caught:
+        picture(grid, tmp_path / "p.png")
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "p.png").exists()
+
+
+def test_an_old_picture_stays_whole_until_the_new_one_is_on_the_disk(
+    grid: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target = tmp_path / "p.png"
+    picture(grid, target)
+    before = target.read_bytes()
+    (tmp_path / "link.png").symlink_to(target)
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", full)
+        with pytest.raises(DrawError, match=r"No space left on device\. Free some space"):
+            picture(grid, target, Wanted({"alpha": 100}))
+    assert target.read_bytes() == before
+    picture(grid, tmp_path / "link.png", Wanted({"alpha": 100}))
+    assert (tmp_path / "link.png").is_symlink()
+    assert target.read_bytes() != before
+    assert sorted(file.name for file in tmp_path.iterdir() if file.suffix == ".tmp") == []
