@@ -108,7 +108,9 @@ class SweepPicture:
         return ", ".join(filter(None, [*self.fixed, f"level {self.level}", self.left_out]))
 
 
-def read_sweep(path: Path, along: tuple[str, ...], number: str, point: Mapping[str, Value] | None, level: int) -> SweepPicture:
+def read_sweep(
+    path: Path, along: tuple[str, ...], number: str, point: Mapping[str, Value] | None, level: int
+) -> SweepPicture:
     """Read the points of a sweep with the labels `point`, along the parameters `along` (see `fitting`).
 
     Raises StoreError if `path` is no complete result file, DrawError for names that it does not have.
