@@ -12,6 +12,7 @@ neighbours, so that Σ c_i = meas(Γ_C) whatever the ends.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -85,13 +86,13 @@ def _collect(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> _Held:
 
 
 def values_at(scalar: Scalar, points: Array) -> Array:
-    """A number or an expression at points (n, 2) → (n,)."""
+    """A number or an expression at points (…, 2) → (…)."""
     if isinstance(scalar, Expression):
-        value = np.broadcast_to(scalar.evaluate(points[:, 0], points[:, 1]), len(points))
+        value = np.broadcast_to(scalar.evaluate(points[..., 0], points[..., 1]), points.shape[:-1])
         if not np.all(np.isfinite(value)):
             raise GeometryFailed(f"the expression {str(scalar)!r} is not finite at every node; correct it", ())
         return np.array(value, dtype=float)
-    return np.full(len(points), float(scalar))
+    return np.full(points.shape[:-1], float(scalar))
 
 
 def curve_normals(mesh: PlaneMesh, curve: int) -> tuple[Indices, Array]:
@@ -165,12 +166,23 @@ class ContactLine:
         """Number of contact unknowns."""
         return len(self.nodes)
 
-    @property
+    @cached_property
     def unknowns(self) -> Indices:
         """(s, 2) the contact unknown at both ends of every segment, −1 at held nodes."""
         number = np.full(int(self.segments.max()) + 1, -1, dtype=np.intp)
         number[self.nodes] = np.arange(self.m)
         return number[self.segments]
+
+    @cached_property
+    def lengths(self) -> Array:
+        """(s,) lengths of the segments [m]."""
+        return np.asarray(np.linalg.norm(self.ends[:, 1] - self.ends[:, 0], axis=1))
+
+    def nodal(self, values: Array, n: int, elsewhere: float = 0.0) -> Array:
+        """(n,) values at the contact nodes (m,) as those at all nodes of the mesh."""
+        found = np.full(n, elsewhere)
+        found[self.nodes] = values
+        return found
 
     def nearest(self, at: Point) -> tuple[int, float]:
         """The segment of Γ_C that is nearest to a point, and where on it from 0 to 1."""

@@ -26,45 +26,29 @@ from numpy.typing import NDArray
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.boundary import values_at
 from tcstudy.fem.estimators import (
-    GAUSS,
     ContactTraction,
-    Strain,
-    boundary_edges,
     dirichlet_residual,
     edge_residual,
     element_residual,
     energy_norm,
     on_segments,
-    product,
     strain,
+    strain_energy,
     stress_of,
     traction_of,
 )
 from tcstudy.fem.meshes import PlaneMesh
-from tcstudy.fem.recovery import ElementGeometry
+from tcstudy.fem.recovery import GAUSS, ElementGeometry
 from tcstudy.scene.points import needs_heat_solve
-from tcstudy.scene.records import Material, Scalar, Scene
+from tcstudy.scene.records import Material, Scene
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
-def _within(
-    triangles: ElementGeometry, u: Array, theta: Array, scene: Scene, friction: ContactTraction
-) -> tuple[Array, float, Strain]:
-    """(t,) η_K², ‖u_h‖ [√(J/m)] and strain of u (2n,) at θ (n,), with one material."""
-    own, material = strain(triangles, u), scene.material
-    squares = product(triangles, own.excess, own.excess, material.lam, material.mu)
-    squares += element_residual(triangles, own, theta, scene) + edge_residual(triangles, own, theta, scene, friction)
-    squares += dirichlet_residual(triangles, u, scene)
-    if material.beta != 0.0:
-        squares += coupling(triangles, theta, scene, needs_heat_solve(scene))
-    return squares, energy_norm(triangles, own, material.lam, material.mu), own
-
-
 def heat_estimate(triangles: ElementGeometry, theta: Array, scene: Scene) -> Array:
     """(t,) η_K² of a temperature (n,) that was solved for [W K/m]."""
-    k, mesh, edges = scene.material.k, triangles.mesh, boundary_edges(triangles)
+    k, mesh, edges = scene.material.k, triangles.mesh, triangles.boundary
     assert k is not None
     own = triangles.gradient(theta)
     recovered = triangles.recovery @ own
@@ -72,21 +56,17 @@ def heat_estimate(triangles: ElementGeometry, theta: Array, scene: Scene) -> Arr
     squares = np.einsum("tkd,tkd->t", excess, excess) + np.einsum("tkd,tjd->t", excess, excess)
 
     slope = triangles.gradient(recovered)
-    q = values_at(scene.heat.q, triangles.inner_points.reshape(-1, 2)).reshape(-1, 3)
+    q = values_at(scene.heat.q, triangles.inner_points)
     if scene.heat.omega:
         q = q * triangles.inside(scene.heat.omega)[:, None]
     rest = np.mean((q + k * (slope[:, 0, 0] + slope[:, 1, 1])[:, None]) ** 2, axis=1) * triangles.area
 
     flux = k * np.einsum("sqd,sd->sq", on_segments(recovered, mesh.segments), edges.normal)
-
-    def given(scalar: Scalar, some: NDArray[np.bool_]) -> Array:
-        return values_at(scalar, edges.at[some].reshape(-1, 2)).reshape(-1, 2)
-
     for name, alpha, theta_bar in scene.exchange:
         robin = mesh.on(name)
-        flux[robin] += alpha * (on_segments(theta, mesh.segments)[robin] - given(theta_bar, robin))
+        flux[robin] += alpha * (on_segments(theta, mesh.segments)[robin] - values_at(theta_bar, edges.at[robin]))
     for name, into in scene.flux:
-        flux[mesh.on(name)] -= given(into, mesh.on(name))
+        flux[mesh.on(name)] -= values_at(into, edges.at[mesh.on(name)])
     for name, _ in scene.held_theta:
         flux[mesh.on(name)] = 0.0
     return (
@@ -96,19 +76,19 @@ def heat_estimate(triangles: ElementGeometry, theta: Array, scene: Scene) -> Arr
     )
 
 
-def coupling(triangles: ElementGeometry, theta: Array, scene: Scene, solved: bool) -> Array:
+def coupling(triangles: ElementGeometry, theta: Array, scene: Scene) -> Array:
     """(t,) β²/(λ+μ) ‖θ − θ_h‖²_K, the error that temperature puts into the displacement [J/m].
 
-    solved: θ comes from the heat problem; else it is known, and θ_h is its interpolant
+    θ comes from the heat problem, or it is known, and θ_h is its interpolant.
     """
     material = scene.material
     factor = material.beta**2 / (material.lam + material.mu)
-    if solved:
+    if needs_heat_solve(scene):
         assert material.k is not None
         return factor * (triangles.diameter / np.pi) ** 2 / material.k * heat_estimate(triangles, theta, scene)
     if not isinstance(scene.heat.theta, Expression):
         return np.zeros(len(triangles.area))
-    exact = values_at(scene.heat.theta, triangles.inner_points.reshape(-1, 2)).reshape(-1, 3)
+    exact = values_at(scene.heat.theta, triangles.inner_points)
     return factor * triangles.area * np.mean((exact - triangles.at_inner_points(theta)) ** 2, axis=1)
 
 
@@ -128,28 +108,26 @@ class RegionMesh:
 
 def parts_of(whole: ElementGeometry, scene: Scene) -> list[RegionMesh]:
     """The pieces of a body, by material, that have triangles; the same for all scenes of a study."""
+    mesh, found = whole.mesh, list[RegionMesh]()
     if not scene.material.regions:
-        mesh = whole.mesh
         triangles, nodes, segments = (np.arange(len(x)) for x in (mesh.triangles, mesh.points, mesh.segments))
         return [RegionMesh(0, triangles, nodes, segments, whole)]
-    inside = [np.flatnonzero(whole.mesh.inside(where)) for where, _ in scene.pieces]
-    return [_part(whole, triangles, piece) for piece, triangles in enumerate(inside) if len(triangles)]
-
-
-def _part(whole: ElementGeometry, triangles: Indices, piece: int) -> RegionMesh:
-    mesh = whole.mesh
-    nodes = np.unique(mesh.triangles[triangles])
-    number = np.full(mesh.n_points, -1, dtype=np.intp)
-    number[nodes] = np.arange(len(nodes))
-    segments = np.flatnonzero(np.isin(whole.owner, triangles))
-    own = replace(
-        mesh,
-        points=mesh.points[nodes],
-        triangles=number[mesh.triangles[triangles]],
-        segments=number[mesh.segments[segments]],
-        segment_curve=mesh.segment_curve[segments],
-    )
-    return RegionMesh(piece, triangles, nodes, segments, ElementGeometry(own, triangles))
+    for piece, (where, _) in enumerate(scene.pieces):
+        triangles = np.flatnonzero(mesh.inside(where))
+        if not len(triangles):
+            continue
+        nodes, segments = np.unique(mesh.triangles[triangles]), np.flatnonzero(np.isin(whole.owner, triangles))
+        number = np.full(mesh.n_points, -1, dtype=np.intp)
+        number[nodes] = np.arange(len(nodes))
+        own = replace(
+            mesh,
+            points=mesh.points[nodes],
+            triangles=number[mesh.triangles[triangles]],
+            segments=number[mesh.segments[segments]],
+            segment_curve=mesh.segment_curve[segments],
+        )
+        found.append(RegionMesh(piece, triangles, nodes, segments, ElementGeometry(own, triangles)))
+    return found
 
 
 def energy_squares(
@@ -158,18 +136,23 @@ def energy_squares(
     """(t,) η_K² of the energy norm [J/m] and ‖u_h‖ [√(J/m)] of a displacement u (2n,) at a temperature θ (n,)."""
     squares, norm, n = np.zeros(len(mesh.triangles)), 0.0, mesh.n_points
     materials = [scene.pieces[part.piece][1] for part in parts]
-    tractions = np.full((len(parts), n, 3), np.nan)
-    flows = np.full((len(parts), n, 2), np.nan)
+    tractions, flows = np.full((len(parts), n, 3), np.nan), np.full((len(parts), n, 2), np.nan)
     solved = scene.material.expands and needs_heat_solve(scene)
     for number, (part, material) in enumerate(zip(parts, materials, strict=True)):
-        one, own = replace(scene, material=material), np.concatenate([u[part.nodes], u[n + part.nodes]])
-        touched, heat = friction.on(part.segments), theta[part.nodes]
-        squares[part.triangles], size, found = _within(part.geometry, own, heat, one, touched)
-        norm += size**2
-        lam, mu, beta, triangles = material.lam, material.mu, material.beta, part.geometry
+        one, own, heat = replace(scene, material=material), part.geometry, theta[part.nodes]
+        w, lam, mu, beta = np.concatenate([u[part.nodes], u[n + part.nodes]]), material.lam, material.mu, material.beta
+        found = strain(own, w)
+        terms = strain_energy(own, found.excess, lam, mu)
+        on = friction.on(part.segments)
+        terms += element_residual(own, found, heat, one) + edge_residual(own, found, heat, one, on)
+        terms += dirichlet_residual(own, w, one)
+        if beta != 0.0:
+            terms += coupling(own, heat, one)
+        squares[part.triangles] = terms
+        norm += energy_norm(own, found, lam, mu) ** 2
         tractions[number, part.nodes] = stress_of(found.recovered, lam, mu) - beta * heat[:, None] * [1.0, 1.0, 0.0]
         if solved and material.k:
-            flows[number, part.nodes] = material.k * (triangles.recovery @ triangles.gradient(heat))
+            flows[number, part.nodes] = material.k * (own.recovery @ own.gradient(heat))
     if len(parts) > 1:
         squares += _jumps(parts, materials, mesh, tractions, flows if solved else None)
     return squares, float(np.sqrt(norm))

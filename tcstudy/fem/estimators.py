@@ -25,15 +25,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.fem.boundary import ContactLine, values_at
-from tcstudy.fem.recovery import ElementGeometry
+from tcstudy.fem.recovery import GAUSS, ElementGeometry
 from tcstudy.laws.composed import EdgeLaws, law_along
 from tcstudy.laws.laws import Laws
-from tcstudy.scene.records import Clamped, Rigid, Role, Scene
+from tcstudy.scene.records import Clamped, Rigid, Scene
 
 Array = NDArray[np.float64]
-
-GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
-"""Points on a segment from 0 to 1, of weight ½ each, exact for degree 3."""
 
 
 @dataclass(frozen=True)
@@ -65,18 +62,17 @@ def own_strain(triangles: ElementGeometry, u: Array) -> Array:
     return np.column_stack([gradient[:, 0, 0], gradient[:, 1, 1], shear])
 
 
-def product(triangles: ElementGeometry, a: Array, b: Array, lam: float, mu: float) -> Array:
-    """(t,) ∫_K a:c b of strains that are linear on K and given at its corners (t, 3, 3) [J/m]."""
-    total = np.einsum("tkc,tkc->tc", a, b) + a.sum(axis=1) * b.sum(axis=1)
-    trace_a, trace_b = a[..., 0] + a[..., 1], b[..., 0] + b[..., 1]
-    trace = np.einsum("tk,tk->t", trace_a, trace_b) + trace_a.sum(axis=1) * trace_b.sum(axis=1)
-    return triangles.area / 12.0 * (lam * trace + 2.0 * mu * (total @ np.array([1.0, 1.0, 2.0])))
+def strain_energy(triangles: ElementGeometry, a: Array, lam: float, mu: float) -> Array:
+    """(t,) ∫_K a:c a of a strain that is linear on K and given at its corners (t, 3, 3) [J/m]."""
+    trace = a[..., 0] + a[..., 1]
+    total = np.einsum("tkc,tkc->tc", a, a) + a.sum(axis=1) * a.sum(axis=1)
+    volume = np.einsum("tk,tk->t", trace, trace) + trace.sum(axis=1) * trace.sum(axis=1)
+    return triangles.area / 12.0 * (lam * volume + 2.0 * mu * (total @ np.array([1.0, 1.0, 2.0])))
 
 
 def energy_norm(triangles: ElementGeometry, u: Strain, lam: float, mu: float) -> float:
     """√a(u_h, u_h) [√(J/m)]."""
-    own = np.repeat(u.own[:, None], 3, axis=1)
-    return float(np.sqrt(product(triangles, own, own, lam, mu).sum()))
+    return float(np.sqrt(strain_energy(triangles, np.repeat(u.own[:, None], 3, axis=1), lam, mu).sum()))
 
 
 def stress_of(strain: Array, lam: float | Array, mu: float | Array) -> Array:
@@ -84,63 +80,6 @@ def stress_of(strain: Array, lam: float | Array, mu: float | Array) -> Array:
     stress = 2.0 * np.asarray(mu)[..., None] * strain
     stress[..., :2] += np.asarray(lam * (strain[..., 0] + strain[..., 1]))[..., None]
     return stress
-
-
-def element_residual(triangles: ElementGeometry, u: Strain, theta: Array, scene: Scene) -> Array:
-    """(t,) (h_K/π)²/(2μ) ‖f + div σ*‖²_K [J/m]."""
-    lam, mu, beta = scene.material.lam, scene.material.mu, scene.material.beta
-    slope = triangles.gradient(stress_of(u.recovered, lam, mu))
-    divergence = np.column_stack([slope[:, 0, 0] + slope[:, 2, 1], slope[:, 2, 0] + slope[:, 1, 1]])
-    divergence -= beta * triangles.gradient(theta)
-    at = triangles.inner_points.reshape(-1, 2)
-    f = np.stack([values_at(component, at).reshape(-1, 3) for component in scene.f], axis=-1)
-    square = np.sum((f + divergence[:, None]) ** 2, axis=(1, 2)) / 3.0 * triangles.area
-    return (triangles.diameter / np.pi) ** 2 / (2.0 * mu) * square
-
-
-def edge_residual(
-    triangles: ElementGeometry, u: Strain, theta: Array, scene: Scene, friction: ContactTraction
-) -> Array:
-    """(t,) Σ_e h_e/(2πμ) (‖r_e‖² + ‖dist(ξ_h, b̂)‖²) over the boundary edges of each triangle [J/m]."""
-    mesh, mu, beta = triangles.mesh, scene.material.mu, scene.material.beta
-    edges = boundary_edges(triangles)
-    length, normal, at = edges.length, edges.normal, edges.at
-    traction = traction_of(on_segments(stress_of(u.recovered, scene.material.lam, mu), mesh.segments), normal)
-    traction -= beta * on_segments(theta, mesh.segments)[..., None] * normal[:, None]
-    roles, springs = dict(scene.boundary), {name: (normal_k, tangent_k) for name, normal_k, tangent_k in scene.springs}
-    square = friction.defect**2
-    for index, curve in enumerate(mesh.geometry.curves):
-        here = mesh.segment_curve == index
-        if not np.any(here):
-            continue
-        role = roles[curve.name]
-        target = _target(role, at[here], normal[here], friction.xi[here])
-        if any(force := role.force):
-            # of the whole edge, also where regions cut it
-            target = target + np.array(force) / sum(c.length for c in mesh.geometry.curves if c.name == curve.name)
-        if curve.name in springs:
-            target = target - _pull(springs[curve.name], on_segments(u.u, mesh.segments[here]), normal[here])
-        square[here] += np.sum(_free_part(role, traction[here] - target, normal[here]) ** 2, axis=-1)
-    weighted = length / (2.0 * np.pi * mu) * length * square.mean(axis=1)
-    return triangles.from_segments(weighted)
-
-
-@dataclass(frozen=True)
-class Edges:
-    """The s boundary segments: length (s,), outer normal (s, 2), Gauss points (s, 2, 2)."""
-
-    length: Array
-    normal: Array
-    at: Array
-
-
-def boundary_edges(triangles: ElementGeometry) -> Edges:
-    """Geometry of the boundary segments (chords, on arcs)."""
-    ends = triangles.mesh.points[triangles.mesh.segments]
-    along = ends[:, 1] - ends[:, 0]
-    length = np.linalg.norm(along, axis=1)
-    normal = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]
-    return Edges(length, normal, ends[:, None, 0] + GAUSS[None, :, None] * along[:, None])
 
 
 def traction_of(stress: Array, normal: Array) -> Array:
@@ -155,59 +94,72 @@ def tangent(normal: Array) -> Array:
     return np.column_stack([-normal[:, 1], normal[:, 0]])
 
 
-def dirichlet_residual(triangles: ElementGeometry, u: Array, scene: Scene) -> Array:
-    """(t,) Σ_e 2πμ/h_e ‖u_D − u_h‖²_e over the boundary edges of each triangle; components that are free have no u_D
-    [J/m]."""
-    mesh, edges = triangles.mesh, boundary_edges(triangles)
-    gap = np.zeros_like(edges.at)
-    own = on_segments(u.reshape(2, -1).T, mesh.segments)
-    roles = dict(scene.boundary)
-    for index, curve in enumerate(mesh.geometry.curves):
-        role, here = roles[curve.name], mesh.segment_curve == index
-        if not isinstance(role, Clamped) or not curve.straight:
-            continue
-        normal = edges.normal[here]
-        axes = (
-            (normal, tangent(normal))
-            if role.frame == "nt"
-            else tuple(np.tile(axis, (len(normal), 1)) for axis in np.eye(2))
-        )
-        for component, direction in zip(role.u, axes, strict=True):
-            if component is not None:
-                given = values_at(component, edges.at[here].reshape(-1, 2)).reshape(-1, 2)
-                missing = given - np.einsum("sqd,sd->sq", own[here], direction)
-                gap[here] += missing[..., None] * direction[:, None]
-    weighted = 2.0 * np.pi * scene.material.mu * np.mean(np.sum(gap**2, axis=-1), axis=1)
-    return triangles.from_segments(weighted)
-
-
 def on_segments(nodal: Array, segments: NDArray[np.intp]) -> Array:
     """P1 values at the Gauss points of segments, (n, …) → (s, 2, …)."""
     first, second = nodal[segments[:, 0]], nodal[segments[:, 1]]
     return np.stack([(1.0 - w) * first + w * second for w in GAUSS], axis=1)
 
 
-def _target(role: Role, at: Array, normal: Array, xi: Array) -> Array:
-    """g − p n − ξ_h t: what σn should be at the Gauss points (s, 2, 2), where it is free."""
-    points = at.reshape(-1, 2)
-    g = np.stack([values_at(component, points).reshape(-1, 2) for component in role.g], axis=-1)
-    pushed = values_at(role.pressure, points).reshape(-1, 2)[..., None] * normal[:, None]
-    return g - pushed - xi[..., None] * tangent(normal)[:, None]
+def element_residual(triangles: ElementGeometry, u: Strain, theta: Array, scene: Scene) -> Array:
+    """(t,) (h_K/π)²/(2μ) ‖f + div σ*‖²_K [J/m]."""
+    lam, mu, beta = scene.material.lam, scene.material.mu, scene.material.beta
+    slope = triangles.gradient(stress_of(u.recovered, lam, mu))
+    divergence = np.column_stack([slope[:, 0, 0] + slope[:, 2, 1], slope[:, 2, 0] + slope[:, 1, 1]])
+    divergence -= beta * triangles.gradient(theta)
+    f = np.stack([values_at(component, triangles.inner_points) for component in scene.f], axis=-1)
+    square = np.sum((f + divergence[:, None]) ** 2, axis=(1, 2)) / 3.0 * triangles.area
+    return (triangles.diameter / np.pi) ** 2 / (2.0 * mu) * square
 
 
-def _pull(springs: tuple[float, float], u: Array, normal: Array) -> Array:
-    """k_N u_N n + k_T u_T t of displacements (s, 2, 2)."""
-    along = zip(springs, (normal, tangent(normal)), strict=True)
-    parts = (k * np.einsum("sqd,sd->sq", u, d)[..., None] * d[:, None] for k, d in along)
-    return np.asarray(sum(parts))
+def edge_residual(
+    triangles: ElementGeometry, u: Strain, theta: Array, scene: Scene, friction: ContactTraction
+) -> Array:
+    """(t,) Σ_e h_e/(2πμ) (‖r_e‖² + ‖dist(ξ_h, b̂)‖²) over the boundary edges of each triangle [J/m]."""
+    mesh, lam, mu, edges = triangles.mesh, scene.material.lam, scene.material.mu, triangles.boundary
+    traction = traction_of(on_segments(stress_of(u.recovered, lam, mu), mesh.segments), edges.normal)
+    traction -= scene.material.beta * on_segments(theta, mesh.segments)[..., None] * edges.normal[:, None]
+    square, roles, curves = friction.defect**2, dict(scene.boundary), mesh.geometry.curves
+    for index, curve in enumerate(curves):
+        here, role = mesh.segment_curve == index, roles[curve.name]
+        free = np.array([component is None and not isinstance(role, Rigid) for component in role.u])
+        if not np.any(here):
+            continue
+        at, axes = edges.at[here], (edges.normal[here], tangent(edges.normal[here]))
+        # what σn should be where it is free: g − p n − ξ_h t, what acts on the whole edge, and what springs take
+        target = np.stack([values_at(component, at) for component in role.g], axis=-1)
+        target = target - values_at(role.pressure, at)[..., None] * axes[0][:, None]
+        target = target - friction.xi[here][..., None] * axes[1][:, None]
+        if any(role.force):  # also where regions cut the edge
+            target = target + np.array(role.force) / sum(c.length for c in curves if c.name == curve.name)
+        if any(role.spring):
+            moved = on_segments(u.u, mesh.segments[here])
+            along = zip(role.spring, axes, strict=True)
+            target = target - sum(k * np.einsum("sqd,sd->sq", moved, d)[..., None] * d[:, None] for k, d in along)
+        rest = traction[here] - target
+        if role.frame == "nt" and not free.all():
+            rest = np.stack([np.einsum("sqd,sd->sq", rest, d) for d in axes], axis=-1)
+        square[here] += np.sum(rest[..., free] ** 2, axis=-1)
+    return triangles.from_segments(edges.length / (2.0 * np.pi * mu) * edges.length * square.mean(axis=1))
 
 
-def _free_part(role: Role, traction: Array, normal: Array) -> Array:
-    """The components of a traction in which every point of the edge is free to move; none of a rigid one."""
-    free = np.array([component is None and not isinstance(role, Rigid) for component in role.u])
-    if role.frame == "nt" and not free.all():
-        traction = np.stack([np.einsum("sqd,sd->sq", traction, d) for d in (normal, tangent(normal))], axis=-1)
-    return traction[..., free]
+def dirichlet_residual(triangles: ElementGeometry, u: Array, scene: Scene) -> Array:
+    """(t,) Σ_e 2πμ/h_e ‖u_D − u_h‖²_e over the boundary edges of each triangle; components that are free have no u_D
+    [J/m]."""
+    mesh, edges, roles = triangles.mesh, triangles.boundary, dict(scene.boundary)
+    gap, own = np.zeros_like(edges.at), on_segments(u.reshape(2, -1).T, mesh.segments)
+    for index, curve in enumerate(mesh.geometry.curves):
+        role, here = roles[curve.name], mesh.segment_curve == index
+        if not isinstance(role, Clamped) or not curve.straight:
+            continue
+        normal = edges.normal[here]
+        axes = (
+            (normal, tangent(normal)) if role.frame == "nt" else (np.tile(axis, (len(normal), 1)) for axis in np.eye(2))
+        )
+        for component, direction in zip(role.u, axes, strict=True):
+            if component is not None:
+                missing = values_at(component, edges.at[here]) - np.einsum("sqd,sd->sq", own[here], direction)
+                gap[here] += missing[..., None] * direction[:, None]
+    return triangles.from_segments(2.0 * np.pi * scene.material.mu * np.mean(np.sum(gap**2, axis=-1), axis=1))
 
 
 @dataclass(frozen=True)
@@ -230,25 +182,20 @@ def contact_traction(
     triangles: ElementGeometry, line: ContactLine, law: Laws | EdgeLaws, u_T: Array, xi: Array, u: Array
 ) -> ContactTraction:
     """ξ_h between the nodes from u_T (m,) and the tractions ξ_i/c_i (m,); u (2n,) gives u_T of held nodes."""
-    mesh = triangles.mesh
-    nodal_xi, nodal_slip = np.full(mesh.n_points, np.nan), np.full(mesh.n_points, np.nan)
-    nodal_xi[line.nodes], nodal_slip[line.nodes] = xi, u_T
-    on, segments = line.which, line.segments
-    ends_xi, ends_slip = nodal_xi[segments], nodal_slip[segments]
+    mesh, edges, on, segments = triangles.mesh, triangles.boundary, line.which, line.segments
+    ends_xi, ends_slip = (line.nodal(x, mesh.n_points, np.nan)[segments] for x in (xi, u_T))
     # A held end has no ξ of its own: its half cell belongs to the other end (method §2).
     ends_xi = np.where(np.isnan(ends_xi), ends_xi[:, ::-1], ends_xi)
-    held = np.einsum("ksd,sd->sk", u.reshape(2, -1).T[segments.T], tangent(boundary_edges(triangles).normal[on]))
+    held = np.einsum("ksd,sd->sk", u.reshape(2, -1).T[segments.T], tangent(edges.normal[on]))
     ends_slip = np.where(np.isnan(ends_slip), held, ends_slip)
-    between = [(1.0 - w) * ends_xi[:, 0] + w * ends_xi[:, 1] for w in GAUSS]
-    slip = [ends_slip[:, 0] + w * (ends_slip[:, 1] - ends_slip[:, 0]) for w in GAUSS]
+    traction = np.stack([(1.0 - w) * ends_xi[:, 0] + w * ends_xi[:, 1] for w in GAUSS], axis=1)
+    slip = np.stack([ends_slip[:, 0] + w * (ends_slip[:, 1] - ends_slip[:, 0]) for w in GAUSS], axis=1)
     names = [curve.name for curve in mesh.geometry.curves]
     edge = np.array([line.edge_names.index(name) if name in line.edge_names else -1 for name in names])
-    at = boundary_edges(triangles).at[on].reshape(-1, 2)
-    laws = law_along(law, line.edge_names, np.repeat(edge[mesh.segment_curve[on]], 2), at)
-    low, high = laws.interval(np.stack(slip, axis=1).ravel())
-    low, high = low.reshape(-1, 2), high.reshape(-1, 2)
-    traction = np.stack(between, axis=1)
+    at = np.repeat(edge[mesh.segment_curve[on]], 2), edges.at[on].reshape(-1, 2)
+    low, high = law_along(law, line.edge_names, *at).interval(slip.ravel())
     result, defect = np.zeros((2, len(mesh.segments), 2))
     result[on] = traction
-    defect[on] = np.maximum(0.0, np.maximum(low - traction, traction - high))
+    off = np.maximum(low.reshape(-1, 2) - traction, traction - high.reshape(-1, 2))
+    defect[on] = np.maximum(0.0, off)
     return ContactTraction(result, defect)

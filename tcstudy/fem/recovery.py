@@ -11,21 +11,33 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from tcstudy.fem.boundary import ContactLine
 from tcstudy.fem.meshes import PlaneMesh, doubled_areas
 from tcstudy.scene.records import Scene, Where
 
 Array = NDArray[np.float64]
 
+GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
+"""Points on a segment from 0 to 1, of weight ½ each, exact for degree 3."""
 ENOUGH = 4
 """Triangles that a patch of one ring needs; below it, and on the boundary, the patch has two rings."""
 _INNER = np.full((3, 3), 1 / 6) + 0.5 * np.eye(3)
 FLAT = 1e-6
 """Determinant of the scaled moments below which a patch is too flat for a fit and its mean is taken."""
+
+
+class BoundaryEdges(NamedTuple):
+    """Of the s boundary segments, chords on arcs: length (s,), outer normal (s, 2), Gauss points (s, 2, 2)."""
+
+    length: Array
+    normal: Array
+    at: Array
 
 
 @dataclass(frozen=True)
@@ -74,6 +86,15 @@ class ElementGeometry:
         return turned / (2.0 * self.area)[:, None, None]
 
     @cached_property
+    def boundary(self) -> BoundaryEdges:
+        """Geometry of the boundary segments."""
+        ends = self.mesh.points[self.mesh.segments]
+        along = ends[:, 1] - ends[:, 0]
+        length = np.linalg.norm(along, axis=1)
+        normal = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]
+        return BoundaryEdges(length, normal, ends[:, None, 0] + GAUSS[None, :, None] * along[:, None])
+
+    @cached_property
     def owner(self) -> NDArray[np.intp]:
         """(s,) the triangle at each boundary segment."""
         n, triangles = self.mesh.n_points, self.mesh.triangles
@@ -85,6 +106,12 @@ class ElementGeometry:
     def from_segments(self, values: Array) -> Array:
         """(t,) sums of values on boundary segments (s,) over the segments of each triangle."""
         return np.asarray(np.bincount(self.owner, values, minlength=len(self.mesh.triangles)), dtype=float)
+
+    def from_contact(self, line: ContactLine, values: Array) -> Array:
+        """(t,) the same of values on the segments of Γ_C (s,)."""
+        found = np.zeros(len(self.mesh.segments))
+        found[line.which] = values
+        return self.from_segments(found)
 
     @cached_property
     def inner_points(self) -> Array:

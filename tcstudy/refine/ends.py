@@ -29,6 +29,8 @@ from tcstudy.fem.boundary import ContactLine
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
+from tcstudy.refine.goals import weight_of_friction
+from tcstudy.scene.study import Goal
 
 Array = NDArray[np.float64]
 
@@ -36,44 +38,26 @@ ROUNDINGS = 8.0 * float(np.finfo(float).eps)
 """Distance from a kink, over the largest displacement of the body, at which a given slip is still on it."""
 
 
-@dataclass(frozen=True)
-class EndCell:
-    """A cell of Γ_C between a held node and a free one.
-
-    segment: its index in line.segments;  node: contact unknown of the free end;  width: length [m]
-    most:    by how much ξ/c may be off in it [Pa];  sticks: whether a zone of it may stick that is not seen
-    """
-
-    segment: int
-    node: int
-    width: float
-    most: float
-    sticks: bool
-
-    def effect(self, a: float, z: Array) -> float:
-        """Largest change of J = aΣξ + … with the dual solution z (m,)."""
-        return 0.5 * (abs(a) + abs(a - float(z[self.node]))) * self.most * self.width
-
-
-def end_cells(line: ContactLine, problem: ContactProblem, v: Array, u: Array) -> list[EndCell]:
-    """The end cells in which a solution v (m,) with the displacement u (2n,) may hide something."""
+def hidden_effects(goal: Goal, line: ContactLine, problem: ContactProblem, v: Array, u: Array, z: Array) -> Array:
+    """(s,) the most that the end cells of a solution v (m,), u (2n,) may change of J, with the dual solution z (m,)."""
+    found = np.zeros(len(line.segments))
     if not len(problem.law.kinks):
-        return []
-    own, across = line.unknowns, u.reshape(2, -1)
-    along = line.ends[:, 1] - line.ends[:, 0]
-    width, stick = np.linalg.norm(along, axis=1), problem.law.sticking(v)
-    traction, noise, found = problem.xi(v) / problem.c, ROUNDINGS * float(np.abs(u).max()), []
-    for i in np.flatnonzero(own.min(axis=1) < 0):
+        return found
+    own, across, a = line.unknowns, u.reshape(2, -1), weight_of_friction(goal)
+    along, width, stick = line.ends[:, 1] - line.ends[:, 0], line.lengths, problem.law.sticking(v)
+    traction, noise = problem.xi(v) / problem.c, ROUNDINGS * float(np.abs(u).max())
+    for i in np.flatnonzero(own.min(axis=1) < 0).tolist():
         node, held = int(own[i].max()), int(line.segments[i, np.argmin(own[i])])
         given = float(across[:, held] @ along[i]) / float(width[i])
         law = problem.law.single(node)
-        kinks = np.flatnonzero(np.abs(law.kinks - given) <= noise)
-        given = float(law.kinks[kinks[0]]) if len(kinks) else given
+        on = np.flatnonzero(np.abs(law.kinks - given) <= noise)
+        given = float(law.kinks[on[0]]) if len(on) else given
         if stick[node] and given == v[node]:
             continue  # the zone is seen
         most, rests = _most(law, given, float(v[node]), float(traction[node]))
-        if most > 0.0:
-            found.append(EndCell(int(i), node, float(width[i]), most, rests))
+        found[i] = 0.5 * (abs(a) + abs(a - float(z[node]))) * most * width[i]
+        if goal.quantity == "slip_length" and rests and most > 0.0:
+            found[i] += width[i]
     return found
 
 
@@ -113,9 +97,5 @@ class Hidden:
 def hidden_on(mesh: PlaneMesh, line: ContactLine, parts: Array) -> Hidden:
     """What (s,) parts on the segments of Γ_C say of the mesh, those at held nodes only."""
     cells = np.flatnonzero(parts)
-    free = np.zeros(mesh.n_points, dtype=bool)
-    free[line.nodes] = True
-    ends = line.segments[cells]
-    nodes = ends[np.arange(len(cells)), np.argmin(free[ends], axis=1)]
-    lengths = np.linalg.norm(line.ends[cells, 1] - line.ends[cells, 0], axis=1)
-    return Hidden(nodes, mesh.segment_curve[line.which[cells]], parts[cells], lengths)
+    nodes = line.segments[cells, np.argmin(line.unknowns[cells], axis=1)]
+    return Hidden(nodes, mesh.segment_curve[line.which[cells]], parts[cells], line.lengths[cells])

@@ -53,6 +53,22 @@ class Estimate:
     indicators: Array
     hidden: Array
 
+    @property
+    def scale(self) -> float:
+        """From the unit of J to relative errors; 0 where the error is no finite number."""
+        return self.error / self.goal if self.goal > 0.0 and math.isfinite(self.error) else 0.0
+
+    @property
+    def shares(self) -> Array:
+        """(t,) indicators that sum to the relative error without what end cells hide, so that points compare.
+
+        Where nothing else is known to be wrong, to as much as they hide: what one zone does, others may.
+        """
+        total, hidden = float(self.indicators.sum()), float(self.hidden.sum()) * self.scale
+        error = self.error if math.isfinite(self.error) and self.error > 0.0 else 1.0
+        rest = error - hidden if error - hidden > ROUNDING * error else hidden
+        return self.indicators * (rest / total) if total > 0.0 else self.indicators
+
 
 @dataclass
 class ErrorEstimator:
@@ -96,7 +112,11 @@ class ErrorEstimator:
     def _estimate(self, index: Index, scene: Scene, condensed: Condensed, v: Array) -> Estimate:
         goal, n_dof, nan = self.plan.goal, self.level.frames.n_dof, math.nan
         u = self.level.displacement(scene, condensed, v)
-        squares, norm = self._squares(scene, condensed, v, u)
+        theta = self.level.temperature(scene).theta if scene.material.expands else np.zeros(self.level.mesh.n_points)
+        xi = condensed.problem.xi(v) / self.level.line.c
+        friction = contact_traction(self.triangles, self.level.line, scene.friction, v, xi, u)
+        self._parts = self._parts or parts_of(self.triangles, scene)
+        squares, norm = energy_squares(self._parts, self.level.mesh, u, theta, scene, friction)
         energy = _ratio(math.sqrt(float(squares.sum())), norm)
         if goal.quantity == "energy":
             return Estimate(n_dof, energy, nan, nan, nan, nan, energy, squares, np.empty(0))
@@ -107,29 +127,15 @@ class ErrorEstimator:
         # What extrapolation has changed by: its error falls by about three from level to level, which leaves one half.
         # The spread over the orders says the same of one level alone, so that the larger of both is enough.
         drift = 0.5 * abs(found.limit - old.limit) if old else 0.0
-        error = max(found.error + max(found.spread, drift), self._least(old))
+        error = found.error + max(found.spread, drift)
+        # A third of what the error of the level before becomes at J(u) − J(u_h) ~ 1/N: no change of sign hides more.
+        # The slip length jumps by cells, so that its error on one level says nothing of the next.
+        if old and goal.quantity != "slip_length":
+            error = max(error, LEAST_ERROR * abs(old.limit - old.value) * old.n_dof / n_dof)
         # A goal may not feel the solution, for example u_T where the body sticks.
         shares = found.shares if np.any(found.shares) else squares
         relative, hidden = _ratio(error, abs(value)), found.hidden
         return Estimate(n_dof, energy, value, found.limit, found.change, error, relative, shares, hidden)
-
-    def _least(self, old: Estimate | None) -> float:
-        """A third of what the error of the level before becomes at J(u) − J(u_h) ~ 1/N: no change of sign hides more.
-
-        The slip length jumps by cells, so that its error on one level says nothing of the next.
-        """
-        if old is None or self.plan.goal.quantity == "slip_length":
-            return 0.0
-        return LEAST_ERROR * abs(old.limit - old.value) * old.n_dof / self.level.frames.n_dof
-
-    def _squares(self, scene: Scene, condensed: Condensed, v: Array, u: Array) -> tuple[Array, float]:
-        """(t,) η_K² of the energy norm and ‖u_h‖."""
-        level, triangles = self.level, self.triangles
-        theta = level.temperature(scene).theta if scene.material.expands else np.zeros(level.mesh.n_points)
-        xi = condensed.problem.xi(v) / level.line.c
-        friction = contact_traction(triangles, level.line, scene.friction, v, xi, u)
-        self._parts = self._parts or parts_of(triangles, scene)
-        return energy_squares(self._parts, level.mesh, u, theta, scene, friction)
 
     # -- all solutions -----------------------------------------------------------------------------
 
@@ -165,11 +171,11 @@ class ErrorEstimator:
 
         With a tolerance, points that meet it do not count. What end cells hide comes on top (`hidden`).
         """
-        return np.asarray(np.max([_shares(e) for e in self._missing()], axis=0))
+        return np.asarray(np.max([e.shares for e in self._missing()], axis=0))
 
     def hidden(self) -> Hidden:
         """What end cells hide of the relative error of the point that each is most important to."""
-        parts = np.max([e.hidden * _scale(e) for e in self._missing()], axis=0)
+        parts = np.max([e.hidden * e.scale for e in self._missing()], axis=0)
         return hidden_on(self.level.mesh, self.level.line, parts)
 
     def _missing(self) -> list[Estimate]:
@@ -210,23 +216,6 @@ LEAST_MARKING = 0.1
 """Smallest share of the error that a step refines for: steps cost a solution each, however few triangles they add."""
 LEAST_ERROR = 1.0 / 3.0
 """Smallest error that is believed, over what the level before lets expect."""
-
-
-def _shares(estimate: Estimate) -> Array:
-    """Indicators that sum to the point's relative error without what end cells hide, so that points compare.
-
-    Where nothing else is known to be wrong, to as much as they hide: what one zone does, others may.
-    """
-    total, hidden = float(estimate.indicators.sum()), float(estimate.hidden.sum()) * _scale(estimate)
-    error = estimate.error if math.isfinite(estimate.error) and estimate.error > 0.0 else 1.0
-    rest = error - hidden
-    rest = rest if rest > ROUNDING * error else hidden
-    return estimate.indicators * (rest / total) if total > 0.0 else estimate.indicators
-
-
-def _scale(estimate: Estimate) -> float:
-    """From the unit of J to relative errors; 0 where the error is no finite number."""
-    return estimate.error / estimate.goal if estimate.goal > 0.0 and math.isfinite(estimate.error) else 0.0
 
 
 def _ratio(error: float, value: float) -> float:

@@ -18,7 +18,6 @@ Left out: fronts that a jump of the data or a corner holds in place have other e
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +28,7 @@ from tcstudy.fem.boundary import ContactLine
 from tcstudy.laws.pieces import UP
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 EXPONENT = 1.5
 """u_T ~ r^EXPONENT at a front."""
@@ -60,17 +60,56 @@ class SlipFront:
 
 def fronts(line: ContactLine, problem: ContactProblem, v: Array) -> list[SlipFront]:
     """All fronts of a contact solution v (m,), hidden ones last; an end of Γ_C is none."""
-    if not len(problem.law.kinks):
+    law, ends = problem.law, line.unknowns
+    if not len(law.kinks):
         return []
-    stick = problem.law.sticking(v)
-    ends = line.unknowns
-    held = ends == HELD
+    stick, held, found = law.sticking(v), ends == HELD, list[SlipFront]()
     sticks = stick[ends] & ~held
-    seen = np.flatnonzero(~held.any(axis=1) & (sticks[:, 0] != sticks[:, 1]))
-    found = [_front(line, problem, v, stick, ends, int(i), 1 if sticks[i, 0] else -1) for i in seen]
-    at_held = np.flatnonzero((held[:, 0] != held[:, 1]) & ~sticks.any(axis=1))
-    hidden = [_front(line, problem, v, stick, ends, int(i), 1 if held[i, 0] else -1) for i in at_held]
-    return [front for front in (*found, *hidden) if front is not None]
+    seen = ~held.any(axis=1) & (sticks[:, 0] != sticks[:, 1])
+    hidden = (held[:, 0] != held[:, 1]) & ~sticks.any(axis=1)
+    for i in (*np.flatnonzero(seen).tolist(), *np.flatnonzero(hidden).tolist()):
+        towards = 1 if (held if hidden[i] else sticks)[i, 0] else -1
+        rests, slides = ends[i, ::towards].tolist()
+        node = slides if hidden[i] else rests
+        own = law.single(node)
+        if not len(own.kinks):
+            continue
+        kink = own.nearest_kink(v[node])
+        if hidden[i] and own.kinds[kink] != UP:
+            continue
+        slip = v - own.kinks[kink]
+        nodes, at = _beyond(line, i, towards, stick, slip)
+        width = at[0]
+        # beside a held node the nearest two: slip like r^λ, λ < 3/2, gives a zero outside the body, and no front
+        some = 2 if hidden[i] else len(nodes)
+        zero = _zero(at[:some], nodes[:some], slip)
+        if hidden[i]:
+            if zero is not None and zero[0] > 0.0:
+                found.append(SlipFront(i, width, -min(zero[0], width), 0.0, *zero[1:], hidden=True))
+        elif zero is not None:
+            more = 0.5 * width - float(np.clip(zero[0], -REACH * width, (1.0 + REACH) * width))
+            found.append(SlipFront(i, width, more, 0.0, *zero[1:]))
+        else:  # u_T = C r^{3/2} with C held, half a cell from the front
+            slope = 0.5 * width / (EXPONENT * float(slip[nodes[0]]))
+            found.append(SlipFront(i, width, 0.0, 0.5 * width, (nodes[0],), (slope,)))
+    return found
+
+
+def _beyond(line: ContactLine, i: int, towards: int, stick: Flags, slip: Array) -> tuple[list[int], list[float]]:
+    """Up to three nodes that slip one way from segment i on, and how far they are from the node before them all.
+
+    towards: 1 along the line, −1 against it
+    """
+    nodes, at, ends, inner = list[int](), list[float](), line.unknowns, 1 if towards > 0 else 0
+    while True:
+        node = int(ends[i, inner])
+        if node == HELD or stick[node] or (nodes and slip[node] * slip[nodes[0]] <= 0.0) or len(nodes) == 3:
+            return nodes, at
+        nodes.append(node)
+        at.append((at[-1] if at else 0.0) + float(line.lengths[i]))
+        i += towards
+        if not (0 <= i < len(ends) and line.segments[i - towards, inner] == line.segments[i, 1 - inner]):
+            return nodes, at
 
 
 def slip_length(line: ContactLine, problem: ContactProblem, v: Array) -> tuple[float, float]:
@@ -88,58 +127,6 @@ def slopes(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
     return w
 
 
-def _front(
-    line: ContactLine,
-    problem: ContactProblem,
-    v: Array,
-    stick: NDArray[np.bool_],
-    ends: NDArray[np.intp],
-    segment: int,
-    towards: int,
-) -> SlipFront | None:
-    """The front in a segment whose slipping side is its end (towards = 1) or its start (−1)."""
-    lengths = np.linalg.norm(line.ends[:, 1] - line.ends[:, 0], axis=1)
-    rests, slides = ends[segment, ::towards]
-    node = int(slides if rests == HELD else rests)
-    law = problem.law.single(node)
-    if not len(law.kinks):
-        return None
-    kink = law.nearest_kink(v[node])
-    slip = v - law.kinks[kink]
-    nodes: list[int] = []
-    at = [0.0]
-    for i in _outwards(line, segment, towards):
-        node = int(ends[i, 1 if towards > 0 else 0])
-        if node == HELD or stick[node] or (nodes and slip[node] * slip[nodes[0]] <= 0.0) or len(nodes) == 3:
-            break
-        nodes.append(node)
-        at.append(at[-1] + float(lengths[i]))
-    if rests == HELD:
-        return _hidden(segment, at[1:], nodes, slip) if law.kinds[kink] == UP else None
-    return _through(segment, at[1:], nodes, slip)
-
-
-def _hidden(segment: int, at: list[float], nodes: list[int], slip: Array) -> SlipFront | None:
-    """A front beside a held node, from slipping nodes at distances `at` from it."""
-    # The nearest two: slip like r^λ, λ < 3/2, gives a zero outside the body, so that nothing is found by mistake.
-    if (found := _zero(at[:2], nodes[:2], slip)) is None or found[0] <= 0.0:
-        return None
-    x, pair, slopes = found
-    length = min(x, at[0])
-    return SlipFront(segment, at[0], -length, 0.0, pair, slopes, hidden=True)
-
-
-def _through(segment: int, at: list[float], nodes: list[int], slip: Array) -> SlipFront:
-    """The front from slipping nodes at distances `at` from the sticking one, the nearest first."""
-    width = at[0]
-    if (found := _zero(at, nodes, slip)) is not None:
-        x, pair, slopes = found
-        more = 0.5 * width - float(np.clip(x, -REACH * width, (1.0 + REACH) * width))
-        return SlipFront(segment, width, more, 0.0, pair, slopes)
-    # u_T = C r^{3/2} with C held, half a cell from the front
-    return SlipFront(segment, width, 0.0, 0.5 * width, (nodes[0],), (0.5 * width / (EXPONENT * float(slip[nodes[0]])),))
-
-
 def _zero(at: list[float], nodes: list[int], slip: Array) -> tuple[float, tuple[int, int], tuple[float, float]] | None:
     """Where |slip|^{2/3} through the two farthest nodes is zero, the nodes, minus its derivatives; None if it falls."""
     if len(nodes) < 2:
@@ -150,13 +137,3 @@ def _zero(at: list[float], nodes: list[int], slip: Array) -> tuple[float, tuple[
         return None
     rise = (r_q - r_p) * y_p * y_q / ((y_q - y_p) ** 2 * EXPONENT)
     return float(r_p - y_p * (r_q - r_p) / (y_q - y_p)), (p, q), (float(rise / slip[p]), float(-rise / slip[q]))
-
-
-def _outwards(line: ContactLine, segment: int, towards: int) -> Iterator[int]:
-    """Segments from a front's own on, away from its sticking side, as long as they hang together."""
-    yield segment
-    inner, outer = (1, 0) if towards > 0 else (0, 1)
-    i = segment + towards
-    while 0 <= i < len(line.segments) and line.segments[i - towards, inner] == line.segments[i, outer]:
-        yield i
-        i += towards

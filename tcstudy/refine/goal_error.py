@@ -2,7 +2,7 @@
 
 Numbers:    J(u) − J(u_h) falls by 2^p when h is halved, so that it is (J(u_{h/2}) − J(u_h))/(1 − 2^{−p}). p = 2 where
             solution and dual solution are smooth (factor 4/3), 2λ in a corner where they are like r^λ. So the change
-            is taken apart by nodes (`contributions`), and every part has the factor of its place (`regions`);
+            is taken apart by nodes (`Pair.contributions`), and every part has the factor of its place (`regions`);
             what the parts do not sum to, because the problem is not linear, has 4/3.
             All that distinguishes u_h from u is in it (given displacements between nodes, lumped friction,
             oscillating data, temperature, arcs), signs included
@@ -62,17 +62,13 @@ from numpy.typing import NDArray
 from tcstudy.accuracy.corners import Side, Sticks, opening, sticking_near, vertex, vertices
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.loop import Status
-from tcstudy.contact.problem import ContactProblem
-from tcstudy.expressions.expression import Expression
-from tcstudy.fem.estimators import own_strain, stress_of
 from tcstudy.fem.meshes import CurveEnd, PlaneMesh, curve_ends
 from tcstudy.fem.recovery import ElementGeometry
-from tcstudy.offline.level import Condensed, Level
-from tcstudy.refine.ends import end_cells
+from tcstudy.offline.level import Condensed
+from tcstudy.refine.ends import hidden_effects
 from tcstudy.refine.fronts import fronts, slip_length
-from tcstudy.refine.goals import dual, goal_value, lost, lumping, steps, torn
-from tcstudy.refine.halved import Halved, contributions
-from tcstudy.scene.points import needs_heat_solve
+from tcstudy.refine.goals import dual, goal_value, lost, steps, torn, weight_of_friction
+from tcstudy.refine.halved import Halved, Pair
 from tcstudy.scene.records import BODY, Scene
 from tcstudy.scene.study import Goal
 
@@ -109,149 +105,48 @@ def goal_error(
 
     The finer problem starts from v and stays in its basin, so that another solution of the same load is not compared.
     """
-    fine, line = halved.level, halved.coarse.line
+    fine, line, problem = halved.level, halved.coarse.line, condensed.problem
     finer = fine.condensed(scene)
     answer = solve_contact(finer.problem, tolerance=ACCEPTED, branch="continued", neighbour=halved.start(v, u))
-    value = goal_value(goal, condensed.problem, line, v)
+    value, w = goal_value(goal, problem, line, v), answer.v
     if answer.status != Status.CONVERGED:
         return GoalError(value, np.inf, 0.0, 0.0, np.zeros(len(triangles.area)), np.zeros(len(line.segments)))
-    solutions = (v, answer.v), (halved.carry(u), fine.displacement(scene, finer, answer.v))
-    z_T = np.zeros(fine.line.m)
+    better, z_T = fine.displacement(scene, finer, w), np.zeros(fine.line.m)
     with suppress(scipy.linalg.LinAlgError):  # a turning point
-        z_T = dual(goal, finer.problem, fine.line, answer.v)
-    shares, parts = _parts(goal, halved, triangles, scene, (condensed, finer), *solutions, z_T)
-    hidden = _hidden(goal, halved, finer.problem, answer.v, solutions[1][1], z_T)
-    stepped = _stepped(goal, halved, finer.problem, answer.v, z_T)
-    hides = float(hidden.sum() + stepped.sum())
-    shares += _at_segments(halved.coarse, triangles, stepped)
-    places = _places(goal, halved.coarse, condensed, v)
-    parted = regions(halved, scene, condensed.problem.law.sticking(v), places, stepped > 0.0)
+        z_T = dual(goal, finer.problem, fine.line, w)
+    pair = Pair(goal, halved, scene, (problem, finer.problem), (v, w), (halved.carry(u), better), z_T)
+    parts, shares = pair.contributions(), pair.shares(triangles)
+    hidden = halved.on_segments(hidden_effects(goal, fine.line, finer.problem, w, better, z_T))
+    # steps of the law, moved by half a cell of the finer level
+    lacks = np.max(np.abs(weight_of_friction(goal) - z_T[fine.line.unknowns]), axis=1)
+    stepped = halved.on_segments(0.5 * fine.line.lengths * steps(fine.line, finer.problem, w) * lacks)
+    shares += triangles.from_contact(line, stepped)
+    stick, found = problem.law.sticking(v), fronts(line, problem, v)
+    at = [line.ends[front.segment].mean(axis=0) for front in found]
+    places = np.array(at + ([np.array(goal.at)] if goal.at is not None else [])).reshape(-1, 2)
+    parted = regions(halved, scene, stick, places, stepped > 0.0)
+    change = goal_value(goal, finer.problem, fine.line, w) - value
+    # what is known apart from the parts of the change: the limit over J(u_h) without them, and their own doubt
+    apart, rest_of_change, doubt, loose = 0.0, change, float(hidden.sum() + stepped.sum()), 0.0
     if goal.quantity == "slip_length":
-        own, _ = slip_length(line, condensed.problem, v)
-        better, doubt = slip_length(fine.line, finer.problem, answer.v)
-        rest, spread = _extrapolated(better - own, parts, parted)
-        error, shares = abs(value - own - rest) + doubt + hides, shares + _cells(halved, triangles, condensed, v)
-        return GoalError(own + rest, error, spread, better - value, shares, hidden)
-    change = goal_value(goal, finer.problem, fine.line, answer.v) - value
-    if goal.quantity != "friction_resultant":
-        rest, spread = _extrapolated(change, parts, parted)
-        return GoalError(value + rest, abs(rest) + hides, spread, change, shares, hidden)
-    missing, cells = lost(line, condensed.problem, v), torn(line, condensed.problem, v)
-    still = lost(fine.line, finer.problem, answer.v)
-    found = missing - halved.on_segments(still)
-    first = float(missing.sum())
-    parts[halved.middles] -= found
-    rest, spread = _extrapolated(change - float(found.sum()), parts, parted)
-    spread += float(np.abs(2.0 * found - missing).sum())
-    doubt = hides + float(torn(fine.line, finer.problem, answer.v).sum())
-    shares += _at_segments(halved.coarse, triangles, np.abs(missing) + cells)
-    return GoalError(value + first + rest, abs(first + rest) + doubt, spread, change, shares, hidden)
-
-
-def _places(goal: Goal, level: Level, condensed: Condensed, v: Array) -> Array:
-    """(k, 2) fronts, and the point that u_T is asked for at [m]."""
-    at = [level.line.ends[front.segment].mean(axis=0) for front in fronts(level.line, condensed.problem, v)]
-    return np.array(at + ([np.array(goal.at)] if goal.at is not None else [])).reshape(-1, 2)
-
-
-def _extrapolated(change: float, parts: Array, parted: Regions) -> tuple[float, float]:
-    """From the change, its parts (n,) and the regions: J(u) − J(u_h), and by how much other orders alter that."""
-    nonlinear = change - float(parts.sum())
-    spread = DIFFERENCE * math.hypot(*parted.sums(parts).tolist(), nonlinear)
-    return float(parted.factors @ parts) + SMOOTH * nonlinear, spread
-
-
-def _at_segments(level: Level, triangles: ElementGeometry, values: Array) -> Array:
-    """(t,) values on segments of Γ_C (s,) at the triangle of each."""
-    found = np.zeros(len(level.mesh.segments))
-    found[level.line.which] = values
-    return triangles.from_segments(found)
-
-
-def _hidden(goal: Goal, halved: Halved, problem: ContactProblem, v: Array, u: Array, z_T: Array) -> Array:
-    """(s,) what the end cells of the finer level hide of J, by segments of the level."""
-    line, hidden = halved.level.line, np.zeros(len(halved.level.line.segments))
-    for cell in end_cells(line, problem, v, u):
-        hidden[cell.segment] += cell.effect(1.0 if goal.quantity == "friction_resultant" else 0.0, z_T)
-        if goal.quantity == "slip_length" and cell.sticks:
-            hidden[cell.segment] += cell.width
-    return halved.on_segments(hidden)
-
-
-def _stepped(goal: Goal, halved: Halved, problem: ContactProblem, v: Array, z_T: Array) -> Array:
-    """(s,) what steps of the law change of J if they move half a cell of the finer level, by segments of the level."""
-    line, a = halved.level.line, 1.0 if goal.quantity == "friction_resultant" else 0.0
-    own, half = line.unknowns, 0.5 * np.linalg.norm(line.ends[:, 1] - line.ends[:, 0], axis=1)
-    effect = half * steps(line, problem, v) * np.max(np.abs(a - z_T[own]), axis=1)
-    return halved.on_segments(effect)
-
-
-def _parts(
-    goal: Goal,
-    halved: Halved,
-    triangles: ElementGeometry,
-    scene: Scene,
-    condensed: tuple[Condensed, Condensed],
-    v: tuple[Array, Array],
-    u: tuple[Array, Array],
-    z_T: Array,
-) -> tuple[Array, Array]:
-    """(t,) shares by triangles of the level, (n,) parts of the change by nodes.
-
-    v, u: solutions of both levels, the displacements on the finer mesh (2n_f,);  z_T: (m_f,) the dual solution
-    """
-    fine, line = halved.level, halved.coarse.line
-    z = fine.extension(scene, z_T)
-    parts = contributions(goal, halved, scene, (condensed[0].problem, condensed[1].problem), v, u, z)
-    e = u[1] - u[0]
-    rest = own_strain(halved.triangles, z - halved.interpolated(z))
-    moved = own_strain(halved.triangles, e)
-    energies = (halved.gathered(_work(halved.triangles, a, a, scene)) for a in (moved, rest))
-    shares = np.sqrt(math.prod(energies))
-    frames = fine.frames
-    lift = own_strain(halved.triangles, frames.cartesian(np.where(frames.fixed, frames.rows(e), 0.0)))
-    shares += np.abs(halved.gathered(_work(halved.triangles, lift, own_strain(halved.triangles, z), scene)))
-    xi = condensed[0].problem.xi(v[0]) / line.c
-    shares += triangles.from_segments(np.abs(lumping(triangles, line, xi, halved.at_coarse(z_T))))
-    if scene.material.expands:
-        shares += _heat_shares(halved, scene, z)
-    return shares, parts
-
-
-def _work(triangles: ElementGeometry, a: Array, b: Array, scene: Scene) -> Array:
-    """(t,) ∫_K a:c b of strains that are constant on K (t, 3) [J/m]."""
-    stress = stress_of(a, *(triangles.of_material(scene, name) for name in ("lam", "mu")))
-    return triangles.area * ((stress * b) @ np.array([1.0, 1.0, 2.0]))
-
-
-def _heat_shares(halved: Halved, scene: Scene, z: Array) -> Array:
-    """(t,) k‖∇(θ_{h/2} − θ_h)‖_K ‖∇(ζ − I_h ζ)‖_K, or |β∫_K(θ_{h/2} − θ_h) div z| of a known θ."""
-    fine, triangles = halved.level, halved.triangles
-    known = scene.heat.theta
-    if known is not None and not isinstance(known, Expression):
-        return np.zeros(len(halved.coarse.mesh.triangles))
-    e = fine.temperature(scene).theta - halved.carry(halved.coarse.temperature(scene).theta)
-    if not needs_heat_solve(scene):
-        slope = triangles.gradient(z.reshape(2, -1).T)
-        mean = e[halved.level.mesh.triangles].mean(axis=1)
-        work = triangles.of_material(scene, "beta") * triangles.area * mean * (slope[:, 0, 0] + slope[:, 1, 1])
-        return np.abs(halved.gathered(work))
-    zeta = halved.dual_temperature(scene, z)
-    squares = [
-        halved.gathered(triangles.of_material(scene, "k") * triangles.area * np.sum(triangles.gradient(w) ** 2, axis=1))
-        for w in (e, zeta - halved.interpolated(zeta))
-    ]
-    return np.sqrt(squares[0] * squares[1])
-
-
-def _cells(halved: Halved, triangles: ElementGeometry, condensed: Condensed, v: Array) -> Array:
-    """(t,) half of the cell of every front, shared by the triangles at its two nodes: what the nodes leave open."""
-    mesh, line = halved.coarse.mesh, halved.coarse.line
-    shares = np.zeros(len(triangles.area))
-    for front in fronts(line, condensed.problem, v):
-        around = np.flatnonzero(np.any(np.isin(mesh.triangles, line.segments[front.segment]), axis=1))
-        shares[around] += 0.5 * front.width / len(around)
-    return shares
+        own, (length, unsure) = slip_length(line, problem, v)[0], slip_length(fine.line, finer.problem, w)
+        apart, rest_of_change, doubt, change = own - value, length - own, doubt + unsure, length - value
+        for front in found:  # half of the cell: what the nodes leave open
+            around = np.flatnonzero(np.any(np.isin(triangles.mesh.triangles, line.segments[front.segment]), axis=1))
+            shares[around] += 0.5 * front.width / len(around)
+    elif goal.quantity == "friction_resultant":
+        missing = lost(line, problem, v)
+        gained = missing - halved.on_segments(lost(fine.line, finer.problem, w))
+        parts[halved.middles] -= gained
+        apart, rest_of_change = float(missing.sum()), change - float(gained.sum())
+        loose = float(np.abs(2.0 * gained - missing).sum())
+        doubt += float(torn(fine.line, finer.problem, w).sum())
+        shares += triangles.from_contact(line, np.abs(missing) + torn(line, problem, v))
+    # the rest of the change by parts, each with the factor of its place
+    nonlinear = rest_of_change - float(parts.sum())
+    spread = DIFFERENCE * math.hypot(*parted.sums(parts).tolist(), nonlinear) + loose
+    rest = apart + (float(parted.factors @ parts) + SMOOTH * nonlinear)
+    return GoalError(value + rest, abs(rest) + doubt, spread, change, shares, hidden)
 
 
 SMOOTH, FIRST, DIFFERENCE = 4.0 / 3.0, 2.0, 1.0 / 3.0

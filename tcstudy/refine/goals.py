@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.fem.boundary import ContactLine
-from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.laws.composed import each
 from tcstudy.laws.laws import Laws
 from tcstudy.refine.fronts import slopes
@@ -46,6 +45,11 @@ def goal_value(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array)
     return float("nan")
 
 
+def weight_of_friction(goal: Goal) -> float:
+    """a of J = aᵀξ + wᵀu_T at every node."""
+    return 1.0 if goal.quantity == "friction_resultant" else 0.0
+
+
 def point_weights(line: ContactLine, at: Point) -> Array:
     """w (m,) with u_T(at) = wᵀv for the point of Γ_C nearest to `at`; held nodes have no weight."""
     nearest, t = line.nearest(at)
@@ -64,7 +68,7 @@ def lost(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
     """
     stick, xi = problem.law.sticking(v), problem.xi(v)
     own = line.unknowns
-    node, width = own.max(axis=1), np.linalg.norm(line.ends[:, 1] - line.ends[:, 0], axis=1)
+    node, width = own.max(axis=1), line.lengths
     at_held = (own.min(axis=1) < 0) & stick[node]
     hat = line.c.copy()
     np.add.at(hat, node[at_held], -0.5 * width[at_held])
@@ -82,7 +86,7 @@ def torn(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
     low, high = np.sort(v[own], axis=1).T
     free = np.all(own >= 0, axis=1)
     unsaid = each(problem.law.of_nodes(own.max(axis=1)), _unsaid, low, high, free)
-    return np.asarray(0.5 * np.linalg.norm(line.ends[:, 1] - line.ends[:, 0], axis=1) * unsaid)
+    return np.asarray(0.5 * line.lengths * unsaid)
 
 
 def _unsaid(law: Laws, low: Array, high: Array, free: NDArray[np.bool_]) -> Array:
@@ -118,16 +122,11 @@ def steps(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
 
 def dual(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array) -> Array:
     """z (m,), the change of J with the condensed load. Raises LinAlgError at a turning point of the solution."""
-    a, w = np.zeros(line.m), np.zeros(line.m)
-    if goal.quantity == "friction_resultant":
-        a[:] = 1.0
-    elif goal.quantity == "u_T":
-        assert goal.at is not None
+    a, w = np.full(line.m, weight_of_friction(goal)), np.zeros(line.m)
+    if goal.at is not None:
         w = point_weights(line, goal.at)
     elif goal.quantity == "slip_length":
         w = slopes(line, problem, v)
-    else:
-        raise ValueError(f"the {goal.quantity} has no dual problem")
     stick = problem.law.sticking(v)
     slip = ~stick
     tangent = problem.c * problem.law.slope(v, problem.law.piece(v))
@@ -139,11 +138,7 @@ def dual(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array) -> Ar
     return z
 
 
-def lumping(triangles: ElementGeometry, line: ContactLine, xi: Array, z: Array) -> Array:
-    """(s,) Σ c_i ξ_i z_i − ∫ ξ_h z_h on the boundary segments, h/6 Δξ Δz between two free contact nodes [J/m]."""
-    mesh = triangles.mesh
-    nodal = np.full((mesh.n_points, 2), np.nan)
-    nodal[line.nodes] = np.column_stack([xi, z])
-    steps = nodal[mesh.segments[:, 1]] - nodal[mesh.segments[:, 0]]
-    length = np.linalg.norm(mesh.points[mesh.segments[:, 1]] - mesh.points[mesh.segments[:, 0]], axis=1)
-    return np.where(mesh.on(*line.edge_names), np.nan_to_num(length / 6.0 * steps[:, 0] * steps[:, 1]), 0.0)
+def lumping(line: ContactLine, xi: Array, z: Array) -> Array:
+    """(s,) Σ c_i ξ_i z_i − ∫ ξ_h z_h on the segments of Γ_C, h/6 Δξ Δz between two free contact nodes [J/m]."""
+    xi_step, z_step = (np.diff(np.append(x, np.nan)[line.unknowns], axis=1)[:, 0] for x in (xi, z))
+    return np.nan_to_num(line.lengths / 6.0 * xi_step * z_step)

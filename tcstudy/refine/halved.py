@@ -20,7 +20,9 @@ Literature: Richter & Wick, J. Comput. Appl. Math. 279 (2015) 192–208 (localis
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -30,11 +32,14 @@ from numpy.typing import NDArray
 
 from tcstudy.accuracy.transfer import prolongation
 from tcstudy.contact.problem import ContactProblem
+from tcstudy.expressions.expression import Expression
 from tcstudy.fem.estimators import own_strain, stress_of
 from tcstudy.fem.forms import Conductivity, Springs
 from tcstudy.fem.meshes import PlaneMesh, refine_uniformly
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Level
+from tcstudy.refine.goals import lumping, weight_of_friction
+from tcstudy.scene.points import needs_heat_solve
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Goal
 
@@ -73,23 +78,18 @@ class Halved:
 
         Between a held node and a free one the displacement given there counts.
         """
-        nodal, held = np.zeros(self.coarse.mesh.n_points), np.ones(self.coarse.mesh.n_points)
-        nodal[self.coarse.line.nodes], held[self.coarse.line.nodes] = v, 0.0
-        nodes, level = self.level.line.nodes, self.level
-        beside_held = self._prolong(held)[nodes] > 0.0
-        return np.where(beside_held, level.frames.rows(self.carry(u))[nodes], self._prolong(nodal)[nodes])
+        line, n, nodes = self.coarse.line, self.coarse.mesh.n_points, self.level.line.nodes
+        beside_held = self._prolong(line.nodal(np.zeros(line.m), n, 1.0))[nodes] > 0.0
+        given = self.level.frames.rows(self.carry(u))[nodes]
+        return np.where(beside_held, given, self._prolong(line.nodal(v, n))[nodes])
 
     def at_coarse(self, z_T: Array) -> Array:
         """(m,) values at the contact nodes of the level of (m_f,) values on the finer one."""
-        nodal = np.zeros(self.level.mesh.n_points)
-        nodal[self.level.line.nodes] = z_T
-        return nodal[self.coarse.line.nodes]
+        return self.level.line.nodal(z_T, self.level.mesh.n_points)[self.coarse.line.nodes]
 
     def restricted(self, forces: Array) -> Array:
         """(n,) forces at the contact nodes of the finer level (m_f,) as those at the nodes of the level."""
-        nodal = np.zeros(self.level.mesh.n_points)
-        nodal[self.level.line.nodes] = forces
-        return np.asarray(self._prolong.matrix.T @ nodal)
+        return np.asarray(self._prolong.matrix.T @ self.level.line.nodal(forces, self.level.mesh.n_points))
 
     def gathered(self, values: Array) -> Array:
         """(t,) sums of (t_f,) values over the parts of each triangle of the level."""
@@ -143,14 +143,10 @@ def _parents(coarse: PlaneMesh, fine: PlaneMesh, prolong: sp.csr_array) -> NDArr
     between[n:] = prolong[n:].indices.reshape(-1, 2)
     found = np.sort(between[fine.triangles].reshape(-1, 6), axis=1)
     middle = found[np.arange(len(found)), np.argmax(found > found[:, :1], axis=1)]
-    keys = _keys(np.column_stack([found[:, 0], middle, found[:, -1]]), n)
-    own = _keys(np.sort(coarse.triangles, axis=1), n)
+    place = np.array([n * n, n, 1])
+    own = np.sort(coarse.triangles, axis=1) @ place
     order = np.argsort(own)
-    return order[np.searchsorted(own[order], keys)]
-
-
-def _keys(corners: NDArray[np.intp], n: int) -> NDArray[np.intp]:
-    return (corners[:, 0] * n + corners[:, 1]) * n + corners[:, 2]
+    return order[np.searchsorted(own[order], np.column_stack([found[:, 0], middle, found[:, -1]]) @ place)]
 
 
 def _sorted_pairs(pairs: NDArray[np.intp], n: int) -> NDArray[np.intp]:
@@ -158,39 +154,81 @@ def _sorted_pairs(pairs: NDArray[np.intp], n: int) -> NDArray[np.intp]:
     return pairs.min(axis=1) * n + pairs.max(axis=1)
 
 
-def contributions(
-    goal: Goal,
-    halved: Halved,
-    scene: Scene,
-    problems: tuple[ContactProblem, ContactProblem],
-    v: tuple[Array, Array],
-    u: tuple[Array, Array],
-    z: Array,
-) -> Array:
-    """(n_f,) parts of J(u_{h/2}) − J(u_h) at the nodes of the finer mesh.
+@dataclass(frozen=True)
+class Pair:
+    """The solutions of one scene on a level and on the finer one.
 
-    problems, v: the contact problems of the level and the finer one, and their solutions
-    u, z:        (2n_f,) displacements of both and the dual solution, on the finer mesh
-
-    a has the springs of edges in it.
+    problems, v: contact problems and solutions of both;  u: (2n_f,) displacements of both, on the finer mesh
+    z_T:         (m_f,) the dual solution of the goal
     """
-    fine = halved.level
-    nodes, local = fine.line.nodes, fine.frames.rows
-    rest = np.where(fine.frames.fixed, 0.0, local(z - halved.interpolated(z)))
-    e = u[1] - u[0]
-    forces = local(_nodal_forces(halved.triangles, e, scene))
-    if scene.springs:
-        forces += halved.springs(scene) @ local(e)
-    by_node = np.sum((rest * forces).reshape(2, -1), axis=0)
-    by_node[nodes] += rest[nodes] * problems[1].xi(v[1])
-    weight = 1.0 if goal.quantity == "friction_resultant" else 0.0
-    lacks = weight - local(z)[nodes]
-    law, slips = problems[1].law, ~problems[1].law.sticking(v[1])
-    lumped = lacks * fine.line.c * law.value(local(u[0])[nodes], law.piece(v[1]))
-    # on the nodes of the level, where both sums of friction all but cancel one by one
-    by_node[: halved.coarse.mesh.n_points] += halved.restricted(np.where(slips, lumped, 0.0))
-    by_node[halved.coarse.line.nodes] -= halved.at_coarse(np.where(slips, lacks, 0.0)) * problems[0].xi(v[0])
-    return by_node
+
+    goal: Goal
+    halved: Halved
+    scene: Scene
+    problems: tuple[ContactProblem, ContactProblem]
+    v: tuple[Array, Array]
+    u: tuple[Array, Array]
+    z_T: Array
+
+    @cached_property
+    def z(self) -> Array:
+        """(2n_f,) z_T extended into the body."""
+        return self.halved.level.extension(self.scene, self.z_T)
+
+    def contributions(self) -> Array:
+        """(n_f,) parts of J(u_{h/2}) − J(u_h) at the nodes of the finer mesh; a has the springs of edges in it."""
+        halved, fine = self.halved, self.halved.level
+        nodes, local, z, law = fine.line.nodes, fine.frames.rows, self.z, self.problems[1].law
+        rest = np.where(fine.frames.fixed, 0.0, local(z - halved.interpolated(z)))
+        e = self.u[1] - self.u[0]
+        forces = local(_nodal_forces(halved.triangles, e, self.scene))
+        if self.scene.springs:
+            forces += halved.springs(self.scene) @ local(e)
+        by_node = np.sum((rest * forces).reshape(2, -1), axis=0)
+        by_node[nodes] += rest[nodes] * self.problems[1].xi(self.v[1])
+        lacks = weight_of_friction(self.goal) - local(z)[nodes]
+        slips = ~law.sticking(self.v[1])
+        lumped = lacks * fine.line.c * law.value(local(self.u[0])[nodes], law.piece(self.v[1]))
+        # on the nodes of the level, where both sums of friction all but cancel one by one
+        by_node[: halved.coarse.mesh.n_points] += halved.restricted(np.where(slips, lumped, 0.0))
+        own = halved.at_coarse(np.where(slips, lacks, 0.0)) * self.problems[0].xi(self.v[0])
+        by_node[halved.coarse.line.nodes] -= own
+        return by_node
+
+    def shares(self, triangles: ElementGeometry) -> Array:
+        """(t,) what each triangle of the level may contribute to the error."""
+        halved, scene, frames, line = self.halved, self.scene, self.halved.level.frames, self.halved.coarse.line
+        e, z = self.u[1] - self.u[0], self.z
+        moved, rest, dual = (own_strain(halved.triangles, w) for w in (e, z - halved.interpolated(z), z))
+        lift = own_strain(halved.triangles, frames.cartesian(np.where(frames.fixed, frames.rows(e), 0.0)))
+        energies = (halved.gathered(_work(halved.triangles, a, a, scene)) for a in (moved, rest))
+        found = np.sqrt(math.prod(energies))
+        found += np.abs(halved.gathered(_work(halved.triangles, lift, dual, scene)))
+        xi = self.problems[0].xi(self.v[0]) / line.c
+        found += triangles.from_contact(line, np.abs(lumping(line, xi, halved.at_coarse(self.z_T))))
+        return found + self._heat_shares() if scene.material.expands else found
+
+    def _heat_shares(self) -> Array:
+        """(t,) k‖∇(θ_{h/2} − θ_h)‖_K ‖∇(ζ − I_h ζ)‖_K, or |β∫_K(θ_{h/2} − θ_h) div z| of a known θ."""
+        halved, scene, triangles, z = self.halved, self.scene, self.halved.triangles, self.z
+        known = scene.heat.theta
+        if known is not None and not isinstance(known, Expression):
+            return np.zeros(len(halved.coarse.mesh.triangles))
+        e = halved.level.temperature(scene).theta - halved.carry(halved.coarse.temperature(scene).theta)
+        if not needs_heat_solve(scene):
+            slope = triangles.gradient(z.reshape(2, -1).T)
+            mean = e[halved.level.mesh.triangles].mean(axis=1)
+            work = triangles.of_material(scene, "beta") * triangles.area * mean * (slope[:, 0, 0] + slope[:, 1, 1])
+            return np.abs(halved.gathered(work))
+        zeta, k = halved.dual_temperature(scene, z), triangles.of_material(scene, "k") * triangles.area
+        pair = (np.sum(triangles.gradient(w) ** 2, axis=1) for w in (e, zeta - halved.interpolated(zeta)))
+        return np.sqrt(math.prod(halved.gathered(k * square) for square in pair))
+
+
+def _work(triangles: ElementGeometry, a: Array, b: Array, scene: Scene) -> Array:
+    """(t,) ∫_K a:c b of strains that are constant on K (t, 3) [J/m]."""
+    stress = stress_of(a, *(triangles.of_material(scene, name) for name in ("lam", "mu")))
+    return triangles.area * ((stress * b) @ np.array([1.0, 1.0, 2.0]))
 
 
 def _nodal_forces(triangles: ElementGeometry, u: Array, scene: Scene) -> Array:

@@ -251,7 +251,7 @@ def test_a_tear_leaves_half_a_cell_times_the_fall_open() -> None:
     problem = level.condensed(study.scenes[0]).problem
     x = level.line.xy[:, 0]
     v = np.where(x > x[1], 0.06, 0.04)
-    widths = np.linalg.norm(level.line.ends[:, 1] - level.line.ends[:, 0], axis=1)
+    widths = level.line.lengths
     found = torn(level.line, problem, v)
     assert np.count_nonzero(found) == 1
     assert found.max() == pytest.approx(0.5 * widths[np.argmax(found)] * 0.007)
@@ -270,7 +270,7 @@ def test_falls_and_turns_between_two_nodes_are_tears_and_bends_are_not() -> None
     def tear(left: float, slip: float) -> float:
         return float((torn(level.line, problem, np.where(right, slip, left)) / width).sum())
 
-    width = np.linalg.norm(level.line.ends[:, 1] - level.line.ends[:, 0], axis=1)
+    width = level.line.lengths
     assert tear(0.0, 100.0) == pytest.approx(0.5 * 0.006, rel=2e-3)  # all of the fall in a cell
     assert tear(0.09, 0.11) == pytest.approx(0.5 * 0.5 * 0.006 * 0.1, rel=1e-6)  # a bend
     assert tear(-1e-9, 1e-9) == pytest.approx(0.5 * 0.02, rel=1e-6)  # a turn without a node that sticks

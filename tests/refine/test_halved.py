@@ -9,7 +9,7 @@ from tcstudy.contact.contact import solve_contact
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import Family
 from tcstudy.refine.goals import dual, goal_value
-from tcstudy.refine.halved import Halved, contributions
+from tcstudy.refine.halved import Halved, Pair
 from tcstudy.scene.study import Goal
 from tests.verification.scenes import study_of
 
@@ -34,8 +34,8 @@ def changes(text: str, goal: Goal) -> tuple[float, np.ndarray, Halved]:
     condensed, finer = coarse.condensed(scene), fine.condensed(scene)
     v, w = solve_contact(condensed.problem).v, solve_contact(finer.problem).v
     u = (halved.carry(coarse.displacement(scene, condensed, v)), fine.displacement(scene, finer, w))
-    z = fine.extension(scene, dual(goal, finer.problem, fine.line, w))
-    parts = contributions(goal, halved, scene, (condensed.problem, finer.problem), (v, w), u, z)
+    z_T = dual(goal, finer.problem, fine.line, w)
+    parts = Pair(goal, halved, scene, (condensed.problem, finer.problem), (v, w), u, z_T).contributions()
     values = goal_value(goal, finer.problem, fine.line, w), goal_value(goal, condensed.problem, coarse.line, v)
     return values[0] - values[1], parts, halved
 
@@ -76,5 +76,5 @@ def test_segments_of_the_contact_line_have_a_middle_and_two_parts() -> None:
     _, _, halved = changes(PULLED, GOALS[0])
     coarse, fine = halved.coarse.line, halved.level.line
     assert halved.level.mesh.points[halved.middles] == pytest.approx(coarse.ends.mean(axis=1), abs=1e-15)
-    lengths = [np.linalg.norm(line.ends[:, 1] - line.ends[:, 0], axis=1) for line in (coarse, fine)]
+    lengths = [line.lengths for line in (coarse, fine)]
     assert halved.on_segments(lengths[1]) == pytest.approx(lengths[0], rel=1e-12)
