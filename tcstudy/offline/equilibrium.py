@@ -24,12 +24,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from tcstudy.condense import Condensation, condense
+from tcstudy.fem.recovery import GAUSS
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
-"""Points on an edge at which linear functions are known; products of two are summed exactly."""
 SIDES = np.array([[0, 1], [1, 2], [2, 0]])
 CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1 / 3, 1 / 3]])
 PARTS = np.array([[0, 1, 3], [1, 2, 3], [2, 0, 3]])

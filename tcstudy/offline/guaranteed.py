@@ -27,9 +27,9 @@ from tcstudy.contact.problem import least_eigenpair
 from tcstudy.errors import GeometryFailed
 from tcstudy.fem.boundary import ContactLine
 from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.fem.recovery import GAUSS, ElementGeometry
 from tcstudy.fem.rigid import edge_arms, unknown
 from tcstudy.offline.equilibrium import (
-    GAUSS,
     Supports,
     edges_of,
     equilibrium_body,
@@ -70,12 +70,13 @@ class Band:
 def lambda_1_band(mesh: PlaneMesh, scene: Scene, line: ContactLine, A_tilde: Array) -> Band:
     """λ₁ of the body from both sides; A_tilde: (m, m) that of P1 on the mesh, all moduli those of the scene [Pa]."""
     supports, ties = _supports(mesh, scene.boundary, line)
-    lam, mu = moduli_of(mesh, scene)
+    triangles = ElementGeometry(mesh)
+    lam, mu = (triangles.of_material(scene, name) for name in ("lam", "mu"))
     body = equilibrium_body(mesh.points, mesh.triangles, mesh.segments, lam, mu, supports, ties)
     hat, x, error = least_eigenpair(body.A_hat, body.c)
     whole = body.condensation.expand(x)
     error += ROUNDINGS * float(np.finfo(float).eps) * float(body.diagonal @ whole**2) / hat
-    C2 = neglected(mesh.points, mesh.triangles, mesh.segments[line.which], np.minimum(mu, lam + mu))
+    C2 = neglected(triangles, line, np.minimum(mu, lam + mu))
     high = float(scipy.linalg.eigvalsh(A_tilde, mass_of(line), subset_by_index=[0, 0])[0])
     return Band(hat * (1.0 - error) / (1.0 + C2 * hat), hat, high * (1.0 + error))
 
@@ -86,15 +87,6 @@ def require_straight(mesh: PlaneMesh) -> None:
     if curved:
         what = f"a guarantee needs straight edges, but the mesh of {', '.join(curved)} is another body"
         raise GeometryFailed(f"{what}; draw straight edges, or leave guarantee out", ("mesh", "guarantee"))
-
-
-def moduli_of(mesh: PlaneMesh, scene: Scene) -> tuple[Array, Array]:
-    """(t,) λ and μ of every triangle [Pa]."""
-    lam, mu = np.empty((2, len(mesh.triangles)))
-    for where, material in scene.pieces:
-        inside = mesh.inside(where)
-        lam[inside], mu[inside] = material.lam, material.mu
-    return lam, mu
 
 
 def mass_of(line: ContactLine) -> Array:
@@ -156,18 +148,14 @@ def _ties(mesh: PlaneMesh, rigid: list[tuple[str, Rigid]]) -> sp.csr_array:
 # -- what linear tractions leave out ---------------------------------------------------------------
 
 
-def neglected(points: Array, triangles: Indices, contact: Indices, stiffness: Array) -> float:
+def neglected(triangles: ElementGeometry, line: ContactLine, stiffness: Array) -> float:
     """C² = max_K Σ_e sup_v ‖(I − π)v_T‖²_e/a_K(v,v) over triangles at Γ_C [m/Pa].
 
-    contact: (k, 2) segments of Γ_C, the body on their left;  stiffness: (t,) half the least of c, min(μ, λ + μ) [Pa]
+    stiffness: (t,) half the least of c, min(μ, λ + μ) [Pa]
     """
-    n = len(points)
-    ends = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2)
-    keys = (ends[..., 0] * n + ends[..., 1]).ravel()
-    order = np.argsort(keys)
-    found = order[np.searchsorted(keys[order], contact[:, 0] * n + contact[:, 1])]
-    owner, side = np.divmod(found, 3)
-    a, b, apex = (points[triangles[owner, (side + k) % 3]] for k in range(3))
+    owner, (a, b) = triangles.owner[line.which], np.moveaxis(line.ends, 1, 0)
+    corners, ends = triangles.mesh.triangles[owner], line.segments
+    apex = triangles.mesh.points[corners[(corners != ends[:, :1]) & (corners != ends[:, 1:])]]
     h = np.hypot(*(b - a).T)
     along, across = (b - a) / h[:, None], apex - a
     x = np.einsum("ij,ij->i", along, across) / h

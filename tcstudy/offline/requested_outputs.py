@@ -41,11 +41,9 @@ class RequestedOutputs:
 
     def of(self, scene: Scene, u_T: Array) -> dict[str, float]:
         """The numbers by variable name (data.on_request) at a solution u_T (m,) of a scene."""
-        level, wanted = self.level, self.output.quantities
-        u = level.displacement(scene, level.condensed(scene), u_T)
-        warm = scene.material.expands
-        theta = level.temperature(scene).theta if warm else np.zeros(level.mesh.n_points)
-        found: dict[str, float] = {}
+        level, wanted, mesh, found = self.level, self.output.quantities, self.level.mesh, dict[str, float]()
+        u, warm = level.displacement(scene, level.condensed(scene), u_T), scene.material.expands
+        theta = level.temperature(scene).theta if warm else np.zeros(mesh.n_points)
         if self.output.probes or "von_mises" in wanted:
             sigma = self._stress(scene, u, theta)
             found |= self._probes(u, theta if warm else theta + np.nan, sigma)
@@ -56,28 +54,26 @@ class RequestedOutputs:
                 found |= {"von_mises_max": float(size[worst]), "von_mises_x": float(x), "von_mises_y": float(y)}
         if "reactions" in wanted:
             found |= self._reactions(scene, u)
-        if "theta_edges" in wanted and warm:
-            mesh = level.mesh
-            for name, _ in scene.boundary:
-                ends = mesh.segments[mesh.on(name)]
-                length = np.hypot(*(mesh.points[ends[:, 1]] - mesh.points[ends[:, 0]]).T)
-                found[f"theta_mean_{name}"] = float(length @ theta[ends].mean(axis=1) / length.sum())
+        for name, _ in scene.boundary if "theta_edges" in wanted and warm else ():
+            ends = mesh.segments[mesh.on(name)]
+            length = np.hypot(*(mesh.points[ends[:, 1]] - mesh.points[ends[:, 0]]).T)
+            found[f"theta_mean_{name}"] = float(length @ theta[ends].mean(axis=1) / length.sum())
         return found
 
     def _stress(self, scene: Scene, u: Array, theta: Array) -> Array:
         """(t, 4) σ_xx, σ_yy, σ_xy, σ_zz of the triangles [Pa]."""
-        lam, mu, beta = (self._triangles.of_material(scene, name) for name in ("lam", "mu", "beta"))
-        strain, hot = own_strain(self._triangles, u), beta * theta[self.level.mesh.triangles].mean(axis=1)
+        triangles, strain = self._triangles, own_strain(self._triangles, u)
+        lam, mu, beta = (triangles.of_material(scene, name) for name in ("lam", "mu", "beta"))
         sigma = np.column_stack([stress_of(strain, lam, mu), lam * (strain[:, 0] + strain[:, 1])])
-        sigma[:, [0, 1, 3]] -= hot[:, None]
+        sigma[:, [0, 1, 3]] -= (beta * theta[triangles.mesh.triangles].mean(axis=1))[:, None]
         for where, material in scene.pieces:
-            sigma[self._triangles.inside(where), 3] *= material.plane == "strain"
+            sigma[triangles.inside(where), 3] *= material.plane == "strain"
         return sigma
 
     def _probes(self, u: Array, theta: Array, sigma: Array) -> dict[str, float]:
-        level, components, found = self.level, u.reshape(2, -1), dict[str, float]()
+        line, components, found = self.level.line, u.reshape(2, -1), dict[str, float]()
         for probe, (triangle, weights) in self._places.items():
-            nodes, start = level.mesh.triangles[triangle], f"probe_{probe.name}"
+            nodes, start = self.level.mesh.triangles[triangle], f"probe_{probe.name}"
             if triangle < 0:
                 continue
             at = components[:, nodes] @ weights
@@ -85,25 +81,24 @@ class RequestedOutputs:
             found |= {f"{start}_sigma_{c}": sigma[triangle, i] for i, c in enumerate(("xx", "yy", "xy"))}
             if probe.on_contact:
                 # the contact line's ends may be held, so that u_T is that of the segment that is nearest
-                k, share = level.line.nearest(probe.at)
-                (first, second), along = level.line.segments[k], level.line.ends[k, 1] - level.line.ends[k, 0]
-                value: Array = (1.0 - share) * components[:, first] + share * components[:, second]
+                k, share = line.nearest(probe.at)
+                first, second = components[:, line.segments[k]].T
+                along = line.ends[k, 1] - line.ends[k, 0]
+                value: Array = (1.0 - share) * first + share * second
                 found[f"{start}_u_T"] = float(value @ along) / float(np.hypot(*along))
         return {name: float(value) for name, value in found.items()}
 
     def _reactions(self, scene: Scene, u: Array) -> dict[str, float]:
         """Force of every support on the body, x and y; a node where two meet counts to the first, clamped before
         contact."""
-        level = self.level
-        rest = level.reactions(scene, u)
-        found: dict[str, float] = {}
-        taken = np.zeros(level.mesh.n_points, dtype=bool)
+        mesh, found = self.level.mesh, dict[str, float]()
+        rest, taken = self.level.reactions(scene, u).reshape(2, -1), np.zeros(mesh.n_points, dtype=bool)
         for name, role in sorted(scene.boundary, key=lambda item: not isinstance(item[1], Clamped)):
             if isinstance(role, Clamped | Contact):
-                nodes = level.mesh.nodes_on(name)
+                nodes = mesh.nodes_on(name)
                 nodes = nodes[~taken[nodes]]
                 taken[nodes] = True
-                x, y = rest.reshape(2, -1)[:, nodes].sum(axis=1)
+                x, y = rest[:, nodes].sum(axis=1)
                 found |= {f"reaction_{name}_x": float(x), f"reaction_{name}_y": float(y)}
         return found
 

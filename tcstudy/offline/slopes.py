@@ -17,6 +17,7 @@ Left out: the geometry, which moves the mesh.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -153,71 +154,59 @@ class WholeBody:
         return self.level.forces(u, change.moduli, change.springs)
 
 
-def law_slope(level: Level, scene: Scene, by: Sensitivity, at: Linearised) -> tuple[Array, Array]:
-    """(m,) ∂b/∂p at the slips of a solution, and of the kinks on which nodes rest; 0 where p is no number of the law.
+@dataclass(frozen=True, eq=False)
+class FrictionSlopes:
+    """Derivatives of friction by a number at the slips v of a solution; 0 where it is no number of a law.
+
+    b:      (m,) ∂b/∂p;  kinks: (m,) of those on which nodes rest
+    energy: of Σ c_i j_i, and of what nodes that rest on a moving kink do [J/m per unit of p]
+    omega:  of the law that falls most; NaN at a down-jump, where several fall as much and do not agree, and where that
+            is the law of a joint alone
+    """
+
+    b: Array
+    kinks: Array
+    energy: float = 0.0
+    omega: float = 0.0
+
+
+def friction_slopes(level: Level, scene: Scene, by: Sensitivity, at: Linearised) -> FrictionSlopes:
+    """Of a node that rests on a kink, v = κ(p): with b on the inner side of κ its energy has c (∂j/∂p + b κ′) − ξ κ′.
 
     Raises KeyError where no law has the parameter.
     """
-    b, kinks = np.zeros(len(at.v)), np.zeros(len(at.v))
+    b, kinks, energy, c = np.zeros(len(at.v)), np.zeros(len(at.v)), 0.0, at.problem.c
     if by.path[0] != "friction":
-        return b, kinks
-    for law, nodes, factor in _laws(level, scene, by.path):
-        slopes, s = law_slopes(law, number_of(by.path)), at.v[nodes]
-        b[nodes] += factor * slopes.value(s, law.piece(s))
-        if len(law.kinks):
-            kinks[nodes] += np.where(law.locate(s).on, slopes.kinks[law.nearest_kink(s)], 0.0)
-    return b, kinks
-
-
-def friction_energy(level: Level, scene: Scene, by: Sensitivity, at: Linearised) -> float:
-    """∂/∂p of Σ c_i j_i at the slips of a solution, and of what nodes that rest on a moving kink do [J/m per unit].
-
-    Of such a node v = κ(p): with b on the inner side of κ, c (∂j/∂p + b κ′) − ξ κ′.
-    """
-    if by.path[0] != "friction":
-        return 0.0
-    found, c, law = 0.0, at.problem.c, at.problem.law
-    for own, nodes, factor in _laws(level, scene, by.path):
-        slopes = law_slopes(own, number_of(by.path))
-        found += float(np.sum(c[nodes] * factor * slopes.potential(at.v[nodes])))
-    kinks = law_slope(level, scene, by, at)[1]
+        return FrictionSlopes(b, kinks)
+    falls: list[tuple[float, float]] = []
+    for law, nodes, factor, named in _laws(level, scene, by.path):
+        most, change = float(np.max(factor, initial=0.0)), 0.0
+        if named:
+            slopes, s = law_slopes(law, number_of(by.path)), at.v[nodes]
+            b[nodes] += factor * slopes.value(s, law.piece(s))
+            if len(law.kinks):
+                kinks[nodes] += np.where(law.locate(s).on, slopes.kinks[law.nearest_kink(s)], 0.0)
+            energy += float(np.sum(c[nodes] * factor * slopes.potential(s)))
+            change = most * slopes.omega()
+        falls.append((most * law.omega if law.omega else 0.0, change))
     if np.any(kinks[at.rest]):
-        left, right = law.limits(law.nearest_kink(at.v))
-        inner = np.where(at.v > 0.0, left, right)
-        found += float(((c * inner - at.problem.xi(at.v)) * kinks)[at.rest].sum())
-    return found
-
-
-def omega_slope(level: Level, scene: Scene, by: Sensitivity) -> float:
-    """∂ω/∂p of the law that falls most; NaN at a down-jump, where several fall as much and do not agree, and where that
-    is the law of a joint alone."""
-    if by.path[0] != "friction":
-        return 0.0
-    every = _laws(level, scene, ())
-    falls = [float(np.max(factor, initial=0.0)) * law.omega if law.omega else 0.0 for law, _, factor in every]
-    named = [law for law, _, _ in _laws(level, scene, by.path)]
-    largest, found = max(falls), []
+        law = at.problem.law
+        inner = np.where(at.v > 0.0, *law.limits(law.nearest_kink(at.v)))
+        energy += float(((c * inner - at.problem.xi(at.v)) * kinks)[at.rest].sum())
+    largest = max(fall for fall, _ in falls)
     if not np.isfinite(largest) or abs(largest - level.law(scene).omega) > 1e-9 * largest:
-        return float("nan")
-    for (law, _, factor), fall in zip(every, falls, strict=True):
-        if fall >= largest * (1.0 - 1e-9):
-            own = any(law is one for one in named)
-            found.append(
-                float(np.max(factor, initial=0.0)) * law_slopes(law, number_of(by.path)).omega() if own else 0.0
-            )
-    return agreed(np.array(found))
+        return FrictionSlopes(b, kinks, energy, float("nan"))
+    found = np.array([change for fall, change in falls if fall >= largest * (1.0 - 1e-9)])
+    return FrictionSlopes(b, kinks, energy, agreed(found))
 
 
-def _laws(level: Level, scene: Scene, path: tuple[str, ...]) -> list[tuple[Laws, Index, Array]]:
-    """(law, its nodes, its factor in their laws) of the laws that a parameter belongs to."""
-    friction = scene.friction
+def _laws(level: Level, scene: Scene, path: tuple[str, ...]) -> Iterator[tuple[Laws, Index, Array, bool]]:
+    """(law, its nodes, its factor in their laws, whether the parameter belongs to it)."""
+    friction, line = scene.friction, level.line
     if isinstance(friction, Laws):
-        nodes = np.arange(level.line.m, dtype=np.intp)
-        return [(friction, nodes, np.ones(len(nodes)))]
-    line = level.line
+        yield friction, np.arange(line.m, dtype=np.intp), np.ones(line.m), True
+        return
     factors = friction.factors(line.edge_names, line.edge, line.xy, line.joints)
-    return [
-        (law, np.flatnonzero(~np.isnan(factor)), factor[~np.isnan(factor)])
-        for (edge, law, _), factor in zip(friction.laws, factors, strict=True)
-        if edge in ("", *path) or not path
-    ]
+    for (edge, law, _), factor in zip(friction.laws, factors, strict=True):
+        nodes = np.flatnonzero(~np.isnan(factor))
+        yield law, nodes, factor[nodes], edge in ("", *path)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tcstudy.contact.linearised import EVENT, Linearised
 from tcstudy.data.on_request import AT_EVENT, AT_FOLD, DIFFERENTIABLE, EVENTS, STATUS, name_of
 from tcstudy.offline.level import Level
-from tcstudy.offline.slopes import Change, WholeBody, change_of, friction_energy, law_slope, omega_slope
+from tcstudy.offline.slopes import Change, WholeBody, change_of, friction_slopes
 from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.records import Scene
 
@@ -25,8 +25,8 @@ Rates = tuple[Array, Array, float]
 def rates_of(whole: WholeBody, number: Sensitivity, at: Linearised, change: Change) -> Rates:
     """Derivatives by a number at a solution. Raises KeyError for one that the scene does not have."""
     right = whole.right_side(change)
-    b, kinks = law_slope(whole.level, whole.scene, number, at)
-    dv = at.step(right - at.problem.c * b, kinks)
+    friction = friction_slopes(whole.level, whole.scene, number, at)
+    dv = at.step(right - at.problem.c * friction.b, friction.kinks)
     return dv, right - at.problem.A_tilde @ dv, change.theta_mean
 
 
@@ -42,6 +42,7 @@ def of_point(level: Level, scene: Scene, v: Array, numbers: tuple[Sensitivity, .
         try:
             change = change_of(level, scene, number)
             dv, dxi, theta_mean = rates_of(whole, number, at, change)
+            friction = friction_slopes(level, scene, number, at)
         except KeyError:  # a law of the sweep that has no such parameter
             continue
         values = {
@@ -49,8 +50,8 @@ def of_point(level: Level, scene: Scene, v: Array, numbers: tuple[Sensitivity, .
             "friction_resultant": float(dxi.sum()),
             "theta_mean": theta_mean,
             "lambda_1": whole.lambda_1(change),
-            "omega": omega_slope(level, scene, number),
-            "energy": whole.energy(change) + friction_energy(level, scene, number, at),
+            "omega": friction.omega,
+            "energy": whole.energy(change) + friction.energy,
         }
         found |= {name_of(quantity, number.name): value for quantity, value in values.items()}
     return found
