@@ -37,7 +37,7 @@ LAW_ERROR = 1e-3
 class Equilibria:
     """The solutions of one problem, lowest energy first.
 
-    v:         (S, m) slips [m], each proved to be within rounding of one solution
+    v:         (S, m) slips [m], each proved to be within rounding of one solution;  xi: (S, m) l̃ − Ãv [N/m]
     energy:    (S,) L̃ [J/m];  stable: (S,) strict local minimum
     sides:     (S, m) side of its polygon that every node is on, which tells solutions apart
     complete:  True if these are proved to be all;  reason: why they are not, "" if they are
@@ -47,6 +47,7 @@ class Equilibria:
     """
 
     v: Array
+    xi: Array
     energy: Array
     stable: Flags
     sides: Index
@@ -91,10 +92,9 @@ def of_rows(
         stable = is_stable(problems, np.full(len(sides), i), sides, lambda_1)
         undecided, order = cells.sides[own & ~inside & ~outside], np.argsort(energy, kind="stable")
         reason = _reason(int(cells.boxes[i]), bool(cells.stopped[i]), len(undecided), len(sides), limits)
-        found.append(
-            Equilibria(v[sure][order], energy[order], stable[order], sides[order], not reason, reason, undecided,
-                      int(cells.boxes[i]))
-        )  # fmt: skip
+        own_v, told = v[sure][order], (not reason, reason, undecided, int(cells.boxes[i]))
+        xi = loads[i] - own_v @ A_tilde
+        found.append(Equilibria(own_v, xi, energy[order], stable[order], sides[order], *told))
     return found
 
 

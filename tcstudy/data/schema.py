@@ -193,6 +193,7 @@ SOLUTION: tuple[FileVariable, ...] = (
     FileVariable("solution_energy", "f8", "J m-1", "energy of the equilibrium", _SOLUTION),
     FileVariable("solution_stable", "i1", "1", "strict local minimum", _SOLUTION, extra=flags("unstable", "stable")),
     FileVariable("solution_u_T", "f8", "m", "tangential displacement", (*_SOLUTION, "node")),
+    FileVariable("solution_xi", "f8", "Pa", "tangential traction -S_T", (*_SOLUTION, "node")),
     FileVariable("solution_piece", "i4", "1", "side of the law's graph", (*_SOLUTION, "node"), comment=_SIDES),
 )
 """All solutions of all points of a level, those of a point one after the other, lowest energy first."""

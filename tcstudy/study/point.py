@@ -190,10 +190,10 @@ def block_numbers(
     return {name: np.asarray(value, dtype=float) for name, value in values.items()}
 
 
-def every_solution(found: Every, factor: Array, constant: Array) -> tuple[dict[str, Array], dict[str, Array]]:
+def every_solution(found: Every, factor: Array, condensed: CondensedBlock) -> tuple[dict[str, Array], dict[str, Array]]:
     """What a block stores of all solutions of its points: (P,) by variable name, and one row a solution.
 
-    factor, constant: as in `block_numbers` and of `_results`
+    factor: as in `block_numbers`
     """
     count = np.array([len(one) for one in found.solutions])
     complete = np.array([one.complete for one in found.solutions], dtype=bool)
@@ -205,9 +205,10 @@ def every_solution(found: Every, factor: Array, constant: Array) -> tuple[dict[s
     row = np.repeat(np.arange(len(count)), count)
     solutions: dict[str, Any] = {
         "row": row,
-        "energy": np.concatenate([one.energy for one in found.solutions]) * factor[row] + constant[row],
+        "energy": np.concatenate([one.energy for one in found.solutions]) * factor[row] + condensed.constant[row],
         "stable": np.concatenate([one.stable for one in found.solutions]).astype(np.int8),
         "u_T": np.concatenate([one.v for one in found.solutions]),
+        "xi": np.concatenate([one.xi for one in found.solutions]) * factor[row, None] / condensed.c,
         "piece": np.concatenate([one.sides for one in found.solutions]).astype(np.int32),
     }
     return {name: np.asarray(values, dtype=float) for name, values in numbers.items()}, solutions

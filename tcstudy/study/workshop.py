@@ -202,7 +202,7 @@ class Workshop:
         count = len(block.points)
         numbers, solutions = block_numbers(condensed, factor, answers, xi, sticks), dict[str, Array]()
         if isinstance(found, Every):
-            more, solutions = every_solution(found, factor, condensed.constant)
+            more, solutions = every_solution(found, factor, condensed)
             numbers |= more
         return BlockRecord(
             number=block.number,

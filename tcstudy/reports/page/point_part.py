@@ -69,10 +69,33 @@ def line_part(stored: Stored, level: int, box: Container) -> Json:
         "u_T": box.rows(u_T),
         "xi": box.rows(xi),
         **held,
+        **_equilibria(stored, group, box),
         "state": box.array(_states(stored, group, u_T), "i1"),
         "u_T_units": str(group["u_T"].attrs["units"]),
         "xi_units": str(group["xi"].attrs["units"]),
         "rest": at_rest(stored.study),
+    }
+
+
+def _equilibria(stored: Stored, group: Any, box: Container) -> Json:
+    """All solutions of all points where they are stored, those of a point one after the other, lowest first."""
+    if "solution_u_T" not in group:
+        return {}
+    point, (u_T, xi) = group["solution_point"].values, (group[f"solution_{name}"].values for name in ("u_T", "xi"))
+    states, (frictions, of) = np.zeros(u_T.shape, dtype=np.int8), frictions_of(stored.study)
+    for k, friction in enumerate(frictions):
+        own = np.flatnonzero(of[point] == k)
+        law = law_of_nodes(friction, group)
+        states[own] = each(law, node_states, u_T[own].T, np.zeros(u_T[own].T.shape, dtype=bool)).T
+    return {
+        "every": {
+            "first": box.array(np.searchsorted(point, np.arange(stored.data["status"][..., -1].size + 1)), "i4"),
+            "energy": box.array(group["solution_energy"].values),
+            "stable": box.array(group["solution_stable"].values, "i1"),
+            "u_T": box.rows(u_T),
+            "xi": box.rows(xi),
+            "state": box.array(states, "i1"),
+        }
     }
 
 

@@ -17,13 +17,13 @@ ROOM_FOR_DOUBLES = 300_000
 """Bytes of numbers up to which the page has all digits; beyond it has seven (the energy always has all)."""
 
 QUANTITIES = (
-    "u_T_max", "slip_length", "friction_resultant", "energy", "theta_mean", "uniqueness_margin", "inclusion_residual",
+    "u_T_max", "solutions", "stable_solutions", "slip_length", "friction_resultant", "energy", "theta_mean", "uniqueness_margin", "inclusion_residual",
     "error_estimate", "goal", "goal_estimate", "goal_error", "iterations", "lambda_1", "omega", "time_solve",
     "time_condense", "heat_balance", "evaluations",
 )  # fmt: skip
 """Numbers by sweep point and level in the order in which they are offered; after the first come those asked for."""
 
-FLAGS = ("status", "unique", "strict_minimum", "global_minimum", "heat_status", "start_used")
+FLAGS = ("status", "unique", "strict_minimum", "global_minimum", "heat_status", "start_used", "complete")
 LEVEL_NUMBERS = ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble")
 
 

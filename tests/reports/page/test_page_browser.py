@@ -15,6 +15,9 @@ from tests.reports.figures import draw_cases
 from tests.reports.page.browser import Browser, fragment, missing, text_of
 from tests.reports.page.conftest import STUDY
 
+CONFIGS = Path(__file__).parents[3] / "configs"
+LEVEL = ("mesh.levels=1", "output.fields=false")
+
 pytestmark = [pytest.mark.browser, pytest.mark.skipif(bool(missing()), reason=missing())]
 
 
@@ -41,6 +44,28 @@ def test_a_click_on_a_cell_shows_its_point(shown: Browser) -> None:
     shown.run("document.querySelector('[data-point=\"1\"]').dispatchEvent(new MouseEvent('click', {bubbles: true}))")
     assert fragment(shown)["at"] == "0,1"
     assert "θ̄ = 0 K, friction: weak" in text_of(shown, "#point")
+
+
+def test_every_equilibrium_of_a_point_can_be_looked_at(browser: Browser, tmp_path: Path) -> None:
+    film = "friction={law: piecewise-linear, points: [[0, 25 MPa], [15 um, 25 MPa], [15 um, 5 MPa]]}"
+    sweep = "sweep={boundary.end.g: [[12 MPa, 0], [16 MPa, 0]], theta_bar: [0 K, 10 K]}"
+    study = read_study_text(
+        (CONFIGS / "quickstart.yaml").read_text(), "all", [film, sweep, *LEVEL, "solver.branch=all"]
+    )
+    execute(study, tmp_path / "all.nc")
+    browser.open(write_page(tmp_path / "all.nc", tmp_path / "all.html").path, "#at=0,1&q=solutions")
+    assert "3 of 3 equilibria, proved" in text_of(browser, "#point")
+    slips = (
+        "return document.querySelector('[aria-label=\"slip along the contact line\"] path[stroke]').getAttribute('d')"
+    )
+    stored = browser.run(slips)
+    browser.run("document.querySelector('[aria-label=\"equilibrium 2\"]').click()")
+    assert fragment(browser)["eq"] == "2"
+    assert browser.run(slips) != stored
+    browser.run("document.querySelector('[data-point=\"0\"]').dispatchEvent(new MouseEvent('click', {bubbles: true}))")
+    assert "9 of 9 equilibria, proved" in text_of(browser, "#point")
+    assert fragment(browser)["eq"] == "0"
+    assert browser.complaints() == []
 
 
 def test_arrow_keys_and_letters(shown: Browser, page: Path) -> None:

@@ -12,7 +12,7 @@ TC.writeState = function () {
   if (hash !== location.hash) history.replaceState(null, "", hash);
 };
 TC.set = function (changes) {
-  Object.assign(TC.state, changes);
+  Object.assign(TC.state, changes.at ? { eq: 0 } : {}, changes);
   TC.writeState();
   TC.draw();
 };

@@ -39,12 +39,15 @@ TC.point = {
     } else if (line) {
       const shownLevel = d.lines[String(level)] === line ? level : r.nlevels - 1;
       const cases = [p, vs].filter((k) => k !== null && TC.point.line(k, level)).map((k) => TC.point.contact(TC.point.line(k, level), k));
+      const shown = TC.point.equilibrium(line, p);
+      if (shown !== null) cases[0] = { ...cases[0], ...TC.point.state(line, shown) };
       const width = TC.width(left), frame = TC.point.frame(line, width);
       TC.point.left = left;
       if (frame.shape) TC.point.bodyPanel(left, p, line, frame);
       TC.point.profiles(left, line, cases, frame, shownLevel !== level ? `level ${shownLevel} (the page holds no contact line of level ${level})` : "");
       TC.point.law(right, line, cases, p, vs);
     } else if (proof !== "failed") left.append(TC.note("The page was made without contact lines; the file has them."));
+    if (line && line.every) TC.point.equilibria(right, line, p);
     TC.point.energies(right, p, level);
     TC.point.table(right, p, vs, level);
   },
@@ -52,6 +55,20 @@ TC.point = {
   contact(line, p) {
     const q = TC.point.own(p), m = line.x.length;
     return { line, u: TC.row(line.u_T, q), held: line.held_u_T ? TC.row(line.held_u_T, q) : null, xi: TC.row(line.xi, q), state: line.state.subarray(q * m, (q + 1) * m) };
+  },
+  // Of points whose equilibria are all stored: the number of the one chosen among those of the line, null for the solution.
+  equilibrium(line, p) {
+    if (!line.every) return null;
+    const q = TC.point.own(p), first = line.every.first[q], k = Number(TC.state.eq) || 0;
+    return k < line.every.first[q + 1] - first ? first + k : null;
+  },
+  state(line, k) { const m = line.x.length, e = line.every; return { u: TC.row(e.u_T, k), xi: TC.row(e.xi, k), state: e.state.subarray(k * m, (k + 1) * m) }; },
+  equilibria(host, line, p) {
+    const q = TC.point.own(p), e = line.every, first = e.first[q], count = e.first[q + 1] - first, all = TC.run.flag("complete", p, TC.state.level), units = TC.data.run.numbers.energy.units, chosen = TC.point.equilibrium(line, p);
+    const told = all === 1 ? `${count} of ${count} equilibria, proved` : all === 2 ? `${count} equilibria of the law's polygon` : `at least ${count} equilibria`;
+    host.append(TC.h3(told), TC.note("by energy; a click shows the state along the contact line and on the law"), TC.el("div", { class: "minima" }, [...Array(Math.min(count, 100)).keys()].map((k) =>
+      TC.el("button", { "aria-label": `equilibrium ${k}`, "aria-pressed": first + k === chosen ? "true" : "false", onclick: () => TC.set({ eq: k }) },
+        `${k ? "+ " + TC.quantity(e.energy[first + k] - e.energy[first], units, 4) : TC.quantity(e.energy[first], units, 6)}, ${e.stable[first + k] ? "stable" : "unstable"}`))));
   },
   // u_T at a held end of a part: as stored, or 0 where every clamped edge is at rest; NaN where it is not known.
   heldSlip: (c, part, e) => (!part.held[e] ? NaN : c.held && part.ends[e] >= 0 ? c.held[part.ends[e]] : c.line.rest ? 0 : NaN),

@@ -18,6 +18,7 @@ TC.run = {
     s.level = TC.run.whole(given.level, r.nlevels, r.nlevels - 1);
     s.at = TC.run.place(given.at) || TC.run.worst();
     s.vs = TC.run.place(given.vs) || null;
+    s.eq = TC.run.whole(given.eq, 1e6, 0);
     s.deform = given.deform !== undefined && Number.isFinite(Number(given.deform)) ? Number(given.deform) : 1;
     s.sort = given.sort !== undefined ? Number(given.sort) : -1;
     s.down = given.down === "1" ? 1 : 0;
