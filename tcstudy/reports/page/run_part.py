@@ -17,9 +17,9 @@ ROOM_FOR_DOUBLES = 300_000
 """Bytes of numbers up to which the page has all digits; beyond it has seven (the energy always has all)."""
 
 QUANTITIES = (
-    "u_T_max", "solutions", "stable_solutions", "slip_length", "friction_resultant", "energy", "theta_mean", "uniqueness_margin", "inclusion_residual",
-    "error_estimate", "goal", "goal_estimate", "goal_error", "iterations", "lambda_1", "omega", "time_solve",
-    "time_condense", "heat_balance", "evaluations",
+    "u_T_max", "solutions", "stable_solutions", "slip_length", "friction_resultant", "energy", "theta_mean",
+    "uniqueness_margin", "inclusion_residual", "error_estimate", "goal", "goal_estimate", "goal_error", "iterations",
+    "lambda_1", "omega", "time_solve", "time_condense", "heat_balance", "evaluations",
 )  # fmt: skip
 """Numbers by sweep point and level in the order in which they are offered; after the first come those asked for."""
 
