@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,14 +19,7 @@ from tcstudy.accuracy.corners import sticking_near, vertices
 from tcstudy.accuracy.expected import Expected, HeldEnds, expected_orders, smooth_up_to, smoothness
 from tcstudy.accuracy.rates import ROUNDING, Fit, fit, log_share, richardson, rounding_level
 from tcstudy.accuracy.transfer import NotNested
-from tcstudy.data.measured import (
-    ERRORS,
-    NUMBERS,
-    Convergence,
-    ErrorSeries,
-    NumberSeries,
-    PointConvergence,
-)
+from tcstudy.data.measured import ERRORS, NUMBERS, VERDICTS, Measured
 from tcstudy.exact.numbers import exact_energy, exact_friction_resultant, exact_slip_length
 from tcstudy.fem.study_meshes import graded_points
 from tcstudy.scene.records import Scene
@@ -115,7 +109,7 @@ def without_errors(study: Study) -> str:
     return f"{NO_REFERENCE}; give more levels, or the exact solution"
 
 
-def of_body(study: Study, say: Say, length: Length) -> Convergence:
+def of_body(study: Study, say: Say, length: Length) -> Measured:
     """Solve all levels of a study with one body and measure their convergence.
 
     say: called with a line of text as work goes on;  length: how that has h
@@ -124,20 +118,17 @@ def of_body(study: Study, say: Say, length: Length) -> Convergence:
     with threadpool_limits(1, user_api="blas"):
         levels = solve_levels(study, say, length)
         reference, words, compared, notes = _reference(study, levels)
-        points = tuple(
+        points = [
             _point(study, levels, reference, compared, index, scene)
             for index, scene in zip(np.ndindex(study.shape), study.scenes, strict=True)
-        )
-    notes += _notes(study, levels, reference, points)
-    return Convergence(
-        h_max=np.array([level.h_max for level in levels]),
-        n_dof=np.array([level.n_dof for level in levels], dtype=np.int32),
-        n_contact=np.array([len(level.line.nodes) for level in levels], dtype=np.int32),
-        reference=words,
-        compared=compared,
-        points=points,
-        notes=tuple(notes),
-    )
+        ]
+    meshes = {
+        "h_max": np.array([level.h_max for level in levels]),
+        "n_dof": np.array([level.n_dof for level in levels], dtype=np.int32),
+        "n_contact": np.array([len(level.line.nodes) for level in levels], dtype=np.int32),
+        "compared": compared,
+    }
+    return Measured(points, meshes, words, [*notes, *_notes(study, levels, reference, points)])
 
 
 def _reference(study: Study, levels: list[SolvedLevel]) -> tuple[Reference | None, str, Mask, list[str]]:
@@ -185,23 +176,23 @@ def _point(
     compared: Mask,
     index: tuple[int, ...],
     scene: Scene,
-) -> PointConvergence:
+) -> dict[str, Any]:
+    """What the file has of a point, by name: its status, errors with their rates, numbers with their limits."""
     solutions = [level.solutions[index] for level in levels]
     h = np.array([level.h_max for level in levels])
     ok = np.array([s.ok for s in solutions])
+    point: dict[str, Any] = {"status": np.array([s.status for s in solutions], dtype=np.int8)}
     expected = orders_to_expect(study, levels[-1], solutions[-1], scene)
     found: list[Errors] = [{} for _ in levels]
     for i in np.flatnonzero(compared):  # of none without a reference
         assert reference is not None
         found[i] = with_meaning(reference.errors(int(i), index, scene), scene)
     size = float(np.linalg.norm(np.ptp(levels[-1].mesh.points, axis=0)))
-    errors = {}
-    for measure in ERRORS:
-        pairs = [one.get(measure.name) for one in found]
-        nested, aim = study.exact is None, Acceptance(study.solver.tolerance).aim
-        series = _error_series(h / size, pairs, ok & compared, expected[measure.name], aim, nested)
-        if series is not None:
-            errors[measure.name] = series
+    nested, aim = study.exact is None, Acceptance(study.solver.tolerance).aim
+    for name in (measure.name for measure in ERRORS):
+        pairs = [one.get(name) for one in found]
+        series = _error_series(h / size, pairs, ok & compared, expected[name], aim, nested)
+        point |= {f"{part}_{name}": value for part, value in series.items()}
     exact = {}
     if isinstance(reference, ExactReference):
         assert study.exact is not None
@@ -210,50 +201,48 @@ def _point(
             "energy": exact_energy(study.exact, scene, levels[-1].mesh),
             "slip_length": exact_slip_length(study.exact, scene),
         }
-    return PointConvergence(index, tuple(s.status for s in solutions), errors, _numbers(h, solutions, ok, exact))
-
-
-def _error_series(
-    h: Array, found: list[tuple[float, float] | None], usable: Mask, expected: Expected, tolerance: float, nested: bool
-) -> ErrorSeries | None:
-    """One error over the levels, h over the size of the body; None if nowhere measured or if its reference vanishes."""
-    size = next((pair[1] for pair in reversed(found) if pair is not None), 0.0)
-    if size == 0.0:
-        return None
-    error = np.array([pair[0] / size if pair is not None else np.nan for pair in found])
-    fitted = fit(h, error, usable, rounding_level(h, tolerance))
-    log = log_share(h[usable & (np.arange(len(h)) >= fitted.first)]) if expected.log else 0.0
-    return ErrorSeries(
-        error=error,
-        size=size,
-        rate=fitted.rates,
-        slope=fitted.slope,
-        slope_error=fitted.standard_error,
-        first_level=fitted.first,
-        verdict=verdict(fitted, expected.order, nested, log, expected.analysed),
-        expected=expected.order,
-        reason=expected.reason,
-    )
-
-
-def _numbers(h: Array, solutions: list[Solution], ok: Mask, exact: dict[str, float]) -> dict[str, NumberSeries]:
-    series: dict[str, NumberSeries] = {}
     for name in (measure.name for measure in NUMBERS):
         values = np.array([s.numbers.get(name, np.nan) for s in solutions])
         if not np.isfinite(values).any():
             continue
-        if name == "heat_balance":  # rounding on every level: nothing to extrapolate
-            series[name] = NumberSeries(values, np.full(len(h), np.nan), np.nan, np.nan, np.nan, 0.0)
-            continue
-        limit = richardson(h, values, ok)
-        series[name] = NumberSeries(
-            values, limit.orders, limit.value, limit.uncertainty, limit.order, exact.get(name, np.nan)
-        )
-    return series
+        parts = {
+            "value": values,
+            **dict.fromkeys(("order", "limit", "uncertainty", "limit_order"), np.nan),
+            "exact": 0.0,
+        }
+        if name != "heat_balance":  # rounding on every level: nothing to extrapolate
+            limit = richardson(h, values, ok)
+            parts |= {"order": limit.orders, "limit": limit.value, "uncertainty": limit.uncertainty}
+            parts |= {"limit_order": limit.order, "exact": exact.get(name, np.nan)}
+        point |= {f"{part}_{name}": value for part, value in parts.items()}
+    return point
+
+
+def _error_series(
+    h: Array, found: list[tuple[float, float] | None], usable: Mask, expected: Expected, tolerance: float, nested: bool
+) -> dict[str, Any]:
+    """One error over the levels, h over the size of the body; {} if nowhere measured or if its reference vanishes."""
+    size = next((pair[1] for pair in reversed(found) if pair is not None), 0.0)
+    if size == 0.0:
+        return {}
+    error = np.array([pair[0] / size if pair is not None else np.nan for pair in found])
+    fitted = fit(h, error, usable, rounding_level(h, tolerance))
+    log = log_share(h[usable & (np.arange(len(h)) >= fitted.first)]) if expected.log else 0.0
+    return {
+        "error": error,
+        "size_squared": size**2,
+        "rate": fitted.rates,
+        "slope": fitted.slope,
+        "slope_error": fitted.standard_error,
+        "first_level": fitted.first,
+        "verdict": VERDICTS.index(verdict(fitted, expected.order, nested, log, expected.analysed)),
+        "expected": expected.order,
+        "reason": expected.reason,
+    }
 
 
 def _notes(
-    study: Study, levels: list[SolvedLevel], reference: Reference | None, points: tuple[PointConvergence, ...]
+    study: Study, levels: list[SolvedLevel], reference: Reference | None, points: list[dict[str, Any]]
 ) -> Iterator[str]:
     if isinstance(reference, ExactReference):
         worst = max(reference.inclusion(scene) for scene in study.scenes)
@@ -286,7 +275,7 @@ def _notes(
             "different ones; rates that jump are a sign of it."
         )
     if study.exact is not None and not study.exact.derived:
-        series = [point.errors["u_energy"].error for point in points if "u_energy" in point.errors]
+        series = [point["error_u_energy"] for point in points if "error_u_energy" in point]
         if stuck := sum(bool(len(e) > 1 and e[-1] > max(STUCK * e[0], ROUNDING)) for e in series):
             yield (
                 f"The error of u does not fall at {stuck} of {len(points)} points, as where the exact solution does "

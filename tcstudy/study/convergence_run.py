@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tcstudy.data.files import check_writable
-from tcstudy.data.measured import Convergence, PointConvergence, write_convergence
+from tcstudy.data.measured import LEVELS, Measured, convergence_record
 from tcstudy.data.provenance import collect, tell
 from tcstudy.data.records import PointStatus
+from tcstudy.data.store import missing, write_record
 from tcstudy.data.writer import geometry_place, outer_axes
 from tcstudy.errors import ConvergenceError, GeometryFailed, StoreError
 from tcstudy.scene.study import Study, Variant
@@ -37,12 +37,12 @@ def converge_to_file(
     if problems := check_writable(path, 1_000_000):
         raise StoreError("; ".join(problems))
     tell(remarks := warnings(study))
-    convergence = converge(study, say, length)
-    write_convergence(path, study, convergence, collect(study, command, remarks=remarks))
-    return sum(status != PointStatus.OK for point in convergence.points for status in point.status)
+    measured = converge(study, say, length)
+    write_record(path, study, convergence_record(study, measured), collect(study, command, remarks=remarks))
+    return int(np.count_nonzero([point["status"] != PointStatus.OK for point in measured.points]))
 
 
-def converge(study: Study, say: Say = lambda text: None, length: Length = BARE) -> Convergence:
+def converge(study: Study, say: Say = lambda text: None, length: Length = BARE) -> Measured:
     """The convergence of a study.
 
     say: called with a line of text as work goes on;  length: how that has h
@@ -51,12 +51,12 @@ def converge(study: Study, say: Say = lambda text: None, length: Length = BARE) 
     return (_of_geometries if study.variants else of_body)(study, say, length)
 
 
-def _of_geometries(study: Study, say: Say, length: Length) -> Convergence:
+def _of_geometries(study: Study, say: Say, length: Length) -> Measured:
     """The convergence of all geometries, each measured on its own levels.
 
     Raises GeometryFailed if none has a mesh.
     """
-    found: list[tuple[Variant, Convergence]] = []
+    found: list[tuple[Variant, Measured]] = []
     lost: list[tuple[Variant, str]] = []
     for variant in study.variants:
         reason = variant.reason
@@ -70,22 +70,16 @@ def _of_geometries(study: Study, say: Say, length: Length) -> Convergence:
             lost.append((variant, reason))
     if not found:
         raise GeometryFailed(f"no geometry of the sweep has a mesh ({lost[0][0].words}: {lost[0][1]})", ("sweep",))
-    index = [tuple(int(i) for i in np.unravel_index(place, study.shape)) for place in range(len(study.scenes))]
-    none = (PointStatus.MESH_FAILED,) * study.mesh.levels
-    points = [
-        replace(point, index=index[place])
-        for variant, one in found
-        for place, point in zip(variant.places, one.points, strict=True)
-    ]
-    points += [PointConvergence(index[place], none, {}, {}) for variant, _ in lost for place in variant.places]
+    none = {"status": np.full(study.mesh.levels, PointStatus.MESH_FAILED, dtype=np.int8)}
+    points: list[Mapping[str, Any]] = [none] * len(study.scenes)
     sizes = study.shape if study.mode != "grid" else tuple(len(axis.values) for axis in outer_axes(study))
-    by_level: dict[str, Any] = {}
-    for name, missing in (("h_max", np.nan), ("n_dof", -1), ("n_contact", -1), ("compared", False)):
-        kind = getattr(found[0][1], name).dtype
-        by_level[name] = np.full((*sizes, study.mesh.levels), missing, dtype=kind)
-        for variant, one in found:
-            by_level[name][geometry_place(study, variant)] = getattr(one, name)
+    meshes = {v.name: missing(v, (*sizes, study.mesh.levels)) for v in LEVELS}
+    for variant, one in found:
+        for place, point in zip(variant.places, one.points, strict=True):
+            points[place] = point
+        for name, values in meshes.items():
+            values[geometry_place(study, variant)] = one.meshes[name]
     words = list(dict.fromkeys(one.reference for _, one in found))
     notes = [f"refused, {variant.words}: {reason}" for variant, reason in lost]
     notes += map(str, once([(variant.words, one.notes) for variant, one in found]))
-    return Convergence(reference="; or ".join(words), points=tuple(points), notes=tuple(notes), **by_level)
+    return Measured(points, meshes, "; or ".join(words), notes)

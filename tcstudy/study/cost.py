@@ -12,6 +12,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +20,10 @@ from threadpoolctl import threadpool_limits
 
 from tcstudy.accuracy.rates import dominated
 from tcstudy.data.files import check_writable
-from tcstudy.data.measured import MEASURES, STAGES, Cost, write_cost
+from tcstudy.data.measured import COST_TABLE, MEASURES, STAGES
 from tcstudy.data.provenance import collect, tell
 from tcstudy.data.records import PointStatus
+from tcstudy.data.store import Record, write_record
 from tcstudy.errors import CostError, GeometryFailed, StoreError
 from tcstudy.exact.numbers import exact_friction_resultant
 from tcstudy.laws.composed import EdgeLaws
@@ -50,11 +52,12 @@ def cost_to_file(
     tell(remarks := warnings(replace(own, scenes=(scene,), axes=())))
     with threadpool_limits(1, user_api="blas"):
         cost = measure(study, index, runs, progress)
-    write_cost(path, study, replace(cost, point=point), collect(study, command, remarks=remarks))
-    return int(np.count_nonzero((cost.status != PointStatus.OK) & (cost.status != PointStatus.NOT_RUN)))
+    cost = replace(cost, attributes={**cost.attributes, "point": point})
+    write_record(path, study, cost, collect(study, command, remarks=remarks))
+    return int(np.count_nonzero(~np.isin(cost.values["status"], (PointStatus.OK, PointStatus.NOT_RUN))))
 
 
-def measure(study: Study, index: tuple[int, ...], runs: int, progress: Progress) -> Cost:
+def measure(study: Study, index: tuple[int, ...], runs: int, progress: Progress) -> Record:
     """Errors and wall times of one sweep point on all families with all solvers.
 
     index: which sweep point;  runs: how often everything is timed
@@ -86,7 +89,7 @@ def _cost(
     words: str,
     own_error: float,
     notes: list[str],
-) -> Cost:
+) -> Record:
     """All curves as arrays, padded to the longest."""
     solvers = study.solver.names
     levels, runs = max(len(c.steps) for c in curves), len(curves[0].stages)
@@ -119,23 +122,32 @@ def _cost(
         )
     solved = status == PointStatus.OK
     fastest = np.where(solved, np.min(times, axis=-1), np.nan)
-    return Cost(
-        families=tuple(c.family for c in curves),
-        solvers=solvers,
-        h_max=h_max,
-        n_dof=n_dof,
-        n_contact=n_contact,
-        status=status,
-        reason=reason,
-        time=times,
-        stages=stages,
-        errors=measured,
-        dominated={m: dominated(fastest.ravel(), e.ravel()).reshape(shape) for m, e in measured.items()},
-        own=next((f, 0, curve.own) for f, curve in enumerate(curves) if curve.own is not None),
-        reference=words,
-        reference_error=own_error,
-        notes=(*notes, *remarks),
-    )
+    values: dict[str, Any] = {
+        "family": [c.family for c in curves],
+        "solver": solvers,
+        "level": np.arange(levels),
+        "run": np.arange(runs),
+        "h_max": h_max,
+        "n_dof": n_dof,
+        "n_contact": n_contact,
+        "status": status,
+        "reason": reason,
+        "time": times,
+    }
+    values |= {f"dominated_{m}": dominated(fastest.ravel(), e.ravel()).reshape(shape) for m, e in measured.items()}
+    values |= {f"time_{stage}": time for stage, time in stages.items()}
+    values |= {f"error_{m}": e for m, e in measured.items()}
+    chosen = next(curve for curve in curves if curve.own is not None)
+    attributes = {
+        "reference": words,
+        "reference_error": float(own_error),
+        "own_family": chosen.family,
+        "own_solver": solvers[0],
+        "own_level": np.int32(chosen.own or 0),
+        "runs": np.int32(runs),
+        "notes": "\n".join([*notes, *remarks]),
+    }
+    return Record("cost", COST_TABLE, values, attributes)
 
 
 FINER = 10

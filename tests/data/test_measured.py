@@ -8,17 +8,9 @@ import netCDF4
 import numpy as np
 import pytest
 
-from tcstudy.data.measured import (
-    ERRORS,
-    NUMBERS,
-    Convergence,
-    ErrorSeries,
-    NumberSeries,
-    PointConvergence,
-    write_convergence,
-)
+from tcstudy.data.measured import ERRORS, NUMBERS, Measured, convergence_record, convergence_table
 from tcstudy.data.provenance import collect, measured_path
-from tcstudy.data.records import PointStatus
+from tcstudy.data.store import write_record
 from tcstudy.read.study import read_study_text
 from tests.data.compliance import cf_faults
 
@@ -32,7 +24,6 @@ friction: {law: tresca, tau: 1 MPa}
 mesh: {maxh: 0.5, levels: 3}
 sweep: {theta_bar: [10 K, 20 K], friction: {weak: {law: tresca, tau: 1 MPa}, strong: {law: tresca, tau: 2 MPa}}}
 """
-NAN = float("nan")
 
 
 FEW = {"theta_L2", "u_energy", "u_T_max", "xi_L2", "energy", "heat_balance"}
@@ -49,21 +40,14 @@ def made_up(folder: Path, names: set[str]) -> Path:
     """The file of some measures, with made-up values over a temperature and a named law."""
     study = read_study_text(STUDY)
     h = 0.5 ** np.arange(3)
-    error = ErrorSeries(h, 2.0, np.array([NAN, 1.0, 1.0]), 1.0, 0.01, 0, "as_expected", 1.0, "smooth")
-    number = NumberSeries(1.0 + h, np.array([NAN, NAN, 1.0]), 1.0, 0.01, 1.0, NAN)
-    points = tuple(
-        PointConvergence(
-            index,
-            (PointStatus.OK,) * 3,
-            {e.name: error for e in ERRORS if e.name in names},
-            {n.name: number for n in NUMBERS if n.name in names},
-        )
-        for index in np.ndindex(study.shape)
-    )
-    counts = np.arange(3, dtype=np.int32)
-    what = Convergence(h, counts, counts, "the exact solution", np.ones(3, dtype=bool), points, ("Mind it.",))
+    table = [
+        v for v in convergence_table(study) if "*" in v.dims and (v.name == "status" or v.name.endswith(tuple(names)))
+    ]
+    point = {v.name: h if "level" in v.dims else "smooth" if v.dtype == "str" else 1 for v in table}
+    meshes = {"h_max": h, "n_dof": np.arange(3), "n_contact": np.arange(3), "compared": np.ones(3, dtype=bool)}
+    measured = Measured([point] * len(study.scenes), meshes, "the exact solution", ["Mind it."])
     path = measured_path(folder / "a.nc", "convergence")
-    write_convergence(path, study, what, collect(study, ("tcstudy", "converge")))
+    write_record(path, study, convergence_record(study, measured), collect(study, ("tcstudy", "converge")))
     return path
 
 

@@ -10,6 +10,7 @@ import tcstudy
 from tcstudy.accuracy.expected import HeldEnds, expected_orders, smooth_up_to
 from tcstudy.read.study import read_study_text
 from tcstudy.study.convergence_run import converge
+from tests.verification.series import errors, series
 
 FALLING_FILM = """\
 units: none
@@ -38,14 +39,14 @@ def test_errors_on_a_falling_film_are_those_of_the_exact_solutions_branch() -> N
     """It is a saddle of the energy there: L = 0.1238, where 0.106 is the least found."""
     found = converge(read_study_text(FALLING_FILM))
     [point] = found.points
-    assert abs(point.errors["u_energy"].slope - 1.0) < 0.05
-    assert point.errors["u_energy"].verdict == "as_expected"
-    assert point.errors["u_L2"].error[-1] < 0.01
+    assert abs(errors(point)["u_energy"].slope - 1.0) < 0.05
+    assert errors(point)["u_energy"].verdict == "as_expected"
+    assert errors(point)["u_L2"].error[-1] < 0.01
     # at the corner of Γ_C the error is h² (A + B log(1/h)) to four digits on seven levels: rates 1.50, 1.65, 1.74, …
-    assert 1.6 < point.errors["u_T_max"].slope < 1.8
-    assert point.errors["u_T_max"].verdict == point.errors["xi_max"].verdict == "as_expected"
-    assert "|log h|" in point.errors["xi_max"].reason
-    assert abs(point.numbers["energy"].value[-1] - point.numbers["energy"].exact) < 1e-5
+    assert 1.6 < errors(point)["u_T_max"].slope < 1.8
+    assert errors(point)["u_T_max"].verdict == errors(point)["xi_max"].verdict == "as_expected"
+    assert "|log h|" in errors(point)["xi_max"].reason
+    assert abs(series(point, "energy").value[-1] - series(point, "energy").exact) < 1e-5
     [note] = [note for note in found.notes if "lower energy" in note]
     assert note.startswith("At 1 of 1 points a state of lower energy than the exact solution's was found: by 0.017")
 

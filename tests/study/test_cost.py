@@ -13,9 +13,9 @@ import tcstudy
 from tcstudy.contact.contact import Answer
 from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import ContactProblem
-from tcstudy.data.measured import STAGES, Cost
+from tcstudy.data.measured import STAGES
 from tcstudy.data.records import PointStatus
-from tcstudy.data.store import StoreError
+from tcstudy.data.store import Record, StoreError
 from tcstudy.errors import CostError
 from tcstudy.scene.study import Study
 from tcstudy.study import point as point_module
@@ -23,6 +23,7 @@ from tcstudy.study.convergence_run import converge
 from tcstudy.study.cost import FINER, _same, cost_to_file, measure
 from tcstudy.study.solved_levels import solve_levels
 from tests.verification.scenes import RECTANGLE, study_of
+from tests.verification.series import errors, series
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 PULLED = RECTANGLE.replace("left: clamped, top: free", "left: clamped, top: {role: traction, g: [0.02, -0.01]}")
@@ -30,30 +31,39 @@ SMALL = ("mesh={maxh: 0.8, levels: 3}",)
 COARSE = "mesh={maxh: 0.8, levels: 1}"
 
 
-def _measure(study: Study, runs: int = 2) -> Cost:
+def _measure(study: Study, runs: int = 2) -> Record:
     return measure(study, (0,) * len(study.shape), runs, lambda text, left: None)
 
 
+def own(cost: Record) -> tuple[int, int, int]:
+    """(family, solver, level) of the study's settings."""
+    told = cost.attributes
+    return (*(list(cost.values[k]).index(told[f"own_{k}"]) for k in ("family", "solver")), int(told["own_level"]))  # type: ignore[return-value]
+
+
 @pytest.fixture(scope="module")
-def cost() -> Cost:
+def cost() -> Record:
     return _measure(study_of(PULLED, *SMALL))
 
 
-def test_all_families_and_solvers_are_measured_and_the_own_settings_named(cost: Cost) -> None:
-    assert cost.families == ("uniform", "graded", "adaptive")
-    assert cost.solvers == ("separable-newton", "bundle-newton")
-    assert cost.own == (0, 0, 2)
-    held = cost.n_dof >= 0
-    assert np.array_equal(cost.status[:, 0] == PointStatus.OK, held)
+def test_all_families_and_solvers_are_measured_and_the_own_settings_named(cost: Record) -> None:
+    assert cost.values["family"] == ["uniform", "graded", "adaptive"]
+    assert cost.values["solver"] == ("separable-newton", "bundle-newton")
+    assert own(cost) == (0, 0, 2)
+    held = cost.values["n_dof"] >= 0
+    assert np.array_equal(cost.values["status"][:, 0] == PointStatus.OK, held)
     assert np.all(held.sum(axis=1) >= [3, 2, 3])
-    assert cost.n_dof[0, 2] == cost.n_dof[0].max() or cost.n_dof[0, 3] < 4.3 * cost.n_dof[0, 2]
+    assert (
+        cost.values["n_dof"][0, 2] == cost.values["n_dof"][0].max()
+        or cost.values["n_dof"][0, 3] < 4.3 * cost.values["n_dof"][0, 2]
+    )
 
 
-def test_the_reference_is_ten_times_finer(cost: Cost) -> None:
-    dofs = re.search(r"adaptive mesh of (\d+) dofs", cost.reference)
+def test_the_reference_is_ten_times_finer(cost: Record) -> None:
+    dofs = re.search(r"adaptive mesh of (\d+) dofs", cost.attributes["reference"])
     assert dofs is not None
     assert FINER == 10
-    assert int(dofs[1]) >= 10 * cost.n_dof.max()
+    assert int(dofs[1]) >= 10 * cost.values["n_dof"].max()
 
 
 def test_solvers_share_errors_only_where_they_found_the_same() -> None:
@@ -63,23 +73,23 @@ def test_solvers_share_errors_only_where_they_found_the_same() -> None:
         assert _same(one, replace(one, solutions={(): other})) is same
 
 
-def test_errors_fall_and_solvers_agree_on_them(cost: Cost) -> None:
+def test_errors_fall_and_solvers_agree_on_them(cost: Record) -> None:
     for name in ("u_energy", "u_L2", "xi_L2", "u_T_L2"):
-        error = cost.errors[name][:, 0]
+        error = cost.values[f"error_{name}"][:, 0]
         for family in error:
-            own = family[np.isfinite(family)]
-            assert own[-1] < 0.75 * own[0]
-        solved = np.isfinite(cost.errors[name][:, 1])
-        assert cost.errors[name][:, 1][solved] == pytest.approx(error[solved], rel=1e-6)
-    assert "theta_L2" not in cost.errors
+            finite = family[np.isfinite(family)]
+            assert finite[-1] < 0.75 * finite[0]
+        solved = np.isfinite(cost.values[f"error_{name}"][:, 1])
+        assert cost.values[f"error_{name}"][:, 1][solved] == pytest.approx(error[solved], rel=1e-6)
+    assert "error_theta_L2" not in cost.values
 
 
-def test_times_are_the_sums_of_their_stages(cost: Cost) -> None:
-    total = sum(cost.stages[stage] for stage in STAGES)
-    solved = cost.status == PointStatus.OK
-    assert np.all(cost.time[solved] > 0)
-    assert total[solved] == pytest.approx(cost.time.min(axis=-1)[solved], rel=1e-12)
-    steps = cost.stages["steps"]
+def test_times_are_the_sums_of_their_stages(cost: Record) -> None:
+    total = sum(cost.values[f"time_{stage}"] for stage in STAGES)
+    solved = cost.values["status"] == PointStatus.OK
+    assert np.all(cost.values["time"][solved] > 0)
+    assert total[solved] == pytest.approx(cost.values["time"].min(axis=-1)[solved], rel=1e-12)
+    steps = cost.values["time_steps"]
     assert np.all(steps[:2][solved[:2]] == 0.0)  # uniform and graded meshes need no solution before
     adaptive = steps[2, 0][solved[2, 0]]
     assert adaptive[0] == 0.0
@@ -87,58 +97,58 @@ def test_times_are_the_sums_of_their_stages(cost: Cost) -> None:
     # the solvers share everything but their own work
     for stage in ("assemble", "condense"):
         both = solved.all(axis=1)
-        first, second = (cost.stages[stage][:, s][both] for s in (0, 1))
+        first, second = (cost.values[f"time_{stage}"][:, s][both] for s in (0, 1))
         assert np.count_nonzero(first == second) >= 0.4 * len(first)  # unless their fastest runs differ
 
 
-def test_what_is_dominated_follows_from_time_and_error(cost: Cost) -> None:
-    time, error = cost.time.min(axis=-1), cost.errors["u_energy"]
-    for at in np.argwhere(cost.status == PointStatus.OK):
+def test_what_is_dominated_follows_from_time_and_error(cost: Record) -> None:
+    time, error = cost.values["time"].min(axis=-1), cost.values["error_u_energy"]
+    for at in np.argwhere(cost.values["status"] == PointStatus.OK):
         i = tuple(at)
         beaten = (time <= time[i]) & (error <= error[i]) & ((time < time[i]) | (error < error[i]))
-        assert bool(cost.dominated["u_energy"][i]) == bool(beaten.any())
+        assert bool(cost.values["dominated_u_energy"][i]) == bool(beaten.any())
 
 
 def test_uniform_errors_are_those_of_converge() -> None:
     study = tcstudy.load(CONFIGS / "convergence.yaml", ["mesh.levels=3"])
     cost, known = _measure(study, runs=1), converge(study).points[0]
-    assert cost.reference == "the exact solution"
-    assert cost.reference_error == 0.0
-    for name, series in known.errors.items():
+    assert cost.attributes["reference"] == "the exact solution"
+    assert cost.attributes["reference_error"] == 0.0
+    for name, one in errors(known).items():
         slack = 0.15 if name.endswith("max") else 1e-2  # norms at nodes depend on the finest mesh
-        assert cost.errors[name][0, 0, :3] == pytest.approx(series.error, rel=slack), name
-    resultant, own = known.numbers["friction_resultant"], cost.errors["friction_resultant"][0, 0, :3]
-    assert own == pytest.approx(np.abs(resultant.value - resultant.exact) / abs(resultant.exact), rel=1e-6)
+        assert cost.values[f"error_{name}"][0, 0, :3] == pytest.approx(one.error, rel=slack), name
+    resultant, found = series(known, "friction_resultant"), cost.values["error_friction_resultant"][0, 0, :3]
+    assert found == pytest.approx(np.abs(resultant.value - resultant.exact) / abs(resultant.exact), rel=1e-6)
 
 
 def test_graded_meshes_that_are_uniform_are_shown_once() -> None:
     for family, kept in (("uniform", "uniform"), ("graded", "graded"), ("adaptive", "uniform")):
         study = tcstudy.load(CONFIGS / "convergence.yaml", [f"mesh={{maxh: 0.5, levels: 2, family: {family}}}"])
         cost = _measure(study, runs=1)
-        assert cost.families == (kept, "adaptive")
-        assert cost.families[cost.own[0]] == family
-        assert any("shown once" in note for note in cost.notes)
+        assert cost.values["family"] == [kept, "adaptive"]
+        assert cost.values["family"][own(cost)[0]] == family
+        assert any("shown once" in note for note in cost.attributes["notes"].splitlines())
 
 
 def test_meshes_of_no_family_stand_for_themselves() -> None:
     cost = _measure(study_of(PULLED, "mesh={maxh: 0.8, tolerance: 0.2}"), runs=1)
-    assert cost.families[-1] == "study"
-    family, solver, level = cost.own
+    assert cost.values["family"][-1] == "study"
+    family, solver, level = own(cost)
     assert (family, solver) == (3, 0)
-    assert cost.n_dof[family, level] > 0
-    assert level + 1 == cost.n_dof.shape[1] or cost.n_dof[family, level + 1] < 0
-    assert cost.errors["u_energy"][cost.own] < 0.26  # the tolerance with a margin for the estimate
-    assert cost.stages["steps"][cost.own] > 0.0
+    assert cost.values["n_dof"][family, level] > 0
+    assert level + 1 == cost.values["n_dof"].shape[1] or cost.values["n_dof"][family, level + 1] < 0
+    assert cost.values["error_u_energy"][own(cost)] < 0.26  # the tolerance with a margin for the estimate
+    assert cost.values["time_steps"][own(cost)] > 0.0
     listed = _measure(study_of(PULLED, "mesh={maxh: [0.8, 0.7, 0.6]}"), runs=1)
-    assert listed.own == (3, 0, 2)
-    assert np.all(listed.stages["steps"][3, 0, :3] == 0.0)
+    assert own(listed) == (3, 0, 2)
+    assert np.all(listed.values["time_steps"][3, 0, :3] == 0.0)
 
 
 def test_an_adaptive_study_lies_on_the_adaptive_curve() -> None:
     cost = _measure(study_of(PULLED, "mesh={maxh: 0.8, levels: 5, family: adaptive}"), runs=1)
-    assert cost.families == ("uniform", "graded", "adaptive")
-    assert cost.own == (2, 0, 4)
-    assert cost.n_dof[2, 4] > cost.n_dof[2, 0]
+    assert cost.values["family"] == ["uniform", "graded", "adaptive"]
+    assert own(cost) == (2, 0, 4)
+    assert cost.values["n_dof"][2, 4] > cost.values["n_dof"][2, 0]
 
 
 def test_the_named_solver_comes_first_and_failures_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -155,11 +165,11 @@ def test_the_named_solver_comes_first_and_failures_are_kept(monkeypatch: pytest.
         _measure(study_of(PULLED, *SMALL, plan), runs=1)
     exact = tcstudy.load(CONFIGS / "convergence.yaml", ["mesh={maxh: 0.25, levels: 2}", plan])
     cost = _measure(exact, runs=1)
-    assert cost.solvers[0] == "bundle-newton"
-    failed = (cost.status != PointStatus.OK) & (cost.status != PointStatus.NOT_RUN)
+    assert cost.values["solver"][0] == "bundle-newton"
+    failed = (cost.values["status"] != PointStatus.OK) & (cost.values["status"] != PointStatus.NOT_RUN)
     assert failed[:, 0].any()
-    assert all(cost.reason[tuple(at)] == "made to fail" for at in np.argwhere(failed))
-    assert np.all(cost.dominated["u_energy"][failed])
+    assert all(cost.values["reason"][tuple(at)] == "made to fail" for at in np.argwhere(failed))
+    assert np.all(cost.values["dominated_u_energy"][failed])
 
 
 def test_a_scene_without_load_is_refused_and_nothing_is_written(tmp_path: Path) -> None:
@@ -172,17 +182,19 @@ def test_a_scene_without_load_is_refused_and_nothing_is_written(tmp_path: Path) 
 def test_curves_do_not_go_far_beyond_the_own_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tcstudy.study.cost_curves.MOST", 100)
     cost = _measure(study_of(PULLED, "mesh={maxh: 0.2, levels: 1}"), runs=1)
-    own = cost.n_dof[cost.own[0], cost.own[2]]
-    assert own > 100
-    assert np.count_nonzero(cost.n_dof[0] > 0) == 1  # a uniform refinement would have four times as many
-    assert cost.n_dof.max() < 3 * own
+    most = cost.values["n_dof"][own(cost)[0], own(cost)[2]]
+    assert most > 100
+    assert np.count_nonzero(cost.values["n_dof"][0] > 0) == 1  # a uniform refinement would have four times as many
+    assert cost.values["n_dof"].max() < 3 * most
 
 
 def test_the_sweep_point_is_the_one_asked_for() -> None:
     study = study_of(PULLED, COARSE, "sweep={tau: [0.001, 0.01], nu: [0.2, 0.3]}")
     one = measure(study, (1, 0), 1, lambda text, left: None)
     alone = _measure(study_of(PULLED, COARSE, "material.nu=0.2"), runs=1)
-    assert one.errors["u_energy"][0, 0] == pytest.approx(alone.errors["u_energy"][0, 0], rel=1e-9, nan_ok=True)
+    assert one.values["error_u_energy"][0, 0] == pytest.approx(
+        alone.values["error_u_energy"][0, 0], rel=1e-9, nan_ok=True
+    )
 
 
 def test_a_place_that_cannot_be_written_is_found_before_any_work(tmp_path: Path) -> None:

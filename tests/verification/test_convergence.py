@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.data.measured import Convergence
+from tcstudy.data.measured import Measured
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
 from tcstudy.study.convergence import own_error
@@ -19,6 +19,7 @@ from tcstudy.study.plan import warnings
 from tests.verification import closed_forms
 from tests.verification import manufactured as smooth
 from tests.verification.patch import Case, patch_study
+from tests.verification.series import errors, series
 
 
 def smooth_study(levels: int, exact: bool = True) -> Study:
@@ -32,17 +33,17 @@ def smooth_study(levels: int, exact: bool = True) -> Study:
 
 
 @pytest.fixture(scope="module")
-def slipping() -> Convergence:
+def slipping() -> Measured:
     return converge(smooth_study(6))
 
 
 @pytest.fixture(scope="module")
-def mixed() -> Convergence:
+def mixed() -> Measured:
     return converge(closed_forms.stick_slip(6))
 
 
 @pytest.fixture(scope="module")
-def curved() -> Convergence:
+def curved() -> Measured:
     return converge(closed_forms.ring(5))
 
 
@@ -53,19 +54,19 @@ def curved() -> Convergence:
         *(("xi_L2", 1, 3e-4), ("xi_nodes", 2, 8e-6), ("xi_max", 2, 8e-6)),
     ],
 )
-def test_smooth_slip(slipping: Convergence, norm: str, order: float, bound: float) -> None:
-    series = slipping.points[0].errors[norm]
-    assert series.verdict == "as_expected"
-    assert series.expected == order
-    assert series.rate[-1] == pytest.approx(order, abs=0.05)
-    assert series.error[-1] < bound
+def test_smooth_slip(slipping: Measured, norm: str, order: float, bound: float) -> None:
+    own = errors(slipping.points[0])[norm]
+    assert own.verdict == "as_expected"
+    assert own.expected == order
+    assert own.rate[-1] == pytest.approx(order, abs=0.05)
+    assert own.error[-1] < bound
 
 
-def test_the_linear_temperature_is_exact(slipping: Convergence) -> None:
+def test_the_linear_temperature_is_exact(slipping: Measured) -> None:
     for norm in ("theta_L2", "theta_H1"):
-        series = slipping.points[0].errors[norm]
-        assert series.verdict == "exact"
-        assert np.max(series.error) < 1e-12
+        own = errors(slipping.points[0])[norm]
+        assert own.verdict == "exact"
+        assert np.max(own.error) < 1e-12
 
 
 @pytest.mark.parametrize(
@@ -75,16 +76,16 @@ def test_the_linear_temperature_is_exact(slipping: Convergence) -> None:
         *(("xi_L2", 1, 7e-3), ("xi_nodes", 1, 3e-3), ("xi_max", 0.5, 2e-2)),
     ],
 )
-def test_stick_slip(mixed: Convergence, norm: str, order: float, bound: float) -> None:
+def test_stick_slip(mixed: Measured, norm: str, order: float, bound: float) -> None:
     """The change at x = 1/3 lies at a third and two thirds of an element in turn: rates over two levels count."""
-    series = mixed.points[0].errors[norm]
-    assert series.expected == order
-    over_two = np.log2(series.error[1:-2] / series.error[3:]) / 2
+    own = errors(mixed.points[0])[norm]
+    assert own.expected == order
+    over_two = np.log2(own.error[1:-2] / own.error[3:]) / 2
     assert over_two[-1] == pytest.approx(order, abs=0.15)
-    assert series.error[-1] < bound
+    assert own.error[-1] < bound
 
 
-def test_a_held_end_takes_a_third_of_the_traction(mixed: Convergence) -> None:
+def test_a_held_end_takes_a_third_of_the_traction(mixed: Measured) -> None:
     """S₁ = [x⁰, x^{3/2}] carries the load of one hat function: ξ₁ = 2/3 of the exact one where the node sticks."""
     from tcstudy.study.reference import ExactReference
     from tcstudy.study.solved_levels import solve_levels
@@ -99,34 +100,34 @@ def test_a_held_end_takes_a_third_of_the_traction(mixed: Convergence) -> None:
     assert xi[1] / exact[1] == pytest.approx(1, abs=0.05)
 
 
-def test_a_turned_contact_line_changes_nothing(mixed: Convergence) -> None:
+def test_a_turned_contact_line_changes_nothing(mixed: Measured) -> None:
     """Up to where the mesher puts the nodes of the turned body, 1e-9 of its size elsewhere."""
     turned = converge(closed_forms.stick_slip(3, degrees=45))
-    for name, series in turned.points[0].errors.items():
-        straight = mixed.points[0].errors[name]  # its norms are integrated on a finer level
-        np.testing.assert_allclose(series.error * series.size, straight.error[:3] * straight.size, rtol=1e-7)
+    for name, one in errors(turned.points[0]).items():
+        straight = errors(mixed.points[0])[name]  # its norms are integrated on a finer level
+        np.testing.assert_allclose(one.error * one.size, straight.error[:3] * straight.size, rtol=1e-7)
 
 
 @pytest.mark.parametrize(
     ("norm", "order", "bound"),
     [("u_energy", 1, 0.025), ("u_H1", 1, 0.025), ("u_L2", 2, 2e-4), ("u_T_L2", 1.5, 1e-3), ("u_T_max", 1, 5e-3)],
 )
-def test_a_curved_contact_line(curved: Convergence, norm: str, order: float, bound: float) -> None:
+def test_a_curved_contact_line(curved: Measured, norm: str, order: float, bound: float) -> None:
     point = curved.points[0]
-    assert point.errors[norm].expected == order
-    assert point.errors[norm].rate[-1] == pytest.approx(order, abs=0.12)
-    assert point.errors[norm].error[-1] < bound
-    assert np.max(point.errors["xi_max"].error) < 1e-12  # a constant, exact at the nodes
-    resultant = point.numbers["friction_resultant"]
+    assert errors(point)[norm].expected == order
+    assert errors(point)[norm].rate[-1] == pytest.approx(order, abs=0.12)
+    assert errors(point)[norm].error[-1] < bound
+    assert np.max(errors(point)["xi_max"].error) < 1e-12  # a constant, exact at the nodes
+    resultant = series(point, "friction_resultant")
     assert resultant.exact == pytest.approx(2 * closed_forms.MU * closed_forms.B * np.radians(70), rel=1e-12)
     assert abs(resultant.limit - resultant.exact) < resultant.uncertainty
 
 
-def test_a_curved_boundary_is_told_when_levels_are_compared(curved: Convergence) -> None:
+def test_a_curved_boundary_is_told_when_levels_are_compared(curved: Measured) -> None:
     found = converge(closed_forms.ring(5, exact=False))
     assert any("curved" in note for note in found.notes)
     for name in ("u_H1", "u_L2", "u_T_max"):
-        ours, true = found.points[0].errors[name].error[:3], curved.points[0].errors[name].error[:3]
+        ours, true = errors(found.points[0])[name].error[:3], errors(curved.points[0])[name].error[:3]
         np.testing.assert_allclose(ours, true, rtol=0.25)
 
 
@@ -138,22 +139,22 @@ def test_what_p1_contains_is_exact(degrees: float) -> None:
     along = f"(1 + 0.2*({float(c)!r}*y - {float(s)!r}*x))"
     text = patch_study(case, 0.35, degrees).text.replace("maxh: 0.35", "maxh: 0.35, levels: 2")
     study = read_study_text(text + f'exact: {{u: ["{float(c)!r}*{along}", "{float(s)!r}*{along}"]}}')
-    errors = converge(study).points[0].errors
-    assert len(errors) == 8
-    for series in errors.values():
-        assert np.max(series.error) < 1e-12
-        assert series.verdict == "exact"
+    found = errors(converge(study).points[0])
+    assert len(found) == 8
+    for one in found.values():
+        assert np.max(one.error) < 1e-12
+        assert one.verdict == "exact"
 
 
-def test_a_nested_reference_gives_the_true_errors(slipping: Convergence) -> None:
+def test_a_nested_reference_gives_the_true_errors(slipping: Measured) -> None:
     """Against level 5 instead of the exact solution: the same to the reference's own share, 4^-2 of the square."""
     found = converge(smooth_study(6, exact=False))
     assert "level 5" in found.reference
-    assert found.compared.tolist() == [True] * 4 + [False] * 2
-    for name, series in found.points[0].errors.items():
-        assert not np.isfinite(series.error[4:]).any()
+    assert found.meshes["compared"].tolist() == [True] * 4 + [False] * 2
+    for name, one in errors(found.points[0]).items():
+        assert not np.isfinite(one.error[4:]).any()
         if name.startswith("u_") and "T" not in name:
-            np.testing.assert_allclose(series.error[:4], slipping.points[0].errors[name].error[:4], rtol=0.08)
+            np.testing.assert_allclose(one.error[:4], errors(slipping.points[0])[name].error[:4], rtol=0.08)
 
 
 def test_the_share_of_the_reference_in_the_rates() -> None:
@@ -163,17 +164,17 @@ def test_the_share_of_the_reference_in_the_rates() -> None:
         assert np.log2(e[2] / e[3]) == pytest.approx(p + own_error(p), rel=1e-12)
 
 
-def test_numbers_are_extrapolated_to_the_exact_ones(slipping: Convergence, mixed: Convergence) -> None:
+def test_numbers_are_extrapolated_to_the_exact_ones(slipping: Measured, mixed: Measured) -> None:
     for found in (slipping, mixed):
         for name in ("energy", "friction_resultant"):
-            series = found.points[0].numbers[name]
-            assert abs(series.limit - series.exact) <= series.uncertainty
-            assert series.uncertainty < 2e-4 * abs(series.exact)
-    energy = slipping.points[0].numbers["energy"]
+            own = series(found.points[0], name)
+            assert abs(own.limit - own.exact) <= own.uncertainty
+            assert own.uncertainty < 2e-4 * abs(own.exact)
+    energy = series(slipping.points[0], "energy")
     assert energy.limit_order == pytest.approx(2, abs=0.02)
     x = np.linspace(0, 1, 100_001)
     resultant = np.trapezoid(smooth.friction(x), x)
-    assert slipping.points[0].numbers["friction_resultant"].exact == pytest.approx(resultant, rel=1e-9)
+    assert series(slipping.points[0], "friction_resultant").exact == pytest.approx(resultant, rel=1e-9)
 
 
 def test_a_wrong_exact_solution_is_told() -> None:
@@ -186,10 +187,10 @@ def test_graded_levels_regain_the_order_that_uniform_ones_lose() -> None:
     slopes = {}
     for family in ("uniform", "graded"):
         measured = converge(tcstudy.load(config, [f"mesh={{maxh: 0.5, levels: 5, family: {family}}}"]))
-        series = measured.points[0].errors["u_energy"]
-        assert series.verdict == "as_expected"
-        assert series.expected == pytest.approx({"uniform": 0.5, "graded": 1.0}[family], abs=1e-3)
-        slopes[family] = series.slope
+        own = errors(measured.points[0])["u_energy"]
+        assert own.verdict == "as_expected"
+        assert own.expected == pytest.approx({"uniform": 0.5, "graded": 1.0}[family], abs=1e-3)
+        slopes[family] = own.slope
         interpolated = any("no uniform refinements" in note for note in measured.notes)
         assert interpolated == (family == "graded")
     assert slopes["graded"] == pytest.approx(1.0, abs=0.1)
@@ -201,16 +202,16 @@ def test_a_list_of_mesh_sizes_has_a_reference_too() -> None:
     listed = replace(study, mesh=replace(study.mesh, maxh=(0.25, 0.17, 0.12, 0.08, 0.055, 0.02), levels=6))
     measured = converge(listed)
     true = converge(replace(smooth_study(6), mesh=listed.mesh))
-    assert measured.compared.tolist() == [True, True, True, True, False, False]
+    assert measured.meshes["compared"].tolist() == [True, True, True, True, False, False]
     for norm in ("u_energy", "u_L2", "u_T_L2"):
-        own, known = measured.points[0].errors[norm].error[:4], true.points[0].errors[norm].error[:4]
+        own, known = errors(measured.points[0])[norm].error[:4], errors(true.points[0])[norm].error[:4]
         assert own == pytest.approx(known, rel=0.1), norm
 
 
 def test_few_levels_give_numbers_only() -> None:
     found = converge(smooth_study(3, exact=False))
-    assert found.points[0].errors == {}
-    assert found.points[0].numbers["energy"].limit_order == pytest.approx(2, abs=0.1)
+    assert errors(found.points[0]) == {}
+    assert series(found.points[0], "energy").limit_order == pytest.approx(2, abs=0.1)
     assert any("mesh.levels of 4" in note for note in found.notes)
 
 
@@ -220,13 +221,13 @@ def test_locking_is_measured_and_warned_about() -> None:
     study = closed_forms.incompressible(4, poissons)
     assert any("P1 elements lock" in str(note) for note in warnings(study))
     found = converge(study)
-    errors = {nu: p.errors for nu, p in zip(poissons, found.points, strict=True)}
+    by_nu = {nu: errors(p) for nu, p in zip(poissons, found.points, strict=True)}
     for nu, (energy, slip) in MEASURED.items():
-        assert 100 * errors[nu]["u_energy"].error[-1] == pytest.approx(energy, rel=0.05)
-        assert 100 * errors[nu]["u_T_L2"].error[-1] == pytest.approx(slip, rel=0.05)
-    assert errors[0.3]["u_H1"].rate[-1] > 0.95
-    assert errors[0.4999]["u_H1"].rate[-1] < 0.5
-    assert errors[0.4999]["u_T_L2"].verdict in ("pre_asymptotic", "slower")
+        assert 100 * by_nu[nu]["u_energy"].error[-1] == pytest.approx(energy, rel=0.05)
+        assert 100 * by_nu[nu]["u_T_L2"].error[-1] == pytest.approx(slip, rel=0.05)
+    assert by_nu[0.3]["u_H1"].rate[-1] > 0.95
+    assert by_nu[0.4999]["u_H1"].rate[-1] < 0.5
+    assert by_nu[0.4999]["u_T_L2"].verdict in ("pre_asymptotic", "slower")
 
 
 def test_the_locking_note() -> None:

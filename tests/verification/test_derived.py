@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from tcstudy.data.measured import Convergence
+from tcstudy.data.measured import Measured
 from tcstudy.fem.geometry import build
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
@@ -15,6 +15,7 @@ from tcstudy.scene.study import Study
 from tcstudy.study.convergence_run import converge
 from tests.verification import closed_forms, derived
 from tests.verification.scenes import mesh_family
+from tests.verification.series import errors, series
 from tests.verification.test_convergence import smooth_study
 
 
@@ -58,12 +59,12 @@ def test_the_loads_given_by_hand_come_out(name: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def ring() -> Convergence:
+def ring() -> Measured:
     return converge(derived.ring(5))
 
 
 @pytest.fixture(scope="module")
-def block() -> Convergence:
+def block() -> Measured:
     return converge(derived.block(5))
 
 
@@ -74,12 +75,12 @@ def block() -> Convergence:
         *(("u_L2", 2, 2.7e-4), ("u_T_L2", 1.5, 1.3e-3), ("u_T_max", 1, 6e-3), ("xi_nodes", 1.5, 4e-4)),
     ],
 )
-def test_ring(ring: Convergence, norm: str, order: float, bound: float) -> None:
+def test_ring(ring: Measured, norm: str, order: float, bound: float) -> None:
     """On a curved contact line, with a weakening film: b falls by w = 0.6 < λ₁."""
-    series = ring.points[0].errors[norm]
-    assert series.expected == order
-    assert series.rate[-1] == pytest.approx(order, abs=0.1)
-    assert series.error[-1] < bound
+    own = errors(ring.points[0])[norm]
+    assert own.expected == order
+    assert own.rate[-1] == pytest.approx(order, abs=0.1)
+    assert own.error[-1] < bound
 
 
 @pytest.mark.parametrize(
@@ -89,26 +90,26 @@ def test_ring(ring: Convergence, norm: str, order: float, bound: float) -> None:
         *(("u_L2", 2, 7e-5), ("u_T_L2", 2, 2.5e-4), ("xi_L2", 1, 1.8e-3), ("xi_nodes", 2, 6e-5)),
     ],
 )
-def test_block(block: Convergence, norm: str, order: float, bound: float) -> None:
-    series = block.points[0].errors[norm]
-    assert series.expected == order
-    assert series.verdict == "as_expected"
-    assert series.rate[-1] == pytest.approx(order, abs=0.05)
-    assert series.error[-1] < bound
+def test_block(block: Measured, norm: str, order: float, bound: float) -> None:
+    own = errors(block.points[0])[norm]
+    assert own.expected == order
+    assert own.verdict == "as_expected"
+    assert own.rate[-1] == pytest.approx(order, abs=0.05)
+    assert own.error[-1] < bound
 
 
-def test_turning_the_block_changes_nothing(block: Convergence) -> None:
+def test_turning_the_block_changes_nothing(block: Measured) -> None:
     """Up to where the mesher puts the nodes of the turned body, 1e-9 of its size elsewhere."""
-    turned = converge(derived.block(3, 37.0)).points[0].errors
-    for name, series in block.points[0].errors.items():
-        np.testing.assert_allclose(turned[name].error * turned[name].size, series.error[:3] * series.size, rtol=2e-7)
+    turned = errors(converge(derived.block(3, 37.0)).points[0])
+    for name, one in errors(block.points[0]).items():
+        np.testing.assert_allclose(turned[name].error * turned[name].size, one.error[:3] * one.size, rtol=2e-7)
 
 
-def test_numbers_tend_to_the_exact_ones(ring: Convergence, block: Convergence) -> None:
+def test_numbers_tend_to_the_exact_ones(ring: Measured, block: Measured) -> None:
     for found in (ring, block):
         for name in ("energy", "friction_resultant", "slip_length"):
-            series = found.points[0].numbers[name]
-            assert np.isfinite(series.exact)
-            assert abs(series.limit - series.exact) <= max(series.uncertainty, 1e-12)
-            assert series.uncertainty < 3e-4 * abs(series.exact)
-        assert found.notes == ()
+            own = series(found.points[0], name)
+            assert np.isfinite(own.exact)
+            assert abs(own.limit - own.exact) <= max(own.uncertainty, 1e-12)
+            assert own.uncertainty < 3e-4 * abs(own.exact)
+        assert found.notes == []

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from tcstudy.data.files import StoreError
-from tcstudy.data.measured import Convergence, ErrorSeries, NumberSeries, PointConvergence, write_convergence
+from tcstudy.data.measured import VERDICTS, Measured, convergence_record
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import PointStatus
-from tcstudy.data.store import open_results
+from tcstudy.data.store import open_results, write_record
 from tcstudy.errors import DrawError
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures import style
@@ -31,15 +31,27 @@ H = 0.5 ** np.arange(4)
 NAN = float("nan")
 
 
-def series(order, verdict="as_expected"):
-    error = 0.3 * H**order
-    return ErrorSeries(error, 2.0, np.array([NAN, order, order, order]), order, 0.01, 0, verdict, order, "smooth")
+def series(name, order, verdict="as_expected"):
+    parts = {"error": 0.3 * H**order, "size_squared": 4.0, "rate": np.array([NAN, order, order, order]), "slope": order}
+    parts |= {"slope_error": 0.01, "first_level": 0, "verdict": VERDICTS.index(verdict), "expected": order}
+    return {f"{part}_{name}": value for part, value in (parts | {"reason": "smooth"}).items()}
 
 
-def point(index, status):
-    energy = NumberSeries(5 + H, np.array([NAN, NAN, 1, 1]), 5.0, 0.01, 1.0, NAN)
-    errors = {"u_H1": series(1.0), "u_L2": series(2.0, "slower"), "xi_max": series(0.5, "pre_asymptotic")}
-    return PointConvergence(index, status, errors, {"energy": energy})
+def numbers(status):
+    parts = {"value": 5 + H, "order": np.array([NAN, NAN, 1, 1]), "limit": 5.0, "uncertainty": 0.01}
+    parts |= {"limit_order": 1.0, "exact": NAN}
+    return {"status": np.array(status), **{f"{part}_energy": value for part, value in parts.items()}}
+
+
+def point(status):
+    errors = series("u_H1", 1.0) | series("u_L2", 2.0, "slower") | series("xi_max", 0.5, "pre_asymptotic")
+    return numbers(status) | errors
+
+
+def write(path, points, reference="none", notes=(), counts=np.zeros(4, np.int32)):  # noqa: B008
+    meshes = {"h_max": H, "n_dof": 10 * counts, "n_contact": counts, "compared": np.ones(4, dtype=bool)}
+    record = convergence_record(STUDY, Measured(points, meshes, reference, notes))
+    write_record(path, STUDY, record, Provenance("now", (("python", "3"),), "abc"))
 
 
 OK, FAILED = PointStatus.OK, PointStatus.INCLUSION_VIOLATED
@@ -47,12 +59,8 @@ OK, FAILED = PointStatus.OK, PointStatus.INCLUSION_VIOLATED
 
 @pytest.fixture
 def file(tmp_path):
-    points = (point((0,), (OK,) * 4), point((1,), (OK, FAILED, OK, OK)))
-    numbers = np.arange(4, dtype=np.int32)
-    what = Convergence(
-        H, 10 * numbers, numbers, "level 9, the finest (more)", np.ones(4, dtype=bool), points, ("Mind it.",)
-    )
-    write_convergence(tmp_path / "a.nc", STUDY, what, Provenance("now", (("python", "3"),), "abc"))
+    points = [point((OK,) * 4), point((OK, FAILED, OK, OK))]
+    write(tmp_path / "a.nc", points, "level 9, the finest (more)", ["Mind it."], np.arange(4, dtype=np.int32))
     return tmp_path / "a.nc"
 
 
@@ -116,9 +124,7 @@ def test_the_plot(file, tmp_path, monkeypatch):
 
 
 def test_nothing_to_draw(tmp_path):
-    points = tuple(PointConvergence((i,), (OK,) * 4, {}, point((i,), (OK,) * 4).numbers) for i in range(2))
-    what = Convergence(H, np.zeros(4, np.int32), np.zeros(4, np.int32), "none", np.zeros(4, bool), points, ())
-    write_convergence(tmp_path / "a.nc", STUDY, what, Provenance("now", (), "abc"))
+    write(tmp_path / "a.nc", [numbers((OK,) * 4)] * 2)
     assert "energy" in convergence_report(tmp_path / "a.nc")
     with pytest.raises(DrawError, match="no errors"):
         picture(tmp_path / "a.nc", tmp_path / "a.png")
@@ -128,10 +134,8 @@ def test_bad_places(tmp_path):
     with pytest.raises(StoreError, match="no file"):
         convergence_report(tmp_path / "missing.nc")
     (tmp_path / "file").write_text("")
-    points = (point((0,), (OK,) * 4), point((1,), (OK,) * 4))
-    what = Convergence(H, np.zeros(4, np.int32), np.zeros(4, np.int32), "none", np.zeros(4, bool), points, ())
     with pytest.raises(StoreError, match="cannot write"):
-        write_convergence(tmp_path / "file" / "a.nc", STUDY, what, Provenance("now", (), "abc"))
+        write(tmp_path / "file" / "a.nc", [point((OK,) * 4)] * 2)
 
 
 @pytest.mark.parametrize("look", LOOKS)

@@ -14,10 +14,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
 from tcstudy.accuracy.rates import dominated
-from tcstudy.data.measured import STAGES, Cost, write_cost
+from tcstudy.data.measured import COST_TABLE, STAGES
 from tcstudy.data.provenance import collect, kind_of
 from tcstudy.data.records import PointStatus
-from tcstudy.data.store import StoreError, load_root
+from tcstudy.data.store import Record, StoreError, load_root, write_record
 from tcstudy.errors import DrawError
 from tcstudy.reports.export.brief import brief
 from tcstudy.reports.figures import style
@@ -37,12 +37,13 @@ from tests.reports.figures.draw_cases import LOOKS, off_the_page
 from tests.verification.scenes import RECTANGLE, study_of
 
 FAMILIES, SOLVERS = ("uniform", "graded"), ("separable-newton", "bundle-newton")
+MEASURED = ("u_energy", "xi_L2")
 N = np.array([[100, 400, 1600, 6400], [150, 600, 2400, 9600]])
 ERROR = np.array([0.08, 0.04, 0.02, 0.01])
 """Uniform errors; graded ones start larger and fall twice as fast."""
 
 
-def made(own: tuple[int, int, int] = (0, 0, 3), **more: object) -> Cost:
+def made(own: tuple[int, int, int] = (0, 0, 3), **more: object) -> Record:
     """Known curves: uniform e ~ t^−½ from 0.08 at 0.1 s, graded e ~ t^−1 from 0.16; the second solver takes twice."""
     error = np.broadcast_to(np.stack([ERROR, 0.16 * ERROR / 0.08 * [1, 0.5, 0.25, 0.125]])[:, None], (2, 2, 4)).copy()
     fastest = np.stack([[0.1, 0.4, 1.6, 6.4], [0.1, 0.4, 1.6, 6.4]])[:, None] * np.array([1.0, 2.0])[None, :, None]
@@ -52,33 +53,37 @@ def made(own: tuple[int, int, int] = (0, 0, 3), **more: object) -> Cost:
     status[1, 1, 3], reason[1, 1, 3] = PointStatus.NOT_CONVERGED, "it went on for ever"
     known = np.where(status == PointStatus.OK, fastest, np.nan)
     fields: dict[str, object] = {
-        "families": FAMILIES,
-        "solvers": SOLVERS,
+        "family": FAMILIES,
+        "solver": SOLVERS,
+        "level": np.arange(4),
+        "run": np.arange(3),
         "h_max": np.array([[0.4, 0.2, 0.1, 0.05]] * 2),
         "n_dof": N.astype(np.int32),
         "n_contact": (N // 20).astype(np.int32),
         "status": status,
         "reason": reason,
         "time": runs,
-        "stages": dict.fromkeys(STAGES, 0.2 * fastest),
-        "errors": {"u_energy": error, "xi_L2": 2 * error},
-        "dominated": {
-            name: dominated(known.ravel(), error.ravel()).reshape(error.shape) for name in ("u_energy", "xi_L2")
-        },
-        "own": own,
-        "reference": "the exact solution",
-        "reference_error": 0.0,
-        "point": "tau = 0.01",
-        "notes": ("Look twice.",),
+        "error_u_energy": error,
+        "error_xi_L2": 2 * error,
+        **{f"time_{stage}": 0.2 * fastest for stage in STAGES},
+        **{f"dominated_{name}": dominated(known.ravel(), error.ravel()).reshape(error.shape) for name in MEASURED},
     }
-    return Cost(**{**fields, **more})  # type: ignore[arg-type]
+    told = {"reference": "the exact solution", "reference_error": 0.0, "point": "tau = 0.01", "notes": "Look twice."}
+    family, solver, level = own
+    told |= {
+        "own_family": FAMILIES[family],
+        "own_solver": SOLVERS[solver],
+        "own_level": np.int32(level),
+        "runs": np.int32(3),
+    }
+    return Record("cost", COST_TABLE, {**fields, **more}, told)
 
 
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     study = study_of(RECTANGLE)
     path = tmp_path / "a.cost.nc"
-    write_cost(path, study, made(), collect(study, ["tcstudy", "cost"], datetime(2026, 1, 1, tzinfo=UTC)))
+    write_record(path, study, made(), collect(study, ["tcstudy", "cost"], datetime(2026, 1, 1, tzinfo=UTC)))
     return path
 
 
@@ -113,37 +118,36 @@ def test_advice_names_what_is_faster_and_more_accurate(file: Path) -> None:
     assert "uniform meshes with separable-newton for errors from 16 % to 3.8 %" in text
     assert "The study's own settings (uniform, level 3, separable-newton): error 1 % in 6.4 s." in text
     assert "No other setting measured" in text  # graded level 3 takes the same time
-    quick = made(time=made().time * np.array([1.0, 0.5])[:, None, None, None])
+    quick = made(time=made().values["time"] * np.array([1.0, 0.5])[:, None, None, None])
     study = study_of(RECTANGLE)
-    write_cost(file, study, quick, collect(study, ["tcstudy"]))
+    write_record(file, study, quick, collect(study, ["tcstudy"]))
     text = " ".join(advice(settings(load_root(file, "cost"), "u_energy")))
     assert "Faster and more accurate: graded, level 3, separable-newton: 0.25 of the error in 0.50 of the time" in text
 
 
 def test_two_families_that_begin_with_one_mesh_share_its_time(file: Path) -> None:
     """Their two timings differ by noise alone, which must not make either of them the fastest."""
-    dofs, error, time = N.astype(np.int32), made().errors["u_energy"].copy(), made().time.copy()
+    dofs, error, time = N.astype(np.int32), made().values["error_u_energy"].copy(), made().values["time"].copy()
     dofs[1, 0], error[1, :, 0] = N[0, 0], error[0, :, 0]
     time[1, :, 0] *= 0.5
     error[1, :, 1:] = 0.07  # nowhere else better
     study = study_of(RECTANGLE)
-    fields = {"n_dof": dofs, "n_contact": dofs // 20, "errors": {"u_energy": error}, "time": time}
-    fields["dominated"] = {"u_energy": made().dominated["u_energy"]}
-    write_cost(file, study, made(**fields), collect(study, ["tcstudy"]))
+    fields = {"n_dof": dofs, "n_contact": dofs // 20, "error_u_energy": error, "time": time}
+    write_record(file, study, made(**fields), collect(study, ["tcstudy"]))
     (only,) = stretches(settings(load_root(file, "cost"), "u_energy"))
     assert only.family == "uniform"
 
 
 def test_one_mesh_of_two_families_is_once_on_the_front(file: Path) -> None:
     """Whichever of its two timings happens to be the least: it counts in the simplest family, with that time."""
-    error, time = made().errors["u_energy"].copy(), made().time.copy()
+    error, time = made().values["error_u_energy"].copy(), made().values["time"].copy()
     error[1, :, 0] = error[0, :, 0] * (1 + 1e-12)
     for factor in (0.5, 1.0, 2.0):
-        time[1, :, 0] = factor * made().time[0, :, 0]
+        time[1, :, 0] = factor * made().values["time"][0, :, 0]
         fields = {"n_dof": np.array([N[0], [N[0, 0], *N[1, 1:]]], dtype=np.int32), "time": time}
-        fields |= {"n_contact": fields["n_dof"] // 20, "errors": {"u_energy": error}}
-        fields["dominated"] = {"u_energy": np.zeros_like(made().dominated["u_energy"])}
-        write_cost(file, study_of(RECTANGLE), made(**fields), collect(study_of(RECTANGLE), ["tcstudy"]))
+        fields |= {"n_contact": fields["n_dof"] // 20, "error_u_energy": error}
+        fields["dominated_u_energy"] = np.zeros_like(made().values["dominated_u_energy"])
+        write_record(file, study_of(RECTANGLE), made(**fields), collect(study_of(RECTANGLE), ["tcstudy"]))
         found = front(settings(load_root(file, "cost"), "u_energy"))
         assert [(s.family, s.solver) for s in found if s.level == 0] == [("uniform", SOLVERS[0])]
         report = cost_report(file)
@@ -151,9 +155,9 @@ def test_one_mesh_of_two_families_is_once_on_the_front(file: Path) -> None:
 
 
 def test_errors_that_are_rounding_are_not_ranked(file: Path) -> None:
-    errors = {name: 1e-13 * e for name, e in made().errors.items()}
+    errors = {f"error_{name}": 1e-13 * made().values[f"error_{name}"] for name in MEASURED}
     study = study_of(RECTANGLE)
-    write_cost(file, study, made(errors=errors), collect(study, ["tcstudy"]))
+    write_record(file, study, made(**errors), collect(study, ["tcstudy"]))
     (told,) = advice(settings(load_root(file, "cost"), "u_energy"))
     assert told.startswith("All errors are rounding (at most 1.6e-14): every mesh represents this solution exactly")
     assert "Fastest: uniform, level 0, separable-newton in 0.1 s" in told
@@ -165,7 +169,7 @@ def test_errors_that_are_rounding_are_not_ranked(file: Path) -> None:
 
 def test_own_settings_that_failed_are_said_to_have_failed(file: Path) -> None:
     study = study_of(RECTANGLE)
-    write_cost(file, study, made(own=(1, 1, 3)), collect(study, ["tcstudy"]))
+    write_record(file, study, made(own=(1, 1, 3)), collect(study, ["tcstudy"]))
     told = advice(settings(load_root(file, "cost"), "u_energy"))
     assert told[-1] == "The study's own settings (graded, level 3, bundle-newton) were not solved."
 
@@ -214,8 +218,9 @@ def test_what_is_beaten_is_open(file: Path) -> None:
 def test_numbers_at_the_axes_keep_apart(file: Path, spread: float) -> None:
     """Times from half a decade to four, errors from one third to one: small studies have little in between."""
     study = study_of(RECTANGLE)
-    errors = {"u_energy": made().errors["u_energy"] ** min(spread, 1.0)}
-    write_cost(file, study, made(time=0.02 * (made().time / 0.1) ** spread, errors=errors), collect(study, ["tcstudy"]))
+    errors = made().values["error_u_energy"] ** min(spread, 1.0)
+    made_up = made(time=0.02 * (made().values["time"] / 0.1) ** spread, error_u_energy=errors)
+    write_record(file, study, made_up, collect(study, ["tcstudy"]))
     with style.styled():
         figure = cost_figure(load_root(file, "cost"), "u_energy", style.Look())
         left, right = figure.axes[:2]
