@@ -203,9 +203,7 @@ def write_history(path: Path, study: Study, line: LevelRecord, record: HistoryRe
     plan = study.history
     assert plan is not None
     loads = load_variables(study)
-    # descents of a step, 0 where its path is followed
-    substeps = plan.substeps or int(plan.memory.healing or plan.branch == "lowest")
-    told = {CONTENT: "history", "memory": plan.memory.name, "branch": plan.branch, "substeps": substeps}
+    told = {CONTENT: "history", "memory": plan.memory.name, "branch": plan.branch}
     told["loads"] = " ".join(variable.name for variable, _ in loads if variable.dtype == "f8")
 
     def fill(nc: netCDF4.Dataset) -> None:

@@ -25,6 +25,11 @@ from tcstudy.scene.study import SEPARABLE, MeshPlan
 
 FACTORED = ("g", "g_x", "g_y", "pressure", "f_x", "f_y", "force_x", "force_y", "moment")
 """Loads that `load` multiplies."""
+GONE = {
+    "substeps": ("is gone: every step follows its exact path", "leave it out"),
+    "healing": ("is gone: films do not heal", "leave it out, or write a study of its own for each separate event"),
+}
+"""Keys of earlier versions, what became of them and what to do."""
 
 
 @none_after_fault
@@ -44,6 +49,10 @@ def read_history(
     before = len(ctx.errors)
     node = root.child("history")
     assert node is not None
+    if isinstance(node.value, Mapping):
+        for key in GONE.keys() & node.value.keys():
+            ctx.errors.at(node.value[key], *GONE[key], on_key=True)
+        node = replace(node, value={key: one for key, one in node.value.items() if key not in GONE})
     fields = Fields(ctx, node, "history")
     if len(ctx.errors) > before or base is None:
         return None
@@ -56,28 +65,25 @@ def read_history(
     used = dict.fromkeys(keys for line in lines for keys, _ in line.values)
     parameters = tuple((keys, ctx.cf(known[keys].row.dimension), float(known[keys].value)) for keys in used)  # type: ignore[arg-type]
     _refuse(ctx, root, mesh)
-    options = fields.given(("repeat", "branch", "substeps")) | level_of(ctx, fields, mesh, "a history")
+    options = fields.given(("repeat", "branch")) | level_of(ctx, fields, mesh, "a history")
     plan = HistoryPlan(memory, lines, parameters, **options)
     if plan.steps > MOST_STEPS:
         remedy = f"{MOST_STEPS} are possible; write fewer cycles or steps"
         ctx.errors.at(fields.values["steps"], f"the history has {plan.steps} steps", remedy, on_key=True)
-    if plan.branch == "lowest" and (part := fields["substeps"]):
-        ctx.errors.at(part, "belongs to branch: continued", "leave it out, or make more steps", on_key=True)
     return replace(plan, loose=any(supports_fault(s.body, s.boundary) for s in distinct(scenes, "boundary")))
 
 
 def _memory(ctx: Context, fields: Fields) -> Memory:
-    """The memory with its own keys; a key of another memory is a fault."""
+    """The memory with its stiffness, which only one has."""
     before = len(ctx.errors)
-    memory = Memory(fields.value("memory"), **fields.given(("stiffness", "healing")))
+    memory = Memory(fields.value("memory"), **fields.given(("stiffness",)))
     if len(ctx.errors) > before:
         return memory
-    for key, name in (("stiffness", "elastic-plastic"), ("healing", "friction")):
-        if fields[key] is not None and memory.name != name:
-            what = f"belongs to memory: {name}, but the study has memory: {memory.name}"
-            ctx.errors.at(fields.values[key], what, "remove it, or change the memory", on_key=True)
     if memory.name == "elastic-plastic" and memory.stiffness is None:
         fields.missing("stiffness")
+    elif memory.name != "elastic-plastic" and (node := fields["stiffness"]):
+        what = f"belongs to memory: elastic-plastic, but the study has memory: {memory.name}"
+        ctx.errors.at(node, what, "remove it, or change the memory", on_key=True)
     return memory
 
 

@@ -43,12 +43,10 @@ class Memory:
 
     name:      one of MEMORIES
     stiffness: k of `elastic-plastic`, None for the others [Pa/m]
-    healing:   `friction` only: κ starts from 0 at every step, so that the film is whole again
     """
 
     name: MemoryName
     stiffness: float | None = None
-    healing: bool = False
 
     def check(self, law: Laws) -> None:
         """Raise UnfitLaw unless the memory can be made of every node's law."""
@@ -148,8 +146,7 @@ class HistoryPlan:
 
     lines:      one after the other, `repeat` times
     parameters: (key path, CF units, value in the scene) of every load that changes
-    branch:     which solution of a step: "continued" from the last state, or the lowest found, "lowest"
-    substeps:   equal parts of every step, each solved by descent; None to follow the path inside the step
+    branch:     which solution of a step: "continued" along the path from the last state, or the lowest found, "lowest"
     level:      mesh level, None for the finest
     loose:      whether nothing but friction holds the body
     """
@@ -159,7 +156,6 @@ class HistoryPlan:
     parameters: tuple[tuple[Keys, str, float], ...]
     repeat: int = 1
     branch: HistoryBranch = "continued"
-    substeps: int | None = None
     level: int | None = None
     loose: bool = False
 
@@ -214,13 +210,7 @@ HISTORY = (
         ),
         Key("repeat", "integer", "cycles of all lines", default=1, least=1, most=MOST_STEPS),
         Key("branch", "choice", "which solution of a step", words=HISTORY_BRANCHES, default="continued"),
-        Key(
-            *("substeps", "integer", "equal parts of a step, each solved by descent (default: its exact path)"),
-            least=1,
-            most=1000,
-        ),
         Key("stiffness", "number", "of elastic-plastic bonds", STIFFNESS, "100 GPa/m", above=0.0),
-        Key("healing", "flag", "of friction: every step finds a whole film", default=False),
         Key("level", "integer", "mesh level (default: finest)", least=0),
     ),
     *in_section(

@@ -132,8 +132,7 @@ class FitModel:
                 if not step.solved:
                     raise FitError(f"step {n} cannot be compared with the numbers tried: {step.reason}")
                 if n in wanted:
-                    v = step.state.v
-                    found[n] = np.array([step.xi.sum(), np.max(np.abs(v)), mean, *v])
+                    found[n] = np.array([self.level.line.c @ step.xi, np.max(np.abs(step.v)), mean, *step.v])
                 if n >= max(wanted):
                     break
         except (NotPositiveDefinite, UnfitLaw) as error:

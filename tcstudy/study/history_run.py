@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import islice
 from pathlib import Path
 
@@ -22,10 +22,9 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from tcstudy.condense import NotPositiveDefinite
-from tcstudy.contact.history.memory import NodeState
-from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
+from tcstudy.contact.history.problem import HistoryStep
 from tcstudy.contact.history.steps import history
-from tcstudy.data.history_store import HistoryRecord, read_known, steps_done, write_history
+from tcstudy.data.history_store import NODES, STEPS, HistoryRecord, read_known, steps_done, write_history
 from tcstudy.data.journal import Journal
 from tcstudy.data.provenance import collect, study_sha256, tell
 from tcstudy.data.records import PointStatus
@@ -48,6 +47,8 @@ from tcstudy.study.union import differences
 Array = NDArray[np.float64]
 FREE = ("history.steps", "history.repeat")
 """Keys in which a study may differ from that of the file it goes on from; the steps themselves are compared."""
+NAMES = sorted({f.name for f in fields(HistoryStep)} & {v.name for v in (*STEPS, *NODES)} - {"status"})
+"""Variables of the file that a step has under the same name."""
 
 
 HistoryWatcher = Callable[[int, int, int, int], None]
@@ -244,57 +245,34 @@ def _of_point(study: Study, level: Level, scene: Scene, record: HistoryRecord, p
     record.lambda_1[point], record.margin[point] = problem.stiffness, problem.margin
     record.lambda_1_error[point] = problem.A_error
     first = int(steps_done(record)[point])
-    start = None if first == 0 else _state(problem, record, point, first - 1, loads[first - 1])
+    start = None if first == 0 else _state(record, point, first - 1, loads[first - 1])
     slopes: Iterator[dict[str, float]] | None = None
     if study.output.sensitivity:
         slopes = islice(step_derivatives(study, level, scene), first, None)
     for n, step in enumerate(history(problem, loads[first:], start), first):
-        _put(record, point, n, step, problem)
+        _put(record, point, n, step, problem.c)
         for name, value in next(slopes).items() if slopes and step.solved else ():
             getattr(record, name)[point, n] = value
         yield n
 
 
-def _state(problem: HistoryProblem, record: HistoryRecord, point: int, n: int, load: Array) -> HistoryStep:
+def _state(record: HistoryRecord, point: int, n: int, load: Array) -> HistoryStep:
     """The step n of a file, as the next one needs it."""
-    v, kappa, plastic = (getattr(record, name)[point, n] for name in ("u_T", "kappa", "plastic"))
-    state = NodeState(v.copy(), kappa.copy(), np.nan_to_num(plastic))
-    xi = record.xi[point, n] * problem.c
-    return HistoryStep(load, xi, state, float(record.stored[point, n]), problem.energy(v, load))
+    own = {name: record.values[name][point, n] for name in NAMES if name in record.values}
+    own["plastic"] = np.nan_to_num(own["plastic"])
+    return HistoryStep(v=record.u_T[point, n], load=load, **own)
 
 
-def _put(record: HistoryRecord, point: int, n: int, step: HistoryStep, problem: HistoryProblem) -> None:
+def _put(record: HistoryRecord, point: int, n: int, step: HistoryStep, c: Array) -> None:
     """A step into its row."""
     at = point, n
     record.status[at] = STATUS[step.status]
     if not step.solved:
         record.reason[point] = step.reason
-    e, state, c = step.energies, step.state, problem.c
-    before = record.u_T[point, n - 1] if n else np.zeros(problem.m)
-    numbers = {
-        "energy": step.body,
-        "stored": step.stored,
-        "dissipated": e.dissipated,
-        "work": e.work,
-        "closure": e.closure,
-        "released": e.released,
-        "identity": e.identity,
-        "inclusion_residual": step.residual,
-        "inclusion_rounding": step.rounding,
-        "friction_resultant": float(step.xi.sum()),
-        "u_T_max": float(np.max(np.abs(state.v), initial=0.0)),
-        "slip_length": float(c[state.v != before].sum()),
-        "unique": step.unique,
-        "strict_minimum": step.strict,
-        "global_minimum": step.lowest,
-        "parts": step.parts,
-        "iterations": step.iterations,
-        "jumps": step.jumps,
-        "u_T": state.v,
-        "xi": step.xi / c,
-        "kappa": state.kappa,
-        "plastic": state.plastic,
-        "jumped": step.jumped,
-    }
-    for name, value in numbers.items():
-        getattr(record, name)[at] = value
+    before = record.u_T[point, n - 1] if n else 0.0
+    for name in NAMES:
+        record.values[name][at] = getattr(step, name)
+    record.u_T[at] = step.v
+    record.u_T_max[at] = np.max(np.abs(step.v), initial=0.0)
+    record.friction_resultant[at] = c @ step.xi
+    record.slip_length[at] = c[step.v != before].sum()

@@ -44,7 +44,6 @@ def problem_of(
         first.law,
         plan.memory,
         plan.branch,
-        plan.substeps,
         tolerance,
         lambda_1,
         held=not plan.loose,
@@ -118,7 +117,7 @@ class _Varied:
             scene = with_number(scene, number, value)
         for step, mean in followed(plan, self.level, scene, self.study.solver.tolerance):
             if step.solved:
-                yield np.array([np.max(np.abs(step.state.v), initial=0.0), step.xi.sum(), mean])
+                yield np.array([np.max(np.abs(step.v), initial=0.0), self.level.line.c @ step.xi, mean])
 
     def beside(self, number: Sensitivity) -> tuple[float, list[Iterator[Array]]]:
         """The scale of a number, and the histories above and below it, or on the one side where it can be.

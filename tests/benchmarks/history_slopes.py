@@ -46,7 +46,7 @@ def varied(body: HistoryProblem, loads: list[Array], number: str, h: float) -> A
     found = np.full((len(loads), 2), np.nan)
     for n, step in enumerate(history(body, loads)):
         if step.solved:
-            found[n] = np.max(np.abs(step.state.v)), step.xi.sum()
+            found[n] = np.max(np.abs(step.v)), body.c @ step.xi
     return found.ravel()
 
 

@@ -45,7 +45,7 @@ def random_history(seed: int) -> tuple[HistoryProblem, list[Array]]:
         film = _film(rng, lambda_1, memory)
         stiffness = float(film.omega * rng.uniform(1.2, 4.0)) if memory == "elastic-plastic" else None
         try:
-            body = HistoryProblem(A, c, film, Memory(memory, stiffness), substeps=None)  # type: ignore[arg-type]
+            body = HistoryProblem(A, c, film, Memory(memory, stiffness))  # type: ignore[arg-type]
             _ = body.model
         except UnfitLaw:
             continue
@@ -125,10 +125,9 @@ def followed(body: HistoryProblem, loads: list[Array], parts: int = 1) -> Follow
         if not last.solved:
             break
         begin = load
-    energies = [step.energies for step in steps]
-    dissipated = sum(e.dissipated for e in energies)
+    dissipated = sum(step.dissipated for step in steps)
     allowed = CLOSED * dissipated + ROUNDING * max(step.stored for step in steps)
-    closure, released = min(e.closure for e in energies), sum(e.released for e in energies)
+    closure, released = min(step.closure for step in steps), sum(step.released for step in steps)
     return Followed(last, closure, allowed, dissipated, released, sum(step.jumps for step in steps))
 
 
@@ -142,7 +141,7 @@ def judged(seed: int, parts: int = 100) -> tuple[list[str], str]:
             found.append(f"{name} fails")
         if some.closure < -some.allowed:
             found.append(f"{name} uphill")
-    slips = [some.last.state.v for some in (one, many)]
+    slips = [some.last.v for some in (one, many)]
     apart = float(np.max(np.abs(slips[0] - slips[1]))) / (float(np.max(np.abs(slips[0]))) or 1.0)
     if one.last.solved and many.last.solved and apart > SAME:
         found.append("apart")

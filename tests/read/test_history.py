@@ -61,7 +61,7 @@ def test_only_friction_may_hold_a_body_with_a_memory() -> None:
         ("memory: friction", "memory: elastic-plastic", "history.stiffness: is missing; add stiffness"),
         ("memory: friction", "memory: elastic-plastic\n  stiffness: 1 GPa/m", "spring is too soft for the law"),
         ("memory: friction", "memory: friction\n  stiffness: 1 GPa/m", "9:3: history.stiffness: belongs to memory"),
-        ("memory: friction", "memory: damage\n  healing: true", "9:3: history.healing: belongs to memory: friction"),
+        ("memory: friction", "memory: friction\n  healing: true", "9:3: history.healing: is gone: films do not heal"),
         (
             "{theta: 60 K, in: 8, name: hot}",
             "{theta: 5 K, in: 8}",
@@ -79,7 +79,7 @@ def test_only_friction_may_hold_a_body_with_a_memory() -> None:
         ("{theta: 60 K, in: 8, name: hot}", "{load: 2}", "9:3: history.steps: load is a factor of all"),
         ("{theta: 60 K, in: 8, name: hot}", "{E: 1 GPa}", "10:8: history.steps[0].E: is no load"),
         ("theta: 5 K}\nfriction", "theta: 5*x}\nfriction", "varies in space (5*x), but in a history it is one number"),
-        ("repeat: 3", "repeat: 3\n  substeps: 2\n  branch: lowest", "13:3: history.substeps: belongs to branch"),
+        ("repeat: 3", "repeat: 3\n  substeps: 2", "13:3: history.substeps: is gone: every step follows its exact path"),
         ("repeat: 3", "repeat: 99999", "9:3: history.steps: the history has 899991 steps; 100000 are possible"),
         ("repeat: 3", "level: 2", "12:10: history.level: must be from 0 to 1"),
         ("repeat: 3", "repeat: 3\nsweep: {theta: [1 K, 2 K]}", "10:8: history.steps[0].theta: is swept, too"),

@@ -25,7 +25,7 @@ from tcstudy.contact.contact import Answer, as_it_is, solve_contact
 from tcstudy.contact.history.folds import ended, folds_beside, standing
 from tcstudy.contact.history.memory import LAW_ERROR
 from tcstudy.contact.history.part import ROUNDING, StepPart
-from tcstudy.contact.history.problem import Energies, HistoryProblem, HistoryStep, booked, proved
+from tcstudy.contact.history.problem import HistoryProblem, HistoryStep, booked, proved
 from tcstudy.contact.loop import Status, iterate
 from tcstudy.contact.path.follow import Follower, Path, PathStatus
 from tcstudy.contact.path.start import locate
@@ -50,52 +50,46 @@ CREEPS = 40
 MOST_PARTS = 1000
 UPHILL = "no state of less energy is found beyond a fold: the next one found has {gain:.2g} J/m more"
 HIDDEN = "the law's own way is not the one along straight pieces in the place of its curve"
-ENDED = "the path inside the step ends at {share:.3g} of it: {reason}; write substeps: 8, or make more steps"
+ENDED = "the path inside the step ends at {share:.3g} of it: {reason}; make more steps"
 
 
 def continued(body: HistoryProblem, last: HistoryStep, load: Array) -> HistoryStep:
     """The step along its path, as `next_step` has it; one that cannot be followed fails with its reason."""
     step = _Step(body, last, load)
     while step.t < 1.0:
-        if step.parts > MOST_PARTS or not step.go_on():
+        if step.tried > MOST_PARTS or not step.go_on():
             reason = step.reason or f"more than {MOST_PARTS} times a node turns back or jumps"
-            failed = ENDED.format(share=step.t, reason=reason)
-            return replace(step.now, energies=step.energies, status=Status.STALLED, reason=failed)
+            return replace(step.now, status=Status.STALLED, reason=ENDED.format(share=step.t, reason=reason))
     assert step.judged is not None
-    whole = replace(step.now, energies=step.energies, parts=step.pieces, iterations=step.iterations,
-                    jumps=step.jumps, jumped=step.jumped)  # fmt: skip
-    return proved(body, *step.judged, whole)
+    return proved(body, *step.judged, replace(step.now, iterations=step.iterations))
 
 
 class _Step:
     """The parts of one step so far.
 
-    now: where the last part has ended, at the share t;  part: that from there on;  energies: of all parts
-    pieces: of all paths
+    now: all parts up to the share t, to the state where the last has ended;  part: that from there on
     """
 
     def __init__(self, body: HistoryProblem, last: HistoryStep, load: Array) -> None:
         self.body, self.last, self.load, self.change = body, last, load, load - last.load
-        self.energies = Energies()
-        self._to(last, 0.0)
-        self.jumped = np.zeros(body.m, dtype=bool)
-        self.parts = self.pieces = self.jumps = self.iterations = 0
+        self._begin(last.unchanged(), 0.0)
+        self.tried = self.iterations = 0
         self.judged: tuple[ContactProblem, Answer] | None = None
-        self.reason, self.beyond, self.fold = "", last.state.v, 0.0
+        self.reason, self.beyond, self.fold = "", last.v, 0.0
         self.tableau: Tableau | None = None
         on = 1.0 if float(np.sign(last.xi) @ self.change) >= 0.0 else -1.0
         self.ways = np.where(last.xi == 0.0, np.sign(self.change), on * np.sign(last.xi))
 
-    def _to(self, step: HistoryStep, t: float) -> None:
+    def _begin(self, now: HistoryStep, t: float) -> None:
         """The next part begins at the state of a step, at the share t."""
-        self.now, self.t, self.part = step, t, StepPart(self.body, step, self.last.load, self.change)
+        self.now, self.t, self.part = now, t, StepPart(self.body, now, self.last.load, self.change)
 
     def load_at(self, t: float) -> Array:
         return self.load if t == 1.0 else self.last.load + t * self.change
 
     def go_on(self) -> bool:
         """The next part or the next jump; False if there is none."""
-        self.parts += 1
+        self.tried += 1
         path = self._onward() if self.fold <= self.t else None
         if path is None and self.fold <= self.t and not self.body.law.piecewise_linear:
             path = standing(self.part.parametric, self.t, self.part.w)  # the law may go on where no chord does
@@ -142,7 +136,7 @@ class _Step:
         if path is None:
             return False
         if self._along(path, back):
-            self.beyond = self.now.state.v
+            self.beyond = self.now.v
             return True
         if self.reason == HIDDEN:
             return self._jump(back)
@@ -189,31 +183,29 @@ class _Step:
 
         Where the energy of the step is convex no state lets go: what looks like a jump is rounding, and counts as none.
         """
-        body, state = self.body, self.now.state
+        body, now = self.body, self.now
         for vertex in (-1, 0):
             t = float(path.t[vertex])
             landed = self._answer(path.u[vertex], t)
             if landed.status != Status.CONVERGED:
                 self.reason = landed.reason
                 return False
-            change = self.load_at(t) - self.now.load  # at rest until then: at the fold, but for straight pieces
-            drop = 0.5 * float((landed.xi + self.now.xi + change) @ (self.part.origin + landed.v - state.v))
-            step = booked(body, self.now, self.load_at(t), landed, (-float(state.v @ change), drop))
-            if step.energies.closure > 0.0:
+            change = self.load_at(t) - now.load  # at rest until then: at the fold, but for straight pieces
+            forces = landed.xi + body.c * now.xi + change
+            drop = 0.5 * float(forces @ (self.part.origin + landed.v - now.v))
+            step = booked(body, now, self.load_at(t), landed, (-float(now.v @ change), drop))
+            if step.closure > 0.0:
                 break
-        moved, forces = np.abs(step.state.v - state.v), np.abs(step.load) + np.abs(body.A_tilde) @ np.abs(step.state.v)
-        rounding = np.sqrt(body.m) * np.finfo(float).eps * float(forces @ moved)
-        if step.energies.closure < -rounding:
-            self.reason = UPHILL.format(gain=-step.energies.closure)
+        moved, size = np.abs(step.v - now.v), np.abs(step.load) + np.abs(body.A_tilde) @ np.abs(step.v)
+        rounding = np.sqrt(body.m) * np.finfo(float).eps * float(size @ moved)
+        if step.closure < -rounding:
+            self.reason = UPHILL.format(gain=-step.closure)
             return False
-        lets_go = step.energies.closure > rounding and not self._held()
-        released = step.energies.closure if lets_go else 0.0
-        self.energies += replace(step.energies, closure=step.energies.closure - released, released=released)
-        if lets_go:
-            self.jumped |= moved > ROUNDING * np.max(moved)
-            self.jumps += 1
-        self.beyond = step.state.v
-        self._to(step, t)
+        step = replace(step, parts=0)
+        if step.closure > rounding and not self._held():
+            step = replace(step, closure=0.0, released=step.closure, jumps=1, jumped=moved > ROUNDING * np.max(moved))
+        self.beyond = step.v
+        self._begin(now.then(step), t)
         return True
 
     def _held(self) -> bool:
@@ -238,14 +230,12 @@ class _Step:
         if answer.status != Status.CONVERGED:
             self.reason = answer.reason
             return False
-        self.pieces += last
         way = self._way(path, last, answer, lead)
         if way is None:
             self.reason = HIDDEN
             return False
-        step = booked(self.body, self.now, self.load_at(t), answer, way)
-        self.energies += step.energies
-        self._to(step, t)
+        part = booked(self.body, self.now, self.load_at(t), answer, way)
+        self._begin(self.now.then(replace(part, parts=last)), t)
         return True
 
     def _way(self, path: Path, last: int, answer: Answer, lead: Path | None) -> tuple[float, float] | None:
@@ -258,7 +248,7 @@ class _Step:
         t = np.array([self.t, *(lead.t[::-1] if lead else ()), *path.t[1:last], float(path.t[last])])
         ws = np.array([self.part.w, *(lead.u[::-1] if lead else ()), *path.u[1:last], answer.v])
         balance = p.l_0 + t[1:-1, None] * p.l_1 - ws[1:-1] @ p.A_tilde
-        xi = np.array([self.now.xi, *balance, answer.xi])
+        xi = np.array([body.c * self.now.xi, *balance, answer.xi])
         slips = np.diff(ws, axis=0)
         middle = 0.5 * (ws[1:] + ws[:-1]) + self.part.origin
         work = -float(np.diff(t) @ (middle @ self.change))

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,8 +56,7 @@ class NodeState:
         return cls(np.zeros(m), np.zeros(m), np.zeros(m))
 
 
-@dataclass(frozen=True)
-class Bonds:
+class Bonds(NamedTuple):
     """What a step leaves behind: the state, and per length stored and dissipated energies (m,) [J/m²]."""
 
     state: NodeState
@@ -171,11 +171,9 @@ class MemoryModel:
 
     @cached_property
     def unchanged(self) -> bool:
-        """True if the law in w = v − a is the scene's own at every step: nothing softens, or everything heals."""
-        if self.memory.name != "friction":
-            return False
+        """True if the law in w = v − a is the scene's own at every step: nothing softens."""
         flat = all(len(own.starts) == 1 and not np.any(own.pieces[2:4]) for _, own in self.groups)
-        return self.memory.healing or flat
+        return flat and self.memory.name == "friction"
 
     def origin(self, state: NodeState) -> Array:
         """(m,) a: slips from which w is counted [m]."""
@@ -227,12 +225,12 @@ class MemoryModel:
         v, stored, plastic = self.origin(state) + w, np.zeros(self.m), state.plastic
         if self.memory.name == "damage":
             return self._broken(state, v)
-        flow, begin = np.abs(w), np.zeros(self.m) if self.memory.healing else state.kappa
+        flow = np.abs(w)
         if self.memory.name == "elastic-plastic":
             flow, force = self._flow(state, w)
             stored, plastic = 0.5 * force**2 / self._stiffness, plastic + np.sign(w) * flow
-        kappa = begin if self.memory.healing else begin + flow
-        return Bonds(NodeState(v, kappa, plastic), stored, self.law.integral(begin, begin + flow))
+        kappa = state.kappa + flow
+        return Bonds(NodeState(v, kappa, plastic), stored, self.law.integral(state.kappa, kappa))
 
     def _flow(self, state: NodeState, w: Array) -> tuple[Array, Array]:
         """(Δp, force), (m,) each, of the return map: from the piece on which |w| lies."""

@@ -27,14 +27,14 @@ class StepPart:
 
     def __init__(self, body: HistoryProblem, now: HistoryStep, begin: Array, change: Array) -> None:
         """begin, change: the loads of the step are begin + t change (m,)"""
-        self.body, self.now, self.state, self.begin, self.change = body, now, now.state, begin, change
-        self.origin = body.model.origin(now.state)
-        self.w, self.pushed = now.state.v - self.origin, body.A_tilde @ self.origin
+        self.body, self.now, self.begin, self.change = body, now, begin, change
+        self.origin = body.model.origin(now)
+        self.w, self.pushed = now.v - self.origin, body.A_tilde @ self.origin
 
     @cached_property
     def law(self) -> Laws:
         """That of the part."""
-        return self.body.model.next_law(self.state)
+        return self.body.model.next_law(self.now)
 
     @cached_property
     def defect(self) -> Array:
@@ -43,9 +43,10 @@ class StepPart:
         A stiff body makes much of a slip's last digit; without this no path would begin at the state.
         """
         now, body = self.now, self.body
-        xi = now.load - body.A_tilde @ self.state.v
-        size = np.abs(now.load) + np.abs(body.A_tilde) @ np.abs(self.state.v)
-        apart = body.c * np.clip(xi / body.c, *self.law.interval(self.w)) - xi
+        xi = now.load - body.A_tilde @ now.v
+        size = np.abs(now.load) + np.abs(body.A_tilde) @ np.abs(now.v)
+        low, high = (body.c * limit - xi for limit in self.law.interval(self.w))
+        apart = np.where(np.abs(low) < np.abs(high), low, high)  # inside as outside: no vertex is gone back to for it
         rounding = 8.0 * np.sqrt(body.m) * np.finfo(float).eps * size
         return np.where(np.abs(apart) <= rounding, apart, 0.0)
 
@@ -59,14 +60,14 @@ class StepPart:
     def parametric(self) -> ParametricProblem:
         """The problem with a law of straight pieces, over the shares of the step."""
         body, linear = self.body, self.body.law.piecewise_linear
-        law = self.law if linear else body.model.next_law(self.state, straight=True)
+        law = self.law if linear else body.model.next_law(self.now, straight=True)
         problem = ParametricProblem(body.A_tilde, self.begin - self.pushed + self.defect, self.change, body.c, law)
         vars(problem)["body"] = body.scaled  # the same in all parts and steps
         return problem
 
     def first_return(self, path: Path) -> int:
         """Vertex up to which nobody takes back anything: slips, plastic slips and openings only grow."""
-        model, state = self.body.model, self.state
+        model, state = self.body.model, self.now
         rounding = ROUNDING * float(np.max(np.abs(path.u)))
         done = model.done(state, path.u[0])
         for vertex in range(1, path.pieces + 1):

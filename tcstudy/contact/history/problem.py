@@ -11,7 +11,7 @@ where vⁿ⁻¹ was a global minimum. Literature: Mielke, Evolution of rate-inde
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -32,6 +32,9 @@ from tcstudy.scene.study import Acceptance
 
 Array = NDArray[np.float64]
 
+SUMS = ("work", "dissipated", "closure", "released", "parts", "iterations", "jumps")
+"""Numbers of a step that are sums over its parts."""
+NOBODY = np.False_
 UNDETERMINED = (
     "all nodes slide at their limit, so that how far the body has moved as a whole is not determined: put a contact "
     "node where the slip changes its direction (another number of elements)"
@@ -39,63 +42,41 @@ UNDETERMINED = (
 
 
 @dataclass(frozen=True)
-class Energies:
-    """Of one step, or of parts of it added up [J/m].
+class HistoryStep(NodeState):
+    """A step: all that a file has of it and all that the next one needs, beginning with what the nodes remember.
 
-    work:       −½ (vⁿ + vⁿ⁻¹)ᵀΔl̃, what the change of the loads did
-    dissipated: D ≥ 0;  closure: what finite steps miss;  released: lost at jumps, ≥ 0
+    load:       (m,) l̃ [N/m];  xi: (m,) ξ/c [Pa]
+    stored:     B;  energy: E [J/m]
+    work:       −½ (vⁿ + vⁿ⁻¹)ᵀΔl̃, what the change of the loads did;  dissipated: D ≥ 0
+    closure:    what finite steps miss;  released: lost at jumps, ≥ 0 [J/m]
     identity:   largest defect of the identity of all parts, relative to the terms it is made of: rounding
+    parts:      contact problems solved or pieces of a path followed;  iterations: of the solvers
+    jumps:      their number;  jumped: (m,) nodes that a jump has moved
+    inclusion_residual, inclusion_rounding: of the last part, and what rounding allows of it
+    unique, strict_minimum, global_minimum: proved for the last part
+    status, reason: CONVERGED, or why the history ends here
     """
 
+    load: Array
+    xi: Array
+    stored: float = 0.0
+    energy: float = 0.0
     work: float = 0.0
     dissipated: float = 0.0
     closure: float = 0.0
     released: float = 0.0
     identity: float = 0.0
-
-    def __add__(self, other: Energies) -> Energies:
-        return Energies(
-            self.work + other.work,
-            self.dissipated + other.dissipated,
-            self.closure + other.closure,
-            self.released + other.released,
-            max(self.identity, other.identity),
-        )
-
-
-@dataclass(frozen=True)
-class HistoryStep:
-    """A step and all that the next one needs.
-
-    load:     (m,) l̃ [N/m];  xi: (m,) nodal friction forces [N/m];  state: what the nodes remember
-    stored:   B [J/m];  body: E [J/m]
-    energies: of this step
-    residual, rounding: inclusion residual of the last part, and what rounding allows of it
-    status, reason: CONVERGED, or why the history ends here
-    unique, strict, lowest: proved for the last part: one solution; strict local; global minimum of its energy
-    margin:   λ_min(C^{−½}ÃC^{−½} − diag ω_i) of the memory: above 0 every step is unique [Pa/m]
-    parts:    contact problems solved or pieces of a path followed;  iterations: of the solvers
-    jumped:   (m,) nodes that a jump has moved
-    """
-
-    load: Array
-    xi: Array
-    state: NodeState
-    stored: float
-    body: float
-    energies: Energies = Energies()
-    residual: float = 0.0
-    rounding: float = 0.0
-    status: Status = Status.CONVERGED
-    reason: str = ""
-    unique: bool = False
-    strict: bool = False
-    lowest: bool = False
-    margin: float = float("nan")
     parts: int = 0
     iterations: int = 0
     jumps: int = 0
-    jumped: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    jumped: NDArray[np.bool_] | np.bool_ = NOBODY
+    inclusion_residual: float = 0.0
+    inclusion_rounding: float = 0.0
+    unique: bool = False
+    strict_minimum: bool = False
+    global_minimum: bool = False
+    status: Status = Status.CONVERGED
+    reason: str = ""
 
     @property
     def solved(self) -> bool:
@@ -105,7 +86,17 @@ class HistoryStep:
     @classmethod
     def virgin(cls, m: int) -> HistoryStep:
         """Before any load."""
-        return cls(np.zeros(m), np.zeros(m), NodeState.virgin(m), 0.0, 0.0, jumped=np.zeros(m, dtype=bool))
+        return cls(*np.zeros((5, m)))
+
+    def unchanged(self) -> HistoryStep:
+        """The step after this one to the same load: nothing happens in it."""
+        return replace(self, work=0.0, dissipated=0.0, closure=0.0, released=0.0, identity=0.0,
+                       parts=0, iterations=0, jumps=0, jumped=NOBODY)  # fmt: skip
+
+    def then(self, part: HistoryStep) -> HistoryStep:
+        """This and a further part of the same step."""
+        sums = {name: getattr(self, name) + getattr(part, name) for name in SUMS}
+        return replace(part, identity=max(self.identity, part.identity), jumped=self.jumped | part.jumped, **sums)
 
 
 @dataclass(frozen=True)
@@ -114,9 +105,7 @@ class HistoryProblem:
 
     A_tilde, c: as in `ContactProblem`, Ã only semidefinite for a body that nothing but friction holds
     law, memory: the scene's law and what is remembered of it
-    branch:     "lowest": lowest found of the step from all starts; "continued": from the last state
-    substeps:   of every step, equal parts of the load's change, each solved by descent from the state before; None to
-                follow the path inside the step (continued.py)
+    branch:     "lowest": lowest found of the step from all starts; "continued": along its path (continued.py)
     tolerance:  of the inclusion residual, as in `solve_contact`
     lambda_1:   λ₁ if it is known
     held:       False for a body that only friction holds, which then has no λ₁
@@ -130,7 +119,6 @@ class HistoryProblem:
     law: Laws
     memory: Memory
     branch: HistoryBranch = "continued"
-    substeps: int | None = 1
     tolerance: float | None = None
     lambda_1: float | None = None
     held: bool = True
@@ -183,15 +171,6 @@ class HistoryProblem:
         """True if no law falls, so that every solution has the least energy."""
         return not np.any(self.model.omega)
 
-    @property
-    def follows_paths(self) -> bool:
-        """Whether steps are followed along their paths; parts of a step cannot heal, which a whole one does.
-
-        Without friction nothing is remembered, and no path has a scale.
-        """
-        alone = self.substeps is None and self.branch == "continued" and not self.memory.healing
-        return alone and not self.law.vanishes
-
     @cached_property
     def scaled(self) -> ScaledBody:
         """Ã as paths have it."""
@@ -216,34 +195,37 @@ class HistoryProblem:
 def booked(
     body: HistoryProblem, last: HistoryStep, load: Array, answer: Answer, way: tuple[float, float] | None = None
 ) -> HistoryStep:
-    """The step to a solution w (m,) of its problem, with its energies.
+    """The step or part of one to a solution w (m,) of its problem, with its energies.
 
     way: work and ∫ξᵀdv of a path from the last state that is known between its ends; else it is taken as straight
     """
-    bonds = body.model.after(last.state, answer.v)
-    v, xi, old = bonds.state.v, answer.xi, last.state.v
-    stored, dissipated = float(body.c @ bonds.stored), float(body.c @ bonds.dissipated)
+    state, stored_by_node, dissipated_by_node = body.model.after(last, answer.v)
+    v, xi = state.v, answer.xi / body.c
+    stored, dissipated = float(body.c @ stored_by_node), float(body.c @ dissipated_by_node)
     energy = body.energy(v, load)
-    straight = -0.5 * float((v + old) @ (load - last.load)), 0.5 * float((xi + last.xi) @ (v - old))
+    mean = 0.5 * body.c * (xi + last.xi)
+    straight = -0.5 * float((v + last.v) @ (load - last.load)), float(mean @ (v - last.v))
     work, friction = straight if way is None else way
-    closure = friction - (stored - last.stored) - dissipated
-    defect = abs(energy - last.body - work + friction) / (_size(body, v, load) + _size(body, old, last.load) or 1.0)
-    energies = Energies(work, dissipated, closure, 0.0, defect)
+    defect = abs(energy - last.energy - work + friction)
+    size = _size(body, v, load) + _size(body, last.v, last.load)
     return HistoryStep(
+        v,
+        state.kappa,
+        state.plastic,
         load,
         xi,
-        bonds.state,
         stored,
         energy,
-        energies,
-        answer.inclusion_residual,
-        answer.rounding,
-        answer.status,
-        answer.reason,
-        margin=body.margin,
+        work,
+        dissipated,
+        closure=friction - (stored - last.stored) - dissipated,
+        identity=defect / (size or 1.0),
         parts=1,
         iterations=answer.iterations,
-        jumped=np.zeros(body.m, dtype=bool),
+        inclusion_residual=answer.inclusion_residual,
+        inclusion_rounding=answer.rounding,
+        status=answer.status,
+        reason=answer.reason,
     )
 
 
@@ -256,16 +238,16 @@ def _size(body: HistoryProblem, v: Array, load: Array) -> float:
 def proved(body: HistoryProblem, problem: ContactProblem, answer: Answer, step: HistoryStep) -> HistoryStep:
     """The step with its certificates; a loose body whose motion as a whole is free has none, and fails."""
     if body.convex:
-        return replace(step, unique=True, strict=True, lowest=True)
+        return replace(step, unique=True, strict_minimum=True, global_minimum=True)
     if body.monotone or not body.held:
         strict = _strict(body, problem, answer.v)
         if not (strict or body.held):
             return replace(step, status=Status.NOT_POSITIVE_DEFINITE, reason=UNDETERMINED)
-        return replace(step, unique=strict and body.monotone, strict=strict, lowest=body.monotone)
+        return replace(step, unique=strict and body.monotone, strict_minimum=strict, global_minimum=body.monotone)
     proof = certify(
         problem, answer.v, body.stiffness, body.tolerance, inverse=body.inverse, residual=answer.inclusion_residual
     )
-    return replace(step, unique=proof.unique, strict=proof.strict_minimum, lowest=proof.global_minimum)
+    return replace(step, unique=proof.unique, strict_minimum=proof.strict_minimum, global_minimum=proof.global_minimum)
 
 
 def _strict(body: HistoryProblem, problem: ContactProblem, w: Array) -> bool:

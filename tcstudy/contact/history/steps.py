@@ -1,4 +1,4 @@
-"""One step of a load history after the other: along its path, or by a contact problem for each of its parts."""
+"""One step of a load history after the other: along its path, or the lowest state of its contact problem."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.contact import Answer, solve_contact
 from tcstudy.contact.history.continued import continued
-from tcstudy.contact.history.problem import Energies, HistoryProblem, HistoryStep, booked, proved
+from tcstudy.contact.history.problem import HistoryProblem, HistoryStep, booked, proved
 from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.contact.separable.convex_step import convex_step
 from tcstudy.contact.separable.pieces import slopes
+from tcstudy.scene.study import Branch
 
 Array = NDArray[np.float64]
 
@@ -39,26 +40,18 @@ def history(
 def next_step(body: HistoryProblem, last: HistoryStep, load: Array) -> HistoryStep:
     """The step from `last` to a load; loads that do not change change nothing, to the bit."""
     if np.array_equal(load, last.load):
-        return replace(last, energies=Energies(), parts=0, iterations=0, jumps=0, jumped=np.zeros(body.m, dtype=bool))
-    if body.follows_paths:
+        return last.unchanged()
+    if body.branch == "continued" and not body.law.vanishes:  # else nothing is remembered, and no path has a scale
         return continued(body, last, load)
-    change, now = load - last.load, last
-    energies, parts, iterations, count = Energies(), 0, 0, body.substeps or 1
-    for part in range(1, count + 1):
-        target = load if part == count else last.load + (part / count) * change
-        now = descended(body, now, target)
-        energies, parts, iterations = energies + now.energies, parts + now.parts, iterations + now.iterations
-        if not now.solved:
-            break
-    return replace(now, energies=energies, parts=parts, iterations=iterations)
+    return lowest(body, last, load)
 
 
-def descended(body: HistoryProblem, last: HistoryStep, load: Array) -> HistoryStep:
-    """One contact problem: from the last state by descent, or the lowest of all starts."""
-    problem = body.problem(last.state, load)
-    w = last.state.v - body.model.origin(last.state)
-    lowest = body.branch == "lowest" and not (body.convex or body.monotone)
-    answer = solve_contact(problem, tolerance=body.tolerance, branch="lowest" if lowest else "continued", neighbour=w)
+def lowest(body: HistoryProblem, last: HistoryStep, load: Array) -> HistoryStep:
+    """The state of least energy that is found of the step's one contact problem."""
+    problem = body.problem(last, load)
+    w = last.v - body.model.origin(last)
+    branch: Branch = "continued" if body.convex or body.monotone else "lowest"
+    answer = solve_contact(problem, tolerance=body.tolerance, branch=branch, neighbour=w)
     if answer.status == Status.NOT_POSITIVE_DEFINITE:
         answer = _held_by_friction(body, problem, w, answer)
     step = booked(body, last, load, answer)

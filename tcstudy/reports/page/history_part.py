@@ -43,8 +43,7 @@ def history_content(stored: Stored, without: tuple[str, ...], box: Container) ->
     solved = flat("status") == int(PointStatus.OK)
     changes = [last_change(data.isel(where)) for where in each_point(data)]
     loads = str(data.attrs["loads"]).split()
-    substeps = int(data.attrs["substeps"])
-    continued = f"continued from the last, by {counted(substeps, 'descent')}" if substeps else "along its exact path"
+    lowest = data.attrs["branch"] == "lowest"
     kind = "f8" if solved.size * len(NUMBERS) * 8 <= ROOM_FOR_DOUBLES else "f4"
     history = {
         "steps": solved.shape[1],
@@ -57,7 +56,7 @@ def history_content(stored: Stored, without: tuple[str, ...], box: Container) ->
         "moves": list(MOVES),
         "about": {
             "memory": str(data.attrs["memory"]),
-            "each step": "the state of least energy found" if data.attrs["branch"] == "lowest" else continued,
+            "each step": "the state of least energy found" if lowest else "along its exact path",
             "mesh": f"level {int(data['level'])}, {int(data['n_dof'])} unknowns, {int(data['n_contact'])} on the "
             "contact line",
         },

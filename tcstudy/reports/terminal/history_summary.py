@@ -61,16 +61,12 @@ def history_summary(path: Path, every_row: bool = False) -> str:
 
 def _head(data: Any) -> str:
     attrs, loads = data.attrs, ", ".join(_loads(data))
-    substeps = int(attrs["substeps"])
-    how = f"by {counted(substeps, 'descent')}" if substeps else "along its exact path"
-    lowest = (
-        "the state of least energy found" if attrs["branch"] == "lowest" else f"continued from the last state {how}"
-    )
+    how = "the state of least energy found" if attrs["branch"] == "lowest" else "along its exact path"
     cycles = int(data["cycle"].max())
     lost = digits_lost(float(data["lambda_1_error"].max())) if "lambda_1_error" in data else ""
     return (
         f"  History of {loads}: {counted(data.sizes['step'] - 1, 'step')} in {counted(cycles, 'cycle')}; memory "
-        f"{attrs['memory']}; each step {lowest}\n"
+        f"{attrs['memory']}; each step {how}\n"
         f"  level {int(data['level'])}: {int(data['n_dof'])} dofs, {int(data['n_contact'])} contact unknowns"
         + (f"\n  {lost}" if lost else "")
     )

@@ -39,13 +39,13 @@ def test_a_block_on_a_spring_lets_go_where_the_film_falls_as_the_spring_rises(
     landing = (load - (3.0 - np.e)) / k
     lost = 3.0 - np.e + (3.0 - np.e) * (landing - 1.0) - (3.0 * fold - k + 1.0) + 1.0  # ∫ τ from the fold on
     released = load * (landing - fold) - 0.5 * k * (landing**2 - fold**2) - lost
-    body = HistoryProblem(np.array([[k]]), np.ones(1), concave(1.0), memory, substeps=None)
+    body = HistoryProblem(np.array([[k]]), np.ones(1), concave(1.0), memory)
     steps = followed(body, [np.array([way * share * load]) for share in (*before, 1.2)])
     assert [step.jumps for step in steps] == [*(0 for _ in before), 1]
-    assert steps[-1].energies.released == pytest.approx(released, rel=1e-11)
-    assert steps[-1].state.v[0] == pytest.approx(way * (1.2 * load - 3.0 + np.e) / k, rel=1e-14)
-    assert max(step.energies.identity for step in steps) <= 3e-16
-    assert max(abs(step.energies.closure) for step in steps) <= 1e-15 * load
+    assert steps[-1].released == pytest.approx(released, rel=1e-11)
+    assert steps[-1].v[0] == pytest.approx(way * (1.2 * load - 3.0 + np.e) / k, rel=1e-14)
+    assert max(step.identity for step in steps) <= 3e-16
+    assert max(abs(step.closure) for step in steps) <= 1e-15 * load
 
 
 def settled(A: Array, c: Array, film: Laws, load: Array, v: Array) -> Array:
@@ -91,8 +91,8 @@ def test_a_line_lets_go_as_by_small_steps(film: Laws, begin: float, memory: Memo
     A, c = half_laplacian(20)
     load = c * np.linspace(0.2, 1.0, 20)
     at, released = first_jump(A, c, film, load, begin, 2e-3)
-    body = HistoryProblem(A, c, film, memory, substeps=None)
+    body = HistoryProblem(A, c, film, memory)
     steps = followed(body, [share * load for share in (begin, at - 1e-7, at + 1e-7)])
     assert [step.jumps for step in steps] == [0, 0, 1]
-    assert steps[-1].energies.released == pytest.approx(released, rel=1e-7)
-    assert max(step.energies.identity for step in steps) <= 3e-16
+    assert steps[-1].released == pytest.approx(released, rel=1e-7)
+    assert max(step.identity for step in steps) <= 3e-16

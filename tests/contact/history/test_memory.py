@@ -70,15 +70,6 @@ def test_what_has_slipped_so_far_moves_along_the_law() -> None:
     assert flowed.state.kappa[0] == pytest.approx(1.5, rel=1e-15)
 
 
-def test_healing_forgets_at_every_step() -> None:
-    state = NodeState(np.full(1, 0.3), np.zeros(1), np.zeros(1))
-    model = MemoryModel(Memory("friction", healing=True), SOFTENING, 1)
-    assert model.next_law(state) is SOFTENING
-    after = model.after(state, np.array([1.0]))
-    assert after.state.kappa[0] == 0.0
-    assert after.dissipated[0] == 2.5
-
-
 @pytest.mark.parametrize(
     ("memory", "law", "said"),
     [
