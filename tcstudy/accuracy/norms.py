@@ -13,7 +13,7 @@ A segment's two halves belong to the S_i of its two ends; where one end carries 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -24,15 +24,16 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Modulus = float | Array
 """λ or μ: of the whole body, or (t,) of every triangle."""
-Linear = tuple[Array, Array]
-"""Values at the centres (t,) and gradients (t, 2) of a function that is linear on every triangle."""
+Sample = tuple[Array, Array]
+"""Values (t, q) and gradients (2, t, q) of a function at q points of every triangle; (2, t, 1) if they are constant."""
 Function = Callable[[Array, Array], tuple[Array, Array]]
 """x, y (…) → value (…) and gradient (2, …)."""
 
 _A, _B = (6 - np.sqrt(15)) / 21, (6 + np.sqrt(15)) / 21
-_RULE = np.array([[1 / 3] * 3] + [np.roll([1 - 2 * t, t, t], i).tolist() for t in (_A, _B) for i in range(3)])
+_RADON = np.array([[1 / 3] * 3] + [np.roll([1 - 2 * t, t, t], i).tolist() for t in (_A, _B) for i in range(3)])
 _WEIGHTS = np.array([9 / 40] + [(155 - np.sqrt(15)) / 1200] * 3 + [(155 + np.sqrt(15)) / 1200] * 3)
-"""Radon's rule: barycentric points (7, 3) and weights (7,)."""
+_RULES = {3: (np.full((3, 3), 1 / 6) + 0.5 * np.eye(3), np.full(3, 1 / 3)), 7: (_RADON, _WEIGHTS)}
+"""Barycentric points (q, 3) and weights (q,) of q points: exact for squares of linear functions, or degree five."""
 
 
 @dataclass(frozen=True)
@@ -56,18 +57,6 @@ class Triangles:
         """∇v of a P1 function (n,) on every triangle, (t, 2)."""
         return np.einsum("tk,tkd->td", v[self.triangles], self._geometry[1])
 
-    @cached_property
-    def _samples(self) -> tuple[Array, Array, Array]:
-        """x, y and weights (t, 7) of the quadrature points."""
-        at = np.einsum("qk,tkd->tqd", _RULE, self.points[self.triangles])
-        return at[..., 0], at[..., 1], self.areas[:, None] * _WEIGHTS
-
-    # -- norms of functions that are linear on every triangle, jumping between them or not ---------
-
-    def linear(self, v: Array) -> Linear:
-        """A P1 function (n,)."""
-        return v[self.triangles].mean(axis=1), self.gradient(v)
-
     @property
     def areas(self) -> Array:
         """(t,) areas of the triangles."""
@@ -78,67 +67,49 @@ class Triangles:
         """(t, 2) centres of gravity of the triangles."""
         return np.asarray(self.points[self.triangles].mean(axis=1))
 
-    @cached_property
-    def _moments(self) -> Array:
-        """(t, 3) ∫(x−c)², ∫(y−d)² and 2∫(x−c)(y−d) about the centres (c, d)."""
-        x, y = np.moveaxis(self.points[self.triangles] - self.centres[:, None], -1, 0)
-        sums = np.stack([(x * x).sum(axis=1), (y * y).sum(axis=1), 2.0 * (x * y).sum(axis=1)], axis=1)
-        return np.asarray(sums * (self.areas / 12)[:, None])
+    def _at(self, q: int) -> Array:
+        """(2, t, q) x and y of the points."""
+        return np.einsum("qk,tkd->dtq", _RULES[q][0], self.points[self.triangles])
 
-    def l2(self, *parts: Linear) -> float:
-        """‖v‖ over components, exact."""
-        xx, yy, xy = self._moments.T
-        total = 0.0
-        for value, gradient in parts:
-            a, b = gradient.T
-            total += float(self.areas @ value**2 + xx @ a**2 + yy @ b**2 + xy @ (a * b))
-        return float(np.sqrt(total))
+    # -- functions, and their norms ----------------------------------------------------------------
 
-    def h1(self, *parts: Linear) -> float:
-        """|v|₁ over components, exact."""
-        return float(np.sqrt(sum(float(self.areas @ (gradient**2).sum(axis=1)) for _, gradient in parts)))
+    def p1(self, v: Array, q: int = 3) -> Sample:
+        """A P1 function (n,)."""
+        return v[self.triangles] @ _RULES[q][0].T, self.gradient(v).T[:, :, None]
 
-    def energy(self, u_x: Linear, u_y: Linear, lam: Modulus, mu: Modulus) -> float:
-        """‖u‖_a of a displacement, exact."""
-        return float(np.sqrt(self.areas @ _strain_energy(u_x[1].T, u_y[1].T, lam, mu)))
+    def linear(self, value: Array, gradient: Array) -> Sample:
+        """A function that is linear on every triangle, from its values at the centres (t,) and gradients (t, 2)."""
+        apart = self._at(3) - self.centres.T[:, :, None]
+        return value[:, None] + np.einsum("td,dtq->tq", gradient, apart), gradient.T[:, :, None]
+
+    def given(self, function: Function) -> Sample:
+        """A function given by value and gradient, at seven points."""
+        return function(*self._at(7))
+
+    def norms(self, parts: Sequence[Sample], lam: Modulus, mu: Modulus) -> dict[str, float]:
+        """‖·‖_a, |·|₁ and ‖·‖ of a displacement, as u_energy, u_H1 and u_L2; of a third part theta_L2 and theta_H1."""
+        weight = self.areas[:, None] * _RULES[parts[0][0].shape[1]][1]
+        (u, du), (v, dv), *theta = parts
+
+        def norm(square: Array) -> float:
+            return float(np.sqrt((weight * square).sum()))
+
+        lam, mu = (np.reshape(modulus, (-1, 1)) for modulus in (lam, mu))
+        energy = lam * (du[0] + dv[1]) ** 2 + 2 * mu * (du[0] ** 2 + dv[1] ** 2 + 0.5 * (du[1] + dv[0]) ** 2)
+        slopes = (du**2).sum(axis=0) + (dv**2).sum(axis=0)
+        found = {"u_energy": norm(energy), "u_H1": norm(slopes), "u_L2": norm(u**2 + v**2)}
+        for value, slope in theta:
+            found |= {"theta_L2": norm(value**2), "theta_H1": norm((slope**2).sum(axis=0))}
+        return found
 
     def integral(self, density: Callable[[Array, Array], Array]) -> float:
         """∫ of a function of x and y, by the seven-point rule."""
-        x, y, weight = self._samples
-        return float((weight * density(x, y)).sum())
-
-    # -- distances from a given function -----------------------------------------------------------
-
-    def l2_from(self, pairs: list[tuple[Array, Function]]) -> tuple[float, float]:
-        """‖v − f‖ and ‖f‖ over all (P1 component, given function)."""
-        return self._from([(v[self.triangles] @ _RULE.T, f(*self._samples[:2])[0]) for v, f in pairs])
-
-    def h1_from(self, pairs: list[tuple[Array, Function]]) -> tuple[float, float]:
-        """|v − f|₁ and |f|₁ over all (P1 component, given function)."""
-        return self._from([(self.gradient(v).T[:, :, None], f(*self._samples[:2])[1]) for v, f in pairs])
-
-    def _from(self, sampled: list[tuple[Array, Array]]) -> tuple[float, float]:
-        """Norms of the difference and of the second one of pairs of functions at the quadrature points."""
-        weight = self._samples[2]
-        error = sum(float((weight * (v - f) ** 2).sum()) for v, f in sampled)
-        return float(np.sqrt(error)), float(np.sqrt(sum(float((weight * f**2).sum()) for _, f in sampled)))
-
-    def energy_from(self, pairs: list[tuple[Array, Function]], lam: float, mu: float) -> tuple[float, float]:
-        """‖u − f‖_a and ‖f‖_a for the two components of a displacement."""
-        x, y, weight = self._samples
-        exact = [function(x, y)[1] for _, function in pairs]
-        discrete = [self.gradient(v).T[:, :, None] for v, _ in pairs]
-        error = _strain_energy(discrete[0] - exact[0], discrete[1] - exact[1], lam, mu)
-        size = _strain_energy(exact[0], exact[1], lam, mu)
-        return float(np.sqrt((weight * error).sum())), float(np.sqrt((weight * size).sum()))
+        return float((self.areas[:, None] * _WEIGHTS * density(*self._at(7))).sum())
 
 
-def _strain_energy(grad_x: Array, grad_y: Array, lam: Modulus, mu: Modulus) -> Array:
-    """λ(div u)² + 2μ ε:ε from the gradients (2, …) of both components."""
-    divergence = grad_x[0] + grad_y[1]
-    shear = grad_x[1] + grad_y[0]
-    density: Array = lam * divergence**2 + 2 * mu * (grad_x[0] ** 2 + grad_y[1] ** 2 + 0.5 * shear**2)
-    return density
+def less(a: Sample, b: Sample) -> Sample:
+    """a − b."""
+    return a[0] - b[0], a[1] - b[1]
 
 
 LineFunction = Callable[[Array, Array, Array], Array]

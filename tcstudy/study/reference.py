@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from tcstudy.accuracy.norms import Function, Line, Linear, LineFunction, Modulus, Triangles
+from tcstudy.accuracy.norms import Function, Line, LineFunction, less
 from tcstudy.accuracy.transfer import (
     Prolongation,
     check_halved,
@@ -72,17 +72,12 @@ class ExactReference:
         solution = one.solutions[index]
         if solution.u is None:
             return {}
-        lam, mu = scene.material.lam, scene.material.mu
-        pairs = list(zip(solution.u, self._u, strict=True))
-        found: Errors = {
-            "u_energy": one.mesh.energy_from(pairs, lam, mu),
-            "u_H1": one.mesh.h1_from(pairs),
-            "u_L2": one.mesh.l2_from(pairs),
-        }
+        pairs, moduli = list(zip(solution.u, self._u, strict=True)), (scene.material.lam, scene.material.mu)
         if self._exact.theta is not None and solution.theta is not None:
-            thermal = [(solution.theta, _function(self._exact.theta))]
-            found |= {"theta_L2": one.mesh.l2_from(thermal), "theta_H1": one.mesh.h1_from(thermal)}
-        return found | self._on_line(one, solution, scene)
+            pairs.append((solution.theta, _function(self._exact.theta)))
+        given = [one.mesh.given(function) for _, function in pairs]
+        off = [less(one.mesh.p1(v, 7), f) for (v, _), f in zip(pairs, given, strict=True)]
+        return _over(one.mesh.norms(off, *moduli), one.mesh.norms(given, *moduli)) | self._on_line(one, solution, scene)
 
     def _on_line(self, one: SolvedLevel, solution: Solution, scene: Scene) -> Errors:
         assert solution.u is not None
@@ -129,11 +124,9 @@ class NestedReference:
         best, own = finest.solutions[index], self._levels[level].solutions[index]
         if best.u is None or own.u is None or not best.ok:
             return {}
-        pairs, linear, moduli = _pairs(own, best), finest.mesh.linear, finest.moduli(scene)
-        found = _norms(finest.mesh, [linear(self._prolonged(v, level) - w) for v, w in pairs], moduli)
-        return _over(found, _norms(finest.mesh, [linear(w) for _, w in pairs], moduli)) | self._on_line(
-            own, best, level
-        )
+        pairs, mesh, moduli = _pairs(own, best), finest.mesh, finest.moduli(scene)
+        found = mesh.norms([mesh.p1(self._prolonged(v, level) - w) for v, w in pairs], *moduli)
+        return _over(found, mesh.norms([mesh.p1(w) for _, w in pairs], *moduli)) | self._on_line(own, best, level)
 
     def _prolonged(self, values: Array, level: int) -> Array:
         for step in self._steps[level:]:
@@ -164,13 +157,6 @@ def _pairs(own: Solution, best: Solution) -> list[tuple[Array, Array]]:
     assert best.u is not None
     pairs = list(zip(own.u, best.u, strict=True))
     return pairs if own.theta is None or best.theta is None else [*pairs, (own.theta, best.theta)]
-
-
-def _norms(mesh: Triangles, parts: list[Linear], moduli: tuple[Modulus, Modulus]) -> dict[str, float]:
-    """Norms of a displacement, and of a temperature behind it, if there is one."""
-    u, theta = parts[:2], parts[2:]
-    found = {"u_energy": mesh.energy(u[0], u[1], *moduli), "u_H1": mesh.h1(*u), "u_L2": mesh.l2(*u)}
-    return found if not theta else found | {"theta_L2": mesh.l2(*theta), "theta_H1": mesh.h1(*theta)}
 
 
 def _over(errors: dict[str, float], sizes: dict[str, float]) -> Errors:
@@ -211,13 +197,11 @@ class FineReference:
             return {}
         mesh, pairs, moduli = self._fine.mesh, _pairs(own, best), self._fine.moduli(scene)
         if index not in self._sizes:
-            self._sizes[index] = _norms(mesh, [mesh.linear(w) for _, w in pairs], moduli)
+            self._sizes[index] = mesh.norms([mesh.p1(w) for _, w in pairs], *moduli)
         at, weights = located(one.mesh, mesh.centres)
-        coarse = [
-            (np.einsum("qk,qk->q", weights, v[one.mesh.triangles[at]]), one.mesh.gradient(v)[at]) for v, _ in pairs
-        ]
-        fine = [mesh.linear(w) for _, w in pairs]
-        found = _norms(mesh, [(a - c, b - d) for (a, b), (c, d) in zip(coarse, fine, strict=True)], moduli)
+        centres = (np.einsum("qk,qk->q", weights, v[one.mesh.triangles[at]]) for v, _ in pairs)
+        coarse = [mesh.linear(c, one.mesh.gradient(v)[at]) for c, (v, _) in zip(centres, pairs, strict=True)]
+        found = mesh.norms([less(a, mesh.p1(w)) for a, (_, w) in zip(coarse, pairs, strict=True)], *moduli)
         return _over(found, self._sizes[index]) | self._on_line(one, own, best)
 
     def number(self, name: str, index: tuple[int, ...] = ()) -> float:

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from tcstudy.accuracy.norms import Line, Triangles
+from tcstudy.accuracy.norms import Line, Triangles, less
 from tcstudy.accuracy.transfer import NotNested, prolongation, refined_ends, refined_halves
 
 POINTS = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0], [0.7, 0.4]])
 TRIANGLES = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
 MESH = Triangles(POINTS, TRIANGLES)
 X, Y = POINTS.T
-P1 = MESH.linear
+P1 = MESH.p1
 
 
 def refined(points, triangles):
@@ -24,34 +24,40 @@ def refined(points, triangles):
     return np.concatenate([points, points[edges].mean(axis=1)]), np.concatenate([np.array(t).T for t in children])
 
 
+def norms(u, v, lam=0.0, mu=0.0):
+    return MESH.norms([P1(u), P1(v)], lam, mu)
+
+
 def test_norms_of_linear_functions():
-    assert MESH.l2(P1(1 + 0 * X)) == pytest.approx(np.sqrt(2), rel=1e-14)
-    assert MESH.l2(P1(X)) == pytest.approx(np.sqrt(8 / 3), rel=1e-14)
-    assert MESH.l2(P1(X), P1(Y)) == pytest.approx(np.sqrt(8 / 3 + 2 / 3), rel=1e-14)
-    assert MESH.h1(P1(3 * X - 2 * Y)) == pytest.approx(np.sqrt(2 * 13), rel=1e-14)
+    one, zero = 1 + 0 * X, 0 * X
+    assert norms(one, zero)["u_L2"] == pytest.approx(np.sqrt(2), rel=1e-14)
+    assert norms(X, Y)["u_L2"] == pytest.approx(np.sqrt(8 / 3 + 2 / 3), rel=1e-14)
+    assert norms(3 * X - 2 * Y, zero)["u_H1"] == pytest.approx(np.sqrt(2 * 13), rel=1e-14)
+    warm = MESH.norms([P1(zero), P1(zero), P1(X)], 1.0, 1.0)
+    assert (warm["theta_L2"], warm["theta_H1"]) == pytest.approx((np.sqrt(8 / 3), np.sqrt(2)), rel=1e-14)
     np.testing.assert_allclose(MESH.gradient(3 * X - 2 * Y + 1), np.tile([3, -2], (4, 1)), atol=1e-13)
+    value, slope = MESH.linear(MESH.centres[:, 0], np.tile([1.0, 0.0], (4, 1)))
+    np.testing.assert_allclose(value, P1(X)[0], atol=1e-15)
+    np.testing.assert_allclose(slope, P1(X)[1], atol=1e-14)
 
 
 def test_energy_of_uniform_strain():
     """ε_xx = 2, ε_yy = −1, γ_xy = 3: λ·1 + 2μ(4 + 1 + 4.5); a rotation costs nothing."""
     lam, mu = 1.3, 0.7
-    energy = MESH.energy(P1(2 * X + Y), P1(2 * X - Y), lam, mu)
+    energy = norms(2 * X + Y, 2 * X - Y, lam, mu)["u_energy"]
     assert energy**2 == pytest.approx(2 * (lam + 2 * mu * 9.5), rel=1e-14)
-    assert MESH.energy(P1(-Y), P1(X), lam, mu) < 1e-14
+    assert norms(-Y, X, np.full(4, lam), np.full(4, mu))["u_energy"] < 1e-14
 
 
 def test_distances_from_polynomials():
     """0 against f: the norm of f itself; the rule is exact up to degree five."""
-    zero = 0 * X
-    value = lambda x, y: (x**2, np.array([2 * x, 0 * x]))  # noqa: E731
-    error, size = MESH.l2_from([(zero, value)])
-    assert error == pytest.approx(np.sqrt(32 / 5), rel=1e-13)
-    assert size == pytest.approx(error, rel=1e-13)
-    assert MESH.h1_from([(zero, value)])[0] == pytest.approx(np.sqrt(4 * 8 / 3), rel=1e-13)
-    assert MESH.energy_from([(zero, value), (zero, value)], 1.0, 0.0)[0] == pytest.approx(np.sqrt(4 * 8 / 3), rel=1e-13)
-    linear = lambda x, y: (x - y, np.array([1 + 0 * x, -1 + 0 * x]))  # noqa: E731
-    assert MESH.l2_from([(X - Y, linear)])[0] < 1e-15
-    assert MESH.h1_from([(X - Y, linear)])[0] < 1e-14
+    square = MESH.given(lambda x, y: (x**2, np.array([2 * x, 0 * x])))
+    found = MESH.norms([square, less(square, square)], 1.0, 0.0)
+    assert found["u_L2"] == pytest.approx(np.sqrt(32 / 5), rel=1e-13)
+    assert found["u_H1"] == found["u_energy"] == pytest.approx(np.sqrt(4 * 8 / 3), rel=1e-13)
+    linear = MESH.given(lambda x, y: (x - y, np.array([1 + 0 * x, -1 + 0 * x])))
+    off = less(MESH.p1(X - Y, 7), linear)
+    assert max(MESH.norms([off, off], 1.0, 1.0).values()) < 1e-14
 
 
 def test_prolongation_changes_no_norm():
@@ -61,10 +67,7 @@ def test_prolongation_changes_no_norm():
     v = np.random.default_rng(1).normal(size=(2, len(POINTS)))
     fine, w = Triangles(fine_points, fine_triangles), step(v)
     np.testing.assert_array_equal(w[:, : len(POINTS)], v)
-    after, before = [fine.linear(one) for one in w], [P1(one) for one in v]
-    assert fine.l2(*after) == pytest.approx(MESH.l2(*before), rel=1e-14)
-    assert fine.h1(*after) == pytest.approx(MESH.h1(*before), rel=1e-13)
-    assert fine.energy(*after, 1.2, 0.8) == pytest.approx(MESH.energy(*before, 1.2, 0.8), rel=1e-13)
+    assert fine.norms([fine.p1(one) for one in w], 1.2, 0.8) == pytest.approx(norms(*v, 1.2, 0.8), rel=1e-13)
     np.testing.assert_allclose(step(3 * X - Y), 3 * fine_points[:, 0] - fine_points[:, 1], atol=1e-14)
 
 
