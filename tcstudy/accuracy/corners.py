@@ -255,11 +255,6 @@ def corner_words(vertex: Vertex) -> str:
     return f"{met} meeting {f'in a {corner} ' if vertex.words else ''}{where}"
 
 
-def describe(vertex: Vertex) -> str:
-    """A corner with its exponent, for the reason of an expected order."""
-    return f"{corner_words(vertex)}: u ~ r^{vertex.exponent:.3f}"
-
-
 Complex = NDArray[np.complex128]
 Direction = tuple[float, float]
 """A held direction in the polar frame (e_r, e_φ) of a side."""
@@ -343,11 +338,9 @@ def _allowed(held: Held) -> Array:
 
 
 def _vanishing(held: Held) -> Array:
-    """(2, 4) what of them vanishes on a side."""
-    if len(held) != 1:
-        return np.eye(4)[:2] if held else np.eye(4)[2:]
-    ((a, b),) = held
-    return np.array([[a, b, 0.0, 0.0], [0.0, 0.0, -b, a]])
+    """(2, 4) what of them vanishes on a side: what one allows that holds the other directions."""
+    other = tuple((b, -a) for a, b in held) if len(held) == 1 else FREE if held else CLAMPED
+    return _allowed(other).T
 
 
 def _roots(function: Callable[[Complex], Complex], most: float, near: float) -> list[complex]:

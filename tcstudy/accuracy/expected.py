@@ -29,7 +29,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from tcstudy.accuracy.corners import SMOOTH, Vertex, corner_words, describe
+from tcstudy.accuracy.corners import SMOOTH, Vertex, corner_words
 
 
 @dataclass(frozen=True)
@@ -119,17 +119,19 @@ def smoothness(
     """
     body, theta, u_T, xi = [], [], [], []
     for v, mu in zip(corners or (), grading or [1.0] * len(corners or ()), strict=True):
-        own = [Singularity(v.exponent, describe(v), mu)]
+        where = corner_words(v)
+        own = [Singularity(v.exponent, f"{where}: u ~ r^{v.exponent:.3f}", mu)]
         if v.heat < 1.0:
-            theta.append(Singularity(v.heat, f"{corner_words(v)}: θ ~ r^{v.heat:.3f}", mu))
+            theta.append(Singularity(v.heat, f"{where}: θ ~ r^{v.heat:.3f}", mu))
             own += [Singularity(1.0 + v.heat, theta[-1].why, mu)] if loads else []
-        body.append(_worst(own))
+        worst = _worst(own)
+        body.append(worst)
         if "sticking contact" in v.words:
-            u_T.append(body[-1])
-            xi.append(replace(body[-1], exponent=_less_one(body[-1].exponent)))
+            u_T.append(worst)
+            xi.append(worst if worst.exponent == SMOOTH else replace(worst, exponent=worst.exponent - 1.0))
         elif v.steps:
-            why = body[-1].why if body[-1].exponent < 1 else f"{corner_words(v)}: shear stress may jump, u ~ r log r"
-            u_T.append(Singularity(min(1.0, body[-1].exponent), why, mu))
+            why = worst.why if worst.exponent < 1 else f"{where}: shear stress may jump, u ~ r log r"
+            u_T.append(Singularity(min(1.0, worst.exponent), why, mu))
             xi.append(u_T[-1])
     if stick_slip:
         why = "stick meets slip on Γ_C: u ~ r^1.5"
@@ -137,10 +139,6 @@ def smoothness(
         xi.append(Singularity(0.5, why))
     warm = _worst(theta)
     return Smoothness(_worst(body), _worst(u_T), _worst(xi), warm, warm if loads else NO_LIMIT, corners is not None)
-
-
-def _less_one(exponent: float) -> float:
-    return exponent - 1.0 if exponent < SMOOTH else SMOOTH
 
 
 def _worst(candidates: Sequence[Singularity]) -> Singularity:
@@ -159,22 +157,20 @@ def expected_orders(of: Smoothness) -> dict[str, Expected]:
         "u_H1": _least(1.0, body, warm),
         "u_L2": _least(2.0, twice, warm),
         "u_T_L2": _least(2.0, polluted, warm, of.u_T.order(plus=0.5)),
-        "u_T_max": _in_maximum(_least(2.0, polluted, warm, of.u_T.order())),
+        "u_T_max": _least(2.0, polluted, warm, of.u_T.order()),
         "xi_L2": _least(1.0, polluted, warm, of.xi.order(plus=0.5)),
         "xi_nodes": _least(2.0, polluted, warm, of.xi.order(plus=0.5)),
-        "xi_max": _in_maximum(_least(2.0, polluted, warm, of.xi.order())),
+        "xi_max": _least(2.0, polluted, warm, of.xi.order()),
     }
-    return orders if of.analysed else {name: _unsure(order) for name, order in orders.items()}
-
-
-def _unsure(found: Expected) -> Expected:
-    """An order that places not looked at may lower."""
-    reason = NOT_ANALYSED if found.reason.startswith(NO_LIMIT.why) else f"{found.reason}; {NOT_ANALYSED}"
-    return replace(found, reason=reason, analysed=False)
-
-
-def _in_maximum(found: Expected) -> Expected:
-    return replace(found, reason=f"{found.reason}: h² |log h|", log=True) if found.order == 2.0 else found
+    for name in ("u_T_max", "xi_max"):
+        if orders[name].order == 2.0:
+            orders[name] = replace(orders[name], reason=f"{orders[name].reason}: h² |log h|", log=True)
+    if not of.analysed:  # places not looked at may lower the orders
+        for name, found in orders.items():
+            smooth = found.reason.startswith(NO_LIMIT.why)
+            reason = NOT_ANALYSED if smooth else f"{found.reason}; {NOT_ANALYSED}"
+            orders[name] = replace(found, reason=reason, analysed=False)
+    return orders
 
 
 def _least(full: float, *limits: Singularity) -> Expected:
@@ -182,9 +178,5 @@ def _least(full: float, *limits: Singularity) -> Expected:
     worst = min(limits, key=lambda s: s.exponent)
     if worst.exponent < full - 1e-9:
         return Expected(worst.exponent, worst.why)
-    return Expected(full, "smooth" if worst.exponent >= SMOOTH else f"smooth enough for the full order{_after(worst)}")
-
-
-def _after(worst: Singularity) -> str:
-    """Why a singular place does not limit the order, where that is not its exponent."""
-    return f" ({worst.why})" if "graded" in worst.why else ""
+    after = f" ({worst.why})" if "graded" in worst.why else ""  # a singular place that does not limit the order
+    return Expected(full, "smooth" if worst.exponent >= SMOOTH else f"smooth enough for the full order{after}")

@@ -84,6 +84,7 @@ class LawParameter:
     dimension: SI unit of its numbers;  meaning: in a line;  example: a value as it is suggested, "" that of the unit
     kind:      "number", "integer", "flag", "numbers" or "law points"
     default:   what stands for it if it is not given and not required;  least: of a number
+    bound:     "positive", "not negative" or none
     """
 
     name: str
@@ -94,13 +95,16 @@ class LawParameter:
     required: bool = True
     default: object = None
     least: float | None = None
+    bound: str = ""
 
 
 LENGTH, TRACTION, STIFFNESS, ENERGY = "m", "Pa", "Pa/m", "J/m^2"
-_TAU = LawParameter("tau", "traction, of a saw-tooth its first peak", TRACTION)
-_DELTA = LawParameter("delta", "slip over which b falls, of a saw-tooth the width of a tooth", LENGTH, "40 um")
-_PEAK = LawParameter("tau", "traction at its peak", TRACTION, "4 MPa")
-_S0 = LawParameter("s0", "slip at the end of the elastic branch", LENGTH, "20 um")
+_traction = partial(LawParameter, dimension=TRACTION, bound="not negative")
+_slip = partial(LawParameter, dimension=LENGTH, bound="positive")
+_TAU = _traction("tau", "traction, of a saw-tooth its first peak")
+_DELTA = _slip("delta", "slip over which b falls, of a saw-tooth the width of a tooth", example="40 um")
+_PEAK = _traction("tau", "traction at its peak", example="4 MPa")
+_S0 = _slip("s0", "slip at the end of the elastic branch", example="20 um")
 _optional = partial(LawParameter, required=False)
 _SF = _optional("sf", "slip at which nothing is left; or give G_f", LENGTH, "200 um")
 _GF = _optional("G_f", "fracture energy, the area below b, in place of sf", ENERGY, "400 J/m^2")
@@ -135,6 +139,12 @@ class Shape:
         return law
 
 
+_BOUNDS = {
+    "positive": "must be above 0, not {:g}; it is the slip over which the law changes",
+    "not negative": "must be at least 0, not {:g}: friction opposes the slip; for other laws use piecewise-linear",
+}
+
+
 def _checked(shape: str, parameter: LawParameter, value: object) -> Any:
     """The value of a parameter as its kind asks for, or its default."""
     name = parameter.name
@@ -159,7 +169,10 @@ def _checked(shape: str, parameter: LawParameter, value: object) -> Any:
             if not pairs or any(len(pair) != 2 for pair in pairs):
                 raise LawError(name, "must be a list of at least one pair [s, b] of slip and traction")
             return [(_number(name, s), _number(name, b)) for s, b in pairs]
-    return _number(name, value)
+    number = _number(name, value)
+    if (parameter.bound and number < 0.0) or (parameter.bound == "positive" and number == 0.0):
+        raise LawError(name, _BOUNDS[parameter.bound].format(number))
+    return number
 
 
 def _items(name: str, value: object, what: str) -> list[object]:
@@ -194,23 +207,18 @@ def _shape(*parameters: LawParameter) -> Callable[[Builder], Builder]:
 @_shape(_TAU)
 def tresca(tau: float) -> Laws:
     """b = tau"""
-    _not_negative(tau=tau)
     return _odd("tresca", [], [_Piece(0.0, tau)])
 
 
-@_shape(LawParameter("tau_s", "traction of rest", TRACTION), LawParameter("tau_k", "of slip", TRACTION), _DELTA)
+@_shape(_traction("tau_s", "traction of rest"), _traction("tau_k", "of slip"), _DELTA)
 def slip_weakening(tau_s: float, tau_k: float, delta: float) -> Laws:
     """b falls linearly from tau_s to tau_k over the slip delta (rises if tau_k > tau_s), then b = tau_k"""
-    _not_negative(tau_s=tau_s, tau_k=tau_k)
-    _positive(delta=delta)
     return _odd("slip-weakening", [delta], [_Piece(0.0, tau_s, (tau_k - tau_s) / delta), _Piece(delta, tau_k)])
 
 
-@_shape(LawParameter("a", "traction of rest", TRACTION), LawParameter("b", "of much slip", TRACTION), _DELTA)
+@_shape(_traction("a", "traction of rest"), _traction("b", "of much slip"), _DELTA)
 def exponential(a: float, b: float, delta: float) -> Laws:
     """b = (a - b) exp(-s/delta) + b"""
-    _not_negative(a=a, b=b)
-    _positive(delta=delta)
     piece = _Piece(0.0, b) if a == b else _Piece(0.0, b, 0.0, a - b, 1.0 / delta)
     return _odd("exponential", [], [piece])
 
@@ -226,8 +234,6 @@ def saw_tooth(tau: float, delta: float, teeth: int, drop: float, decay: float) -
     """teeth i = 0, 1, ... of width delta: b rises linearly from (1 - drop) tau decay^i to tau decay^i and falls down at
     the end; after the last tooth b = (1 - drop) tau decay^teeth
     """
-    _not_negative(tau=tau)
-    _positive(delta=delta)
     if not 1 <= teeth <= MAX_TEETH:
         raise LawError("teeth", f"must be from 1 to {MAX_TEETH}, not {teeth}")
     for name, value in (("drop", drop), ("decay", decay)):
@@ -264,11 +270,10 @@ def trapezoidal(tau: float, s0: float, s1: float, sf: float | None, G_f: float |
 
 @_shape(
     _PEAK, _S0, replace(_SF, meaning="slip at which b has fallen to tau_r", required=True),
-    LawParameter("tau_r", "traction that is left", TRACTION, "1 MPa"),
+    _traction("tau_r", "traction that is left", example="1 MPa"),
 )  # fmt: skip
 def trilinear(tau: float, s0: float, sf: float, tau_r: float) -> Laws:
     """b rises linearly from 0 to tau over s0, falls linearly to tau_r at sf, then b = tau_r"""
-    _not_negative(tau_r=tau_r)
     return _interface("trilinear", tau, (s0, tau), (sf, tau_r))
 
 
@@ -280,7 +285,8 @@ def _debonded(tau: float, s0: float, s1: float, sf: float | None, energy: float 
         return sf
     if energy is None:
         raise LawError("sf", "is missing; give the slip sf at which nothing is left, or the fracture energy G_f")
-    _positive(tau=tau)
+    if not tau > 0.0:
+        raise LawError("tau", _BOUNDS["positive"].format(tau))
     end = 2.0 * energy / tau - (s1 - s0)
     if not end > s1:
         least = tau * (s1 - 0.5 * s0)
@@ -290,9 +296,7 @@ def _debonded(tau: float, s0: float, s1: float, sf: float | None, energy: float 
 
 def _interface(name: str, tau: float, *corners: tuple[float, float]) -> Laws:
     """The odd law through 0 and these corners (s, b), constant after the last."""
-    _not_negative(tau=tau)
     names = ("s0", "s1", "sf") if len(corners) == 3 else ("s0", "sf")
-    _positive(s0=corners[0][0])
     for (before, (least, _)), (after, (s, _)) in pairwise(zip(names, corners, strict=False)):
         if not s > least:
             raise LawError(after, f"must be above {before} = {least:g}, not {s:g}")
@@ -412,21 +416,7 @@ def _line(a: _Vertex, b: _Vertex) -> _Piece:
     return _Piece(a.s, a.right, slope) if abs(a.s) <= abs(b.s) else _Piece(b.s, b.left, slope)
 
 
-@_shape(LawParameter("k", "stiffness", STIFFNESS))
+@_shape(LawParameter("k", "stiffness", STIFFNESS, bound="not negative"))
 def linear(k: float) -> Laws:
     """b = k s, a spring"""
-    _not_negative(k=k)
     return _law("linear", [], [_Piece(0.0, 0.0, k)])
-
-
-def _not_negative(**values: float) -> None:
-    for name, value in values.items():
-        if value < 0.0:
-            raise LawError(name, f"must be at least 0, not {value:g}: friction opposes the slip; "
-                           "for other laws use piecewise-linear")  # fmt: skip
-
-
-def _positive(**values: float) -> None:
-    for name, value in values.items():
-        if value <= 0.0:
-            raise LawError(name, f"must be above 0, not {value:g}; it is the slip over which the law changes")
