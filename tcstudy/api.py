@@ -14,7 +14,6 @@ from dataclasses import fields
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from tcstudy.commands.shared import usual_output
 from tcstudy.errors import UsageError
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.scene import study as records
@@ -172,7 +171,7 @@ def run(
     Raises StudyError, GeometryFailed, PathError, HistoryError, FitError, or StoreError, for example where the file
     holds the results of another study.
     """
-    asked = _study(study)
+    asked, command = _study(study), ("tcstudy.run",)
     if force and append:
         raise UsageError("force computes all points again, append keeps them; give one of these")
     if append and asked.kind != "run":
@@ -180,18 +179,34 @@ def run(
     if dask is not None and asked.kind in ("path", "fit"):
         raise UsageError(f"dask: a {asked.kind} has no work for others; leave it out")
     match asked.kind:
-        case "path":
-            return _path(asked, output, force)
+        case "run":
+            return _sweep(asked, output, command, progress, force, jobs, dask, append)
         case "history":
-            return _history(asked, output, force, jobs, dask)
-        case "fit":
-            return _fit(asked, output, force)
-    return _sweep(asked, output, progress, force, jobs, dask, append)
+            from tcstudy.study.history_run import execute_history
+
+            target = _target("history", asked, output)
+            execute_history(asked, target, None, command, force, jobs, dask)
+            return _loaded(target)
+        case "path":
+            from tcstudy.study.path_run import execute_path
+
+            swept, asked = [axis.name for axis in asked.axes], _outside_the_sweep(asked)
+            return _made("path", asked, output, force, lambda target: execute_path(asked, target, None, command, swept))
+    from tcstudy.errors import tell
+    from tcstudy.reports.terminal.fit import fit_doubts
+    from tcstudy.study.fit import execute_fit
+
+    assert asked.fit is not None
+    sha256, work = asked.fit.sha256, lambda target: execute_fit(asked, target, None, command)
+    found = _made("fit", asked, output, force, work, data_sha256=sha256)
+    tell(words for words, doubt in fit_doubts(found) if doubt)
+    return found
 
 
 def _sweep(
     asked: records.Study,
     output: str | FilePath | None,
+    command: tuple[str, ...],
     progress: bool,
     force: bool,
     jobs: int | None,
@@ -199,64 +214,23 @@ def _sweep(
     append: bool,
 ) -> xarray.DataTree:
     """The points of a sweep; those that the file lacks, where it has others."""
-    from tcstudy.data.provenance import holds, tell_stored
+    from tcstudy.data.provenance import tell_stored
     from tcstudy.reports.terminal.progress import progress as terminal
-    from tcstudy.study.execute import execute
-    from tcstudy.study.grow import all_but_broken, appended
+    from tcstudy.study.execute import execute, what_is_left
 
-    target = FilePath(output) if output is not None else usual_output("run", asked)
-    whole, kept, there = asked, None, False
-    if append:
-        whole, kept = appended(target, asked)
-        there = not kept.todo.any()
-    elif not force and holds(target, "run", asked):
-        kept = all_but_broken(target, asked)
-        there = kept is None
+    target = _target("run", asked, output)
+    whole, kept, there = what_is_left(asked, target, force, append)
     if there:
         tell_stored(target)
         return _loaded(target)
     with closing(terminal()) if progress else nullcontext() as watcher:
-        execute(whole, target, watcher, ("tcstudy.run",), jobs, dask, kept)
+        execute(whole, target, watcher, command, jobs, dask, kept)
     return _loaded(target)
-
-
-def _path(asked: records.Study, output: str | FilePath | None, force: bool) -> xarray.DataTree:
-    """The equilibria on the branch from rest of the scene outside the sweep, through folds."""
-    from tcstudy.study.path_run import execute_path
-
-    swept = [axis.name for axis in asked.axes]
-    asked = _outside_the_sweep(asked)
-    work = lambda target: execute_path(asked, target, None, ("tcstudy.run",), swept)  # noqa: E731
-    return _loaded(_made("path", asked, output, force, work))
 
 
 def _outside_the_sweep(study: records.Study) -> records.Study:
     """The study of a path, without geometries that its sweep varies."""
     return _opened(study).with_(sweep=None) if study.kind == "path" and study.variants else study
-
-
-def _history(
-    asked: records.Study, output: str | FilePath | None, force: bool, jobs: int | None, dask: str | None
-) -> xarray.DataTree:
-    """The load history of every sweep point, step by step; what the file has already is kept."""
-    from tcstudy.study.history_run import execute_history
-
-    target = FilePath(output) if output is not None else usual_output("history", asked)
-    execute_history(asked, target, None, ("tcstudy.run",), force, jobs, dask)
-    return _loaded(target)
-
-
-def _fit(asked: records.Study, output: str | FilePath | None, force: bool) -> xarray.DataTree:
-    """Numbers of the study from measurements, with intervals; what they do not say is warned of."""
-    from tcstudy.errors import tell
-    from tcstudy.reports.terminal.fit import fit_doubts
-    from tcstudy.study.fit import execute_fit
-
-    assert asked.fit is not None
-    work = lambda target: execute_fit(asked, target, None, ("tcstudy.run",))  # noqa: E731
-    found = _loaded(_made("fit", asked, output, force, work, data_sha256=asked.fit.sha256))
-    tell(words for words, doubt in fit_doubts(found) if doubt)
-    return found
 
 
 def converge(
@@ -268,10 +242,9 @@ def converge(
     """
     from tcstudy.study.convergence_run import converge_to_file
 
-    asked = _study(study)
-    command = ("tcstudy.converge",)
+    asked, command = _study(study), ("tcstudy.converge",)
     work = lambda target: converge_to_file(asked, target, lambda text: None, command)  # noqa: E731
-    return _loaded(_made("convergence", asked, output, force, work))
+    return _made("convergence", asked, output, force, work)
 
 
 def cost(
@@ -299,7 +272,7 @@ def cost(
     def work(target: FilePath) -> None:
         cost_to_file(asked, index, words, RUNS, target, lambda what, left: None, ("tcstudy.cost",))
 
-    return _loaded(_made("cost", asked, output, force, work, point=words, runs=RUNS))
+    return _made("cost", asked, output, force, work, point=words, runs=RUNS)
 
 
 def _made(
@@ -309,18 +282,25 @@ def _made(
     force: bool,
     work: Callable[[FilePath], object],
     **asked: object,
-) -> FilePath:
-    """The file of these results, computed unless it holds them already."""
+) -> xarray.DataTree:
+    """These results, computed unless their file holds them already."""
     from tcstudy.data.provenance import holds, tell_stored
-    from tcstudy.study.plan import check_kind
+    from tcstudy.study.lint import check_kind
 
     check_kind(study, kind, str(study.source or "study"))
-    target = FilePath(output) if output is not None else usual_output(kind, study)
+    target = _target(kind, study, output)
     if force or not holds(target, kind, study, **asked):
         work(target)
     else:
         tell_stored(target)
-    return target
+    return _loaded(target)
+
+
+def _target(kind: Kind, study: records.Study, output: str | FilePath | None) -> FilePath:
+    """The file that is asked for, or the usual one of this kind."""
+    from tcstudy.study.lint import output_of
+
+    return FilePath(output) if output is not None else output_of(study, kind)
 
 
 def _loaded(path: FilePath) -> xarray.DataTree:

@@ -115,7 +115,7 @@ def _said(options: argparse.Namespace, fault: UserFault) -> str:
     """A fault with its place in the study, where the command had read one."""
     if options.read is None:
         return str(fault)
-    from tcstudy.study.plan import fault_in
+    from tcstudy.study.lint import fault_in
 
     return fault_in(options.read, fault, str(options.study))
 

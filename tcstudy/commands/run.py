@@ -15,8 +15,9 @@ from tcstudy.commands.shared import MANNER, OK, SOME_FAILED, STUDY, Option, chec
 
 if TYPE_CHECKING:
     from tcstudy.scene.study import Study
-    from tcstudy.study.jobs import Resources, Staff
     from tcstudy.study.plan import Plan
+    from tcstudy.study.sizes import Resources
+    from tcstudy.study.workers import WorkerPool
 
 KEPT = "finished points are kept, the same command goes on from there"
 """What becomes of the work of a run that is stopped."""
@@ -43,12 +44,12 @@ def run(options: argparse.Namespace) -> int:
         fail("--force computes all points again, --append keeps them; give one of these")
     if options.dry_run:
         return _dry_run(options)
-    from tcstudy.study.jobs import Staff
+    from tcstudy.study.workers import WorkerPool
 
-    with closing(Staff(options.jobs, options.dask)) as staff:
-        study, output = checked(options, at_once=lambda study: staff.early(study) if study.kind == "run" else None)
+    with closing(WorkerPool(options.jobs, options.dask)) as pool:
+        study, output = checked(options, at_once=lambda study: pool.early(study) if study.kind == "run" else None)
         if study.kind == "run":
-            return _run(options, study, output, staff)
+            return _run(options, study, output, pool)
     options.kept = (
         "finished steps are kept, the same command goes on from there" if study.history else "nothing was written"
     )
@@ -62,19 +63,11 @@ def run(options: argparse.Namespace) -> int:
     return int(getattr(sections, study.kind)(options, study, output))
 
 
-def _run(options: argparse.Namespace, study: Study, output: Path, staff: Staff) -> int:
+def _run(options: argparse.Namespace, study: Study, output: Path, pool: WorkerPool) -> int:
     """The same with a study that was found usable, and those who work."""
-    kept, there = None, False
-    if options.append:
-        from tcstudy.study.grow import appended
+    from tcstudy.study.execute import execute, what_is_left
 
-        study, kept = appended(output, study)
-        there = not kept.todo.any()
-    elif shared.is_there(options, "run", study, output, noted=False):
-        from tcstudy.study.grow import all_but_broken
-
-        kept = all_but_broken(output, study)
-        there = kept is None
+    study, kept, there = what_is_left(study, output, options.force, options.append)
     if there:
         note(options, f"{output} {'has all these points' if options.append else shared.THERE}")
         points, failed = shared.stored(output)
@@ -82,11 +75,10 @@ def _run(options: argparse.Namespace, study: Study, output: Path, staff: Staff) 
     from tcstudy.data.writer import sweep_points
     from tcstudy.reports.select_point import naming
     from tcstudy.reports.terminal.progress import progress
-    from tcstudy.study.execute import execute
 
     named = lambda index: naming(sweep_points(study))(index)  # noqa: E731
     with closing(progress(naming=named, length=shared.length_unit(study))) as watcher:
-        result = execute(study, output, None if options.quiet else watcher, options.words, kept=kept, staff=staff)
+        result = execute(study, output, None if options.quiet else watcher, options.words, kept=kept, pool=pool)
     return _say(options, result.output, result.points, result.failed, "found")
 
 
@@ -140,9 +132,11 @@ def _dry_run(options: argparse.Namespace) -> int:
         study = outside_the_sweep(options, study)
     from tcstudy.data.provenance import already_there
     from tcstudy.reports.terminal.forecast import expected_words, forecast_text
-    from tcstudy.study.expected import work_words
+    from tcstudy.study.plan import plan, resources
+    from tcstudy.study.workers import work_words
 
-    forecast, expected = _planned(options, study)
+    forecast = plan(study)
+    expected = resources(study, forecast)
     time = expected_words(**asdict(expected), at_most=study.mesh.open_ended)
     if options.json:
         print(_plan_json(study, output, forecast, expected))
@@ -155,21 +149,6 @@ def _dry_run(options: argparse.Namespace) -> int:
         with shared.spoken(options):
             print(forecast_text(study, forecast, more, output, work, time))
     return OK
-
-
-def _planned(options: argparse.Namespace, study: Study) -> tuple[Plan, Resources]:
-    """The forecast of a study and what a run takes; of many geometries by workers where that pays."""
-    from tcstudy.study.trial import plan_and_resources
-
-    if not study.variants:
-        return plan_and_resources(study)
-    from tcstudy.reports.terminal.progress import PlanProgress
-    from tcstudy.study.jobs import Staff
-    from tcstudy.study.plan import plans
-
-    with closing(Staff(1 if options.jobs == 1 else None)) as staff, closing(PlanProgress()) as progress:
-        shown = (lambda made, _: made) if options.quiet else progress
-        return plan_and_resources(study, lambda own: shown(plans(own, staff), len(own)))
 
 
 def _plan_json(study: Study, output: Path, forecast: Plan, expected: Resources) -> str:

@@ -226,11 +226,11 @@ def checked(
 
     study = options.read = read_study(options.study, options.overrides, swept=None if kind is None else True)
     at_once(study)
-    from tcstudy.study.plan import check_kind, faults  # needs the mesher, a fault in the text does not
+    from tcstudy.study.lint import check_kind, faults, output_of  # needs the mesher, a fault in the text does not
 
     kind = kind or study.kind
     check_kind(study, kind, str(options.study))
-    output = options.output or usual_output(kind, study)
+    output = options.output or output_of(study, kind)
     if problems := faults(study, output):
         fail("\n".join(problems))
     if getattr(options, "plot", None) is not None:
@@ -249,22 +249,10 @@ def plotted(options: argparse.Namespace, file: Path, **wanted: Any) -> list[str]
     return [picture(file, options.plot, Wanted(**wanted))]
 
 
-def usual_output(kind: Kind, study: Study) -> Path:
-    """Where a file of this kind is written unless another place is asked for."""
-    from tcstudy.data.provenance import measured_path
-    from tcstudy.study.plan import output_beside, output_of
-
-    if kind in ("path", "history", "fit"):
-        return output_beside(study, kind)
-    return output_of(study) if kind == "run" else measured_path(output_of(study), kind)
-
-
 THERE = "holds these results already; --force computes them again"
 
 
-def is_there(
-    options: argparse.Namespace, kind: Kind, study: Study, output: Path, noted: bool = True, **asked: object
-) -> bool:
+def is_there(options: argparse.Namespace, kind: Kind, study: Study, output: Path, **asked: object) -> bool:
     """Whether the output holds what the command would compute, which is then said; raises StoreError if it holds
     something else. With --force neither is asked."""
     if options.force:
@@ -272,7 +260,7 @@ def is_there(
     from tcstudy.data.provenance import holds
 
     there = holds(output, kind, study, **asked)
-    if there and noted:
+    if there:
         note(options, f"{output} {THERE}")
     return there
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 from typing import Any
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from tcstudy.data.schema import FIELD_NAMES, NUMBERS, PointStatus
 from tcstudy.scene.study import Study
 
-__all__ = ["BlockRecord", "LevelRecord", "PointRecord", "PointStatus", "block_of"]
+__all__ = ["BlockRecord", "LevelRecord", "PointStatus"]
 
 Array = NDArray[np.float64]
 
@@ -54,35 +54,6 @@ class LevelRecord:
     stop: str = ""
 
 
-@dataclass(frozen=True)
-class PointRecord:
-    """One sweep point on one level.
-
-    index:   position of the point in the sweep (along each data dimension)
-    status, reason: what came of it; reason is "" for OK
-    numbers: results by variable name (data.schema.NUMBERS), tuples where there is one for each start or solver;
-             missing ones are NaN in the data
-    u_T, xi: (m,) tangential displacement [m] and traction −S_T = ξ_i/c_i [Pa]; empty if the point failed before
-    sticks:  (m,) 1 where the node rests on an up-jump of the friction law, else 0; empty if that is not known
-    fields:  whole-body nodal fields by name ("theta", "u_x", "u_y"), only if asked for
-    solutions: as in BlockRecord, without "row"
-    """
-
-    index: tuple[int, ...]
-    level: int
-    status: PointStatus
-    reason: str
-    numbers: dict[str, float | tuple[float, ...]]
-    u_T: Array
-    xi: Array
-    fields: dict[str, Array] = field(default_factory=dict)
-    sticks: NDArray[np.int8] = field(default_factory=lambda: np.empty(0, dtype=np.int8))
-    solutions: dict[str, NDArray[Any]] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        _check_names(self.numbers.keys(), self.fields.keys())
-
-
 @dataclass(frozen=True, eq=False)
 class BlockRecord:
     """P sweep points on one level, kept together.
@@ -91,8 +62,9 @@ class BlockRecord:
     points: (P,) places of the points in the sweep, counted in C order
     status: (P,) PointStatus;  reasons: row → words, of those that are not OK
     numbers: (P,) by variable name (see data.schema), (P, k) where there is one for each start or solver; NaN is missing
-    u_T, xi: (P, m) as in PointRecord, NaN in rows that failed before; None if all did
-    sticks: (P, m) likewise, −1 where it is not known
+    u_T, xi: (P, m) tangential displacement [m] and traction −S_T = ξ_i/c_i [Pa], NaN in rows that failed before; None
+            if all did
+    sticks: (P, m) 1 where the node rests on an up-jump of the friction law, else 0; −1 where that is not known
     fields: (P, n) whole-body nodal fields by name, NaN in rows without; only if asked for
     solutions: all solutions of all points, if they are asked for: "row" (S,) of its point, growing, "energy", "stable"
             (S,), "u_T", "piece" (S, m), as in data.schema.SOLUTION
@@ -121,28 +93,6 @@ class BlockRecord:
         """Position of a point along each dimension of the sweep."""
         return tuple(int(i) for i in np.unravel_index(self.points[row], self.shape)) if self.shape else ()
 
-    def one_by_one(self) -> Iterator[PointRecord]:
-        """Its points as records of their own."""
-        empty: Array = np.empty(0)
-        for row in range(len(self)):
-            known = self.u_T is not None and not np.isnan(self.u_T[row]).any()
-            numbers = {
-                name: float(values[row]) if values.ndim == 1 else tuple(values[row].tolist())
-                for name, values in self.numbers.items()
-            }
-            yield PointRecord(
-                index=self.index(row),
-                level=self.level,
-                status=PointStatus(int(self.status[row])),
-                reason=self.reasons.get(row, ""),
-                numbers=numbers,
-                u_T=self.u_T[row] if known and self.u_T is not None else empty,
-                xi=self.xi[row] if known and self.xi is not None else empty,
-                fields={n: values[row] for n, values in self.fields.items() if not np.isnan(values[row]).all()},
-                sticks=self.sticks[row] if known and self.sticks is not None else np.empty(0, dtype=np.int8),
-                solutions=self.solutions_of(row),
-            )
-
     def solutions_of(self, row: int) -> dict[str, NDArray[Any]]:
         """All solutions of a point, without "row"; empty if they are not kept."""
         own = self.solutions["row"] == row if self.solutions else None
@@ -156,7 +106,7 @@ ON_REQUEST = (SENSITIVITY, "probe_", "reaction_", "theta_mean_", "von_mises_")
 
 
 def is_number(name: str) -> bool:
-    """Whether `PointRecord.numbers` may hold this name."""
+    """Whether `BlockRecord.numbers` may hold this name."""
     return name in NUMBERS or name.startswith(ON_REQUEST)
 
 
@@ -164,52 +114,6 @@ def _check_names(numbers: AbstractSet[str], fields: AbstractSet[str]) -> None:
     """Raise ValueError unless the table of variables has all names; they are compared as sets, once a record."""
     if unknown := sorted(n for n in numbers - NUMBERS if not is_number(n)) + sorted(fields - FIELD_NAMES):
         raise ValueError(f"no variable {', '.join(unknown)} in the table of the result file")
-
-
-def block_of(points: Sequence[PointRecord], shape: tuple[int, ...], number: int = 0) -> BlockRecord:
-    """Points of one level as a block; shape: extent of the sweep. Raises ValueError for a point outside it."""
-    for p in points:
-        if len(p.index) != len(shape) or not all(0 <= i < n for i, n in zip(p.index, shape, strict=True)):
-            raise ValueError(f"point {p.index}, level {p.level} is outside the sweep {shape}")
-    m = max((len(p.u_T) for p in points), default=0)
-    names = dict.fromkeys(name for p in points for name in p.numbers)
-    fields = {name: array for p in points for name, array in p.fields.items()}
-
-    def stacked(values: Sequence[NDArray[Any]], size: int, missing: float, dtype: type = float) -> NDArray[Any]:
-        rows: NDArray[Any] = np.full((len(values), size), missing, dtype=dtype)
-        for row, value in zip(rows, values, strict=True):
-            if len(value):
-                row[:] = value
-        return rows
-
-    def column(name: str) -> Array:
-        values = [p.numbers.get(name) for p in points]
-        width = max((len(v) for v in values if isinstance(v, tuple)), default=0)
-        missing: object = (np.nan,) * width if width else np.nan
-        return np.array([missing if v is None else v for v in values], dtype=float)
-
-    every = [(row, p.solutions) for row, p in enumerate(points) if p.solutions]
-    solutions = {name: np.concatenate([own[name] for _, own in every]) for name in every[0][1]} if every else {}
-    if every:
-        solutions["row"] = np.repeat([row for row, _ in every], [len(own["energy"]) for _, own in every])
-
-    return BlockRecord(
-        number=number,
-        level=points[0].level,
-        shape=shape,
-        points=np.array([np.ravel_multi_index(p.index, shape) if shape else 0 for p in points], dtype=np.intp),
-        status=np.array([int(p.status) for p in points], dtype=np.int8),
-        reasons={row: p.reason for row, p in enumerate(points) if p.reason},
-        numbers={name: column(name) for name in names},
-        u_T=stacked([p.u_T for p in points], m, np.nan) if m else None,
-        xi=stacked([p.xi for p in points], m, np.nan) if m else None,
-        sticks=stacked([p.sticks for p in points], m, -1, np.int8) if m else None,
-        fields={
-            name: stacked([p.fields.get(name, np.empty(0)) for p in points], len(array), np.nan)
-            for name, array in fields.items()
-        },
-        solutions=solutions,
-    )
 
 
 def check_block(block: BlockRecord, study: Study, level: LevelRecord | None) -> None:

@@ -3,7 +3,7 @@ clockwise, with slits or without area), and with holes and regions among one ano
 
 The mesher hangs, crashes or silently meshes something else when the outline is open, crossed, clockwise or has
 slivers; so a body is judged here first, and every fault is named with its place and its remedy.
-Left out: faces read from STEP or BREP files, whose shape only their reader knows (see tcstudy.study.doubts).
+Left out: faces read from STEP or BREP files, whose shape only their reader knows (see tcstudy.study.lint).
 
 Snapping: corners of regions are meant to lie on the boundary of the body, or of one another, and miss it by rounding.
 Six digits of a corner on a slanted edge miss it by 1e-7 of the body. The kernel would cut a sliver there, or take the

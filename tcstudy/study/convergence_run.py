@@ -17,7 +17,7 @@ from tcstudy.data.writer import geometry_place, outer_axes
 from tcstudy.errors import ConvergenceError, GeometryFailed, StoreError
 from tcstudy.scene.study import Study, Variant
 from tcstudy.study.convergence import of_body
-from tcstudy.study.plan import once, warnings
+from tcstudy.study.lint import once, warnings
 from tcstudy.study.solved_levels import BARE, Length, Say
 
 

@@ -31,7 +31,7 @@ from tcstudy.scene.families import TO_TOLERANCE
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import SOLVERS, Goal, Study
 from tcstudy.study.cost_curves import CostCurve, Progress, family_plan, first_run, time_again, walk
-from tcstudy.study.plan import warnings
+from tcstudy.study.lint import warnings
 from tcstudy.study.reference import Errors, ExactReference, FineReference, with_meaning
 from tcstudy.study.solved_levels import SolvedLevel
 
@@ -103,9 +103,9 @@ def _cost(
     for f, curve in enumerate(curves):
         for level, (h, dofs, contact) in enumerate(curve.steps):
             h_max[f, level], n_dof[f, level], n_contact[f, level] = h, dofs, contact
-            for name, record in curve.records[level].items():
-                at = (f, solvers.index(name), level)
-                status[at], reason[at] = record.status, record.reason
+            for name, solved_level in curve.solved[level].items():
+                at, found = (f, solvers.index(name), level), solved_level.solutions[()]
+                status[at], reason[at] = found.status, found.reason
                 own = [run[level][name] for run in curve.stages]
                 times[at] = [one.total for one in own]
                 best = min(own, key=lambda one: one.total)
@@ -238,11 +238,11 @@ def _reference(study: Study, scene: Scene, least: float, progress: Progress) -> 
         if step is None or step.n_dof < least * LEAST / FINER:
             raise
     assert step is not None
-    name, record = next(iter(step.records.items()))
-    if record.status != PointStatus.OK:
-        why = record.reason or record.status.name.lower()
+    name, found = next(iter(step.solutions.items()))
+    if found.status != PointStatus.OK:
+        why = found.reason or found.status.name.lower()
         raise CostError(f"the reference, an adaptive mesh of {step.n_dof} dofs, was not solved: {why}")
-    return step.solved(study, scene)[name], step.estimate
+    return step.solved(study)[name], step.estimate
 
 
 def geometry_at(study: Study, index: tuple[int, ...]) -> tuple[Study, tuple[int, ...]]:

@@ -7,11 +7,11 @@ the same mesh, factor and machine noise.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 from tcstudy.data.measured import OWN
-from tcstudy.data.records import PointRecord
 from tcstudy.errors import GeometryFailed
 from tcstudy.offline.level import Level
 from tcstudy.scene.families import FAMILIES, FamilyName
@@ -19,7 +19,7 @@ from tcstudy.scene.records import Scene
 from tcstudy.scene.study import MeshPlan, SolverPlan, Study
 from tcstudy.study.point import solve_point
 from tcstudy.study.run import stages
-from tcstudy.study.solved_levels import SolvedLevel, empty_level, solution_of
+from tcstudy.study.solved_levels import Solution, SolvedLevel, empty_level, solution_of
 
 BEYOND = 4.2
 """How far beyond the study's own unknowns the curves go: one uniform refinement."""
@@ -32,7 +32,7 @@ PATIENCE, WORTH = 3.0, 4.0
 
 @dataclass
 class CostCurve:
-    """The measured levels of one family: sizes, records and solutions of the first run, stages of every run.
+    """The measured levels of one family: sizes and solutions of the first run, stages of every run.
 
     own: level of the study's own settings, None if the family is not the study's
     """
@@ -41,7 +41,6 @@ class CostCurve:
     plan: MeshPlan
     own: int | None = None
     steps: list[tuple[float, int, int]] = field(default_factory=list)
-    records: list[dict[str, PointRecord]] = field(default_factory=list)
     solved: list[dict[str, SolvedLevel]] = field(default_factory=list)
     stages: list[list[dict[str, Stages]]] = field(default_factory=list)
 
@@ -105,8 +104,7 @@ def _steps(
             progress(f"{curve.family}, level {len(curve.steps)}: {step.n_dof} dofs", None)
             curve.stages[-1].append(step.stages)
             curve.steps.append((step.level.mesh.h_max, step.n_dof, step.level.line.m))
-            curve.records.append(step.records)
-            curve.solved.append(step.solved(study, scene))
+            curve.solved.append(step.solved(study))
             dropped.update(_too_slow(step, curve, notes))
             yield step
     except GeometryFailed as error:
@@ -138,7 +136,7 @@ def _too_slow(step: MeasuredLevel, curve: CostCurve, notes: list[str]) -> set[st
 def time_again(study: Study, scene: Scene, curve: CostCurve) -> None:
     """Time the levels of a curve once more, from nothing."""
     curve.stages.append([])
-    for step in walk(study, curve.plan, scene, lambda name, level: name in curve.records[level]):
+    for step in walk(study, curve.plan, scene, lambda name, level: name in curve.solved[level]):
         curve.stages[-1].append(step.stages)
         if len(curve.stages[-1]) == len(curve.steps):
             break
@@ -175,13 +173,13 @@ class Stages:
 class MeasuredLevel:
     """One level of a walk.
 
-    records, stages: what came of the solvers that were run, and how long it took, by name
+    solutions, stages: what came of the solvers that were run, and how long it took, by name
     estimate:        estimated relative error in the energy norm, NaN where the family needs none
     stop:            why it is the last level, empty if it is not
     """
 
     level: Level
-    records: dict[str, PointRecord]
+    solutions: dict[str, Solution]
     stages: dict[str, Stages]
     estimate: float
     stop: str
@@ -191,11 +189,10 @@ class MeasuredLevel:
         """Displacement unknowns."""
         return self.level.frames.n_dof
 
-    def solved(self, study: Study, scene: Scene) -> dict[str, SolvedLevel]:
+    def solved(self, study: Study) -> dict[str, SolvedLevel]:
         """What the solvers found, for comparison, by name."""
         empty = empty_level(study, self.level)
-        found = {name: solution_of(study, self.level, scene, record) for name, record in self.records.items()}
-        return {name: replace(empty, solutions={(): solution}) for name, solution in found.items()}
+        return {name: replace(empty, solutions={(): solution}) for name, solution in self.solutions.items()}
 
 
 def walk(study: Study, plan: MeshPlan, scene: Scene, wanted: Wanted) -> Iterator[MeasuredLevel]:
@@ -211,33 +208,27 @@ def walk(study: Study, plan: MeshPlan, scene: Scene, wanted: Wanted) -> Iterator
         level, times = stage.level, stage.times
         if level is None:
             raise GeometryFailed(next(stage.blocks).reasons[0])
-        [record] = [point for block in stage.blocks for point in block.one_by_one()]
+        [block] = stage.blocks
         stop = stage.stop()
-        records = {first: record}
+        found = {first: solution_of(alone, level, block)}
         for name in others:
             if wanted(name, i):
-                records[name] = solve_point(replace(alone, solver=_only(study, name)), level, (), scene)
+                block = solve_point(replace(alone, solver=_only(study, name)), level, 0)
+                found[name] = solution_of(alone, level, block)
         meshing = times.mesh if plan.listed else meshing + times.mesh
-        shared = times.points - _number(record, "time_solve")
+        shared = times.points - found[first].numbers.get("time_solve", math.nan)
         taken, chained = {}, plan.open_ended
-        for name, one in records.items():
-            solve = _number(one, "time_solve")
+        for name, one in found.items():
+            solve = one.numbers.get("time_solve", math.nan)
             made = times.geometry + (times.mesh if chained else meshing)
             steps = before[name] + (times.estimate if plan.tolerance is not None else 0.0)
             taken[name] = Stages(made, times.assemble, shared, solve, steps)
             if chained:
                 before[name] += times.mesh + times.assemble + shared + solve + times.estimate
-        yield MeasuredLevel(level, records, taken, _number(record, "error_estimate"), stop)
+        yield MeasuredLevel(level, found, taken, found[first].numbers.get("error_estimate", math.nan), stop)
         if stop:
             return
 
 
 def _only(study: Study, solver: str) -> SolverPlan:
     return replace(study.solver, names=(solver,))
-
-
-def _number(record: PointRecord, name: str) -> float:
-    """A number of a point, NaN where it has none."""
-    value = record.numbers.get(name, float("nan"))
-    assert isinstance(value, float)
-    return value

@@ -36,7 +36,7 @@ from tcstudy.scene.fits import FitPlan
 from tcstudy.scene.study import Study
 from tcstudy.study.fit_models import Compared, FitModel
 from tcstudy.study.fit_smooth import Smoothed, smoothed
-from tcstudy.study.plan import warnings
+from tcstudy.study.lint import warnings
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]

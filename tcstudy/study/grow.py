@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from tcstudy.data.provenance import Provenance, program, study_sha256
 from tcstudy.data.reading import attributes, refuse_changed
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
-from tcstudy.data.store import write
 from tcstudy.data.stored import digest, read_blocks, read_geometries, read_levels, read_status
 from tcstudy.data.variants import extract
 from tcstudy.data.writer import file_places
@@ -141,10 +140,6 @@ class Kept:
         wanted = ~self.todo
         wanted[self.places[self.file.geometry >= 0]] = False
         return list(read_blocks(self.file.path, study, self.places, wanted))
-
-    def write(self, output: Path, study: Study, provenance: Provenance) -> None:
-        """Write the file of a study with nothing but what is kept."""
-        write(output, study, self.with_levels(()), lambda: self.blocks(study), self.before(provenance))
 
     def with_levels(self, new: Sequence[LevelRecord]) -> tuple[LevelRecord, ...]:
         """The levels of the file and those of the journal, coarse to fine."""

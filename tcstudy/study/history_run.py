@@ -36,13 +36,13 @@ from tcstudy.read.study import read_study_text
 from tcstudy.scene.histories import UnfitLaw
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
-from tcstudy.study.expected import of_history
 from tcstudy.study.history_scene import problem_of, step_derivatives
-from tcstudy.study.jobs import Staff, submit
-from tcstudy.study.plan import warnings
+from tcstudy.study.lint import warnings
 from tcstudy.study.point import STATUS
 from tcstudy.study.run import level_record
+from tcstudy.study.sizes import of_history
 from tcstudy.study.union import differences
+from tcstudy.study.workers import WorkerPool, submit
 
 Array = NDArray[np.float64]
 FREE = ("history.steps", "history.repeat")
@@ -93,7 +93,7 @@ def execute_history(
     if known is not None and all(_finished(known, p) for p in range(len(study.scenes))) and whole:
         return _summary(study, known, done)
     provenance = collect(study, command, remarks=remarks)
-    with threadpool_limits(1, user_api="blas"), closing(Staff(jobs, dask)) as staff:
+    with threadpool_limits(1, user_api="blas"), closing(WorkerPool(jobs, dask)) as staff:
         staff.ready(study)
         clock = time.perf_counter()
         level = _level(study)
@@ -169,7 +169,9 @@ def _level(study: Study) -> Level:
     return Level(mesh, study.scenes[0], held=not plan.loose)
 
 
-def _steps(study: Study, level: Level, record: HistoryRecord, staff: Staff, built: float) -> Iterator[tuple[int, int]]:
+def _steps(
+    study: Study, level: Level, record: HistoryRecord, staff: WorkerPool, built: float
+) -> Iterator[tuple[int, int]]:
     """(point, step) after every step that is solved here, and after the last that a worker solved of a point.
 
     The record has it then. built: seconds that the level took

@@ -32,9 +32,8 @@ from tcstudy.offline.level import Level
 from tcstudy.scene.contact_states import ContactState, contact_states
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.study import Acceptance, Branch, PathPlan, Study
-from tcstudy.study.doubts import loaded
+from tcstudy.study.lint import loaded, warnings
 from tcstudy.study.path_affine import AffineLoad, PathError, affine_load, followed, straightened
-from tcstudy.study.plan import warnings
 from tcstudy.study.run import stages
 
 Array = NDArray[np.float64]

@@ -1,32 +1,62 @@
-"""What a run would do, found out without doing it: counts, sizes, what is left out and why.
+"""What a run would do, found out without doing it: counts, sizes, what is left out and why, and what it takes.
 
-The checks beyond the study's text that run and plan make before any work: the output and a body from a file.
+Time is measured: some points of the study on meshes small enough to wait for, scaled to all of its own. The CPU time of
+FEW points of a level with N displacement and m contact unknowns is t = a + b m + c N^p, p = 1.08 (results/speed.md),
+a, b, c ≥ 0 by least squares of relative errors: contact problems grow with m, matrices and factors with N, the latter
+with each ratio of moduli. A point more is measured by MANY points on the coarsest mesh and grows with m as in
+results/online.md. Not known before a run: how many meshes an estimate asks for, what steps of a history and of the
+bundle method take, and points that are slow on meshes much coarser than theirs.
 """
 
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Iterable, Iterator, Sequence
+import time
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
-from tcstudy.data import schema
-from tcstudy.data.files import check_writable
-from tcstudy.data.provenance import Remark
-from tcstudy.errors import GeometryFailed, StoreError, UsageError, UserFault
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize
+from threadpoolctl import threadpool_limits
+
+from tcstudy.errors import GeometryFailed
 from tcstudy.exact.loads import description
-from tcstudy.executors import WorkerDied, in_order
 from tcstudy.offline.level import Level, swept_parts
 from tcstudy.offline.loads import exchange_level
-from tcstudy.read.document import located
 from tcstudy.scene.points import FELT, count_points, distinct, idle_notes, needs_heat_solve, of_stiffness, why_no_heat
 from tcstudy.scene.records import Contact
-from tcstudy.scene.study import Study
+from tcstudy.scene.study import MeshPlan, Study
 from tcstudy.shapes.edges import body_area, boundary_lengths
-from tcstudy.study.doubts import built_faults, doubts, locking_notes, unused
-from tcstudy.study.expected import counting, meshing_seconds, rough_sizes, sizes
-from tcstudy.study.jobs import LevelForecast, Staff, forecast, refined, submit
+from tcstudy.study.lint import lint, locking_notes, once, unused
+from tcstudy.study.run import stages
+from tcstudy.study.sizes import (
+    MEMORY,
+    NODE,
+    POINT,
+    START,
+    UNKNOWN,
+    LevelForecast,
+    Resources,
+    expected_bytes,
+    meshing_seconds,
+    predicted,
+    refined,
+    sizes,
+)
+
+SMALL, LARGE = 1_000, 16_000
+"""Displacement unknowns of the first mesh of a trial, unless the study's own are fewer, and of its last about."""
+FEW, MANY = 8, 128
+ENOUGH = 0.5
+"""Seconds of a level after which a trial makes no finer one."""
+FAR = 4.0
+"""Unknowns over those of the finest mesh of such a trial up to which it tells what a run takes."""
+POWER = 1.08
+FACTOR = 0.5
+"""Of what grows with N, what every ratio of moduli takes again: factor and loads (results/speed.md)."""
+WRITTEN = 6e-5
+"""Seconds that a point takes to the file (tcstudy/README.md, Many machines)."""
 
 
 @dataclass(frozen=True)
@@ -55,20 +85,49 @@ class Plan:
 
 
 def plan(study: Study) -> Plan:
-    """The forecast of a study that the reader has accepted.
+    """The forecast of a study that the reader has accepted; of geometries the sizes of the largest.
 
     Raises GeometryFailed where a run would before it solves anything.
     """
-    if study.variants:
-        return of_geometries(study, [(one.study, plan(one.study)) for one in study.variants if one.study is not None])
+    if not study.variants:
+        return _of_body(study, sizes(study))
+    own, largest = _geometries(study)
+    found = [_of_body(one, predicted(one)) for one in own]
+    words = [one.words for one in study.variants if one.study is not None]
+    factors = sum(one.factorisations for one in found)
+    note = (
+        f"{len(own)} {'geometry' if len(own) == 1 else 'geometries'}: {sum(one.mesh.levels for one in own)} meshes, "
+        f"{factors * study.mesh.levels} stiffness factorisations; the points of a geometry share both. "
+        "Sizes are those of the largest"
+    )
+    refused = [f"refused, {one.words}: {one.reason}" for one in study.variants if one.study is None]
+    said = map(str, once([(name, one.notes) for name, one in zip(words, found, strict=True)]))
+    return replace(
+        found[own.index(largest)],
+        points=len(study.scenes),
+        factorisations=factors,
+        heat_solves=sum(one.heat_solves for one in found),
+        levels=sizes(largest),
+        notes=(note, *refused, *unused(study), *said),
+        bytes=sum(one.bytes for one in found),
+    )
+
+
+def _geometries(study: Study) -> tuple[list[Study], Study]:
+    """The studies of the geometries that are not refused, without the text that they share, and the largest of them."""
+    own = [replace(one.study, text="", overrides=()) for one in study.variants if one.study is not None]
+    return own, max(own, key=lambda one: predicted(one)[-1].n_dof)
+
+
+def _of_body(study: Study, levels: tuple[LevelForecast, ...]) -> Plan:
+    """The forecast of a study with one body, whose meshes have these sizes."""
     if study.kind == "path" and (path := study.path) is not None:  # of one scene and one level
-        mesh = study.mesh if path.level is None else replace(study.mesh, levels=path.level + 1)
-        study = replace(study, scenes=(path.scene,), axes=(), mesh=mesh)
+        study = replace(study, scenes=(path.scene,), axes=())
+        levels = levels if path.level is None else levels[: path.level + 1]
     ratios = {Level.ratio(s) for s in distinct(study.scenes, *of_stiffness(study.scenes))}
     heats = {
         (s.heat, tuple(one.k for one in s.material.all)) for s in distinct(study.scenes, *FELT) if needs_heat_solve(s)
     }
-    levels = sizes(study)
     return Plan(
         points=len(study.scenes),
         factorisations=len(ratios),
@@ -76,114 +135,9 @@ def plan(study: Study) -> Plan:
         levels=levels,
         left_out=tuple(_left_out(study, bool(heats))),
         notes=tuple(_notes(study, levels)),
-        bytes=0 if study.kind in ("path", "fit") else _bytes(study, levels),
+        bytes=0 if study.kind in ("path", "fit") else expected_bytes(study, levels),
         asked=asked(study),
     )
-
-
-START = 2.0
-"""Seconds that a worker needs before it can make a mesh."""
-
-
-def plans(studies: Sequence[Study], staff: Staff) -> Iterator[Plan]:
-    """The forecasts of geometries in their order, whose meshes workers make where that pays.
-
-    Raises GeometryFailed, WorkersFailed.
-    """
-    expected = [counting(study) for study in studies] if len(studies) > 1 else []
-    who = staff.whole(expected, START)
-    if who is None:
-        yield from map(plan, studies)
-        return
-    pairs = zip(studies, expected, strict=True)
-    for answer in in_order(who, (submit(who, plan, study, name="plan", seconds=one.seconds) for study, one in pairs)):
-        try:
-            yield answer.result()
-        except WorkerDied as error:
-            raise GeometryFailed(
-                f"a geometry of the sweep cannot be meshed ({error}); plan it alone", ("sweep",)
-            ) from error
-
-
-def of_geometries(study: Study, found: Sequence[tuple[Study, Plan]]) -> Plan:
-    """The forecast of all geometries from those of each that has a mesh, with the meshes of the largest."""
-    words = [one.words for one in study.variants if one.study is not None]
-    factors, meshes = sum(plan.factorisations for _, plan in found), sum(own.mesh.levels for own, _ in found)
-    note = (
-        f"{len(found)} {'geometry' if len(found) == 1 else 'geometries'}: {meshes} meshes, "
-        f"{factors * study.mesh.levels} stiffness factorisations; the points of a geometry share both. "
-        "Sizes are those of the largest"
-    )
-    refused = [f"refused, {one.words}: {one.reason}" for one in study.variants if one.study is None]
-    return replace(
-        max((plan for _, plan in found), key=lambda plan: plan.levels[-1].n_dof),
-        points=len(study.scenes),
-        factorisations=factors,
-        heat_solves=sum(plan.heat_solves for _, plan in found),
-        notes=(
-            note,
-            *refused,
-            *map(str, once([(own, plan.notes) for own, (_, plan) in zip(words, found, strict=True)])),
-        ),
-        bytes=sum(plan.bytes for _, plan in found),
-    )
-
-
-NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
-
-
-def once(notes: Sequence[tuple[str, Iterable[str]]]) -> list[Remark]:
-    """Every note once, with the geometries that it is of unless it is of all.
-
-    notes: (words of a geometry, its notes). Those that differ in numbers only are one, with the range of each number.
-    """
-    alike: dict[str, dict[str, list[str]]] = {}
-    for words, own in notes:
-        for note in own:
-            text = NUMBER.sub("{}", note.replace("{", "{{").replace("}", "}}"))
-            alike.setdefault(text, {})[words] = NUMBER.findall(note)
-    found = []
-    for text, numbers in alike.items():
-        said = text.format(*map(_span, zip(*numbers.values(), strict=True)))
-        few = "; ".join(numbers) if len(numbers) == 1 else f"{len(numbers)} of {len(notes)} geometries"
-        found.append(Remark(said, "" if len(numbers) == len(notes) else few))
-    return found
-
-
-def _span(texts: Sequence[str]) -> str:
-    least, greatest = min(texts, key=float), max(texts, key=float)
-    return least if least == greatest else f"{least} to {greatest}"
-
-
-def output_of(study: Study) -> Path:
-    """The study's output, or results/<name of the study file>.nc."""
-    if study.output.path is not None:
-        return study.output.path
-    stem = study.source.stem if study.source is not None else "study"
-    return Path("results") / f"{stem}.nc"
-
-
-def output_beside(study: Study, kind: str) -> Path:
-    """Where a path, a history and a fit are written: beside the results of a sweep, with "-path" added to the name."""
-    output = output_of(study)
-    return output.with_name(f"{output.stem}-{kind}{output.suffix or '.nc'}")
-
-
-def check_kind(study: Study, kind: str, name: str) -> None:
-    """Raise UsageError where a command would leave out what a study is about, or needs meshes that only a run makes.
-
-    A history is no set of static points; a path is of one mesh, and adaptive ones follow from the points of a run.
-    """
-    if study.history is not None and kind not in ("history", "fit"):
-        command = "converge" if kind == "convergence" else kind
-        raise UsageError(
-            f"{name}: history: the study is a load history, and tcstudy {command} has no memory; use tcstudy "
-            "run, or --set history=null for its points without memory"
-        )
-    if kind == "path" and study.path is not None and study.mesh.strategy.adapts:
-        what = "the path is of one mesh, and adaptive meshes follow from the solutions of a run"
-        remedy = "give it others, for example --set 'mesh={maxh: ..., levels: 3}', or solve points by --set path=null"
-        raise UsageError(f"{name}: path: {what}; {remedy}")
 
 
 def _left_out(study: Study, heat_solved: bool) -> list[str]:
@@ -220,7 +174,7 @@ def _notes(study: Study, levels: tuple[LevelForecast, ...]) -> Iterator[str]:
         yield derived
     if study.design is not None:
         yield study.design.note
-    yield from (*idle_notes(study), *doubts(study))
+    yield from (*idle_notes(study), *lint(study))
     if mesh.strategy.note:  # what the table of levels does not say
         yield mesh.strategy.note.format(goal=mesh.goal.quantity, power=1 - mesh.grading)
     yield from _other_commands(study)
@@ -241,19 +195,6 @@ def _notes(study: Study, levels: tuple[LevelForecast, ...]) -> Iterator[str]:
     down = count_points(scenes, ("friction",), lambda s: any(math.isinf(law.omega) for law in s.laws))
     if down:
         yield f"{down} of {len(scenes)} points have a law with down-jumps: solutions may not be unique"
-
-
-def warnings(study: Study, text: bool = True) -> list[Remark]:
-    """Notes that results have as well, since their numbers would mislead without them; with the geometry where there
-    are several. Raises GeometryFailed if a file has no such face.
-
-    text: whether with those of the study's text, which all geometries share and which takes long to read
-    """
-    if study.variants:
-        own = [(one.words, map(str, warnings(one.study, False))) for one in study.variants if one.study is not None]
-        return [*map(Remark, unused(study)), *once(own)]
-    seen = study if text else replace(study, text="", overrides=())
-    return [Remark(note) for note in (*idle_notes(seen), *doubts(seen), *locking_notes(seen.scenes))]
 
 
 def asked(study: Study) -> str:
@@ -299,39 +240,113 @@ def _long_elements(study: Study, levels: tuple[LevelForecast, ...]) -> Iterator[
         )
 
 
-def expected_bytes(study: Study) -> int:
-    """Rough size of the result file, for the check of free space."""
-    if study.variants:
-        return sum(expected_bytes(one.study) for one in study.variants if one.study is not None)
+def resources(study: Study, found: Plan) -> Resources:
+    """What a run of a study takes, whose forecast is `found`, measured by a trial on the largest of its geometries."""
+    own, largest = _geometries(study) if study.variants else ([study], study)
+    levels = [refined(found.levels if one is largest else predicted(one), study.mesh) for one in own]
+    most = max(level.n_dof for one in levels for level in one)
+    memory, why = MEMORY + UNKNOWN * most, unknown(study)
+    if why:
+        return Resources(math.nan, memory, why)
     try:
-        return _bytes(study, forecast(study) or rough_sizes(study))
-    except GeometryFailed:  # which is said elsewhere
-        return _bytes(study, ())
+        rates = Rates.of(largest, refined(found.levels, study.mesh))
+    except GeometryFailed:
+        return Resources(math.nan, memory, "the coarser meshes of a trial cannot be made")
+    if rates.slow and most > FAR * rates.n_dof:
+        why = f"{rates.slow:.1g} s on a mesh of {rates.n_dof} unknowns do not tell what its points take on {most}"
+        return Resources(math.nan, memory, why)
+    meshing = sum(meshing_seconds(one.mesh, each) for one, each in zip(own, levels, strict=True))
+    solving = sum(rates.seconds(one, each) for one, each in zip(own, levels, strict=True))
+    return Resources(START + solving + (meshing if study.mesh.nested else 0.0), memory)
 
 
-def _bytes(study: Study, levels: Sequence[LevelForecast]) -> int:
+def unknown(study: Study) -> str:
+    """Why nobody can tell how long a run takes; empty if a trial tells."""
     if study.history is not None:
-        from tcstudy.data.history_store import history_bytes
-
-        return history_bytes(study, study.history.of(levels).n_contact)
-    return schema.expected_bytes(study, [(level.n_contact, level.nodes) for level in refined(levels, study.mesh)])
-
-
-def faults(study: Study, output: Path) -> list[str]:
-    """What would stop a run of this study into `output`, one line each, as the user sees it; empty if nothing would."""
-    file = str(study.source) if study.source is not None else "<text>"
-    try:
-        found = check_writable(output, expected_bytes(study))
-    except StoreError as error:
-        found = [str(error)]
-    return [*map(str, located(study, built_faults(study))), *(f"{file}: {text}" for text in found)]
+        return "a step of a history takes as long as what slips and jumps in it asks for"
+    if study.kind in ("path", "fit"):
+        return f"a {study.kind} takes as many steps as what slips and jumps on it asks for"
+    if study.mesh.open_ended:
+        return "the estimated error decides about the meshes"
+    if not study.solver.in_blocks:
+        return "the points are solved one by one, and the steps of their solvers are not known"
+    return ""
 
 
-def fault_in(study: Study, fault: UserFault, name: str) -> str:
-    """What stopped a command, as the user sees it: with its place in the study, or the study's name."""
-    if fault.placed:
-        return str(fault)
-    if fault.keys is None:
-        return f"{name}: {fault}"
-    what, _, remedy = str(fault).partition("; ")
-    return "\n".join(map(str, located(study, [(fault.keys, what, remedy or "check the body, or try another maxh")])))
+@dataclass(frozen=True)
+class Rates:
+    """What a trial measured.
+
+    terms: (3,) a, b, c of FEW points, of so many ratios of moduli;  more: of a point more, over POINT + NODE m [s]
+    n_dof: of the finest mesh;  slow: seconds that its points took, if these were too many for a finer one
+    """
+
+    terms: NDArray[np.float64]
+    ratios: int
+    more: float
+    n_dof: int
+    slow: float
+
+    @classmethod
+    def of(cls, study: Study, levels: Sequence[LevelForecast]) -> Rates:
+        """Measured on meshes of a family with those of `levels`. Raises GeometryFailed."""
+        few, many = _sample(study, FEW), _sample(study, MANY)
+        meshes, found = coarser(study.mesh, levels), list[tuple[int, int, float]]()
+        with threadpool_limits(1, user_api="blas"):
+            for n_dof, m, seconds in _timed(replace(few, mesh=meshes)):
+                found.append((n_dof, m, seconds))
+                if seconds > ENOUGH:
+                    break
+            more = 0.0
+            if len(few.scenes) < len(study.scenes) and found[0][2] < ENOUGH:
+                _, m, seconds = next(_timed(replace(many, mesh=meshes)))
+                more = max(0.0, seconds - found[0][2]) / (len(many.scenes) - len(few.scenes)) / (POINT + NODE * m)
+        slow = found[-1][2] if found[-1][2] > ENOUGH and len(found) < meshes.levels else 0.0
+        measured = np.array(found)
+        terms = np.array([0.0, measured[0, 2] / measured[0, 1], 0.0])
+        if len(found) > 1:
+            time = np.maximum(measured[:, 2], 1e-3)
+            terms = optimize.nnls(_terms(measured[:, :2]) / time[:, None], np.ones(len(time)))[0]
+        return cls(terms, len({Level.ratio(scene) for scene in few.scenes}), more, found[-1][0], slow)
+
+    def seconds(self, study: Study, levels: Sequence[LevelForecast]) -> float:
+        """Of all points of a study on these meshes."""
+        factorisations = len({Level.ratio(s) for s in distinct(study.scenes, *of_stiffness(study.scenes))})
+        size = np.array([(level.n_dof, level.n_contact) for level in levels], dtype=float)
+        factors = (1.0 + FACTOR * (factorisations - 1)) / (1.0 + FACTOR * (self.ratios - 1))
+        each = (self.terms * [1.0, 1.0, factors] * _terms(size)).sum()
+        rest = max(0, len(study.scenes) - FEW) * float(np.sum(self.more * (POINT + NODE * size[:, 1])))
+        return float(each) + rest + WRITTEN * len(study.scenes) * len(levels)
+
+
+def _sample(study: Study, count: int) -> Study:
+    """The study with so many of its points, spread over all."""
+    places = np.unique(np.linspace(0, len(study.scenes) - 1, count).astype(int))
+    scenes = tuple(study.scenes[int(i)] for i in places)
+    return replace(study, scenes=scenes, axes=(), design=None, output=replace(study.output, live=False))
+
+
+def coarser(mesh: MeshPlan, levels: Sequence[LevelForecast]) -> MeshPlan:
+    """The same meshes, coarser if they are large: from SMALL unknowns on, to those of the study or to LARGE."""
+    factor = max(1.0, math.sqrt(levels[0].n_dof / SMALL))
+    maxh = tuple(factor * h for h in mesh.maxh)
+    if mesh.listed:
+        return replace(mesh, maxh=maxh)
+    ratio = min(LARGE, max(level.n_dof for level in levels)) * factor**2 / levels[0].n_dof
+    return replace(mesh, maxh=maxh, levels=1 + max(0, math.floor(math.log(max(ratio, 1.0), 4) + 0.5)))
+
+
+def _timed(study: Study) -> Iterator[tuple[int, int, float]]:
+    """N, m and CPU seconds of the levels of a run."""
+    begin = time.process_time()
+    for stage in stages(study):
+        points = sum(map(len, stage.blocks))
+        assert stage.level is not None
+        assert points
+        yield stage.level.frames.n_dof, stage.level.line.m, time.process_time() - begin
+        begin = time.process_time()
+
+
+def _terms(size: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(levels, 3) 1, m and N^p of (levels, 2) N and m."""
+    return np.stack([np.ones(len(size)), size[:, 1], size[:, 0] ** POWER], axis=1)

@@ -6,7 +6,7 @@ And the numbers that a study stores of it, or of a block of points.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +20,7 @@ from tcstudy.contact.contact import Answer, solve_contact
 from tcstudy.contact.every import Every
 from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import kept
-from tcstudy.data.records import PointRecord, PointStatus
+from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.data.schema import (
     ALL_PROVED,
     BALANCED,
@@ -32,9 +32,10 @@ from tcstudy.data.schema import (
     OF_POLYGON,
     UNBALANCED,
 )
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import UP
 from tcstudy.offline.level import Condensed, CondensedBlock, Level
 from tcstudy.offline.thermal import Temperature
-from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
@@ -42,20 +43,17 @@ Number = float | Array
 
 
 def solve_point(
-    study: Study,
-    level: Level,
-    index: tuple[int, ...],
-    scene: Scene,
-    neighbour: Array | None = None,
-    exact: Array | None = None,
-) -> PointRecord:
-    """Solve one scene on one level; every failure becomes a status with its reason.
+    study: Study, level: Level, place: int, neighbour: Array | None = None, exact: Array | None = None
+) -> BlockRecord:
+    """Solve one point of the sweep on one level; every failure becomes a status with its reason.
 
     neighbour: the contact solution of a neighbouring point, a start where the study's branch asks for one
     exact:     the exact solution at the contact nodes, a start where the study gives one
     """
+    found: dict[str, Any] = {}
     try:
-        condensed, plan, solved = level.condensed(scene), study.solver, list[Timed]()
+        scene, plan, solved = study.scenes[place], study.solver, list[Timed]()
+        condensed = level.condensed(scene)
         problem = condensed.problem
         for name in plan.names:
             start = time.perf_counter()
@@ -75,22 +73,25 @@ def solve_point(
         # no friction leaves a solution nothing but rounding of ξ; how far from 0 that is is its inclusion residual
         nothing = problem.law.vanishes and answer.status == Status.CONVERGED
         xi = np.zeros(problem.m) if nothing else answer.xi
-        return PointRecord(
-            index,
-            level.mesh.level,
-            PointStatus(int(STATUS[answer.status])),
-            answer.reason,
-            _numbers(condensed, solved, xi, temperature, certificate),
-            answer.v,
-            xi / level.line.c,
-            level.fields(scene, condensed, answer.v) if study.output.fields else {},
-            problem.law.sticking(answer.v).astype(np.int8),
-        )
+        fields = level.fields(scene, condensed, answer.v) if study.output.fields else {}
+        found = {
+            "numbers": _one_row(_numbers(condensed, solved, xi, temperature, certificate)),
+            "u_T": answer.v[None],
+            "xi": (xi / level.line.c)[None],
+            "sticks": problem.law.sticking(answer.v).astype(np.int8)[None],
+            "fields": _one_row(fields),
+        }
+        status, reason = PointStatus(int(STATUS[answer.status])), answer.reason
     except NotPositiveDefinite as error:
         status, reason = PointStatus.SINGULAR, str(error)
     except Exception as error:  # one point must not end a sweep; what it was stands in the data
         status, reason = PointStatus.ERROR, f"{type(error).__name__}: {error}"
-    return PointRecord(index, level.mesh.level, status, reason, {}, np.empty(0), np.empty(0))
+    about = 0, level.mesh.level, study.shape, np.array([place]), np.array([status], dtype=np.int8)
+    return BlockRecord(*about, {0: reason} if reason else {}, **{"numbers": {}, **found})
+
+
+def _one_row(values: Mapping[str, Any]) -> dict[str, Array]:
+    return {name: np.array([value], dtype=float) for name, value in values.items()}
 
 
 @dataclass(frozen=True)
@@ -163,7 +164,7 @@ def _numbers(
     return found | {"start_energy": energies} | (_by_solver(condensed, solved) if len(solved) > 1 else {})
 
 
-def block_numbers(
+def _block_numbers(
     condensed: CondensedBlock, factor: Array, answers: BlockAnswers, xi: Array, sticks: NDArray[np.bool_]
 ) -> dict[str, Array]:
     """Results of a block of points by variable name, units as in data.schema, (P,) each; see `_numbers`.
@@ -190,10 +191,46 @@ def block_numbers(
     return {name: np.asarray(value, dtype=float) for name, value in values.items()}
 
 
-def every_solution(found: Every, factor: Array, condensed: CondensedBlock) -> tuple[dict[str, Array], dict[str, Array]]:
+def block_record(
+    level: int,
+    shape: tuple[int, ...],
+    points: NDArray[np.intp],
+    condensed: CondensedBlock,
+    laws: Laws,
+    vanishing: NDArray[np.bool_],
+    found: BlockAnswers | Every,
+    seconds: float,
+) -> BlockRecord:
+    """The record of a block of answers. vanishing: (P,) whether a point has no friction;  seconds: for all of them."""
+    answers = found.answers if isinstance(found, Every) else found
+    factor = condensed.mu / condensed.mu[0]
+    # as of a single point
+    nothing = vanishing & (answers.status == Status.CONVERGED)
+    xi = np.where(nothing[:, None], 0.0, answers.xi * factor[:, None])
+    sticks = laws.kind(laws.locate(answers.v)) == UP
+    numbers, solutions = _block_numbers(condensed, factor, answers, xi, sticks), dict[str, Array]()
+    if isinstance(found, Every):
+        more, solutions = _every(found, factor, condensed)
+        numbers |= more
+    return BlockRecord(
+        number=0,
+        level=level,
+        shape=shape,
+        points=points,
+        status=STATUS[answers.status],
+        reasons={row: reason for row, reason in enumerate(answers.reasons) if reason},
+        numbers=numbers | {"time_solve": np.full(len(points), seconds / len(points))},
+        u_T=answers.v,
+        xi=xi / condensed.c,
+        sticks=sticks.astype(np.int8),
+        solutions=solutions,
+    )
+
+
+def _every(found: Every, factor: Array, condensed: CondensedBlock) -> tuple[dict[str, Array], dict[str, Array]]:
     """What a block stores of all solutions of its points: (P,) by variable name, and one row a solution.
 
-    factor: as in `block_numbers`
+    factor: as in `_block_numbers`
     """
     count = np.array([len(one) for one in found.solutions])
     complete = np.array([one.complete for one in found.solutions], dtype=bool)

@@ -1,7 +1,6 @@
 """Run a study: level by level, block by block, each result handed on as soon as it is there.
 
-`run` gives the records, `stages` the levels themselves; `into_file` writes those of one body into a result file: what
-is finished is kept at once, and the netCDF file appears whole at the end.
+`run` gives the records, `stages` the levels themselves; `study.execute` writes them into a file.
 """
 
 from __future__ import annotations
@@ -10,20 +9,13 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import chain
-from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
-from tcstudy.data.files import StoreError
-from tcstudy.data.journal import Journal
-from tcstudy.data.provenance import collect, tell
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.data.schema import LIVE_PREFIX
-from tcstudy.data.store import write
 from tcstudy.errors import GeometryFailed
 from tcstudy.executors import SerialExecutor
 from tcstudy.fem.boundary import held_ends
@@ -34,9 +26,8 @@ from tcstudy.refine.error_estimator import ErrorEstimator
 from tcstudy.refine.family import Family
 from tcstudy.scene.study import Study
 from tcstudy.study.grow import Kept
-from tcstudy.study.jobs import Choice, Staff
-from tcstudy.study.plan import faults, warnings
-from tcstudy.study.workshop import Times, Workshop, all_failed, keeps_solutions
+from tcstudy.study.level_solver import LevelSolver, Times, all_failed, keeps_solutions
+from tcstudy.study.workers import BlockExecutor
 
 Key = tuple[int, int]
 """A block: (level, number)."""
@@ -63,6 +54,19 @@ class Watcher(Protocol):
     def block(self, record: BlockRecord) -> None: ...
 
 
+class Quiet:
+    """A watcher that shows nothing."""
+
+    def begin(self, work: Sequence[LevelWork]) -> None:
+        """Nothing to show."""
+
+    def level(self, record: LevelRecord, geometry: str = "") -> None:
+        """Nothing to show."""
+
+    def block(self, record: BlockRecord) -> None:
+        """Nothing to show."""
+
+
 @dataclass(frozen=True)
 class Stage:
     """A level at work.
@@ -84,7 +88,7 @@ class Stage:
 def run(
     study: Study,
     finished: Mapping[Key, BlockRecord] | None = None,
-    executor: Choice | None = None,
+    executor: BlockExecutor | None = None,
     kept: Kept | None = None,
 ) -> Iterator[LevelRecord | BlockRecord]:
     """Yield each level's record, then its points, block by block.
@@ -108,7 +112,7 @@ def run(
 def stages(
     study: Study,
     finished: Mapping[Key, BlockRecord] | None = None,
-    executor: Choice | None = None,
+    executor: BlockExecutor | None = None,
     kept: Kept | None = None,
     first: int = 0,
 ) -> Iterator[Stage]:
@@ -147,12 +151,12 @@ def stages(
         estimator = meshes.estimator(level) if isinstance(meshes, Family) else None
         times.estimate = time.perf_counter() - clock
         who = executor(study, level.line.m) if executor is not None else SerialExecutor()
-        workshop = Workshop(study, level, estimator, who, times, todo=todo)
-        if kept is not None and workshop.solutions is not None:
+        solver = LevelSolver(study, level, estimator, who, times, todo=todo)
+        if kept is not None and solver.solutions is not None:
             for block in kept.blocks(study, i):
-                workshop.solutions.take(block)
+                solver.solutions.take(block)
         stop = partial(_stop, estimator, i + 1 == study.mesh.levels, times)
-        yield Stage(level, level_record(study, mesh, level), _timed(workshop.work(known), times), stop, times)
+        yield Stage(level, level_record(study, mesh, level), _timed(solver.solve(known), times), stop, times)
         if stop() and study.mesh.open_ended:
             return
 
@@ -212,78 +216,6 @@ def level_record(study: Study, mesh: PlaneMesh, level: Level) -> LevelRecord:
         time_assemble=level.time_assemble,
         fields=fields,
     )
-
-
-@dataclass(frozen=True)
-class Summary:
-    """What came of a run: where the data are and how many points there are, failed and resumed ones counted."""
-
-    output: Path
-    points: int
-    failed: int
-    resumed: int
-
-
-class Quiet:
-    """A watcher that shows nothing."""
-
-    def begin(self, work: Sequence[LevelWork]) -> None:
-        """Nothing to show."""
-
-    def level(self, record: LevelRecord, geometry: str = "") -> None:
-        """Nothing to show."""
-
-    def block(self, record: BlockRecord) -> None:
-        """Nothing to show."""
-
-
-def into_file(
-    study: Study,
-    output: Path,
-    watcher: Watcher,
-    command: Sequence[str],
-    staff: Staff,
-    kept: Kept | None = None,
-    alone: bool = True,
-) -> Summary:
-    """Run all points of a study with one body, as `study.execute` says.
-
-    alone: whether this is the whole run: its warnings are said, and the staff may go when all points are solved
-    """
-    if problems := faults(study, output):
-        raise StoreError("\n".join(problems))
-    # Two BLAS threads make the many small dense operations of a sweep slower, not faster.
-    with (
-        threadpool_limits(1, user_api="blas"),
-        Journal.open(output, study, kept.digest if kept is not None else "") as journal,
-    ):
-        # what broke down unexpectedly is tried again; what failed by its own numbers would fail again
-        known = (block for block in journal.blocks() if not np.any(block.status == PointStatus.ERROR))
-        finished = {(block.level, block.number): as_start(study, block) for block in known}
-        remarks = warnings(study, alone)
-        tell([*journal.warnings, *(remarks if alone else ())])
-        watcher.begin(work_of(study, finished, kept))
-        for record in run(study, finished, staff.blocks, kept):
-            if isinstance(record, LevelRecord):
-                record = record if kept is None else kept.joined(record)
-            journal.add(record)
-            if isinstance(record, LevelRecord):
-                if not record.stop:  # one that says why the level was the last follows its points
-                    watcher.level(record)
-            else:
-                watcher.block(record)
-        if alone:
-            staff.close()  # before the file, which takes memory, is written
-        journal.flush()
-        levels, records, provenance = journal.levels(), journal.blocks, collect(study, command, remarks=remarks)
-        if kept is not None:
-            levels, provenance = kept.with_levels(levels), kept.before(provenance)
-            records = lambda: chain(kept.blocks(study), journal.blocks())  # noqa: E731
-        if study.mesh.estimates and not study.mesh.listed and levels:  # without those that its tolerance did not need
-            study = replace(study, mesh=replace(study.mesh, levels=levels[-1].level + 1))
-        points, failed = write(output, study, levels, records, provenance)
-        journal.discard()
-    return Summary(output, points, failed, sum(len(block) for block in finished.values()))
 
 
 def as_start(study: Study, block: BlockRecord) -> BlockRecord:

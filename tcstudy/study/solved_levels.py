@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tcstudy.accuracy.norms import Line, Modulus, Triangles
 from tcstudy.contact.contact import TIE
 from tcstudy.contact.separable.finish import finish
-from tcstudy.data.records import PointRecord, PointStatus
+from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.errors import GeometryFailed
 from tcstudy.offline.level import Level
 from tcstudy.scene.records import Scene
@@ -100,19 +100,16 @@ def solve_levels(study: Study, say: Say, length: Length = BARE) -> list[SolvedLe
         sizes = f"{level.frames.n_dof} dofs, {level.line.m} contact unknowns"
         say(f"level {i}: h_max = {length(level.mesh.h_max)}, {sizes}")
         levels.append(empty_level(study, level))
-        for record in (point for block in stage.blocks for point in block.one_by_one()):
-            scene = study.scenes[int(np.ravel_multi_index(record.index, study.shape))]
-            least = solution_of(study, level, scene, record)
-            solution = _on_exact_branch(study, level, record.index, scene, levels[-1], least)
-            levels[-1].solutions[record.index] = solution
+        for block, row in ((one, row) for one in stage.blocks for row in range(len(one))):
+            index, least = block.index(row), solution_of(study, level, block, row)
+            solution = _on_exact_branch(study, level, int(block.points[row]), levels[-1], least)
+            levels[-1].solutions[index] = solution
             if not solution.ok:
-                say(f"point {record.index} on level {i}: {solution.status.name.lower()}: {solution.reason}")
+                say(f"point {index} on level {i}: {solution.status.name.lower()}: {solution.reason}")
     return levels
 
 
-def _on_exact_branch(
-    study: Study, level: Level, index: tuple[int, ...], scene: Scene, one: SolvedLevel, least: Solution
-) -> Solution:
+def _on_exact_branch(study: Study, level: Level, place: int, one: SolvedLevel, least: Solution) -> Solution:
     """The solution that the exact one leads to as a start, where it is nearer than the least one; else the least one.
 
     Where friction falls, the exact solution may be one of several, and not the lowest: errors belong to its own branch.
@@ -121,9 +118,9 @@ def _on_exact_branch(
     if study.exact is None or study.solver.branch != "lowest" or not least.ok or least.numbers.get("unique") == 1:
         return least
     start = exact_at(study.exact, one.line)
-    close, _ = finish(level.condensed(scene).problem, start)
+    close, _ = finish(level.condensed(study.scenes[place]).problem, start)
     near = replace(study, solver=replace(study.solver, branch="continued"))
-    found = solution_of(study, level, scene, solve_point(near, level, index, scene, close))
+    found = solution_of(study, level, solve_point(near, level, place, close))
     if not found.ok or np.linalg.norm(found.v - start) >= np.linalg.norm(least.v - start):
         return least
     energies = found.numbers["energy"], least.numbers["energy"]
@@ -146,12 +143,16 @@ def empty_level(study: Study, level: Level) -> SolvedLevel:
     )
 
 
-def solution_of(study: Study, level: Level, scene: Scene, record: PointRecord) -> Solution:
+def solution_of(study: Study, level: Level, block: BlockRecord, row: int = 0) -> Solution:
     """What a run recorded of a point (with its fields), for comparison."""
-    u = np.array([record.fields["u_x"], record.fields["u_y"]]) if record.fields else None
-    theta = record.fields.get("theta")
+    scene, v, xi = study.scenes[int(block.points[row])], np.empty(0), np.empty(0)
+    if block.u_T is not None and block.xi is not None and not np.isnan(block.u_T[row]).any():
+        v, xi = block.u_T[row], block.xi[row]
+    fields = {name: values[row] for name, values in block.fields.items() if not np.isnan(values[row]).all()}
+    u = np.array([fields["u_x"], fields["u_y"]]) if fields else None
+    theta = fields.get("theta")
     if study.exact is not None and study.exact.theta is not None:  # also where it does not load the body
         theta = level.temperature(scene).theta
-    numbers = {name: value for name, value in record.numbers.items() if not isinstance(value, tuple)}
-    sticks = level.law(scene).sticking(record.u_T)
-    return Solution(record.status, record.reason, u, theta, record.u_T, record.xi, sticks, numbers)
+    numbers = {name: float(values[row]) for name, values in block.numbers.items() if values.ndim == 1}
+    status, reason = PointStatus(int(block.status[row])), block.reasons.get(row, "")
+    return Solution(status, reason, u, theta, v, xi, level.law(scene).sticking(v), numbers)

@@ -35,7 +35,7 @@ LAW = "friction={law: slip-weakening, tau_s: 40 MPa, tau_k: 10 MPa}"
 RUN = """
 import sys, time
 from tcstudy.cli import main
-from tcstudy.study.jobs import Staff  # imports little, so that workers start as early as in any run
+from tcstudy.study.workers import WorkerPool  # imports little, so that workers start as early as in any run
 
 marks = []
 
@@ -45,7 +45,7 @@ def marked(method):
         return method(self, *given)
     return call
 
-Staff.blocks, Staff.close = marked(Staff.blocks), marked(Staff.close)
+WorkerPool.blocks, WorkerPool.close = marked(WorkerPool.blocks), marked(WorkerPool.close)
 code = main(sys.argv[1:])
 spent = marks[1][0] - marks[0][0]
 print(time.process_time() - spent, spent, marks[1][1] - marks[0][1])

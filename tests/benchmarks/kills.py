@@ -42,9 +42,9 @@ import sys, time
 from pathlib import Path
 from tcstudy.errors import UserFault
 from tcstudy.read.study import read_study
-from tcstudy.study import workshop
+from tcstudy.study import level_solver
 from tcstudy.study.execute import execute
-workshop.POINTS = 2
+level_solver.POINTS = 2
 class Slow:
     def begin(self, *_): print("begun", flush=True)
     def level(self, *_): ...

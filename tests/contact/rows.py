@@ -12,7 +12,7 @@ from tcstudy.contact.block import Options, solve_block
 from tcstudy.contact.body import BlockAnswers, Certificates, CondensedBody
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.laws import Laws
-from tcstudy.study.workshop import ENOUGH, ENTRIES, MOST, POINTS
+from tcstudy.study.level_solver import ENOUGH, ENTRIES, MOST, POINTS
 from tests.contact import contact_cases as cases
 
 Array = NDArray[np.float64]

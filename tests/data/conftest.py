@@ -12,10 +12,10 @@ import pytest
 
 from tcstudy.data import schema
 from tcstudy.data.provenance import Provenance
-from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
+from tcstudy.data.records import LevelRecord, PointStatus
 from tcstudy.data.schema import FileVariable
 from tcstudy.scene.study import Axis, MeshPlan, OutputPlan, SolverPlan, Study
-from tests.data.by_points import write
+from tests.data.by_points import PointRecord, write
 
 TEXT = "title: Bärenstark\nsweep:\n  alpha: [25, 100]\n"
 NODES = (3, 6)

@@ -18,10 +18,10 @@ import pytest
 from tcstudy.data import files
 from tcstudy.data.files import StoreError, check_writable
 from tcstudy.data.provenance import Provenance
-from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
+from tcstudy.data.records import LevelRecord, PointStatus
 from tcstudy.data.store import open_results
 from tcstudy.scene.study import Study
-from tests.data.by_points import write
+from tests.data.by_points import PointRecord, write
 
 pytestmark = pytest.mark.filterwarnings("error")
 

@@ -18,9 +18,10 @@ import pytest
 from tcstudy.data import store
 from tcstudy.data.files import StoreError
 from tcstudy.data.provenance import Provenance
-from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
+from tcstudy.data.records import LevelRecord, PointStatus
 from tcstudy.scene.study import Study
 from tests.data.by_points import PointJournal as Journal
+from tests.data.by_points import PointRecord
 from tests.data.conftest import make_level
 
 pytestmark = pytest.mark.filterwarnings("error")

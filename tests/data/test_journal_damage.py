@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 
 from tcstudy.data import journal as journal_module
-from tcstudy.data.records import PointRecord, checksum
+from tcstudy.data.records import checksum
 from tcstudy.scene.study import Study
 from tests.data.by_points import PointJournal as Journal
+from tests.data.by_points import PointRecord
 from tests.data.conftest import make_level
 from tests.data.test_journal import assert_same, fill, partial
 

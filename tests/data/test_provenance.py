@@ -26,11 +26,11 @@ from tcstudy.data.provenance import (
     study_sha256,
     without_paths,
 )
-from tcstudy.data.records import LevelRecord, PointRecord
+from tcstudy.data.records import LevelRecord
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.records import Body, BrepFace, Heat, Material, Scene
 from tcstudy.scene.study import Study
-from tests.data.by_points import write
+from tests.data.by_points import PointRecord, write
 
 
 def git(directory: Path, *arguments: str) -> None:

@@ -14,9 +14,9 @@ import pytest
 
 from tcstudy.data import schema
 from tcstudy.data.provenance import Provenance
-from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
+from tcstudy.data.records import LevelRecord, PointStatus
 from tcstudy.scene.study import Axis, Study
-from tests.data.by_points import write
+from tests.data.by_points import PointRecord, write
 from tests.data.compliance import cf_faults
 
 

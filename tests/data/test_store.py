@@ -17,10 +17,10 @@ import xarray
 from tcstudy.data import schema
 from tcstudy.data.files import StoreError
 from tcstudy.data.provenance import Provenance
-from tcstudy.data.records import LevelRecord, PointRecord, PointStatus, block_of
+from tcstudy.data.records import LevelRecord, PointStatus
 from tcstudy.data.store import open_results
 from tcstudy.scene.study import Study
-from tests.data.by_points import write
+from tests.data.by_points import PointRecord, block_of, write
 
 pytestmark = pytest.mark.filterwarnings("error")
 

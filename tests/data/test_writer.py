@@ -13,14 +13,14 @@ import pytest
 
 from tcstudy.data import store
 from tcstudy.data.provenance import Provenance
-from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, PointStatus
+from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.data.schema import FileVariable
 from tcstudy.data.store import open_results
 from tcstudy.data.writer import CHUNK, axis_labels, axis_order, in_file_order, storage, sweep_points, tile_shape, tiles
 from tcstudy.errors import DrawError
 from tcstudy.reports.select_point import describe, locate
 from tcstudy.scene.study import START_NAMES, Axis, MeshPlan, Study
-from tests.data.by_points import write
+from tests.data.by_points import PointRecord, write
 from tests.verification.scenes import RECTANGLE, study_of
 
 STARTS = np.arange(len(START_NAMES)) % 3

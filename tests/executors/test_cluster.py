@@ -17,7 +17,7 @@ import pytest
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.executors import DaskExecutor, SerialExecutor, WorkersFailed
 from tcstudy.executors.cluster import CLOSE, CONNECT
-from tcstudy.study import workshop
+from tcstudy.study import level_solver
 from tcstudy.study.run import run
 from tests.executors.machines import Machines
 from tests.executors.test_processes import CRUEL, SWEPT, TAU, assert_same, solved
@@ -39,7 +39,7 @@ def machines(tmp_path: Path) -> Iterator[Machines]:
 
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workshop, "POINTS", 2)
+    monkeypatch.setattr(level_solver, "POINTS", 2)
 
 
 def test_a_killed_worker_changes_no_bit_and_a_point_that_kills_is_told(machines: Machines, tmp_path: Path) -> None:

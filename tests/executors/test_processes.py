@@ -19,7 +19,7 @@ from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.errors import GeometryFailed
 from tcstudy.executors import Job, ProcessExecutor, SerialExecutor, WorkerDied, WorkersFailed, in_order
 from tcstudy.scene.study import Study
-from tcstudy.study import workshop
+from tcstudy.study import level_solver
 from tcstudy.study.execute import execute
 from tcstudy.study.run import run
 from tests.executors.calls import harm, treat
@@ -33,7 +33,7 @@ ARRAYS = ("points", "status", "u_T", "xi", "sticks")
 
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workshop, "POINTS", 2)
+    monkeypatch.setattr(level_solver, "POINTS", 2)
 
 
 @pytest.fixture(scope="module")
@@ -182,11 +182,11 @@ from functools import partial
 from pathlib import Path
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a parent in the background hands down one that is ignored
 from tcstudy.read.study import read_study
-from tcstudy.study import workshop
-from tcstudy.study import jobs
+from tcstudy.study import level_solver
+from tcstudy.study import workers
 from tcstudy.study.execute import execute
-workshop.POINTS = 2
-jobs.ProcessExecutor = partial(jobs.ProcessExecutor, command=tuple(sys.argv[3:]))
+level_solver.POINTS = 2
+workers.ProcessExecutor = partial(workers.ProcessExecutor, command=tuple(sys.argv[3:]))
 try:
     execute(read_study(Path(sys.argv[1])), Path(sys.argv[2]), jobs=2)
 except KeyboardInterrupt:

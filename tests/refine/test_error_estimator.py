@@ -13,10 +13,11 @@ from tcstudy.data.journal import Journal
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.refine import error_estimator
 from tcstudy.reports.terminal.summary import summary
-from tcstudy.study import workshop
+from tcstudy.study import level_solver
 from tcstudy.study.execute import execute
 from tcstudy.study.plan import plan
 from tcstudy.study.run import run
+from tests.data.by_points import one_by_one
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, study_of
 
 PULLED = RECTANGLE.replace("left: clamped, top: free", 'left: clamped, top: {role: traction, g: ["0.03*x", -0.01]}')
@@ -104,7 +105,7 @@ def test_a_resumed_run_comes_to_the_same_meshes(
     tmp_path: Path, mesh: str, kept: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Also where it stopped within a level: what was solved before is estimated again, not solved."""
-    monkeypatch.setattr(workshop, "ESTIMATED", 1)  # blocks of one point, so that a level has three
+    monkeypatch.setattr(level_solver, "ESTIMATED", 1)  # blocks of one point, so that a level has three
     study = study_of(SWEPT, f"mesh={{maxh: 0.5, {mesh}}}")
     whole = tcstudy.run(study, tmp_path / "whole.nc")
     output = tmp_path / "out.nc"
@@ -130,7 +131,7 @@ def test_when_no_point_is_solved_refinement_ends(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(error_estimator.ErrorEstimator, "look", fail)
     records = list(run(study_of(PULLED, "mesh={maxh: 0.5, levels: 4, family: adaptive}")))
-    points = [p for r in records if isinstance(r, BlockRecord) for p in r.one_by_one()]
+    points = [p for r in records if isinstance(r, BlockRecord) for p in one_by_one(r)]
     assert len(points) == 1
     assert points[0].reason == "ArithmeticError: made to fail"
     assert isinstance(records[-1], LevelRecord)

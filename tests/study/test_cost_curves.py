@@ -12,7 +12,7 @@ import pytest
 from tcstudy.data.records import BlockRecord
 from tcstudy.fem.study_meshes import Meshes
 from tcstudy.scene.study import MeshPlan
-from tcstudy.study import run, workshop
+from tcstudy.study import level_solver, run
 from tcstudy.study.cost_curves import CostCurve, MeasuredLevel, Stages, _too_slow, walk
 from tests.verification.scenes import RECTANGLE, study_of
 
@@ -41,7 +41,7 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     clock = Clock()
-    family, finish = run.Family, workshop.Workshop._finish
+    family, finish = run.Family, level_solver.LevelSolver._finish
 
     def make(study: Any) -> Any:
         meshes = family(study) if study.mesh.estimates else Meshes(study)
@@ -56,11 +56,11 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
             clock.now += POINT
             yield replace(block, numbers={**block.numbers, "time_solve": np.array([SOLVE])})
 
-    for module in (run, workshop):
+    for module in (run, level_solver):
         monkeypatch.setattr(module, "time", clock)
     monkeypatch.setattr(run, "meshes_of", make)
     monkeypatch.setattr(run, "Level", clock.timed(ASSEMBLY, run.Level))
-    monkeypatch.setattr(workshop.Workshop, "_finish", slow)
+    monkeypatch.setattr(level_solver.LevelSolver, "_finish", slow)
     return clock
 
 

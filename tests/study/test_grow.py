@@ -19,7 +19,7 @@ from tcstudy.cli import main
 from tcstudy.data.journal import COMMIT_SECONDS
 from tcstudy.data.records import PointStatus
 from tcstudy.laws.laws import Laws
-from tcstudy.study import workshop
+from tcstudy.study import level_solver
 from tests.verification.scenes import RECTANGLE
 
 TEXT = RECTANGLE.replace("maxh: 0.1, levels: 3", "maxh: 0.5, levels: 2").replace(
@@ -57,7 +57,7 @@ class Counted:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, fail_at: float = np.nan) -> None:
         self.points = 0
-        original = workshop.solve_block
+        original = level_solver.solve_block
 
         def solve(body: object, loads: np.ndarray, laws: Laws, *options: object) -> object:
             self.points += len(loads)
@@ -65,7 +65,7 @@ class Counted:
                 raise ArithmeticError("made to fail")
             return original(body, loads, laws, *options)  # type: ignore[arg-type]
 
-        monkeypatch.setattr(workshop, "solve_block", solve)
+        monkeypatch.setattr(level_solver, "solve_block", solve)
 
 
 @pytest.mark.parametrize("more", ["", "output.fields=true", "solver.branch=continued"])
@@ -174,10 +174,10 @@ import sys, time
 from pathlib import Path
 from tcstudy import cli
 from tcstudy.data import store
-from tcstudy.study import workshop
-workshop.POINTS = 1
+from tcstudy.study import level_solver
+level_solver.POINTS = 1
 place, reached, calls = sys.argv[1], Path(sys.argv[2]), 0
-module = {"solve_block": workshop, "define": store}[place]
+module = {"solve_block": level_solver, "define": store}[place]
 original = getattr(module, place)
 def pausing(*words, **more):
     global calls
@@ -225,7 +225,7 @@ def test_killed_it_leaves_the_old_file_and_goes_on(
     killed(tmp_path, place, "run", str(file), "--output", str(output), "--jobs", "1", *option)
     assert output.read_bytes() == before
     assert output.with_name("out.nc.partial").exists()
-    monkeypatch.setattr("tcstudy.study.workshop.POINTS", 1)
+    monkeypatch.setattr("tcstudy.study.level_solver.POINTS", 1)
     counted = Counted(monkeypatch)
     tree = tcstudy.run(file, output, append=how == "append", jobs=1)
     assert counted.points == (2 if place == "solve_block" else 0)  # two of four were finished

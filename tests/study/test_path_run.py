@@ -19,6 +19,7 @@ from tcstudy.scene.study import Study
 from tcstudy.study.path_affine import PathError, affine_load
 from tcstudy.study.path_run import follow_path, shortfalls
 from tcstudy.study.run import run
+from tests.data.by_points import one_by_one
 from tests.verification.scenes import HEATED_BRACKET, mesh_family
 
 PAD = Path(__file__).parents[2] / "configs" / "path.yaml"
@@ -56,7 +57,7 @@ def test_stable_solutions_of_a_run_lie_on_the_path(pad: tuple[Study, Record], br
     study = read_study(PAD, ["solver=separable-newton", *overrides])
     energies = 0
     blocks = (record for record in run(study) if isinstance(record, BlockRecord) and record.level == 1)
-    for point in (point for block in blocks for point in block.one_by_one()):
+    for point in (point for block in blocks for point in one_by_one(block)):
         assert point.status == PointStatus.OK
         assert point.numbers["strict_minimum"] == 1
         t = VALUES[point.index[0]]

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 import tcstudy
+from tcstudy.fem import meshes, study_meshes
+from tcstudy.fem.geometry import Geometry
+from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.reports.terminal.forecast import expected_words
-from tcstudy.study import expected as sizes_module
-from tcstudy.study.plan import plan
-from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, study_of
-
-
-def test_sizes_are_counted() -> None:
-    forecast, study = plan(study_of(RECTANGLE)), study_of(RECTANGLE)
-    assert [v.n_dof for v in forecast.levels] == [level.frames.n_dof for level in levels_of(study)]
-    assert all(v.exact for v in forecast.levels)
+from tcstudy.scene.study import MeshPlan, Study
+from tcstudy.study import plan as plan_module
+from tcstudy.study.plan import plan, resources
+from tcstudy.study.sizes import MEMORY, START, LevelForecast, sizes
+from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, study_of
 
 
 def test_the_file_of_a_run_is_about_as_large_as_said(tmp_path: Path) -> None:
@@ -120,10 +121,10 @@ def test_time_and_memory_in_words() -> None:
 
 def test_dear_meshing_is_said_with_what_makes_it_cheap(monkeypatch: pytest.MonkeyPatch) -> None:
     """In seconds of this machine, which is timed only where there is much to mesh."""
-    monkeypatch.setattr(sizes_module, "triangles_a_second", lambda: 100.0)
+    monkeypatch.setattr(meshes, "triangles_a_second", lambda: 100.0)
     slow = [n for n in plan(study_of(RECTANGLE, "mesh={maxh: 0.05}")).notes if "meshing" in n]
     assert 15 < float(slow[0].split()[3]) < 25  # 2 · 1 body, 0.866 h² for two triangles
-    monkeypatch.setattr(sizes_module, "triangles_a_second", None)
+    monkeypatch.setattr(meshes, "triangles_a_second", None)
     assert not any("meshing" in n for n in plan(study_of(RECTANGLE)).notes)
     monkeypatch.undo()
     (note,) = [n for n in plan(study_of(RECTANGLE, "mesh={maxh: 0.005}")).notes if "meshing" in n]
@@ -133,3 +134,80 @@ def test_dear_meshing_is_said_with_what_makes_it_cheap(monkeypatch: pytest.Monke
     cheap = plan(study_of(RECTANGLE, f"mesh={{maxh: 0.005, refine: {refine}}}"))
     assert not any("meshing" in n for n in cheap.notes)
     assert not any("meshing" in n for n in plan(study_of(RECTANGLE)).notes)
+
+
+def test_what_a_run_takes_follows_from_rates(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By levels of known times: t = 0.05 + 1e-3 m + 1e-5 N^1.08 s for FEW points, 0.16 ms (1 + m/31) a point more.
+
+    Two ratios of moduli take the factor again by half; what is written takes 60 µs a solution.
+    """
+    study = study_of(
+        RECTANGLE + "sweep: {nu: [0.2, 0.3], friction.tau: {linspace: [0.01, 0.1, 200]}}\n",
+        "mesh={maxh: 0.1, levels: 3}",
+    )
+    asked = list[tuple[int, int]]()
+
+    def timed(small: Study) -> Iterator[tuple[int, int, float]]:
+        for level in sizes(small):
+            more = len(small.scenes) - plan_module.FEW
+            asked.append((len(small.scenes), level.n_dof))
+            yield level.n_dof, level.n_contact, seconds(level, 2) + each(level) * more
+
+    def seconds(level: LevelForecast, ratios: int) -> float:
+        return 0.05 + 1e-3 * level.n_contact + 1e-5 * level.n_dof**1.08 * (1 + 0.5 * (ratios - 1)) / 1.5
+
+    def each(level: LevelForecast) -> float:
+        return 2.0 * (0.08e-3 + 2.6e-6 * level.n_contact)
+
+    monkeypatch.setattr(plan_module, "_timed", timed)
+    found = plan(study)
+    expected = sum(seconds(v, 2) + each(v) * 392 + 6e-5 * 400 for v in found.levels)
+    assert resources(study, found).seconds == pytest.approx(START + expected, rel=1e-3)
+    assert {points for points, _ in asked} == {plan_module.FEW, plan_module.MANY}
+    assert max(n_dof for _, n_dof in asked) <= 2 * plan_module.LARGE
+
+
+@pytest.mark.parametrize(
+    ("study", "why"),
+    [
+        (study_of(RECTANGLE, "mesh={maxh: 0.5, levels: 6, family: adaptive}"), "estimated error"),
+        (study_of(RECTANGLE, "history={memory: friction, steps: [{f_x: 0.1, in: 2}]}", "loads.f=[0, 0]"), "a step"),
+        (study_of(RECTANGLE, "solver=[separable-newton, bundle-newton]"), "solvers"),
+    ],
+    ids=["adaptive", "history", "bundle"],
+)
+def test_what_no_trial_tells_is_unknown(study: Study, why: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plan_module, "stages", None)  # nothing is solved for it
+    spent = resources(study, plan(study))
+    assert math.isnan(spent.seconds)
+    assert why in spent.unknown
+    assert spent.memory > MEMORY
+
+
+def test_points_that_are_slow_on_a_coarse_mesh_are_unknown_on_a_fine_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plan_module, "ENOUGH", 1e-6)
+    for maxh, known in ((0.3, True), (0.02, False)):
+        study = study_of(RECTANGLE, f"mesh={{maxh: {maxh}}}")
+        spent = resources(study, plan(study))
+        assert math.isfinite(spent.seconds) == known
+        assert ("do not tell" in spent.unknown) != known
+
+
+def test_of_many_geometries_one_mesh_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And counts are those of all; refused ones are named."""
+    made, original = list[float](), study_meshes.mesh_at
+
+    def mesh_at(geometry: Geometry, plan: MeshPlan, *more: object) -> PlaneMesh:
+        made.append(geometry.size)
+        return original(geometry, plan, *more)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(study_meshes, "mesh_at", mesh_at)
+    widths = "sweep={body.rectangle.width: [1, 1.6, 2, 3], nu: [0.2, 0.3]}"
+    region = "body.regions={inner: {rectangle: {corner: [0.5, 0.4], width: 1, height: 0.2}}}"
+    found = plan(study_of(RECTANGLE, region, widths))
+    assert {round(size, 3) for size in made} == {3.162}
+    assert (found.points, found.factorisations) == (8, 6)
+    assert found.notes[0].startswith("3 geometries: 9 meshes, 18 stiffness factorisations")
+    assert found.notes[1].startswith("refused, body.rectangle.width = 1: ")
+    largest = plan(study_of(RECTANGLE, region, "body.rectangle.width=3"))
+    assert found.levels == largest.levels

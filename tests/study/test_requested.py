@@ -130,9 +130,9 @@ def test_nothing_is_stored_that_is_not_asked_for(tmp_path: Path) -> None:
         (
             "{tip: [200 mm, 0 mm], core: [70 mm, 20 mm]}",
             "[1, 2]",
-            "output.probes: must name points, but is a list",
+            "output.probes: must be a mapping of names to points, but is a list",
         ),
-        ("core: [70 mm", "a b: [70 mm", "must be a name of letters, digits and _"),
+        ("core: [70 mm", "a b: [70 mm", "is not a name; use letters, digits and _"),
         ("von_mises]", "von_mieses]", "did you mean 'von_mises'?"),
     ],
 )

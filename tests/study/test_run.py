@@ -19,8 +19,8 @@ from tcstudy.data.journal import COMMIT_SECONDS
 from tcstudy.data.records import PointStatus
 from tcstudy.fem import heat_forms as heat
 from tcstudy.laws.laws import Laws
-from tcstudy.offline import elastic as elastic_module
-from tcstudy.study import workshop
+from tcstudy.offline import level as level_module
+from tcstudy.study import level_solver
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, study_of
 
 SWEPT = (
@@ -60,8 +60,8 @@ def test_one_factorisation_a_mesh_and_ratio(
 ) -> None:
     """λ/μ makes the factor, E only scales it; a new ratio takes over the order of elimination."""
     plans = []
-    original = elastic_module.condense
-    monkeypatch.setattr(elastic_module, "condense", lambda *a, **k: plans.append(k["plan"]) or original(*a, **k))
+    original = level_module.condense
+    monkeypatch.setattr(level_module, "condense", lambda *a, **k: plans.append(k["plan"]) or original(*a, **k))
     tree = run(tmp_path, SWEPT.replace("E: [1, 2]", material), "mesh.levels=2")
     assert np.all(tree["status"] == int(PointStatus.OK))
     assert len(plans) == 2 * ratios
@@ -94,14 +94,14 @@ def test_a_constant_temperature_loads_the_body(tmp_path: Path) -> None:
 
 
 def test_a_failing_point_is_recorded_and_the_rest_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    original = workshop.solve_block
+    original = level_solver.solve_block
 
     def fail_once(body: object, loads: object, laws: Laws, *options: object) -> object:
         if np.any(laws.scales[laws.index] == 0.01):
             raise ArithmeticError("made to fail")
         return original(body, loads, laws, *options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(workshop, "solve_block", fail_once)
+    monkeypatch.setattr(level_solver, "solve_block", fail_once)
     data = run(tmp_path, SWEPT).to_dataset()
     assert np.all(data["status"].sel(tau=0.01) == int(PointStatus.ERROR))
     assert np.all(data["status"].drop_sel(tau=0.01) == int(PointStatus.OK))
@@ -126,10 +126,10 @@ import signal, sys, time
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a parent in the background hands down one that is ignored
 from pathlib import Path
 from tcstudy.read.study import read_study
-from tcstudy.study import workshop
+from tcstudy.study import level_solver
 from tcstudy.study.execute import execute
-workshop.POINTS = 1
-original = workshop.solve_block
+level_solver.POINTS = 1
+original = level_solver.solve_block
 calls = 0
 def slow(*a, **k):
     global calls
@@ -138,7 +138,7 @@ def slow(*a, **k):
         Path(sys.argv[3]).touch()
         time.sleep(60)
     return original(*a, **k)
-workshop.solve_block = slow
+level_solver.solve_block = slow
 try:
     execute(read_study(Path(sys.argv[1])), Path(sys.argv[2]))
 except KeyboardInterrupt:
@@ -171,7 +171,7 @@ def test_finished_points_survive(tmp_path: Path, kill: signal.Signals, monkeypat
     from tcstudy.study.execute import execute
 
     study = tcstudy.load(study_file)
-    monkeypatch.setattr(workshop, "POINTS", 1)
+    monkeypatch.setattr(level_solver, "POINTS", 1)
     summary = execute(study, output)
     assert summary.resumed == 5
     assert summary.points == 12

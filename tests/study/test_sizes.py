@@ -5,6 +5,7 @@ Such a mesh ends a run before work if it is the first, and is a status of its po
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +19,8 @@ from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study
 from tcstudy.refine.family import Family
 from tcstudy.scene.study import Study
-from tcstudy.study import expected as sizes_module
-from tcstudy.study.expected import sizes
-from tcstudy.study.jobs import forecast, refined
+from tcstudy.study import sizes as sizes_module
+from tcstudy.study.sizes import of_geometry, predicted, refined, sizes
 from tests.commands import CONFIGS
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, study_of
 
@@ -94,7 +94,7 @@ def test_large_meshes_are_predicted_from_the_last_small_one(monkeypatch: pytest.
 def test_no_mesh_that_is_large_already_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(families_module, "mesh_at", None)
     study = study_of(RECTANGLE, "mesh={maxh: 0.005, levels: 2}")
-    assert sizes(study) == forecast(study)
+    assert sizes(study) == predicted(study)
     assert not any(v.exact for v in sizes(study))
 
 
@@ -145,3 +145,11 @@ def test_meshes_after_the_known_ones_are_bounded() -> None:
     few = study_of(RECTANGLE, "mesh={maxh: 0.5, levels: 3, family: adaptive}")
     assert len(refined(sizes(few), few.mesh)) == 3
     assert refined(sizes(study_of(RECTANGLE)), study_of(RECTANGLE).mesh) == sizes(study_of(RECTANGLE))
+
+
+def test_workers_are_chosen_by_sizes_alone() -> None:
+    study = read_study(CONFIGS / "quickstart.yaml")
+    finer = replace(study, mesh=replace(study.mesh, maxh=(0.25 * study.mesh.maxh[0],)))
+    one, two = of_geometry(study), of_geometry(finer)
+    assert two.seconds > one.seconds
+    assert two.memory > one.memory

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import io
 import os
 import signal
 from collections.abc import Sequence
 from concurrent.futures import Future
-from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,17 +17,13 @@ from netgen import occ
 
 from tcstudy.data.files import StoreError
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
-from tcstudy.errors import GeometryFailed
-from tcstudy.executors import ProcessExecutor, SerialExecutor, WorkerDied
+from tcstudy.executors import ProcessExecutor, SerialExecutor
 from tcstudy.read.study import read_study, read_study_text
-from tcstudy.reports.terminal.progress import PlanProgress
-from tcstudy.study import expected, jobs
+from tcstudy.study import workers as who
 from tcstudy.study.execute import execute, solve_geometry
 from tcstudy.study.grow import all_but_broken
-from tcstudy.study.jobs import Staff, submit
-from tcstudy.study.plan import plans
 from tcstudy.study.run import LevelWork, Quiet, run
-from tcstudy.study.trial import plan_and_resources
+from tcstudy.study.workers import submit
 from tests.benchmarks.kills import assert_same, children
 from tests.executors.test_processes import CRUEL, gone
 from tests.executors.test_processes import assert_same as assert_blocks
@@ -110,7 +104,7 @@ def test_a_geometry_that_kills_its_workers_is_told_and_the_rest_goes_on(
     pids, path = tmp_path / "pids", tmp_path / "out.nc"
     cruel = partial(ProcessExecutor, command=(CRUEL, what, "0.015", str(pids)))
     with monkeypatch.context() as patched:
-        patched.setattr(jobs, "ProcessExecutor", cruel)
+        patched.setattr(who, "ProcessExecutor", cruel)
         summary = execute(read_study_text(BARS), path, jobs=2)
     assert (summary.points, summary.failed) == (24, 6)
     survives = what == "exhaust"  # every point of the geometry is told by itself
@@ -167,7 +161,7 @@ def test_a_disk_that_fills_costs_no_geometry_that_stands(alone: Path, tmp_path: 
         resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, hard))
 
     try:
-        with pytest.raises(StoreError, match=r"cannot write.*space"):
+        with pytest.raises(StoreError, match=r"Make room there"):
             execute(read_study_text(BARS), path, Watch(3, fill), jobs=2)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
@@ -201,49 +195,3 @@ mesh: {{maxh: 0.4}}
 
     found = submit(Later(), solve_geometry, study, name="plate").result()
     assert_blocks([one for one in found if isinstance(one, BlockRecord)], expected)
-
-
-def test_workers_plan_geometries_as_one_process_does(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same forecast in the same order; only where meshes take long, which these do not."""
-    study = read_study_text(PLAIN)
-    alone = plan_and_resources(study)[0]
-    with closing(Staff()) as staff:
-        assert plan_and_resources(study, lambda own: plans(own, staff))[0] == alone
-        assert staff._pool is None
-    monkeypatch.setattr(expected, "meshing_seconds", lambda *_: 10.0)
-    monkeypatch.setattr(jobs, "available", lambda: 2)
-    with closing(Staff()) as staff:
-        assert plan_and_resources(study, lambda own: plans(own, staff))[0] == alone
-        assert staff._pool is not None
-
-
-def test_a_mesher_that_ends_its_workers_is_a_fault_of_the_sweep(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Dead(SerialExecutor):
-        def submit(self, *call: object) -> Future[Any]:
-            future: Future[Any] = Future()
-            future.set_exception(WorkerDied("killed by signal 9"))
-            return future
-
-    staff = Staff()
-    monkeypatch.setattr(staff, "whole", lambda *_: Dead())
-    with pytest.raises(GeometryFailed, match=r"cannot be meshed \(killed by signal 9\); plan it alone") as info:
-        list(plans([one.study for one in read_study_text(BARS).variants if one.study is not None], staff))
-    assert info.value.keys == ("sweep",)
-
-
-def test_progress_of_a_plan_is_one_line_of_a_terminal() -> None:
-    terminal = Terminal()
-    with closing(PlanProgress(terminal)) as progress:
-        assert list(progress(iter("ab"), 2)) == ["a", "b"]
-    assert terminal.getvalue().split("\r\x1b[K") == ["", "1/2 geometries planned", "2/2 geometries planned", ""]
-    silent = io.StringIO()
-    with closing(PlanProgress(silent)) as progress:
-        assert list(progress(iter("ab"), 2)) == ["a", "b"]
-    assert silent.getvalue() == ""
-
-
-class Terminal(io.StringIO):
-    """A stream that says it is one."""
-
-    def isatty(self) -> bool:
-        return True

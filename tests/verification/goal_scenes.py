@@ -32,6 +32,7 @@ from tcstudy.scene.families import FamilyName
 from tcstudy.scene.records import Point
 from tcstudy.scene.study import Goal, MeshPlan, Study
 from tcstudy.study.run import run
+from tests.data.by_points import one_by_one
 from tests.verification import closed_forms
 from tests.verification.scenes import HEATED_BRACKET
 
@@ -226,7 +227,7 @@ def table(study: Study, goal: Goal, known: float, family: FamilyName, levels: in
     plan = MeshPlan(study.mesh.maxh, levels, family, goal=replace(goal, known=known), estimate=True, max_dofs=4 * most)
     records = list(run(replace(study, mesh=plan)))
     sizes = [r.n_dof for r in records if isinstance(r, LevelRecord) and not r.stop]
-    points = [p for r in records if isinstance(r, BlockRecord) for p in r.one_by_one()]
+    points = [p for r in records if isinstance(r, BlockRecord) for p in one_by_one(r)]
     assert all(p.reason == "" for p in points), [p.reason for p in points]
     rows = []
     for n_dof, point in zip(sizes, points, strict=True):
@@ -249,7 +250,7 @@ def to_tolerance(study: Study, goal: Goal, tolerance: float) -> tuple[float, str
     """J, why refinement stopped, and the unknowns of an adaptive run to a tolerance."""
     plan = MeshPlan(study.mesh.maxh, 40, "adaptive", goal=goal, tolerance=tolerance)
     records = list(run(replace(study, mesh=plan)))
-    point = [p for r in records if isinstance(r, BlockRecord) for p in r.one_by_one()][-1]
+    point = [p for r in records if isinstance(r, BlockRecord) for p in one_by_one(r)][-1]
     last = records[-1]
     assert isinstance(last, LevelRecord)
     return float(point.numbers["goal"]), last.stop, last.n_dof  # type: ignore[arg-type]

@@ -14,8 +14,7 @@ from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
 from tcstudy.study.convergence import own_error
 from tcstudy.study.convergence_run import converge
-from tcstudy.study.doubts import MEASURED, locking_note
-from tcstudy.study.plan import warnings
+from tcstudy.study.lint import MEASURED, locking_note, warnings
 from tests.verification import closed_forms
 from tests.verification import manufactured as smooth
 from tests.verification.patch import Case, patch_study

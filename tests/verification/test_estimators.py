@@ -17,6 +17,7 @@ from tcstudy.refine.goals import lumping
 from tcstudy.refine.halved import Halved
 from tcstudy.scene.study import Goal, MeshPlan, Study
 from tcstudy.study.run import run
+from tests.data.by_points import one_by_one
 from tests.verification import manufactured as exact
 from tests.verification.norms import l2_and_h1_errors
 from tests.verification.patch import CASES, patch_study
@@ -231,7 +232,7 @@ def test_the_lost_order_is_regained(errors: dict[str, np.ndarray]) -> None:
 def final(study: Study, plan: MeshPlan) -> tuple[BlockRecord, LevelRecord, int]:
     """The last level of a run, its point, and the number of levels."""
     records = list(run(replace(study, mesh=plan)))
-    points = [p for r in records if isinstance(r, BlockRecord) for p in r.one_by_one()]
+    points = [p for r in records if isinstance(r, BlockRecord) for p in one_by_one(r)]
     assert points[-1].reason == ""
     last = records[-1]
     assert isinstance(last, LevelRecord)
@@ -266,7 +267,7 @@ def test_effectivity_of_goals_on_uniform_meshes() -> None:
     study = exact.manufactured_study(1, 0.25)
     for goal in (Goal("friction_resultant", None, RESULTANT), Goal("u_T", (0.4, 0.0), SLIP)):
         plan = MeshPlan((0.25,), 5, goal=goal, estimate=True)
-        points = [p for r in run(replace(study, mesh=plan)) if isinstance(r, BlockRecord) for p in r.one_by_one()]
+        points = [p for r in run(replace(study, mesh=plan)) if isinstance(r, BlockRecord) for p in one_by_one(r)]
         ratios = [float(p.numbers["goal_effectivity"]) for p in points[1:]]
         assert all(0.8 < ratio < 2.5 for ratio in ratios), ratios
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol, TextIO, TypeVar, cast
 
 import numpy as np
@@ -168,16 +168,6 @@ class _Line:
         if self._open:
             self._write("")
             self._open = False
-
-
-class PlanProgress(_Line):
-    """How many geometries are planned of all."""
-
-    def __call__(self, made: Iterable[T], of: int) -> Iterator[T]:
-        """What is made, one after the other."""
-        for done, one in enumerate(made, 1):
-            self._write(f"{done}/{of} geometries planned")
-            yield one
 
 
 class PathProgress(_Line):

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from tcstudy.data.provenance import Provenance
-from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
+from tcstudy.data.records import LevelRecord, PointStatus
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.point import point_figure
 from tcstudy.reports.picture import LineFields, Picture
 from tcstudy.scene.study import Axis, MeshPlan, OutputPlan, SolverPlan, Study
-from tests.data.by_points import write
+from tests.data.by_points import PointRecord, write
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tcstudy.data.records import BlockRecord, LevelRecord, PointRecord, PointStatus, block_of
+from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.terminal.progress import PlainProgress, TerminalProgress
 from tcstudy.study.execute import execute
 from tcstudy.study.run import LevelWork
+from tests.data.by_points import PointRecord, block_of
 from tests.study.test_variants import HOLED
 
 WORK = [LevelWork(2, 1, 1.0), LevelWork(2, 0, 4.0)]

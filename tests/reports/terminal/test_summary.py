@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from tcstudy.data.provenance import Provenance
-from tcstudy.data.records import LevelRecord, PointRecord, PointStatus
+from tcstudy.data.records import LevelRecord, PointStatus
 from tcstudy.data.schema import BALANCED, LIMITED, UNBALANCED
 from tcstudy.reports.terminal.summary import summary
 from tcstudy.scene.study import Axis, MeshPlan, OutputPlan, SolverPlan, Study
-from tests.data.by_points import write
+from tests.data.by_points import PointRecord, write
 
 ALPHA = Axis("alpha", ("heat", "alpha"), (1, 2, 3), (1.0, 2.0, 3.0), "W m-2 K-1")
 NO_VALUES = np.empty(0)

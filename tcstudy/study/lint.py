@@ -1,4 +1,4 @@
-"""What a study says and its author may not have meant; what is wrong with a body that a file holds.
+"""What a study says and its author may not have meant, and what would stop a run before any work.
 
 Said of every study: no load, a body softer than its loads, names that nothing uses, absolute temperatures, a curve that
 is a polygon, and volumetric locking of P1 elements in plane strain. What locking costs is measured on a solution that
@@ -15,12 +15,17 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.errors import GeometryFailed
+from tcstudy.data.files import check_writable
+from tcstudy.data.provenance import Kind, Remark, measured_path
+from tcstudy.errors import GeometryFailed, StoreError, UsageError, UserFault
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.geometry import Geometry, build
 from tcstudy.read.body import edge_names
@@ -28,11 +33,12 @@ from tcstudy.read.checks import BoundaryPiece, mesh_faults, support_fault, suppo
 from tcstudy.read.document import Found, located, tree_of
 from tcstudy.read.node import Collector
 from tcstudy.read.parameters import users, words_in
-from tcstudy.scene.points import combinations, distinct
+from tcstudy.scene.points import combinations, distinct, idle_notes
 from tcstudy.scene.records import Body, Clamped, Contact, Convection, Scene, Traction, exchanges
 from tcstudy.scene.study import Study
 from tcstudy.shapes.edges import edge_length, edge_normal, loop_area
 from tcstudy.shapes.faults import TOLERANCE
+from tcstudy.study.sizes import expected_bytes
 
 AMBIENT = (250.0, 350.0)
 """Temperatures [K] of a workshop when they are counted from absolute zero, which the study does not do."""
@@ -40,7 +46,7 @@ PARALLEL = 1e-6
 """Sine of the angle up to which two edges meet smoothly; the constraints of a mesh go by the same bound."""
 
 
-def doubts(study: Study) -> list[str]:
+def lint(study: Study) -> list[str]:
     """One sentence for each of them. Raises GeometryFailed if a file has no such face."""
     scenes, notes = study.scenes, []
     body, contact = scenes[0].body, scenes[0].edges(Contact)
@@ -293,3 +299,89 @@ def _support_faults(study: Study, geometry: Geometry) -> Iterator[Found]:
             fault = support_fault(pieces, scene.boundary, centre, geometry.size, ACCURACY)
             if fault is not None:
                 yield ("boundary",), *fault
+
+
+def warnings(study: Study, text: bool = True) -> list[Remark]:
+    """Notes that results have as well, since their numbers would mislead without them; with the geometry where there
+    are several. Raises GeometryFailed if a file has no such face.
+
+    text: whether with those of the study's text, which all geometries share and which takes long to read
+    """
+    if study.variants:
+        own = [(one.words, map(str, warnings(one.study, False))) for one in study.variants if one.study is not None]
+        return [*map(Remark, unused(study)), *once(own)]
+    seen = study if text else replace(study, text="", overrides=())
+    return [Remark(note) for note in (*idle_notes(seen), *lint(seen), *locking_notes(seen.scenes))]
+
+
+NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
+
+
+def once(notes: Sequence[tuple[str, Iterable[str]]]) -> list[Remark]:
+    """Every note once, with the geometries that it is of unless it is of all.
+
+    notes: (words of a geometry, its notes). Those that differ in numbers only are one, with the range of each number.
+    """
+    alike: dict[str, dict[str, list[str]]] = {}
+    for words, own in notes:
+        for note in own:
+            text = NUMBER.sub("{}", note.replace("{", "{{").replace("}", "}}"))
+            alike.setdefault(text, {})[words] = NUMBER.findall(note)
+    found = []
+    for text, numbers in alike.items():
+        said = text.format(*map(_span, zip(*numbers.values(), strict=True)))
+        few = "; ".join(numbers) if len(numbers) == 1 else f"{len(numbers)} of {len(notes)} geometries"
+        found.append(Remark(said, "" if len(numbers) == len(notes) else few))
+    return found
+
+
+def _span(texts: Sequence[str]) -> str:
+    least, greatest = min(texts, key=float), max(texts, key=float)
+    return least if least == greatest else f"{least} to {greatest}"
+
+
+def output_of(study: Study, kind: Kind = "run") -> Path:
+    """Where a file of this kind is written unless another place is asked for: results/<name of the study file>.nc for
+    a run, other kinds beside it."""
+    stem = study.source.stem if study.source is not None else "study"
+    output = study.output.path or Path("results") / f"{stem}.nc"
+    if kind in ("convergence", "cost"):
+        return measured_path(output, kind)
+    return output if kind == "run" else output.with_name(f"{output.stem}-{kind}{output.suffix or '.nc'}")
+
+
+def check_kind(study: Study, kind: str, name: str) -> None:
+    """Raise UsageError where a command would leave out what a study is about, or needs meshes that only a run makes.
+
+    A history is no set of static points; a path is of one mesh, and adaptive ones follow from the points of a run.
+    """
+    if study.history is not None and kind not in ("history", "fit"):
+        command = "converge" if kind == "convergence" else kind
+        raise UsageError(
+            f"{name}: history: the study is a load history, and tcstudy {command} has no memory; use tcstudy "
+            "run, or --set history=null for its points without memory"
+        )
+    if kind == "path" and study.path is not None and study.mesh.strategy.adapts:
+        what = "the path is of one mesh, and adaptive meshes follow from the solutions of a run"
+        remedy = "give it others, for example --set 'mesh={maxh: ..., levels: 3}', or solve points by --set path=null"
+        raise UsageError(f"{name}: path: {what}; {remedy}")
+
+
+def faults(study: Study, output: Path) -> list[str]:
+    """What would stop a run of this study into `output`, one line each, as the user sees it; empty if nothing would."""
+    file = str(study.source) if study.source is not None else "<text>"
+    try:
+        found = check_writable(output, expected_bytes(study))
+    except StoreError as error:
+        found = [str(error)]
+    return [*map(str, located(study, built_faults(study))), *(f"{file}: {text}" for text in found)]
+
+
+def fault_in(study: Study, fault: UserFault, name: str) -> str:
+    """What stopped a command, as the user sees it: with its place in the study, or the study's name."""
+    if fault.placed:
+        return str(fault)
+    if fault.keys is None:
+        return f"{name}: {fault}"
+    what, _, remedy = str(fault).partition("; ")
+    return "\n".join(map(str, located(study, [(fault.keys, what, remedy or "check the body, or try another maxh")])))

@@ -17,8 +17,9 @@ from tcstudy.fem.meshes import doubled_areas, mesh_at
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.refine.family import Family
-from tcstudy.study.doubts import doubts, loaded
-from tcstudy.study.plan import expected_bytes, faults, plan, warnings
+from tcstudy.study.lint import faults, lint, loaded, warnings
+from tcstudy.study.plan import plan
+from tcstudy.study.sizes import expected_bytes
 from tests.commands import tcstudy_command
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, study_of
 
@@ -61,7 +62,7 @@ def test_a_smooth_junction_of_arcs_is_no_corner() -> None:
         "{from: [0, 0], edge: bot}",
         "{from: [0, 0], edge: bot, through: [%.9f, %.9f]}" % CHORDS[1],  # noqa: UP031
     )
-    assert not any("pinned" in note for note in doubts(read_study_text(text)))
+    assert not any("pinned" in note for note in lint(read_study_text(text)))
 
 
 @pytest.mark.parametrize(
@@ -86,34 +87,34 @@ def test_temperature_loads_a_body_only_with_beta() -> None:
     assert not loaded(read_study_text(text).scenes).any()
     swept = read_study_text(SI + "sweep: {theta_bar: [0, 20], E: [1 GPa, 2 GPa]}\n")
     assert loaded(swept.scenes).tolist() == [False, False, True, True]
-    assert any(note.startswith("nothing loads 2 of 4 points") for note in doubts(swept))
+    assert any(note.startswith("nothing loads 2 of 4 points") for note in lint(swept))
 
 
 def test_room_temperature_is_taken_for_an_absolute_one() -> None:
-    [note] = doubts(read_study_text(SI))
+    [note] = lint(read_study_text(SI))
     assert note.startswith("theta_bar = 293 K: temperatures count from the stress-free state")
-    assert doubts(read_study_text(SI, "a.yaml", ["heat.theta_bar=20"])) == []
+    assert lint(read_study_text(SI, "a.yaml", ["heat.theta_bar=20"])) == []
     plain = SI.replace(" GPa", "e9").replace(" MPa", "e6").replace(" K", "")
-    assert doubts(read_study_text("units: none\n" + plain)) == []
+    assert lint(read_study_text("units: none\n" + plain)) == []
 
 
 def test_a_body_softer_than_its_loads_is_doubted() -> None:
     """E without its unit: a strain above 1 is none of small strains; of no load the law counts."""
     cold = SI.replace("293 K", "20 K")
-    assert doubts(read_study_text(cold, "a.yaml", ["material.E=210"]))[0].startswith(
+    assert lint(read_study_text(cold, "a.yaml", ["material.E=210"]))[0].startswith(
         "E = 210 Pa: the friction of 1e+06 Pa would strain the body by 4.8e+03, and strains are meant to be small"
     )
     pull = "boundary.top={role: traction, g: [0, 100 Pa]}"
-    [note] = doubts(read_study_text(cold, "a.yaml", [pull, "sweep={E: [210, 50]}"]))
+    [note] = lint(read_study_text(cold, "a.yaml", [pull, "sweep={E: [210, 50]}"]))
     assert note.startswith("E = 50 Pa: a load of 100 Pa would strain the body by 2")
-    assert doubts(read_study_text(cold, "a.yaml", [pull])) == []
+    assert lint(read_study_text(cold, "a.yaml", [pull])) == []
 
 
 def test_names_that_nothing_uses_are_said_with_their_line(tmp_path: Path) -> None:
     file = tmp_path / "a.yaml"
     idle = 'parameters: {w: 2 m, height: 1 m,\n  lost: 3, more: "2*lost"}\n'
     file.write_text(SI.replace("293 K", "20 K").replace("width: 2", 'width: "0.5*w + height"') + idle)
-    notes = doubts(read_study(file))
+    notes = lint(read_study(file))
     said = "no number of the study uses this name; write it where it is meant, or remove it"
     assert notes == [f"{file}:8:9: parameters.lost: {said}", f"{file}:8:18: parameters.more: {said}"]
 
@@ -290,7 +291,7 @@ def test_a_history_brings_its_loads() -> None:
     """The scene that it begins with may be at rest."""
     study = read_study(Path(__file__).parents[2] / "configs" / "cyclic_pull.yaml")
     assert not loaded(study.scenes).any()
-    assert not [note for note in doubts(study) if "nothing loads" in note]
+    assert not [note for note in lint(study) if "nothing loads" in note]
 
 
 def test_an_alpha_that_acts_nowhere_is_a_doubt_and_changes_nothing(tmp_path: Path) -> None:
@@ -304,14 +305,14 @@ mesh: {maxh: 20 mm}
     slips = []
     for number, heat in enumerate(("", "heat: {alpha: 100, theta_bar: 20 K}\n")):
         study = read_study_text(text + heat)
-        assert [note for note in doubts(study) if "heat.alpha" in note] == (
+        assert [note for note in lint(study) if "heat.alpha" in note] == (
             ["heat.alpha acts nowhere, as no edge has the role convection; remove it"] if heat else []
         )
         slips.append(tcstudy.run(study, tmp_path / f"{number}.nc")["level_0"]["u_T"].values)
     assert (slips[0] == slips[1]).all()
     assert slips[0].any()
     own = text.replace("left: free", "left: {role: convection, alpha: 5, theta_bar: 3 K}").replace("nu:", "k: 45, nu:")
-    (note,) = (note for note in doubts(read_study_text(own + "heat: {alpha: 3, theta_bar: 1}\n")) if "alpha" in note)
+    (note,) = (note for note in lint(read_study_text(own + "heat: {alpha: 3, theta_bar: 1}\n")) if "alpha" in note)
     assert note == "heat.alpha acts nowhere, as every edge that exchanges heat has its own; remove it"
 
 
@@ -344,8 +345,8 @@ mesh: {maxh: 0.5}
     loops = [(first.outline, second.outline), (first.holes[0], second.holes[0])]
     loops.append((first.regions[0].loop, second.regions[0].loop))
     assert all({*a.edges} == {*b.edges} for a, b in loops)
-    assert not [note for note in doubts(one) if "clockwise" in note]
-    assert [note.split()[0] for note in doubts(other) if "clockwise" in note] == [
+    assert not [note for note in lint(one) if "clockwise" in note]
+    assert [note.split()[0] for note in lint(other) if "clockwise" in note] == [
         "body.holes[0]",
         "body.regions.r",
         "body.outline",
@@ -369,7 +370,7 @@ friction: {law: tresca, tau: 0.01}
 mesh: {maxh: 0.3}
 """
     study = read_study_text(text)
-    said = [note for note in doubts(study) if "are moved onto them" in note]
+    said = [note for note in lint(study) if "are moved onto them" in note]
     assert [note.split()[2] for note in said] == ["body.regions.hot", "body.regions.cold", "body.regions.rest"]
     mesh = mesh_at(build(study.scenes[0].body), study.mesh, 0, None)
     meant = {"hot": 0.5, "cold": 0.175, "rest": 1.725}
@@ -379,4 +380,4 @@ mesh: {maxh: 0.3}
     outer = np.unique(sides, axis=0, return_counts=True)[1] == 1
     assert np.count_nonzero(outer) == len(mesh.segments)
     exact = read_study_text(text[: text.index("  regions:")] + text[text.index("boundary:") :])
-    assert not [note for note in doubts(exact) if "are moved onto them" in note]
+    assert not [note for note in lint(exact) if "are moved onto them" in note]

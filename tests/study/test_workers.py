@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from tcstudy import cli
-from tcstudy.study import jobs
+from tcstudy.study import workers
+from tcstudy.study.sizes import Resources
 from tests.verification.scenes import RECTANGLE, study_of
 
 MANY = "sweep={friction.tau: {linspace: [0.01, 0.1, 100]}, E: {linspace: [1, 2, 100]}}"
@@ -15,7 +16,7 @@ MANY = "sweep={friction.tau: {linspace: [0.01, 0.1, 100]}, E: {linspace: [1, 2, 
 
 @pytest.fixture(autouse=True)
 def four_processors(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(jobs, "available", lambda: 4)
+    monkeypatch.setattr(workers, "available", lambda: 4)
 
 
 @pytest.mark.parametrize(
@@ -30,17 +31,7 @@ def four_processors(monkeypatch: pytest.MonkeyPatch) -> None:
     ],
 )
 def test_as_many_workers_as_pay(changes: tuple[str, ...], asked: int | None, expected: int) -> None:
-    assert jobs.workers(study_of(RECTANGLE, *changes), 200, asked) == expected
-
-
-def test_plan_says_who_solves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = tmp_path / "study.yaml"
-    file.write_text(RECTANGLE)
-    assert cli.main(["run", str(file), "--dry-run"]) == 0
-    assert "worker processes" not in capsys.readouterr().out
-    assert cli.main(["run", str(file), "--dry-run", "--jobs", "2"]) == 0
-    said = " ".join(capsys.readouterr().out.split())
-    assert "contact problems solved by 2 worker processes (--jobs), or by those of a scheduler (--dask)" in said
+    assert workers.for_blocks(study_of(RECTANGLE, *changes), 200, asked) == expected
 
 
 def test_plan_says_who_solves_geometries(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -52,16 +43,10 @@ def test_plan_says_who_solves_geometries(tmp_path: Path, capsys: pytest.CaptureF
 
 
 def test_whole_calls_get_the_workers_that_pay_and_have_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    each = [jobs.Resources(5.0, 1e9)] * 10
-    assert jobs.crew(each, None) == 4
-    assert jobs.crew(each, None, start=20.0) == 2
-    assert jobs.crew(each[:1], None) == jobs.crew([], 8) == 1
-    monkeypatch.setattr(jobs, "_memory", lambda: 7e9)
-    assert jobs.crew(each, None) == 3
-    assert jobs.crew(each, 6) == 6
-
-
-def test_a_number_of_jobs_is_one_or_more(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit, match="2"):
-        cli.main(["run", "study.yaml", "--jobs", "0"])
-    assert "--jobs: 0 is no number of processes; give 1 or more" in capsys.readouterr().err
+    each = [Resources(5.0, 1e9)] * 10
+    assert workers.for_calls(each, None) == 4
+    assert workers.for_calls(each, None, start=20.0) == 2
+    assert workers.for_calls(each[:1], None) == workers.for_calls([], 8) == 1
+    monkeypatch.setattr(workers, "_memory", lambda: 7e9)
+    assert workers.for_calls(each, None) == 3
+    assert workers.for_calls(each, 6) == 6

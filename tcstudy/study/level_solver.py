@@ -1,20 +1,20 @@
-"""A level at work: blocks are condensed here, solved by an executor, and become records.
-
-Solved one by one, here: points for which the study names several solvers, the bundle method or an iteration limit.
+"""The solver of one level: blocks of points are condensed here, solved by an executor, and become records.
 
 A block depends on the study and on the size of the contact line alone, so that a run that was stopped, or that others
 help with, has the same blocks and in them the same numbers, to the bit. Points of a block share λ/μ; their loads are
-rows of one array and their laws rows of one table (tcstudy.contact).
+rows of one array and their laws rows of one table (tcstudy.contact). Points for which the study names several solvers
+or the bundle method are solved one by one, here.
 """
 
 from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -22,22 +22,19 @@ from numpy.typing import NDArray
 
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.block import Options, solve_block
-from tcstudy.contact.body import BlockAnswers, CondensedBody
+from tcstudy.contact.body import CondensedBody
 from tcstudy.contact.boxes import Limits
-from tcstudy.contact.every import Every, solve_every
-from tcstudy.contact.loop import Status
+from tcstudy.contact.every import solve_every
 from tcstudy.data.on_request import variables
-from tcstudy.data.records import BlockRecord, PointRecord, PointStatus, block_of
+from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.executors import TIMEOUT, Job, SerialExecutor, WorkersFailed, timed
 from tcstudy.laws.composed import row_laws
-from tcstudy.laws.laws import Laws
-from tcstudy.laws.pieces import UP
 from tcstudy.offline.level import CondensedBlock, Level
 from tcstudy.refine.error_estimator import ErrorEstimator
 from tcstudy.scene.points import combinations, of_stiffness
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
-from tcstudy.study.point import STATUS, block_numbers, every_solution, solve_point
+from tcstudy.study.point import block_record, solve_point
 from tcstudy.study.starts import Solutions, contact_line, exact_at
 
 Array = NDArray[np.float64]
@@ -61,8 +58,8 @@ class Times:
 
 
 @dataclass(frozen=True)
-class Workshop:
-    """A level at work: what its blocks are solved with. todo: places of the points to solve, None for all."""
+class LevelSolver:
+    """What the blocks of a level are solved with. todo: places of the points to solve, None for all."""
 
     study: Study
     level: Level
@@ -83,7 +80,7 @@ class Workshop:
         exact = self.study.exact
         return None if exact is None else exact_at(exact, contact_line(self.study, self.level))
 
-    def work(self, finished: Mapping[int, BlockRecord]) -> Iterator[BlockRecord]:
+    def solve(self, finished: Mapping[int, BlockRecord]) -> Iterator[BlockRecord]:
         """Solve the blocks of the level of which an earlier run left nothing, and give them in their order.
 
         finished: what it left, by number; its solutions start neighbours, and their errors are estimated again,
@@ -96,7 +93,7 @@ class Workshop:
                 yield from self._finish(*waiting.popleft())
             known = finished.get(block.number)
             if known is None or not np.array_equal(known.points, block.points):
-                waiting.append((block, self._prepare(block)))
+                waiting.append((block, self._started(block)))
             else:
                 waiting.append((block, known))
         while waiting:
@@ -108,115 +105,81 @@ class Workshop:
         more = self.estimator is not None or output.fields or output.asks
         return (self.solutions is not None and block.wave != last.wave) or (more and block.ratio != last.ratio)
 
-    def _prepare(self, block: Block) -> Pending:
-        """Condense a block and hand it to the executor; what breaks down there is told where answers are due."""
-        if not self.study.solver.in_blocks:
-            return partial(self._singly, block)
-        try:
-            scenes = [self._scene(place) for place in block.points]
-            condensed = self.level.block(scenes)
-            factor = condensed.mu / condensed.mu[0]
-            laws = row_laws([self.level.law(scene) for scene in scenes], factor)
-            options = Options(self.study.solver.branch, self.study.solver.tolerance)
-            loads, near = condensed.l_tilde / factor[:, None], self._beside(block)
-            name = f"level-{self.level.mesh.level} points {block.points.min()}-{block.points.max()}"
-            points, m = loads.shape
-            job = Job(timed, name, max(TIMEOUT, FACTORISATIONS / FLOPS * points * m**3 / 3.0))
-            body = self._body(condensed, Level.ratio(scenes[0]))
-            future: Future[Any]
-            if (plan := self.study.solver).every:
-                limits = Limits(plan.max_boxes, plan.max_seconds)
-                job = replace(job, timeout=job.timeout + points * (limits.seconds + SLOWEST))
-                future = self.executor.submit(job, solve_every, body, loads, laws, options, limits, self.exact)
-            else:
-                future = self.executor.submit(job, solve_block, body, loads, laws, options, near, self.exact)
-            vanishing = np.array([scene.friction.vanishes for scene in scenes])
-            solved = partial(self._solved, block, condensed, laws, vanishing, future)
-        except Exception as error:  # as in solve_point
-            broken: Future[BlockRecord] = Future()
-            broken.set_exception(error)
-            return partial(self._together, block, broken.result)
-        return partial(self._together, block, solved)
-
-    def _beside(self, block: Block) -> Array | None:
-        """(P, m) solutions that the points of a block begin from, NaN in rows without; None if there are none."""
-        return None if self.solutions is None else self.solutions.beside(block.points)
-
     def _finish(self, block: Block, pending: BlockRecord | Pending) -> Iterator[BlockRecord]:
-        """The block's record, unless it was there before; every failure becomes a status with its reason."""
-        record = pending if isinstance(pending, BlockRecord) else pending()
+        """The block's record, unless it was there before; solutions are kept where others begin from them."""
+        record = pending if isinstance(pending, BlockRecord) else self._record(block, pending)
         if self.solutions is not None:
             self.solutions.take(record)
         if pending is not record:
-            yield replace(self._with_asked(record) if self.study.output.asks else record, number=block.number)
+            yield record
         elif self.estimator is not None:
             self._completed(record)
 
-    def _singly(self, block: Block) -> BlockRecord:
-        """One point after the other."""
-        near, points = self._beside(block), list[PointRecord]()
-        for row, place in enumerate(block.points):
-            neighbour = None if near is None or np.isnan(near[row]).any() else near[row]
-            index = tuple(int(i) for i in np.unravel_index(place, self.study.shape))
-            point = solve_point(self.study, self.level, index, self._scene(place), neighbour, self.exact)
-            try:
-                points.append(self._with_more(point))
-            except Exception as error:  # as in solve_point
-                reason = f"{type(error).__name__}: {error}"
-                points.append(replace(point, status=PointStatus.ERROR, reason=reason, numbers={}, fields={}))
-        return block_of(points, self.study.shape, block.number)
+    def _record(self, block: Block, pending: Pending) -> BlockRecord:
+        """All points at once; where that breaks down, half of them at a time, to find the one that does it.
 
-    def _together(self, block: Block, solved: Pending) -> BlockRecord:
-        """All points at once; where that breaks down, half of them at a time, to find the one that does it."""
+        Every failure becomes a status with its reason: one point must not end a sweep.
+        """
         try:
-            return self._completed(solved())
+            return replace(self._completed(pending()), number=block.number)
         except WorkersFailed:
             raise
         except NotPositiveDefinite as error:
             status, reason = PointStatus.SINGULAR, str(error)
-        except Exception as error:  # one point must not end a sweep; what it was stands in the data
+        except Exception as error:  # what it was stands in the data
             status, reason = PointStatus.ERROR, f"{type(error).__name__}: {error}"
         if len(block.points) == 1:
-            return all_failed(self.study, self.level.mesh.level, block.points, status, reason)
+            return all_failed(self.study, self.level.mesh.level, block.points, status, reason, block.number)
         halves = [replace(block, points=part) for part in np.array_split(block.points, 2)]
-        parts = [self._prepare(half) for half in halves]
-        points = [point for part in parts for point in part().one_by_one()]
-        return block_of(points, self.study.shape, block.number)
+        started = [self._started(half) for half in halves]
+        return joined([self._record(half, one) for half, one in zip(halves, started, strict=True)])
 
-    def _solved(
-        self,
-        block: Block,
-        condensed: CondensedBlock,
-        laws: Laws,
-        vanishing: NDArray[np.bool_],
-        future: Future[tuple[BlockAnswers | Every, float]],
-    ) -> BlockRecord:
-        """The record of a block whose answers an executor owes; vanishing: (P,) whether a point has no friction."""
-        found, seconds = future.result()
-        answers = found.answers if isinstance(found, Every) else found
+    def _started(self, block: Block) -> Pending:
+        """The block on its way; what breaks down before it is handed over is told where its record is due."""
+        try:
+            return self._submitted(block) if self.study.solver.in_blocks else self._alone(block)
+        except Exception as error:
+            broken: Future[BlockRecord] = Future()
+            broken.set_exception(error)
+            return broken.result
+
+    def _alone(self, block: Block) -> Pending:
+        """A block of one point, for any solver."""
+        place, near = int(block.points[0]), self._beside(block)
+        start = None if near is None or np.isnan(near).any() else near[0]
+        return lambda: solve_point(self.study, self.level, place, start, self.exact)
+
+    def _submitted(self, block: Block) -> Pending:
+        """Condense a block and hand its contact problems to the executor."""
+        plan, level, scenes = self.study.solver, self.level, [self._scene(place) for place in block.points]
+        condensed = level.block(scenes)
         factor = condensed.mu / condensed.mu[0]
-        # no friction leaves a solution nothing but rounding of ξ; how far from 0 that is is its inclusion residual
-        nothing = vanishing & (answers.status == Status.CONVERGED)
-        xi = np.where(nothing[:, None], 0.0, answers.xi * factor[:, None])
-        sticks = laws.kind(laws.locate(answers.v)) == UP
-        count = len(block.points)
-        numbers, solutions = block_numbers(condensed, factor, answers, xi, sticks), dict[str, Array]()
-        if isinstance(found, Every):
-            more, solutions = every_solution(found, factor, condensed)
-            numbers |= more
-        return BlockRecord(
-            number=block.number,
-            level=self.level.mesh.level,
-            shape=self.study.shape,
-            points=block.points,
-            status=STATUS[answers.status],
-            reasons={row: reason for row, reason in enumerate(answers.reasons) if reason},
-            numbers=numbers | {"time_solve": np.full(count, seconds / count)},
-            u_T=answers.v,
-            xi=xi / condensed.c,
-            sticks=sticks.astype(np.int8),
-            solutions=solutions,
-        )
+        laws = row_laws([level.law(scene) for scene in scenes], factor)
+        options = Options(plan.branch, plan.tolerance)
+        loads, near = condensed.l_tilde / factor[:, None], self._beside(block)
+        points, m = loads.shape
+        name = f"level-{level.mesh.level} points {block.points.min()}-{block.points.max()}"
+        job = Job(timed, name, max(TIMEOUT, FACTORISATIONS / FLOPS * points * m**3 / 3.0))
+        body = self._body(condensed, Level.ratio(scenes[0]))
+        future: Future[Any]
+        if plan.every:
+            limits = Limits(plan.max_boxes, plan.max_seconds)
+            job = replace(job, timeout=job.timeout + points * (limits.seconds + SLOWEST))
+            future = self.executor.submit(job, solve_every, body, loads, laws, options, limits, self.exact)
+        else:
+            future = self.executor.submit(job, solve_block, body, loads, laws, options, near, self.exact)
+        vanishing = np.array([scene.friction.vanishes for scene in scenes])
+
+        def record() -> BlockRecord:
+            found, seconds = future.result()
+            about = level.mesh.level, self.study.shape, block.points
+            return block_record(*about, condensed, laws, vanishing, found, seconds)
+
+        return record
+
+    def _beside(self, block: Block) -> Array | None:
+        """(P, m) solutions that the points of a block begin from, NaN in rows without; None if there are none."""
+        return None if self.solutions is None else self.solutions.beside(block.points)
 
     def _body(self, condensed: CondensedBlock, ratio: object) -> CondensedBody:
         """The body of a ratio of moduli at the first μ of a block, made once for blocks that follow one another."""
@@ -228,7 +191,7 @@ class Workshop:
         return self.bodies[key]
 
     @cached_property
-    def _asked(self) -> list[Callable[[Scene, Array], dict[str, float]]]:
+    def _requested(self) -> list[Callable[[Scene, Array], dict[str, float]]]:
         """What gives the numbers on request of a scene and its u_T (m,), by variable name."""
         from tcstudy.offline.requested_outputs import RequestedOutputs  # only for a study that asks for more
         from tcstudy.study.sensitivities import of_point
@@ -241,52 +204,82 @@ class Workshop:
             found.append(lambda scene, v: of_point(self.level, scene, v, output.sensitivity))
         return found
 
-    def _with_asked(self, record: BlockRecord) -> BlockRecord:
-        """The block with the numbers and the derivatives that the study asks for of solved points."""
-        columns = {v.name: np.full(len(record), np.nan) for v in variables(self.study)}
-        status, reasons = record.status.copy(), dict(record.reasons)
-        for row, place in enumerate(record.points):
-            if record.status[row] == PointStatus.OK and record.u_T is not None:
-                scene, v = self._scene(place), record.u_T[row]
-                try:
-                    asked = {name: value for of in self._asked for name, value in of(scene, v).items()}
-                except Exception as error:  # as in solve_point; the solution itself stays, and all that was asked goes
-                    reason = f"numbers on request: {type(error).__name__}: {error}"
-                    status[row], reasons[row], asked = PointStatus.ERROR, reason, {}
-                for name, value in asked.items():
-                    columns[name][row] = value
-        return replace(record, status=status, reasons=reasons, numbers={**record.numbers, **columns})
-
     def _completed(self, record: BlockRecord) -> BlockRecord:
-        """Whole-body fields and estimates, where the study asks for them."""
-        if self.estimator is None and not self.study.output.fields:
+        """With what the study asks for of solved points: estimates of errors, whole-body fields, numbers on request."""
+        output = self.study.output
+        if record.u_T is None or not (self.estimator is not None or output.fields or output.asks):
             return record
-        points = [self._with_more(point) for point in record.one_by_one()]
-        return block_of(points, self.study.shape, record.number)
-
-    def _with_more(self, point: PointRecord) -> PointRecord:
-        if point.status != PointStatus.OK:
-            return point
-        scene = self._scene(np.ravel_multi_index(point.index, self.study.shape))
-        condensed = self.level.condensed(scene)
-        numbers, fields = dict(point.numbers), dict(point.fields)
-        if self.estimator is not None:
-            clock = time.perf_counter()
-            numbers |= self.estimator.look(point.index, scene, condensed, point.u_T)
-            self.times.estimate += time.perf_counter() - clock
-        if self.study.output.fields and not fields:
-            fields = self.level.fields(scene, condensed, point.u_T)
-        return replace(point, numbers=numbers, fields=fields)
+        names = [v.name for v in variables(self.study)] if output.asks else []
+        numbers = dict(record.numbers) | {name: np.full(len(record), np.nan) for name in names}
+        fields, status, reasons = dict(record.fields), record.status.copy(), dict(record.reasons)
+        for row in np.flatnonzero(record.status == PointStatus.OK).tolist():
+            scene, v, found = self._scene(record.points[row]), record.u_T[row], dict[str, float]()
+            if self.estimator is not None:
+                clock, condensed = time.perf_counter(), self.level.condensed(scene)
+                found = self.estimator.look(record.index(row), scene, condensed, v)
+                self.times.estimate += time.perf_counter() - clock
+            if output.fields and not record.fields:
+                for name, values in self.level.fields(scene, self.level.condensed(scene), v).items():
+                    fields.setdefault(name, np.full((len(record), len(values)), np.nan))[row] = values
+            try:
+                for of in self._requested if output.asks else ():
+                    found |= of(scene, v)
+            except Exception as error:  # the solution itself stays, and all that was asked goes
+                reason = f"numbers on request: {type(error).__name__}: {error}"
+                status[row], reasons[row] = PointStatus.ERROR, reason
+                found = {name: value for name, value in found.items() if name not in names}
+            for name, value in found.items():
+                numbers.setdefault(name, np.full(len(record), np.nan))[row] = value
+        return replace(record, status=status, reasons=reasons, numbers=numbers, fields=fields)
 
     def _scene(self, place: np.intp) -> Scene:
         return self.study.scenes[int(place)]
 
 
-def all_failed(study: Study, level: int, points: Places, status: PointStatus, reason: str) -> BlockRecord:
+def joined(parts: Sequence[BlockRecord]) -> BlockRecord:
+    """Blocks of one level as one; what only some have is missing in the rows of the others."""
+    ends = np.cumsum([len(part) for part in parts])
+    begins = [int(end) - len(part) for end, part in zip(ends, parts, strict=True)]
+
+    def rows(found: Sequence[NDArray[Any] | None], missing: float = np.nan) -> NDArray[Any] | None:
+        like = next((values for values in found if values is not None), None)
+        if like is None:
+            return None
+        whole = np.full((int(ends[-1]), *like.shape[1:]), missing, dtype=like.dtype)
+        for begin, values in zip(begins, found, strict=True):
+            if values is not None:
+                whole[begin : begin + len(values)] = values
+        return whole
+
+    def named(group: str) -> dict[str, Any]:
+        own = [getattr(part, group) for part in parts]
+        return {name: rows([one.get(name) for one in own]) for name in dict.fromkeys(chain(*own))}
+
+    every = [(begin, part.solutions) for begin, part in zip(begins, parts, strict=True) if part.solutions]
+    solutions = {name: np.concatenate([own[name] for _, own in every]) for name in every[0][1]} if every else {}
+    if every:
+        solutions["row"] = np.concatenate([begin + own["row"] for begin, own in every])
+    return replace(
+        parts[0],
+        points=np.concatenate([part.points for part in parts]),
+        status=np.concatenate([part.status for part in parts]),
+        reasons={b + row: words for b, part in zip(begins, parts, strict=True) for row, words in part.reasons.items()},
+        numbers=named("numbers"),
+        u_T=rows([part.u_T for part in parts]),
+        xi=rows([part.xi for part in parts]),
+        sticks=rows([part.sticks for part in parts], -1),
+        fields=named("fields"),
+        solutions=solutions,
+    )
+
+
+def all_failed(
+    study: Study, level: int, points: Places, status: PointStatus, reason: str, number: int = 0
+) -> BlockRecord:
     """Points of a level without results."""
     count = len(points)
     return BlockRecord(
-        number=0,
+        number=number,
         level=level,
         shape=study.shape,
         points=points,
