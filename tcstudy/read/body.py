@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from tcstudy.read.fields import Context, Fields
+from tcstudy.read.fields import Context, Fields, only_key
 from tcstudy.read.node import Node, deepest, split_path
 from tcstudy.scene.keys import rows
 from tcstudy.scene.records import BODY, Body, BrepFace, Edge, Loop, Region
@@ -38,7 +38,7 @@ def read_body(ctx: Context, node: Node) -> tuple[Body | None, Names | None]:
     brep = _file(ctx, value) if (value := fields["file"]) else None
     holes = []
     for item in ctx.items(value, "a list of holes") if (value := fields["holes"]) else ():
-        kind, inner = _one_shape(ctx, item, "hole")
+        kind, inner = only_key(ctx, item, "hole", "{circle: {center: [x, y], radius: r}}")
         holes.append(_loop(ctx, inner, kind) if kind else _unknown(""))
     if brep and (value := fields["holes"]):
         ctx.errors.at(value, "holes are cut out of an outline, not of a file's face", "cut them in the CAD file")
@@ -125,21 +125,9 @@ def _unknown(*names: str) -> Loop:
     return Loop(tuple(Edge(nowhere, nowhere, name) for name in names))
 
 
-def _one_shape(ctx: Context, node: Node, section: str) -> tuple[str, Node]:
-    """The only key of a shape and its value; no key after a fault."""
-    before = len(ctx.errors)
-    values, kinds = Fields(ctx, node, section).values, rows(section)
-    given = [key for key in kinds if key in values]
-    if len(given) == 1:
-        return given[0], values[given[0]]
-    if len(ctx.errors) == before:
-        ctx.errors.at(node, f"needs one shape, not {len(given)}", f"give one of {', '.join(kinds)}")
-    return "", node
-
-
 def read_region(ctx: Context, node: Node, name: str) -> Region:
     """A region given as {circle: ...}, {rectangle: ...} or {polygon: ...}."""
-    kind, inner = _one_shape(ctx, node, "region")
+    kind, inner = only_key(ctx, node, "region", "{circle: {center: [x, y], radius: r}}")
     return Region(name, _loop(ctx, inner, kind, edge=name) if kind else Loop(()))
 
 

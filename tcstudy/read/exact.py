@@ -9,7 +9,7 @@ into its scenes. What is given although it would be derived, in the study or in 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from tcstudy.exact.checks import Checks, SolutionFault
@@ -27,6 +27,7 @@ DERIVED = "derived"
 TRACTIONS = tuple(name for name in of_role("traction") if name != "heat")
 OF_HEAT = (*(row.name for row in rows("heat").values() if row.affine), "omega")
 """Keys of `heat` that are derived."""
+FOLLOWS = "exact.loads: derived makes it follow from the exact solution"
 REMEDY = "leave it out, or remove exact.loads to give all loads yourself"
 
 
@@ -35,18 +36,17 @@ def without_loads(ctx: Context, root: Node, sweep: Sweep) -> Node:
 
     A misspelt word asks for derived loads as well, so that it is the only fault.
     """
-    section = root.child("exact")
-    word = section.child("loads") if section else None
-    if word is None or word.value == "given" or not isinstance(root.value, Mapping):
+    word = deepest(root, ("exact", "loads"))
+    if word.path != "exact.loads" or word.value == "given" or not isinstance(root.value, Mapping):
         return root
-    _refuse(ctx, root, sweep)
+    _refuse(ctx, word, root, sweep)
     sections = {key: node for key, node in root.value.items() if key != "path"}
     if loads := root.child("loads"):
-        sections["loads"] = _with(_stripped(ctx, loads, ("f",)), "f", (replace(loads, value=0),) * 2)
+        sections["loads"] = _derived(ctx, loads, ("f",), f=(replace(loads, value=0),) * 2)
     if heat := root.child("heat"):
-        sections["heat"] = _with(_stripped(ctx, heat, OF_HEAT), "theta_bar", 0)
-        if heat.child("theta") and not heat.child("alpha"):  # that theta is given is the fault, not that alpha is not
-            sections["heat"] = _with(sections["heat"], "alpha", 1)
+        # that theta is given is the fault, not that alpha is not
+        alone = {"alpha": 1} if heat.child("theta") and not heat.child("alpha") else {}
+        sections["heat"] = _derived(ctx, heat, OF_HEAT, theta_bar=0, **alone)
     boundary = root.child("boundary")
     if boundary and isinstance(boundary.value, Mapping):
         edges = {name: _edge(ctx, edge) for name, edge in boundary.value.items()}
@@ -54,76 +54,54 @@ def without_loads(ctx: Context, root: Node, sweep: Sweep) -> Node:
     return replace(root, value=sections)
 
 
-def _refuse(ctx: Context, root: Node, sweep: Sweep) -> None:
+def _refuse(ctx: Context, word: Node, root: Node, sweep: Sweep) -> None:
     """Studies in which nothing can be derived, and swept loads."""
-    here = deepest(root, ("exact", "loads"))
     if deepest(root, ("body", "file")).path == "body.file":
         what = "the body comes from a file, whose normals are no expressions, so loads cannot be derived"
-        ctx.errors.at(here, what, "give the loads, or describe the body by its outline")
+        ctx.errors.at(word, what, "give the loads, or describe the body by its outline")
     if path := root.child("path"):
         what = "a path changes a load, but loads: derived leaves none to change"
         ctx.errors.at(path, what, "remove path, or give the loads", on_key=True)
     for axis in sweep.axes:
         section, last = axis.parameter.path[0], axis.parameter.path[-1]
         if section in ("boundary", "loads") or (section == "heat" and last in OF_HEAT):
-            what = f"{axis.key} is swept, but exact.loads: derived makes it follow from the exact solution"
-            ctx.errors.at(axis.node, what, "remove it from the sweep, or give the loads", on_key=True)
+            remedy = "remove it from the sweep, or give the loads"
+            ctx.errors.at(axis.node, f"{axis.key} is swept, but {FOLLOWS}", remedy, on_key=True)
 
 
-def _given(ctx: Context, node: Node) -> None:
-    what = "is given, but exact.loads: derived makes it follow from the exact solution"
-    ctx.errors.at(node, what, REMEDY, on_key=not node.path.endswith("]"))
-
-
-def _stripped(ctx: Context, node: Node, keys: tuple[str, ...]) -> Node:
-    """A mapping without the keys; a value that is not the word `derived` is a fault."""
+def _derived(ctx: Context, node: Node, keys: tuple[str, ...], **instead: int | tuple[Node, ...]) -> Node:
+    """A mapping without the keys, and other values; one that is given and not the word `derived` is a fault."""
     if not isinstance(node.value, Mapping):
         return node
-    for key in keys:
-        if (given := node.child(key)) and given.value != DERIVED:
-            _given(ctx, given)
-    return replace(node, value={key: child for key, child in node.value.items() if key not in keys})
-
-
-def _with(node: Node, key: str, value: int | tuple[Node, ...]) -> Node:
-    """A mapping with one more key, at the place of the mapping."""
-    if not isinstance(node.value, Mapping):
-        return node
-    return replace(node, value={**node.value, key: replace(node, value=value)})
+    for given in (node.value[key] for key in keys if key in node.value):
+        if given.value != DERIVED:
+            ctx.errors.at(given, f"is given, but {FOLLOWS}", REMEDY, on_key=True)
+    kept = {key: child for key, child in node.value.items() if key not in keys}
+    return replace(node, value=kept | {key: replace(node, value=value) for key, value in instead.items()})
 
 
 def _edge(ctx: Context, node: Node) -> Node:
-    """The role of an edge with 0 for what is derived."""
-    loaded = node.value == "traction"
-    if isinstance(node.value, Mapping):
-        role = node.child("role")
-        if role is not None and role.value == "clamped":
-            return replace(node, value=dict(_components(ctx, node)))
-        node, loaded = _stripped(ctx, node, TRACTIONS), role is not None and role.value == "traction"
-    elif loaded:
+    """The role of an edge with 0 for what is derived: tractions, and displacements of a clamped edge but free ones."""
+    word = node.child("role") if isinstance(node.value, Mapping) else node
+    if word is not node and word is not None and word.value == "clamped":
+        held = {key: _held(ctx, key, child) for key, child in node.value.items()}  # type: ignore[union-attr]
+        return replace(node, value=held)
+    loaded = {"pressure": 0} if word is not None and word.value == "traction" else {}
+    if word is node and loaded:
         node = replace(node, value={"role": node})
-    return _with(node, "pressure", 0) if loaded else node
+    return _derived(ctx, node, TRACTIONS, **loaded)
 
 
-def _components(ctx: Context, node: Node) -> Iterator[tuple[str, Node]]:
-    """The keys of a clamped edge, 0 for every displacement that is not free."""
-    assert isinstance(node.value, Mapping)
-    for key, child in node.value.items():
-        if key not in COMPONENTS:
-            yield key, child
-        elif key == "u" and child.value == DERIVED:
-            yield key, replace(child, value=(replace(child, value=0),) * 2)
-        elif key == "u" and isinstance(child.value, tuple):
-            yield key, replace(child, value=tuple(_component(ctx, item) for item in child.value))
-        else:
-            yield key, _component(ctx, child)
-
-
-def _component(ctx: Context, node: Node) -> Node:
-    if node.value == "free":
+def _held(ctx: Context, key: str, node: Node) -> Node:
+    """A key of a clamped edge, 0 for every displacement that is not free."""
+    if key not in COMPONENTS or node.value == "free":
         return node
+    if key == "u" and node.value == DERIVED:
+        return replace(node, value=(replace(node, value=0),) * 2)
+    if key == "u" and isinstance(node.value, tuple):
+        return replace(node, value=tuple(_held(ctx, "u_x", item) for item in node.value))
     if node.value != DERIVED:
-        _given(ctx, node)
+        ctx.errors.at(node, f"is given, but {FOLLOWS}", REMEDY, on_key=not node.path.endswith("]"))
     return replace(node, value=0)
 
 
@@ -131,26 +109,28 @@ def derived_scenes(
     ctx: Context, root: Node, sweep: Sweep, exact: Exact, body: Body, scenes: Sequence[Scene]
 ) -> Sequence[Scene]:
     """The scenes with their loads; what forbids it is recorded, once for each place."""
-    checks, derivation = Checks(exact, body), Derivation(exact, body)
-    before = len(ctx.errors)
-    for fault in (*_missing(exact, scenes), *checks.kinks()):
-        _record(ctx, root, fault)
-    if len(ctx.errors) > before:
+    checks, derivation, before = Checks(exact, body), Derivation(exact, body), len(ctx.errors)
+
+    def sound(faults: Iterable[SolutionFault]) -> bool:
+        for fault in faults:
+            ctx.errors.at(deepest(root, ("exact", *fault.keys)), fault.what, fault.remedy)
+        return len(ctx.errors) == before
+
+    if not sound((*_missing(exact, scenes), *checks.kinks())):
         return scenes
+    words = [
+        [f"{axis.key} = {label if isinstance(label, str) else f'{label:g}'}" for label in axis.labels]
+        for axis in sweep.axes
+    ]
     made = []
-    for scene, point in zip(scenes, _points(sweep), strict=True):
-        ctx.errors.point = point
+    points = zip(*words, strict=True) if sweep.mode == "list" else itertools.product(*words)
+    for scene, point in zip(scenes, points, strict=True):
+        ctx.errors.point = ", ".join(point)
         made.append(derivation.scene(scene))
-        for fault in checks.scene(made[-1]):
-            _record(ctx, root, fault)
-        if len(ctx.errors) > before:
+        if not sound(checks.scene(made[-1])):
             break
     ctx.errors.point = ""
     return Scenes.of(made) if len(made) == len(scenes) else scenes
-
-
-def _record(ctx: Context, root: Node, fault: SolutionFault) -> None:
-    ctx.errors.at(deepest(root, ("exact", *fault.keys)), fault.what, fault.remedy)
 
 
 def _missing(exact: Exact, scenes: Sequence[Scene]) -> Iterator[SolutionFault]:
@@ -165,23 +145,13 @@ def _missing(exact: Exact, scenes: Sequence[Scene]) -> Iterator[SolutionFault]:
         yield SolutionFault(("theta",), what, "give alpha > 0, or make the edges free or traction")
 
 
-def _points(sweep: Sweep) -> Iterator[str]:
-    """The swept values of every point in words."""
-    words = [
-        [f"{axis.key} = {label if isinstance(label, str) else f'{label:g}'}" for label in axis.labels]
-        for axis in sweep.axes
-    ]
-    points = zip(*words, strict=True) if sweep.mode == "list" else itertools.product(*words)
-    return map(", ".join, points)
-
-
 @none_after_fault
 def read_exact(ctx: Context, node: Node, root: Node, body: Body | None) -> Exact:
     """The exact solution; None after a fault."""
-    before = len(ctx.errors)
     fields = Fields(ctx, node, "exact")
-    u, theta, xi, exponent = (fields.value(key) for key in ("u", "theta", "xi", "exponent"))
-    exact = Exact(u, theta, xi, exponent, fields.value("loads") == DERIVED)
-    if body is not None and len(ctx.errors) == before:
+    u, theta, xi, exponent, loads = (fields.value(key) for key in ("u", "theta", "xi", "exponent", "loads"))
+    exact = Exact(u, theta, xi, exponent, loads == DERIVED)
+    ctx.sound()
+    if body is not None:
         check_finite(ctx, root, "exact", exact, body)
     return exact

@@ -56,16 +56,16 @@ def none_after_fault(reader: Callable[Concatenate[Context, P], V]) -> Callable[C
 MOST = 2**31 - 1
 """Largest whole number that any key takes."""
 LISTS = {
-    "points": ("point", "a list of points"),
-    "law points": ("law point", "a list of pairs [s, b]"),
-    "numbers": ("quantity", "a list of numbers"),
+    "points": ("point", "a list of points", 1),
+    "law points": ("law point", "a list of pairs [s, b]", 1),
+    "numbers": ("quantity", "a list of numbers", 1),
 }
-"""Kinds that are lists: of which kind, and of what in words."""
+"""Kinds that are lists: of which kind, of what in words, at least how many, unless the row says so."""
 SOME = {
-    "one or more": ("choice", "a list of words"),
-    "words": ("text", "a list of names"),
-    "sizes": ("number", "a list of sizes"),
-    "quantities": ("quantity", "a list of values"),
+    "one or more": ("choice", "a list of words", 1),
+    "words": ("text", "a list of names", 1),
+    "sizes": ("number", "a list of sizes", 1),
+    "quantities": ("quantity", "a list of values", 0),
 }
 """Kinds that are one value or a list of them."""
 PAIRS = {
@@ -250,9 +250,9 @@ class Context:
             one = replace(row, kind=inner)
             return tuple(map(self.value, both, (one, one), of)) if both else (math.nan, math.nan)
         if kind in LISTS or kind in SOME:
-            inner, content = (LISTS | SOME)[kind]
+            inner, content, least = (LISTS | SOME)[kind]
             several = kind in LISTS or isinstance(node.value, tuple)
-            entries = self.items(node, content, int(row.least or 1)) if several else (node,)
+            entries = self.items(node, content, int(row.least or least)) if several else (node,)
             return tuple(self.value(entry, replace(row, kind=inner), dimension) for entry in entries)
         match kind:
             case "quantity":
@@ -351,3 +351,11 @@ class Fields:
     def given(self, names: Iterable[str] | None = None) -> dict[str, Any]:
         """The values of the keys that are given; of all keys, or of those named."""
         return {name: self.value(name) for name in (self.rows if names is None else names) if self[name] is not None}
+
+
+def only_key(ctx: Context, node: Node, section: str, example: str) -> tuple[str, Node]:
+    """The one key of a section that has no more, and its value; no key after a fault."""
+    before, given = len(ctx.errors), Fields(ctx, node, section).values
+    if len(given) != 1 and len(ctx.errors) == before:
+        ctx.errors.at(node, f"needs one of {', '.join(rows(section))}, not {len(given)}", f"write {example}")
+    return next(iter(given.items())) if len(ctx.errors) == before else ("", node)

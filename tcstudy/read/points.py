@@ -21,10 +21,10 @@ import numpy as np
 
 from tcstudy.errors import StudyError
 from tcstudy.read.document import load_text
-from tcstudy.read.fields import Context, Fields
+from tcstudy.read.fields import Context, Fields, none_after_fault, only_key
 from tcstudy.read.node import Mark, Node
 from tcstudy.scene import keys as table
-from tcstudy.scene.designs import ENDS, PARAMETERS, SALTELLI, Cube, Design, Distribution, count, cube
+from tcstudy.scene.designs import ENDS, PARAMETERS, SALTELLI, Design, Distribution, count, cube
 from tcstudy.scene.parameters import NUMBERS, WHOLE, Parameter
 from tcstudy.scene.units import NONE, NUMBER, common_unit, split_quantity
 
@@ -41,14 +41,13 @@ def read_table(ctx: Context, node: Node, parameter: Callable[[str, Node], Parame
     parameter: what a key stands for; records a fault if it is nothing
     """
     before = len(ctx.errors)
-    path, _, lines = table_lines(ctx, node)
-    if len(ctx.errors) > before:
+    path, text, lines = table_lines(ctx, node)
+    if not text or len(ctx.errors) > before:
         return []
-    if len(lines) < 2:
+    head, rows = lines[0] if lines else (), lines[1:]
+    if not rows:
         ctx.errors.at(node, f"{path} has no points", "write a header of parameters and a line for each point")
-        return []
-    head, rows = lines[0], lines[1:]
-    if len(rows) * (len(head) + 1) > MOST_VALUES:
+    elif len(rows) * (len(head) + 1) > MOST_VALUES:
         what = f"{path} has {len(rows)} × {len(head)} values, more than a study can keep"
         ctx.errors.at(node, what, "use fewer points, or several studies, whose files xarray joins")
         return []
@@ -58,12 +57,20 @@ def read_table(ctx: Context, node: Node, parameter: Callable[[str, Node], Parame
             ctx.errors.at(row[-1], what, "give every parameter a value; decimals have a point")
     if len(ctx.errors) > before:
         return []
-    return [
-        (key, cell, found, tuple(_value(ctx, row[j], unit) for row in rows))
-        for j, cell in enumerate(head)
-        if (column := _column(ctx, cell, parameter))
-        for key, unit, found in (column,)
-    ]
+    columns: Columns = []
+    for j, cell in enumerate(head):
+        match = HEAD.fullmatch(str(cell.value))
+        if match is None or ";" in str(cell.value):
+            remedy = "write a key and its unit, separated by commas: alpha,E [GPa]"
+            ctx.errors.at(cell, f"{cell.brief()!r} is no parameter", remedy)
+            continue
+        key, unit, found = match[1], (match[2] or "").strip(), parameter(match[1], cell)
+        if found is not None and found.is_whole:
+            remedy = "list the points by mode: list, or sweep the numbers of one"
+            ctx.errors.at(cell, f"whole {found.row.kind}s cannot stand in a table", remedy, key=key)
+        elif found is not None and (not unit or ctx.unit(cell, unit, found.row.dimension, key)):
+            columns.append((key, cell, found, tuple(_value(ctx, row[j], unit) for row in rows)))
+    return columns
 
 
 def table_lines(ctx: Context, node: Node) -> tuple[Path, str, list[tuple[Node, ...]]]:
@@ -93,28 +100,6 @@ def _csv_lines(ctx: Context, text: str, file: str) -> Iterator[tuple[Node, ...]]
             cells.append(Node(word[1:-1].replace('""', '"') if word[:1] == '"' else word, "", mark, mark))
             at = match.end() + (not match[0].endswith(","))
         yield tuple(cells)
-
-
-def _column(
-    ctx: Context, cell: Node, parameter: Callable[[str, Node], Parameter | None]
-) -> tuple[str, str, Parameter] | None:
-    """Key, unit and parameter of a column; None after a fault."""
-    match = HEAD.fullmatch(str(cell.value))
-    if match is None or ";" in str(cell.value):
-        remedy = "write a key and its unit, separated by commas: alpha,E [GPa]"
-        ctx.errors.at(cell, f"{cell.brief()!r} is no parameter", remedy)
-        return None
-    key, unit = match[1], (match[2] or "").strip()
-    found = parameter(key, cell)
-    if found is None:
-        return None
-    if found.is_whole:
-        remedy = "list the points by mode: list, or sweep the numbers of one"
-        ctx.errors.at(cell, f"whole {found.row.kind}s cannot stand in a table", remedy, key=key)
-        return None
-    if unit and not ctx.unit(cell, unit, found.row.dimension, key):
-        return None
-    return key, unit, found
 
 
 def _value(ctx: Context, cell: Node, unit: str) -> Node:
@@ -148,90 +133,63 @@ def read_design(ctx: Context, node: Node, mode: str, most: int, d: int) -> Desig
 
 
 def draw(ctx: Context, design: Design, items: Mapping[str, tuple[Node, Parameter]]) -> dict[str, Drawn]:
-    """The drawn values by key; only those whose distribution could be read."""
+    """The drawn values by key; none if a distribution could not be read."""
     read = {key: _distribution(ctx, node, parameter, design.mode) for key, (node, parameter) in items.items()}
     if not items or any(found is None for found in read.values()):
         return {}
-    u = cube(design, len(items))
-    units = {key: _unit(node, p) if ctx.units == "SI" else ("", 1.0) for key, (node, p) in items.items()}
-    return {key: _at(items[key][0], found, u[:, j], units[key]) for j, (key, found) in enumerate(read.items()) if found}
-
-
-def _unit(node: Node, parameter: Parameter) -> tuple[str, float]:
-    """The unit in which the numbers of a distribution are written, and its size in SI."""
-    inner = next(iter(node.value.values())).value if isinstance(node.value, Mapping) else ()
-    entries = inner.values() if isinstance(inner, Mapping) else inner if isinstance(inner, tuple) else ()
-    return common_unit([entry.value for entry in entries if isinstance(entry.value, str)], parameter.row.dimension)
+    drawn: dict[str, Drawn] = {}
+    for (key, found), u in zip(read.items(), cube(design, len(items)).T, strict=True):
+        node, parameter = items[key]
+        if isinstance(found, Distribution):
+            inner = next(iter(node.value.values())).value if isinstance(node.value, Mapping) else ()
+            ends = inner.values() if isinstance(inner, Mapping) else inner if isinstance(inner, tuple) else ()
+            written = [end.value for end in ends if isinstance(end.value, str)]
+            unit = common_unit(written, parameter.row.dimension) if ctx.units == "SI" else ("", 1.0)
+            values = tuple(replace(node, value=value, shown_in=unit) for value in found.at(u).tolist())
+            drawn[key] = values, (), str(found)
+        elif found is not None:
+            entries = tuple(found.values()) if isinstance(found, dict) else found
+            which = np.minimum((u * len(entries)).astype(int), len(entries) - 1).tolist()
+            names = tuple(found) if isinstance(found, dict) else ()
+            said = f"choice({', '.join(names or [entry.text() for entry in entries])})"
+            drawn[key] = tuple(entries[i] for i in which), tuple(names[i] for i in which if names), said
+    return drawn
 
 
 Choice = dict[str, Node] | tuple[Node, ...]
 
 
+@none_after_fault
 def _distribution(ctx: Context, node: Node, parameter: Parameter, mode: str) -> Distribution | Choice | None:
     """The distribution of a parameter, or the values that are equally likely; None after a fault."""
-    if parameter.is_whole and isinstance(node.value, Mapping) and node.value and not parameter.is_one(node.value):
-        found: Choice | Distribution | None = dict(node.value)
-    elif not isinstance(node.value, Mapping) or parameter.is_whole:
-        shape = "{uniform: [a, b]} or {choice: [a, b]}"
-        if parameter.is_whole:
-            shape = f"{{NAME: {{{WHOLE[parameter.row.kind][0]}: ...}}, NAME: ...}}"
-        ctx.errors.at(node, f"must be a distribution, but is {node.kind()}", f"with mode: {mode} write {shape}")
-        return None
+    whole, dimension = parameter.is_whole, parameter.row.dimension
+    found: Choice | Distribution | None = None
+    if whole and isinstance(node.value, Mapping) and node.value and not parameter.is_one(node.value):
+        found = dict(node.value)
+    elif whole or not isinstance(node.value, Mapping):
+        shape = f"{{NAME: {{{WHOLE[parameter.row.kind][0]}: ...}}, NAME: ...}}" if whole else "{uniform: [a, b]}"
+        remedy = f"with mode: {mode} write {shape}" + ("" if whole else " or {choice: [a, b]}")
+        ctx.errors.at(node, f"must be a distribution, but is {node.kind()}", remedy)
     else:
-        found = _named(ctx, node, parameter)
-    if mode == SALTELLI and found is not None and not isinstance(found, Distribution):
+        kind, item = only_key(ctx, node, "distribution", "{uniform: [a, b]}")
+        ctx.sound()
+        if kind == "choice":
+            found = ctx.items(item, "a list of values", least=1)
+        elif parameter.row.kind not in NUMBERS:
+            ctx.errors.at(item, f"{parameter.path[-1]} is no single number", "write {choice: [..., ...]}")
+        else:
+            names, of = PARAMETERS[kind], {"sigma": NONE} if kind == "lognormal" else {}
+            if names == ENDS:
+                numbers = ctx.value(item, table.row("distribution", kind), dimension)
+            else:
+                inner = Fields(ctx, item, kind)
+                numbers = tuple(inner.value(name, of.get(name, dimension)) for name in names)
+            ctx.sound()
+            found = Distribution(kind, tuple(zip(names, numbers, strict=True)))
+            if any(found.fault):
+                ctx.errors.at(item, *found.fault)
+    ctx.sound()
+    if mode == SALTELLI and not isinstance(found, Distribution):
         remedy = "give it a distribution of numbers, or write one study for each value"
         ctx.errors.at(node, f"a choice has no indices by mode: {SALTELLI}", remedy)
-        return None
     return found
-
-
-def _named(ctx: Context, node: Node, parameter: Parameter) -> Distribution | Choice | None:
-    """{NAME: its numbers}."""
-    before = len(ctx.errors)
-    known = ", ".join(table.rows("distribution"))
-    kind, item = only_key(ctx, node, "distribution", known, "{uniform: [a, b]}") or ("", node)
-    if not kind:
-        return None
-    if kind == "choice":
-        return ctx.items(item, "a list of values", least=1) or None
-    dimension = parameter.row.dimension
-    if parameter.row.kind not in NUMBERS:
-        ctx.errors.at(item, f"{parameter.path[-1]} is no single number", "write {choice: [..., ...]}")
-        return None
-    names = PARAMETERS[kind]
-    if names == ENDS:
-        both = ctx.pair(item, "two ends [a, b]", "[1, 2]")
-        numbers = tuple(ctx.quantity(end, dimension) for end in both) if both else ()
-    else:
-        inner = Fields(ctx, item, kind, names)
-        plain = kind == "lognormal"
-        numbers = tuple(inner.value(name, NONE if plain and name == "sigma" else dimension) for name in names)
-    if len(ctx.errors) > before:
-        return None
-    found = Distribution(kind, tuple(zip(names, numbers, strict=True)))
-    if any(found.fault):
-        ctx.errors.at(item, *found.fault)
-        return None
-    return found
-
-
-def only_key(ctx: Context, node: Node, section: str, known: str, example: str) -> tuple[str, Node] | None:
-    """The one key of a section that has no more, and its value; None after a fault. known: its keys in words"""
-    before, given = len(ctx.errors), Fields(ctx, node, section).values
-    if len(given) != 1 and len(ctx.errors) == before:
-        ctx.errors.at(node, f"needs one of {known}", f"write {example}")
-    return next(iter(given.items())) if len(ctx.errors) == before else None
-
-
-def _at(node: Node, found: Distribution | Choice | None, u: Cube, unit: tuple[str, float]) -> Drawn:
-    """The values at points in (0, 1). unit: in which they are shown, and its size."""
-    if isinstance(found, Distribution):
-        values = tuple(replace(node, value=value, shown_in=unit) for value in found.at(u).tolist())
-        return values, (), str(found)
-    assert found is not None
-    entries = tuple(found.values()) if isinstance(found, dict) else found
-    which = np.minimum((u * len(entries)).astype(int), len(entries) - 1).tolist()
-    names = tuple(found) if isinstance(found, dict) else ()
-    said = ", ".join(names or [entry.text() for entry in entries])
-    return tuple(entries[i] for i in which), tuple(names[i] for i in which if names), f"choice({said})"

@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +22,10 @@ from tcstudy.read.heat import check_heat, needed_of_heat, read_heat, with_inline
 from tcstudy.read.node import Node, put
 from tcstudy.read.parameters import read_parameters, users, words_in
 from tcstudy.read.physics import read_boundary, read_friction, read_loads, read_materials
-from tcstudy.read.sweep import Sweep, SweptAxis
-from tcstudy.scene.named import Named
+from tcstudy.read.sweep import SECTIONS, Sweep
 from tcstudy.scene.points import Scenes
 from tcstudy.scene.records import Body, Scene
 
-SECTIONS = ("boundary", "material", "loads", "heat", "friction")
-"""What makes up a scene beside the body, which cannot be swept."""
 KEYS = {"material": ("material", "materials")}
 """Keys of the study that a section stands for, where it is not one of its own name."""
 THERMAL = ("boundary", "material", "heat")
@@ -39,26 +36,22 @@ _FIELD = {"loads": "f"}
 """Field of a scene for a section, where it has another name."""
 
 
-class _Keys(NamedTuple):
-    """Combinations of values of some axes, and (P,) which of them each point has."""
-
-    distinct: list[Indices]
-    of: NDArray[np.int32]
-
-
 class SceneReader:
     """Reads the base study and the sweep points of one study."""
 
     def __init__(self, ctx: Context, root: Node, sweep: Sweep, loose: bool = False) -> None:
         """loose: whether the supports may leave rigid motions, which friction alone resists."""
-        self.ctx, self.root, self.sweep, self.loose = ctx, root, sweep, loose
-        body, self.names = read_body(ctx, node) if (node := root.child("body")) else (None, None)
-        self.body = self._with_regions(body)
+        self.ctx, self.root, self.sweep, self.loose, self.named = ctx, root, sweep, loose, ctx.named
+        self.body: Body | None
+        self.body, self.names = read_body(ctx, node) if (node := root.child("body")) else (None, None)
+        self.regions: tuple[str, ...] | None = None
+        if self.body is not None:
+            before, body = len(ctx.errors), with_inline_region(ctx, root.child("heat"), self.body)
+            self.regions = tuple(region.name for region in body.regions)
+            self.body = body if len(ctx.errors) == before and check_shape(ctx, body, root) else None
         self.needed_of_heat = needed_of_heat(root.child("boundary"))
         self.order = sorted(range(len(sweep.axes)), key=lambda i: len(sweep.axes[i].parameter.path))
-        self.named, self.touching = ctx.named, {s: [i for i in self.order if self._touches(i, s)] for s in SECTIONS}
-        self.nodes: dict[tuple[str, Indices], Node | None] = {}
-        self.values: dict[tuple[str, Indices], Any] = {}
+        self.touching = {s: [i for i in self.order if self._touches(i, s)] for s in SECTIONS}
         self.supports: set[tuple[object, ...]] = set()
         self.finite: set[int] = set()
         self.base: Scene | None = None
@@ -66,129 +59,95 @@ class SceneReader:
 
     def _touches(self, i: int, section: str) -> bool:
         """Whether the record of a section depends on axis i: a key in it, or a name that it uses."""
-        path = self.sweep.axes[i].parameter.path
-        keys = KEYS.get(section, (section,))
+        path, keys = self.sweep.axes[i].parameter.path, KEYS.get(section, (section,))
         if path[0] != "parameters":
             return path[0] in keys
-        put_in = [axis.values for axis in self.sweep.axes if axis.parameter.path[0] in keys]
-        here = [self.root.child(key) for key in keys]
-        texts = [node for node in (*here, *itertools.chain(*put_in)) if node is not None]
+        here = [node for key in keys if (node := self.root.child(key))]
+        here += [value for axis in self.sweep.axes if axis.parameter.path[0] in keys for value in axis.values]
         names = users(self.root, path[-1])
-        return any(words_in(node, names) for node in texts)
-
-    def _named_at(self, section: str, key: Indices) -> dict[str, Named]:
-        """The names that expressions use, with the values that they have at `key`."""
-        swept = [(i, at) for i, at in zip(self.touching[section], key, strict=True) if self._is_name(i)]
-        root = self.root
-        for i, at in swept:
-            root = put(root, self.sweep.axes[i].parameter.path, self.sweep.axes[i].values[at])
-        return read_parameters(self.ctx, root.child("parameters")) if swept else self.named
-
-    def _is_name(self, i: int) -> bool:
-        return self.sweep.axes[i].parameter.path[0] == "parameters"
-
-    def _with_regions(self, body: Body | None) -> Body | None:
-        """The body with all its regions; None after a fault."""
-        self.regions: tuple[str, ...] | None = None
-        if body is None:
-            return None
-        before = len(self.ctx.errors)
-        body = with_inline_region(self.ctx, self.root.child("heat"), body)
-        self.regions = tuple(region.name for region in body.regions)
-        if len(self.ctx.errors) > before or not check_shape(self.ctx, body, self.root):
-            return None
-        return body
+        return any(words_in(node, names) for node in here)
 
     def read(self) -> Sequence[Scene]:
         """One scene for each point, in C order of the axes; after a fault the base study's, if it has none."""
         base = {s: self._read(s, self.root) for s in SECTIONS}
         self._compare(self.root, base)
-        for section in SECTIONS:
-            if not self.touching[section]:
-                self.nodes[section, ()], self.values[section, ()] = self._put(section, ()), base[section]
-        self.base = self._made(base)
+        if self.body is not None and None not in base.values():
+            self.base = Scene(self.body, **{_FIELD.get(s, s): value for s, value in base.items()})
+        alone = (self.base,) if self.base else ()
         if not self.sweep.axes:
-            return (self.base,) if self.base else ()
+            return alone
         keys = {s: self._keys(s) for s in SECTIONS}
-        for section in SECTIONS:
-            for key in keys[section].distinct:
-                self._read_point(section, key)
-        self._compare_points(keys)
-        records = {s: [self.values[s, key] for key in keys[s].distinct] for s in SECTIONS}
+        read = {s: [self._at(s, key, base[s]) for key in keys[s][0]] for s in SECTIONS}
+        self._compare_points(keys, read)
+        records = {_FIELD.get(s, s): [record for _, record in read[s]] for s in SECTIONS}
         if self.body is None or any(record is None for known in records.values() for record in known):
-            return (self.base,) if self.base else ()
-        which = {_FIELD.get(s, s): keys[s].of for s in SECTIONS} | {"body": np.zeros_like(keys["heat"].of)}
-        return Scenes({_FIELD.get(s, s): records[s] for s in SECTIONS} | {"body": [self.body]}, which)
+            return alone
+        which = {_FIELD.get(s, s): keys[s][1] for s in SECTIONS} | {"body": np.zeros_like(keys["heat"][1])}
+        return Scenes(records | {"body": [self.body]}, which)
 
-    def _keys(self, section: str) -> _Keys:
-        """The values of the axes that touch a section: all combinations, and which one each point has."""
+    def _keys(self, section: str) -> tuple[list[Indices], NDArray[np.int32]]:
+        """All combinations of the values of the axes that touch a section, and (P,) which one each point has."""
         axes, sizes = self.touching[section], [len(axis.values) for axis in self.sweep.axes]
         if self.sweep.mode == "grid":
-            distinct = list(itertools.product(*(range(sizes[i]) for i in axes)))
             one = np.zeros([1] * len(sizes), dtype=np.int32)
             for i in axes:
                 steps = np.arange(sizes[i], dtype=np.int32).reshape([-1 if d == i else 1 for d in range(len(sizes))])
                 one = one * np.int32(sizes[i]) + steps
-            return _Keys(distinct, np.broadcast_to(one, sizes).ravel())
+            return list(itertools.product(*(range(sizes[i]) for i in axes))), np.broadcast_to(one, sizes).ravel()
         found: dict[Indices, int] = {}
         of = [found.setdefault((i,) * len(axes), len(found)) for i in range(sizes[0])]
-        return _Keys(list(found), np.array(of, dtype=np.int32))
+        return list(found), np.array(of, dtype=np.int32)
 
-    def _read_point(self, section: str, key: Indices) -> None:
-        """The record of a section for the values at `key` of the axes that touch it."""
-        if (section, key) not in self.values:
-            axes = self.touching[section]
-            self.ctx.errors.point = self._text(key, axes)
-            node = self.nodes[section, key] = self._put(section, key)
-            self.ctx.named = self._named_at(section, key)
-            self.values[section, key] = self._read(section, node)
-            self.ctx.named = self.named
+    def _at(self, section: str, key: Indices, base: Any) -> tuple[Node | None, Any]:
+        """The study with nothing but a section, the values at `key` of the axes that touch it put in; and its record.
 
-    def _compare_points(self, keys: Mapping[str, _Keys]) -> None:
+        base: the record of the base study, which an untouched section keeps
+        """
+        axes, names = self.touching[section], self.root
+        own = {s: n for s in KEYS.get(section, (section,)) if (n := self.root.child(s))}
+        root: Node | None = Node(own, "", self.root.mark, self.root.mark)
+        if not axes:
+            return root, base
+        self.ctx.errors.point = self._text(key, axes)
+        for axis, at in ((self.sweep.axes[i], at) for i, at in zip(axes, key, strict=True)):
+            path, value = axis.parameter.path, axis.values[at]
+            if path[0] == "parameters":
+                names = put(names, path, value)
+            elif root is not None:
+                try:
+                    root = put(root, path, value)
+                except KeyError:  # the base study has something else there, which is recorded already
+                    root = None
+        if names is not self.root:
+            self.ctx.named = read_parameters(self.ctx, names.child("parameters"))
+        record = self._read(section, root)
+        self.ctx.named = self.named
+        return root, record
+
+    def _compare_points(self, keys: Mapping[str, Any], read: Mapping[str, list[tuple[Node | None, Any]]]) -> None:
         """Checks across the sections, once for every combination of those that are compared."""
-        count = 1
-        code = np.zeros(len(keys["heat"].of), dtype=np.int64)
+        count, code = 1, np.zeros(len(keys["heat"][1]), dtype=np.int64)
         for s in THERMAL:
-            code, count = code * len(keys[s].distinct) + keys[s].of, count * len(keys[s].distinct)
+            distinct, of = keys[s]
+            code, count = code * len(distinct) + of, count * len(distinct)
         for i in np.sort(np.unique(code, return_index=True)[1]) if count > 1 else ():
-            at = {s: keys[s].distinct[keys[s].of[i]] for s in SECTIONS}
-            values = {s: self.values[s, at[s]] for s in SECTIONS}
-            swept = {axis: index for s in THERMAL for axis, index in zip(self.touching[s], at[s], strict=True)}
+            swept = {a: at for s in THERMAL for a, at in zip(self.touching[s], keys[s][0][keys[s][1][i]], strict=True)}
             self.ctx.errors.point = self._text(tuple(swept[axis] for axis in sorted(swept)), sorted(swept))
-            self._compare(self._point_root(at), values)
-
-    def _made(self, values: Mapping[str, Any]) -> Scene | None:
-        if self.body is None or any(value is None for value in values.values()):
-            return None
-        return Scene(self.body, **{_FIELD.get(s, s): value for s, value in values.items()})
+            point = {s: read[s][keys[s][1][i]] for s in SECTIONS}
+            sections = dict(self.root.value) if isinstance(self.root.value, Mapping) else {}
+            for node, _ in point.values():
+                sections |= node.value if node and isinstance(node.value, Mapping) else {}
+            self._compare(replace(self.root, value=sections), {s: record for s, (_, record) in point.items()})
 
     def _text(self, key: Indices, axes: list[int]) -> str:
         """Values of some axes in words; of a drawn point all, after its number from 0."""
         drawn = self.sweep.design is not None and bool(key)
-        named = ((i, key[0]) for i in self.order) if drawn else zip(axes, key, strict=True)
-        words = ", ".join(f"{self.sweep.axes[i].key} = {_shown(self.sweep.axes[i], at)}" for i, at in named)
-        return f"drawn point {key[0]}: {words}" if drawn else words
-
-    def _put(self, section: str, key: Indices) -> Node | None:
-        """The study with nothing but the section, swept values put in."""
-        keys = KEYS.get(section, (section,))
-        root = Node({s: n for s in keys if (n := self.root.child(s))}, "", self.root.mark, self.root.mark)
-        try:
-            for i, at in zip(self.touching[section], key, strict=True):
-                if not self._is_name(i):
-                    root = put(root, self.sweep.axes[i].parameter.path, self.sweep.axes[i].values[at])
-        except KeyError:  # the base study has something else there, which is recorded already
-            return None
-        return root
-
-    def _point_root(self, keys: Mapping[str, Indices]) -> Node:
-        """The study with the sections of a point."""
-        assert isinstance(self.root.value, Mapping)
-        sections = dict(self.root.value)
-        for s, key in keys.items():
-            if (node := self.nodes[s, key]) and isinstance(node.value, Mapping):
-                sections |= node.value
-        return replace(self.root, value=sections)
+        words = []
+        for i, at in ((i, key[0]) for i in self.order) if drawn else zip(axes, key, strict=True):
+            axis = self.sweep.axes[i]
+            shown = str(axis.labels[at]) if axis.parameter.is_whole else axis.values[at].brief()
+            words.append(f"{axis.key} = {shown}")
+        return f"drawn point {key[0]}: {', '.join(words)}" if drawn else ", ".join(words)
 
     def _read(self, section: str, root: Node | None) -> Any:
         """The record of a section of a study; None after a fault."""
@@ -214,18 +173,12 @@ class SceneReader:
 
     def _compare(self, root: Node, values: Mapping[str, Any]) -> None:
         """Checks across the sections of one scene."""
-        if self.body:
-            for section in ("boundary", "loads", "heat"):
-                value = values[section]
-                if value is not None and id(value) not in self.finite:  # points share their sections' records
-                    self.finite.add(id(value))
-                    check_finite(self.ctx, root, section, value, self.body)
-            if isinstance(values["friction"], EdgeLaws) and values["boundary"] is not None:
-                check_laws(self.ctx, root, values["friction"], values["boundary"], self.body)
+        for section in ("boundary", "loads", "heat") if self.body else ():
+            value = values[section]
+            if value is not None and id(value) not in self.finite:  # points share their sections' records
+                self.finite.add(id(value))
+                check_finite(self.ctx, root, section, value, self.body)  # type: ignore[arg-type]
+        if self.body and isinstance(values["friction"], EdgeLaws) and values["boundary"] is not None:
+            check_laws(self.ctx, root, values["friction"], values["boundary"], self.body)
         if all(values[s] is not None for s in THERMAL):
             check_heat(self.ctx, root, values["heat"], values["boundary"], values["material"])
-
-
-def _shown(axis: SweptAxis, index: int) -> str:
-    """A value of an axis in words: its text, or its label where that is a name."""
-    return str(axis.labels[index]) if axis.parameter.is_whole else axis.values[index].brief()

@@ -2,18 +2,17 @@
 
 What the schema refuses the reader refuses as well; the reader finds much more (units, expressions, geometry, what
 contradicts what). A key that a sweep or derived loads may supply is asked for only in studies without them.
-
-The table of keys in words: the table of the study file in configs/README.md.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, get_args
 
 from tcstudy.laws.shapes import SHAPES
+from tcstudy.read.fields import LISTS, PAIRS, SOME
 from tcstudy.read.plans import IN_SWEEP
 from tcstudy.scene.key import Key
 from tcstudy.scene.keys import law_rows, of_role, row, rows
@@ -47,6 +46,8 @@ NAMED = Key("NAME", "quantity", "")
 """Stands for a number of the section `parameters`."""
 NUMBER_TEXT: Schema = {"$ref": "#/$defs/number_text"}
 FIELD_TEXT: Schema = {"$ref": "#/$defs/field_text"}
+VALUE: Schema = {"anyOf": [{"type": "number"}, NUMBER_TEXT]}
+"""A number with any unit."""
 
 
 def schema_text() -> str:
@@ -70,11 +71,11 @@ def schema() -> Schema:
         made["hole"]["properties"][shape] |= {"required": ["edge"]}
     made["sweep"] = _sweep(_swept, ("mode", "points", "seed", "h"))
     made["point"] = _sweep(_at_point, ()) | {"minProperties": 1}
-    made["named_point"] = made["point"] | {"additionalProperties": _value(NAMED)}
+    made["named_point"] = made["point"] | {"additionalProperties": VALUE}
     points = _described(replace(row("sweep", "points"), of=("named_point",)))
     properties = made["sweep"]["properties"] | {"points": points}
     made["named_sweep"] = made["sweep"] | {"properties": properties, "additionalProperties": _swept(NAMED)}
-    made["step"] |= {"additionalProperties": _value(NAMED), "minProperties": 1}
+    made["step"] |= {"additionalProperties": VALUE, "minProperties": 1}
     whole = _section("", ("body", "boundary"))
     named, plain = ({"properties": {"sweep": _ref(section)}} for section in ("named_sweep", "sweep"))
     del whole["properties"]["sweep"]["$ref"]  # which names it knows depends on the section `parameters`
@@ -146,7 +147,7 @@ def _sweep(made: Callable[[Key], Schema], beside: tuple[str, ...]) -> Schema:
 
 def _swept(one: Key) -> Schema:
     if one.kind in WHOLE:
-        return {"type": "object", "minProperties": 1, "additionalProperties": FRAGMENTS[one.kind](one)}
+        return {"type": "object", "minProperties": 1, "additionalProperties": _fragment(one)}
     listed = _list(_at_point(one), 1)
     numbers = one.kind in ("number", "integer", "field", "component", "quantity")
     return {"anyOf": [listed, *([_ref("values")] if numbers else []), _ref("distribution")]}
@@ -154,8 +155,8 @@ def _swept(one: Key) -> Schema:
 
 def _at_point(one: Key) -> Schema:
     if one.kind in WHOLE:
-        return {"anyOf": [FRAGMENTS[one.kind](one), _swept(one) | {"maxProperties": 1}]}
-    return _ref(f"{one.section}/properties/{one.name}") if one is not NAMED else _value(one)
+        return {"anyOf": [_fragment(one), _swept(one) | {"maxProperties": 1}]}
+    return _ref(f"{one.section}/properties/{one.name}") if one is not NAMED else VALUE
 
 
 def _described(one: Key) -> Schema:
@@ -163,11 +164,23 @@ def _described(one: Key) -> Schema:
     unit = f" [{one.dimension.si}]" if one.dimension != NONE else ""
     example = f", for example {one.suggestion}" if one.suggestion != "..." else ""
     said = {"description": f"{one.meaning}{unit}{example}".lstrip(", ")}
-    return said | ({} if one.default is None else {"default": one.default}) | FRAGMENTS[one.kind](one)
+    return said | ({} if one.default is None else {"default": one.default}) | _fragment(one)
 
 
 def _ref(section: str) -> Schema:
     return {"$ref": f"#/$defs/{section}"}
+
+
+def _list(items: Schema, least: int = 0, most: int | None = None) -> Schema:
+    return {"type": "array", "items": items, "minItems": least, **({} if most is None else {"maxItems": most})}
+
+
+def _named(items: Schema, **more: object) -> Schema:
+    return {"type": "object", "propertyNames": {"pattern": NAME}, "additionalProperties": items, **more}
+
+
+def _by_path(items: Schema) -> Schema:
+    return {"type": "object", "minProperties": 1, "additionalProperties": items}
 
 
 def _number(one: Key, text: Schema = NUMBER_TEXT) -> Schema:
@@ -175,57 +188,31 @@ def _number(one: Key, text: Schema = NUMBER_TEXT) -> Schema:
     return {"anyOf": [{"type": "number", **{k: v for k, v in bounds.items() if v is not None}}, text]}
 
 
-def _integer(one: Key) -> Schema:
-    bounds = {"minimum": one.least, "maximum": one.most}
-    return {"type": "integer", **{k: int(v) for k, v in bounds.items() if v is not None}}
-
-
-def _field(one: Key) -> Schema:
-    return _number(one, FIELD_TEXT)
-
-
-def _list(items: Schema, least: int = 0, most: int | None = None) -> Schema:
-    return {"type": "array", "items": items, "minItems": least, **({} if most is None else {"maxItems": most})}
-
-
-def _named(items: Schema) -> Schema:
-    return {"type": "object", "propertyNames": {"pattern": NAME}, "additionalProperties": items}
-
-
-def _named_by_path(items: Schema) -> Schema:
-    return {"type": "object", "minProperties": 1, "additionalProperties": items}
-
-
-def _value(_: Key) -> Schema:
-    """A number with any unit."""
-    return {"anyOf": [{"type": "number"}, NUMBER_TEXT]}
-
-
-def _point(one: Key) -> Schema:
-    return _list(_value(one), 2, 2)
-
-
-def _words(one: Key) -> Schema:
-    return {"enum": list(one.words)}
-
-
-def _goal(_: Key) -> Schema:
-    return {"anyOf": [{"enum": [word for word in get_args(Quantity) if word != "u_T"]}, _ref("goal")]}
-
-
 def _sub_section(one: Key) -> Schema:
     """A section; where a word may stand for it, also that."""
     inner = _ref(one.of[0])
-    if not one.short:
-        return inner
-    short = row(one.of[0], one.short)
-    return {"anyOf": [FRAGMENTS[short.kind](short), inner]}
+    return {"anyOf": [_fragment(row(one.of[0], one.short)), inner]} if one.short else inner
 
 
-def _law() -> Schema:
-    """A law, or one for each contact edge."""
-    by_edge = {"type": "object", "minProperties": 1, "not": {"required": ["law"]}}
-    return {"anyOf": [_ref("friction"), by_edge | {"additionalProperties": _ref("friction")}]}
+def _fragment(one: Key) -> Schema:
+    """What a key may hold."""
+    kind = one.kind
+    if kind in PAIRS:
+        if kind == "span" and one.section == "values":
+            return _list(VALUE, 3, 3)
+        pair = _list(_fragment(replace(one, kind=PAIRS[kind][0])), 2, 2)
+        return {"anyOf": [{"const": "derived"}, pair]} if kind in ("vector", "displacement") else pair
+    if kind in LISTS:
+        return _list(_fragment(replace(one, kind=LISTS[kind][0])), int(one.least or LISTS[kind][2]))
+    if kind in SOME:
+        item = _fragment(replace(one, kind=SOME[kind][0]))
+        return {"anyOf": [item, _list(item, SOME[kind][2])]}
+    return FRAGMENTS[kind](one)
+
+
+def _integer(one: Key) -> Schema:
+    bounds = {"minimum": one.least, "maximum": one.most}
+    return {"type": "integer", **{k: int(v) for k, v in bounds.items() if v is not None}}
 
 
 def _sizes_or_tolerance(one: Key) -> Schema:
@@ -235,82 +222,32 @@ def _sizes_or_tolerance(one: Key) -> Schema:
     return {"anyOf": [_list(_number(one), 1), tolerance]}
 
 
+LAW_BY_EDGE = _by_path(_ref("friction")) | {"not": {"required": ["law"]}}
 FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     "number": _number,
     "integer": _integer,
     "flag": lambda one: {"type": "boolean"},
     "text": lambda one: SOME_TEXT,
     "name": lambda one: {"type": "string", "pattern": NAME},
-    "choice": _words,
-    "quantity": _value,
-    "quantities": lambda one: {"anyOf": [_value(one), _list(_value(one))]},
-    "span": lambda one: _list(_value(one), *((3, 3) if one.section == "values" else (2, 2))),
-    "field": _field,
-    "component": _field,
-    "vector": lambda one: {"anyOf": [{"const": "derived"}, _list(_field(one), 2, 2)]},
-    "displacement": lambda one: {"anyOf": [{"const": "derived"}, _list(_field(one), 2, 2)]},
-    "point": _point,
-    "points": lambda one: _list(_point(one), int(one.least or 0)),
-    "named places": lambda one: _named(_point(one)) | {"minProperties": 1},
-    "named points": lambda one: _named(_list(_point(one), 1)),
+    "choice": lambda one: {"enum": list(one.words)},
+    "quantity": lambda one: VALUE,
+    "field": lambda one: _number(one, FIELD_TEXT),
+    "component": lambda one: _number(one, FIELD_TEXT),
+    "named places": lambda one: _named(_list(VALUE, 2, 2), minProperties=1),
+    "named points": lambda one: _named(_list(_list(VALUE, 2, 2), 1)),
     "section": _sub_section,
     "sections": lambda one: _list(_sub_section(one), int(one.least or 0)),
     "named sections": lambda one: _named(_sub_section(one)),
     "names": lambda one: {"anyOf": [SOME_TEXT, _list(SOME_TEXT, 1), _ref("region")]},
-    "one or more": lambda one: {"anyOf": [_words(one), _list(_words(one), 1)]},
-    "words": lambda one: {"anyOf": [SOME_TEXT, _list(SOME_TEXT, 1)]},
-    "sizes": lambda one: {"anyOf": [_number(one), _list(_number(one), 1)]},
     "sizes or tolerance": _sizes_or_tolerance,
-    "goal": _goal,
-    "law": lambda one: _law(),
+    "goal": lambda one: {"anyOf": [{"enum": [word for word in get_args(Quantity) if word != "u_T"]}, _ref("goal")]},
+    "law": lambda one: {"anyOf": [_ref("friction"), LAW_BY_EDGE]},
     "material": lambda one: _ref("material"),
-    "law points": lambda one: _list(_point(one), 1),
-    "numbers": lambda one: _list(_value(one), 1),
     "sweep points": lambda one: {"anyOf": [_list(_sub_section(one), 1), {"type": "integer", "minimum": 1}, SOME_TEXT]},
-    "named numbers": lambda one: _named(_value(one)) | {"minProperties": 1},
-    "named quantities": lambda one: {"anyOf": [_named_by_path(_value(one)), {"const": "estimate"}]},
-    "named texts": lambda one: _named_by_path(SOME_TEXT),
-    "fitted numbers": lambda one: _named_by_path(_sub_section(one)),
+    "named numbers": lambda one: _named(VALUE, minProperties=1),
+    "named quantities": lambda one: {"anyOf": [_by_path(VALUE), {"const": "estimate"}]},
+    "named texts": lambda one: _by_path(SOME_TEXT),
+    "fitted numbers": lambda one: _by_path(_sub_section(one)),
     "any values": lambda one: {"type": "array", "minItems": 1},
 }
-"""What each kind of key may hold."""
-
-
-HEAD = "| section | what it says |\n|---|---|\n"
-PLACE = {"sections": "[]", "named sections": ".NAME"}
-"""What stands in a path for one of several."""
-MODEST = {"name", "names", "section", "sections", "named sections", "flag"}
-"""Kinds whose defaults go without saying."""
-
-
-def markdown() -> str:
-    """The table, a line for each section and each kind of mapping in it."""
-    plain = "; ".join(_said(one) for one in rows("").values() if not one.of)
-    return HEAD + f"| (beside these) | {plain} |\n" + "".join(_lines("", set()))
-
-
-def _lines(path: str, seen: set[str], section: str = "") -> Iterator[str]:
-    """Lines of the sections under one, each section once."""
-    for one in rows(section).values():
-        here = f"{path}.{one.name}" if path else one.name
-        for name in one.of:
-            if name in seen or name == "point":
-                continue
-            seen.add(name)
-            held = "; ".join(_said(child) for child in rows(name).values())
-            if one.kind == "law":
-                held = f"`law`; {_said(row(name, 'strength'))}"
-            said = one.meaning if not section else ""
-            place = "boundary.EDGE" if name == "boundary" else here + PLACE.get(one.kind, "")
-            yield f"| `{place}` | {'. '.join(part for part in (said, held) if part)} |\n"
-            yield from _lines(place, seen, name)
-
-
-def _said(one: Key) -> str:
-    """A key, what it means, its unit, words and default."""
-    unit = f"[{one.dimension.si}]" if one.dimension != NONE and one.kind != "point" else ""
-    words = " or ".join(f"`{word}`" for word in one.words)
-    number = f"{one.default:g}" if isinstance(one.default, float) else one.default
-    default = f"default {number}" if one.default is not None and one.kind not in MODEST else ""
-    more = f"({', '.join(part for part in (words, default) if part)})" if words or default else ""
-    return " ".join(part for part in (f"`{one.name}`", one.meaning, unit, more) if part)
+"""What each kind of key may hold that is no pair or list of others."""

@@ -7,21 +7,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Literal
 
 from tcstudy.laws.shapes import SHAPES
-from tcstudy.read.fields import Context
-from tcstudy.read.node import Node, hint, nearest
-from tcstudy.read.points import draw, only_key, read_design, read_table
-from tcstudy.scene import keys as table
+from tcstudy.read.document import whole_key
+from tcstudy.read.fields import Context, only_key
+from tcstudy.read.heat import needed_of_heat
+from tcstudy.read.node import Mark, Node, deepest, hint, holds, nearest, put, split_path
+from tcstudy.read.parameters import check_swept_names, swept_names
+from tcstudy.read.physics import ALL_KEYS, keys_of, laws_by_edge
+from tcstudy.read.points import draw, read_design, read_table
 from tcstudy.scene.designs import DESIGNS, Design
 from tcstudy.scene.histories import short_names
-from tcstudy.scene.parameters import FIXED, NUMBERS, SHORT, Keys, Parameter
+from tcstudy.scene.keys import row, rows
+from tcstudy.scene.parameters import FIXED, NUMBERS, SHORT, Keys, Parameter, sweepable
+from tcstudy.scene.points import GEOMETRIC
 from tcstudy.scene.study import Axis
 from tcstudy.scene.units import Dimension, common_unit
 
-MODES = table.row("sweep", "mode").words
+SECTIONS = ("boundary", "material", "loads", "heat", "friction")
+"""What makes up a scene beside the body."""
+MODES = row("sweep", "mode").words
 MAX_POINTS = 1_000_000
 Nodes = tuple[Node, ...]
 
@@ -61,7 +70,97 @@ class Sweep:
         return {"mode": "list", "points": listed} | ({"h": self.h.plain()} if self.h else {})
 
 
-def read_sweep(ctx: Context, node: Node, known: Mapping[Keys, Parameter], law: Node | None) -> Sweep | None:
+def read_sweep(ctx: Context, root: Node, overrides: Sequence[str]) -> Sweep:
+    """The sweep; none after a fault in its form, so that the base study is still checked.
+
+    overrides: `--set` options, whose values must not be lost to it
+    """
+    node = root.child("sweep")
+    if node is None or node.value == {}:
+        return Sweep()
+    points = node.child("points")
+    maps = [node, *(points.value if points and isinstance(points.value, tuple) else ())]
+    named = [key.split(".") for one in maps if isinstance(one.value, Mapping) for key in one.value]
+    boundary, friction, own = root.child("boundary"), root.child("friction"), root.child("materials")
+    roles = boundary.value if boundary and isinstance(boundary.value, Mapping) else {}
+    edges = {edge: keys_of(item) for edge, item in roles.items()}
+    if boundary is None:  # then those that the sweep names, with all keys
+        edges = {words[1]: ALL_KEYS for words in named if len(words) == 3 and words[0] == "boundary"}
+    by_edge = {edge: str(word.value) for edge, one in laws_by_edge(friction).items() if (word := one.child("law"))}
+    law = word.value if friction and (word := friction.child("law")) else None
+    regions = [*(own.value if own and isinstance(own.value, Mapping) else ())]
+    regions += [words[1] for words in named if words[0] == "materials" and len(words) > 1]
+    known = sweepable(edges, by_edge or (law if isinstance(law, str) else None), tuple(dict.fromkeys(regions)))
+    known |= swept_names(ctx.named)
+    if geometric := [words for words in named if words[0] in GEOMETRIC]:
+        from tcstudy.read.variants import geometric_parameters
+
+        known |= geometric_parameters(root, geometric)
+    sweep = _of_sections(ctx, root, _read(ctx, node, known, friction) or Sweep())
+    if ctx.named:
+        check_swept_names(ctx, root, sweep, (*SECTIONS, "materials", *GEOMETRIC))
+    _check_options(ctx, root, sweep, overrides)
+    return sweep
+
+
+def _of_sections(ctx: Context, root: Node, sweep: Sweep) -> Sweep:
+    """The sweep without parameters of a section that is not there and that they do not make by themselves.
+
+    What is missing then is the section, not one of its keys in the sweep. The optional section `heat` is recorded here.
+    """
+    enough = {
+        "material": combinations(("E", "nu", "lambda", "mu"), 2),  # two that do not go together are told as such
+        "heat": (("theta",), needed_of_heat(root.child("boundary"))),
+        "loads": (("f",),),
+    }
+    lost = set()
+    for section in SECTIONS:
+        swept = [axis for axis in sweep.axes if axis.parameter.path[0] == section and axis.values]
+        given = {axis.parameter.path[-1] for axis in swept}
+        made = section in given or any({*keys} <= given for keys in enough.get(section, ()))
+        if swept and not made and root.child(section) is None:
+            lost.add(section)
+            if not rows("")[section].required:
+                remedy = "add heat: {alpha: ..., theta_bar: ...}, or remove it from the sweep"
+                ctx.errors.at(root, f"is missing, but {swept[0].key} is swept", remedy, key=section)
+    return replace(sweep, axes=tuple(axis for axis in sweep.axes if axis.parameter.path[0] not in lost))
+
+
+def _check_options(ctx: Context, root: Node, sweep: Sweep, overrides: Sequence[str]) -> None:
+    """A value of an option that the sweep replaces would be lost without a word."""
+    named = zip(sweep.axes, short_names([axis.parameter.path for axis in sweep.axes]), strict=True)
+    swept = [(axis.key, name, axis.parameter.path, axis.parameter.is_whole) for axis, name in named]
+    if sweep.h is not None and isinstance(sweep.h.value, tuple):
+        swept.append(("h", "maxh", ("mesh", "maxh"), False))
+    for option in (text for text in overrides if "=" in text):
+        key, _, value = (part.strip() for part in option.partition("="))
+        keys, place = split_path(whole_key(root, key)) or (), f"--set {option}"
+        for name, short, words, whole in swept:
+            path = split_path(".".join(words)) or ()
+            same = keys == path or (key == short and key not in rows(""))
+            # its value comes of the option
+            above = path[: len(keys)] == keys and holds(root, path) and deepest(root, path).mark.file == place
+            if same or above or keys[: len(path)] == path:
+                lost = "this value" if same or not above else "its value here"
+                listed = f', --set "sweep.{name}=[{value}]"' if same and sweep.mode == "grid" and not whole else ""
+                others = "" if same or not above else "set the others here by keys of their own, "
+                remedy = f"{others}give the sweep other values{listed}, or remove it by --set sweep=null"
+                where = ".".join(map(str, path if same or above else keys))
+                ctx.errors.at_mark(Mark(place, 0, 0), where, f"{name} is swept, so {lost} would not be used", remedy)
+
+
+def with_swept_keys(root: Node, sweep: Sweep) -> Node:
+    """The base study: swept keys that it does not give have the first of their values."""
+    whole = {axis.parameter.path for axis in sweep.axes if holds(root, axis.parameter.path)}
+    for axis in sorted(sweep.axes, key=lambda axis: len(axis.parameter.path)):
+        # A parameter of a law that is itself swept may be foreign to the base law.
+        if not holds(root, axis.parameter.path) and axis.parameter.path[:1] not in whole:
+            with suppress(KeyError):  # something else stands there, which the section's reader records
+                root = put(root, axis.parameter.path, axis.values[0])
+    return root
+
+
+def _read(ctx: Context, node: Node, known: Mapping[Keys, Parameter], law: Node | None) -> Sweep | None:
     """The sweep; None after a fault.
 
     known: the parameters that can be swept
@@ -72,35 +171,34 @@ def read_sweep(ctx: Context, node: Node, known: Mapping[Keys, Parameter], law: N
         remedy = "write one PARAMETER: [values] per line, for example alpha: [25, 100]"
         ctx.errors.at(node, f"must be a mapping of parameters to values, but is {node.kind()}", remedy)
         return None
-    table = node.child("points")
-    tabled = table is not None and isinstance(table.value, str)
+    points = node.child("points")
+    tabled = points is not None and isinstance(points.value, str)
     mode = ctx.choice(item, MODES) if (item := node.child("mode")) else "list" if tabled else "grid"
     given = {key: item for key, item in node.value.items() if key not in ("mode", "h")}
-    design = None
+    design, axes = None, []
     if mode in DESIGNS:
-        design, axes = _drawn(ctx, node, given, known, mode)
+        items = {key: item for key, item in given.items() if key not in ("points", "seed")}
+        found = {key: (item, p) for key, item in items.items() if (p := _parameter(ctx, key, item, known))}
+        if not items:
+            ctx.errors.at(node, "has no parameter to draw", "add one, for example alpha: {uniform: [25, 100]}")
+        design = read_design(ctx, node, mode, MAX_POINTS, len(items))
+        for key, (values, names, drawn) in draw(ctx, design, found).items() if design else ():
+            axes.append(_axis(ctx, key, *found[key], values, names, drawn))
+    elif mode == "list":
+        axes = _point_list(ctx, node, given, known)
     else:
-        axes = _point_list(ctx, node, given, known) if mode == "list" else _lists(ctx, given, known)
+        named = {key: p for key, item in given.items() if (p := _parameter(ctx, key, item, known))}
+        for key, p in named.items():
+            faults, first = ctx.errors.problems, len(ctx.errors.problems)
+            axes.append(_axis(ctx, key, given[key], p, *_values(ctx, given[key], p)))
+            if others := [".".join(path) for path in known if path[-1] == key and path != p.path]:
+                meant = f", or {' or '.join(others)} for {key}, which is {'.'.join(p.path)}"
+                faults[first:] = [replace(fault, remedy=fault.remedy + meant) for fault in faults[first:]]
     _check_axes(ctx, node, axes, mode)
     _check_law_parameters(ctx, axes, law)
     if len(ctx.errors) > before:
         return None
     return Sweep("grid" if mode == "grid" else "list", tuple(axes), node.child("h"), design, tabled)
-
-
-def _drawn(
-    ctx: Context, node: Node, given: Mapping[str, Node], known: Mapping[Keys, Parameter], mode: str
-) -> tuple[Design | None, list[SweptAxis]]:
-    """The axes of a design, whose values are drawn and read together."""
-    items = {key: item for key, item in given.items() if key not in ("points", "seed")}
-    found = {key: (item, p) for key, item in items.items() if (p := _parameter(ctx, key, item, known))}
-    if not items:
-        ctx.errors.at(node, "has no parameter to draw", "add one, for example alpha: {uniform: [25, 100]}")
-    design = read_design(ctx, node, mode, MAX_POINTS, len(items))
-    axes = []
-    for key, (values, names, distribution) in draw(ctx, design, found).items() if design else ():
-        axes.append(_axis(ctx, key, *found[key], values, names, distribution))
-    return design, axes
 
 
 def _axis(
@@ -115,45 +213,28 @@ def _axis(
     return SweptAxis(key, node, p, values, numbers if len(numbers) == len(labels) else texts, drawn)
 
 
-def _lists(ctx: Context, given: Mapping[str, Node], known: Mapping[Keys, Parameter]) -> list[SweptAxis]:
-    """The axes whose values stand beside their keys; a fault says what else a short name may have been meant for."""
-    found = {key: p for key, item in given.items() if (p := _parameter(ctx, key, item, known))}
-    axes, faults = [], ctx.errors.problems
-    for key, p in found.items():
-        first, others = len(faults), [".".join(path) for path in known if path[-1] == key and path != p.path]
-        axes.append(_axis(ctx, key, given[key], p, *_values(ctx, given[key], p)))
-        meant = f", or {' or '.join(others)} for {key}, which is {'.'.join(p.path)}" if others else ""
-        faults[first:] = [replace(fault, remedy=fault.remedy + meant) for fault in faults[first:]]
-    return axes
-
-
 def _parameter(ctx: Context, key: str, item: Node, known: Mapping[Keys, Parameter]) -> Parameter | None:
     """What a key of the sweep stands for; None after a fault."""
     path = tuple(SHORT.get(key, key).split("."))
     if (found := known.get(path) or known.get(("parameters", key))) is not None:
         return found
-    names = [".".join(path) for path in known]
+    what = f"the study has no parameter {key!r} to sweep"
+    same = [".".join(keys) for keys, p in known.items() if keys[-1] == path[-1] and not p.idle]
+    stem, _, part = path[-1].rpartition("_")
+    vectors = [".".join(keys) for keys in known if keys[-1] == stem and keys[: len(path) - 1] == path[:-1]]
     if path[0] in FIXED:
         what, remedy = f"{path[0]} cannot be swept", FIXED[path[0]]
     elif key in ("points", "seed"):
         what = f"{key} {'are' if key == 'points' else 'is'} for modes that list or draw points"
         remedy = f"add mode: list, or one of {', '.join(DESIGNS)}"
+    elif same:
+        same = [nearest(key, same) or same[0]] if path[1:] else same
+        remedy = f"did you mean {' or '.join(map(repr, same))}?"
+    elif part in ("x", "y") and vectors:
+        remedy = f"sweep all of it, {vectors[0]}: [[..., ...], [..., ...]], or a number of parameters that it uses"
     else:
-        stem, _, part = path[-1].rpartition("_")
-        of_vector = part in ("x", "y") and [
-            ".".join(keys) for keys in known if keys[-1] == stem and keys[: len(path) - 1] == path[:-1]
-        ]
-        same = [".".join(keys) for keys, p in known.items() if keys[-1] == path[-1] and not p.idle]
-        if path[1:] and same:
-            same = [nearest(key, same) or same[0]]
-        own = [path[1] for path in known if path[0] == "parameters"]
-        remedy = hint(key, [*SHORT, *own, *names, "mode"], "use a key path such as heat.alpha or friction.delta")
-        if same:
-            remedy = f"did you mean {' or '.join(map(repr, same))}?"
-        if of_vector and not same:
-            remedy = f"sweep all of it, {of_vector[0]}: [[..., ...], [..., ...]]"
-            remedy += ", or a number of parameters that it uses"
-        what = f"the study has no parameter {key!r} to sweep"
+        words = [*SHORT, *(path[1] for path in known if path[0] == "parameters"), *map(".".join, known), "mode"]
+        remedy = hint(key, words, "use a key path such as heat.alpha or friction.delta")
     ctx.errors.at(item, what, remedy, on_key=True)
     return None
 
@@ -163,8 +244,7 @@ def _point_list(
 ) -> list[SweptAxis]:
     """mode: list, whose points all name the same parameters."""
     points = given.get("points")
-    stray = [key for key in given if key != "points"]
-    if stray:
+    if stray := [key for key in given if key != "points"]:
         remedy = "put it into points: [{PARAMETER: value, ...}, ...], or use mode: grid"
         what = f"with mode: list the parameter {stray[0]!r} belongs into points"
         ctx.errors.at(given[stray[0]], what, remedy, on_key=True)
@@ -175,22 +255,21 @@ def _point_list(
     if isinstance(points.value, str):
         columns = read_table(ctx, points, lambda key, cell: _parameter(ctx, key, cell, known))
         return [_axis(ctx, *column) for column in columns]
-    rows = ctx.items(points, "a list of points {PARAMETER: value, ...}", least=1)
-    first = rows[0].value if rows else {}
-    for row in rows:
-        if not isinstance(row.value, Mapping) or not row.value:
-            what = f"must be a mapping of parameters to values, but is {row.kind()}"
-            ctx.errors.at(row, what, "write {PARAMETER: value, ...}")
+    listed: list[Mapping[str, Node]] = []
+    for point in ctx.items(points, "a list of points {PARAMETER: value, ...}", least=1):
+        if not isinstance(point.value, Mapping) or not point.value:
+            what = f"must be a mapping of parameters to values, but is {point.kind()}"
+            ctx.errors.at(point, what, "write {PARAMETER: value, ...}")
             return []
-        if isinstance(first, Mapping) and set(row.value) != set(first):
-            remedy = "name the same parameters in every point"
-            ctx.errors.at(row, f"names {', '.join(row.value)}, but the first point {', '.join(first)}", remedy)
+        listed.append(point.value)
+        if {*point.value} != {*listed[0]}:
+            what = f"names {', '.join(point.value)}, but the first point {', '.join(listed[0])}"
+            ctx.errors.at(point, what, "name the same parameters in every point")
             return []
     axes = []
-    for key, item in first.items() if isinstance(first, Mapping) else ():
+    for key, item in listed[0].items() if listed else ():
         if parameter := _parameter(ctx, key, item, known):
-            values = tuple(row.value[key] for row in rows if isinstance(row.value, Mapping))
-            names: tuple[str, ...] = ()
+            values, names = tuple(point[key] for point in listed), ()
             if parameter.is_whole:
                 names, values = zip(*(_whole(value, parameter) for value in values), strict=True)
             axes.append(_axis(ctx, key, points, parameter, values, names))
@@ -217,47 +296,41 @@ def _check_axes(ctx: Context, node: Node, axes: list[SweptAxis], mode: str) -> N
         [a if isinstance(a, float) else value.text() for a, value in zip(axis.labels, axis.values, strict=True)]
         for axis in axes
     ]
+    repeated: list[tuple[Nodes, Sequence[object]]] = []
     if mode == "grid":
-        for axis, identities in zip(axes, same, strict=True):
-            _check_repeated(ctx, axis.values, identities)
+        repeated = [(axis.values, one) for axis, one in zip(axes, same, strict=True)]
         if math.prod(lengths) > MAX_POINTS:
-            ctx.errors.at(node, f"the sweep has {math.prod(lengths)} points", f"at most {MAX_POINTS}: use fewer values")
-        return
-    for axis in axes:
-        if axis.values and len(axis.values) != lengths[0]:
-            remedy = "with mode: zip give all lists the same length, or use mode: grid"
-            what = f"has {len(axis.values)} values, but {axes[0].key} has {lengths[0]}"
-            ctx.errors.at(axis.node, what, remedy)
-            return
-    if axes and len(lengths) == len(axes):
-        _check_repeated(ctx, axes[0].values, list(zip(*same, strict=True)))
+            what = f"the sweep has {math.prod(lengths)} points"
+            ctx.errors.at(node, what, f"at most {MAX_POINTS}: use fewer values")
+    elif odd := next((axis for axis in axes if axis.values and len(axis.values) != lengths[0]), None):
+        remedy = "with mode: zip give all lists the same length, or use mode: grid"
+        ctx.errors.at(odd.node, f"has {len(odd.values)} values, but {axes[0].key} has {lengths[0]}", remedy)
+    elif axes and len(lengths) == len(axes):
+        repeated = [(axes[0].values, list(zip(*same, strict=True)))]
+    for nodes, identities in repeated:
+        seen: set[object] = set()
+        for value, identity in zip(nodes, identities, strict=True):
+            if identity in seen:
+                ctx.errors.at(value, f"the value {value.brief()} is repeated", "give every value once")
+            if identity == identity:  # a value that could not be read is NaN
+                seen.add(identity)
 
 
 def _check_law_parameters(ctx: Context, axes: list[SweptAxis], law: Node | None) -> None:
     """A swept parameter of the law must belong to every law of the study."""
     for axis in axes:
-        place = axis.parameter.path[:-1]
-        if place[:1] != ("friction",) or axis.parameter.is_whole or axis.parameter.path[-1] == "strength":
+        *place, name = axis.parameter.path
+        if place[:1] != ["friction"] or axis.parameter.is_whole or name == "strength":
             continue
         base = law.child(place[1]) if law and place[1:] else law
-        laws = [v for whole in axes if whole.parameter.is_whole and whole.parameter.path == place for v in whole.values]
-        words = [str(word.value) for node in laws or ([base] if base else []) if (word := node.child("law"))]
-        for law_name in words:
-            names = [p.name for p in SHAPES[law_name].parameters] if law_name in SHAPES else None
-            if names is not None and axis.parameter.path[-1] not in names:
+        whole = [one for one in axes if one.parameter.is_whole and one.parameter.path == tuple(place)]
+        laws = [value for one in whole for value in one.values] or ([base] if base else [])
+        for word in (str(own.value) for node in laws if (own := node.child("law"))):
+            names = [p.name for p in SHAPES[word].parameters] if word in SHAPES else [name]
+            if name not in names:
                 remedy = f"it has {', '.join(names)}; sweep the whole law by friction: {{NAME: {{law: ...}}, ...}}"
-                what = f"the law {law_name} has no parameter {axis.parameter.path[-1]!r}"
-                ctx.errors.at(axis.node, what, remedy, on_key=True)
+                ctx.errors.at(axis.node, f"the law {word} has no parameter {name!r}", remedy, on_key=True)
                 break
-
-
-def _check_repeated(ctx: Context, nodes: tuple[Node, ...], identities: Sequence[object]) -> None:
-    seen: set[object] = set()
-    for node, identity in zip(nodes, identities, strict=True):
-        if identity in seen:
-            ctx.errors.at(node, f"the value {node.brief()} is repeated", "give every value once")
-        if identity == identity:  # a value that could not be read is NaN
-            seen.add(identity)
 
 
 def records(sweep: Sweep, units: str) -> tuple[Axis, ...]:
@@ -265,43 +338,44 @@ def records(sweep: Sweep, units: str) -> tuple[Axis, ...]:
     names = short_names([axis.parameter.path for axis in sweep.axes])
     axes = []
     for axis, name in zip(sweep.axes, names, strict=True):
-        numbers = all(isinstance(label, float) for label in axis.labels)
-        cf = axis.parameter.row.dimension.cf if numbers and units == "SI" else "1"
-        values = tuple(value.plain() for value in axis.values)
-        unit = axis.values[0].shown_in or common_unit(values, axis.parameter.row.dimension)
-        written = unit if numbers and units == "SI" and unit[1] != 1.0 else ("", 1.0)
+        in_si = units == "SI" and all(isinstance(label, float) for label in axis.labels)
+        dimension, values = axis.parameter.row.dimension, tuple(value.plain() for value in axis.values)
+        unit = axis.values[0].shown_in or common_unit(values, dimension)
+        written = unit if in_si and unit[1] != 1.0 else ("", 1.0)
+        cf = dimension.cf if in_si else "1"
         axes.append(Axis(name, axis.parameter.path, values, axis.labels, cf, axis.distribution, written))
     return tuple(axes)
 
 
-def _values(ctx: Context, node: Node, parameter: Parameter) -> tuple[tuple[Node, ...], tuple[str, ...]]:
+def _values(ctx: Context, node: Node, parameter: Parameter) -> tuple[Nodes, tuple[str, ...]]:
     """The values of an axis, and their names if they are laws or materials."""
-    row = parameter.row
-    if parameter.is_whole:
-        one = parameter.is_one(node.value)
-        if isinstance(node.value, Mapping) and not one and node.value:
-            return tuple(node.value.values()), tuple(node.value)
-        own = "{law: tresca, tau: 20 MPa}" if row.kind == "law" else "{E: 210 GPa, nu: 0.3}"
-        remedy = ctx.example(f"write {{NAME: {own}, NAME: ...}}")
-        what = f"must be a mapping of names to {row.kind}s, but is {node.kind()}"
-        ctx.errors.at(node, f"is a single {row.kind}, not a mapping of names to {row.kind}s" if one else what, remedy)
-        return (), ()
-    spaced, empty = row.kind in NUMBERS, node.value in (None, (), {})
-    if isinstance(node.value, tuple) and not empty:
+    kind, dimension = parameter.row.kind, parameter.row.dimension
+    spaced, empty = kind in NUMBERS, node.value in (None, (), {})
+    one = parameter.is_whole and parameter.is_one(node.value)
+    if isinstance(node.value, Mapping) and not one and not empty and (parameter.is_whole or spaced):
+        if spaced:
+            return _spaced(ctx, node, dimension), ()
+        return tuple(node.value.values()), tuple(node.value)
+    if isinstance(node.value, tuple) and not empty and not parameter.is_whole:
         return node.value, ()
-    if isinstance(node.value, Mapping) and spaced:
-        return _spaced(ctx, node, row.dimension), ()
-    shown = ctx.example(row.dimension.example) if empty else node.brief()
+    if parameter.is_whole:
+        own = "{law: tresca, tau: 20 MPa}" if kind == "law" else "{E: 210 GPa, nu: 0.3}"
+        remedy = ctx.example(f"write {{NAME: {own}, NAME: ...}}")
+        what = f"must be a mapping of names to {kind}s, but is {node.kind()}"
+        ctx.errors.at(node, f"is a single {kind}, not a mapping of names to {kind}s" if one else what, remedy)
+        return (), ()
+    shown = ctx.example(dimension.example) if empty else node.brief()
     example = f"{shown}, ...] or {{linspace: [a, b, n]}}" if spaced else "..., ...]"
     what = "has no values" if empty else f"must be a list of values, but is {node.kind()}"
     ctx.errors.at(node, what, f"write a list such as [{example}")
     return (), ()
 
 
-def _spaced(ctx: Context, node: Node, dimension: Dimension) -> tuple[Node, ...]:
-    """{linspace: [a, b, n]} or {geomspace: [a, b, n]}: n values from a to b, both included."""
+def _spaced(ctx: Context, node: Node, dimension: Dimension) -> Nodes:
+    """{linspace: [a, b, n]} or {geomspace: [a, b, n]}: n values from a to b, both included; geometric spacing rounded
+    to what logarithms give."""
     before = len(ctx.errors)
-    kind, item = only_key(ctx, node, "values", "linspace and geomspace", "{linspace: [a, b, n]}") or ("", node)
+    kind, item = only_key(ctx, node, "values", "{linspace: [a, b, n]}")
     if not kind:
         return ()
     if not isinstance(item.value, tuple) or len(item.value) != 3:
@@ -316,15 +390,11 @@ def _spaced(ctx: Context, node: Node, dimension: Dimension) -> tuple[Node, ...]:
         ctx.errors.at(item, "both ends are equal, so the values are repeated", "give two different ends")
     if len(ctx.errors) > before:
         return ()
-    unit = common_unit([end.value for end in item.value[:2]], dimension) if ctx.units == "SI" else ("", 1.0)
-    numbers = (_between(kind, a, b, i / (n - 1)) for i in range(n))
-    return tuple(replace(item, value=value, shown_in=unit) for value in numbers)
-
-
-def _between(kind: str, a: float, b: float, t: float) -> float:
-    """The point at t of [a, b], the ends exact; geometric spacing rounded to what logarithms give."""
-    if t in (0.0, 1.0):
-        return b if t else a
+    shares = (i / (n - 1) for i in range(1, n - 1))
     if kind == "linspace":
-        return float(f"{a + (b - a) * t:.15g}")
-    return float(f"{math.copysign(math.exp((1 - t) * math.log(abs(a)) + t * math.log(abs(b))), a):.15g}")
+        between = [a + (b - a) * t for t in shares]
+    else:
+        between = [math.copysign(math.exp((1 - t) * math.log(abs(a)) + t * math.log(abs(b))), a) for t in shares]
+    unit = common_unit([end.value for end in item.value[:2]], dimension) if ctx.units == "SI" else ("", 1.0)
+    numbers = (a, *(float(f"{value:.15g}") for value in between), b)
+    return tuple(replace(item, value=value, shown_in=unit) for value in numbers)

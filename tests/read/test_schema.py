@@ -13,11 +13,13 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from tcstudy.errors import StudyError
-from tcstudy.read.schema import FRAGMENTS, markdown, schema, schema_text
+from tcstudy.read.fields import LISTS, PAIRS, SOME
+from tcstudy.read.schema import FRAGMENTS, schema, schema_text
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.designs import PARAMETERS
 from tcstudy.scene.keys import ROWS, rows
 from tests.benchmarks.mutated import EVERY_KEY, sources, spoil, tree_of, yaml_of
+from tests.read.keys_in_words import markdown
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = sorted((ROOT / "configs").glob("*.yaml"))
@@ -100,7 +102,7 @@ def test_an_editor_says_at_once(old: str, new: str) -> None:
 
 def test_the_guide_has_the_table_of_keys() -> None:
     text = (ROOT / "configs" / "README.md").read_text(encoding="utf-8")
-    assert markdown() in text, "put in again what `tcstudy.read.schema.markdown()` returns"
+    assert markdown() in text, "put in again what python -m tests.read.keys_in_words prints"
 
 
 def test_schema_and_guide_know_every_key() -> None:
@@ -111,4 +113,4 @@ def test_schema_and_guide_know_every_key() -> None:
     assert set(rows("sweep")) < set(made["$defs"]["sweep"]["properties"])
     hidden = {"values", "goal", "distribution", *PARAMETERS}
     assert not [one.name for one in ROWS if f"`{one.name}`" not in table and one.section not in ("", *hidden)]
-    assert {one.kind for one in ROWS} <= set(FRAGMENTS)
+    assert {one.kind for one in ROWS} <= {*FRAGMENTS, *PAIRS, *LISTS, *SOME}

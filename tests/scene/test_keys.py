@@ -26,7 +26,7 @@ keys.ROWS += (Key("rho", "number", "density", DENSITY, section="material", above
 from tcstudy.errors import StudyError
 from tcstudy.read.document import compose
 from tcstudy.read.fields import Fields
-from tcstudy.read.schema import markdown
+from tests.read.keys_in_words import markdown
 from tcstudy.read.node import Collector
 from tcstudy.read.schema import schema
 from tcstudy.read.fields import Context
