@@ -22,11 +22,12 @@ from tcstudy.read.physics import ALL_KEYS, keys_of, laws_by_edge
 from tcstudy.read.points import draw, read_design, read_table
 from tcstudy.scene.designs import DESIGNS, Design
 from tcstudy.scene.histories import short_names
+from tcstudy.scene.key import Key
 from tcstudy.scene.keys import row, rows
 from tcstudy.scene.parameters import FIXED, NUMBERS, SHORT, Keys, Parameter, sweepable
 from tcstudy.scene.points import GEOMETRIC
 from tcstudy.scene.study import Axis
-from tcstudy.scene.units import Dimension, common_unit
+from tcstudy.scene.units import LENGTH, Dimension, common_unit
 
 SECTIONS = ("boundary", "material", "loads", "heat", "friction")
 """What makes up a scene beside the body."""
@@ -92,15 +93,30 @@ def read_sweep(ctx: Context, root: Node, overrides: Sequence[str]) -> Sweep:
     regions += [words[1] for words in named if words[0] == "materials" and len(words) > 1]
     known = sweepable(edges, by_edge or (law if isinstance(law, str) else None), tuple(dict.fromkeys(regions)))
     known |= swept_names(ctx.named)
-    if geometric := [words for words in named if words[0] in GEOMETRIC]:
-        from tcstudy.read.variants import geometric_parameters
-
-        known |= geometric_parameters(root, geometric)
+    known |= geometric_parameters(root, named)
     sweep = _of_sections(ctx, root, _read(ctx, node, known, friction) or Sweep())
     if ctx.named:
         check_swept_names(ctx, root, sweep, (*SECTIONS, "materials", *GEOMETRIC))
     _check_options(ctx, root, sweep, overrides)
     return sweep
+
+
+def geometric_parameters(root: Node, named: Sequence[Sequence[str]]) -> dict[Keys, Parameter]:
+    """Those paths that lead to a number of the body or of the meshes, as parameters.
+
+    named: paths that a sweep names
+    """
+    found: dict[Keys, Parameter] = {}
+    for words in named:
+        path, keys = tuple(words), split_path(".".join(words))
+        if path[0] not in GEOMETRIC or len(path) < 2 or keys is None:
+            continue
+        row = rows("mesh").get(path[1]) if path[0] == "mesh" and len(path) == 2 else None
+        if row is not None and row.swept:  # its levels are a dimension of their own
+            found[path] = Parameter(path, replace(row, kind="number"))
+        elif path[0] == "body" and holds(root, keys) and isinstance(deepest(root, keys).value, int | float | str):
+            found[path] = Parameter(path, Key(path[-1], "number", "number of the body", LENGTH))
+    return found
 
 
 def _of_sections(ctx: Context, root: Node, sweep: Sweep) -> Sweep:

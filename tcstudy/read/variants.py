@@ -19,33 +19,11 @@ import numpy as np
 from tcstudy.errors import Problem, StudyError
 from tcstudy.read.document import with_sweep
 from tcstudy.read.fields import Context
-from tcstudy.read.node import Collector, Node, deepest, holds, put, split_path
+from tcstudy.read.node import Collector, Node, put, split_path
 from tcstudy.read.parameters import read_parameters, users, words_in
 from tcstudy.read.sweep import Sweep, SweptAxis, records
-from tcstudy.scene.key import Key
-from tcstudy.scene.keys import rows
-from tcstudy.scene.parameters import Keys, Parameter
 from tcstudy.scene.points import GEOMETRIC, Scenes
 from tcstudy.scene.study import Study, Variant
-from tcstudy.scene.units import LENGTH
-
-
-def geometric_parameters(root: Node, named: Sequence[Sequence[str]]) -> dict[Keys, Parameter]:
-    """Those paths that lead to a number of the body or of the meshes, as parameters.
-
-    named: paths that a sweep names
-    """
-    found: dict[Keys, Parameter] = {}
-    for words in named:
-        path, keys = tuple(words), split_path(".".join(words))
-        if path[0] not in GEOMETRIC or len(path) < 2 or keys is None:
-            continue
-        row = rows("mesh").get(path[1]) if path[0] == "mesh" and len(path) == 2 else None
-        if row is not None and row.swept:  # its levels are a dimension of their own
-            found[path] = Parameter(path, replace(row, kind="number"))
-        elif path[0] == "body" and holds(root, keys) and isinstance(deepest(root, keys).value, int | float | str):
-            found[path] = Parameter(path, Key(path[-1], "number", "number of the body", LENGTH))
-    return found
 
 
 def geometric(root: Node, sweep: Sweep) -> list[int]:
