@@ -4,9 +4,8 @@ Problems:  0 ∈ Ãv − l̃_p + ∂Ψ_p(v), Ψ_p(v) = Σ c_i j_p(v_i), p = 1..P
 Order:     1. unique or not, before any solution;
            2. one descent of every point, nested over the coarse copies of the body that all points share;
            3. what is not unique: the certificate of a global minimum;
-           4. what has neither: the search for less energy (frictionless start, hulls, moves of single nodes);
-           5. what still has no proven minimum: the single solve.
-The search takes the same steps from the same starts as tcstudy.contact.contact, so that it ends where that ends.
+           4. what has neither: the search for less energy (neighbours, frictionless start, hulls, moves of nodes);
+           5. what is not solved yet: the plain starts, zero and the frictionless solution, on the body itself.
 A block's numbers depend on its own points and their order only, not on what else is solved where.
 """
 
@@ -26,11 +25,9 @@ from tcstudy.contact.certify import (
     solution_boxes,
     strict_minimum,
 )
-from tcstudy.contact.contact import TIE, Answer, solve_contact
 from tcstudy.contact.descent import TOLERANCE, Descended, descend, descend_nested, hull_starts, move_starts
 from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import MARGIN, kept
-from tcstudy.contact.search import MOVES
 from tcstudy.contact.separable.finish import finish, refined
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.study import ESCAPE, EXACT, FRICTIONLESS, NEIGHBOUR, START_NAMES, ZERO, Acceptance, Branch
@@ -38,6 +35,17 @@ from tcstudy.scene.study import ESCAPE, EXACT, FRICTIONLESS, NEIGHBOUR, START_NA
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
+
+TIE = 1e-12
+"""Relative difference of energies up to which two answers count as equally low; the earlier start then wins."""
+MOVES = 20
+"""Moves of single nodes at most (trials needed two)."""
+FAR = 100.0
+"""Multiples of the rounding of ξ up to which a residual that is too large is put down to it."""
+NOT_POSITIVE_DEFINITE = (
+    "the condensed stiffness is not positive definite; the body can move freely (clamp it) or its elastic "
+    "constants are wrong"
+)
 
 
 @dataclass(frozen=True)
@@ -65,6 +73,7 @@ def solve_block(
     options: Options | None = None,
     neighbours: Array | None = None,
     exact: Array | None = None,
+    prove: bool = True,
 ) -> BlockAnswers:
     """Solve and certify P points.
 
@@ -72,14 +81,20 @@ def solve_block(
     laws:       the law of every row, or of every node
     neighbours: (P, m) solutions of neighbouring points for branch "continued", NaN in rows without one [m]
     exact:      (m,) the exact solution at the contact nodes, where it is known, for branch "lowest" [m]
+    prove:      False if only the solutions are wanted, with no more proofs than the search for them needs
     """
     block = _Block(Rows(body, laws, np.asarray(loads, dtype=float)), options or Options(), neighbours)
-    block.prove_unique()
+    lowest = block.options.branch == "lowest"
+    if prove or lowest:
+        block.prove_unique()
     block.descend()
-    block.certify(np.flatnonzero(~block.unique))
-    if block.options.branch == "lowest":
+    if prove or lowest:
+        block.certify(np.flatnonzero(~block.unique))
+    if lowest:
         block.search(np.flatnonzero(~block.unique & ~block.lowest))
-    block.solve_singly()
+    block.begin_elsewhere()
+    if prove:
+        block.prove_strict(np.arange(len(block.v)))
     if exact is not None and block.options.branch == "lowest":
         block.begin_at(exact)
     return block.answers()
@@ -97,29 +112,44 @@ class _Block:
         self.start, self.energies = np.zeros(count, dtype=np.int8), np.full((count, len(START_NAMES)), np.nan)
         self.steps = np.zeros(count, dtype=np.intp)
         self.omega = rows.laws.omega_by_row
+        self.smooth = Rows(rows.body, rows.laws.without_narrow_pieces, rows.loads)
         self.convex = self.omega < (1.0 - MARGIN) * kept(rows.body.A_error) * rows.body.lambda_1
         self.margin = np.full(count, np.nan)
-        if rows.laws.index.shape[1] > 1:
+        if rows.laws.index.shape[1] > 1 and not rows.body.loose:
             self.margin = margins(rows)
             self.convex |= self.margin > rows.body.shift
         self.unique = self.convex.copy()
         self.low, self.high = np.zeros((count, m)), np.zeros((count, m))
         self.lowest, self.strict = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
-        self.single: dict[int, Answer] = {}
 
     def prove_unique(self) -> None:
         """Boxes of all solutions, and what is convex on them."""
-        open_ = np.flatnonzero(~self.convex)
+        open_, body = np.flatnonzero(~self.convex), self.rows.body
+        if body.loose or not len(open_):
+            return
         rows = self.rows.take(open_)
         self.low[open_], self.high[open_] = low, high = solution_boxes(rows)
         self.unique[open_] = definite(rows.body, least_slopes(rows.laws, rows.laws.index, low, high))
 
     def descend(self) -> None:
-        """The first descent: from the neighbour where the branch is continued, else from zero."""
-        known = np.all(np.isfinite(self.neighbours), axis=1) & (self.options.branch == "continued")
+        """The first descent: from the neighbour where the branch is continued, else from zero.
+
+        A neighbour that is a solution is not moved at all: a descent would leave one that is no minimum.
+        """
+        continued = self.options.branch == "continued"
+        known = np.all(np.isfinite(self.neighbours), axis=1) & continued
         near, far = np.flatnonzero(known), np.flatnonzero(~known)
-        self.offer(near, descend(self.rows.take(near), self.neighbours[near], self.aim), NEIGHBOUR)
-        self.offer(far, descend_nested(self.rows.take(far), np.zeros((len(far), self.rows.body.m)), self.aim), ZERO)
+        if len(near):
+            v = self.neighbours[near]
+            residual = judge(self.rows.take(near), v, self.options.acceptance).residual
+            ended = Descended(v.copy(), residual, np.zeros(len(near), dtype=np.intp))
+            moved = np.flatnonzero(~(residual <= self.options.acceptance.aim))
+            open_ = near[moved]
+            found = descend(self.smooth.take(open_), v[moved], self.aim, minima=True)
+            ended.v[moved], ended.residual[moved], ended.steps[moved] = found.v, found.residual, found.steps
+            self.offer(near, ended, NEIGHBOUR)
+        zero, minima = np.zeros((len(far), self.rows.body.m)), self.options.branch != "lowest"
+        self.offer(far, descend_nested(self.smooth.take(far), zero, self.aim, minima), ZERO)
 
     @property
     def aim(self) -> float:
@@ -147,7 +177,7 @@ class _Block:
     def certify(self, points: Index) -> None:
         """Prove a global minimum where that is possible."""
         points = points[self.solved[points]]
-        if len(points):
+        if len(points) and not self.rows.body.loose:
             rows = self.rows.take(points)
             self.lowest[points] = global_minimum(rows, self.v[points], self.low[points], self.high[points])
 
@@ -158,14 +188,20 @@ class _Block:
         self.strict[open_] = strict_minimum(self.rows.take(open_), self.v[open_])
 
     def search(self, points: Index) -> None:
-        """Look for less energy at points of which nothing is proved, as contact/search.py does."""
+        """Look for less energy at points of which nothing is proved."""
+        if self.rows.body.loose:
+            return
+        beside = points[np.all(np.isfinite(self.neighbours[points]), axis=1)]
+        if len(beside):
+            ended = descend(self.smooth.take(beside), self.neighbours[beside], self.aim, minima=True)
+            points = np.union1d(np.setdiff1d(points, beside), self.improve(beside, ended, NEIGHBOUR))
         if not len(points):
             return
-        points = self.improve(points, descend(self.rows.take(points), self.v[points], self.aim, minima=True), ZERO)
-        rows = self.rows.take(points)
+        points = self.improve(points, descend(self.smooth.take(points), self.v[points], self.aim, minima=True), ZERO)
+        rows = self.smooth.take(points)
         frictionless = rows.loads @ rows.body.inverse
         points = self.improve(points, descend_nested(rows, frictionless, self.aim, minima=True), FRICTIONLESS)
-        rows = self.rows.take(points)
+        rows = self.smooth.take(points)
         starts, done = hull_starts(rows, self.v[points])
         left = self.improve(points, descend(rows, starts, self.aim, minima=True), ESCAPE)
         self.move(np.setdiff1d(left, points[done]))
@@ -181,9 +217,9 @@ class _Block:
         for _ in range(MOVES):
             if not len(points):
                 break
-            starts, owner, promise = move_starts(self.rows.take(points), self.v[points])
+            starts, owner, promise = move_starts(self.smooth.take(points), self.v[points])
             owners = points[owner]
-            ended = descend(self.rows.take(owners), starts, self.aim, minima=True)
+            ended = descend(self.smooth.take(owners), starts, self.aim, minima=True)
             moved = np.zeros(len(self.v), dtype=bool)
             for rank in range(int(np.max(promise, initial=-1)) + 1):
                 mine = np.flatnonzero((promise == rank) & ~moved[owners])
@@ -193,13 +229,15 @@ class _Block:
             self.certify(points)
             points = points[~self.lowest[points]]
 
-    def solve_singly(self) -> None:
-        """Prove strict minima; points without one get the single solve's answer if that is lower."""
-        self.prove_strict(np.arange(len(self.v)))
-        asked = np.flatnonzero(~self.strict)
-        changed = np.array([p for p in asked if self._ask_single(int(p))], dtype=np.intp)
-        self.certify(changed[~self.unique[changed]])
-        self.prove_strict(changed)
+    def begin_elsewhere(self) -> None:
+        """What no start has solved from the other plain ones, without coarse copies."""
+        body = self.rows.body
+        for start in (ZERO,) if body.loose else (ZERO, FRICTIONLESS):
+            points = np.flatnonzero(~self.solved)
+            if len(points):
+                rows = self.smooth.take(points)
+                begin = rows.loads @ body.inverse if start == FRICTIONLESS else np.zeros((len(points), body.m))
+                self.certify(points[self.offer(points, descend(rows, begin, self.aim, minima=True), start)])
 
     def begin_at(self, exact: Array) -> None:
         """Newton's method on the pieces that the exact solution is on, as in solve_contact; unique ones are known."""
@@ -209,47 +247,24 @@ class _Block:
             v, residual = finish(self.rows.single(int(p)), exact)
             ended = Descended(v[None], np.array([residual]), np.zeros(1, dtype=np.intp))
             if self.offer(np.array([p]), ended, EXACT)[0]:
-                self.single.pop(int(p), None)
                 self.certify(np.array([p]))
                 self.prove_strict(np.array([p]))
 
-    def _ask_single(self, p: int) -> bool:
-        """Solve one point by tcstudy.contact.contact; whether its answer is taken."""
-        options = self.options
-        near = self.neighbours[p] if np.all(np.isfinite(self.neighbours[p])) else None
-        if options.branch == "lowest":
-            near = self.v[p] if self.solved[p] else None
-        problem = self.rows.single(p)
-        answer = solve_contact(problem, tolerance=options.tolerance, branch=options.branch, neighbour=near)
-        converged = answer.status == Status.CONVERGED
-        if self.solved[p]:
-            slack = TIE * max(abs(answer.energy), abs(self.energy[p])) if options.branch == "lowest" else -np.inf
-            if not converged or answer.energy >= self.energy[p] - slack:
-                return False
-        self.single[p] = answer
-        self.v[p], self.energy[p], self.solved[p] = answer.v, answer.energy, converged
-        self.start[p], self.steps[p] = answer.start, answer.iterations
-        self.energies[p] = np.fmin(self.energies[p], answer.energies)
-        return converged
-
     def answers(self) -> BlockAnswers:
-        """Everything judged once more at the points' final v; of a single solve its own judgement counts."""
-        rows, v = self.rows, self.v
-        judged = judge(rows, v, self.options.acceptance)
+        """Everything judged once more at the points' final v."""
+        rows, v, acceptance = self.rows, self.v, self.options.acceptance
+        judged = judge(rows, v, acceptance)
         v_low = self._refine(judged)
-        status = np.where(judged.accepted, Status.CONVERGED, Status.INCLUSION_VIOLATED)
-        reasons = ["" if good else _violated(judged, p) for p, good in enumerate(judged.accepted)]
-        for p, answer in self.single.items():
-            v_low[p], judged.xi[p], judged.residual[p] = answer.v_low, answer.xi, answer.inclusion_residual
-            judged.rounding[p], judged.accepted[p] = answer.rounding, answer.status == Status.CONVERGED
-            status[p], reasons[p] = answer.status, answer.reason
+        missed = Status.NOT_POSITIVE_DEFINITE if rows.body.loose else Status.INCLUSION_VIOLATED
+        status = np.where(judged.accepted, Status.CONVERGED, missed)
+        reasons = ["" if good else self._failure(judged, p) for p, good in enumerate(judged.accepted)]
         return BlockAnswers(
             v,
             v_low,
             judged.xi,
             judged.residual,
             judged.rounding,
-            judged.accepted & (judged.residual > self.options.acceptance.aim),
+            judged.accepted & (judged.residual > acceptance.aim),
             self.energy,
             status.astype(np.int8),
             tuple(reasons),
@@ -260,16 +275,26 @@ class _Block:
         )
 
     def _refine(self, judged: Judged) -> Array:
-        """(P, m) low parts of v: refined, as in solve_contact, where a point in one double misses the aim."""
-        v_low, rows, aim = np.zeros(self.v.shape), self.rows, self.options.acceptance.aim
+        """(P, m) low parts of v: refined, in the end on the active pieces, where v in one double misses the aim."""
+        v_low, aim = np.zeros(self.v.shape), self.options.acceptance.aim
         for p in np.flatnonzero(judged.residual > aim):
-            if int(p) in self.single:
-                continue
-            point = refined(rows.single(int(p)), self.v[p], aim)
+            problem = self.rows.single(int(p))
+            point = refined(problem, self.v[p], aim)
+            if not point.residual <= aim:
+                other = refined(problem, finish(problem, self.v[p])[0], aim)
+                point = other if other.residual < point.residual else point
             if point.residual < judged.residual[p]:
                 self.v[p], v_low[p], judged.xi[p], judged.residual[p] = point.v, point.v_low, point.xi, point.residual
+                judged.rounding[p], self.energy[p] = problem.xi_rounding(point.v), problem.energy(point.v)
                 judged.accepted[p] = self.options.acceptance.accepts(point.residual, float(judged.rounding[p]))
+                if judged.accepted[p]:
+                    self.energies[p, self.start[p]] = self.energy[p]
         return v_low
+
+    def _failure(self, judged: Judged, p: int) -> str:
+        """Why a point is no solution."""
+        loose = NOT_POSITIVE_DEFINITE if self.rows.body.loose else STALLED
+        return failure(float(judged.residual[p]), float(judged.rounding[p]), self.options.acceptance, loose)
 
     def certificates(self, accepted: Flags) -> Certificates:
         """What is proved about the points, of solutions only beside `convex` and `unique`."""
@@ -278,9 +303,19 @@ class _Block:
         return Certificates(self.omega, self.convex, self.unique, strict, lowest, self.margin)
 
 
-def _violated(judged: Judged, p: int) -> str:
-    """Why a point that only the block has solved is no solution."""
-    return (
-        f"inclusion residual {judged.residual[p]:.1e} above the tolerance; rounding alone leaves about "
-        f"{judged.rounding[p]:.0e}: check the units, coarsen, or solve the point singly"
-    )
+STALLED = (
+    "no descent leads to a solution; the data span too many orders of magnitude for double precision: check the units, "
+    "start from another point, or use another solver"
+)
+
+
+def failure(residual: float, rounding: float, acceptance: Acceptance, otherwise: str) -> str:
+    """Why an answer misses the tolerance and what to try; more steps do not help against rounding."""
+    limit = acceptance.limit(rounding)
+    missed = f"inclusion residual {residual:.1e} above the tolerance {limit:.1e}"
+    if limit < residual <= FAR * rounding:
+        return (
+            f"{missed}; rounding alone leaves about {rounding:.0e} because friction is small against the forces in the "
+            "body or elements on the contact line are very thin: raise solver.tolerance, check the units, or coarsen"
+        )
+    return f"{missed}: {otherwise}"

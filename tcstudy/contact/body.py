@@ -3,7 +3,10 @@
 Nothing here knows a load, a law or a mesh: the record is made once (offline), pickles, and serves any number of
 problems 0 ∈ Ãv − l̃ + ∂Ψ(v) on this body. A body whose E varies is one body, too: divide the problem by E.
 
-The coarse copies, which give starts, are those of contact/separable/newton.py.
+Large bodies have coarser copies of themselves, which give starts (nested iteration): the Galerkin restriction to every
+second contact node with linear interpolation P, Ã_c = PᵀÃP, l̃_c = Pᵀl̃, c_c = Pᵀc and those nodes' laws, is a contact
+problem again and costs an eighth. The nodes are taken in the order of their numbers, along Γ_C; another order costs
+quality of the start, never correctness.
 """
 
 from __future__ import annotations
@@ -18,7 +21,6 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.problem import ContactProblem, distance_bound, inverse_rounding, least_eigenvalue, pivot_shift
 from tcstudy.contact.separable.finish import extended
-from tcstudy.contact.separable.newton import COARSEST, galerkin, interpolation
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import BEND, Place
 from tcstudy.scene.study import Acceptance
@@ -27,6 +29,9 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
+COARSEST = 40
+"""Contact nodes up to which a body has no coarser copy."""
+
 
 @dataclass(frozen=True, eq=False)
 class CondensedBody:
@@ -34,33 +39,49 @@ class CondensedBody:
 
     A_tilde:  (m, m) symmetric positive definite, condensed stiffness [Pa]
     c:        (m,) segment lengths meas(S_i) > 0 [m]
-    inverse:  (m, m) Ã⁻¹ [1/Pa]
-    lambda_1: λ_min(C^{−½}ÃC^{−½}) [Pa/m]
-    coarse:   its Galerkin copy on every second node, None for a small body
     A_error:  as in ContactProblem
+    loose:    only friction holds it: Ã is singular, there is no inverse, and λ₁ is 0
+    shared:   many problems on it are to be solved, so that Ã⁻¹ pays
     """
 
     A_tilde: Array
     c: Array
-    inverse: Array
-    lambda_1: float
-    coarse: CondensedBody | None
     A_error: float = 0.0
+    loose: bool = False
+    shared: bool = True
 
     @classmethod
     def of(cls, A_tilde: Array, c: Array, A_error: float = 0.0) -> CondensedBody:
-        """The record of Ã (m, m) and c (m,); two factorisations and an eigenvalue.
+        """The record of Ã (m, m) and c (m,) with all that is made of them; two factorisations and an eigenvalue.
 
         Raises ValueError if Ã is not positive definite: then the body can move freely.
         """
-        A, c = np.array(A_tilde, dtype=float, order="C"), np.array(c, dtype=float)
-        factor, info = scipy.linalg.lapack.dpotrf(A, lower=1)
+        body = cls(np.array(A_tilde, dtype=float, order="C"), np.array(c, dtype=float), A_error)
+        copy: CondensedBody | None = body
+        while copy is not None:
+            _, _, copy = copy.inverse, copy.lambda_1, copy.coarse
+        return body
+
+    @cached_property
+    def inverse(self) -> Array:
+        """Ã⁻¹ (m, m) [1/Pa]."""
+        factor, info = scipy.linalg.lapack.dpotrf(self.A_tilde, lower=1)
         if info != 0:
             raise ValueError("the condensed stiffness is not positive definite: the body can move freely (clamp it)")
-        half = scipy.linalg.lapack.dpotri(factor, lower=1)[0] if len(c) else A
-        inverse = np.ascontiguousarray(np.tril(half) + np.tril(half, -1).T)
-        coarse = cls.of(*galerkin(A, c, interpolation(len(c)))) if len(c) > COARSEST else None
-        return cls(A, c, inverse, least_eigenvalue(A, c), coarse, A_error)
+        half = scipy.linalg.lapack.dpotri(factor, lower=1)[0] if self.m else self.A_tilde
+        return np.ascontiguousarray(np.tril(half) + np.tril(half, -1).T)
+
+    @cached_property
+    def lambda_1(self) -> float:
+        """λ_min(C^{−½}ÃC^{−½}) [Pa/m]."""
+        return 0.0 if self.loose else least_eigenvalue(self.A_tilde, self.c)
+
+    @cached_property
+    def coarse(self) -> CondensedBody | None:
+        """Its Galerkin copy on every second node, None for a small body."""
+        if self.loose or self.m <= COARSEST:
+            return None
+        return CondensedBody(*galerkin(self.A_tilde, self.c, self.P), shared=self.shared)
 
     @property
     def m(self) -> int:
@@ -219,3 +240,26 @@ def judge(rows: Rows, v: Array, acceptance: Acceptance) -> Judged:
     residual[np.isnan(residual)] = np.inf
     limits = np.array([acceptance.limit(float(x)) for x in rounding])
     return Judged(xi, residual, rounding, residual <= limits)
+
+
+def as_row(problem: ContactProblem) -> Rows:
+    """One problem as a block of one row; only friction may hold its body."""
+    A = np.ascontiguousarray(problem.A_tilde, dtype=float)
+    loose = scipy.linalg.lapack.dpotrf(A, lower=1)[1] != 0
+    body = CondensedBody(A, problem.c, problem.A_error, loose, shared=False)
+    return Rows(body, problem.law.tables.at(np.atleast_2d(problem.law.index)), problem.l_tilde[None])
+
+
+def interpolation(m: int) -> scipy.sparse.csr_matrix:
+    """(m, ⌈m/2⌉) linear interpolation from the nodes 0, 2, 4, …"""
+    coarse = (m + 1) // 2
+    node = np.arange(m)
+    columns = np.concatenate([node // 2, np.minimum((node + 1) // 2, coarse - 1)])
+    rows = np.concatenate([node, node])
+    return scipy.sparse.csr_matrix((np.full(2 * m, 0.5), (rows, columns)), shape=(m, coarse))
+
+
+def galerkin(A_tilde: Array, c: Array, P: scipy.sparse.csr_matrix) -> tuple[Array, Array]:
+    """(PᵀÃP, Pᵀc), the Galerkin restriction of a body to the columns of P."""
+    coarse = P.T @ (P.T @ A_tilde).T
+    return np.ascontiguousarray(0.5 * (coarse + coarse.T)), P.T @ c

@@ -10,13 +10,13 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.contact.loop import Outcome, Status, iterate
+from tcstudy.contact.block import NOT_POSITIVE_DEFINITE, TIE, Options, failure, solve_block
+from tcstudy.contact.body import as_row
+from tcstudy.contact.descent import descend
+from tcstudy.contact.loop import Outcome, Status
 from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.search import escape
 from tcstudy.contact.separable.finish import Refined, finish, refined
-from tcstudy.contact.separable.newton import COARSEST, SeparableNewton
 from tcstudy.scene.study import (
-    ESCAPE,
     EXACT,
     FRICTIONLESS,
     NEIGHBOUR,
@@ -35,11 +35,13 @@ ROUNDING = 0.01
 """Share of the tolerance that the rounding of ξ may have before the residual is formed in extended precision."""
 ACCURACY = 1e-12
 """Residual that methods work for, whatever larger one is accepted."""
-FAR = 100.0
-"""Multiples of the rounding of ξ up to which a residual that is too large is put down to it."""
-_OTHERWISE = "raise solver.tolerance or try the other solver"
-TIE = 1e-12
-"""Relative difference of energies up to which two answers count as equally low; the earlier start then wins."""
+SEMIDEFINITE = 1e-9
+"""Negative eigenvalues up to this part of the largest entry of Ã are rounding: the body lies loose."""
+UNFIT = (
+    "the pieces of the law on which the method ended do not hold to that accuracy; raise solver.tolerance or try the "
+    "other solver"
+)
+NOT_FINITE = "a load, the stiffness or the law has a value that is not finite; check them, and units that overflow"
 
 
 @dataclass(frozen=True)
@@ -101,33 +103,47 @@ def solve_contact(
     """
     if solver not in SOLVERS:
         raise ValueError(f"unknown solver {solver!r}; use one of {', '.join(SOLVERS)}")
+    if solver == SEPARABLE:
+        return _as_row(problem, Options(branch, tolerance), neighbour, exact)
     acceptance = Acceptance(tolerance)
-    accuracy = min(ACCURACY, acceptance.aim)
     answers: list[Answer] = []
     for start, x0 in _starts(problem, branch, neighbour):
-        stay = branch == "continued" and start == NEIGHBOUR
-        if stay and problem.inclusion_residual(x0) <= acceptance.aim:
-            outcome = _unmoved(problem, x0)  # a descent would leave one that is no minimum
-        else:
-            outcome = (
-                _separable(problem, x0, accuracy, stay, log)
-                if solver == SEPARABLE
-                else _bundle(problem, x0, accuracy, max_iterations, log)
-            )
+        outcome = _bundle(problem, x0, min(ACCURACY, acceptance.aim), max_iterations, log)
         answers.append(replace(_judge(problem, outcome, acceptance), start=start))
         if branch != "lowest" and answers[-1].status == Status.CONVERGED:
             break
-    if branch == "lowest" and solver == SEPARABLE:
-        answers += _escape(problem, _together(answers), acceptance, log)
     if branch == "lowest" and exact is not None:
-        outcome = _unmoved(problem, finish(problem, exact)[0])
+        v = finish(problem, exact)[0]
+        outcome = Outcome(v, problem.energy(v), Status.CONVERGED, "", 0, 1)
         answers.append(replace(_judge(problem, outcome, acceptance), start=EXACT))
     return _together(answers)
 
 
-def _unmoved(problem: ContactProblem, v: Array) -> Outcome:
-    """A point that solves the problem already."""
-    return Outcome(v, problem.energy(v), Status.CONVERGED, "", 0, 1)
+def _as_row(problem: ContactProblem, options: Options, neighbour: Array | None, exact: Array | None) -> Answer:
+    """The problem as a block of one row."""
+    if problem.m == 0:
+        return Answer(np.zeros(0), 0.0, 0.0, Status.CONVERGED, "", 0, 0)
+    if not all(np.all(np.isfinite(x)) for x in (problem.A_tilde, problem.l_tilde, problem.c)):
+        return Answer(np.full(problem.m, np.nan), np.inf, np.nan, Status.NOT_FINITE, NOT_FINITE, 0, 0)
+    rows = as_row(problem)
+    if rows.body.loose and np.linalg.eigvalsh(problem.A_tilde)[0] < -SEMIDEFINITE * np.max(np.abs(problem.A_tilde)):
+        return Answer(np.zeros(problem.m), np.inf, 0.0, Status.NOT_POSITIVE_DEFINITE, NOT_POSITIVE_DEFINITE, 0, 0)
+    near = None if neighbour is None else np.asarray(neighbour, dtype=float)[None]
+    found = solve_block(rows.body, rows.loads, rows.laws, options, near, exact, prove=False)
+    return Answer(
+        found.v[0], float(found.inclusion_residual[0]), float(found.energy[0]), Status(int(found.status[0])),
+        found.reasons[0], int(found.steps[0]), int(found.steps[0]), int(found.start[0]),
+        tuple(found.start_energies[0].tolist()), found.v_low[0], found.xi[0], float(found.rounding[0]),
+        bool(found.limited[0]),
+    )  # fmt: skip
+
+
+def nearest_minimum(
+    problem: ContactProblem, v: Array, tolerance: float, over_barriers: bool = True
+) -> tuple[Array, int]:
+    """(minimum to which descent leads from v (m,), steps); over no barriers: laws of straight pieces."""
+    ended = descend(as_row(problem), v[None].copy(), tolerance, minima=True, downhill=not over_barriers)
+    return ended.v[0], int(ended.steps[0])
 
 
 def _starts(problem: ContactProblem, branch: Branch, neighbour: Array | None) -> Iterator[tuple[int, Array]]:
@@ -138,25 +154,6 @@ def _starts(problem: ContactProblem, branch: Branch, neighbour: Array | None) ->
     with suppress(scipy.linalg.LinAlgError):
         yield FRICTIONLESS, problem.frictionless()
     yield from known if branch != "continued" else []
-
-
-def _escape(problem: ContactProblem, best: Answer, acceptance: Acceptance, log: Log | None) -> list[Answer]:
-    """What the escape phase finds, if it has any business; where rounding decides or the data are bad it has none."""
-    if best.status not in (Status.CONVERGED, Status.ITERATION_LIMIT, Status.STALLED):
-        return []
-
-    def solve(changed: ContactProblem, x0: Array, accuracy: float) -> Outcome:
-        return _separable(changed, x0, accuracy, True, log)
-
-    known = best.v if best.status == Status.CONVERGED else None
-    found = escape(problem, known, min(ACCURACY, acceptance.aim), solve)
-    return [] if found is None else [replace(_judge(problem, found, acceptance), start=ESCAPE)]
-
-
-def _separable(problem: ContactProblem, x0: Array, accuracy: float, stay: bool, log: Log | None) -> Outcome:
-    coarsest = 0 if stay else COARSEST  # coarse copies of the problem would look for a lower basin
-    method = SeparableNewton(accuracy, coarsest=coarsest)
-    return iterate(method, replace(problem, law=problem.law.without_narrow_pieces), x0, log)
 
 
 def _bundle(
@@ -187,7 +184,7 @@ def _judge(problem: ContactProblem, outcome: Outcome, acceptance: Acceptance) ->
     status, reason = Status.CONVERGED, ""
     if not acceptance.accepts(point.residual, rounding):
         status = Status.INCLUSION_VIOLATED if outcome.converged else outcome.status
-        reason = _failure(outcome, point.residual, rounding, acceptance)
+        reason = failure(point.residual, rounding, acceptance, UNFIT if outcome.converged else outcome.reason)
     return Answer(
         point.v,
         point.residual,
@@ -211,20 +208,6 @@ def _looked_at(problem: ContactProblem, v: Array, acceptance: Acceptance) -> tup
         point = refined(problem, v, acceptance.aim)
         return point, problem.xi_rounding(point.v)
     return Refined(v, np.zeros(problem.m), problem.xi(v), residual), rounding
-
-
-def _failure(outcome: Outcome, residual: float, rounding: float, acceptance: Acceptance) -> str:
-    """Why an answer misses the tolerance and what to try; more iterations do not help against rounding."""
-    limit = acceptance.limit(rounding)
-    missed = f"inclusion residual {residual:.1e} above the tolerance {limit:.1e}"
-    if limit < residual <= FAR * rounding:
-        return (
-            f"{missed}; rounding alone leaves about {rounding:.0e} because friction is small against the forces in the "
-            "body or elements on the contact line are very thin: raise solver.tolerance, check the units, or coarsen"
-        )
-    if outcome.converged:
-        return f"{missed}: the pieces of the law on which the method ended do not hold to that accuracy; {_OTHERWISE}"
-    return f"{missed}: {outcome.reason}"
 
 
 def _together(answers: list[Answer]) -> Answer:

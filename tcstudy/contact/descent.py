@@ -1,13 +1,26 @@
-"""Descent of many rows at once: the separable Newton method of tcstudy/contact/separable/newton.py in a batch.
+"""Descent of many problems at once on one body: a globalised separable Newton method for 0 ∈ Ãv − l̃ + ∂Ψ(v).
 
-Every step is the same for all rows (rest, Newton's equations, clipped path with Armijo's rule, node by node where that
-gives no decrease, and on request the step along negative curvature at a saddle); rows that are done drop out. Where
-energies can no longer tell two points apart the residual judges, and a row ends with the best point that it has seen.
-Left out: the convex model of thin layers; rows that would need it end unsolved and are left to the single solve.
+Ψ(v) = Σ c_i j(v_i) is separable: what is nonsmooth are the law's own exact one-dimensional pieces. One step of a row
+  1. rests the nodes whose one-sided slopes hold them on an up-jump (left ≤ 0 ≤ right),
+  2. solves Newton's equations on the pieces of all others (newton.py),
+  3. goes along that direction, each node stopping on the first up-jump it would cross, and accepts by Armijo's
+     rule on the exact energy difference; if the path gives no decrease within a few halvings,
+  4. minimises node by node along the descending one-sided slopes, which always lowers the energy,
+  5. after several steps that were shortened or node by node goes to the minimum of a convex model (convex_step), by
+     interior points: under thin layers, and where Ã is dense and badly conditioned, steps 3 and 4 settle few nodes at a
+     time.
+Every accepted step lowers L̃, so no iterate returns and cycles are impossible. Where energies can no longer tell two
+points apart the residual judges, and a row ends with the best point that it has seen. A point at which no node descends
+is first-order stationary in every direction, because L̃′(v; d) is the sum of the nodes' one-sided slopes; one that fails
+the second-order test is left, on request, along a direction of negative curvature.
 
-The search for less energy starts descents elsewhere, by the two steps of tcstudy/contact/search.py: descent on the
-problems with the laws' proximal hulls b_κ, κ growing from below λ₁, knows all wells of j; a move puts one node on
-another piece or up-jump of b while all others relax.
+What counts as a solution: ξ_i/c_i ∈ b̂(v_i) *and* left_i ≤ 0 ≤ right_i at every node. On an up-jump and inside a piece
+both say the same. On a down-jump (concave kink) the inclusion alone would also admit local maxima of a node's
+energy; there one side always descends and the method leaves. So what it finds is a local minimum (up to a singular
+matrix), not every solution; solutions of other kinds are the business of path following.
+
+Literature: Gräser & Kornhuber, J. Comput. Math. 27 (2009) 1–44 (truncated nonsmooth Newton, convex case); Bertsekas,
+SIAM J. Control Optim. 20 (1982) 221–246 (projected Newton).
 """
 
 from __future__ import annotations
@@ -18,12 +31,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.contact.body import Rows
-from tcstudy.contact.hulls import proximal_hulls
+from tcstudy.contact.hulls import PASSES, proximal_hulls
 from tcstudy.contact.moves import best_places, follow, relaxed_stiffness
-from tcstudy.contact.newton import BlockSlopes, directions, leave_saddles, slopes
-from tcstudy.contact.search import GROWTH, LOOSE, PROMISES
-from tcstudy.contact.separable.descent import descend_nodes
-from tcstudy.contact.separable.pieces import factor_free
+from tcstudy.contact.newton import ROUNDINGS, BlockSlopes, directions, leave_saddles, slopes
+from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.separable.convex_step import convex_step
+from tcstudy.contact.separable.pieces import energy_change, factor_free
+from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import Place
 
 Array = NDArray[np.float64]
@@ -33,16 +47,27 @@ Flags = NDArray[np.bool_]
 TOLERANCE = 1e-12
 """Residual that descent aims at; what is accepted as a solution is up to tcstudy/scene/study.py."""
 _COARSE_TOLERANCE = 1e-6
-_STEPS, _SADDLES, _HALVINGS, _ARMIJO = 80, 20, 4, 1e-4
+_STEPS, _SADDLES, _HALVINGS, _ARMIJO = 300, 20, 4, 1e-4
 """Steps at most, saddles that are left at most, step lengths 1, ½, ¼ … tried, and the share of the first-order decrease
 that a step must realise."""
 _ROUNDING = 1e-13
 """Changes of energy below this part of the work of ξ are rounding."""
-_POLISHED, _CREPT = 3, 10
-"""Steps at rounding level that may follow each other as long as they lower the residual; steps node by node of a row:
-one that needs more of them creeps, and is left to the single solve."""
+_POLISHED = 3
+"""Steps at rounding level that may follow each other as long as they lower the residual."""
+_PATIENCE, _PUT_OFF = 6, 20
+"""Slow steps (shortened, node by node) before the minimum of a convex model is gone to, and more of them where that was
+of no use."""
+_MAJORANT_STEPS = 8
+"""With a curvature majorant inside an exponential piece, where each descends."""
 _BELOW = 0.9
 """First κ over λ₁."""
+LOOSE = 1e-3
+"""Tolerance of the convexified problems; 1e-6 led to the same energies in trials, 1e-2 to higher ones."""
+GROWTH = 4.0
+"""Factor from one κ to the next. Of 486 problems 2, 4, 8 left 9, 11, 22 above the lowest energy known, before moves
+of single nodes; 92 were above it before."""
+PROMISES, FEW_LAWS = 2, 8
+"""How many promises of a move are put to the test; laws up to which their envelopes are looked at more than once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,48 +79,59 @@ class Descended:
     steps: Index
 
 
-def descend(rows: Rows, start: Array, tolerance: float = TOLERANCE, minima: bool = False) -> Descended:
+def descend(
+    rows: Rows, start: Array, tolerance: float = TOLERANCE, minima: bool = False, downhill: bool = False
+) -> Descended:
     """Descend from `start` (R, m) until the residual is at most `tolerance`.
 
-    minima: go on from stationary points that fail the second-order test, which costs a factorisation a row
+    minima:   go on from stationary points that fail the second-order test, which costs a factorisation a row
+    downhill: along ways on which the energy falls all along: to the well that is nearest downhill, over no barrier
+              (Armijo's rule takes any lower point, also one behind a barrier); for laws of straight pieces
     """
-    ended = _descend(rows, start, tolerance, minima)
+    ended = _descend(rows, start, tolerance, minima, downhill)
     open_ = np.flatnonzero(ended.residual <= tolerance) if minima else np.empty(0, dtype=np.intp)
-    for _ in range(_SADDLES):
-        if not len(open_):
-            break
+    for _ in range(_SADDLES if len(open_) else 0):
         own, v = rows.take(open_), ended.v[open_]
         xi = own.xi(v)
-        s = slopes(own, v, xi)
-        v, left = leave_saddles(own, v, xi, s)
+        v, left = leave_saddles(own, v, xi, slopes(own, v, xi))
         open_ = open_[left]
-        again = _descend(rows.take(open_), v[left], tolerance, minima)
+        if not len(open_):
+            break
+        again = _descend(rows.take(open_), v[left], tolerance, minima, downhill)
         ended.v[open_], ended.residual[open_] = again.v, again.residual
         ended.steps[open_] += again.steps + 1
         open_ = open_[again.residual <= tolerance]
     return ended
 
 
-def _descend(rows: Rows, start: Array, tolerance: float, careful: bool) -> Descended:
+def _descend(rows: Rows, start: Array, tolerance: float, careful: bool, downhill: bool) -> Descended:
     """Newton's method to a first-order stationary point; careful: as newton.directions has it."""
     count = len(start)
     best, residual, taken = start.copy(), np.full(count, np.inf), np.zeros(count, dtype=np.intp)
     at, v = np.arange(count), start
-    polished, crept = np.zeros(count, dtype=np.intp), np.zeros(count, dtype=np.intp)
+    polished, slow = np.zeros(count, dtype=np.intp), np.zeros(count, dtype=np.intp)
     for step in range(_STEPS + 1):
         xi = rows.xi(v)
         s = slopes(rows, v, xi)
         better = s.residual < residual[at]
         best[at[better]], residual[at[better]], taken[at] = v[better], s.residual[better], step
-        going = (s.residual > tolerance) & (polished < _POLISHED) & ((polished == 0) | better) & (crept < _CREPT)
+        going = (s.residual > tolerance) & (polished < _POLISHED) & ((polished == 0) | better)
         if step == _STEPS or not np.any(going):
             break
         if not np.all(going):
             on = np.flatnonzero(going)
             s, rows, at = s.take(on), rows.take(on), at[on]
-            v, xi, polished, crept = v[on], xi[on], polished[on], crept[on]
-        v, level, node_by_node = _step(rows, v, xi, s, careful)
-        polished, crept = np.where(level, polished + 1, 0), crept + node_by_node
+            v, xi, polished, slow = v[on], xi[on], polished[on], slow[on]
+        new, level, whole = _step(rows, v, xi, s, careful)
+        for i in np.flatnonzero((slow >= _PATIENCE) & ~level):
+            target = _on_model(rows.single(int(i)), v[i], xi[i])
+            new[i], slow[i] = (new[i], -_PUT_OFF - 1) if target is None else (target, -1)
+        if downhill:
+            for i in np.flatnonzero(~level):
+                row = rows.take(np.array([i]))
+                target = _to_the_end(row, v[i], s.take(np.array([i])), new[i])
+                new[i] = _first_rest(rows.single(int(i)), v[i], xi[i], s.descent[i], target)
+        v, polished, slow = new, np.where(level, polished + 1, 0), np.where(whole, 0, slow + 1)
     return Descended(best, residual, taken)
 
 
@@ -120,11 +156,11 @@ def descend_nested(
 
 
 def _step(rows: Rows, v: Array, xi: Array, s: BlockSlopes, careful: bool) -> tuple[Array, Flags, Flags]:
-    """(next v, whether the change of energy was within rounding, whether it went node by node) of every row."""
+    """(next v, whether the change of energy was within rounding, whether it was a whole step) of every row."""
     d = _newton(rows, v, s, careful)
     first_order = np.where(d > 0.0, s.right, s.left)
     stop = rows.laws.next_up_jump(s.at, d)
-    new, level, node_by_node = v.copy(), np.zeros(len(v), dtype=bool), np.zeros(len(v), dtype=bool)
+    new, level, whole = v.copy(), np.zeros(len(v), dtype=bool), np.zeros(len(v), dtype=bool)
     todo = np.arange(len(v))
     for halving in range(_HALVINGS + 1):
         x, direction, end = v[todo], 0.5**halving * d[todo], stop[todo]
@@ -136,15 +172,25 @@ def _step(rows: Rows, v: Array, xi: Array, s: BlockSlopes, careful: bool) -> tup
         needed = _ARMIJO * np.abs(np.einsum("ri,ri->r", first_order[todo], target - x))
         accepted = (change < 0.0) & (change <= -needed)
         within = ~accepted & (np.abs(change) <= _ROUNDING * work) & (halving == 0)
+        if np.any(within):
+            within[within] = _at_rounding(
+                rows.take(todo[within]), x[within], xi[todo[within]], s.residual[todo[within]]
+            )
         taken = accepted | within
-        new[todo[taken]], level[todo[within]] = target[taken], True
+        new[todo[taken]], level[todo[within]], whole[todo[taken]] = target[taken], True, halving == 0
         todo = todo[~taken]
         if not len(todo):
             break
     for i in todo:
         new[i] = descend_nodes(rows.single(int(i)), v[i], xi[i], s.descent[i])
-    node_by_node[todo] = True
-    return new, level, node_by_node
+    return new, level, whole
+
+
+def _at_rounding(rows: Rows, v: Array, xi: Array, residual: Array) -> Flags:
+    """(R,) whether residuals are no more than rounding of the largest terms of ξ."""
+    terms = np.diagonal(rows.body.A_tilde) * np.abs(v) + np.abs(rows.loads) + np.abs(xi)
+    rounding = np.finfo(float).eps * np.max(terms / rows.body.c, axis=1, initial=0.0) / rows.scale(xi)
+    return np.asarray(residual <= ROUNDINGS * rounding)
 
 
 def _newton(rows: Rows, v: Array, s: BlockSlopes, careful: bool) -> Array:
@@ -156,6 +202,129 @@ def _newton(rows: Rows, v: Array, s: BlockSlopes, careful: bool) -> Array:
     return d
 
 
+# -- what a row does by itself where Newton's steps are slow ----------------------------------------
+
+
+def _on_model(problem: ContactProblem, v: Array, xi: Array) -> Array | None:
+    """The first of the step lengths 1, ½, ¼ … towards the minimum of the convex model that lowers the energy."""
+    minimum = convex_step(problem, v)
+    if minimum is None:
+        return None
+    for halving in range(_HALVINGS + 1):
+        target = minimum if halving == 0 else v + 0.5**halving * (minimum - v)
+        if energy_change(problem, v, xi, target - v, problem.A_tilde @ (target - v)) < 0.0:
+            return target
+    return None
+
+
+def _to_the_end(row: Rows, v: Array, s: BlockSlopes, target: Array) -> Array:
+    """The end of the pieces on the way to `target` where the energy bends down along it, or `target` (m,).
+
+    Beside a fold the energy is flat, and Newton's steps on a convex model creep.
+    """
+    step = target - v
+    piece = s.at.toward(step > 0.0)[0]
+    curvature = step @ (row.body.A_tilde @ step + row.body.c * row.laws.slope(v, piece) * step)
+    if not np.any(step) or curvature > 0.0:
+        return target
+    end = np.where(step > 0.0, row.laws.upper.take(piece), row.laws.lower.take(piece))
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        reach = np.where(step != 0.0, (end - v) / step, np.inf)
+    node = int(np.argmin(reach))
+    if not 1.0 < reach[node] < np.inf:
+        return target
+    target = v + reach[node] * step
+    target[node] = end[node]
+    return np.asarray(target)
+
+
+def _first_rest(problem: ContactProblem, v: Array, xi: Array, descent: Array, target: Array) -> Array:
+    """Where on the straight way to `target` the energy first stops falling (m,); node by node if it rises at once.
+
+    On straight pieces the slope of the energy along the way is a line between the kinks that nodes pass; a node that
+    stops on a kink is there to the bit.
+    """
+    law, c, step = problem.law, problem.c, target - v
+    piece = np.where(step > 0.0, law.piece(v, +1), law.piece(v, -1))
+    moving = np.flatnonzero(step)
+    tables, index = law.tables, law.node_index(problem.m)
+    kinks = tables.kinks[index[moving]]
+    shares = (kinks - v[moving, None]) / step[moving, None]
+    row, kink = np.nonzero((shares > 0.0) & (shares < 1.0))
+    order = np.argsort(shares[row, kink], kind="stable")
+    row, kink = row[order], kink[order]
+    node, s, at = moving[row], kinks[row, kink], shares[row, kink]
+    kink, on = tables.first[index[node]] + kink, (step[node] > 0.0).astype(np.intp)
+    weight = c[node] * step[node]
+    jump = weight * (tables.value(s, kink + on) - tables.value(s, kink + 1 - on))
+    bend = weight * step[node] * (tables.slope(s, kink + on) - tables.slope(s, kink + 1 - on))
+    begins = np.append(0.0, at)
+    curvature = step @ (problem.A_tilde @ step + c * law.slope(v, piece) * step) + np.append(0.0, np.cumsum(bend))
+    rise = curvature * np.diff(np.append(begins, 1.0))
+    first = step @ (c * law.value(v, piece) - xi) + np.append(0.0, np.cumsum(rise[:-1] + jump))
+    k = int(np.argmax(first + rise > 0.0))
+    if not first[k] + rise[k] > 0.0:
+        return target
+    if first[k] < 0.0:
+        return np.asarray(v + (begins[k] - first[k] / curvature[k]) * step)
+    if k == 0:
+        return descend_nodes(problem, v, xi, descent)
+    found = v + at[k - 1] * step
+    found[node[k - 1]] = s[k - 1]
+    return np.asarray(found)
+
+
+def descend_nodes(problem: ContactProblem, v: Array, xi: Array, descent: Array) -> Array:
+    """v after one Gauss–Seidel pass over the descending nodes, largest expected gain first (m,).
+
+    descent: the descending one-sided slopes at v (0 at rest) [N/m]
+    """
+    A_tilde, c, law = problem.A_tilde, problem.c, problem.law
+    diagonal = np.diagonal(A_tilde)
+    gain = descent**2 / diagonal
+    v, xi = v.copy(), xi.copy()
+    for node in map(int, np.argsort(-gain, kind="stable")[: np.count_nonzero(gain)]):
+        target = node_rest(law.single(node), float(v[node]), float(xi[node] / c[node]), float(diagonal[node] / c[node]))
+        xi -= A_tilde[node] * (target - v[node])
+        v[node] = target
+    return v
+
+
+def node_rest(law: Laws, s_0: float, traction: float, stiffness: float) -> float:
+    """Where ½ k (s − s₀)² − traction (s − s₀) + j(s), one node with all others held, first rests downhill from s₀.
+
+    A zero of its slope, or a jump behind which it climbs; exponential pieces stop short of the zero: the curvature
+    k + b′ is monotone on a piece, so that its larger end bounds it and no step passes a zero.
+
+    traction: ξ/c at s₀ [Pa];  stiffness: k = Ã_ii/c_i [Pa/m]
+    """
+
+    def climb(s: float, piece: int) -> float:
+        return float(law.value(s, piece)) + stiffness * (s - s_0) - traction
+
+    s, before, behind = s_0, int(law.piece(s_0, -1)), int(law.piece(s_0, +1))
+    left, right = climb(s, before), climb(s, behind)
+    if max(-right, left) <= 0.0:
+        return s
+    sign, piece = (1, behind) if -right >= left else (-1, before)
+    while True:
+        end = float(law.ends(np.asarray(piece))[sign > 0])
+        far = float(law.slope(end, piece)) if np.isfinite(end) else float(law.q[piece])
+        for _ in range(_MAJORANT_STEPS if law.bent[piece] else 1):
+            bound, downhill = stiffness + max(float(law.slope(s, piece)), far), -sign * climb(s, piece)
+            if downhill <= 0.0:
+                return s
+            if bound <= 0.0 or abs(end - s) * bound <= downhill:
+                s = end
+                break
+            s += sign * downhill / bound
+        if not np.isfinite(s):  # nothing holds the node
+            return s_0
+        if s != end or sign * climb(s, piece + sign) >= 0.0:
+            return s
+        piece += sign
+
+
 # -- starts of the search for less energy ----------------------------------------------------------
 
 
@@ -165,19 +334,22 @@ def hull_starts(rows: Rows, v: Array) -> tuple[Array, Flags]:
     v: (R, m) where the first problem begins
     """
     lowest = np.zeros(len(v), dtype=bool)
-    found, at, kappa, nested = v.copy(), np.arange(len(v)), _BELOW * rows.body.lambda_1, True
+    found, at, kappa, first = v.copy(), np.arange(len(v)), _BELOW * rows.body.lambda_1, True
     stiffest = float(np.max(np.diagonal(rows.body.A_tilde) / rows.body.c))
     ceiling = np.minimum(rows.laws.omega_by_row, stiffest)
     while len(at):
         laws = rows.laws.in_use()
-        hulls, bridges = proximal_hulls(laws, kappa, passes=1)
+        hulls, bridges = proximal_hulls(laws, kappa, passes=1 if len(laws.q) > FEW_LAWS else PASSES)
         smooth = Rows(rows.body, hulls.at(laws.index), rows.loads)
-        ended = descend_nested(smooth, v, LOOSE, coarse=LOOSE) if nested else descend(smooth, v, LOOSE, minima=True)
+        nested = first and rows.body.shared
+        ended = (
+            descend_nested(smooth, v, LOOSE, coarse=LOOSE) if nested else descend(smooth, v, LOOSE, minima=not first)
+        )
         on_bridge = np.any(bridges.cover(laws.index, ended.v), axis=1)
         found[at] = ended.v
-        if nested:
+        if first:
             lowest[at] = ~on_bridge & (ended.residual <= LOOSE)
-        kappa, nested = GROWTH * kappa, False
+        kappa, first = GROWTH * kappa, False
         on = np.flatnonzero(on_bridge & (kappa < ceiling[at]))
         rows, at, v = rows.take(on), at[on], ended.v[on]
     return found, lowest

@@ -22,7 +22,6 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.contact.body import CondensedBody, Rows
-from tcstudy.contact.separable.descent import ROUNDINGS, off_saddle
 from tcstudy.contact.separable.pieces import negative_curvature, with_diagonal
 from tcstudy.laws.pieces import BEND, Place
 
@@ -34,6 +33,12 @@ STACKED, TRUSTED = 24, 64
 """Up to so many unknowns linear systems are stacked for one call, and systems with falls of b taken as they are."""
 _WIDTH = 8
 """Stacked systems are padded to multiples of this."""
+_NOTHING = 2.0**-60
+"""Part of the diagonal of Ã below which slopes of b are nothing beside it."""
+_PROXIMAL = 1e-6
+"""What holds a body that nothing else holds, of the diagonal of Ã."""
+ROUNDINGS = 64.0
+"""Decreases of energy below so many roundings of the work of ξ count as rounding."""
 _INDEFINITE_COST = 1.5
 """What a symmetric indefinite factorisation costs, in Cholesky factorisations."""
 
@@ -96,7 +101,7 @@ def directions(body: CondensedBody, free: Flags, stiffness: Array, g: Array, car
 
     careful: also of small systems all
     """
-    loaded = free & (stiffness != 0.0)
+    loaded = free & (np.abs(stiffness) > _NOTHING * np.diagonal(body.A_tilde))
     held = ~free | loaded
     d, size = np.zeros(free.shape), np.count_nonzero(free, axis=1)
     other = np.count_nonzero(held, axis=1)
@@ -104,13 +109,18 @@ def directions(body: CondensedBody, free: Flags, stiffness: Array, g: Array, car
     trusted = falls & (least <= (0 if careful else TRUSTED))
     stack = (trusted | ~falls) & (least <= STACKED)
     compliant = np.where(falls & ~trusted, _INDEFINITE_COST, 1.0) * other < size
+    compliant &= body.shared
+    if body.loose:  # its systems may be singular, and are looked at one by one
+        stack[:], trusted[:] = False, False
     g = np.where(free, g, 0.0)
     y = np.zeros(free.shape)
-    y[compliant] = -(g[compliant] @ body.inverse)
+    if np.any(compliant):
+        y[compliant] = -(g[compliant] @ body.inverse)
     z, softness = np.zeros(free.shape), np.divide(1.0, stiffness, out=np.zeros(free.shape), where=loaded)
     rows, others = np.flatnonzero(stack & ~compliant), np.flatnonzero(stack & compliant)
     d[rows] = _stacked(body.A_tilde, free[rows], stiffness[rows], -g[rows])
-    z[others] = _stacked(body.inverse, held[others], softness[others], y[others])
+    if len(others):
+        z[others] = _stacked(body.inverse, held[others], softness[others], y[others])
     for i in np.flatnonzero(~stack & ~compliant):
         nodes = free[i].nonzero()[0]
         d[i, nodes] = _on_free(body, nodes, stiffness[i].take(nodes), -g[i].take(nodes), bool(trusted[i]))
@@ -118,7 +128,8 @@ def directions(body: CondensedBody, free: Flags, stiffness: Array, g: Array, car
     for i in np.flatnonzero(~stack & compliant):
         nodes = held[i].nonzero()[0]
         z[i, nodes] = _on_held(body, nodes, k[i].take(nodes), y[i].take(nodes), bool(trusted[i]))
-    d[compliant] = y[compliant] - z[compliant] @ body.inverse
+    if np.any(compliant):
+        d[compliant] = y[compliant] - z[compliant] @ body.inverse
     d[~free] = 0.0
     uphill = np.flatnonzero(trusted)
     uphill = uphill[~(np.einsum("ri,ri->r", g[uphill], d[uphill]) < 0.0)]
@@ -158,7 +169,12 @@ def _on_free(body: CondensedBody, free: Index, k: Array, rhs: Array, trusted: bo
     x, info = _positive(with_diagonal(body.A_tilde, free, k), rhs)
     if info and trusted:
         return np.asarray(np.linalg.solve(with_diagonal(body.A_tilde, free, k), rhs))
-    return _positive(with_diagonal(body.A_tilde, free, np.maximum(k, 0.0)), rhs)[0] if info else x
+    if info:
+        x, info = _positive(with_diagonal(body.A_tilde, free, np.maximum(k, 0.0)), rhs)
+    if info:  # only friction holds the body, and too little of it: a proximal step, which up-jumps will stop
+        k = np.maximum(k, 0.0) + _PROXIMAL * np.diagonal(body.A_tilde)[free]
+        x, info = _positive(with_diagonal(body.A_tilde, free, k), rhs)
+    return x if info == 0 else np.zeros(len(free))
 
 
 def _on_held(body: CondensedBody, held: Index, k: Array, y: Array, trusted: bool) -> Array:
@@ -193,10 +209,20 @@ def leave_saddles(rows: Rows, v: Array, xi: Array, s: BlockSlopes) -> tuple[Arra
 
 
 def _lower_along(row: Rows, v: Array, xi: Array, s: BlockSlopes, direction: Array) -> tuple[Array, bool]:
-    """(the point towards the first kink along ±direction, True) if it is lower, else (v, False)."""
-    ends = row.laws.lower.take(s.piece[0]), row.laws.upper.take(s.piece[0])
-    for step in off_saddle(v, direction, (s.left[0], s.right[0]), ends):
-        change, work = row.energy_change(v[None], xi[None], (v + step)[None], s.at)
+    """(the point towards the first kink along ±direction, True) if it is lower, else (v, False).
+
+    Until a node reaches its next kink the energy of a piecewise-linear law is an exact parabola that opens downwards:
+    the first step ends there. Exponential pieces may need shorter ones.
+    """
+    first_order = np.where(direction > 0.0, s.right[0], s.left[0])
+    direction = -direction if float(first_order @ direction) > 0.0 else direction
+    end = np.where(direction > 0.0, row.laws.upper.take(s.piece[0]), row.laws.lower.take(s.piece[0]))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = np.where(direction != 0.0, (end - v) / direction, np.inf)
+    length = float(np.min(reach[reach > 0.0], initial=np.inf))
+    for part in (1.0, 0.25, 0.05) if np.isfinite(length) else ():
+        target = v + part * length * direction
+        change, work = row.energy_change(v[None], xi[None], target[None], s.at)
         if change[0] < -ROUNDINGS * np.finfo(float).eps * work[0]:
-            return v + step, True
+            return target, True
     return v, False

@@ -196,7 +196,7 @@ ALL = "all"
 
 START_NAMES = ("zero", "frictionless", "neighbour", "escape", "exact")
 """Starts: no displacement, the solution without friction, the solution of a neighbouring problem, where these may not
-have led to the least energy the convexified problem and moves of single nodes (contact/search.py), and the exact
+have led to the least energy the convexified problem and moves of single nodes (contact/descent.py), and the exact
 solution of the continuous problem where the study gives one."""
 ZERO, FRICTIONLESS, NEIGHBOUR, ESCAPE, EXACT = range(len(START_NAMES))
 

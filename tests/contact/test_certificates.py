@@ -5,10 +5,9 @@ import pytest
 
 from tcstudy.contact.bounds import bend_below_tangent, least_slope, quotient, solution_box, tables_of, value_range
 from tcstudy.contact.certificates import certify
-from tcstudy.contact.loop import iterate
+from tcstudy.contact.contact import nearest_minimum
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.contact.separable.finish import ActivePieces, solve_on
-from tcstudy.contact.separable.newton import SeparableNewton
 from tcstudy.laws.laws import Laws
 from tests.contact import contact_cases as cases
 from tests.contact import exhaustive
@@ -128,7 +127,7 @@ def test_exponential_laws_against_a_grid_of_energies(m: int) -> None:
         axes = [np.linspace(min(a, -0.01), max(b, 0.01), 601) for a, b in zip(low, high, strict=True)]
         lowest = float(np.min(grid_energy(problem, axes)))
         for x0 in (np.zeros(m), problem.frictionless()):
-            v = iterate(SeparableNewton(), problem, x0).x
+            v = nearest_minimum(problem, x0, 1e-12)[0]
             here = float(grid_energy(problem, [np.array([s]) for s in v]).item())
             certificate = certify(problem, v)
             assert np.all(low - 1e-10 <= v)
@@ -176,7 +175,7 @@ def test_convex_and_flags_under_other_units() -> None:
     x = np.linspace(0.0, 1.0, 30)
     for d, convex in ((0.2, True), (0.1, False)):
         problem = ContactProblem(A_tilde, c * (0.9 + 0.4 * np.sin(5 * x)), c, cases.slip_weakening(1.0, 0.5, d))
-        v = iterate(SeparableNewton(), problem, np.zeros(30)).x
+        v = nearest_minimum(problem, np.zeros(30), 1e-12)[0]
         certificate = certify(problem, v)
         assert certificate.convex == convex
         assert certificate.lambda_1 == pytest.approx(np.pi, rel=1e-12)

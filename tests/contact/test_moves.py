@@ -1,23 +1,37 @@
 """Moves of one node with the others relaxed: the rank-one energies against dense algebra, and what they find."""
 
-from itertools import islice
-
 import numpy as np
 import pytest
 
+from tcstudy.contact.body import as_row
 from tcstudy.contact.bounds import tables_of
-from tcstudy.contact.loop import iterate
-from tcstudy.contact.moves import best_places, follow
+from tcstudy.contact.contact import nearest_minimum
+from tcstudy.contact.descent import move_starts
+from tcstudy.contact.moves import best_places, follow, relaxed_stiffness
 from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.search import _relaxed, node_moves
-from tcstudy.contact.separable.newton import SeparableNewton
-from tcstudy.contact.separable.pieces import energy_change, slopes
+from tcstudy.contact.separable.pieces import energy_change, factor_free, slopes
 from tests.contact import contact_cases as cases
 
+Array = np.ndarray
 
-def descend(problem: ContactProblem, x0: np.ndarray | None = None) -> np.ndarray:
-    start = np.zeros(problem.m) if x0 is None else x0
-    return iterate(SeparableNewton(coarsest=0), problem, start).x
+
+def descend(problem: ContactProblem, x0: Array | None = None) -> Array:
+    return nearest_minimum(problem, np.zeros(problem.m) if x0 is None else x0, 1e-12)[0]
+
+
+def node_moves(problem: ContactProblem, v: Array) -> Array:
+    """The promises, the best first."""
+    return move_starts(as_row(problem), v[None])[0]
+
+
+def relaxed(problem: ContactProblem, v: Array) -> tuple[Array, Array, Array]:
+    """(free nodes, factor of H, k)."""
+    rest = slopes(problem, v, problem.xi(v)).at_rest
+    free, law = np.flatnonzero(~rest), problem.law
+    added = problem.c[free] * law.of_nodes(free).slope(v[free], law.piece(v)[free])
+    factor, info = factor_free(problem.A_tilde, free, added)
+    assert info == 0
+    return free, factor, relaxed_stiffness(problem.A_tilde, free, np.flatnonzero(rest), factor, added)
 
 
 def test_one_node_leaves_its_well() -> None:
@@ -25,7 +39,7 @@ def test_one_node_leaves_its_well() -> None:
     law = cases.slip_weakening(1.0, 0.2, 0.4)
     problem = ContactProblem(np.eye(1), np.array([0.8]), np.ones(1), law)
     assert [float(w[0]) for w in node_moves(problem, np.zeros(1))] == pytest.approx([0.6], rel=1e-14)
-    assert list(node_moves(problem, np.array([0.6]))) == []
+    assert len(node_moves(problem, np.array([0.6]))) == 0
 
 
 def test_one_node_leaves_a_well_along_an_exponential() -> None:
@@ -46,7 +60,7 @@ def test_many_nodes_leave_wells_along_an_exponential() -> None:
         law = cases.exponential_decay(1.0, 0.5, 10.0 ** rng.uniform(-2.5, -1.0))
         problem = ContactProblem(A_tilde, c * rng.uniform(0.3, 1.3, 12), c, law)
         v = descend(problem)
-        for w in islice(node_moves(problem, v), 1):
+        for w in node_moves(problem, v)[:1]:
             promised += 1
             lower += problem.energy(descend(problem, w)) < problem.energy(v)
     assert promised >= 8
@@ -58,17 +72,15 @@ def test_stiffnesses_are_schur_complements() -> None:
     for seed in range(6):
         problem = cases.random_problem(np.random.default_rng([seed, 51]), 12, max_kinks=9)
         v = descend(problem)
-        xi = problem.xi(v)
-        relaxed = _relaxed(problem, v, xi)
-        assert relaxed is not None
-        rest = slopes(problem, v, xi).at_rest
+        _, _, stiffness = relaxed(problem, v)
+        rest = slopes(problem, v, problem.xi(v)).at_rest
         q = np.where(rest, 0.0, problem.law.slope(v, problem.law.piece(v)))
         for i in range(12):
             others = np.flatnonzero(~rest & (np.arange(12) != i))
             H = problem.A_tilde[np.ix_(others, others)] + np.diag(problem.c[others] * q[others])
             row = problem.A_tilde[others, i]
             k = problem.A_tilde[i, i] - (row @ np.linalg.solve(H, row) if len(others) else 0.0)
-            assert relaxed[2][i] == pytest.approx(k, rel=1e-9)
+            assert stiffness[i] == pytest.approx(k, rel=1e-9)
 
 
 def test_a_promise_is_the_exact_change_where_nobody_else_leaves_his_piece() -> None:
@@ -76,13 +88,11 @@ def test_a_promise_is_the_exact_change_where_nobody_else_leaves_his_piece() -> N
     for seed in range(40):
         problem = cases.random_problem(np.random.default_rng([seed, 52]), 10, max_kinks=9)
         v = descend(problem)
-        xi = problem.xi(v)
-        relaxed = _relaxed(problem, v, xi)
-        assert relaxed is not None
-        c, laws = problem.c, tables_of(problem.law, problem.m)
-        gain, target = best_places(*laws, v, xi / c, relaxed[2] / c)
+        xi, c, laws = problem.xi(v), problem.c, tables_of(problem.law, problem.m)
+        free, factor, stiffness = relaxed(problem, v)
+        gain, target = best_places(*laws, v, xi / c, stiffness / c)
         for node in np.flatnonzero(gain):
-            step = follow(problem.A_tilde, *relaxed[:2], int(node), float(target[node] - v[node]))
+            step = follow(problem.A_tilde, free, factor, int(node), float(target[node] - v[node]))
             same = problem.law.piece(v + step) == problem.law.piece(v)
             if np.all(same | slopes(problem, v, xi).at_rest | (np.arange(10) == node)):
                 change = energy_change(problem, v, xi, step, problem.A_tilde @ step)
@@ -98,7 +108,7 @@ def test_promises_lead_down(smooth: bool) -> None:
     for seed in range(80):
         problem = cases.random_problem(np.random.default_rng([seed, 53]), 20, max_kinks=15, smooth=smooth)
         v = descend(problem)
-        for w in islice(node_moves(problem, v), 1):
+        for w in node_moves(problem, v)[:1]:
             end = descend(problem, w)
             promised += 1
             lower += problem.energy(end) < problem.energy(v)
@@ -111,4 +121,4 @@ def test_no_move_from_a_point_that_is_no_minimum() -> None:
     law = cases.slip_weakening(1.0, 0.2, 0.2)
     slip = np.full(5, 0.1)
     problem = ContactProblem(A_tilde, A_tilde @ slip + c * law.b(slip), c, law)
-    assert list(node_moves(problem, slip)) == []
+    assert len(node_moves(problem, slip)) == 0

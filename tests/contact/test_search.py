@@ -3,19 +3,11 @@
 import numpy as np
 import pytest
 
-from tcstudy.contact import search as escape_module
+from tcstudy.contact import descent
+from tcstudy.contact.body import as_row
 from tcstudy.contact.contact import Answer, solve_contact
-from tcstudy.contact.loop import Outcome, Status, iterate
+from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.search import (
-    GROWTH,
-    PROMISES,
-    escape,
-    estimate_lambda_1,
-    hull_start,
-    seems_global,
-)
-from tcstudy.contact.separable.newton import SeparableNewton
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.scene.study import ESCAPE, Branch
@@ -63,7 +55,6 @@ def test_a_well_between_two_samples_of_the_law_is_found() -> None:
     answer = solve_contact(problem)
     assert answer.start == ESCAPE
     assert answer.energy == pytest.approx(exhaustive.least_energy(problem), rel=1e-12)
-    assert not seems_global(problem, np.array([-0.0033 / 0.0017]), problem.lambda_1)
 
 
 def test_nodes_that_push_each_other_apart() -> None:
@@ -71,7 +62,6 @@ def test_nodes_that_push_each_other_apart() -> None:
     points = [(-0.2, 0.4), (-0.1, -0.5), (0.3, -0.9), (0.4, -1.4), (0.5, 1.0)]
     law = SHAPES["piecewise-linear"].build(points=points, odd=False, slopes=[2.0, 0.3])
     problem = ContactProblem(np.array([[5.0, 4.0], [4.0, 5.0]]), np.full(2, -0.98), np.full(2, 0.675), law)
-    assert estimate_lambda_1(problem) == pytest.approx(problem.lambda_1, rel=1e-12)
     assert solve_contact(problem).energy == pytest.approx(exhaustive.least_energy(problem), rel=1e-12)
 
 
@@ -135,71 +125,27 @@ def test_convexified_start_knows_when_it_is_the_lowest() -> None:
     A_tilde, c = cases.half_laplacian(30)
     x = np.linspace(0.0, 1.0, 30)
 
-    def start(law: Laws) -> bool:
+    def lowest(law: Laws) -> bool:
         problem = ContactProblem(A_tilde, c * (1.4 + 0.6 * np.sin(7 * x)), c, law)
-        loose = SeparableNewton(1e-3)
-        v, lowest = hull_start(problem, np.zeros(30), estimate_lambda_1(problem), lambda p, x0: iterate(loose, p, x0))
-        assert problem.m == len(v)
-        return lowest
+        return bool(descent.hull_starts(as_row(problem), np.zeros((1, 30)))[1][0])
 
-    assert start(cases.slip_weakening(1.0, 0.1, 0.01))
-    assert not start(down_jumps(0.6, 10))
+    assert lowest(cases.slip_weakening(1.0, 0.1, 0.01))
+    assert not lowest(down_jumps(0.6, 10))
 
 
-def test_estimate_of_lambda_1() -> None:
-    for m in (1, 7, 60):
-        A_tilde, c = cases.half_laplacian(m)
-        problem = ContactProblem(A_tilde, c, c, cases.sawtooth())
-        assert 1.0 - 1e-12 <= estimate_lambda_1(problem) / problem.lambda_1 <= 1.02
-
-
-def test_seems_global_near_a_down_jump() -> None:
-    """One node a little before a jump: D = J/(2δ) − q is attained a distance δ behind it, where no sample is."""
-    law = cases.linear_law("jump", [0.0, 1.0], [-1.0, 1.0], [1.0, 0.5], (0.0, 0.0))
-    for stiffness, expected in ((20.0, False), (30.0, True)):  # J/(2δ) = 25
-        at = 0.99
-        problem = ContactProblem(np.array([[stiffness]]), np.array([stiffness * at + 1.0]), np.ones(1), law)
-        assert problem.inclusion_residual(np.array([at])) <= 1e-14
-        assert seems_global(problem, np.array([at]), stiffness) is expected
-
-
-def test_moves_begin_at_the_best_and_end_where_none_helps(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever converges higher up, or as high, neither takes the place of the best nor goes on."""
-    A_tilde, c = cases.half_laplacian(20)
-    problem = ContactProblem(A_tilde, c * np.linspace(0.4, 1.8, 20), c, down_jumps(0.6, 10))
-    best = solve_contact(problem).v
-    begun: list[np.ndarray] = []
-
-    def moves(own: ContactProblem, v: np.ndarray) -> list[np.ndarray]:
-        begun.append(v)
-        slipping = np.flatnonzero(~np.isin(v, own.law.kinks))[0]
-        return [np.where(np.arange(own.m) == slipping, v * (1.0 + 1e-13), v), v + 0.1, v + 0.2]
-
-    def stay(own: ContactProblem, x0: np.ndarray, accuracy: float) -> Outcome:
-        return Outcome(x0, 0.0, Status.CONVERGED, "", 1, 1)
-
-    monkeypatch.setattr(escape_module, "seems_global", lambda *_: False)
-    monkeypatch.setattr(escape_module, "hull_start", lambda p, x, *_: (x + 0.5, False))
-    monkeypatch.setattr(escape_module, "node_moves", moves)
-    found = escape(problem, best, 1e-12, stay)
-    assert found is not None
-    assert len(begun) == 1
-    assert np.array_equal(begun[0], best)
-    assert found.iterations == 1 + PROMISES
-
-
-def test_nonconvexity_is_let_in_step_by_step() -> None:
+def test_nonconvexity_is_let_in_step_by_step(monkeypatch: pytest.MonkeyPatch) -> None:
     """Falls of the convexified laws: below λ₁, then four times as steep each time."""
     A_tilde, c = cases.half_laplacian(30)
     problem = ContactProblem(A_tilde, c * 1.4, c, down_jumps(0.6, 10))
     falls: list[float] = []
+    original = descent.proximal_hulls
 
-    def solve(changed: ContactProblem, x0: np.ndarray) -> Outcome:
-        falls.append(changed.law.omega)
-        return iterate(SeparableNewton(1e-3), changed, x0)
+    def hulls(laws: Laws, kappa: float, passes: int) -> object:
+        falls.append(kappa)
+        return original(laws, kappa, passes)
 
-    hull_start(problem, np.zeros(30), problem.lambda_1, solve)
+    monkeypatch.setattr(descent, "proximal_hulls", hulls)
+    descent.hull_starts(as_row(problem), np.zeros((1, 30)))
     assert len(falls) >= 2
     assert falls[0] < problem.lambda_1
-    assert np.array(falls[1:]) == pytest.approx(GROWTH * np.array(falls[:-1]), rel=1e-9)
-    assert GROWTH == 4.0
+    assert np.array(falls[1:]) == pytest.approx(4.0 * np.array(falls[:-1]), rel=1e-9)

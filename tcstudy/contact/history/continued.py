@@ -21,20 +21,18 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.contact import Answer, as_it_is, solve_contact
+from tcstudy.contact.contact import Answer, as_it_is, nearest_minimum, solve_contact
 from tcstudy.contact.history.folds import ended, folds_beside, standing
 from tcstudy.contact.history.memory import LAW_ERROR
 from tcstudy.contact.history.part import ROUNDING, StepPart
 from tcstudy.contact.history.problem import HistoryProblem, HistoryStep, booked, proved
-from tcstudy.contact.loop import Status, iterate
+from tcstudy.contact.loop import Status
 from tcstudy.contact.path.follow import Follower, Path, PathStatus
 from tcstudy.contact.path.start import locate
 from tcstudy.contact.path.tableau import Tableau
 from tcstudy.contact.path.walk import units_of
 from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.separable.descent import escape, first_rest, new_state
-from tcstudy.contact.separable.newton import Downhill
-from tcstudy.contact.separable.pieces import energy_change, factorise
+from tcstudy.contact.separable.pieces import energy_change
 from tcstudy.scene.study import Acceptance, Direction
 
 Array = NDArray[np.float64]
@@ -45,8 +43,6 @@ BACK = 0.5
 """The path back from there has ended elsewhere if it is this far from the state, relative to the way ahead."""
 ASIDE = 0.05
 """The law's own solution lies beside that of straight pieces if it is nearer than this part of the way to it."""
-CREEPS = 40
-"""Steps of a descent after which it is helped out of flat places, and how often."""
 MOST_PARTS = 1000
 UPHILL = "no state of less energy is found beyond a fold: the next one found has {gain:.2g} J/m more"
 HIDDEN = "the law's own way is not the one along straight pieces in the place of its curve"
@@ -143,28 +139,10 @@ class _Step:
         return self.fold > ahead and self._elsewhere()  # straight pieces may fold later still
 
     def _descended(self, problem: ContactProblem, w: Array) -> Array:
-        """Where descent from w ends, to rounding.
-
-        Beside a fold the energy is flat, and Newton's steps on a convex model creep: one along the negative curvature,
-        to the end of the piece, takes their place; where it is flat, Newton's own, as far as the energy falls.
-        """
-        method = Downhill(tolerance=1e-14, max_iterations=CREEPS)
-        for _ in range(CREEPS):
-            outcome = iterate(method, problem, w)
-            self.iterations += outcome.iterations
-            if outcome.status != Status.ITERATION_LIMIT:
-                break
-            state = new_state(problem, outcome.x)
-            free = np.flatnonzero(~state.slopes.at_rest)
-            slope = problem.law.of_nodes(free).slope(state.v[free], state.piece[free])
-            system = factorise(problem, free, slope)
-            w = escape(problem, state, system).v
-            if system.curvature is None:
-                target = state.v.copy()
-                target[free] -= system.solve(state.slopes.descent[free])
-                rest = first_rest(problem, state, target)
-                w = w if rest is None else rest
-        return outcome.x
+        """Where descent from w ends, to rounding, over no barrier."""
+        found, steps = nearest_minimum(problem, w, 1e-14, over_barriers=False)
+        self.iterations += steps
+        return found
 
     @property
     def _follower(self) -> Follower:

@@ -14,7 +14,6 @@ from tcstudy.contact.history.problem import HistoryProblem, HistoryStep, booked,
 from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.contact.separable.convex_step import convex_step
-from tcstudy.contact.separable.pieces import slopes
 from tcstudy.scene.study import Branch
 
 Array = NDArray[np.float64]
@@ -60,11 +59,8 @@ def lowest(body: HistoryProblem, last: HistoryStep, load: Array) -> HistoryStep:
 
 def _held_by_friction(body: HistoryProblem, problem: ContactProblem, w: Array, failed: Answer) -> Answer:
     """The same from the minimum of the convex model, for a body that lies loose while all its nodes slide."""
-    law = problem.law
-    xi = problem.xi(w)
-    piece = np.where(slopes(problem, w, xi).descent <= 0.0, law.piece(w, +1), law.piece(w, -1))
-    found = convex_step(problem, w, piece)
+    found = convex_step(problem, w)
     if found is None:
         return failed
-    answer = solve_contact(problem, tolerance=body.tolerance, branch="continued", neighbour=found[0])
+    answer = solve_contact(problem, tolerance=body.tolerance, branch="continued", neighbour=found)
     return replace(answer, iterations=answer.iterations + failed.iterations)

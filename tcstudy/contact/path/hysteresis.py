@@ -11,10 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.loop import iterate
+from tcstudy.contact.contact import nearest_minimum
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path, PathStatus
 from tcstudy.contact.separable.finish import extended
-from tcstudy.contact.separable.newton import SeparableNewton
 
 Array = NDArray[np.float64]
 
@@ -71,7 +70,7 @@ def hysteresis(
 ) -> Hysteresis:
     """The loop between t_down and t_up > t_down, from the stable solution v of t_down: the first cycle that closes.
 
-    Where it falls to is decided by energy descent from the fold (SeparableNewton without a coarser start), which is a
+    Where it falls to is decided by energy descent from the fold, which is a
     rule, not mechanics: inertia might carry the body past a shallow minimum.
     Raises ValueError for an empty range, NoSolutionError if v is no solution.
     """
@@ -137,13 +136,12 @@ class _Cycle:
         t = float(branch.t[-1])
         beyond = t + (1.0 if rising else -1.0) * BEYOND * (self.t_up - self.t_down)
         problem = self.problem.at(beyond)
-        outcome = iterate(SeparableNewton(coarsest=0), problem, self._over(branch, rising))
-        residual = extended(problem, outcome.x).residual
-        accepted = self.follower.acceptance.accepts(residual, problem.xi_rounding(outcome.x))
-        if not (outcome.converged or accepted):
-            self.reason = f"no solution was found beyond the fold at t = {t:g}: {outcome.reason}"
+        landed, _ = nearest_minimum(problem, self._over(branch, rising), 1e-12)
+        residual = extended(problem, landed).residual
+        if not self.follower.acceptance.accepts(residual, problem.xi_rounding(landed)):
+            self.reason = f"no solution was found beyond the fold at t = {t:g}: residual {residual:.1e}"
             return None
-        back = self._branch(outcome.x, beyond, t, not rising)
+        back = self._branch(landed, beyond, t, not rising)
         if back.end.status != PathStatus.RANGE_END:
             self.reason = f"the solution beyond the fold at t = {t:g} does not reach back to it: {back.end.reason}"
             return None

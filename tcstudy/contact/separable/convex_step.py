@@ -27,7 +27,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.separable.pieces import cholesky
+from tcstudy.contact.separable.pieces import cholesky, slopes
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
 
@@ -101,10 +101,8 @@ def _by_node(laws: Sequence[Laws], index: Index, b_scale: float) -> _Elements:
     return _Elements(s, h, gamma, sign, kink.astype(np.intp), np.array([least for _, least in own])[index])
 
 
-def convex_step(problem: ContactProblem, v: Array, piece: Index) -> tuple[Array, int] | None:
-    """(minimum of the model at v (m,), factorisations); None if b nowhere rises or the iteration fails.
-
-    piece: (m,) piece of every node, at a kink the one on its descending side
+def convex_step(problem: ContactProblem, v: Array) -> Array | None:
+    """The minimum of the model at v (m,), None if b nowhere rises or the iteration fails.
 
     Nodes on an up-jump at the minimum are put on it bitwise.
     """
@@ -112,6 +110,8 @@ def convex_step(problem: ContactProblem, v: Array, piece: Index) -> tuple[Array,
     laws, index = law.laws, law.node_index(problem.m)
     if not any(_rises(laws[k]) for k in np.unique(index)):
         return None
+    descent = slopes(problem, v, problem.xi(v)).descent
+    piece = np.where(descent <= 0.0, law.piece(v, +1), law.piece(v, -1))
     elements = _by_node(laws, index, law.b_scale)
     rest = law.value(v, piece) - elements.force(v, piece - law.tables.first[index] if not law.one else piece)
     return _InteriorPoint(problem, elements, problem.l_tilde - c * rest).minimum(v)
@@ -126,9 +126,8 @@ class _InteriorPoint:
         self.matrix = problem.A_tilde.copy()
         self.matrix[np.diag_indices(problem.m)] += self.c * elements.slope
         self.capped = np.isfinite(elements.h)
-        self.factorisations = 0
 
-    def minimum(self, v: Array) -> tuple[Array, int] | None:
+    def minimum(self, v: Array) -> Array | None:
         """Where the iteration ends, from v; None if it breaks down before the model is solved to any accuracy."""
         self._start(v)
         first = self._complementarity()
@@ -136,7 +135,7 @@ class _InteriorPoint:
             mu = self._complementarity()
             if mu <= _SMALL * first or not self._step(mu):
                 break
-        return (self._snapped(), self.factorisations) if self._complementarity() <= 1e-3 * first else None
+        return self._snapped() if self._complementarity() <= 1e-3 * first else None
 
     def _start(self, v: Array) -> None:
         el, p = self.elements, self.problem
@@ -162,7 +161,6 @@ class _InteriorPoint:
         matrix = self.matrix.copy()
         matrix[np.diag_indices(len(self.w))] += self.c * np.sum(el.sign**2 / theta, axis=0)
         factor, info = cholesky(matrix)
-        self.factorisations += 1
         if info != 0:
             return False
         balance = self.load - self.matrix @ self.w - self.c * np.sum(el.sign * self.e, axis=0)

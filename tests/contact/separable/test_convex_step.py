@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 import pytest
 
-from tcstudy.contact import contact
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.contact.separable.convex_step import convex_step
-from tcstudy.contact.separable.newton import SeparableNewton
 from tcstudy.laws.shapes import linear, piecewise_linear, tresca
 from tests.contact.ill_conditioned import FAMILIES, Family, body
 
@@ -40,16 +36,10 @@ def test_random_laws(family: Family) -> None:
             assert not answer.limited
 
 
-def test_failure_on_a_dense_body_names_its_own_reason(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Five hundred nodes, condition 1e5, any law: solved; and stopped too early it is not put down to rounding."""
+def test_five_hundred_nodes() -> None:
     rng = np.random.default_rng([0, 500])
     problem = next(f for f in FAMILIES if f.name == "one-sided-any-driven").problem(rng, 500, 1e5)
     assert solve_contact(problem, branch="from-zero").status == Status.CONVERGED
-    monkeypatch.setattr(contact, "SeparableNewton", partial(SeparableNewton, max_iterations=1))
-    stopped = solve_contact(problem, branch="from-zero")
-    assert stopped.inclusion_residual > 1e3 * stopped.rounding
-    assert stopped.status == Status.ITERATION_LIMIT
-    assert "rounding" not in stopped.reason
 
 
 def test_convex_model_of_a_convex_law_is_the_problem() -> None:
@@ -61,15 +51,14 @@ def test_convex_model_of_a_convex_law_is_the_problem() -> None:
     A, c = body(rng, 30, 1e4), rng.uniform(0.5, 2.0, 30)
     problem = ContactProblem(A, A @ rng.normal(size=30) + rng.normal(size=30), c, law)
     for start in (np.zeros(30), rng.normal(size=30), np.full(30, 5.0)):
-        found = convex_step(problem, start, law.piece(start))
+        found = convex_step(problem, start)
         assert found is not None
-        assert problem.inclusion_residual(found[0]) <= 1e-5
-        assert found[1] <= 40
+        assert problem.inclusion_residual(found) <= 1e-5
 
 
 def test_law_that_nowhere_rises_has_no_such_model() -> None:
     problem = ContactProblem(np.eye(2), np.ones(2), np.ones(2), linear(1.0))
-    assert convex_step(problem, np.zeros(2), np.zeros(2, dtype=np.intp)) is None
+    assert convex_step(problem, np.zeros(2)) is None
 
 
 @pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
@@ -78,8 +67,7 @@ def test_model_has_no_unit(unit: float) -> None:
     A = body(rng, 25, 1e6)
     problem = ContactProblem(A, A @ rng.normal(size=25), np.ones(25), tresca(0.5))
     scaled = ContactProblem(A / unit, problem.l_tilde, problem.c, tresca(0.5))
-    zero, piece = np.zeros(25), np.ones(25, dtype=np.intp)
-    plain, other = convex_step(problem, zero, piece), convex_step(scaled, zero, piece)
+    plain, other = convex_step(problem, np.zeros(25)), convex_step(scaled, np.zeros(25))
     assert plain is not None
     assert other is not None
-    assert other[0] / unit == pytest.approx(plain[0], rel=1e-6, abs=1e-9)
+    assert other / unit == pytest.approx(plain, rel=1e-6, abs=1e-9)
