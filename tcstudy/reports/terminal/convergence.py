@@ -1,8 +1,8 @@
-"""The report of a convergence file: errors with rates, orders with their reasons, extrapolated numbers."""
+"""The report of a convergence file: errors with rates and orders, extrapolated numbers."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,18 +23,23 @@ GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("u_T", "tangential displacement on Γ_C", ("u_T_L2", "u_T_max")),
     ("ξ", "friction traction on Γ_C", ("xi_L2", "xi_nodes", "xi_max")),
 )
-"""Errors that share a table and a panel of the plot."""
-
-_BY_NAME = {measure.name: measure for measure in ERRORS}
+"""Errors that share a panel of the plot, in the order of the tables."""
+SYMBOLS = {measure.name: measure.symbol for measure in ERRORS}
 LEGEND = (
-    "factor, rate: from the level before. order: least-squares slope ± standard error over the levels named; of two "
-    f"levels it is a guess ({sentences.GUESS}). "
-    "PRE-ASYMPTOTIC: rates of the finest levels differ by more than 0.2. Values in (parentheses) did not converge "
-    "and enter no fit. Errors are relative to the norm of the reference; H¹ is the seminorm; ξ is compared in L²(Γ_C) "
-    "as a step function, and at the contact nodes."
+    "rate: from the level before. order: least-squares slope ± standard error over the levels named; of two levels it "
+    f"is a guess ({sentences.GUESS}). PRE-ASYMPTOTIC: rates of the finest levels differ by more than 0.2. Values in "
+    "(parentheses) did not converge and enter no fit. Errors are relative to the norm of the reference; H¹ is the "
+    "seminorm; ξ is compared in L²(Γ_C) as a step function, and at the contact nodes."
 )
-
-
+MARKS = {"exact": "exact", "slower": " <", "faster": " >", "pre_asymptotic": " ~", "too_few_levels": sentences.GUESS}
+"""What stands in place of an order that is rounding, and behind one that is not as expected."""
+OVERVIEW = (
+    "Orders fitted over the levels. < slower and > faster than expected, ~ not yet settled (pre-asymptotic), exact: "
+    f"all errors are rounding, {sentences.GUESS}: a guess from two levels, (order): some level was not solved. "
+    "Tables of a point: --at NAME=VALUE; of all: -v."
+)
+RANKS = {"u_H1": 1, "xi_L2": 2, "u_L2": 3, "theta_H1": 4, "u_energy": 5, "theta_L2": 6, "u_T_L2": 7, "xi_nodes": 8}
+"""Importance of errors where there is no room for all."""
 STEADY = 1e-12
 """Relative uncertainty that is rounding and not worth a word."""
 
@@ -49,8 +54,7 @@ def convergence_report(
 
     Raises StoreError if it is no such file, DrawError if it has no such point.
     """
-    data = load_root(path)
-    return render(list(parts(data, point, full)), form)
+    return render(list(parts(load_root(path), point, full)), form)
 
 
 def parts(data: Any, point: Mapping[str, Value] | None = None, full: bool = True) -> Iterator[Part]:
@@ -58,50 +62,53 @@ def parts(data: Any, point: Mapping[str, Value] | None = None, full: bool = True
     yield Heading(f"Convergence: {data.attrs['title']}", 1)
     yield f"Reference: {data.attrs['reference']}."
     yield _levels(data)
-    points = each_point(data)
-    if point:
-        points = [locate(data, point)]
-    elif len(points) > 1 and not full:
+    points = [locate(data, point)] if point else each_point(data)
+    if len(points) > 1 and not full:
         yield from _overview(data, points)
         points = []
     for where in points:
         at = data.isel(where)
         if where:
             yield Heading(describe(data, where))
-        yield from _point(at, data.attrs["reference"])
+        if names := _shown(at):
+            yield _errors(at, names, str(data.attrs["reference"]).split(" (")[0])
+        if measures := [m for m in NUMBERS if f"value_{m.name}" in at and np.isfinite(at[f"value_{m.name}"]).any()]:
+            yield _numbers(at, measures)
     if points:
         yield LEGEND
     for note in filter(None, str(data.attrs["notes"]).split("\n")):
         yield f"Note: {note}"
 
 
-MARKS = {"exact": "exact", "slower": " <", "faster": " >", "pre_asymptotic": " ~", "too_few_levels": sentences.GUESS}
-"""What stands in place of an order that is rounding, and behind one that is not as expected."""
-OVERVIEW = (
-    "Orders fitted over the levels. < slower and > faster than expected, ~ not yet settled (pre-asymptotic), exact: "
-    f"all errors are rounding, {sentences.GUESS}: a guess from two levels, (order): some level was not solved. "
-    "Tables of a point: --at NAME=VALUE; of all: -v."
-)
-_RANKS = {"u_H1": 1, "xi_L2": 2, "u_L2": 3, "theta_H1": 4, "u_energy": 5, "theta_L2": 6, "u_T_L2": 7, "xi_nodes": 8}
-"""Importance of errors where there is no room for all."""
+def shown(at: Any, name: str) -> bool:
+    """Whether the point has this error on some level."""
+    return f"error_{name}" in at and bool(np.isfinite(at[f"error_{name}"]).any())
 
 
-def _overview(data: Any, points: list[dict[str, int]]) -> Iterator[Part]:
+def _shown(at: Any) -> list[str]:
+    return [name for *_, group in GROUPS for name in group if shown(at, name)]
+
+
+def _overview(data: Any, points: Sequence[dict[str, int]]) -> Iterator[Part]:
     """The orders of all points in one table, below the order expected of each error."""
-    names = [name for _, _, group in GROUPS for name in group if shown(data, name)]
+    names, swept = _shown(data), _swept(data)
     if not names:
         yield "There is no reference, and so no errors; what the numbers tend to: -v."
         return
-    swept, rows = _swept(data), []
+    spans = [np.unique(np.round(data[f"expected_{name}"].values, 2)) for name in names]
+    spans = [span[np.isfinite(span)] for span in spans]  # a point without a mesh has none
+    expected = ["…".join(dict.fromkeys(map(_fixed, span[[0, -1]]))) if len(span) else "–" for span in spans]
+    rows = [("expected", *("" for _ in swept[1:]), *expected)]
     for where in points:
-        labels = [texts[where[str(data[name].dims[0])]] for name, texts, _ in swept]
-        rows.append((*labels, *(_order(data.isel(where), name) for name in names)))
-    expected = [np.unique(np.round(data[f"expected_{name}"].values, 2)) for name in names]
-    expected = [values[np.isfinite(values)] for values in expected]  # a point without a mesh has none
-    first = ("expected", *("" for _ in swept[1:]))
-    rows.insert(0, (*first, *("…".join(dict.fromkeys(map(_fixed, e[[0, -1]]))) if len(e) else "–" for e in expected)))
-    header = (*(headed(name, unit) for name, _, unit in swept), *(_BY_NAME[name].symbol for name in names))
-    ranks = (*(0 for _ in swept), *(_RANKS.get(name, 9) for name in names))
+        at, cells = data.isel(where), [texts[where[str(data[name].dims[0])]] for name, texts, _ in swept]
+        whole = bool((at["status"] == int(PointStatus.OK)).all())
+        for name in names:
+            verdict, slope = VERDICTS[int(at[f"verdict_{name}"])], float(at[f"slope_{name}"])
+            text = MARKS["exact"] if verdict == "exact" else _fixed(slope) + MARKS.get(verdict, "")
+            cells.append(text if whole else f"({text})")
+        rows.append(tuple(cells))
+    header = (*(headed(name, unit) for name, _, unit in swept), *(SYMBOLS[name] for name in names))
+    ranks = (*(0 for _ in swept), *(RANKS.get(name, 9) for name in names))
     yield Table("Orders of convergence", header, tuple(rows), ranks=ranks)
     yield OVERVIEW
 
@@ -111,115 +118,75 @@ def _swept(data: Any) -> list[tuple[str, list[str], str]]:
     return [(name, *axis_labels(data, name)) for name in axis_names(data)]
 
 
-def _order(at: Any, name: str) -> str:
-    verdict, slope = VERDICTS[int(at[f"verdict_{name}"])], float(at[f"slope_{name}"])
-    text = MARKS["exact"] if verdict == "exact" else _fixed(slope) + MARKS.get(verdict, "")
-    return text if bool((at["status"] == int(PointStatus.OK)).all()) else f"({text})"
-
-
-def shown(at: Any, name: str) -> bool:
-    """Whether the point has this error on some level."""
-    return f"error_{name}" in at and bool(np.isfinite(at[f"error_{name}"]).any())
-
-
 def _levels(data: Any) -> Table:
     """The levels; of a sweep over geometries those of each, beside what makes it."""
-    size, unit = prefix(data["h_max"].values.ravel().tolist(), data["h_max"].attrs["units"])
+    size, unit = prefix(data["h_max"].values, data["h_max"].attrs["units"])
     dims = [str(dim) for dim in data["h_max"].dims if dim != "level"]
     swept = [one for one in _swept(data) if str(data[one[0]].dims[0]) in dims]
     rows = []
     for place in np.ndindex(*(data.sizes[dim] for dim in dims)):
         where = dict(zip(dims, place, strict=True))
         own = [texts[where[str(data[name].dims[0])]] for name, texts, _ in swept]
-        one = data[["h_max", "n_dof", "n_contact"]].isel(where)
-        for i in range(data.sizes["level"]) if np.isfinite(one["h_max"]).all() else ():
-            sizes = number(one["h_max"][i] / size), str(int(one["n_dof"][i])), str(int(one["n_contact"][i]))
-            rows.append((*own, str(i), *sizes))
+        h, dofs, contact = (data[name].isel(where).values for name in ("h_max", "n_dof", "n_contact"))
+        for i in range(len(h)) if np.isfinite(h).all() else ():
+            rows.append((*own, str(i), number(h[i] / size), str(int(dofs[i])), str(int(contact[i]))))
     header = (*(headed(name, unit) for name, _, unit in swept), "level", headed("h_max", unit))
     return Table("Meshes", (*header, "dofs", "contact unknowns"), tuple(rows))
 
 
-def _point(at: Any, reference: str) -> Iterator[Part]:
-    measured: list[str] = []
-    for symbol, words, group in GROUPS:
-        names = tuple(name for name in group if shown(at, name))
-        measured += names
-        if names:
-            yield _errors(at, symbol, words, names, reference)
-    if measured:
-        yield _orders(at, tuple(measured))
-    values = {measure: at.get(f"value_{measure.name}") for measure in NUMBERS}
-    numbers = [measure for measure, value in values.items() if value is not None and np.isfinite(value).any()]
-    if numbers:
-        yield _numbers(at, numbers)
-
-
-def _errors(at: Any, symbol: str, words: str, names: tuple[str, ...], reference: str) -> Table:
-    """Value, factor and rate of a group of errors by level."""
-    header = ["level"]
-    for name in names:
-        header += [_BY_NAME[name].symbol, "factor", "rate"]
-    rows = []
-    for i in range(at.sizes["level"]):
-        if not int(at["compared"][i]):
-            continue
-        row = [str(i)]
-        for name in names:
-            error, rate = at[f"error_{name}"].values, float(at[f"rate_{name}"][i])
-            ok = int(at["status"][i]) == int(PointStatus.OK)
-            row.append(_small(error[i]) if ok else f"({_small(error[i])})")
-            row.append(_fixed(error[i - 1] / error[i] if np.isfinite(rate) else np.nan))
-            row.append(_fixed(rate))
-        rows.append(tuple(row))
-    caption = f"Relative error of {symbol} ({words}); reference: {reference.split(' (')[0]}"
-    ranks = (0, *(0, 2, 1) * len(names))
-    return Table(caption, tuple(header), tuple(rows), ranks=ranks)
-
-
-def _orders(at: Any, names: tuple[str, ...]) -> Table:
-    """Fitted against expected orders."""
-    rows = []
-    for name in names:
-        slope, error = float(at[f"slope_{name}"]), float(at[f"slope_error_{name}"])
-        first = int(at[f"first_level_{name}"])
-        verdict = VERDICTS[int(at[f"verdict_{name}"])]
-        finite = np.isfinite(slope)
-        order = sentences.order(slope, error, 3)
-        last = int(np.flatnonzero(np.isfinite(at[f"error_{name}"].values))[-1])
-        fitted, expected = f"{first}–{last}" if finite else "–", _fixed(float(at[f"expected_{name}"]))
-        reason = str(at[f"reason_{name}"].item())
-        rows.append((_BY_NAME[name].symbol, order, fitted, expected, _word(verdict), reason))
-    header = ("error", "order", "levels", "expected", "verdict", "reason of the expected order")
-    return Table("Orders of convergence", header, tuple(rows), ranks=(0, 0, 3, 2, 1, 4))
-
-
-def _word(verdict: str) -> str:
-    word = sentences.VERDICTS[verdict]
-    return word.upper() if verdict in ("slower", "pre_asymptotic") else word
-
-
-def _numbers(at: Any, measures: list[Measure]) -> Table:
-    """Numbers by level, extrapolated to h = 0; the heat balance tends to nothing and has two digits."""
+def _errors(at: Any, names: Sequence[str], reference: str) -> Table:
+    """A row for each error: its values by level with their rates, and the fitted beside the expected order."""
+    levels = np.flatnonzero(at["compared"].values)
     ok = at["status"].values == int(PointStatus.OK)
-    header, columns = ["level"], [[*(str(i) for i in range(len(ok))), "h → 0", "exact"]]
-    exact = False
+    header = ["error", *(word for i in levels for word in (f"level {i}", "rate"))]
+    header += ["order", "levels", "expected", "verdict", "reason of the expected order"]
+    rows = []
+    for name in names:
+        error, rate = at[f"error_{name}"].values, at[f"rate_{name}"].values
+        row = [SYMBOLS[name]]
+        for i in levels:
+            text = f"{error[i]:.3e}" if np.isfinite(error[i]) else "–"
+            row += [text if ok[i] else f"({text})", _fixed(rate[i])]
+        slope, verdict = float(at[f"slope_{name}"]), VERDICTS[int(at[f"verdict_{name}"])]
+        fitted = f"{int(at[f'first_level_{name}'])}–{np.flatnonzero(np.isfinite(error))[-1]}"
+        word = sentences.VERDICTS[verdict]
+        row += [sentences.order(slope, float(at[f"slope_error_{name}"]), 3), fitted if np.isfinite(slope) else "–"]
+        row += [
+            _fixed(float(at[f"expected_{name}"])),
+            word.upper() if verdict in ("slower", "pre_asymptotic") else word,
+        ]
+        rows.append((*row, str(at[f"reason_{name}"].item())))
+    k = len(levels)
+    pairs = [(2 * (k - i) + 4, 2 * (k - i) + 3) if i < k - 2 else (0, 3) for i in range(k)]  # coarse ones go first
+    ranks = [0, *(rank for pair in pairs for rank in pair), 0, 98, 2, 1, 99]
+    kept = [j for j, column in enumerate(zip(*rows, strict=True)) if set(column) != {"–"}]  # no rate on the first
+    cells = tuple(tuple(row[j] for j in kept) for row in rows)
+    title = f"Relative errors; reference: {reference}"
+    return Table(title, tuple(header[j] for j in kept), cells, ranks=tuple(ranks[j] for j in kept))
+
+
+def _numbers(at: Any, measures: Sequence[Measure]) -> Table:
+    """A row for each number: by level, extrapolated to h = 0; the heat balance tends to nothing and has two digits."""
+    ok = at["status"].values == int(PointStatus.OK)
+    rows = []
     for m in measures:
-        divisor, unit = prefix(at[f"value_{m.name}"].values.tolist(), at[f"value_{m.name}"].attrs["units"])
+        divisor, unit = prefix(at[f"value_{m.name}"].values, at[f"value_{m.name}"].attrs["units"])
         tends = m.name != "heat_balance"
         values = [number(value / divisor, 7 if tends else 2) for value in at[f"value_{m.name}"].values]
-        column = [value if good else f"({value})" for value, good in zip(values, ok, strict=True)]
-        header.append(headed(m.symbol, unit))
-        if not tends:
-            columns.append([*column, "–", "–"])
-            continue
-        limit, unsure, known = (float(at[f"{part}_{m.name}"]) / divisor for part in ("limit", "uncertainty", "exact"))
-        exact = exact or bool(np.isfinite(known))
-        orders = [*at[f"order_{m.name}"].values, float(at[f"limit_order_{m.name}"])]
-        columns += [[*column, _uncertain(limit, unsure), number(known, 7)], [*map(_fixed, orders), ""]]
-        header.append("order")
-    rows = list(zip(*columns, strict=True))
-    caption = "Numbers, extrapolated by Richardson's rule"
-    return Table(caption, tuple(header), tuple(rows if exact else rows[:-1]))
+        row = [
+            headed(m.symbol, unit),
+            *(value if good else f"({value})" for value, good in zip(values, ok, strict=True)),
+        ]
+        if tends:
+            limit, unsure, known = (float(at[f"{p}_{m.name}"]) / divisor for p in ("limit", "uncertainty", "exact"))
+            row += [_uncertain(limit, unsure), _fixed(float(at[f"limit_order_{m.name}"])), number(known, 7)]
+        rows.append(tuple(row) if tends else (*row, "–", "–", "–"))
+    levels = len(ok)
+    header = ("number", *(f"level {i}" for i in range(levels)), "h → 0", "order", "exact")
+    ranks = (0, *(levels - i if i < levels - 1 else 0 for i in range(levels)), 0, 1, 0)
+    last = None if any(row[-1] != "–" for row in rows) else -1
+    cells = tuple(row[:last] for row in rows)
+    return Table("Numbers, extrapolated by Richardson's rule", header[:last], cells, ranks=ranks[:last])
 
 
 def _uncertain(value: float, uncertainty: float) -> str:
@@ -228,9 +195,9 @@ def _uncertain(value: float, uncertainty: float) -> str:
         return "–"
     if not uncertainty > STEADY * abs(value):
         return number(value, 7)
-    decimals = 1 - int(np.floor(np.log10(uncertainty)))
     if abs(value) <= STEADY * uncertainty:  # rounding of zero
         return f"0 ± {uncertainty:.2g}"
+    decimals = 1 - int(np.floor(np.log10(uncertainty)))
     if decimals >= 0 and 1e-3 <= abs(value) < 1e7:
         spread = f"{uncertainty:.{decimals}f}" if decimals <= 5 else f"{uncertainty:.2g}"
         return f"{value:z.{decimals}f} ± {spread}"
@@ -240,7 +207,3 @@ def _uncertain(value: float, uncertainty: float) -> str:
 
 def _fixed(value: float) -> str:
     return f"{value:z.2f}" if np.isfinite(value) else "–"
-
-
-def _small(value: float) -> str:
-    return f"{value:.3e}" if np.isfinite(value) else "–"

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from tcstudy.accuracy.rates import dominated
-from tcstudy.data.measured import MEASURES, OWN, STAGES
+from tcstudy.data.measured import MEASURES, STAGES
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import load_root
 from tcstudy.errors import DrawError
 from tcstudy.reports.sentences import percent
 from tcstudy.reports.terminal.tables import Heading, Part, Table, render
-from tcstudy.scene.families import FAMILIES
+from tcstudy.reports.text import counted
 
 SYMBOLS = {measure.name: measure.symbol for measure in MEASURES}
 DEFAULT = "u_energy"
@@ -90,44 +90,34 @@ def measure_of(data: Any, wanted: str | None) -> str:
 
 
 def settings(data: Any, measure: str) -> list[Setting]:
-    """All settings that were measured, family by family, coarse to fine."""
+    """All settings that were measured, family by family, coarse to fine.
+
+    One mesh that two families share counts once for `dominated`, in the simplest of them and with the least of its
+    times, whose difference is noise; `dominated` in the file lets both stand.
+    """
     own = (data.attrs["own_family"], data.attrs["own_solver"], int(data.attrs["own_level"]))
+    names = [data[dim].values.tolist() for dim in ("family", "solver")]
+    sizes = (data["h_max"].values, data["n_dof"].values, data["n_contact"].values)
+    errors, times, status = (data[name].values for name in (f"error_{measure}", "time", "status"))
     found = []
-    for f, s, level in np.argwhere(data["status"].values != PointStatus.NOT_RUN).tolist():
-        one, mesh = data.isel(family=f, solver=s, level=level), data.isel(family=f, level=level)
-        name, times = (str(one["family"].item()), str(one["solver"].item()), level), one["time"].values
-        found.append(
-            Setting(
-                *name,
-                *(float(mesh["h_max"]), int(mesh["n_dof"]), int(mesh["n_contact"])),
-                error=float(one[f"error_{measure}"]),
-                time=float(np.min(times)),
-                upper=float(np.quantile(times, 0.75)) if np.all(np.isfinite(times)) else float("nan"),
-                dominated=True,
-                solved=int(one["status"]) == PointStatus.OK,
-                own=name == own,
-            )
-        )
-    return _judged(found)
+    for f, s, level in np.argwhere(status != PointStatus.NOT_RUN).tolist():
+        name, runs = (str(names[0][f]), str(names[1][s]), level), times[f, s, level]
+        upper = float(np.quantile(runs, 0.75)) if np.all(np.isfinite(runs)) else float("nan")
+        h, n_dof, n_contact = (one[f, level] for one in sizes)
+        solved = int(status[f, s, level]) == PointStatus.OK
+        found.append(Setting(*name, float(h), int(n_dof), int(n_contact), float(errors[f, s, level]), float(runs.min()),
+                             upper, dominated=True, solved=solved, own=name == own))  # fmt: skip
+    first = [next(o for o in found if o is s or _one_mesh(s, o)) for s in found]
+    counts = [a is b and s.solved for a, b, s in zip(first, found, found, strict=True)]
+    least = [min(o.time for o, one in zip(found, first, strict=True) if one is s or o is s) for s in found]
+    beaten = dominated(np.where(counts, least, np.nan), np.array([s.error for s in found]))
+    return [replace(s, dominated=bool(b)) for s, b in zip(found, beaten, strict=True)]
 
 
 def stages(data: Any, one: Setting) -> dict[str, float]:
     """Wall time of each stage of a setting's fastest run [s]."""
     f, s = (data[name].values.tolist().index(getattr(one, name)) for name in ("family", "solver"))
     return {name: float(data[f"time_{name}"].values[f, s, one.level]) for name in STAGES if f"time_{name}" in data}
-
-
-def _judged(found: list[Setting]) -> list[Setting]:
-    """The settings with their `dominated`: one mesh that two families share counts once, in the simplest of them.
-
-    It counts with the least of its times, whose difference is noise; `dominated` in the file lets both stand.
-    """
-    first = [next(o for o in found if o is s or _one_mesh(s, o)) for s in found]
-    counts = [a is b and s.solved for a, b, s in zip(first, found, found, strict=True)]
-    least = [min(o.time for o, one in zip(found, first, strict=True) if one is s or o is s) for s in found]
-    time = np.where(counts, least, np.nan)
-    beaten = dominated(time, np.array([s.error for s in found]))
-    return [replace(s, dominated=bool(b)) for s, b in zip(found, beaten, strict=True)]
 
 
 def front(found: Sequence[Setting]) -> list[Setting]:
@@ -141,38 +131,26 @@ def stretches(found: Sequence[Setting]) -> list[Stretch]:
     Between levels, times are interpolated on logarithmic scales: a slightly different maxh has such an error.
     """
     curves: dict[tuple[str, str], list[Setting]] = {}
-    for s in _shared(found):
-        if s.solved and s.error > 0.0:
-            curves.setdefault(s.curve, []).append(s)
-    finest = sorted(
-        min((s.error for (f, _), curve in curves.items() if f == family for s in curve), default=np.inf)
-        for family in {family for family, _ in curves}
-    )
-    if not finest or max(s.error for curve in curves.values() for s in curve) <= EXACT:
+    for s in found:
+        if s.solved and s.error > 0.0:  # families that begin with one mesh have the least of its times
+            same = (o.time for o in found if s.level == o.level == 0 and _one_mesh(s, o))
+            curves.setdefault(s.curve, []).append(replace(s, time=min(same, default=s.time)))
+    reached: dict[str, float] = {}
+    for (family, _), curve in curves.items():
+        reached[family] = min(reached.get(family, np.inf), *(s.error for s in curve))
+    high = max((s.error for curve in curves.values() for s in curve), default=0.0)
+    if high <= EXACT:
         return []
-    low, high = finest[min(1, len(finest) - 1)], max(s.error for curve in curves.values() for s in curve)
     parts: list[Stretch] = []
-    for error in np.geomspace(high, low, STEPS):
-        times = {name: _time_to(curve, float(error)) for name, curve in curves.items()}
-        least = min(times.values())
+    for error in np.geomspace(high, sorted(reached.values())[:2][-1], STEPS).tolist():
+        times = {name: _time_to(curve, error) for name, curve in curves.items()}
         now = (parts[-1].family, parts[-1].solver) if parts else None
-        if now is not None and times[now] <= NOTABLE * least:
-            winner = now
+        near = [name for name, time in times.items() if time <= NOTABLE * min(times.values())]
+        if now in near:
+            parts[-1] = replace(parts[-1], end=error)
         else:  # of those that noise cannot tell apart the first, which is the simplest
-            winner = next(name for name, time in times.items() if time <= NOTABLE * least)
-        if winner == now:
-            parts[-1] = Stretch(*winner, parts[-1].start, float(error))
-        else:
-            parts.append(Stretch(*winner, float(error), float(error)))
+            parts.append(Stretch(*near[0], error, error))
     return parts
-
-
-def _shared(found: Sequence[Setting]) -> list[Setting]:
-    """The settings, where families that begin with one mesh have the least of its times: a difference is noise."""
-    return [
-        replace(s, time=min((o.time for o in found if s.level == o.level == 0 and _one_mesh(s, o)), default=s.time))
-        for s in found
-    ]
 
 
 def _one_mesh(s: Setting, other: Setting) -> bool:
@@ -243,9 +221,6 @@ def seconds(time: float) -> str:
     return f"{time:.2g} s" if time < 99.5 else f"{time:.0f} s"
 
 
-TITLES = {name: family.title for name, family in FAMILIES.items()} | {OWN: "The study's own meshes"}
-
-
 def cost_report(path: Path, form: str = "text", measure: str | None = None) -> str:
     """The report in one of tables.FORMATS, from the file alone.
 
@@ -261,54 +236,40 @@ def parts(data: Any, measure: str) -> Iterator[Part]:
     found = settings(data, measure)
     yield Heading(f"Accuracy against cost: {data.attrs['title']}", 1)
     where = f"Scene: {data.attrs['point']}. " if data.attrs["point"] else ""
-    runs, reference = data.sizes["run"], data.attrs["reference"].removeprefix("the ")
+    reference, runs = data.attrs["reference"].removeprefix("the "), counted(data.sizes["run"], "run")
     yield (
         f"{where}Errors of {SYMBOLS[measure]} against the {reference}. Wall time from the body "
-        f"to the displacements, each run from nothing: least of {runs} run{'s' if runs > 1 else ''}, upper quartile."
+        f"to the displacements, each run from nothing: least of {runs}, upper quartile."
     )
-    for family in data["family"].values.tolist():
-        yield _family(data, family, [s for s in found if s.family == family], measure)
-    yield _front(data, found)
+    yield _measured(found, data["solver"].values.tolist(), SYMBOLS[measure])
+    rows = []
+    for s in front(found):
+        spent = [f"{time:.2g}" for time in stages(data, s).values()]
+        rows.append((s.family, str(s.level), s.solver, _error(s), f"{s.time:.3g}", *spent))
+    header = ("meshes", "level", "solver", "error", "time [s]", *(f"{stage} [s]" for stage in STAGES))
+    yield Table("Worth their cost: nothing measured is both faster and more accurate", header, tuple(rows))
     yield from advice(found)
     for note in filter(None, str(data.attrs["notes"]).split("\n")):
         yield f"Note: {note}"
 
 
-def _family(data: Any, family: str, found: list[Setting], measure: str) -> Table:
-    """Size, error and the time of every solver by level."""
-    solvers = data["solver"].values.tolist()
-    header = ["level", "dofs", "contact unknowns", f"error of {SYMBOLS[measure]}"]
-    for solver in solvers:
-        header += [f"{solver} [s]", "quartile"]
+def _measured(found: Sequence[Setting], solvers: Sequence[str], symbol: str) -> Table:
+    """Size, error and the time of every solver by mesh family and level."""
     rows = []
-    for level in sorted({s.level for s in found}):
-        by_solver = {s.solver: s for s in found if s.level == level}
-        one = by_solver[solvers[0]]
-        row = [str(level), str(one.n_dof), str(one.n_contact), _error(one)]
-        for solver in solvers:
-            s = by_solver.get(solver)
-            row += [f"{s.time:.3g}{_mark(s)}", f"{s.upper:.3g}"] if s is not None else ["–", "–"]
+    for family, level in dict.fromkeys((s.family, s.level) for s in found):
+        by_solver = {s.solver: s for s in found if (s.family, s.level) == (family, level)}
+        one = by_solver.get(solvers[0]) or next(iter(by_solver.values()))
+        row = [family, str(level), str(one.n_dof), str(one.n_contact), _error(one)]
+        for s in map(by_solver.get, solvers):
+            mark = "" if s is None else "†" * s.own + "*" * (not s.dominated)
+            row += ["–", "–"] if s is None else [f"{s.time:.3g}{mark}", f"{s.upper:.3g}"]
         rows.append(tuple(row))
+    header = ("meshes", "level", "dofs", "contact unknowns", f"error of {symbol}")
+    header += tuple(word for solver in solvers for word in (f"{solver} [s]", "quartile"))
     notes = ("* on the front   † the study's own settings   (error) not solved",)
-    ranks = (2, 0, 3, 0, *(1, 4) * len(solvers))
-    return Table(TITLES[family], tuple(header), tuple(rows), notes, ranks)
-
-
-def _mark(setting: Setting) -> str:
-    return ("†" if setting.own else "") + ("" if setting.dominated else "*")
+    return Table("All that was measured", header, tuple(rows), notes, (0, 2, 0, 3, 0, *(1, 4) * len(solvers)))
 
 
 def _error(setting: Setting) -> str:
     text = f"{setting.error:.3e}" if np.isfinite(setting.error) else "–"
     return text if setting.solved else f"({text})"
-
-
-def _front(data: Any, found: list[Setting]) -> Table:
-    """Settings worth their cost with the stages of their fastest run."""
-    header = ("meshes", "level", "solver", "error", "time [s]", *(f"{stage} [s]" for stage in STAGES))
-    rows = []
-    for s in front(found):
-        spent = [f"{time:.2g}" for time in stages(data, s).values()]
-        rows.append((s.family, str(s.level), s.solver, _error(s), f"{s.time:.3g}", *spent))
-    caption = "Worth their cost: nothing measured is both faster and more accurate"
-    return Table(caption, header, tuple(rows))
