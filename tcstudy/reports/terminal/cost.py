@@ -264,8 +264,8 @@ def _measured(found: Sequence[Setting], solvers: Sequence[str], symbol: str) -> 
             mark = "" if s is None else "†" * s.own + "*" * (not s.dominated)
             row += ["–", "–"] if s is None else [f"{s.time:.3g}{mark}", f"{s.upper:.3g}"]
         rows.append(tuple(row))
-    header = ("meshes", "level", "dofs", "contact unknowns", f"error of {symbol}")
-    header += tuple(word for solver in solvers for word in (f"{solver} [s]", "quartile"))
+    timed = [word for solver in solvers for word in (f"{solver} [s]", "quartile")]
+    header = ("meshes", "level", "dofs", "contact unknowns", f"error of {symbol}", *timed)
     notes = ("* on the front   † the study's own settings   (error) not solved",)
     return Table("All that was measured", header, tuple(rows), notes, (0, 2, 0, 3, 0, *(1, 4) * len(solvers)))
 

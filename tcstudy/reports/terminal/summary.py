@@ -7,20 +7,20 @@ is that holds no study, such as those of the benchmarks: its title, maker and va
 from __future__ import annotations
 
 import textwrap
-from itertools import islice
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tcstudy.data.reading import GEOMETRIES, Unreadable, asked, axis_names, of_largest, probe, sweep_dims
+from tcstudy.data.reading import GEOMETRIES, Unreadable, asked, axis_names, by_point, of_largest, probe, sweep_dims
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import LIMITED, OF_POLYGON, UNBALANCED
 from tcstudy.data.store import open_results
 from tcstudy.reports.select_point import axis_labels, describe
 from tcstudy.reports.sentences import equilibria, locks, of_the_body
-from tcstudy.reports.terminal.tables import fits, plain_table, split_table, wrapped
-from tcstudy.reports.text import Failure, counted, digits_lost, failure_lines, headed, number, prefix, proved
+from tcstudy.reports.terminal.tables import Column, columns_table, fits, plain_table, split_table, wrapped
+from tcstudy.reports.text import PROOFS, Failure, counted, digits_lost, failure_lines, headed, number, prefix, proved
 
 NOT_SAID = ("start_energy", "start_used", "iterations", "evaluations", "omega", "uniqueness_margin")
 """Variables of which a summary says nothing: of a long sweep they need not be in memory."""
@@ -41,49 +41,37 @@ def summary(path: Path, most: int | None = MOST_ROWS) -> str:
         data = tree.to_dataset().drop_vars(NOT_SAID, errors="ignore").load()
     extremes, data = _extremes(data), of_largest(data)
     stopped = f"  stopped: {data['stop'].values[-1]}" if "stop" in data and data["stop"].values[-1] else ""
-    parts = [
-        data.attrs["title"],
-        _levels(data),
-        extremes,
-        stopped,
-        _points(data, most),
-        solver_table(data),
-        _failures(data),
-    ]
-    parts += [_derivatives(data), _not_run(data), _rounding(data), _stiff(data), *_guaranteed(data), _heat(data)]
+    parts = [data.attrs["title"], _levels(data), extremes, stopped, _points(data, most), solver_table(data)]
+    parts += [_derivatives(data), *(f"  {line}" for line in _said(data))]
     return wrapped("\n\n".join(part for part in parts if part))
 
 
 def _levels(data: Any) -> str:
     """One row per mesh level: size, outcome, worst residual, where the time went."""
-    dims = sweep_dims(data)
-    ok = (data["status"] == int(PointStatus.OK)).sum(dims)
-    total = int(np.prod([data.sizes[d] for d in dims], dtype=int))
-    rows = []
-    lambda_1 = data["lambda_1"].min(dims)
-    stiffness, stiffness_unit = prefix(lambda_1.values.tolist(), data["lambda_1"].attrs["units"])
-    size, unit = prefix(data["h_max"].values.tolist(), data["h_max"].attrs["units"])
-    estimated = [
-        (name, title, *prefix(data[name].values, data[name].attrs.get("units", "1")))
-        for name, title in _ESTIMATED
-        if name in data
+    dims, total = sweep_dims(data), data["status"].isel(level=0).size
+    ok = (data["status"] == int(PointStatus.OK)).sum(dims).values
+
+    def column(title: str, values: Any, rank: int, units: str = "1", digits: int = 2, size: Any = None) -> Column:
+        divisor, unit = prefix(values if size is None else size, units)
+        return Column(headed(title, unit), [number(value / divisor, digits) for value in values.values], rank)
+
+    columns = [
+        Column("level", [str(int(level)) for level in data["level"].values]),
+        column("h_max", data["h_max"], 2, data["h_max"].attrs["units"], 4),
+        Column("dofs", [str(int(n)) for n in data["n_dof"].values], 1),
+        Column("contact", [str(int(n)) for n in data["n_contact"].values], 7),
+        Column("ok", [f"{n}/{total}" for n in ok]),
+        column("worst residual", data["inclusion_residual"].max(dims), 0),
+        column("λ₁", data["lambda_1"].min(dims), 6, data["lambda_1"].attrs["units"], 4),
+        column("mesh+assembly [s]", data["time_mesh"] + data["time_assemble"], 9),
+        column("condense [s]", data["time_condense"].sum(dims), 10),
+        column("solve [s]", data["time_solve"].sum(dims), 8),
     ]
-    for i in range(data.sizes["level"]):
-        at = data.isel(level=i)
-        estimates = [number(at[name].max() / divisor, 2) for name, _, divisor, _ in estimated]
-        row = [str(int(at["level"])), number(at["h_max"] / size), str(int(at["n_dof"])), str(int(at["n_contact"]))]
-        row += [f"{int(ok[i])}/{total}", number(at["inclusion_residual"].max(), 2), number(lambda_1[i] / stiffness)]
-        times = at["time_mesh"] + at["time_assemble"], at["time_condense"].sum(), at["time_solve"].sum()
-        rows.append([*row, *(number(time, 2) for time in times), *estimates])
-    header = ["level", headed("h_max", unit), "dofs", "contact", "ok", "worst residual"]
-    header += [headed("λ₁", stiffness_unit), "mesh+assembly [s]", "condense [s]", "solve [s]"]
-    header += [headed(title, unit) for _, title, _, unit in estimated]
-    shown = plain_table(header, rows, (*_LEVEL_RANKS, *range(1, len(estimated) + 1)))
-    return f"{shown}\n\n  {SIZES}"
+    for rank, (name, title) in enumerate(((n, t) for n, t in _ESTIMATED if n in data), 1):
+        units = data[name].attrs.get("units", "1")
+        columns.append(column(title, data[name].max(dims), rank, units, size=data[name].values))
+    return f"{columns_table(columns)}\n\n  {SIZES}"
 
-
-_LEVEL_RANKS = (0, 2, 1, 7, 0, 0, 6, 9, 10, 8)
-"""Importance of the columns of the table of levels."""
 
 _ESTIMATED = (
     ("error_estimate", "est. rel. error"),
@@ -104,6 +92,7 @@ _COLUMNS = (
 """Numbers of a point, their titles, and their importance where there is no room for all."""
 
 
+CERTIFIED = "certified: what is proved of the solution on its mesh (unique, global or local minimum of the energy)"
 EVERY_LEGEND = (
     'proved to be all, but "at least" where a limit was met or rounding leaves some open',
     'proved to be all, but "at least" where not; of exponential laws those of their polygon, within 1e-3 of b',
@@ -131,61 +120,53 @@ def _extremes(data: Any) -> str:
 
 def _points(data: Any, most: int | None) -> str:
     """One row per point on the finest level, with what changed in ∫ξ since the level before."""
-    dims = sweep_dims(data)
-    shape = tuple(data.sizes[d] for d in dims)
-    fine = data.isel(level=-1)
+    dims, fine = sweep_dims(data), data.isel(level=-1)
+    total = fine["status"].size
+    n = total if most is None else min(most, total)
+    place = dict(zip(dims, np.unravel_index(np.arange(n), [data.sizes[d] for d in dims]), strict=True)) if dims else {}
+    near = data.isel({dim: slice(int(index.max()) + 1) for dim, index in place.items()})
+
+    def first(name: str, level: int = -1) -> Any:
+        return by_point(data[name].isel(level=level), data)[:n]
+
+    status = first("status")
+    solved, run = status == PointStatus.OK, status != PointStatus.NOT_RUN
+    columns, scales = [], {}
+    for axis in axis_names(data):
+        texts, unit = axis_labels(near, axis)
+        columns.append(Column(headed(axis, unit), [texts[i] for i in place[str(data[axis].dims[0])]]))
+    labels = len(columns)
     usual = [one for one in _COLUMNS if np.isfinite(fine[one[0]].values).any()]
-    wanted = [(name, name, 0) for name in asked(data)]
-    axes = axis_names(data)
-    scales = {name: prefix(fine[name].values, fine[name].attrs["units"]) for name, _, _ in (*usual, *wanted)}
-    labelled = {axis: axis_labels(data, axis) for axis in axes}
-    header = [headed(axis, labelled[axis][1]) for axis in axes]
-    header += [headed(title, scales[name][1]) for name, title, _ in (*usual, *wanted)]
-    refined = data.sizes["level"] > 1
-    size, unit = scales.get("friction_resultant", (1.0, "1"))
-    every = "solutions" in fine
-    header += ["equilibria"] * every + ["certified", *([headed("Δ∫ξ to last level", unit)] if refined else [])]
-    rows, failed = [], False
-    for index in islice(np.ndindex(shape), most):
-        where = dict(zip(dims, index, strict=True))
-        at = fine.isel(where)
-        row = [labelled[axis][0][where[str(data[axis].dims[0])]] for axis in axes]
-        solved = int(at["status"]) == int(PointStatus.OK)
-        failed = failed or not (solved or int(at["status"]) == int(PointStatus.NOT_RUN))
-        cells = [number(at[name] / scales[name][0]) for name in scales]
-        row += cells if solved else [cell if cell == "–" else f"({cell})" for cell in cells]
-        if every:
-            told = (int(at[name]) for name in ("solutions", "stable_solutions", "complete"))
-            row.append(equilibria(*told) if solved else "–")
-        row.append(_certified(at))
-        if refined:
-            ends = data["friction_resultant"].isel(where).values[-2:]
-            row.append(number(abs(ends[1] - ends[0]) / size, 2) if solved else "–")
-        rows.append(row)
-    level = int(fine["level"])
-    more = int(np.prod(shape)) - len(rows)
-    title = f"  Level {level}, the finest:" + (f" first {len(rows)} of {len(rows) + more} points" if more > 0 else "")
-    legend = "  certified: what is proved of the solution on its mesh (unique, global or local minimum of the energy)"
-    if every:
-        legend += f"\n  equilibria: {EVERY_LEGEND[bool((fine['complete'] == OF_POLYGON).any())]}"
-    if failed:
-        legend += "\n  failed: no solution; the numbers in (parentheses) are those of the last step"
-    ranks, below = (*(0 for _ in axes), *(rank for _, _, rank in usual), *[1] * every, 1, 4), ""
-    if wanted and not fits(header, rows):
-        first, last = len(axes) + len(usual), len(axes) + len(scales)
-        own = [[*row[: len(axes)], *row[first:last]] for row in (header, *rows)]
-        header, *rows = ([*row[:first], *row[last:]] for row in (header, *rows))
-        below = "\n\n  Asked for by output:\n\n" + split_table(own[0], own[1:], len(axes))
+    for name, title, rank in (*usual, *((name, name, 0) for name in asked(data))):
+        divisor, unit = scales[name] = prefix(fine[name].values, fine[name].attrs["units"])
+        cells = [number(value / divisor) for value in first(name)]
+        cells = [c if good or c == "–" else f"({c})" for c, good in zip(cells, solved, strict=True)]
+        columns.append(Column(headed(title, unit), cells, rank))
+    columns, wanted = columns[: labels + len(usual)], columns[labels + len(usual) :]
+    rest, legend = [], [CERTIFIED]
+    if "solutions" in fine:
+        told = zip(*(first(name).tolist() for name in ("solutions", "stable_solutions", "complete")), strict=True)
+        words = [equilibria(*one) if good else "–" for one, good in zip(told, solved, strict=True)]
+        rest.append(Column("equilibria", words, 1))
+        legend.append(f"equilibria: {EVERY_LEGEND[bool((fine['complete'] == OF_POLYGON).any())]}")
+    flags = {name: first(name) for name, _ in PROOFS}
+    proofs = [proved({name: flag[i] for name, flag in flags.items()}) for i in range(n)]
+    proofs = [proofs[i] if solved[i] else "failed" if run[i] else "not run" for i in range(n)]
+    rest.append(Column("certified", proofs, 1))
+    if data.sizes["level"] > 1:
+        divisor, unit = scales.get("friction_resultant", (1.0, "1"))
+        change = np.abs(first("friction_resultant") - first("friction_resultant", -2)) / divisor
+        cells = [number(value, 2) if good else "–" for value, good in zip(change, solved, strict=True)]
+        rest.append(Column(headed("Δ∫ξ to last level", unit), cells, 4))
+    if np.any(run & ~solved):
+        legend.append("failed: no solution; the numbers in (parentheses) are those of the last step")
+    parts = [f"  Level {int(fine['level'])}, the finest:" + (f" first {n} of {total} points" if n < total else "")]
+    if wanted and not fits([*columns, *wanted, *rest]):
+        parts += [columns_table([*columns, *rest]), "  Asked for by output:"]
+        parts += [split_table([*columns[:labels], *wanted], labels)]
     else:
-        ranks = (*ranks[: -2 - every], *(0 for _ in wanted), *ranks[-2 - every :])
-    return title + "\n\n" + plain_table(header, rows, ranks) + below + "\n\n" + legend
-
-
-def _certified(at: Any) -> str:
-    """The strongest statement that is proved of a solution; "failed" or "not run" where there is none."""
-    if (status := PointStatus(int(at["status"]))) != PointStatus.OK:
-        return "not run" if status == PointStatus.NOT_RUN else "failed"
-    return proved(at)
+        parts += [columns_table([*columns, *wanted, *rest])]
+    return "\n\n".join([*parts, "\n".join(f"  {line}" for line in legend)])
 
 
 def _derivatives(data: Any) -> str:
@@ -212,68 +193,38 @@ def _derivatives(data: Any) -> str:
     return f"{title}; at {where}:\n\n" + plain_table(["by", *(name for _, name in shown)], rows)
 
 
-def _failures(data: Any) -> str:
-    """One line for each kind of failure."""
-    status, reason = data["status"], data["reason"].values
-    places = np.argwhere((status.values != PointStatus.OK) & (status.values != PointStatus.NOT_RUN))
-    failed = [(PointStatus(int(status.values[tuple(p)])), str(reason[tuple(p)]), _point(data, p)) for p in places]
-    return "\n".join(f"  {line}" for line in failure_lines(Failure(*one) for one in failed))
-
-
-def _not_run(data: Any) -> str:
-    """Points that the grid of a file has, but that no run was asked for."""
-    places = np.argwhere(data["status"].values == PointStatus.NOT_RUN)
-    if not len(places):
-        return ""
-    return (
-        f"  not run: {len(places)} of {data['status'].size} places of the grid (for example {_point(data, places[0])})"
-    )
-
-
-def _rounding(data: Any) -> str:
-    """Where the inclusion holds only as far as rounding allows."""
-    places = np.argwhere(data["inclusion_status"].values == LIMITED)
-    if not len(places):
-        return ""
-    worst = max(places, key=lambda place: float(data["inclusion_residual"].values[tuple(place)]))
-    residual, allowed = (data[f"inclusion_{name}"].values[tuple(worst)] for name in ("residual", "rounding"))
-    return (
-        f"  limited by rounding: {len(places)} of {data['status'].size} solutions hold to {number(residual, 2)} of the "
-        f"scale of b or better, where rounding alone allows {number(allowed, 2)}; friction is small against the forces "
-        f"in the body (worst at {_point(data, worst)})"
-    )
-
-
-def _stiff(data: Any) -> str:
-    """Where λ₁ has lost digits."""
-    error = data["lambda_1_error"].max() if "lambda_1_error" in data else 0.0
-    return f"  {lost}" if (lost := digits_lost(float(error))) else ""
-
-
-def _guaranteed(data: Any) -> list[str]:
-    """What is proved of the body itself, on the finest level."""
-    if "lambda_1_low" not in data:
-        return []
-    fine = data.isel(level=-1)
-    low, high, dual, mesh = (fine[f"lambda_1{name}"].values.ravel() for name in ("_low", "_high", "_dual", ""))
-    proved_here = fine["proved_unique"].values.ravel() == 1
-    said = of_the_body(low, high, proved_here, data["lambda_1_low"].attrs["units"]), locks(mesh, dual)
-    return [f"  {words}" if words else "" for words in said]
-
-
-def _heat(data: Any) -> str:
-    """Where heat is lost in rounding although the inclusion holds."""
-    places = np.argwhere(data["heat_status"].values == UNBALANCED)
-    if not len(places):
-        return ""
-    defects = [float(data["heat_balance"].values[tuple(place)]) for place in places]
-    low, high = number(min(defects), 2), number(max(defects), 2)
-    count, example = counted(len(places), "point"), "for example " if len(places) > 1 else ""
-    return (
-        f"  heat balance {low if low == high else f'{low} to {high}'} at {count}: as thin triangles cost the "
-        f"temperature its digits, remove slits and slivers of the body or refine towards them "
-        f"({example}{_point(data, places[0])})"
-    )
+def _said(data: Any) -> Iterator[str]:
+    """What failed, was not run, or holds only as far as rounding lets it; what is proved of the body itself."""
+    status, total = data["status"].values, data["status"].size
+    failed = [tuple(place) for place in np.argwhere((status != PointStatus.OK) & (status != PointStatus.NOT_RUN))]
+    reasons = data["reason"].values if failed else {}
+    yield from failure_lines(Failure(PointStatus(int(status[p])), str(reasons[p]), _point(data, p)) for p in failed)
+    if len(places := np.argwhere(status == PointStatus.NOT_RUN)):
+        yield f"not run: {len(places)} of {total} places of the grid (for example {_point(data, places[0])})"
+    if len(places := np.argwhere(data["inclusion_status"].values == LIMITED)):
+        residuals, allowed = (data[f"inclusion_{name}"].values for name in ("residual", "rounding"))
+        worst = max(map(tuple, places), key=lambda place: float(residuals[place]))
+        yield (
+            f"limited by rounding: {len(places)} of {total} solutions hold to {number(residuals[worst], 2)} of the "
+            f"scale of b or better, where rounding alone allows {number(allowed[worst], 2)}; friction is small against "
+            f"the forces in the body (worst at {_point(data, worst)})"
+        )
+    if "lambda_1_error" in data and (lost := digits_lost(float(data["lambda_1_error"].max()))):
+        yield lost
+    if "lambda_1_low" in data:
+        fine = data.isel(level=-1)
+        low, high, dual, mesh = (fine[f"lambda_1{name}"].values.ravel() for name in ("_low", "_high", "_dual", ""))
+        unique, units = fine["proved_unique"].values.ravel() == 1, data["lambda_1_low"].attrs["units"]
+        yield from filter(None, (of_the_body(low, high, unique, units), locks(mesh, dual)))
+    if len(places := np.argwhere(data["heat_status"].values == UNBALANCED)):
+        defects = data["heat_balance"].values[tuple(places.T)]
+        span = dict.fromkeys((number(defects.min(), 2), number(defects.max(), 2)))
+        example = "for example " if len(places) > 1 else ""
+        yield (
+            f"heat balance {' to '.join(span)} at {counted(len(places), 'point')}: as thin triangles cost the "
+            "temperature its digits, remove slits and slivers of the body or refine towards them "
+            f"({example}{_point(data, places[0])})"
+        )
 
 
 def _point(data: Any, place: Any) -> str:
@@ -292,32 +243,26 @@ def solver_table(data: Any) -> str:
     """Solvers compared where a run kept them side by side; empty where it used one."""
     if "solver" not in data.dims:
         return ""
-    energy = _by_solver(data, "solver_energy")
+
+    def by_solver(name: str) -> Any:
+        values = data[f"solver_{name}"].transpose("solver", ...).values.astype(float)
+        return values.reshape(values.shape[0], -1)
+
+    energy = by_solver("energy")
     known = np.isfinite(energy).any(axis=0)
     lowest = np.min(np.where(np.isfinite(energy), energy, np.inf), axis=0)
-    slack = SAME * np.max(np.abs(np.nan_to_num(energy)), axis=0)
-    names = [str(name) for name in data["solver"].values]
-    columns = [_by_solver(data, f"solver_{what}") for what in ("residual", "iterations", "time", "difference")]
-    rows = []
+    least = energy <= lowest + SAME * np.max(np.abs(np.nan_to_num(energy)), axis=0)
+    names, rows = [str(name) for name in data["solver"].values], []
+    columns = [by_solver(what) for what in ("residual", "iterations", "time", "difference")]
     for i, name in enumerate(names):
         residual, steps, time, apart = (column[i][known] for column in columns)
-        least = int(np.count_nonzero((energy[i] <= lowest + slack)[known]))
-        largest = number(_largest(apart), 2) if i else "–"
-        rows.append([name, number(_largest(residual), 2), f"{steps[steps > 0].sum():.0f}", number(np.nansum(time), 2),
-                     f"{least}/{int(known.sum())}", largest])  # fmt: skip
+        largest = [float(np.nanmax(one)) if np.isfinite(one).any() else np.nan for one in (residual, apart)]
+        counted_steps, share = f"{steps[steps > 0].sum():.0f}", f"{np.count_nonzero(least[i][known])}/{known.sum()}"
+        apart_most = number(largest[1], 2) if i else "–"
+        rows.append([name, number(largest[0], 2), counted_steps, number(np.nansum(time), 2), share, apart_most])
     header = ["solver", "worst residual", "steps", "solve [s]", "lowest found", "largest difference of u_T"]
     legend = f"  Solvers compared on all points and levels; the solutions stored are those of {names[0]}:"
     return legend + "\n\n" + plain_table(header, rows)
-
-
-def _by_solver(data: Any, name: str) -> Any:
-    """(solver, point and level) values of a variable."""
-    values = data[name].transpose("solver", ...).values.astype(float)
-    return values.reshape(values.shape[0], -1)
-
-
-def _largest(values: Any) -> float:
-    return float(np.nanmax(values)) if np.isfinite(values).any() else float("nan")
 
 
 SHOWN = 200

@@ -83,47 +83,56 @@ def wrapped(text: str) -> str:
     return "\n".join(_filled(line, width, "    ") if _WORDS.match(line) else line for line in text.split("\n"))
 
 
+@dataclass(frozen=True)
+class Column:
+    """A heading, its cells, and how important it is: where there is no room for all, the highest ranks go first."""
+
+    title: str
+    cells: Sequence[str]
+    rank: int = 0
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The heading and the cells."""
+        return (self.title, *self.cells)
+
+
 def plain_table(header: Sequence[str], rows: Sequence[Sequence[str]], ranks: Sequence[int] = ()) -> str:
+    """A table by rows; ranks of its columns, without which they go from the right, and the first one stays."""
+    cells = zip(*rows, strict=True) if rows else [()] * len(header)
+    return columns_table(list(map(Column, header, cells, ranks or range(len(header)))))
+
+
+def columns_table(columns: Sequence[Column]) -> str:
     """Plain text: columns aligned right where every cell looks like a number, left otherwise.
 
-    ranks: importance of each column: where the width is too small for all, the highest numbers go first, those of 0
-           never, and a line says which went (without ranks, columns go from the right, and the first one stays)
+    Where the width is too small for all, the highest ranks go first, those of 0 never, and a line says which went.
     """
-    cells = list(zip(header, *rows, strict=True))
-    kept = _fitting(cells, ranks or range(len(cells)))
-    gone = [name for i, name in enumerate(header) if i not in kept]
-    text = _aligned([cells[i] for i in kept])
+    kept = list(range(len(columns)))
+    while not fits([columns[i] for i in kept]):
+        last = max(kept, key=lambda i: (columns[i].rank, i))
+        if columns[last].rank == 0:
+            break
+        kept.remove(last)
+    gone = [column.title for i, column in enumerate(columns) if i not in kept]
+    text = _aligned([columns[i].lines for i in kept])
     return "\n".join([text, wrapped(f"  no room for {', '.join(gone)} (-v has all)")] if gone else [text])
 
 
-def fits(header: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:
+def fits(columns: Sequence[Column]) -> bool:
     """Whether a table of all these columns has room."""
-    return len(_fitting(list(zip(header, *rows, strict=True)), range(len(header)))) == len(header)
-
-
-def split_table(header: Sequence[str], rows: Sequence[Sequence[str]], labels: int) -> str:
-    """All columns in as many tables as the width asks for, each with the first `labels` columns."""
-    parts = list[list[int]]([[]])
-    for i in range(labels, len(header)):
-        chosen = [*range(labels), *parts[-1], i]
-        if parts[-1] and not fits([header[k] for k in chosen], [[row[k] for k in chosen] for row in rows]):
-            parts.append([])
-        parts[-1].append(i)
-    cells = list(zip(header, *rows, strict=True))
-    return "\n\n".join(_aligned([cells[k] for k in (*range(labels), *part)]) for part in parts)
-
-
-def _fitting(cells: Sequence[Sequence[str]], ranks: Sequence[int]) -> list[int]:
-    """The columns that stay."""
     width = _width.get()
-    widths = [max(len(cell) for cell in column) for column in cells]
-    kept = list(range(len(cells)))
-    while width is not None and sum(widths[i] + 2 for i in kept) > width:
-        last = max(kept, key=lambda i: (ranks[i], i))
-        if ranks[last] == 0:
-            break
-        kept.remove(last)
-    return kept
+    return width is None or sum(max(map(len, column.lines)) + 2 for column in columns) <= width
+
+
+def split_table(columns: Sequence[Column], labels: int) -> str:
+    """All columns in as many tables as the width asks for, each with the first `labels` columns."""
+    parts = list[list[Column]]([[]])
+    for column in columns[labels:]:
+        if parts[-1] and not fits([*columns[:labels], *parts[-1], column]):
+            parts.append([])
+        parts[-1].append(column)
+    return "\n\n".join(_aligned([column.lines for column in (*columns[:labels], *part)]) for part in parts)
 
 
 def _aligned(cells: Sequence[Sequence[str]]) -> str:
