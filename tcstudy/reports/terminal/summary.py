@@ -19,7 +19,7 @@ from tcstudy.data.schema import LIMITED, OF_POLYGON, UNBALANCED
 from tcstudy.data.store import open_results
 from tcstudy.reports.select_point import axis_labels, describe
 from tcstudy.reports.sentences import equilibria, locks, of_the_body
-from tcstudy.reports.terminal.tables import Column, columns_table, fits, plain_table, split_table, wrapped
+from tcstudy.reports.terminal.tables import TextColumn, columns_table, fits, plain_table, split_table, wrapped
 from tcstudy.reports.text import PROOFS, Failure, counted, digits_lost, failure_lines, headed, number, prefix, proved
 
 NOT_SAID = ("start_energy", "start_used", "iterations", "evaluations", "omega", "uniqueness_margin")
@@ -51,16 +51,16 @@ def _levels(data: Any) -> str:
     dims, total = sweep_dims(data), data["status"].isel(level=0).size
     ok = (data["status"] == int(PointStatus.OK)).sum(dims).values
 
-    def column(title: str, values: Any, rank: int, units: str = "1", digits: int = 2, size: Any = None) -> Column:
+    def column(title: str, values: Any, rank: int, units: str = "1", digits: int = 2, size: Any = None) -> TextColumn:
         divisor, unit = prefix(values if size is None else size, units)
-        return Column(headed(title, unit), [number(value / divisor, digits) for value in values.values], rank)
+        return TextColumn(headed(title, unit), [number(value / divisor, digits) for value in values.values], rank)
 
     columns = [
-        Column("level", [str(int(level)) for level in data["level"].values]),
+        TextColumn("level", [str(int(level)) for level in data["level"].values]),
         column("h_max", data["h_max"], 2, data["h_max"].attrs["units"], 4),
-        Column("dofs", [str(int(n)) for n in data["n_dof"].values], 1),
-        Column("contact", [str(int(n)) for n in data["n_contact"].values], 7),
-        Column("ok", [f"{n}/{total}" for n in ok]),
+        TextColumn("dofs", [str(int(n)) for n in data["n_dof"].values], 1),
+        TextColumn("contact", [str(int(n)) for n in data["n_contact"].values], 7),
+        TextColumn("ok", [f"{n}/{total}" for n in ok]),
         column("worst residual", data["inclusion_residual"].max(dims), 0),
         column("λ₁", data["lambda_1"].min(dims), 6, data["lambda_1"].attrs["units"], 4),
         column("mesh+assembly [s]", data["time_mesh"] + data["time_assemble"], 9),
@@ -134,30 +134,30 @@ def _points(data: Any, most: int | None) -> str:
     columns, scales = [], {}
     for axis in axis_names(data):
         texts, unit = axis_labels(near, axis)
-        columns.append(Column(headed(axis, unit), [texts[i] for i in place[str(data[axis].dims[0])]]))
+        columns.append(TextColumn(headed(axis, unit), [texts[i] for i in place[str(data[axis].dims[0])]]))
     labels = len(columns)
     usual = [one for one in _COLUMNS if np.isfinite(fine[one[0]].values).any()]
     for name, title, rank in (*usual, *((name, name, 0) for name in asked(data))):
         divisor, unit = scales[name] = prefix(fine[name].values, fine[name].attrs["units"])
         cells = [number(value / divisor) for value in first(name)]
         cells = [c if good or c == "–" else f"({c})" for c, good in zip(cells, solved, strict=True)]
-        columns.append(Column(headed(title, unit), cells, rank))
+        columns.append(TextColumn(headed(title, unit), cells, rank))
     columns, wanted = columns[: labels + len(usual)], columns[labels + len(usual) :]
     rest, legend = [], [CERTIFIED]
     if "solutions" in fine:
         told = zip(*(first(name).tolist() for name in ("solutions", "stable_solutions", "complete")), strict=True)
         words = [equilibria(*one) if good else "–" for one, good in zip(told, solved, strict=True)]
-        rest.append(Column("equilibria", words, 1))
+        rest.append(TextColumn("equilibria", words, 1))
         legend.append(f"equilibria: {EVERY_LEGEND[bool((fine['complete'] == OF_POLYGON).any())]}")
     flags = {name: first(name) for name, _ in PROOFS}
     proofs = [proved({name: flag[i] for name, flag in flags.items()}) for i in range(n)]
     proofs = [proofs[i] if solved[i] else "failed" if run[i] else "not run" for i in range(n)]
-    rest.append(Column("certified", proofs, 1))
+    rest.append(TextColumn("certified", proofs, 1))
     if data.sizes["level"] > 1:
         divisor, unit = scales.get("friction_resultant", (1.0, "1"))
         change = np.abs(first("friction_resultant") - first("friction_resultant", -2)) / divisor
         cells = [number(value, 2) if good else "–" for value, good in zip(change, solved, strict=True)]
-        rest.append(Column(headed("Δ∫ξ to last level", unit), cells, 4))
+        rest.append(TextColumn(headed("Δ∫ξ to last level", unit), cells, 4))
     if np.any(run & ~solved):
         legend.append("failed: no solution; the numbers in (parentheses) are those of the last step")
     parts = [f"  Level {int(fine['level'])}, the finest:" + (f" first {n} of {total} points" if n < total else "")]

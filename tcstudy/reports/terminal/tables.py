@@ -84,7 +84,7 @@ def wrapped(text: str) -> str:
 
 
 @dataclass(frozen=True)
-class Column:
+class TextColumn:
     """A heading, its cells, and how important it is: where there is no room for all, the highest ranks go first."""
 
     title: str
@@ -100,10 +100,10 @@ class Column:
 def plain_table(header: Sequence[str], rows: Sequence[Sequence[str]], ranks: Sequence[int] = ()) -> str:
     """A table by rows; ranks of its columns, without which they go from the right, and the first one stays."""
     cells = zip(*rows, strict=True) if rows else [()] * len(header)
-    return columns_table(list(map(Column, header, cells, ranks or range(len(header)))))
+    return columns_table(list(map(TextColumn, header, cells, ranks or range(len(header)))))
 
 
-def columns_table(columns: Sequence[Column]) -> str:
+def columns_table(columns: Sequence[TextColumn]) -> str:
     """Plain text: columns aligned right where every cell looks like a number, left otherwise.
 
     Where the width is too small for all, the highest ranks go first, those of 0 never, and a line says which went.
@@ -119,15 +119,15 @@ def columns_table(columns: Sequence[Column]) -> str:
     return "\n".join([text, wrapped(f"  no room for {', '.join(gone)} (-v has all)")] if gone else [text])
 
 
-def fits(columns: Sequence[Column]) -> bool:
+def fits(columns: Sequence[TextColumn]) -> bool:
     """Whether a table of all these columns has room."""
     width = _width.get()
     return width is None or sum(max(map(len, column.lines)) + 2 for column in columns) <= width
 
 
-def split_table(columns: Sequence[Column], labels: int) -> str:
+def split_table(columns: Sequence[TextColumn], labels: int) -> str:
     """All columns in as many tables as the width asks for, each with the first `labels` columns."""
-    parts = list[list[Column]]([[]])
+    parts = list[list[TextColumn]]([[]])
     for column in columns[labels:]:
         if parts[-1] and not fits([*columns[:labels], *parts[-1], column]):
             parts.append([])
