@@ -82,14 +82,12 @@ class Condensed:
 
     problem:  Ã, l̃, c, law
     constant: what the total potential energy L_θ(u) has beside L̃(u₁) [J/m]
-    terms:    the load's basis terms, for the way back
     time:     wall time spent on factorisation and loads for this scene [s]
     band:     λ₁ of the body itself, where it is asked for
     """
 
     problem: ContactProblem
     constant: float
-    terms: tuple[LoadTerm, ...]
     time: float
     band: Band | None = None
 
@@ -333,21 +331,24 @@ class Level:
         Raises NotPositiveDefinite if the body is not held or the material is not elastic.
         """
         start = time.perf_counter()
-        l_tilde, constant, terms = self._condensed_load(scene)
+        l_tilde, constant = self._load(scene)
         body = self._body(scene)
         A_tilde = body.A_tilde(scene.material.mu)
         problem = ContactProblem(A_tilde, l_tilde, self.line.c, self.law(scene), body.lambda_1_error)
         band = self.band(scene) if self.guarantee else None
-        return Condensed(problem, constant, terms, time.perf_counter() - start, band)
+        return Condensed(problem, constant, time.perf_counter() - start, band)
 
-    def _condensed_load(self, scene: Scene) -> tuple[Array, float, tuple[LoadTerm, ...]]:
-        """l̃ (m,) [N/m], what the energy has beside L̃ [J/m], and the basis terms of the load."""
-        # heat first: its factor may go before the elastic one comes
-        terms = (*mechanical_terms(scene.f, scene.boundary), *self.temperatures.terms(scene))
-        body, mu, w_D = self._body(scene), scene.material.mu, self.frames_of(scene.boundary).values
-        if np.any(w_D):
-            terms = (*terms, (BasisLoad("prescribed", _held(scene.boundary)), mu))
-        return (*body.load(mu, terms, w_D), terms)
+    def _load(self, scene: Scene) -> tuple[Array, float]:
+        """l̃ (m,) [N/m], and what the energy has beside L̃ [J/m]."""
+        terms = self._terms(scene)  # heat first: its factor may go before the elastic one comes
+        return self._body(scene).load(scene.material.mu, terms, self.frames_of(scene.boundary).values)
+
+    def _terms(self, scene: Scene) -> list[LoadTerm]:
+        """The basis terms of the load; the last is what is prescribed, if anything is."""
+        terms = [*mechanical_terms(scene.f, scene.boundary), *self.temperatures.terms(scene)]
+        if np.any(self.frames_of(scene.boundary).values):
+            terms.append((BasisLoad("prescribed", _held(scene.boundary)), scene.material.mu))
+        return terms
 
     def law(self, scene: Scene) -> Laws:
         """The friction law of Γ_C, or of every contact node where it differs along Γ_C.
@@ -385,7 +386,7 @@ class Level:
         """l̃, the energy's constant, mean of θ and heat balance of a scene, kept for the next block."""
 
         def made() -> tuple[Array, float, float, float]:
-            l_tilde, constant, _ = self._condensed_load(scene)
+            l_tilde, constant = self._load(scene)
             if not scene.material.expands:
                 return l_tilde, constant, float("nan"), float("nan")
             theta = self.temperature(scene)
@@ -412,15 +413,15 @@ class Level:
 
     # -- the whole body ----------------------------------------------------------------------------
 
-    def displacement(self, scene: Scene, condensed: Condensed, u_T: Array) -> Array:
+    def displacement(self, scene: Scene, u_T: Array) -> Array:
         """The whole displacement in x and y (2n,) from the contact solution, eq. (20)."""
         frames = self.frames_of(scene.boundary)
-        w = self._body(scene).displacement(scene.material.mu, u_T, condensed.terms)
+        w = self._body(scene).displacement(scene.material.mu, u_T, self._terms(scene))
         return frames.cartesian(w + frames.values)
 
-    def fields(self, scene: Scene, condensed: Condensed, u_T: Array) -> dict[str, Array]:
+    def fields(self, scene: Scene, u_T: Array) -> dict[str, Array]:
         """Nodal fields of the whole body by name, (n,) each: u_x, u_y [m] and, where it loads the body, theta [K]."""
-        u, n = self.displacement(scene, condensed, u_T), self.mesh.n_points
+        u, n = self.displacement(scene, u_T), self.mesh.n_points
         known = {"u_x": u[:n], "u_y": u[n:]}
         return known if not scene.material.expands else known | {"theta": self.temperature(scene).theta}
 

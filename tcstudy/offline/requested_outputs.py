@@ -42,7 +42,7 @@ class RequestedOutputs:
     def of(self, scene: Scene, u_T: Array) -> dict[str, float]:
         """The numbers by variable name (data.on_request) at a solution u_T (m,) of a scene."""
         level, wanted, mesh, found = self.level, self.output.quantities, self.level.mesh, dict[str, float]()
-        u, warm = level.displacement(scene, level.condensed(scene), u_T), scene.material.expands
+        u, warm = level.displacement(scene, u_T), scene.material.expands
         theta = level.temperature(scene).theta if warm else np.zeros(mesh.n_points)
         if self.output.probes or "von_mises" in wanted:
             sigma = self._stress(scene, u, theta)

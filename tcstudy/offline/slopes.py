@@ -107,7 +107,7 @@ class WholeBody:
     @cached_property
     def u(self) -> Array:
         """(2n,) the displacement in x and y."""
-        return self.level.displacement(self.scene, self.level.condensed(self.scene), self.v)
+        return self.level.displacement(self.scene, self.v)
 
     def right_side(self, change: Change) -> Array:
         """(m,) ∂l̃/∂p − (∂Ã/∂p) v."""

@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.accuracy.rates import ROUNDING
+from tcstudy.contact.problem import ContactProblem
 from tcstudy.exact.numbers import known_goal
 from tcstudy.fem.energy_error import RegionMesh, energy_squares, parts_of
 from tcstudy.fem.estimators import contact_traction
 from tcstudy.fem.recovery import ElementGeometry
-from tcstudy.offline.level import Condensed, Level
+from tcstudy.offline.level import Level
 from tcstudy.refine.ends import Hidden, hidden_on
 from tcstudy.refine.goal_error import goal_error
 from tcstudy.refine.goals import goal_value
@@ -92,10 +93,10 @@ class ErrorEstimator:
     def __post_init__(self) -> None:
         self.triangles = ElementGeometry(self.level.mesh)
 
-    def look(self, index: Index, scene: Scene, condensed: Condensed, v: Array) -> dict[str, float]:
+    def look(self, index: Index, scene: Scene, v: Array) -> dict[str, float]:
         """Estimate the error of a solution v (m,); what is stored of it, by variable name."""
         goal = self.plan.goal
-        estimate = self._estimate(index, scene, condensed, v)
+        estimate = self._estimate(index, scene, v)
         self.estimates[index] = estimate
         stored = {"error_estimate": estimate.energy}
         if goal.quantity != "energy":
@@ -109,21 +110,17 @@ class ErrorEstimator:
 
     # -- one solution ------------------------------------------------------------------------------
 
-    def _estimate(self, index: Index, scene: Scene, condensed: Condensed, v: Array) -> Estimate:
+    def _estimate(self, index: Index, scene: Scene, v: Array) -> Estimate:
         goal, n_dof, nan = self.plan.goal, self.level.frames.n_dof, math.nan
-        u = self.level.displacement(scene, condensed, v)
-        theta = self.level.temperature(scene).theta if scene.material.expands else np.zeros(self.level.mesh.n_points)
-        xi = condensed.problem.xi(v) / self.level.line.c
-        friction = contact_traction(self.triangles, self.level.line, scene.friction, v, xi, u)
-        self._parts = self._parts or parts_of(self.triangles, scene)
-        squares, norm = energy_squares(self._parts, self.level.mesh, u, theta, scene, friction)
+        u, problem = self.level.displacement(scene, v), self.level.condensed(scene).problem
+        squares, norm = self.energy_squares(scene, problem, v, u)
         energy = _ratio(math.sqrt(float(squares.sum())), norm)
         if goal.quantity == "energy":
             return Estimate(n_dof, energy, nan, nan, nan, nan, energy, squares, np.empty(0))
         if self._halved is None:
             self._halved = Halved(self.level, scene, self.scenes)
-        found = goal_error(goal, self._halved, self.triangles, scene, condensed, v, u)
-        value, old = goal_value(goal, condensed.problem, self.level.line, v), self.before.get(index)
+        found = goal_error(goal, self._halved, self.triangles, scene, problem, v, u)
+        value, old = goal_value(goal, problem, self.level.line, v), self.before.get(index)
         # What extrapolation has changed by: its error falls by about three from level to level, which leaves one half.
         # The spread over the orders says the same of one level alone, so that the larger of both is enough.
         drift = 0.5 * abs(found.limit - old.limit) if old else 0.0
@@ -136,6 +133,14 @@ class ErrorEstimator:
         shares = found.shares if np.any(found.shares) else squares
         relative, hidden = _ratio(error, abs(value)), found.hidden
         return Estimate(n_dof, energy, value, found.limit, found.change, error, relative, shares, hidden)
+
+    def energy_squares(self, scene: Scene, problem: ContactProblem, v: Array, u: Array) -> tuple[Array, float]:
+        """(t,) η_K² of the energy norm [J/m] and ‖u_h‖ [√(J/m)] of a solution v (m,) with the displacement u (2n,)."""
+        level, triangles = self.level, self.triangles
+        theta = level.temperature(scene).theta if scene.material.expands else np.zeros(level.mesh.n_points)
+        friction = contact_traction(triangles, level.line, scene.friction, v, problem.xi(v) / level.line.c, u)
+        self._parts = self._parts or parts_of(triangles, scene)
+        return energy_squares(self._parts, level.mesh, u, theta, scene, friction)
 
     # -- all solutions -----------------------------------------------------------------------------
 

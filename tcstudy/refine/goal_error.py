@@ -62,9 +62,9 @@ from numpy.typing import NDArray
 from tcstudy.accuracy.corners import Side, Sticks, opening, sticking_near, vertex, vertices
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.loop import Status
+from tcstudy.contact.problem import ContactProblem
 from tcstudy.fem.meshes import CurveEnd, PlaneMesh, curve_ends
 from tcstudy.fem.recovery import ElementGeometry
-from tcstudy.offline.level import Condensed
 from tcstudy.refine.ends import hidden_effects
 from tcstudy.refine.fronts import fronts, slip_length
 from tcstudy.refine.goals import dual, goal_value, lost, steps, torn, weight_of_friction
@@ -99,48 +99,48 @@ class GoalError:
 
 
 def goal_error(
-    goal: Goal, halved: Halved, triangles: ElementGeometry, scene: Scene, condensed: Condensed, v: Array, u: Array
+    goal: Goal, halved: Halved, triangles: ElementGeometry, scene: Scene, problem: ContactProblem, v: Array, u: Array
 ) -> GoalError:
     """Error of the goal of a solution v (m,) with the displacement u (2n,); triangles are those of its level.
 
     The finer problem starts from v and stays in its basin, so that another solution of the same load is not compared.
     """
-    fine, line, problem = halved.level, halved.coarse.line, condensed.problem
-    finer = fine.condensed(scene)
-    answer = solve_contact(finer.problem, tolerance=ACCEPTED, branch="continued", neighbour=halved.start(v, u))
+    fine, line = halved.level, halved.coarse.line
+    finer = fine.condensed(scene).problem
+    answer = solve_contact(finer, tolerance=ACCEPTED, branch="continued", neighbour=halved.start(v, u))
     value, w = goal_value(goal, problem, line, v), answer.v
     if answer.status != Status.CONVERGED:
         return GoalError(value, np.inf, 0.0, 0.0, np.zeros(len(triangles.area)), np.zeros(len(line.segments)))
-    better, z_T = fine.displacement(scene, finer, w), np.zeros(fine.line.m)
+    better, z_T = fine.displacement(scene, w), np.zeros(fine.line.m)
     with suppress(scipy.linalg.LinAlgError):  # a turning point
-        z_T = dual(goal, finer.problem, fine.line, w)
-    pair = Pair(goal, halved, scene, (problem, finer.problem), (v, w), (halved.carry(u), better), z_T)
+        z_T = dual(goal, finer, fine.line, w)
+    pair = Pair(goal, halved, scene, (problem, finer), (v, w), (halved.carry(u), better), z_T)
     parts, shares = pair.contributions(), pair.shares(triangles)
-    hidden = halved.on_segments(hidden_effects(goal, fine.line, finer.problem, w, better, z_T))
+    hidden = halved.on_segments(hidden_effects(goal, fine.line, finer, w, better, z_T))
     # steps of the law, moved by half a cell of the finer level
     lacks = np.max(np.abs(weight_of_friction(goal) - z_T[fine.line.unknowns]), axis=1)
-    stepped = halved.on_segments(0.5 * fine.line.lengths * steps(fine.line, finer.problem, w) * lacks)
+    stepped = halved.on_segments(0.5 * fine.line.lengths * steps(fine.line, finer, w) * lacks)
     shares += triangles.from_contact(line, stepped)
     stick, found = problem.law.sticking(v), fronts(line, problem, v)
     at = [line.ends[front.segment].mean(axis=0) for front in found]
     places = np.array(at + ([np.array(goal.at)] if goal.at is not None else [])).reshape(-1, 2)
     parted = regions(halved, scene, stick, places, stepped > 0.0)
-    change = goal_value(goal, finer.problem, fine.line, w) - value
+    change = goal_value(goal, finer, fine.line, w) - value
     # what is known apart from the parts of the change: the limit over J(u_h) without them, and their own doubt
     apart, rest_of_change, doubt, loose = 0.0, change, float(hidden.sum() + stepped.sum()), 0.0
     if goal.quantity == "slip_length":
-        own, (length, unsure) = slip_length(line, problem, v)[0], slip_length(fine.line, finer.problem, w)
+        own, (length, unsure) = slip_length(line, problem, v)[0], slip_length(fine.line, finer, w)
         apart, rest_of_change, doubt, change = own - value, length - own, doubt + unsure, length - value
         for front in found:  # half of the cell: what the nodes leave open
             around = np.flatnonzero(np.any(np.isin(triangles.mesh.triangles, line.segments[front.segment]), axis=1))
             shares[around] += 0.5 * front.width / len(around)
     elif goal.quantity == "friction_resultant":
         missing = lost(line, problem, v)
-        gained = missing - halved.on_segments(lost(fine.line, finer.problem, w))
+        gained = missing - halved.on_segments(lost(fine.line, finer, w))
         parts[halved.middles] -= gained
         apart, rest_of_change = float(missing.sum()), change - float(gained.sum())
         loose = float(np.abs(2.0 * gained - missing).sum())
-        doubt += float(torn(fine.line, finer.problem, w).sum())
+        doubt += float(torn(fine.line, finer, w).sum())
         shares += triangles.from_contact(line, np.abs(missing) + torn(line, problem, v))
     # the rest of the change by parts, each with the factor of its place
     nonlinear = rest_of_change - float(parts.sum())

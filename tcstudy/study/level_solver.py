@@ -215,11 +215,11 @@ class LevelSolver:
         for row in np.flatnonzero(record.status == PointStatus.OK).tolist():
             scene, v, found = self._scene(record.points[row]), record.u_T[row], dict[str, float]()
             if self.estimator is not None:
-                clock, condensed = time.perf_counter(), self.level.condensed(scene)
-                found = self.estimator.look(record.index(row), scene, condensed, v)
+                clock = time.perf_counter()
+                found = self.estimator.look(record.index(row), scene, v)
                 self.times.estimate += time.perf_counter() - clock
             if output.fields and not record.fields:
-                for name, values in self.level.fields(scene, self.level.condensed(scene), v).items():
+                for name, values in self.level.fields(scene, v).items():
                     fields.setdefault(name, np.full((len(record), len(values)), np.nan))[row] = values
             try:
                 for of in self._requested if output.asks else ():

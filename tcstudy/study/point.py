@@ -73,7 +73,7 @@ def solve_point(
         # no friction leaves a solution nothing but rounding of ξ; how far from 0 that is is its inclusion residual
         nothing = problem.law.vanishes and answer.status == Status.CONVERGED
         xi = np.zeros(problem.m) if nothing else answer.xi
-        fields = level.fields(scene, condensed, answer.v) if study.output.fields else {}
+        fields = level.fields(scene, answer.v) if study.output.fields else {}
         found = {
             "numbers": _one_row(_numbers(condensed, solved, xi, temperature, certificate)),
             "u_T": answer.v[None],

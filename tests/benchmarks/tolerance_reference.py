@@ -83,11 +83,11 @@ def _bisected(study: Study, goal: Goal) -> tuple[PlaneMesh, list[Point]]:
         v = solve_contact(condensed.problem).v
         estimator = family.estimator(level)
         assert estimator is not None
-        estimator.look((), scene, condensed, v)
+        estimator.look((), scene, v)
         if level.frames.n_dof > ADAPTIVE:
             break
         found = estimator.estimates[()]
-        squares, _ = estimator._squares(scene, condensed, v, level.displacement(scene, condensed, v))
+        squares, _ = estimator.energy_squares(scene, condensed.problem, v, level.displacement(scene, v))
         both = found.indicators / max(found.indicators.sum(), 1e-300) + squares / squares.sum()
         estimator.estimates[()] = replace(found, indicators=both, error=1.0, hidden=0.0 * found.hidden)
     at = [level.line.ends[front.segment].mean(axis=0) for front in fronts(level.line, condensed.problem, v)]

@@ -131,7 +131,7 @@ def judged(scene: int, study: Study, goal: Goal, tolerance: float, true: float) 
         condensed = level.condensed(problem)
         estimator = family.estimator(level)
         assert estimator is not None
-        estimator.look((), problem, condensed, solve_contact(condensed.problem).v)
+        estimator.look((), problem, solve_contact(condensed.problem).v)
         found, n_dof = estimator.estimates[()], level.frames.n_dof
         limit = found.value + 4.0 / 3.0 * found.change
         whole = 4.0 / 3.0 * abs(found.change) + max(abs(found.change) / 3.0, np.nan_to_num(0.5 * abs(limit - before)))

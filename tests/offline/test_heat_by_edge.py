@@ -213,5 +213,5 @@ def looked(text: str) -> list[float]:
     scene, level = study.scenes[0], levels_of(study)[0]
     condensed = level.condensed(scene)
     answer = solve_contact(condensed.problem)
-    found = ErrorEstimator(level, study.mesh).look((), scene, condensed, answer.v)
+    found = ErrorEstimator(level, study.mesh).look((), scene, answer.v)
     return [float(np.abs(condensed.problem.l_tilde).sum()), condensed.constant, *map(float, found.values())]

@@ -51,7 +51,7 @@ def bracket() -> tuple[Level, Halved]:
         estimator = family.estimator(level)
         assert estimator is not None
         condensed = level.condensed(scene)
-        estimator.look((), scene, condensed, solve_contact(condensed.problem).v)
+        estimator.look((), scene, solve_contact(condensed.problem).v)
     return level, Halved(level, scene)
 
 
@@ -86,7 +86,7 @@ def test_a_start_knows_the_displacement_given_at_a_held_node() -> None:
     level = Level(Family(study).next(0), study.scenes[0])
     halved, condensed = Halved(level, study.scenes[0]), level.condensed(study.scenes[0])
     v = solve_contact(condensed.problem).v
-    started = halved.start(v, level.displacement(study.scenes[0], condensed, v))
+    started = halved.start(v, level.displacement(study.scenes[0], v))
     last = np.argmax(halved.level.line.xy[:, 0])
     assert started[last] == pytest.approx(0.5 * (v[np.argmax(level.line.xy[:, 0])] + front_slip(0.4, 1.0)), rel=1e-12)
     assert halved.at_coarse(started).tolist() == v.tolist()
@@ -101,7 +101,7 @@ def look(goal: Goal = RESULTANT, levels: int = 2) -> dict[str, float]:
         estimator = family.estimator(level)
         assert estimator is not None
         condensed = level.condensed(scene)
-        stored = estimator.look((), scene, condensed, solve_contact(condensed.problem).v)
+        stored = estimator.look((), scene, solve_contact(condensed.problem).v)
     assert np.any(estimator.shares() > 0.0)
     return stored
 
@@ -224,7 +224,7 @@ def test_an_estimator_compares_with_the_exact_solution(pick: Callable[[MeshPlan]
     level = Level(Family(study).next(0), scene)
     condensed = level.condensed(scene)
     v = solve_contact(condensed.problem).v
-    stored = ErrorEstimator(level, plan, exact=study.exact).look((), scene, condensed, v)
+    stored = ErrorEstimator(level, plan, exact=study.exact).look((), scene, v)
     known = front_resultant(0.4) if plan.goal.known is None else plan.goal.known
     error = abs(goal_value(RESULTANT, condensed.problem, level.line, v) - known)
     assert stored["goal_error"] == pytest.approx(error, rel=1e-2)

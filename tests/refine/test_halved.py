@@ -33,7 +33,7 @@ def changes(text: str, goal: Goal) -> tuple[float, np.ndarray, Halved]:
     fine = halved.level
     condensed, finer = coarse.condensed(scene), fine.condensed(scene)
     v, w = solve_contact(condensed.problem).v, solve_contact(finer.problem).v
-    u = (halved.carry(coarse.displacement(scene, condensed, v)), fine.displacement(scene, finer, w))
+    u = (halved.carry(coarse.displacement(scene, v)), fine.displacement(scene, w))
     z_T = dual(goal, finer.problem, fine.line, w)
     parts = Pair(goal, halved, scene, (condensed.problem, finer.problem), (v, w), u, z_T).contributions()
     values = goal_value(goal, finer.problem, fine.line, w), goal_value(goal, condensed.problem, coarse.line, v)

@@ -186,7 +186,7 @@ def solved_meshes(study: Study, goal: Goal, most: int, marking: float = 0.6) -> 
         v = solve_contact(condensed.problem).v
         estimator = family.estimator(level)
         assert estimator is not None
-        estimator.look((), scene, condensed, v)
+        estimator.look((), scene, v)
         yield family, level, goal_value(goal, condensed.problem, level.line, v)
         if level.frames.n_dof > most:
             return

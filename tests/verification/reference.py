@@ -46,8 +46,8 @@ def solved_levels(study: Study, plan: MeshPlan, most: float = np.inf) -> Iterato
         condensed = level.condensed(scene)
         answer = solve_contact(condensed.problem)
         assert answer.status == Status.CONVERGED, answer.reason
-        estimator.look((), scene, condensed, answer.v)
-        own = strain(estimator.triangles, level.displacement(scene, condensed, answer.v))
+        estimator.look((), scene, answer.v)
+        own = strain(estimator.triangles, level.displacement(scene, answer.v))
         yield Solved(level.frames.n_dof, estimator.estimates[()].energy, estimator.triangles, own)
         if level.frames.n_dof > most:
             return

@@ -36,7 +36,7 @@ def test_segments_cover_the_contact_line(bracket: tuple[Scene, Level]) -> None:
 def test_normal_displacement_vanishes_at_the_contact_nodes(bracket: tuple[Scene, Level]) -> None:
     scene, level = bracket
     condensed = level.condensed(scene)
-    u = level.displacement(scene, condensed, solve_contact(condensed.problem).v)
+    u = level.displacement(scene, solve_contact(condensed.problem).v)
     nodes = level.line.nodes
     n = level.mesh.n_points
     xy, at = np.column_stack([u[nodes], u[nodes + n]]), level.mesh.points[nodes]
@@ -62,7 +62,7 @@ def test_condensed_and_full_solutions_agree(bracket: tuple[Scene, Level]) -> Non
     scene, level = bracket
     condensed = level.condensed(scene)
     answer = solve_contact(condensed.problem)
-    u = level.displacement(scene, condensed, answer.v)
+    u = level.displacement(scene, answer.v)
     frames = level.frames
     R = frames.rotation
     A = level.elastic.stiffness_of((((), scene.material.lam, scene.material.mu),))
@@ -82,7 +82,7 @@ def test_reactions_and_loads_are_in_equilibrium(bracket: tuple[Scene, Level]) ->
     scene, level = bracket
     condensed = level.condensed(scene)
     answer = solve_contact(condensed.problem)
-    u = level.displacement(scene, condensed, answer.v)
+    u = level.displacement(scene, answer.v)
     A = level.elastic.stiffness_of((((), scene.material.lam, scene.material.mu),))
     F = level.load(scene)
     residual = A @ u - F
@@ -107,7 +107,7 @@ def test_total_energy_is_that_of_the_whole_system(bracket: tuple[Scene, Level]) 
     scene, level = bracket
     condensed = level.condensed(scene)
     answer = solve_contact(condensed.problem)
-    u = level.displacement(scene, condensed, answer.v)
+    u = level.displacement(scene, answer.v)
     A = level.elastic.stiffness_of((((), scene.material.lam, scene.material.mu),))
     direct = 0.5 * u @ (A @ u) - level.load(scene) @ u + level.line.c @ scene.friction.j(answer.v)
     assert answer.energy + condensed.constant == pytest.approx(direct, rel=1e-11)

@@ -138,7 +138,7 @@ def test_numbers_under_a_law_that_grows_along_its_edge() -> None:
     for i in range(plan.levels):
         level = Level(family.next(i), scene)
         estimator, condensed = ErrorEstimator(level, plan), level.condensed(scene)
-        estimator.look((), scene, condensed, solve_contact(condensed.problem).v)
+        estimator.look((), scene, solve_contact(condensed.problem).v)
         found = estimator.estimates[()]
         ratios.append((found.limit - found.value) / (resultant - found.value))
     assert all(abs(after - 1.0) < 0.6 * abs(before - 1.0) for before, after in pairwise(ratios)), ratios

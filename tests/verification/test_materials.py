@@ -65,7 +65,7 @@ def test_patch_across_the_interface(degrees: float, maxh: float) -> None:
     condensed = level.condensed(study.scenes[0])
     v = np.full(condensed.problem.m, SLIP)
     assert condensed.problem.inclusion_residual(v, tolerance=1e-12) < 1e-12
-    u = level.displacement(study.scenes[0], condensed, v)
+    u = level.displacement(study.scenes[0], v)
     turn = np.radians(degrees)
     y = level.mesh.points @ [-np.sin(turn), np.cos(turn)]
     along = SLIP + 0.2 * (np.minimum(y, BASE) / G_LAYER + np.maximum(y - BASE, 0.0) / G_REST)
@@ -172,7 +172,7 @@ mesh: {maxh: 0.2, levels: 3}
     errors = []
     for level in levels_of(study := read_study_text(text)):
         condensed = level.condensed(study.scenes[0])
-        u = level.displacement(study.scenes[0], condensed, solve_contact(condensed.problem).v)
+        u = level.displacement(study.scenes[0], solve_contact(condensed.problem).v)
         x, y = level.mesh.points.T
         line = np.flatnonzero((np.abs(y - 0.4) < 1e-9) & (x > 1.9) & (x < 6.1))
         curvature = 2 * np.polyfit(x[line], u[level.mesh.n_points + line], 2)[0]
@@ -270,6 +270,6 @@ mesh: {maxh: 0.25, levels: 4, estimate: true}
     for number, level in enumerate(levels_of(study)[:2]):
         condensed = level.condensed(scene)
         v = solve_contact(condensed.problem).v
-        found = ErrorEstimator(level, study.mesh).look((), scene, condensed, v)["error_estimate"]
+        found = ErrorEstimator(level, study.mesh).look((), scene, v)["error_estimate"]
         error, size = reference.errors(number, (), scene)["u_energy"]
         assert 0.95 < found * size / error < 1.35

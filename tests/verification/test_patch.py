@@ -35,7 +35,7 @@ def test_every_solution_satisfies_the_inclusion(case: Case, maxh: float, degrees
         assert problem.inclusion_residual(v, tolerance=1e-12) < 1e-12
         energy = problem.energy(v) + condensed.constant
         assert energy == pytest.approx(exact_energy(case, study, slip), abs=1e-12)
-        u = level.displacement(scene, condensed, v)
+        u = level.displacement(scene, v)
         turn = np.radians(degrees)
         depth = level.mesh.points @ [-np.sin(turn), np.cos(turn)]
         along = slip + (case.U - slip) * depth / HEIGHT

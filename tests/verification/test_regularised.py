@@ -56,7 +56,7 @@ def test_the_smoothed_solution_converges_to_ours() -> None:
     level = Level(mesh, scene)
     condensed = level.condensed(scene)
     answer = solve_contact(condensed.problem)
-    ours = level.displacement(scene, condensed, answer.v)
+    ours = level.displacement(scene, answer.v)
     stuck = int(np.count_nonzero(answer.v == 0.0))
     assert 2 < stuck < len(answer.v) - 2
     errors, start = [], None
