@@ -1,7 +1,7 @@
 """A finished run's file read back as the records that it was written of, block by block, to the bit.
 
 For studies that grow or are mended: what is read here goes through the one writer again. Not here: which
-points of which study these are (`tcstudy.study.grow`), and the group `live`, which is made of the whole sweep.
+points of which study these are (`tcstudy.study.append`), and the group `live`, which is made of the whole sweep.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ from tcstudy.data.writer import axis_problems
 from tcstudy.errors import GeometryFailed, StoreError, UserFault
 from tcstudy.executors import in_order
 from tcstudy.scene.study import Study, Variant
-from tcstudy.study.grow import Kept, all_but_broken, appended
+from tcstudy.study.append import Kept, all_but_broken, appended
 from tcstudy.study.level_solver import all_failed
 from tcstudy.study.lint import built_faults, faults, output_of, warnings
 from tcstudy.study.run import LevelWork, Quiet, Watcher, as_start, run, work_of
@@ -79,7 +79,7 @@ def execute(
     """Run all points of a study and write the result file.
 
     jobs: worker processes, None for as many as pay;  dask: address of a scheduler whose workers are to do it instead
-    kept: what the output has of the study already and keeps (study.grow), None for nothing
+    kept: what the output has of the study already and keeps (study.append), None for nothing
     pool: who works, if some have begun to. Only this process writes, and the numbers are the same to the bit.
     A run that was killed or interrupted leaves its finished points beside the output; the same study then goes on
     where it stopped. Raises StoreError if the results cannot be kept, GeometryFailed if the body has no mesh,

@@ -36,12 +36,12 @@ from tcstudy.read.study import read_study_text
 from tcstudy.scene.histories import UnfitLaw
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
+from tcstudy.study.append import differences
 from tcstudy.study.history_scene import problem_of, step_derivatives
 from tcstudy.study.lint import warnings
 from tcstudy.study.point import STATUS
 from tcstudy.study.run import level_record
 from tcstudy.study.sizes import of_history
-from tcstudy.study.union import differences
 from tcstudy.study.workers import WorkerPool, submit
 
 Array = NDArray[np.float64]

@@ -25,7 +25,7 @@ from tcstudy.offline.level import Level, live_arrays
 from tcstudy.refine.error_estimator import ErrorEstimator
 from tcstudy.refine.family import Family
 from tcstudy.scene.study import Study
-from tcstudy.study.grow import Kept
+from tcstudy.study.append import Kept
 from tcstudy.study.level_solver import LevelSolver, Times, all_failed, keeps_solutions
 from tcstudy.study.workers import BlockExecutor
 

@@ -20,7 +20,7 @@ from tcstudy.data.provenance import holds
 from tcstudy.data.reading import Seal, Unreadable, attributes, change_of, is_foreign, read_all, reading, seal_of
 from tcstudy.data.store import open_results, write
 from tcstudy.scene.study import Study
-from tcstudy.study.grow import stored_run
+from tcstudy.study.append import stored_study
 
 
 def stranger(path: Path, **more: object) -> Path:
@@ -96,7 +96,7 @@ def test_what_another_program_changed_is_named_and_nothing_goes_on_from_it(
             change_of(written)
     else:
         assert change_of(written).endswith(words)
-    for going_on in (lambda: holds(written, "run", study), lambda: stored_run(written)):
+    for going_on in (lambda: holds(written, "run", study), lambda: stored_study(written)):
         with pytest.raises(StoreError, match=re.escape(words)):
             going_on()
 

@@ -10,8 +10,7 @@ from tcstudy.data.writer import sweep_points
 from tcstudy.errors import StoreError, StudyError
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
-from tcstudy.study.shared_points import places_in
-from tcstudy.study.union import union
+from tcstudy.study.append import merge_studies, places_in
 
 BASE = """
 body: {rectangle: {width: 2 m, height: 1 m}}
@@ -48,10 +47,10 @@ def test_drawn_points_are_a_list_whose_coordinates_know_their_distribution(mode:
 
 def test_a_design_grows_by_its_own_points_only() -> None:
     old, new = drawn("sobol"), drawn("sobol", 16)
-    assert union(old, new) is new
+    assert merge_studies(old, new) is new
     assert places_in(new, old).tolist() == list(range(8))
     with pytest.raises(StoreError, match="not the first of this design; keep mode, seed"):
-        union(old, drawn("sobol", 16, seed=8))
+        merge_studies(old, drawn("sobol", 16, seed=8))
 
 
 def test_laws_are_chosen_by_name() -> None:

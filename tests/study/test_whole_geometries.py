@@ -20,8 +20,8 @@ from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.executors import ProcessExecutor, SerialExecutor
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.study import workers as who
+from tcstudy.study.append import all_but_broken
 from tcstudy.study.execute import execute, solve_geometry
-from tcstudy.study.grow import all_but_broken
 from tcstudy.study.run import LevelWork, Quiet, run
 from tcstudy.study.workers import submit
 from tests.benchmarks.kills import assert_same, children

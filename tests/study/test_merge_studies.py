@@ -7,8 +7,7 @@ import pytest
 
 from tcstudy.errors import StoreError
 from tcstudy.read.study import read_study_text
-from tcstudy.study.shared_points import places_in
-from tcstudy.study.union import differences, union
+from tcstudy.study.append import differences, merge_studies, places_in
 from tests.test_cli import CONFIGS
 from tests.verification.scenes import RECTANGLE, study_of
 
@@ -47,14 +46,14 @@ def test_the_sizes_in_a_sweep_are_compared() -> None:
     text = RECTANGLE.replace("mesh: {maxh: 0.1, levels: 3}\n", "")
     one, two = (study_of(text, f"sweep={{E: [1], h: [0.5, {h}]}}") for h in (0.25, 0.2))
     assert differences(one, two) == ["sweep.h[1]: 0.25 | 0.2"]
-    both = union(one, study_of(text, "sweep={E: [2], h: [0.5, 0.25]}"))
+    both = merge_studies(one, study_of(text, "sweep={E: [2], h: [0.5, 0.25]}"))
     assert both.mesh.maxh == (0.5, 0.25)
 
 
 def test_the_union_of_grids_is_the_grid_of_all_values() -> None:
     old = study_of(RECTANGLE, "sweep={E: [1, 2], tau: [0.01, 0.02]}")
     new = study_of(RECTANGLE, "sweep={tau: [0.03], E: [2, 1.5]}")
-    both = union(old, new)
+    both = merge_studies(old, new)
     assert [(axis.name, axis.labels) for axis in both.axes] == [
         ("E", (1.0, 2.0, 1.5)),
         ("tau", (0.01, 0.02, 0.03)),
@@ -64,7 +63,7 @@ def test_the_union_of_grids_is_the_grid_of_all_values() -> None:
     for study in (old, new):
         for place, scene in zip(places_in(both, study), study.scenes, strict=True):
             assert both.scenes[int(place)] == scene
-    assert places_in(old, new, absent=-1).tolist() == [-1, -1]
+    assert places_in(old, new).tolist() == [-1, -1]
 
 
 @pytest.mark.parametrize(
@@ -79,19 +78,19 @@ def test_the_union_of_grids_is_the_grid_of_all_values() -> None:
 def test_the_union_keeps_the_unit_of_the_newer_study(old: str, new: str, unit: str, size: float, mode: str) -> None:
     """The numbers are the same to the bit, and the study that a file holds has the unit as well."""
     one, two = (study_of(SI, f"sweep={{{mode}tau: {values}}}") for values in (old, new))
-    both = union(one, two)
+    both = merge_studies(one, two)
     (axis,) = both.axes
     assert axis.written == (unit, size)
     assert axis.labels == (*one.axes[0].labels, *two.axes[0].labels)
-    again = union(read_study_text(both.text, "file", both.overrides), study_of(SI, f"sweep={{{mode}tau: [5]}}"))
+    again = merge_studies(read_study_text(both.text, "file", both.overrides), study_of(SI, f"sweep={{{mode}tau: [5]}}"))
     assert again.axes[0].written == (unit, size)
     assert again.axes[0].labels == (*axis.labels, 5.0)
 
 
-def test_one_study_that_has_all_points_is_the_union() -> None:
+def test_one_study_that_has_all_points_is_the_merge_studies() -> None:
     small, large = (study_of(RECTANGLE, f"sweep={{E: {values}}}") for values in ("[1, 2]", "[2, 3, 1]"))
-    assert union(small, large) is large
-    assert union(large, small) is large
+    assert merge_studies(small, large) is large
+    assert merge_studies(large, small) is large
 
 
 @pytest.mark.parametrize("grid", [True, False])
@@ -99,7 +98,7 @@ def test_the_union_with_a_list_is_a_list(grid: bool) -> None:
     first = "{E: [1, 2], tau: [0.02]}" if grid else "{mode: zip, E: [1, 2], tau: [0.02, 0.02]}"
     old = study_of(RECTANGLE, f"sweep={first}")
     new = study_of(RECTANGLE, "sweep={mode: list, points: [{tau: 0.02, E: 2}, {tau: 0.03, E: 4}]}")
-    both = union(old, new)
+    both = merge_studies(old, new)
     assert both.mode == "list"
     assert [axis.labels for axis in both.axes] == [(1.0, 2.0, 4.0), (0.02, 0.02, 0.03)]
     assert places_in(both, new).tolist() == [1, 2]
@@ -109,7 +108,7 @@ def test_the_union_with_a_list_is_a_list(grid: bool) -> None:
 def test_lists_keep_the_names_of_laws() -> None:
     points = "{mode: list, points: [{E: 1, friction: {soft: {law: tresca, tau: 0.01}}}]}"
     new = points.replace("soft", "hard").replace("0.01", "0.02")
-    both = union(study_of(RECTANGLE, f"sweep={points}"), study_of(RECTANGLE, f"sweep={new}"))
+    both = merge_studies(study_of(RECTANGLE, f"sweep={points}"), study_of(RECTANGLE, f"sweep={new}"))
     assert [axis.labels for axis in both.axes] == [(1.0, 1.0), ("soft", "hard")]
     assert both.scenes[0].friction != both.scenes[1].friction
 
@@ -118,7 +117,7 @@ def test_a_grid_that_would_be_too_large_is_refused() -> None:
     wide = "sweep={E: {linspace: [1, 2, 1000]}, tau: [0.01]}"
     high = "sweep={E: [3], tau: {linspace: [0.02, 0.03, 1000]}}"
     with pytest.raises(StoreError, match="1002001 points"):
-        union(study_of(RECTANGLE, wide), study_of(RECTANGLE, high))
+        merge_studies(study_of(RECTANGLE, wide), study_of(RECTANGLE, high))
 
 
 def test_materials_and_laws_by_name_keep_their_names() -> None:
@@ -127,8 +126,8 @@ def test_materials_and_laws_by_name_keep_their_names() -> None:
     text = text.replace("{law: tresca, tau: 5 MPa}", "{bottom: {law: tresca, tau: 5 MPa}}")
     coating = "materials.coating: {NAME: {E: NAME GPa, nu: 0.3}}, friction.bottom: {low: {law: tresca, tau: 1 MPa}}"
     old, new = (study_of(text, f"sweep={{{coating.replace('NAME', name)}}}") for name in ("200", "3"))
-    both = union(old, new)
+    both = merge_studies(old, new)
     assert [axis.labels for axis in both.axes] == [("200", "3"), ("low",)]
     assert [both.scenes[int(places_in(both, one)[0])] == one.scenes[0] for one in (old, new)] == [True, True]
     listed = study_of(text, "sweep={mode: zip, " + coating.replace("NAME", "70") + "}")
-    assert [axis.labels for axis in union(both, listed).axes] == [("200", "3", "70"), ("low",) * 3]
+    assert [axis.labels for axis in merge_studies(both, listed).axes] == [("200", "3", "70"), ("low",) * 3]

@@ -12,9 +12,9 @@ import xarray as xr
 import tcstudy
 from tcstudy.data.records import PointStatus
 from tcstudy.read.study import read_study_text
+from tcstudy.study.append import appended
 from tcstudy.study.execute import execute
-from tcstudy.study.grow import appended
-from tests.study.test_grow import Counted
+from tests.study.test_append import Counted
 from tests.study.test_variants import BAR, HOLED, Stops
 
 ONE = BAR.replace(", levels: 2", "")
