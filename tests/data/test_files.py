@@ -66,10 +66,10 @@ def test_a_full_disk_leaves_the_old_file(
 _LIMITED = """
 import resource, sys
 from pathlib import Path
-sys.path.insert(0, sys.argv[2])
-from conftest import make_level, make_point, make_study, Provenance
+sys.path.insert(0, str(Path(sys.argv[2]).parents[1]))
+from tests.data.conftest import make_level, make_point, make_study, Provenance
 from tcstudy.data.files import StoreError
-from by_points import write
+from tests.data.by_points import write
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]), int(sys.argv[3])))
 try:
     write(Path(sys.argv[1]), make_study(), [make_level(0), make_level(1)], [make_point((0, 0, 0), 0)],

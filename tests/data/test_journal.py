@@ -133,9 +133,9 @@ def statuses(journal: Journal) -> dict[tuple[tuple[int, ...], int], PointStatus]
 _WRITER = """
 import sys, time
 from pathlib import Path
-sys.path.insert(0, sys.argv[2])
-from conftest import long, make_level, make_point, make_study
-from by_points import PointJournal as Journal
+sys.path.insert(0, str(Path(sys.argv[2]).parents[1]))
+from tests.data.conftest import long, make_level, make_point, make_study
+from tests.data.by_points import PointJournal as Journal
 from tcstudy.data.journal import checksum
 import numpy as np
 study = make_study()
@@ -249,9 +249,9 @@ def test_two_journals_in_one_process_are_refused_too(output: Path, study: Study)
 _LIMITED = """
 import resource, sys
 from pathlib import Path
-sys.path.insert(0, sys.argv[2])
-from conftest import long, make_level, make_point, make_study
-from by_points import PointJournal as Journal
+sys.path.insert(0, str(Path(sys.argv[2]).parents[1]))
+from tests.data.conftest import long, make_level, make_point, make_study
+from tests.data.by_points import PointJournal as Journal
 from tcstudy.data.journal import checksum
 from tcstudy.data.files import StoreError
 from dataclasses import replace
