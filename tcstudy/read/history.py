@@ -10,11 +10,10 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from tcstudy.expressions.expression import Expression
 from tcstudy.read.checks import supports_fault
 from tcstudy.read.fields import Context, Fields, none_after_fault
-from tcstudy.read.node import Node
-from tcstudy.read.plans import level_of, meant_number, path_of
+from tcstudy.read.node import Node, deepest, holds
+from tcstudy.read.plans import level_of, meant_number, no_single_load, path_of
 from tcstudy.scene.fits import STEP, FitPlan, Sensitivity
 from tcstudy.scene.histories import MOST_STEPS, HistoryLine, HistoryPlan, Keys, Memory, UnfitLaw
 from tcstudy.scene.keys import rows
@@ -46,7 +45,6 @@ def read_history(
     base: the scene without the sweep, None if it has faults of its own;  scenes: of the sweep
     swept: key paths of the sweep
     """
-    before = len(ctx.errors)
     node = root.child("history")
     assert node is not None
     if isinstance(node.value, Mapping):
@@ -54,113 +52,83 @@ def read_history(
             ctx.errors.at(node.value[key], *GONE[key], on_key=True)
         node = replace(node, value={key: one for key, one in node.value.items() if key not in GONE})
     fields = Fields(ctx, node, "history")
-    if len(ctx.errors) > before or base is None:
+    ctx.sound()
+    if base is None:
         return None
-    memory = _memory(ctx, fields)
-    lines = _lines(ctx, fields, base, swept)
-    if len(ctx.errors) > before:
-        return None
-    _check_laws(ctx, fields, memory, scenes)
+    memory = Memory(fields.value("memory"), **fields.given(("stiffness",)))
     known = dict(affine_numbers(base))
+    lines = _lines(ctx, fields, known, swept)
+    ctx.sound()
+    if memory.name == "elastic-plastic" and memory.stiffness is None:
+        fields.missing("stiffness")
+    elif memory.name != "elastic-plastic" and fields["stiffness"]:
+        what = f"belongs to memory: elastic-plastic, but the study has memory: {memory.name}"
+        fields.fault("stiffness", what, "remove it, or change the memory", on_key=True)
+    ctx.sound()
+    for law in (law for scene in distinct(scenes, "friction") for law in scene.laws):
+        try:
+            memory.check(law)
+        except UnfitLaw as error:
+            what, _, remedy = str(error).rpartition("; ")
+            fields.fault("memory", what, remedy)
+            break
+    _refuse(ctx, root, mesh)
     used = dict.fromkeys(keys for line in lines for keys, _ in line.values)
     parameters = tuple((keys, ctx.cf(known[keys].row.dimension), float(known[keys].value)) for keys in used)  # type: ignore[arg-type]
-    _refuse(ctx, root, mesh)
     options = fields.given(("repeat", "branch")) | level_of(ctx, fields, mesh, "a history")
     plan = HistoryPlan(memory, lines, parameters, **options)
     if plan.steps > MOST_STEPS:
         remedy = f"{MOST_STEPS} are possible; write fewer cycles or steps"
-        ctx.errors.at(fields.values["steps"], f"the history has {plan.steps} steps", remedy, on_key=True)
+        fields.fault("steps", f"the history has {plan.steps} steps", remedy, on_key=True)
     return replace(plan, loose=any(supports_fault(s.body, s.boundary) for s in distinct(scenes, "boundary")))
 
 
-def _memory(ctx: Context, fields: Fields) -> Memory:
-    """The memory with its stiffness, which only one has."""
-    before = len(ctx.errors)
-    memory = Memory(fields.value("memory"), **fields.given(("stiffness",)))
-    if len(ctx.errors) > before:
-        return memory
-    if memory.name == "elastic-plastic" and memory.stiffness is None:
-        fields.missing("stiffness")
-    elif memory.name != "elastic-plastic" and (node := fields["stiffness"]):
-        what = f"belongs to memory: elastic-plastic, but the study has memory: {memory.name}"
-        ctx.errors.at(node, what, "remove it, or change the memory", on_key=True)
-    return memory
-
-
-def _lines(ctx: Context, fields: Fields, base: Scene, swept: Collection[Keys]) -> tuple[HistoryLine, ...]:
+def _lines(
+    ctx: Context, fields: Fields, known: Mapping[Keys, Number], swept: Collection[Keys]
+) -> tuple[HistoryLine, ...]:
     """The lines in order; one that leaves all loads as they are is a fault."""
-    known, found, told = dict(affine_numbers(base)), [], False
-    values: dict[Keys, float] = {}
+    now: dict[Keys, Any] = {keys: one.value for keys, one in known.items()}
+    own, found, changed, told = rows("step"), [], set[Keys](), False
     for item in ctx.items(fields.values["steps"], "a list of lines {theta: 60 K, in: 8, name: hot}", 1):
         if not isinstance(item.value, Mapping):
             ctx.errors.at(item, f"must be a mapping, but is {item.kind()}", "write {theta: 60 K, in: 8, name: hot}")
             continue
-        line = _line(ctx, item, known, swept)
-        if line is None:
+        before = len(ctx.errors)
+        given = {word: ctx.value(node, own[word]) for word, node in item.value.items() if word in own}
+        loads = {word: node for word, node in item.value.items() if word not in own}
+        named = {word: _load(ctx, word, node, known, swept) for word, node in loads.items()}
+        values = {k: ctx.quantity(loads[word], known[k].row.dimension) for word, k in named.items() if k is not None}
+        if len(ctx.errors) == before and not values:
+            ctx.errors.at(item, "changes nothing: no load is named", "write for example {theta: 60 K, in: 8}")
+        if len(ctx.errors) > before:
             told = True  # what the loads are is no longer known
             continue
-        before = {keys: values.get(keys, known[keys].value) for keys, _ in line.values}
-        if not told and all(before[keys] == value for keys, value in line.values):
+        if not told and all(now[keys] == value for keys, value in values.items()):
             what = "changes nothing: the loads are there already"
             ctx.errors.at(item, what, "give one of them another value, or remove the line")
-        values |= dict(line.values)
-        found.append(line)
-    if ("load",) in values and (other := next((k for k in values if k[-1] in FACTORED), None)):
+        now |= values
+        changed |= values.keys()
+        words = ", ".join(f"{word} {node.brief()}" for word, node in loads.items())
+        found.append(HistoryLine(tuple(values.items()), given.get("in", 1), given.get("name", words)))
+    if ("load",) in changed and (
+        other := next((keys for keys in now if keys in changed and keys[-1] in FACTORED), None)
+    ):
         what = f"load is a factor of all mechanical loads, and {'.'.join(other)} is one of them"
-        ctx.errors.at(fields.values["steps"], what, "change one of the two", on_key=True)
+        fields.fault("steps", what, "change one of the two", on_key=True)
     return tuple(found)
 
 
-def _line(ctx: Context, item: Node, known: Mapping[Keys, Number], swept: Collection[Keys]) -> HistoryLine | None:
-    before = len(ctx.errors)
-    own = rows("step")
-    given: dict[str, Any] = {}
-    values: dict[Keys, float] = {}
-    for word, node in item.value.items():  # type: ignore[union-attr]
-        if word in own:
-            given[word] = ctx.value(node, own[word])
-            continue
-        keys = _keys(ctx, word, node, known, swept)
-        if keys is not None:
-            values[keys] = ctx.quantity(node, known[keys].row.dimension)
-    if len(ctx.errors) > before:
-        return None
-    if not values:
-        ctx.errors.at(item, "changes nothing: no load is named", "write for example {theta: 60 K, in: 8}")
-        return None
-    named = ", ".join(f"{word} {node.brief()}" for word, node in item.value.items() if word not in own)  # type: ignore[union-attr]
-    return HistoryLine(tuple(values.items()), given.get("in", 1), given.get("name", named))
-
-
-def _keys(ctx: Context, word: str, node: Node, known: Mapping[Keys, Number], swept: Collection[Keys]) -> Keys | None:
+def _load(ctx: Context, word: str, node: Node, known: Mapping[Keys, Number], swept: Collection[Keys]) -> Keys | None:
     """The load that a key of a line names; None after a fault."""
     keys = path_of(word)
-    what = remedy = ""
     if keys not in known:
-        what = "is no load of this study that a history may change"
         remedy = meant_number(word, known, "use one of", rows("step"))
-    elif known[keys].idle:
-        what, remedy = f"{known[keys].idle}, so it changes nothing", "choose another load"
-    elif isinstance(known[keys].value, Expression):
-        what = f"varies in space ({known[keys].value}), but in a history it is one number"
-        remedy = "give it a number in the scene, or use load, the factor of all mechanical loads"
-    elif keys in swept:
-        what, remedy = "is swept, too", "sweep something else, or leave it out of the steps"
-    if what:
-        ctx.errors.at(node, what, remedy, on_key=True)
-    return None if what else keys
-
-
-def _check_laws(ctx: Context, fields: Fields, memory: Memory, scenes: Sequence[Scene]) -> None:
-    """Every law of the sweep must be one that the memory can be made of."""
-    for scene in distinct(scenes, "friction"):
-        for law in scene.laws:
-            try:
-                memory.check(law)
-            except UnfitLaw as error:
-                what, _, remedy = str(error).rpartition("; ")
-                ctx.errors.at(fields.values["memory"], what, remedy)
-                return
+        why: tuple[str, str] | None = ("is no load of this study that a history may change", remedy)
+    elif not (why := no_single_load(keys, known[keys], "in a history")) and keys in swept:
+        why = "is swept, too", "sweep something else, or leave it out of the steps"
+    if why:
+        ctx.errors.at(node, *why, on_key=True)
+    return None if why else keys
 
 
 def _refuse(ctx: Context, root: Node, mesh: MeshPlan | None) -> None:
@@ -171,33 +139,32 @@ def _refuse(ctx: Context, root: Node, mesh: MeshPlan | None) -> None:
     if mesh and mesh.estimates and not mesh.strategy.adapts and (node := root.child("mesh")):
         remedy = "remove estimate and tolerance, and compare histories on meshes of your own"
         ctx.errors.at(node, "errors are not estimated in a history", remedy, on_key=True)
-    output = root.child("output")
-    for key in ("fields", "live"):
-        if output and (asked := output.child(key)) and asked.value is not False:
+    for keys in (("output", "fields"), ("output", "live")):
+        if holds(root, keys) and (asked := deepest(root, keys)).value is not False:
             ctx.errors.at(asked, "is not kept of a history", "remove it", on_key=True)
-    solver = root.child("solver")
-    words = solver.child("name") or solver if solver else None
-    if words is not None and not isinstance(words.value, Mapping) and words.value != SEPARABLE:
+    words = deepest(root, ("solver", "name"))
+    if words.path and not isinstance(words.value, Mapping) and words.value != SEPARABLE:
         ctx.errors.at(words, f"a history is solved by {SEPARABLE} alone", f"write solver: {SEPARABLE}", on_key=True)
-    if solver and (branch := solver.child("branch")):
-        ctx.errors.at(branch, "is of single points", "write history.branch: continued or lowest", on_key=True)
+    if holds(root, ("solver", "branch")):
+        remedy = "write history.branch: continued or lowest"
+        ctx.errors.at(deepest(root, ("solver", "branch")), "is of single points", remedy, on_key=True)
 
 
 def check_fit(ctx: Context, fields: Fields, plan: FitPlan, history: HistoryPlan) -> None:
     """What a fit at the steps of a history needs and does not take."""
     for key in ("fold", "peak"):
-        if node := fields[key]:
-            ctx.errors.at(node, "belongs to a path, but the study has a history", "leave it out", on_key=True)
+        if fields[key]:
+            fields.fault(key, "belongs to a path, but the study has a history", "leave it out", on_key=True)
     if plan.compare == "orthogonal":
         what = "distances to a path are of one monotone load, but the study has a history"
-        ctx.errors.at(fields["compare"] or fields.values["data"], what, "use compare: vertical")
+        fields.fault("compare", what, "use compare: vertical")
     steps = [value for column in plan.given if column.path == STEP for value in column.values]
     if not steps:
         remedy = 'add {step: "step"}, the number of the step at every line, 0 for the study as it is written'
-        ctx.errors.at(fields.values["data"], "a fit of a history needs a column step", remedy)
+        fields.fault("data", "a fit of a history needs a column step", remedy)
     elif wrong := [value for value in steps if value != int(value) or not 0 <= value <= history.steps]:
         remedy = f"steps are 0 for the study as it is written, then 1 to {history.steps}"
-        ctx.errors.at(fields.values["data"], f"the history has no step {wrong[0]:g}", remedy)
+        fields.fault("data", f"the history has no step {wrong[0]:g}", remedy)
     check_numbers(ctx, fields.values["parameters"], [one.number for one in plan.parameters], history)
 
 

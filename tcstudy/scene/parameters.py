@@ -54,12 +54,10 @@ class Parameter:
 
 OF_EDGES: dict[str, Keys] = {"boundary": (), "edge_heat": ("heat",), "spring": ("spring",)}
 """Sections whose keys belong to one edge, and where they stand in its mapping."""
-PLAIN: dict[Keys, Parameter] = {
-    path: Parameter(path, one)
+PLAIN: dict[Keys, Key] = {
+    (one.section, one.name) if one.section else (one.name,): one
     for one in ROWS
-    if one.swept
-    and one.section not in (*OF_EDGES, "mesh")
-    and (path := (one.section, one.name) if one.section else (one.name,))
+    if one.swept and one.section not in (*OF_EDGES, "mesh")
 }
 """Parameters of every study but those of the law and of the edges."""
 EDGE: dict[Keys, Key] = {
@@ -83,25 +81,21 @@ def sweepable(
     """
     found = dict(PLAIN)
     for region in regions:
-        for path, known in PLAIN.items():
-            if path[0] == "material" and path[-1] != "plane":
-                here = ("materials", region, *path[1:])
-                found[here] = Parameter(here, known.row)
-    places: dict[Keys, str | None] = {("friction",): law if isinstance(law, str) else None}
+        found |= {("materials", region, *path[1:]): one for path, one in PLAIN.items() if path[0] == "material"}
+        del found["materials", region, "plane"]
     if isinstance(law, Mapping):
         del found["friction", "strength"]
-        places = {("friction", edge): own for edge, own in law.items()}
-        found |= {path: Parameter(path, PLAIN[("friction",)].row) for path in places}
-    for place, own in places.items():
-        for name in (*([own] if own in SHAPES else []), *SHAPES):
-            for one in (*law_rows(str(name)), PLAIN["friction", "strength"].row):
-                path = (*place, one.name)
-                found.setdefault(path, Parameter(path, one))
-    for edge, taken in edges.items():
-        for inner, one in EDGE.items():
-            path = ("boundary", edge, *inner)
-            found[path] = Parameter(path, one, idle=inner[0] not in taken)
-    return found
+    for edge, own in law.items() if isinstance(law, Mapping) else [("", law)]:
+        place = ("friction", edge) if edge else ("friction",)
+        found[place] = PLAIN[("friction",)]
+        for name in (own, *SHAPES):
+            for one in (*law_rows(name), PLAIN["friction", "strength"]) if name in SHAPES else ():
+                found.setdefault((*place, one.name), one)
+    found |= {("boundary", edge, *inner): one for edge in edges for inner, one in EDGE.items()}
+    return {
+        path: Parameter(path, one, path[0] == "boundary" and path[2] not in edges[path[1]])
+        for path, one in found.items()
+    }
 
 
 SHORT = {

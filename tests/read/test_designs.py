@@ -60,32 +60,6 @@ def test_laws_are_chosen_by_name() -> None:
     assert study.axes[0].distribution == "choice(a, b)"
 
 
-@pytest.mark.parametrize(
-    ("sweep", "what"),
-    [
-        ("{mode: random, E: {uniform: [1, 2]}}", "test:7:8: sweep.points: is missing"),
-        ("{mode: random, points: 4}", "test:7:8: sweep: has no parameter to draw"),
-        ("{mode: random, points: 4, E: [1, 2]}", "sweep.E: must be a distribution, but is a list of 2"),
-        ("{mode: random, points: 4, E: {uniform: [2, 1]}}", "test:7:47: sweep.E.uniform: ends at 1, but begins at 2"),
-        ("{mode: random, points: 4, E: {uniform: [1, 2 m]}}", "'m' is not a unit of a stress"),
-        ("{mode: random, points: 4, E: {lognormal: {median: 1 GPa}}}", "sweep.E.lognormal.sigma: is missing"),
-        ("{mode: random, points: 4, E: {lognormal: {median: 1 GPa, sigma: 1 Pa}}}", "a plain number"),
-        ("{mode: random, points: 4, E: {linspace: [1, 2, 3]}}", "sweep.E.linspace: unknown key"),
-        ("{mode: random, points: 4, seed: -1, E: {uniform: [1, 2]}}", "sweep.seed: must be 0 or more"),
-        ("{mode: random, points: 4, nu: {normal: {mean: 0.4, sigma: 5}}}", "(drawn point 0: nu ="),
-        ("{mode: random, points: 9, nu: {choice: [0.1, 0.2]}}", "is repeated"),
-        ("{mode: saltelli, points: 4, nu: {choice: [0.1, 0.2]}}", "a choice has no indices"),
-        ("{mode: saltelli, points: 400000, E: {uniform: [1, 2]}}", "400000 × (1 + 2) points"),
-        ("{points: 4, E: [1, 2]}", "points are for modes that list or draw points"),
-        ("{seed: 4, E: [1, 2]}", "seed is for modes that list or draw points"),
-    ],
-)
-def test_what_is_refused(sweep: str, what: str) -> None:
-    with pytest.raises(StudyError) as caught:
-        swept(sweep)
-    assert what in str(caught.value)
-
-
 def test_a_law_that_a_draw_makes_inadmissible_is_refused_with_its_point() -> None:
     with pytest.raises(StudyError) as caught:
         swept("{mode: random, points: 50, seed: 1, tau_k: {normal: {mean: 0 MPa, sigma: 1 MPa}}}")

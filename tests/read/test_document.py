@@ -145,27 +145,14 @@ def test_put_copies_only_what_it_touches() -> None:
 
 def test_put_writes_words_out_that_stand_for_mappings() -> None:
     root = tree("boundary: {top: convection, left: clamped, right: {role: clamped, u_x: 1}}\nsolver: bundle-newton\n")
-    new = tree("5")
-    assert put(root, ("solver", "tolerance"), new).child("solver") is not None
-    assert deepest(put(root, ("solver", "tolerance"), new), ("solver",)).plain() == {
-        "name": "bundle-newton",
-        "tolerance": 5,
-    }
-    assert deepest(put(root, ("boundary", "top", "pressure"), new), ("boundary", "top")).plain() == {
-        "role": "convection",
-        "pressure": 5,
-    }
-    # clamped means u = 0: one prescribed component must not set the other one free
-    assert deepest(put(root, ("boundary", "left", "u_y"), new), ("boundary", "left")).plain() == {
-        "role": "clamped",
-        "u_x": 0,
-        "u_y": 5,
-    }
-    assert deepest(put(root, ("boundary", "right", "u_y"), new), ("boundary", "right")).plain() == {
-        "role": "clamped",
-        "u_x": 1,
-        "u_y": 5,
-    }
+    for keys, made in (
+        (("solver", "tolerance"), {"name": "bundle-newton", "tolerance": 5}),
+        (("boundary", "top", "pressure"), {"role": "convection", "pressure": 5}),
+        # clamped means u = 0: one prescribed component must not set the other one free
+        (("boundary", "left", "u_y"), {"role": "clamped", "u_x": 0, "u_y": 5}),
+        (("boundary", "right", "u_y"), {"role": "clamped", "u_x": 1, "u_y": 5}),
+    ):
+        assert deepest(put(root, keys, tree("5")), keys[:-1]).plain() == made
 
 
 def test_overrides() -> None:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
-from tcstudy.errors import StudyError
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
 
@@ -49,36 +46,6 @@ def test_a_name_that_follows_from_a_swept_one_follows_it() -> None:
         "sweep={parameters.load: {uniform: [1 MPa, 2 MPa]}, mode: random, points: 3}",
     )
     assert [float(s.friction.b(1.0)) for s in study.scenes] == [load / 4 for load in study.axes[0].labels]  # type: ignore[operator]
-
-
-@pytest.mark.parametrize(
-    ("override", "what"),
-    [
-        ("parameters.height=width", "parameters.height: is made of itself: height → width → height; give one"),
-        ("parameters.width=height + 1", "parameters.width: adds or compares length and a plain number"),
-        (
-            "body.rectangle.width=height - 40 mm",
-            "unknown name 'mm'; a number with a unit needs a name under parameters",
-        ),
-        ("body.rectangle.width=2*hight", "unknown name 'hight'; did you mean 'height'? allowed are numbers, height, "),
-        ("material.E=2*height", "material.E: '2*height' is length, not a stress (Pa)"),
-        ("friction.tau=load*exp(height)", "takes a function or a power of a number with units (length)"),
-        ("parameters.load=5 J", "'J' is not a unit of any number of a study"),
-        ("parameters.x=3", "'x' is no name of a parameter"),
-        ("parameters=5", "parameters: must be a mapping of names to numbers"),
-        (
-            "sweep={parameters.share: [0.2, 0.4]}\nsolver={tolerance: share}",
-            "is swept, but solver depends on it (share)",
-        ),
-        ("sweep={parameters.load: [1 m]}", "'m' is not a unit of a stress"),
-        ("sweep={parameters.lod: [1]}", "did you mean 'parameters.load'?"),
-        ("sweep={parameters.load: [1 MPa], tau: [load]}", "is made of load, which is swept as well"),
-    ],
-)
-def test_what_is_refused(override: str, what: str) -> None:
-    with pytest.raises(StudyError) as caught:
-        of(*override.split("\n"))
-    assert what in str(caught.value)
 
 
 def test_without_units_all_numbers_are_plain() -> None:

@@ -68,53 +68,6 @@ def test_a_tolerance_as_h_of_the_sweep() -> None:
     assert [axis.name for axis in study.axes] == ["tau"]
 
 
-@pytest.mark.parametrize(
-    ("text", "fault"),
-    [
-        ("{maxh: 0.5, family: adaptve}", "test:7:27: mesh.family: must be one of uniform, graded, adaptive"),
-        ("{maxh: 0.5, family: adaptve}", "did you mean 'adaptive'?"),
-        ("{maxh: 0.5, grading: 0.4}", "test:7:19: mesh.grading: is for graded meshes; add family: graded"),
-        ("{maxh: 0.5, family: graded, grading: 1.4}", "mesh.grading: must be less than 1, but is 1.4"),
-        ("{maxh: 0.5, family: graded, grading: 0}", "mesh.grading: must be greater than 0"),
-        ("{maxh: 0.5, family: graded, grading: 0.01}", "mesh.grading: must be 0.1 or more, but is 0.01"),
-        ("{maxh: 0.5, marking: 0.4}", "mesh.marking: is for adaptive meshes; add family: adaptive"),
-        ("{maxh: 0.5, family: adaptive, marking: 1}", "mesh.marking: must be less than 1"),
-        ("{maxh: 0.5, tolerance: 1e-3, levels: 4}", "mesh.levels: the tolerance decides how many levels there are"),
-        ("{maxh: 0.5, tolerance: 2}", "mesh.tolerance: must be less than 1, but is 2; write for example 0.001"),
-        ("{maxh: 0.5, max_levels: 4}", "mesh.max_levels: is for a tolerance; use levels"),
-        ("{maxh: 0.5, of: slip_length}", "mesh.of: says what the tolerance is of, but there is none; use goal"),
-        ("{maxh: 0.5, tolerance: 0.1, of: energy, goal: energy}", "mesh.goal: of names the goal already"),
-        ("{maxh: 0.5, tolerance: 0.1, of: friction}", "mesh.of: must be one of energy, friction_resultant"),
-        ("{maxh: 0.5, tolerance: 0.1, of: u_T}", "mesh.of: u_T needs its point on a contact edge; write {u_T: ["),
-        (
-            "{maxh: 0.5, tolerance: 0.1, of: {u_T: [1, 1]}}",
-            "mesh.of.u_T: the point (1, 1) is not on a contact edge, but 1",
-        ),
-        ("{maxh: 0.5, tolerance: 0.1, of: {u_N: [1, 0]}}", "mesh.of.u_N: unknown key; did you mean 'u_T'?"),
-        ("{maxh: 0.5, tolerance: 0.1, known: 3}", "mesh.known: a known value needs a goal that is a number"),
-        ("{maxh: 0.5, known: 3}", "mesh.known: a known value needs a goal that is a number"),
-        ("{maxh: 0.5, goal: slip_length, known: 3}", "mesh.goal: no error is estimated here, so the goal is not used"),
-        ("{maxh: [0.5, 0.2], family: adaptive}", "mesh.family: family goes with a single maxh"),
-        ("{maxh: [0.5, 0.2], grading: 0.4}", "mesh.grading: grading goes with a single maxh; give one maxh"),
-        ("{maxh: [0.5, 0.2], marking: 0.4}", "mesh.marking: marking goes with a single maxh; give one maxh"),
-        ("{maxh: [0.5, 0.2], max_dofs: 400}", "mesh.max_dofs: max_dofs goes with a single maxh; give one maxh"),
-        ("{maxh: [0.5, 0.2], goal: slip_length}", "mesh.goal: no error is estimated here, so the goal is not used"),
-        ("{maxh: [0.5, 0.2], of: slip_length}", "mesh.of: says what the tolerance is of, but there is none; use goal"),
-        ("{maxh: 0.5, max_dofs: 400}", "mesh.max_dofs: ends adaptive meshes and those for a tolerance; remove it"),
-        ("{maxh: 0.5, refine: -1}", "mesh.refine: "),
-        ("{maxh: 0.5, refine: 8}", "is larger than the body"),
-        ("{maxh: [0.5, 0.2], tolerance: 0.1}", "mesh.tolerance: tolerance goes with a single maxh"),
-        ("{maxh: 0.5, family: adaptive, levels: 1000}", "mesh.levels: must be from 1 to 60, but is 1000"),
-        ("{maxh: 0.5, levels: 40}", "mesh.levels: must be from 1 to 15, but is 40"),
-        ("{maxh: 0.5, tolernce: 0.1}", "mesh.tolernce: unknown key; did you mean 'tolerance'?"),
-    ],
-)
-def test_faults_name_their_place_and_remedy(text: str, fault: str) -> None:
-    lines = faults(text)
-    assert len(lines) == 1, lines
-    assert fault in lines[0]
-
-
 def test_faults_of_sizes_have_the_unit_of_the_study() -> None:
     body = "is larger than the body (2.23607 m); choose maxh well below it, for example 0.22 m"
     for size, fault in (("6 km", f"an element of 6000 m {body}"), ("1 um", "; choose maxh above ")):
@@ -220,37 +173,6 @@ def test_the_load_factor_multiplies_mechanical_loads_alone() -> None:
     assert top.g[1].evaluate(0.25, 0.0) == -0.5e6  # type: ignore[union-attr]
     nothing = path_scene(plan.scene, plan.parameter, 0.0)
     assert dict(nothing.boundary)["top"] == Traction()
-
-
-@pytest.mark.parametrize(
-    ("section", "line"),
-    [
-        ("{parameter: theta_ba, from: 0, to: 1}", "13:19: path.parameter: the scene has no parameter 'theta_ba'"),
-        ("{parameter: alpha, from: 1, to: 2}", "13:19: path.parameter: the load is not affine in heat.alpha"),
-        ("{parameter: friction.tau, from: 1, to: 2}", "path.parameter: the load is not affine in friction.tau"),
-        ("{parameter: E, from: 1, to: 2}", "path.parameter: the load is not affine in material.E"),
-        ("{parameter: boundary.top.g_y, from: 0, to: 1}", "boundary.top.g_y varies in space (1e6*x)"),
-        ("{parameter: boundary.top.u_x, from: 0, to: 1}", "has no parameter 'boundary.top.u_x'"),
-        ("{parameter: theta_bar, from: 1 K, to: 1 K}", "13:45: path.to: is the same value as from"),
-        ("{parameter: theta_bar, from: 0 K, to: 4 mm}", "13:45: path.to: 'mm' is not a unit of a temperature"),
-        ("{parameter: theta_bar, from: 0 K}", "13:7: path.to: is missing"),
-        ("{parameter: theta_bar, from: 0, to: 1, att: 1}", "13:46: path.att: unknown key; did you mean 'at'?"),
-        ("{parameter: theta_bar, from: 0, to: 1, at: [9]}", "13:51: path.at[0]: 9 is outside the range of the path"),
-        ("{parameter: theta_bar, from: 0, to: 1, at: [1, 1.0]}", "path.at[1]: the value 1.0 is repeated"),
-        ("{parameter: theta_bar, from: 0, to: 1, within: [0.5, 1]}", "path.within: does not contain the range"),
-        ("{parameter: theta_bar, from: 0, to: 1, level: 2}", "path.level: must be from 0 to 1"),
-        ("{parameter: theta_bar, from: 0, to: 1, start: high}", "path.start: must be one of zero, lowest"),
-        ("{parameter: theta_bar, from: 0, to: 1, max_pieces: 0}", "path.max_pieces: must be 1 or more"),
-        ("{parameter: theta_bar, from: 0, to: 1, hysteresis: 3}", "path.hysteresis: must be true or false"),
-        ("7", "13:7: path: must be a mapping"),
-    ],
-)
-def test_faults_have_a_place_and_a_remedy(section: str, line: str) -> None:
-    with pytest.raises(StudyError) as error:
-        read_study_text(STUDY.replace(PATH, f"path: {section}"))
-    assert len(error.value.problems) == 1
-    assert line in str(error.value)
-    assert error.value.problems[0].remedy
 
 
 def test_parameters_that_do_nothing_are_refused() -> None:
