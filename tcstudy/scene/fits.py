@@ -24,7 +24,7 @@ STEP = ("step",)
 """Key path of the column that says at which step of a history a line was measured."""
 
 FITS: tuple[Key, ...] = (
-    Key("fit", "section", "[numbers of the study from measurements](#numbers-from-measurements)", of=("fit",)),
+    Key("fit", "section", "[numbers of the study from measurements](#numbers-from-measurements)"),
     Key("data", "section", "a table of measurements", section="fit", required=True, of=("fit_data",)),
     Key("noise", "named quantities", "its standard deviation, by column; left out it is estimated", section="fit"),
     Key(

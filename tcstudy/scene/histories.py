@@ -196,7 +196,6 @@ class HistoryPlan:
 HISTORY = (
     Key(
         *("history", "section", "[loads one after the other, friction that remembers](#load-histories)"),
-        of=("history",),
         fixed="a sweep multiplies histories; write one study for each",
     ),
     *in_section(

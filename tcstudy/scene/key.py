@@ -56,7 +56,7 @@ class Key:
     fixed:     of a section: why nothing in it can be swept, and what to do instead
     affine:    whether the load is affine in it, so that a path may run along it
     roles:     roles of an edge that take it
-    of:        the section, or sections, that its value is
+    of:        the section, or sections, that its value is; of a section by default that of its name
     short:     of a section: the key that a word in its place stands for
     """
 
@@ -79,6 +79,10 @@ class Key:
     roles: tuple[str, ...] = ()
     of: tuple[str, ...] = ()
     short: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.of and self.kind in ("section", "sections", "named sections", "law", "material"):
+            object.__setattr__(self, "of", (self.name,))
 
     @property
     def numbers(self) -> tuple[str, ...]:
@@ -116,9 +120,7 @@ def _stiffness(name: str, meaning: str) -> Key:
 _MECHANICAL = (
     Key("role", "choice", "of the edge", example="clamped", required=True, words=ROLES),
     Key(
-        *("u", "displacement", "both components (default: 0; `free` frees one)", units.LENGTH),
-        swept=True,
-        roles=MOVED,
+        *("u", "displacement", "both components (default: 0; `free` frees one)", units.LENGTH), swept=True, roles=MOVED
     ),
     _component("u_x", "displacement in x; a component left out is free"),
     _component("u_y", "displacement in y"),
@@ -146,7 +148,7 @@ _MECHANICAL = (
         affine=True,
         roles=("rigid",),
     ),
-    Key("spring", "section", "stiffness of a support (Winkler)", roles=LOADED, of=("spring",)),
+    Key("spring", "section", "stiffness of a support (Winkler)", roles=LOADED),
 )
 _EXCHANGE = (
     Key("alpha", "number", "its own heat transfer coefficient", units.HEAT_TRANSFER, above=0.0, swept=True),

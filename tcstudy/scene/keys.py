@@ -24,7 +24,7 @@ from tcstudy.scene.study import ALL, BRANCHES, MOST_REFINE, SOLVERS, Direction, 
 
 
 def _shape(name: str) -> Key:
-    return Key(name, "sections", "", least=2, of=(name,)) if name == "outline" else Key(name, "section", "", of=(name,))
+    return Key(name, "sections", "", least=2) if name == "outline" else Key(name, "section", "")
 
 
 def _share(name: str, meaning: str, least: float, default: float) -> Key:
@@ -60,13 +60,11 @@ ROWS: tuple[Key, ...] = (
             example="{rectangle: {width: 200 mm, height: 100 mm}}",
             required=True,
             fixed="sweep a number that it gives, such as body.rectangle.height, or a name of parameters that it uses",
-            of=("body",),
         ),
         Key(
             *("boundary", "named sections", "one role for every edge, as a word or with its keys"),
             example="{bottom: contact, left: clamped, top: free, right: free}",
             required=True,
-            of=("boundary",),
             short="role",
         ),
         Key(
@@ -74,36 +72,31 @@ ROWS: tuple[Key, ...] = (
             example="{E: 210 GPa, nu: 0.3}",
             required=True,
             swept=True,
-            of=("material",),
         ),
         Key("materials", "named sections", "of regions that have a material of their own", of=("material",)),
-        Key("loads", "section", "forces in the body", of=("loads",)),
+        Key("loads", "section", "forces in the body"),
         Key(
             "heat",
             "section",
             "`alpha` and `theta_bar`, or a known `theta`; without the section the temperature is 0. Temperatures count "
             "from the stress-free state, so 293 K is no room temperature. An edge passes heat by the role `convection` "
             "or by [a `heat` of its own](#heat-by-edge) beside another role; every other edge is insulated",
-            of=("heat",),
         ),
         Key(
             *("friction", "law", "one of the laws below, or one for each contact edge: `{EDGE: {law: …}, …}`"),
             example="{law: tresca, tau: 20 MPa}",
             required=True,
             swept=True,
-            of=("friction",),
         ),
         Key(
             *("mesh", "section", "element sizes; [which meshes there are](#meshes-that-follow-the-error)"),
             example="{maxh: 10 mm}",
             required=True,
             fixed="sweep mesh.maxh, mesh.grading or mesh.marking; sizes as levels are h: [20 mm, 10 mm] in the sweep",
-            of=("mesh",),
         ),
         Key(
             *("solver", "section", "a name, a list of names, which the summary compares, or its keys"),
             fixed="write one study for each solver, or use --set",
-            of=("solver",),
             short="name",
         ),
         Key(
@@ -116,26 +109,19 @@ ROWS: tuple[Key, ...] = (
             "(`body.rectangle.height`, `mesh.maxh`), [a mesh for each](#geometries). In a mode that draws points "
             "`alpha: {uniform: [1, 10]}`, `log-uniform`, `normal: {mean, sigma}`, `truncated-normal: {mean, sigma, "
             "from, to}`, `lognormal: {median, sigma}`, `triangular: {from, mode, to}` or `choice: [1, 2]`",
-            of=("sweep",),
         ),
         Key(
             *("exact", "section", "the exact solution, if you know it"),
             fixed="the exact solution belongs to one scene; write one study for each",
-            of=("exact",),
         ),
-        Key("path", "section", "[equilibria on the branch from rest](#equilibria-along-a-parameter)", of=("path",)),
-        Key(
-            *("output", "section", "a path, or its keys"),
-            fixed="the data of a study go to one place",
-            of=("output",),
-            short="path",
-        ),
+        Key("path", "section", "[equilibria on the branch from rest](#equilibria-along-a-parameter)"),
+        Key(*("output", "section", "a path, or its keys"), fixed="the data of a study go to one place", short="path"),
     ),
     *in_section(
         "body",
-        Key("outline", "sections", "a list of its edges in their order around the body", of=("outline",), least=2),
+        Key("outline", "sections", "a list of its edges in their order around the body", least=2),
         Key("rectangle", "section", "with the edges bottom, right, top, left", of=("block",)),
-        Key("file", "section", "a plane face of a STEP or BREP file", of=("file",)),
+        Key("file", "section", "a plane face of a STEP or BREP file"),
         Key("holes", "sections", "a list of shapes, each with the name of its edge", of=("hole",)),
         Key("regions", "named sections", "shapes by name, for heat sources and `materials`", of=("region",)),
     ),
@@ -166,7 +152,7 @@ ROWS: tuple[Key, ...] = (
         Key("other", "name", "name of all other edges", example="NAME"),
     ),
     *in_section("hole", *map(_shape, _HOLE)),
-    *in_section("region", *(Key(shape, "section", "", of=(shape,)) for shape in ("circle", "rectangle"))),
+    *in_section("region", *map(_shape, ("circle", "rectangle"))),
     *in_section("region", Key("polygon", "points", "its corners", u.LENGTH, "[[0 mm, 0 mm], ...]", least=3)),
     *in_section(
         "circle",
