@@ -11,6 +11,7 @@ import json
 import re
 import warnings
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from ruamel.yaml import YAML
@@ -57,29 +58,30 @@ class _Composer(Composer):
 
 def load_text(path: Path) -> str:
     """The text of a study file; raises StudyError if it cannot be had."""
-    file = str(path)
+    file, line, column = str(path), 0, 0
     try:
         if path.exists() and not (path.is_file() or path.is_dir()):
             raise _refusal(file, "this is a device or a pipe, no file", "save the text in a file and name it")
         with open(path, "rb") as stream:
             content = stream.read(MAX_BYTES + 1)
-        if len(content) > MAX_BYTES:
-            what = f"the file has more than {MAX_BYTES // 10**6} MB"
-            raise _refusal(file, what, "check the name; a sweep of many points can be several studies")
-        return content.decode("utf-8")
+        if len(content) <= MAX_BYTES:
+            return content.decode("utf-8")
+        what = f"the file has more than {MAX_BYTES // 10**6} MB"
+        remedy = "check the name; a sweep of many points can be several studies"
     except FileNotFoundError:
-        raise _refusal(file, "there is no such file", "check the path; see configs/ for examples") from None
+        what, remedy = "there is no such file", "check the path; see configs/ for examples"
     except IsADirectoryError:
-        raise _refusal(file, "this is a folder", "name the study file in it") from None
+        what, remedy = "this is a folder", "name the study file in it"
     except UnicodeDecodeError as error:
-        before = error.object[: error.start]
-        line, column = before.count(b"\n") + 1, len(before) - before.rfind(b"\n")
-        if path.suffix == ".nc":
-            raise _refusal(file, "this is a result file", "name its study, or use tcstudy show") from None
-        raise _refusal(file, "the file is not UTF-8 text", "save it as UTF-8", line, column) from None
+        what, remedy = "this is a result file", "name its study, or use tcstudy show"
+        if path.suffix != ".nc":
+            before = error.object[: error.start]
+            line, column = before.count(b"\n") + 1, len(before) - before.rfind(b"\n")
+            what, remedy = "the file is not UTF-8 text", "save it as UTF-8"
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise _refusal(file, f"the file cannot be read ({reason})", "check its path and its permissions") from None
+        what, remedy = f"the file cannot be read ({reason})", "check its path and its permissions"
+    raise _refusal(file, what, remedy, line, column)
 
 
 def compose(text: str, file: str, errors: Collector, path: str = "", *, option: bool = False) -> Node:
@@ -136,26 +138,25 @@ class _Builder:
     """Turns the library's nodes into ours."""
 
     def __init__(self, file: str, errors: Collector, option: bool) -> None:
-        self.file, self.errors, self.option = file, errors, option
-        self.count = 0
+        self.file, self.errors, self.option, self.count = file, errors, option, 0
         self.open: list[YamlNode] = []
 
     def mark(self, node: YamlNode) -> Mark:
-        if self.option:
-            return Mark(self.file, 0, 0)
-        return Mark(self.file, node.start_mark.line + 1, node.start_mark.column + 1)
+        line, column = node.start_mark.line + 1, node.start_mark.column + 1
+        return Mark(self.file, 0, 0) if self.option else Mark(self.file, line, column)
 
     def node(self, node: YamlNode, path: str, key: Mark | None) -> Node:
         """Our node for one of the library's; key is the place of the key it stands under."""
-        mark = self.mark(node)
+        mark, said, remedy = self.mark(node), "", ""
         if key and isinstance(node, ScalarNode) and node.value == "" and node.style is None:
             mark = key  # the library puts an empty value where the next key begins
         self.count += 1
         if any(node is outer for outer in self.open):
-            raise _refusal(self.file, "an alias contains itself", "write the value out", mark.line, mark.column, path)
-        if self.count > MAX_NODES or len(self.open) > MAX_DEPTH:
-            what, remedy = "the study is too large or nested too deeply", "write long sweeps as {linspace: [a, b, n]}"
-            raise _refusal(self.file, what, remedy, mark.line, mark.column, path)
+            said, remedy = "an alias contains itself", "write the value out"
+        elif self.count > MAX_NODES or len(self.open) > MAX_DEPTH:
+            said, remedy = "the study is too large or nested too deeply", "write long sweeps as {linspace: [a, b, n]}"
+        if said:
+            raise _refusal(self.file, said, remedy, mark.line, mark.column, path)
         self.open.append(node)
         value = self.value(node, path, mark)
         self.open.pop()
@@ -167,33 +168,26 @@ class _Builder:
             return tuple(self.node(item, f"{path}[{i}]", None) for i, item in enumerate(node.value))
         if isinstance(node, MappingNode) and tag == TAG + "map":
             return self.mapping(node, path)
+        said, remedy = f"the YAML tag {tag.replace(TAG, '!!')} is not supported", "remove the tag"
         if isinstance(node, ScalarNode) and tag in SCALAR_TAGS:
-            if tag in NUMBER_TAGS and len(node.value) > LONGEST:
-                what = f"is a number of {len(node.value)} characters, of which at most {LONGEST} are read"
-                self.errors.unreadable(mark, path, what, "round it, or write it with an exponent")
-                return None
-            try:
-                return _scalar(tag, str(node.value))
-            except ValueError:
-                what = f"{str(node.value)[:40]!r} is not a number"
-                self.errors.unreadable(mark, path, what, "write a decimal number")
-                return None
-        what = f"the YAML tag {tag.replace(TAG, '!!')} is not supported"
-        self.errors.unreadable(mark, path, what, "remove the tag")
+            said, remedy = f"{str(node.value)[:40]!r} is not a number", "write a decimal number"
+            with suppress(ValueError):
+                if tag not in NUMBER_TAGS or len(node.value) <= LONGEST:
+                    return _scalar(tag, str(node.value))
+                said = f"is a number of {len(node.value)} characters, of which at most {LONGEST} are read"
+                remedy = "round it, or write it with an exponent"
+        self.errors.unreadable(mark, path, said, remedy)
         return None
 
     def mapping(self, node: MappingNode, path: str) -> dict[str, Node]:
         children: dict[str, Node] = {}
         for key, item in node.value:
-            mark = self.mark(key)
+            mark, inner = self.mark(key), f"{path}.{key.value}" if path else str(key.value)
             if not isinstance(key, ScalarNode):
                 self.errors.at_mark(mark, path, "a key must be one word", "write `key: value`")
-                continue
-            name = str(key.value)
-            inner = f"{path}.{name}" if path else name
-            if str(key.tag) == TAG + "merge":
+            elif str(key.tag) == TAG + "merge":
                 self.errors.at_mark(mark, inner, "merge keys are not supported", "write the keys out")
-            elif name in children:
+            elif (name := str(key.value)) in children:
                 first = children[name].key_mark.line
                 where = f" (first in line {first})" if first else ""
                 self.errors.at_mark(mark, inner, f"the key is given twice{where}", "keep one of the two")

@@ -6,11 +6,11 @@ The values stay nodes of the study: a sweep point is the study with these nodes 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Literal
+from typing import Any, Literal
 
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.document import whole_key
@@ -47,6 +47,11 @@ class SweptAxis:
     labels: tuple[float | str, ...]
     distribution: str = ""
 
+    def at(self, places: Iterable[int]) -> SweptAxis:
+        """The axis with some of its values."""
+        values, labels = zip(*((self.values[k], self.labels[k]) for k in places), strict=True)
+        return replace(self, values=values, labels=labels)
+
 
 @dataclass(frozen=True)
 class Sweep:
@@ -65,10 +70,20 @@ class Sweep:
     tabled: bool = False
 
     def written(self) -> dict[str, object]:
-        """The section `sweep` with all points listed."""
-        points = zip(*([value.plain() for value in axis.values] for axis in self.axes), strict=True)
-        listed = [dict(zip((axis.key for axis in self.axes), values, strict=True)) for values in points]
-        return {"mode": "list", "points": listed} | ({"h": self.h.plain()} if self.h else {})
+        """The section `sweep` with all values or points written out."""
+        size: dict[str, object] = {"h": self.h.plain()} if self.h else {}
+        written: dict[str, Any] = {}
+        for axis in self.axes:
+            plain = [value.plain() for value in axis.values]
+            named = zip(map(str, axis.labels), plain, strict=True)
+            if axis.parameter.is_whole:
+                written[axis.key] = dict(named) if self.mode == "grid" else [{name: value} for name, value in named]
+            else:
+                written[axis.key] = plain
+        if self.mode == "list":
+            points = [dict(zip(written, point, strict=True)) for point in zip(*written.values(), strict=True)]
+            written = {"mode": "list", "points": points}
+        return written | size
 
 
 def read_sweep(ctx: Context, root: Node, overrides: Sequence[str]) -> Sweep:

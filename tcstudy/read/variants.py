@@ -7,7 +7,6 @@ other geometries are sound; every other fault is one of the study.
 
 from __future__ import annotations
 
-import itertools
 import json
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -21,7 +20,7 @@ from tcstudy.read.document import with_sweep
 from tcstudy.read.fields import Context
 from tcstudy.read.node import Collector, Node, put, split_path
 from tcstudy.read.parameters import read_parameters, users, words_in
-from tcstudy.read.sweep import Sweep, SweptAxis, records
+from tcstudy.read.sweep import Sweep, records
 from tcstudy.scene.points import GEOMETRIC, Scenes
 from tcstudy.scene.study import Study, Variant
 
@@ -101,15 +100,31 @@ class _Geometry:
 
 def _geometries(root: Node, sweep: Sweep, outer: list[int], overrides: tuple[str, ...]) -> Iterator[_Geometry]:
     """The geometries of a sweep in order."""
-    for index, places, rest in _combinations(sweep, outer):
-        axes = [sweep.axes[i] for i in outer]
-        values = [axis.values[k] for axis, k in zip(axes, index, strict=True)]
-        words = ", ".join(f"{axis.key} = {value.brief()}" for axis, value in zip(axes, values, strict=True))
-        own = root
-        for axis, value in zip(axes, values, strict=True):
+    axes, inner = [sweep.axes[i] for i in outer], tuple(axis for i, axis in enumerate(sweep.axes) if i not in outer)
+    if sweep.mode == "grid":
+        sizes = [len(axis.values) for axis in sweep.axes]
+        points = np.arange(math.prod(sizes), dtype=np.intp).reshape(sizes)
+        points = np.moveaxis(points, outer, range(len(outer)))
+        groups = {index: points[index].ravel() for index in np.ndindex(points.shape[: len(outer)])}
+    else:
+        found: dict[tuple[float | str, ...], list[int]] = {}
+        for k in range(len(sweep.axes[0].values)):
+            found.setdefault(tuple(axis.labels[k] for axis in axes), []).append(k)
+        groups = {(at[0],) * len(axes): np.array(at, dtype=np.intp) for at in found.values()}
+    for index, places in groups.items():
+        rest = replace(sweep, axes=inner)
+        if sweep.mode == "list":
+            own = tuple(axis.at(places) for axis in inner)
+            rest = replace(sweep, axes=own, mode="list" if own else "grid", design=None, tabled=False)
+        words, fixed, made = [], [], root
+        for axis, k in zip(axes, index, strict=True):
+            path, value = ".".join(axis.parameter.path), axis.values[k]
+            words.append(f"{axis.key} = {value.brief()}")
+            fixed.append(f"{path}={json.dumps(value.plain(), ensure_ascii=False)}")
             with suppress(KeyError):  # something else stands there, which the section's reader records
-                own = put(own, split_path(".".join(axis.parameter.path)) or (), value)
-        yield _Geometry(words, index, places, own, rest, _said(overrides, sweep, outer, values, rest))
+                made = put(made, split_path(path) or (), value)
+        said = (*with_sweep(overrides, rest.written()), *fixed)
+        yield _Geometry(", ".join(words), index, places, made, rest, said)
 
 
 def _read_one(ctx: Context, one: _Geometry, read: Callable[..., Study], words: str) -> Study | str:
@@ -145,56 +160,3 @@ def _said_where(
         plain if plain in elsewhere else fault
         for plain, fault in zip(faults(one, ""), faults(one, one.words), strict=True)
     ]
-
-
-def _combinations(sweep: Sweep, outer: list[int]) -> list[tuple[tuple[int, ...], np.ndarray, Sweep]]:
-    """(places of the values of the outer axes, places of the points, what of the sweep is left) of every geometry."""
-    inner = [i for i in range(len(sweep.axes)) if i not in outer]
-    if sweep.mode == "grid":
-        sizes = [len(axis.values) for axis in sweep.axes]
-        points = np.arange(math.prod(sizes), dtype=np.intp).reshape(sizes)
-        rest = replace(sweep, axes=tuple(sweep.axes[i] for i in inner))
-        return [
-            (index, np.moveaxis(points, outer, range(len(outer)))[index].ravel(), rest)
-            for index in itertools.product(*(range(sizes[i]) for i in outer))
-        ]
-    found: dict[tuple[float | str, ...], list[int]] = {}
-    for k in range(len(sweep.axes[0].values)):
-        found.setdefault(tuple(sweep.axes[i].labels[k] for i in outer), []).append(k)
-    made = []
-    for places in found.values():
-        axes = tuple(_at_places(sweep.axes[i], places) for i in inner)
-        rest = replace(sweep, axes=axes, mode="list" if axes else "grid", design=None, tabled=False)
-        made.append(((places[0],) * len(outer), np.array(places, dtype=np.intp), rest))
-    return made
-
-
-def _at_places(axis: SweptAxis, places: list[int]) -> SweptAxis:
-    return replace(axis, values=tuple(axis.values[k] for k in places), labels=tuple(axis.labels[k] for k in places))
-
-
-def _said(
-    overrides: tuple[str, ...], sweep: Sweep, outer: list[int], values: list[Node], rest: Sweep
-) -> tuple[str, ...]:
-    """The options with which the text of the whole study is that of one geometry."""
-    fixed = [
-        f"{'.'.join(sweep.axes[i].parameter.path)}={json.dumps(value.plain(), ensure_ascii=False)}"
-        for i, value in zip(outer, values, strict=True)
-    ]
-    size: dict[str, object] = {"h": rest.h.plain()} if rest.h else {}
-    swept: dict[str, object]
-    if rest.mode == "grid":
-        swept = {axis.key: _plain(axis) for axis in rest.axes}
-    else:
-        points = range(len(rest.axes[0].values))
-        rows = [{axis.key: _plain(_at_places(axis, [k]), single=True) for axis in rest.axes} for k in points]
-        swept = {"mode": "list", "points": rows}
-    return (*with_sweep(overrides, swept | size), *fixed)
-
-
-def _plain(axis: SweptAxis, single: bool = False) -> object:
-    """The values of an axis, or its single one, as a sweep has them."""
-    plain = [value.plain() for value in axis.values]
-    if axis.parameter.is_whole:
-        return dict(zip(map(str, axis.labels), plain, strict=True))
-    return plain[0] if single else plain

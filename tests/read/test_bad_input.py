@@ -81,12 +81,6 @@ def test_five_faults_are_reported_at_once_sorted_by_line() -> None:
     ]
 
 
-def test_a_fault_between_sections_is_reported_once_for_a_whole_sweep() -> None:
-    assert len(problems(changed("right: convection", "right: free"))) == 1
-    text = changed("tau_s: 20 MPa, tau_k: 5 MPa", "tau_s: -1, tau_k: 5 MPa")
-    assert len(problems(text)) == 1
-
-
 def test_a_fault_of_some_sweep_points_names_the_first_of_them() -> None:
     text = changed("q: 5e6, ", "").replace("  alpha: [25, 100]", "  q: [0, 5]\n  heat.alpha: [100, 0]")
     [line] = problems(text)

@@ -46,9 +46,3 @@ def test_a_name_that_follows_from_a_swept_one_follows_it() -> None:
         "sweep={parameters.load: {uniform: [1 MPa, 2 MPa]}, mode: random, points: 3}",
     )
     assert [float(s.friction.b(1.0)) for s in study.scenes] == [load / 4 for load in study.axes[0].labels]  # type: ignore[operator]
-
-
-def test_without_units_all_numbers_are_plain() -> None:
-    text = TEXT.replace("1 m,", "1,").replace("1 MPa", "1")
-    study = read_study_text(f"units: none\n{text}", "test", ("material.E=height + load*exp(share)",))
-    assert len(study.scenes) == 1

@@ -142,8 +142,7 @@ body:
     - outline: [{from: [1, 1], edge: b}, {from: [1.2, 1], edge: b}, {from: [1, 1.2], edge: c}]
 """
     study = plain(
-        ("body: {rectangle: {width: 2, height: 1}}\n", body),
-        ("top: free,", "top: free, a: free, b: free, c: free,"),
+        ("body: {rectangle: {width: 2, height: 1}}\n", body), ("top: free,", "top: free, a: free, b: free, c: free,")
     )
     loops = study.scenes[0].body
     assert loops.outline is not None

@@ -6,8 +6,6 @@ import subprocess
 import sys
 from dataclasses import fields
 
-import pytest
-
 from tcstudy.read.plans import OF_MESH, OF_PATH
 from tcstudy.scene.key import ROLES, symbol
 from tcstudy.scene.keys import ROWS, of_role, row, rows
@@ -77,11 +75,9 @@ def test_parameters_are_written_with_the_symbols_of_the_paper() -> None:
     assert [symbol(name) for name in names] == ["α", "θ\N{COMBINING MACRON}", "τ_s", "E", "pressure"]
 
 
-def test_every_key_is_once_in_its_section() -> None:
+def test_every_key_is_once_in_its_section_and_every_role_has_its_record() -> None:
     assert len({(one.section, one.name) for one in ROWS}) == len(ROWS) > 90
-
-
-def test_every_role_of_the_table_has_its_record() -> None:
+    assert all(one.swept for one in ROWS if one.affine)
     kinds = [Role]
     for kind in kinds:  # which grows
         kinds += kind.__subclasses__()
@@ -91,11 +87,6 @@ def test_every_role_of_the_table_has_its_record() -> None:
 def test_no_key_of_the_meshes_or_a_path_is_accepted_and_ignored() -> None:
     for section, plan, judged in (("mesh", MeshPlan, OF_MESH), ("path", PathPlan, OF_PATH)):
         assert {*rows(section)} - {*judged} <= {field.name for field in fields(plan)}
-
-
-@pytest.mark.parametrize("one", [one for one in ROWS if one.affine], ids=lambda one: f"{one.section}.{one.name}")
-def test_what_a_path_may_run_along_can_be_swept(one) -> None:  # type: ignore[no-untyped-def]  # Key
-    assert one.swept
 
 
 def test_what_sweeps_take_follows_from_the_table() -> None:
