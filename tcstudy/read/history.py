@@ -51,6 +51,7 @@ def read_history(
         for key in GONE.keys() & node.value.keys():
             ctx.errors.at(node.value[key], *GONE[key], on_key=True)
         node = replace(node, value={key: one for key, one in node.value.items() if key not in GONE})
+        ctx.before = len(ctx.errors)  # they stop nothing else
     fields = Fields(ctx, node, "history")
     ctx.sound()
     if base is None:
