@@ -21,8 +21,9 @@ from tcstudy.laws.pieces import UP
 from tcstudy.scene.key import Key, in_section
 from tcstudy.scene.units import STIFFNESS
 
-MemoryName = Literal["friction", "elastic-plastic", "damage"]
-MEMORIES: tuple[MemoryName, ...] = get_args(MemoryName)
+MemoryName = Literal["friction", "elastic-plastic", "damage", "none"]
+MEMORIES: tuple[MemoryName, ...] = ("friction", "elastic-plastic", "damage")
+"""Those of a study; with "none" a history is a walk to and fro on the paths of its loads."""
 HistoryBranch = Literal["continued", "lowest"]
 HISTORY_BRANCHES: tuple[HistoryBranch, ...] = get_args(HistoryBranch)
 Keys = tuple[str, ...]
@@ -41,7 +42,7 @@ class UnfitLaw(ValueError):
 class Memory:
     """What every node of the contact line remembers.
 
-    name:      one of MEMORIES
+    name:      one of MEMORIES, or "none"
     stiffness: k of `elastic-plastic`, None for the others [Pa/m]
     """
 
@@ -51,7 +52,7 @@ class Memory:
     def check(self, law: Laws) -> None:
         """Raise UnfitLaw unless the memory can be made of every node's law."""
         for own in law.laws:
-            if own.vanishes:
+            if own.vanishes or self.name == "none":
                 continue
             _check_virgin(own)
             if self.name == "elastic-plastic":

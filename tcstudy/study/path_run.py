@@ -16,9 +16,9 @@ from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.boxes import Limits
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.contact import TIE
+from tcstudy.contact.history.hysteresis import hysteresis
 from tcstudy.contact.path.complete import Branches, all_branches
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path
-from tcstudy.contact.path.hysteresis import hysteresis
 from tcstudy.contact.path.problem import by_code
 from tcstudy.contact.path.proofs import proved_minima
 from tcstudy.contact.path.query import PathSolution, folds, lowest, solutions_at, solutions_of
@@ -163,21 +163,21 @@ def _curve(setting: _Setting, path: Path) -> Values:
 
 def _branches(setting: _Setting, path: Path, every: Branches) -> Values:
     """All branches one after the other, a loop with its first vertex again at the end."""
-    problem, load = setting.straight, setting.load
+    problem = setting.straight
     known = {code.tobytes() for code in path.codes}
     closed, parts = [int(b.loop) for b in every.branches], [(np.empty(0), np.empty((0, len(problem.c))))]
     for branch, n in zip(every.branches, closed, strict=True):
         parts.append((np.append(branch.t, branch.t[:n]), np.concatenate([branch.u, branch.u[:n]])))
     t, u = (np.concatenate(x) for x in zip(*parts, strict=True))
-    loads, force = problem.l_0 + t[:, None] * problem.l_1, u @ problem.A_tilde
+    forces = problem.l_0 + t[:, None] * problem.l_1 - u @ problem.A_tilde
     return {
         "complete": int(every.complete),
         "at_complete": _known(setting, every),
         "branch_of": np.repeat(np.arange(len(closed)), [len(own) for own, _ in parts[1:]]),
         "branch_parameter": t,
-        "branch_energy": np.sum(u * (0.5 * force - loads), axis=1) + problem.law.j(u) @ problem.c + load.constant(t),
+        "branch_energy": _energy(setting, t, u),
         "branch_u_T": u,
-        "branch_xi": (loads - force) / problem.c,
+        "branch_xi": forces / problem.c,
         "branch_stable": np.concatenate([np.zeros(0, bool), *(np.append(b.stable, False) for b in every.branches)]),
         "branch_loop": closed,
         "branch_on_path": [any(code.tobytes() in known for code in b.codes) for b in every.branches],
@@ -253,30 +253,34 @@ def _solutions(setting: _Setting, path: Path, every: Branches | None) -> Values:
 
 
 def _loop(setting: _Setting, v: Array) -> tuple[Values, str]:
-    """The loop between begin and end, and why it is not whole; with a falling range it is driven in −t."""
+    """The loop between begin and end, and why it is not whole."""
     plan, problem = setting.plan, setting.straight
-    sign = 1.0 if plan.begin < plan.end else -1.0
-    driven = problem if sign > 0.0 else replace(problem, l_1=-problem.l_1, span=(-plan.begin, -plan.end))
-    follower = Follower(max_pieces=plan.max_pieces, tolerance=setting.tolerance)
-    loop = hysteresis(driven, v, sign * plan.begin, sign * plan.end, follower=follower)
-    branches, jumps = loop.branches, loop.jumps
-    ends = np.cumsum([len(b.t) for b in branches]) - 1
-    t = sign * np.concatenate([b.t for b in branches])
+    loop = hysteresis(problem, v, plan.begin, plan.end, plan.max_pieces, setting.tolerance)
+    ways, jumps = loop.ways, loop.jumps
+    counts = np.array([len(way.t) for way in ways], dtype=np.int32)
+    t, u, traction = (np.concatenate(x) for x in zip(*ways, strict=True))
     return {
         "loop_parameter": t,
-        "loop_branch": np.repeat(np.arange(len(branches), dtype=np.int32), [len(b.t) for b in branches]),
-        "loop_energy": np.concatenate([b.energy for b in branches]) + setting.load.constant(t),
-        "loop_u_T": np.concatenate([b.u for b in branches]),
-        "loop_xi": np.concatenate([b.traction for b in branches]),
-        "jump_parameter": sign * np.array([jump.t for jump in jumps]),
-        "jump_vertex": np.array([ends[jump.branch] for jump in jumps], dtype=np.int32),
-        "jump_rising": [jump.rising == (sign > 0.0) for jump in jumps],
-        "jump_drop": [jump.drop for jump in jumps],
+        "loop_branch": np.repeat(np.arange(len(ways), dtype=np.int32), counts),
+        "loop_energy": _energy(setting, t, u),
+        "loop_u_T": u,
+        "loop_xi": traction,
+        "jump_parameter": np.array([jump.t for jump in jumps]),
+        "jump_vertex": np.array([counts[: jump.ways].sum() - 1 for jump in jumps], dtype=np.int32),
+        "jump_rising": [(n < loop.there) == (plan.begin < plan.end) for n in range(len(jumps))],
+        "jump_drop": [jump.released for jump in jumps],
         "energy_lost": loop.lost,
         "loop_area": loop.area,
         "loop_closed": int(loop.closed),
         "loop_complete": int(loop.complete),
-    }, loop.reason
+    }, loop.reason or "both ends of the range of t were reached"
+
+
+def _energy(setting: _Setting, t: Array, u: Array) -> Array:
+    """(k,) energies of states u (k, m) at t (k,) [J/m]."""
+    problem, loads = setting.straight, setting.straight.l_0 + t[:, None] * setting.straight.l_1
+    body = np.sum(u * (0.5 * (u @ problem.A_tilde) - loads), axis=1)
+    return np.asarray(body + problem.law.j(u) @ problem.c + setting.load.constant(t))
 
 
 def execute_path(

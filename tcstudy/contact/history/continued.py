@@ -17,6 +17,7 @@ form: states and energies are exact.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,15 +25,15 @@ from numpy.typing import NDArray
 from tcstudy.contact.contact import Answer, as_it_is, nearest_minimum, solve_contact
 from tcstudy.contact.history.folds import ended, folds_beside, standing
 from tcstudy.contact.history.memory import LAW_ERROR
-from tcstudy.contact.history.part import ROUNDING, StepPart
 from tcstudy.contact.history.problem import HistoryProblem, HistoryStep, booked, proved
 from tcstudy.contact.loop import Status
-from tcstudy.contact.path.follow import Follower, Path, PathStatus
+from tcstudy.contact.path.follow import Follower, ParametricProblem, Path, PathStatus
 from tcstudy.contact.path.start import locate
 from tcstudy.contact.path.tableau import Tableau
 from tcstudy.contact.path.walk import units_of
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.contact.separable.pieces import energy_change
+from tcstudy.laws.laws import Laws
 from tcstudy.scene.study import Acceptance, Direction
 
 Array = NDArray[np.float64]
@@ -43,65 +44,126 @@ BACK = 0.5
 """The path back from there has ended elsewhere if it is this far from the state, relative to the way ahead."""
 ASIDE = 0.05
 """The law's own solution lies beside that of straight pieces if it is nearer than this part of the way to it."""
+ROUNDING = 1e-11
+"""Part of the largest slip that rounding may seem to take back, or to be apart."""
 MOST_PARTS = 1000
 UPHILL = "no state of less energy is found beyond a fold: the next one found has {gain:.2g} J/m more"
 HIDDEN = "the law's own way is not the one along straight pieces in the place of its curve"
 ENDED = "the path inside the step ends at {share:.3g} of it: {reason}; make more steps"
 
 
+class Way(NamedTuple):
+    """Vertices of a part: shares t (k,), slips v (k, m) [m], tractions ξ/c (k, m) [Pa]."""
+
+    t: Array
+    v: Array
+    xi: Array
+
+
+class Jump(NamedTuple):
+    """After so many ways, at the share t, from v to another state of less energy [J/m]."""
+
+    ways: int
+    t: float
+    v_from: Array
+    v_to: Array
+    released: float
+
+
 def continued(body: HistoryProblem, last: HistoryStep, load: Array) -> HistoryStep:
     """The step along its path, as `next_step` has it; one that cannot be followed fails with its reason."""
-    step = _Step(body, last, load)
-    while step.t < 1.0:
-        if step.tried > MOST_PARTS or not step.go_on():
-            reason = step.reason or f"more than {MOST_PARTS} times a node turns back or jumps"
-            return replace(step.now, status=Status.STALLED, reason=ENDED.format(share=step.t, reason=reason))
+    step = ContinuedStep(body, last, load)
+    if not step.run():
+        reason = ENDED.format(share=step.t, reason=step.reason)
+        return replace(step.now, status=Status.STALLED, reason=reason)
     assert step.judged is not None
     return proved(body, *step.judged, replace(step.now, iterations=step.iterations))
 
 
-class _Step:
-    """The parts of one step so far.
+class ContinuedStep:
+    """One step while it is followed, in parts; each in w = v − a (memory.py), with the laws that its first state gives.
 
-    now: all parts up to the share t, to the state where the last has ended;  part: that from there on
+    now:   all parts together up to the share t;  ways, jumps: what they went through
+    rest:  (m,) what a load is more in terms of w;  law: of the part
+    problem: the same over the shares of the step, with straight pieces in the place of exponential ones
     """
+
+    origin: Array
+    w: Array
+    rest: Array
+    law: Laws
+    problem: ParametricProblem
 
     def __init__(self, body: HistoryProblem, last: HistoryStep, load: Array) -> None:
         self.body, self.last, self.load, self.change = body, last, load, load - last.load
-        self._begin(last.unchanged(), 0.0)
-        self.tried = self.iterations = 0
+        self.now, self.t = last.unchanged(), 0.0
+        self.ways, self.jumps = list[Way](), list[Jump]()
+        self.iterations = 0
         self.judged: tuple[ContactProblem, Answer] | None = None
         self.reason, self.beyond, self.fold = "", last.v, 0.0
         self.tableau: Tableau | None = None
         on = 1.0 if float(np.sign(last.xi) @ self.change) >= 0.0 else -1.0
-        self.ways = np.where(last.xi == 0.0, np.sign(self.change), on * np.sign(last.xi))
+        self.senses = np.where(last.xi == 0.0, np.sign(self.change), on * np.sign(last.xi))
 
-    def _begin(self, now: HistoryStep, t: float) -> None:
-        """The next part begins at the state of a step, at the share t."""
-        self.now, self.t, self.part = now, t, StepPart(self.body, now, self.last.load, self.change)
+    def run(self) -> bool:
+        """Part after part and jump after jump to the load; False where none leads on, with the reason."""
+        for _ in range(MOST_PARTS):
+            self._set_out()
+            path = self._onward() if self.fold <= self.t else None
+            if path is None and self.fold <= self.t and not self.body.law.piecewise_linear:
+                path = standing(self.problem, self.t, self.w)  # the law may go on where no chord does
+            if not ((path is not None and self._along(path)) or self._elsewhere()):
+                return False
+            if self.t == 1.0:
+                return True
+        self.reason = f"more than {MOST_PARTS} times a node turns back or jumps"
+        return False
 
     def load_at(self, t: float) -> Array:
+        """l̃ at the share t (m,)."""
         return self.load if t == 1.0 else self.last.load + t * self.change
 
-    def go_on(self) -> bool:
-        """The next part or the next jump; False if there is none."""
-        self.tried += 1
-        path = self._onward() if self.fold <= self.t else None
-        if path is None and self.fold <= self.t and not self.body.law.piecewise_linear:
-            path = standing(self.part.parametric, self.t, self.part.w)  # the law may go on where no chord does
-        return (path is not None and self._along(path)) or self._elsewhere()
+    def _set_out(self) -> None:
+        """Let the next part begin at the present state.
+
+        A stiff body makes much of a slip's last digit: forces that rounding alone takes off their limits, outside or
+        inside, are put on them, as no path would begin at the state, or all go back to its first vertex.
+        """
+        body, now, linear = self.body, self.now, self.body.law.piecewise_linear
+        self.origin = body.model.origin(now)
+        self.w, self.law = now.v - self.origin, body.model.next_law(now)
+        xi, size = now.load - body.A_tilde @ now.v, np.abs(now.load) + np.abs(body.A_tilde) @ np.abs(now.v)
+        low, high = (body.c * limit - xi for limit in self.law.interval(self.w))
+        apart = np.where(np.abs(low) < np.abs(high), low, high)
+        rounding = 8.0 * np.sqrt(body.m) * np.finfo(float).eps * size
+        self.rest = np.where(np.abs(apart) <= rounding, apart, 0.0) - body.A_tilde @ self.origin
+        law = self.law if linear else body.model.next_law(now, straight=True)
+        self.problem = ParametricProblem(body.A_tilde, self.last.load + self.rest, self.change, body.c, law)
+        vars(self.problem)["body"] = body.scaled  # the same in all parts and steps
+
+    def _at(self, t: float) -> ContactProblem:
+        """The part's problem with the law itself."""
+        body = self.body
+        return ContactProblem(body.A_tilde, self.load_at(t) + self.rest, body.c, self.law, body.A_error)
+
+    def _answer(self, w: Array, t: float) -> Answer:
+        """w, judged as a solution at the share t."""
+        body, problem = self.body, self._at(t)
+        answer = as_it_is(problem, w, body.tolerance) if body.law.piecewise_linear else None
+        answer = answer or solve_contact(problem, tolerance=body.tolerance, branch="continued", neighbour=w)
+        self.judged = problem, answer
+        return answer
 
     def _onward(self) -> Path | None:
         """The path from the state, as far as it is stable and nobody turns back; None without one."""
-        problem = self.part.parametric
         try:
-            walk = locate(problem, units_of(problem), self.part.w, self.t, self.ways, self.tableau)
+            walk = locate(self.problem, units_of(self.problem), self.w, self.t, self.senses, self.tableau)
         except ValueError as error:
             self.reason = str(error).partition("; ")[0]
             return None
         self.tableau = walk.tableau
-        path = replace(self._follower, one_way=True).onward(walk)
-        self.ways = walk.graph.sense[walk.codes] * np.sign(walk.dx)
+        path = replace(self._follower, one_way=self.body.model.remembers).onward(walk)
+        self.senses = walk.graph.sense[walk.codes] * np.sign(walk.dx)
         if path is not None:
             over = path.u[-1]
             if path.end.status == PathStatus.UNSTABLE:  # half a piece beyond the fold, where the energy falls
@@ -109,138 +171,70 @@ class _Step:
                     step, _ = walk.reach()
                 step = step if np.isfinite(step) else float(np.max(np.abs(walk.u)) / np.max(np.abs(walk.dx)))
                 over = np.where(walk.free, walk.x + 0.5 * step * walk.dx, walk.u)
-            self.beyond = self.part.origin + over
+            self.beyond = self.origin + over
         return path
-
-    def _elsewhere(self) -> bool:
-        """By a descent to the load a little further on, where the path does not lead on by itself."""
-        size = float(np.max(np.abs(self.load))) + float(np.max(np.abs(self.last.load)))
-        share = max(AHEAD * (1.0 - self.t), DIGITS * size / float(np.max(np.abs(self.change))))
-        ahead, self.fold, part = min(1.0, self.t + share + max(0.0, self.fold - self.t)), 0.0, self.part
-        problem, w, beyond = part.parametric.at(ahead), part.w, self.beyond - part.origin
-        xi = problem.xi(w)
-        falls = energy_change(problem, w, xi, beyond - w, problem.A_tilde @ (beyond - w)) < 0.0
-        found = self._descended(problem, beyond if falls else w)  # who turned back rests: it may bar the way beyond
-        way = found - w
-        back = self._path(found, ahead, "backward")
-        if back is None:
-            return False
-        allowed = max(BACK * float(np.max(np.abs(way))), ROUNDING * float(np.max(np.abs(back.u))))
-        if np.max(np.abs(back.u[-1] - w)) > allowed:
-            return self._jump(back)
-        path = self._path(found, ahead, "forward")
-        if path is None:
-            return False
-        if self._along(path, back):
-            self.beyond = self.now.v
-            return True
-        if self.reason == HIDDEN:
-            return self._jump(back)
-        return self.fold > ahead and self._elsewhere()  # straight pieces may fold later still
-
-    def _descended(self, problem: ContactProblem, w: Array) -> Array:
-        """Where descent from w ends, to rounding, over no barrier."""
-        found, steps = nearest_minimum(problem, w, 1e-14, over_barriers=False)
-        self.iterations += steps
-        return found
 
     @property
     def _follower(self) -> Follower:
-        return Follower(self.t, 1.0, tolerance=self.body.tolerance, stable_only=True)
+        return Follower(self.t, 1.0, self.body.max_pieces, self.body.tolerance, stable_only=True)
 
     def _path(self, w: Array, t: float, direction: Direction) -> Path | None:
         """The path through w at t, backward to the present share or forward; None, with the reason, without one."""
         try:
-            return self._follower.follow(self.part.parametric, w, t, direction)
+            return self._follower.follow(self.problem, w, t, direction)
         except ValueError as error:
             self.reason = str(error).partition("; ")[0]
             return None
-
-    def _jump(self, path: Path) -> bool:
-        """To the solution to which the path back from the load ahead leads, or ahead if only that gains.
-
-        Where the energy of the step is convex no state lets go: what looks like a jump is rounding, and counts as none.
-        """
-        body, now = self.body, self.now
-        for vertex in (-1, 0):
-            t = float(path.t[vertex])
-            landed = self._answer(path.u[vertex], t)
-            if landed.status != Status.CONVERGED:
-                self.reason = landed.reason
-                return False
-            change = self.load_at(t) - now.load  # at rest until then: at the fold, but for straight pieces
-            forces = landed.xi + body.c * now.xi + change
-            drop = 0.5 * float(forces @ (self.part.origin + landed.v - now.v))
-            step = booked(body, now, self.load_at(t), landed, (-float(now.v @ change), drop))
-            if step.closure > 0.0:
-                break
-        moved, size = np.abs(step.v - now.v), np.abs(step.load) + np.abs(body.A_tilde) @ np.abs(step.v)
-        rounding = np.sqrt(body.m) * np.finfo(float).eps * float(size @ moved)
-        if step.closure < -rounding:
-            self.reason = UPHILL.format(gain=-step.closure)
-            return False
-        step = replace(step, parts=0)
-        if step.closure > rounding and not self._held():
-            step = replace(step, closure=0.0, released=step.closure, jumps=1, jumped=moved > ROUNDING * np.max(moved))
-        self.beyond = step.v
-        self._begin(now.then(step), t)
-        return True
-
-    def _held(self) -> bool:
-        """Whether the state is a solution of the part and the only one: just behind a down-jump it is none."""
-        problem, w = self.part.problem(self.now.load), self.part.w
-        own = Acceptance(self.body.tolerance).accepts(problem.inclusion_residual(w), problem.xi_rounding(w))
-        return own and self.body.one_solution(problem.law)
 
     def _along(self, path: Path, lead: Path | None = None) -> bool:
         """Forward to where the first node takes something back, or to the end of the path.
 
         lead: the path back from its beginning to the state
+        Along the graph of b ∫ξᵀdv = Σ c (j(w₁) − j(w₀)) whatever the curve, and what straight pieces miss of that they
+        miss of the work as well: between the same ends each balances ΔE. Where they miss much the law goes elsewhere.
         """
-        last = self.part.first_return(path)
+        body, p = self.body, self.problem
+        last = self._first_return(path)
         fold = last == path.pieces and path.end.status == PathStatus.UNSTABLE
         folded = self._folded(path, last) if fold else None
         if not (folded or ((last or lead) and path.t[last] > self.t)):
             self.reason = path.end.reason
             return False
         path, last, answer = folded or self._reached(path, last)
-        t = float(path.t[last])
         if answer.status != Status.CONVERGED:
             self.reason = answer.reason
             return False
-        way = self._way(path, last, answer, lead)
-        if way is None:
-            self.reason = HIDDEN
-            return False
-        part = booked(self.body, self.now, self.load_at(t), answer, way)
-        self._begin(self.now.then(replace(part, parts=last)), t)
-        return True
-
-    def _way(self, path: Path, last: int, answer: Answer, lead: Path | None) -> tuple[float, float] | None:
-        """Work and ∫ξᵀdv of the part that ends with `answer`; None where the law's own way is not beside the path.
-
-        Along the graph of b ∫ξᵀdv = Σ c (j(w₁) − j(w₀)) whatever the curve, and what straight pieces miss of that they
-        miss of the work as well: between the same ends each balances ΔE.
-        """
-        body, p = self.body, path.problem
         t = np.array([self.t, *(lead.t[::-1] if lead else ()), *path.t[1:last], float(path.t[last])])
-        ws = np.array([self.part.w, *(lead.u[::-1] if lead else ()), *path.u[1:last], answer.v])
-        balance = p.l_0 + t[1:-1, None] * p.l_1 - ws[1:-1] @ p.A_tilde
+        w = np.array([self.w, *(lead.u[::-1] if lead else ()), *path.u[1:last], answer.v])
+        balance = p.l_0 + t[1:-1, None] * p.l_1 - w[1:-1] @ p.A_tilde
         xi = np.array([body.c * self.now.xi, *balance, answer.xi])
-        slips = np.diff(ws, axis=0)
-        middle = 0.5 * (ws[1:] + ws[:-1]) + self.part.origin
+        slips = np.diff(w, axis=0)
+        middle = 0.5 * (w[1:] + w[:-1]) + self.origin
         work = -float(np.diff(t) @ (middle @ self.change))
         friction = 0.5 * float(np.sum((xi[1:] + xi[:-1]) * slips))
-        if body.law.piecewise_linear:
-            return work, friction
-        missed = float(body.c @ self.part.law.integral(ws[0], answer.v)) - friction
-        allowed = 4.0 * LAW_ERROR * body.law.b_scale * float(np.sum(np.abs(slips) @ body.c))
-        return (work + missed, friction + missed) if abs(missed) <= allowed else None
+        if not body.law.piecewise_linear:
+            missed = float(body.c @ self.law.integral(w[0], answer.v)) - friction
+            if abs(missed) > 4.0 * LAW_ERROR * body.law.b_scale * float(np.sum(np.abs(slips) @ body.c)):
+                self.reason = HIDDEN
+                return False
+            work, friction = work + missed, friction + missed
+        end = float(path.t[last])
+        part = booked(body, self.now, self.load_at(end), answer, (work, friction))
+        self.now, self.t = self.now.then(replace(part, parts=last)), end
+        self.ways.append(Way(t, self.origin + w, xi / body.c))
+        return True
+
+    def _first_return(self, path: Path) -> int:
+        """Vertex up to which nobody takes back anything: slips, plastic slips and openings only grow."""
+        done = np.array([self.body.model.done(self.now, w) for w in path.u])
+        rounding = ROUNDING * float(np.max(np.abs(path.u)))
+        back = np.any(done[1:] < np.maximum.accumulate(done)[:-1] - rounding, axis=1)
+        return int(np.argmax(back)) if np.any(back) else path.pieces
 
     def _folded(self, path: Path, last: int) -> tuple[Path, int, Answer] | None:
         """The path to where the law itself folds beside a vertex, that vertex and the state; None if it does not."""
         law = self.body.law
-        for t, w in () if law.piecewise_linear else folds_beside(path, last, self.part.law, law.s_scale):
+        for t, w in () if law.piecewise_linear else folds_beside(path, last, self.law, law.s_scale):
             answer = self._answer(w, t)
             if answer.status == Status.CONVERGED and np.array_equal(answer.v, w):
                 self.fold = float(np.nextafter(t, 2.0))
@@ -269,11 +263,64 @@ class _Step:
             answer = replace(answer, status=Status.STALLED, reason=path.end.reason if self.fold else HIDDEN)
         return path, last - back, answer
 
-    def _answer(self, w: Array, t: float) -> Answer:
-        """w, judged as a solution at the share t."""
-        body = self.body
-        problem = self.part.problem(self.load_at(t))
-        answer = as_it_is(problem, w, body.tolerance) if body.law.piecewise_linear else None
-        answer = answer or solve_contact(problem, tolerance=body.tolerance, branch="continued", neighbour=w)
-        self.judged = problem, answer
-        return answer
+    def _elsewhere(self) -> bool:
+        """By a descent to the load a little further on, where the path does not lead on by itself."""
+        size = float(np.max(np.abs(self.load))) + float(np.max(np.abs(self.last.load)))
+        share = max(AHEAD * (1.0 - self.t), DIGITS * size / float(np.max(np.abs(self.change))))
+        ahead, self.fold, w = min(1.0, self.t + share + max(0.0, self.fold - self.t)), 0.0, self.w
+        problem, beyond = self.problem.at(ahead), self.beyond - self.origin
+        falls = energy_change(problem, w, problem.xi(w), beyond - w, problem.A_tilde @ (beyond - w)) < 0.0
+        begin = beyond if falls else w  # who turned back rests: it may bar the way beyond
+        found, steps = nearest_minimum(problem, begin, 1e-14, over_barriers=False)
+        self.iterations += steps
+        back = self._path(found, ahead, "backward")
+        if back is None:
+            return False
+        allowed = max(BACK * float(np.max(np.abs(found - w))), ROUNDING * float(np.max(np.abs(back.u))))
+        if np.max(np.abs(back.u[-1] - w)) > allowed:
+            return self._jump(back)
+        path = self._path(found, ahead, "forward")
+        if path is None:
+            return False
+        if self._along(path, back):
+            self.beyond = self.now.v
+            return True
+        if self.reason == HIDDEN:
+            return self._jump(back)
+        return self.fold > ahead and self._elsewhere()  # straight pieces may fold later still
+
+    def _jump(self, path: Path) -> bool:
+        """To the solution to which the path back from the load ahead leads, or ahead if only that gains.
+
+        Where the energy of the step is convex no state lets go: what looks like a jump is rounding, and counts as none.
+        """
+        body, now = self.body, self.now
+        for vertex in (-1, 0):
+            t = float(path.t[vertex])
+            landed = self._answer(path.u[vertex], t)
+            if landed.status != Status.CONVERGED:
+                self.reason = landed.reason
+                return False
+            change = self.load_at(t) - now.load  # at rest until then: at the fold, but for straight pieces
+            forces = landed.xi + body.c * now.xi + change
+            drop = 0.5 * float(forces @ (self.origin + landed.v - now.v))
+            part = replace(booked(body, now, self.load_at(t), landed, (-float(now.v @ change), drop)), parts=0)
+            if part.closure > 0.0:
+                break
+        moved, size = np.abs(part.v - now.v), np.abs(part.load) + np.abs(body.A_tilde) @ np.abs(part.v)
+        rounding = np.sqrt(body.m) * np.finfo(float).eps * float(size @ moved)
+        if part.closure < -rounding:
+            self.reason = UPHILL.format(gain=-part.closure)
+            return False
+        if part.closure > rounding and not self._held():
+            jumped = moved > ROUNDING * np.max(moved)
+            part = replace(part, closure=0.0, released=part.closure, jumps=1, jumped=jumped)
+            self.jumps.append(Jump(len(self.ways), t, now.v, part.v, part.released))
+        self.now, self.t, self.beyond = now.then(part), t, part.v
+        return True
+
+    def _held(self) -> bool:
+        """Whether the state is a solution of the part and the only one: just behind a down-jump it is none."""
+        problem = self._at(self.t)
+        residual, rounding = problem.inclusion_residual(self.w), problem.xi_rounding(self.w)
+        return Acceptance(self.body.tolerance).accepts(residual, rounding) and self.body.one_solution(self.law)

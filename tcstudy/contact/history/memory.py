@@ -169,15 +169,21 @@ class MemoryModel:
         """(m,) steepest fall of any step's law [Pa/m]."""
         return each(self.law, lambda law, nodes: np.full(len(nodes), self.memory.omega(law.omega)), np.arange(self.m))
 
+    @property
+    def remembers(self) -> bool:
+        """False where every way leads back as well."""
+        return self.memory.name != "none"
+
     @cached_property
     def unchanged(self) -> bool:
-        """True if the law in w = v − a is the scene's own at every step: nothing softens."""
+        """True if the law in w = v − a is the scene's own at every step: nothing softens, or nothing is remembered."""
         flat = all(len(own.starts) == 1 and not np.any(own.pieces[2:4]) for _, own in self.groups)
-        return flat and self.memory.name == "friction"
+        return not self.remembers or (flat and self.memory.name == "friction")
 
     def origin(self, state: NodeState) -> Array:
         """(m,) a: slips from which w is counted [m]."""
-        return {"friction": state.v, "elastic-plastic": state.plastic, "damage": np.zeros(self.m)}[self.memory.name]
+        none = np.zeros(self.m)
+        return {"friction": state.v, "elastic-plastic": state.plastic}.get(self.memory.name, none)
 
     def next_law(self, state: NodeState, straight: bool = False) -> Laws:
         """The law of w = v − a in the step from this state, or straight pieces in its place."""
@@ -214,6 +220,8 @@ class MemoryModel:
 
     def done(self, state: NodeState, w: Array) -> Array:
         """(m,) what cannot be undone since the state: slip, plastic slip, or |v| beyond κ [m]."""
+        if not self.remembers:
+            return np.zeros(self.m)
         if self.memory.name == "friction":
             return np.abs(w)
         if self.memory.name == "damage":
@@ -223,6 +231,8 @@ class MemoryModel:
     def after(self, state: NodeState, w: Array) -> Bonds:
         """What the step to v = a + w leaves behind."""
         v, stored, plastic = self.origin(state) + w, np.zeros(self.m), state.plastic
+        if not self.remembers:
+            return Bonds(NodeState(v, state.kappa, plastic), self.law.j(v), stored)
         if self.memory.name == "damage":
             return self._broken(state, v)
         flow = np.abs(w)

@@ -107,6 +107,7 @@ class HistoryProblem:
     law, memory: the scene's law and what is remembered of it
     branch:     "lowest": lowest found of the step from all starts; "continued": along its path (continued.py)
     tolerance:  of the inclusion residual, as in `solve_contact`
+    max_pieces: of a path that is followed at once
     lambda_1:   λ₁ if it is known
     held:       False for a body that only friction holds, which then has no λ₁
     A_error:    as in `ContactProblem`
@@ -123,6 +124,7 @@ class HistoryProblem:
     lambda_1: float | None = None
     held: bool = True
     A_error: float = 0.0
+    max_pieces: int = 20_000
 
     @property
     def m(self) -> int:

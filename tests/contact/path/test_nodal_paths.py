@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from tcstudy.contact.certificates import certify
+from tcstudy.contact.history.hysteresis import hysteresis
 from tcstudy.contact.path.chords import piecewise_linear
 from tcstudy.contact.path.follow import Follower, ParametricProblem, PathStatus
-from tcstudy.contact.path.hysteresis import hysteresis
 from tcstudy.contact.path.problem import by_code
 from tcstudy.contact.path.proofs import proved_minima
 from tcstudy.contact.path.query import lowest, solutions_at, solutions_of

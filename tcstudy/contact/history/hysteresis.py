@@ -1,0 +1,102 @@
+"""The quasi-static loop of a path: the history of a load that grows and falls, of a bond that remembers nothing.
+
+In such a history the state follows its stable branch and falls off it at folds. With the load l̃₀ + t l̃₁ the work of a
+step is −∫W dt, W = l̃₁ᵀv: of a closed loop it is its area in the plane of t and W, and all of it is lost at the jumps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.contact.history.continued import ContinuedStep, Jump, Way
+from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
+from tcstudy.contact.path.problem import ParametricProblem
+from tcstudy.scene.histories import Memory
+
+Array = NDArray[np.float64]
+
+MOST_CYCLES = 3
+"""How often the loop is driven for it to close; the last cycle is returned."""
+CLOSED = 1e-9
+"""Of the largest slip, by which the end of a closed cycle may differ from its begin."""
+
+
+@dataclass(frozen=True)
+class Hysteresis:
+    """One cycle of t, there and back.
+
+    ways:   stable branches in order, with t in the place of shares;  jumps: falls between them, likewise
+    there:  how many of these belong to the way there
+    lost:   energy lost at the jumps;  area: −∮W dt, the same if the loop is closed [J/m]
+    closed: the cycle ends in the solution in which it began
+    reason: why the turning points were not both reached, else empty
+    """
+
+    ways: tuple[Way, ...]
+    jumps: tuple[Jump, ...]
+    there: int
+    lost: float
+    area: float
+    closed: bool
+    reason: str
+
+    @property
+    def complete(self) -> bool:
+        """Whether both turning points were reached."""
+        return not self.reason
+
+
+def hysteresis(
+    problem: ParametricProblem,
+    v: Array,
+    begin: float,
+    end: float,
+    max_pieces: int = 20_000,
+    tolerance: float | None = None,
+) -> Hysteresis:
+    """The loop from the stable solution v (m,) of t = begin to end and back: the first cycle that closes.
+
+    max_pieces, tolerance: as of a `Follower`
+    Where it falls to is decided by energy descent from the fold, which is a rule, not mechanics: inertia might carry
+    the body past a shallow minimum. Raises ValueError for an empty range.
+    """
+    if begin == end:
+        raise ValueError(f"the loop begins and ends at t = {begin:g}; give it a range")
+    memory, none, start = Memory("none"), np.zeros(problem.m), problem.at(begin)
+    body = HistoryProblem(problem.A_tilde, problem.c, problem.law, memory, tolerance=tolerance, max_pieces=max_pieces)
+    stored, energy = float(problem.c @ problem.law.j(v)), body.energy(v, start.l_tilde)
+    last = HistoryStep(v, none, none, start.l_tilde, start.xi(v) / problem.c, stored, energy)
+    for _ in range(MOST_CYCLES):
+        there, reason = _driven(body, last, problem, begin, end)
+        halves = [there]
+        if not reason:
+            back, reason = _driven(body, there.now, problem, end, begin)
+            halves.append(back)
+        ways = [way for half in halves for way in half.ways]
+        size = max((float(np.max(np.abs(way.v))) for way in ways), default=0.0)
+        first, last = last, halves[-1].now
+        closed = not reason and bool(np.max(np.abs(last.v - first.v)) <= CLOSED * size)
+        if closed or reason:
+            break
+    before = len(there.ways)
+    jumps = [*there.jumps, *(jump._replace(ways=before + jump.ways) for half in halves[1:] for jump in half.jumps)]
+    lost, area = sum(half.now.released for half in halves), sum(half.now.work for half in halves)
+    return Hysteresis(tuple(ways), tuple(jumps), len(there.jumps), lost, area, closed, reason)
+
+
+def _driven(
+    body: HistoryProblem, last: HistoryStep, problem: ParametricProblem, begin: float, end: float
+) -> tuple[ContinuedStep, str]:
+    """The step from one end to the other, its shares turned into t, and why it ended early."""
+    step = ContinuedStep(body, last, problem.load(end))
+    reason = "" if step.run() else f"at t = {begin + step.t * (end - begin):g}: {step.reason}"
+    step.ways = [way._replace(t=_between(way.t, begin, end)) for way in step.ways]
+    step.jumps = [jump._replace(t=float(_between(np.array(jump.t), begin, end))) for jump in step.jumps]
+    return step, reason
+
+
+def _between(share: Array, begin: float, end: float) -> Array:
+    return np.where(share == 1.0, end, begin + share * (end - begin))
