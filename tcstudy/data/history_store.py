@@ -11,37 +11,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.files import StoreError, write_dataset
+from tcstudy.data.files import StoreError
 from tcstudy.data.on_request import step_derivatives
-from tcstudy.data.provenance import CONTENT, Provenance, global_attributes, program, without_paths
+from tcstudy.data.provenance import Provenance, program
 from tcstudy.data.reading import is_foreign, refuse_changed
 from tcstudy.data.records import LevelRecord, PointStatus, Row, decode, row_of
-from tcstudy.data.schema import (
-    BESIDE,
-    DIFFERENCE,
-    JOINTS,
-    JUDGED,
-    STATUS,
-    SWEEP,
-    FileVariable,
-    count,
-    flag,
-    result,
-)
-from tcstudy.data.store import load_root, missing
-from tcstudy.data.tables import LINE
-from tcstudy.data.writer import axis_name, in_file_order, put, put_all, put_axes
+from tcstudy.data.schema import BESIDE, DIFFERENCE, JOINTS, FileVariable
+from tcstudy.data.store import Record, load_root, missing, write_record
+from tcstudy.data.tables import HISTORY, LINE, MESH_LEVEL
+from tcstudy.data.writer import axis_name, in_file_order
 from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.histories import START
 from tcstudy.scene.study import Study
-
-if TYPE_CHECKING:
-    import netCDF4
 
 Array = NDArray[np.float64]
 
@@ -50,7 +36,7 @@ Array = NDArray[np.float64]
 class HistoryRecord:
     """All steps of all points, filled row by row.
 
-    values: (P, N) arrays of STEPS, (P, N, m) of NODES and (P,) of POINTS by name, which are attributes as well
+    values: (P, N) arrays of tables.STEPS, (P, N, m) of NODES and (P,) of POINTS by name, which are attributes as well
     """
 
     values: dict[str, NDArray[Any]]
@@ -59,7 +45,7 @@ class HistoryRecord:
     def empty(cls, points: int, steps: int, m: int, numbers: Sequence[Sensitivity] = ()) -> HistoryRecord:
         """Nothing is known yet; numbers: by which results are differentiated."""
         shapes: dict[str, tuple[int, ...]] = {"step": (points, steps), "node": (points, steps, m)}
-        every = (*EVERY, *step_derivatives(numbers))
+        every = (*HISTORY, *step_derivatives(numbers))
         own = {v.name: missing(v, shapes.get(v.dims[-1], (points,))) for v in every}
         own["reason"][:] = ""
         return cls(own)
@@ -97,71 +83,12 @@ class HistoryRecord:
             raise AttributeError(name) from error
 
 
-_STEP, _NODE = (SWEEP, "step"), (SWEEP, "step", "node")
-_AT = (("coordinates", "cycle arclength x y"), *JUDGED)
-
-
-def _node(name: str, units: str, long_name: str) -> FileVariable:
-    return FileVariable(name, "f8", units, long_name, _NODE, extra=_AT)
-
-
-_PER = "per unit thickness"
-_INTEGRAL = f"integral of -S_T over the contact line, {_PER}"
-_LOOSE = "0 where only friction holds the body"
-_WORK = f"-1/2 (v + v before) dl, summed over parts of the step, {_PER}"
-_CLOSURE = f"work - d(energy + stored) - dissipated - released, {_PER}"
-STEPS: tuple[FileVariable, ...] = (
-    FileVariable("status", "i1", "1", "status of the step", _STEP, extra=STATUS),
-    result("energy", "J m-1", "energy of body and loads", f"1/2 v A v - l v at the contact nodes, {_PER}", _STEP),
-    result("stored", "J m-1", "energy stored in the bond", _PER, _STEP),
-    result("dissipated", "J m-1", "energy dissipated in the step", f"by friction, yielding or damage, {_PER}", _STEP),
-    result("work", "J m-1", "work of the loads' change", _WORK, _STEP),
-    result("closure", "J m-1", "energy missed by finite steps", _CLOSURE, _STEP),
-    result("released", "J m-1", "energy released by jumps", _PER, _STEP),
-    result("identity", "1", "defect of energy identity", "relative to its terms; rounding", _STEP),
-    result("inclusion_residual", "1", "inclusion residual", "largest distance of -S_T from the law of the step", _STEP),
-    result("inclusion_rounding", "1", "inclusion residual of rounding", "what the rounding of doubles allows", _STEP),
-    result("friction_resultant", "N m-1", "friction resultant", _INTEGRAL, _STEP),
-    result("u_T_max", "m", "largest |u_T|", "tangential displacement on the contact line", _STEP),
-    result("slip_length", "m", "length that slipped in the step", dims=_STEP),
-    flag("unique", "only solution of the step", dims=_STEP),
-    flag("strict_minimum", "strict local energy minimum", dims=_STEP),
-    flag("global_minimum", "least energy of the step", dims=_STEP),
-    count("parts", "problems solved, or pieces of the path", _STEP),
-    count("iterations", "steps of the solver", _STEP),
-    count("jumps", "jumps in the step", _STEP),
-)
-"""Variables of HistoryRecord with a number a step."""
-NODES: tuple[FileVariable, ...] = (
-    _node("u_T", "m", "tangential displacement"),
-    _node("xi", "Pa", "tangential traction -S_T"),
-    _node("kappa", "m", "accumulated or largest slip kappa"),
-    _node("plastic", "m", "plastic slip"),
-    FileVariable("jumped", "i1", "1", "moved by a jump", _NODE, extra=_AT, no_value=-1),
-)
-"""Variables of HistoryRecord with a number a step and node."""
-POINTS: tuple[FileVariable, ...] = (
-    FileVariable("reason", "str", "", "why the history ended early", (SWEEP,)),
-    FileVariable("lambda_1", "f8", "Pa m-1", "tangential stiffness lambda_1", (SWEEP,), comment=_LOOSE),
-    FileVariable("lambda_1_error", "f8", "1", "relative error of lambda_1", (SWEEP,), comment="by rounding"),
-    FileVariable("margin", "f8", "Pa m-1", "uniqueness margin", (SWEEP,), comment="all steps are unique if positive"),
-)
-"""Variables of HistoryRecord with a value a point."""
-EVERY = (*STEPS, *NODES, *POINTS)
-LEVEL: tuple[FileVariable, ...] = (
-    FileVariable("level", "i4", "1", "mesh level, from coarse to fine", (), coordinate=True),
-    FileVariable("h_max", "f8", "m", "longest element edge", (), coordinate=True),
-    FileVariable("n_dof", "i4", "1", "displacement unknowns", (), coordinate=True),
-    FileVariable("n_contact", "i4", "1", "contact unknowns m", (), coordinate=True),
-)
-
-
 def variables(study: Study) -> tuple[FileVariable, ...]:
     """The variables of this study's file; what its memory does not have is left out."""
     assert study.history is not None
     name, jumping = study.history.memory.name, study.history.branch == "continued"
     without = {"plastic"} if name != "elastic-plastic" else set()
-    own = (v for v in EVERY if v.name not in without and (jumping or v.name != "jumped"))
+    own = (v for v in HISTORY if v.name not in without and (jumping or v.name != "jumped"))
     return (*own, *step_derivatives(study.output.sensitivity))
 
 
@@ -186,7 +113,7 @@ def load_variables(study: Study) -> list[tuple[FileVariable, Array]]:
         (FileVariable("step_name", "str", "", "name of the step", ("step",), coordinate=True), names),
         (FileVariable("cycle", "i4", "1", "cycle, from 1", ("step",), coordinate=True), cycles),
     ]
-    taken = {axis_name(axis) for axis in study.axes} | {v.name for v in (*EVERY, *LEVEL, *LINE)}
+    taken = {axis_name(axis) for axis in study.axes} | {v.name for v in (*HISTORY, *MESH_LEVEL, *LINE)}
     for name, (keys, units, _) in zip(plan.names, plan.parameters, strict=True):
         at = [station[keys] for station in stations]
         values = [at[0], *(at[i] if share == 0.0 else at[j] if share == 1.0 else at[i] + share * (at[j] - at[i])
@@ -203,21 +130,11 @@ def write_history(path: Path, study: Study, line: LevelRecord, record: HistoryRe
     plan = study.history
     assert plan is not None
     loads = load_variables(study)
-    told = {CONTENT: "history", "memory": plan.memory.name, "branch": plan.branch}
+    told: dict[str, str] = {"memory": plan.memory.name, "branch": plan.branch}
     told["loads"] = " ".join(variable.name for variable, _ in loads if variable.dtype == "f8")
-
-    def fill(nc: netCDF4.Dataset) -> None:
-        put_axes(nc, study)
-        put_all(nc, (*LINE, *LEVEL, *JOINTS), {**vars(line), **line.fields}, study)
-        for variable, values in loads:
-            put(nc, variable, study, values)
-        for variable in variables(study):
-            values = record.values[variable.name]
-            if variable.name == "reason":
-                values = np.array([without_paths(one) for one in values], dtype=object)
-            put(nc, variable, study, in_file_order(study, values.reshape((*study.shape, *values.shape[1:]))))
-
-    write_dataset(path, global_attributes(study, provenance) | told, fill)
+    table = (*LINE, *MESH_LEVEL, *JOINTS, *(variable for variable, _ in loads), *variables(study))
+    values = {**vars(line), **line.fields, **{v.name: values for v, values in loads}, **record.values}
+    write_record(path, study, Record("history", table, values, told), provenance)
 
 
 def read_known(path: Path, study: Study, steps: int) -> tuple[HistoryRecord, dict[str, Any]] | None:

@@ -1,8 +1,9 @@
-"""Variables of the files of a path and of a fit (CF-1.11): one group each, complete or not there at all.
+"""Variables of the files of a path, a history and a fit (CF-1.11): one group each, complete or not there at all.
 
 Path: `parameter`, `u_T` and `xi` hold the vertices of one polygon exactly, so that every point between two vertices is
 their linear combination; piece i lies between the vertices i and i + 1. Flags are bytes with flag_meanings; nothing is
-missing. Fit: what was found, how well it is known, what the data say against it, in SI units, which differ from
+missing. History: a row a sweep point and step; after the step in which one ends early all is missing, and `reason`
+says why. Fit: what was found, how well it is known, what the data say against it, in SI units, which differ from
 parameter to parameter: `parameter_units` names them.
 """
 
@@ -12,7 +13,21 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from tcstudy.data.schema import CERTIFIED, CONTACT, JOINTS, RATE, FileVariable, T, flags
+from tcstudy.data.schema import (
+    CERTIFIED,
+    CONTACT,
+    JOINTS,
+    JUDGED,
+    RATE,
+    STATUS,
+    SWEEP,
+    FileVariable,
+    T,
+    count,
+    flag,
+    flags,
+    result,
+)
 from tcstudy.scene.contact_states import ContactState
 
 _VERTEX, _PIECE, _FOLD, _EVENT, _INTERVAL = ("vertex",), ("piece",), ("fold",), ("event",), ("interval",)
@@ -126,11 +141,14 @@ BRANCHES: tuple[FileVariable, ...] = (
 LINE = tuple(replace(v, coordinate=True) for v in CONTACT if v.dims == ("node",))
 """The contact line, as in the files of runs."""
 
-LEVEL: tuple[FileVariable, ...] = (
+MESH_LEVEL: tuple[FileVariable, ...] = (
     _index("level", "mesh level, from coarse to fine"),
     _number("h_max", "m", "longest element edge"),
     _index("n_dof", "number of displacement unknowns"),
     _index("n_contact", "number of contact unknowns m"),
+)
+LEVEL: tuple[FileVariable, ...] = (
+    *MESH_LEVEL,
     _index("start", "vertex from which the path was followed in both directions"),
     _number("lambda_1", "Pa m-1", "smallest tangential stiffness of the body per contact length"),
     _number("lambda_1_error", "1", "relative error of lambda_1 by rounding; proofs take the body softer by it"),
@@ -142,6 +160,64 @@ LEVEL: tuple[FileVariable, ...] = (
 
 PATH = (*LINE, *LEVEL, *CURVE, *SOLUTIONS, *LOOP, *BRANCHES, *JOINTS)
 """Everything that a file of a path may hold."""
+
+_AT_STEP, _STEP_NODE = (SWEEP, "step"), (SWEEP, "step", "node")
+_OF_STEP = (("coordinates", "cycle arclength x y"), *JUDGED)
+
+
+def _of_node(name: str, units: str, long_name: str) -> FileVariable:
+    return FileVariable(name, "f8", units, long_name, _STEP_NODE, extra=_OF_STEP)
+
+
+_PER = "per unit thickness"
+_INTEGRAL = f"integral of -S_T over the contact line, {_PER}"
+_LOOSE = "0 where only friction holds the body"
+_WORK = f"-1/2 (v + v before) dl, summed over parts of the step, {_PER}"
+_CLOSURE = f"work - d(energy + stored) - dissipated - released, {_PER}"
+STEPS: tuple[FileVariable, ...] = (
+    FileVariable("status", "i1", "1", "status of the step", _AT_STEP, extra=STATUS),
+    result("energy", "J m-1", "energy of body and loads", f"1/2 v A v - l v at the contact nodes, {_PER}", _AT_STEP),
+    result("stored", "J m-1", "energy stored in the bond", _PER, _AT_STEP),
+    result(
+        "dissipated", "J m-1", "energy dissipated in the step", f"by friction, yielding or damage, {_PER}", _AT_STEP
+    ),
+    result("work", "J m-1", "work of the loads' change", _WORK, _AT_STEP),
+    result("closure", "J m-1", "energy missed by finite steps", _CLOSURE, _AT_STEP),
+    result("released", "J m-1", "energy released by jumps", _PER, _AT_STEP),
+    result("identity", "1", "defect of energy identity", "relative to its terms; rounding", _AT_STEP),
+    result(
+        "inclusion_residual", "1", "inclusion residual", "largest distance of -S_T from the law of the step", _AT_STEP
+    ),
+    result(
+        "inclusion_rounding", "1", "inclusion residual of rounding", "what the rounding of doubles allows", _AT_STEP
+    ),
+    result("friction_resultant", "N m-1", "friction resultant", _INTEGRAL, _AT_STEP),
+    result("u_T_max", "m", "largest |u_T|", "tangential displacement on the contact line", _AT_STEP),
+    result("slip_length", "m", "length that slipped in the step", dims=_AT_STEP),
+    flag("unique", "only solution of the step", dims=_AT_STEP),
+    flag("strict_minimum", "strict local energy minimum", dims=_AT_STEP),
+    flag("global_minimum", "least energy of the step", dims=_AT_STEP),
+    count("parts", "problems solved, or pieces of the path", _AT_STEP),
+    count("iterations", "steps of the solver", _AT_STEP),
+    count("jumps", "jumps in the step", _AT_STEP),
+)
+"""What a history has of every step: a number."""
+NODES: tuple[FileVariable, ...] = (
+    _of_node("u_T", "m", "tangential displacement"),
+    _of_node("xi", "Pa", "tangential traction -S_T"),
+    _of_node("kappa", "m", "accumulated or largest slip kappa"),
+    _of_node("plastic", "m", "plastic slip"),
+    FileVariable("jumped", "i1", "1", "moved by a jump", _STEP_NODE, extra=_OF_STEP, no_value=-1),
+)
+"""And of every step and node."""
+POINTS: tuple[FileVariable, ...] = (
+    FileVariable("reason", "str", "", "why the history ended early", (SWEEP,)),
+    FileVariable("lambda_1", "f8", "Pa m-1", "tangential stiffness lambda_1", (SWEEP,), comment=_LOOSE),
+    FileVariable("lambda_1_error", "f8", "1", "relative error of lambda_1", (SWEEP,), comment="by rounding"),
+    FileVariable("margin", "f8", "Pa m-1", "uniqueness margin", (SWEEP,), comment="all steps are unique if positive"),
+)
+"""And once, of a point of the sweep."""
+HISTORY = (*STEPS, *NODES, *POINTS)
 
 P, D, S = ("parameter",), ("row",), ("start",)
 _OWN = "in the units of parameter_units"

@@ -24,10 +24,11 @@ from threadpoolctl import threadpool_limits
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.history.problem import HistoryStep
 from tcstudy.contact.history.steps import history
-from tcstudy.data.history_store import NODES, STEPS, HistoryRecord, read_known, steps_done, write_history
+from tcstudy.data.history_store import HistoryRecord, read_known, steps_done, write_history
 from tcstudy.data.journal import Journal
 from tcstudy.data.provenance import collect, study_sha256, tell
 from tcstudy.data.records import PointStatus
+from tcstudy.data.tables import NODES, STEPS
 from tcstudy.errors import HistoryError, StoreError, StudyError, UserFault
 from tcstudy.executors import SerialExecutor, in_order
 from tcstudy.fem.study_meshes import Meshes

@@ -17,7 +17,7 @@ from tcstudy.data.records import PointStatus
 from tcstudy.errors import StoreError, UsageError
 from tcstudy.executors import ProcessExecutor
 from tcstudy.read.study import read_study_text
-from tcstudy.study import history_run, jobs
+from tcstudy.study import history_run, workers
 from tcstudy.study.history_run import execute_history
 from tests.study.test_whole_geometries import kill_one
 
@@ -169,7 +169,7 @@ def test_workers_find_the_same_histories_and_one_that_kills_them_is_told(
     study, told = read_study_text(SWEPT, "study.yaml"), []
     execute_history(study, tmp_path / "a.nc", jobs=1)
     with monkeypatch.context() as patched:
-        patched.setattr(jobs, "ProcessExecutor", partial(ProcessExecutor, command=("-c", CRUEL)))
+        patched.setattr(workers, "ProcessExecutor", partial(ProcessExecutor, command=("-c", CRUEL)))
         summary = execute_history(study, tmp_path / "b.nc", lambda *at: told.append(at), jobs=2)
     assert (summary.points, summary.ended) == (6, 1)
     assert [point for point, *_ in told] == [0, 1, 2, 3, 4, 5]
