@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from tcstudy.errors import GeometryFailed
 from tcstudy.expressions.expression import Expression
-from tcstudy.fem.meshes import EDGES, SMOOTH, Frames, PlaneMesh
+from tcstudy.fem.meshes import EDGES, SMOOTH, Frames, PlaneMesh, curve_ends
 from tcstudy.fem.rigid import with_ties
 from tcstudy.laws.composed import NO_JOINTS, Joints
 from tcstudy.scene.records import Clamped, Contact, Point, Rigid, Role, Scalar, Symmetry
@@ -275,12 +275,13 @@ def held_ends(mesh: PlaneMesh, line: ContactLine, boundary: tuple[tuple[str, Rol
     at, side = np.nonzero(line.unknowns < 0)
     if not len(at):
         return {}
-    way = line.ends[:, 1] - line.ends[:, 0]
-    length = np.hypot(*way.T)
-    found = [
-        _held_by(mesh, int(line.segments[k, j]), way[k], line.edge_names, boundary)
-        for k, j in zip(at, side, strict=True)
-    ]
+    way, length = line.ends[:, 1] - line.ends[:, 0], line.lengths
+    corners = {end.node: [(mesh.geometry.curves[i].name, n) for i, n in zip(end.curves, end.normals, strict=True)]
+               for end in curve_ends(mesh)}  # fmt: skip
+    found = []
+    for k, j in zip(at, side, strict=True):
+        named = corners.get(int(line.segments[k, j]), [])
+        found.append(_held_by(named, way[k], line.edge_names, boundary))
     x, y = line.ends[at, side].T
     return {
         "held_arclength": (np.cumsum(length) - length)[at] + side * length[at],
@@ -292,16 +293,20 @@ def held_ends(mesh: PlaneMesh, line: ContactLine, boundary: tuple[tuple[str, Rol
 
 
 def _held_by(
-    mesh: PlaneMesh, node: int, way: Array, contact: tuple[str, ...], boundary: tuple[tuple[str, Role], ...]
+    named: list[tuple[str, Point]], way: Array, contact: tuple[str, ...], boundary: tuple[tuple[str, Role], ...]
 ) -> tuple[int, Array]:
-    """The edge that holds a node, and the shares of its components in the displacement along the contact edge."""
-    normal = max(_normals(mesh, node, contact), key=lambda n: float(way @ (-n[1], n[0])))
-    tangent = np.array([-normal[1], normal[0]])
+    """The edge that holds a node, and the shares of its components in the displacement along the contact edge.
+
+    named: edges that meet in the node, with their outward normals there
+    """
     best, edge, along = SMOOTH, -1, np.zeros(2)
+    own = [n for name, n in named if name in contact]
+    if not own:
+        return edge, along
+    normal = max(own, key=lambda n: float(way @ (-n[1], n[0])))
+    tangent = np.array([-normal[1], normal[0]])
     for number, (name, role) in enumerate(boundary):
-        if not isinstance(role, Clamped):
-            continue
-        for n in _normals(mesh, node, (name,)):
+        for n in [n for other, n in named if other == name and isinstance(role, Clamped)]:
             share = (np.array([n, [-n[1], n[0]]]) if role.frame == "nt" else np.eye(2)) @ tangent
             given = np.array([component is not None for component in role.u])
             if isinstance(role, Rigid):
@@ -311,13 +316,3 @@ def _held_by(
             if given.any() and abs(share[given][0]) > best:  # u_N = 0 leaves u = u_T t
                 best, edge, along = float(abs(share[given][0])), number, np.where(given, 1.0 / share[given][0], 0.0)
     return edge, along
-
-
-def _normals(mesh: PlaneMesh, node: int, names: tuple[str, ...]) -> list[Array]:
-    """Outward normals at a node of the curves of some edges that meet there."""
-    found: list[Array] = []
-    for index in np.unique(mesh.segment_curve[(mesh.segments == node).any(axis=1)]).tolist():
-        if mesh.geometry.curves[index].name in names:
-            nodes, normals = curve_normals(mesh, index)
-            found += list(normals[nodes == node])
-    return found

@@ -142,14 +142,6 @@ def test_values_and_gradients_derived_by_hand(text: str, dx: Hand, dy: Hand) -> 
     np.testing.assert_allclose(slope, [dx(X, Y), dy(X, Y)], rtol=1e-13, atol=1e-14)
 
 
-def test_numbers_and_constants_have_no_slope() -> None:
-    for scalar in (2.5, parse("2 + 0.5")):
-        value, slope = value_and_gradient(scalar, X, Y)
-        assert value.tolist() == [2.5] * 3
-        assert not slope.any()
-        assert slope.shape == (2, 3)
-
-
 def test_a_gradient_exists_where_the_exponent_varies_and_the_base_is_negative() -> None:
     """x^y for x < 0 and whole y: ∂/∂x is known there, whatever log x is."""
     slope = value_and_gradient(parse("x^(2 + 0*y)"), np.array([-2.0]), np.array([1.0]))[1]

@@ -87,18 +87,6 @@ mesh: {maxh: 0.4}
 """
 
 
-def test_tangential_springs_and_friction_carry_the_load() -> None:
-    """Nothing else holds the body along x: f A = ∫k_T u_x on the top + ∫ξ."""
-    scene, level, condensed, v, u = solved(TANGENTIAL)
-    mesh = level.mesh
-    top = mesh.segments[(mesh.points[mesh.segments][..., 1] > 1 - 1e-12).all(axis=1)]
-    carried = sum(np.ptp(mesh.points[s, 0]) * u[0, s].mean() for s in top) * 3
-    xi = condensed.problem.xi(v).sum()
-    assert carried + xi == pytest.approx(0.4 * 2, rel=1e-11)
-    assert xi == pytest.approx(0.01 * 2, rel=1e-9)
-    assert scene.springs == (("top", 0.0, 3.0),)
-
-
 def test_resultants_are_exact_on_arcs_and_shared_out_evenly() -> None:
     text = HEATED_BRACKET.replace("bore: convection", "bore: {role: convection, force: [0.07, -0.02]}")
     study, plain = study_of(text), study_of(HEATED_BRACKET)

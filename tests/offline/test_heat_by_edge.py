@@ -63,22 +63,6 @@ def test_slab_in_series(left: str, right: str, flow: float, at_left: float) -> N
     assert not found.heat_balance > 1e-14  # NaN where nothing flows
 
 
-def test_layers_in_series() -> None:
-    """A layer of another conductivity along the slab: resistances add, and every ratio of k has its own factor."""
-    text = SLAB.replace("width: 2, height: 0.5}}", "width: 2, height: 0.5}, regions: {end: {rectangle: LAYER}}}")
-    text = text.replace("LAYER", "{corner: [1.5, 0], width: 0.5, height: 0.5}").replace("LEFT", HELD)
-    text += "materials: {end: {E: 1, nu: 0.3, k: 1, alpha_T: 1e-3}}\nsweep: {k: [4, 8]}\n"
-    study = study_of(text.replace("RIGHT", COLD))
-    level = Level(levels_of(study)[0].mesh, study.scenes[0], study.scenes)
-    for scene, k in zip(study.scenes, (4.0, 8.0), strict=True):
-        level.condensed(scene)
-        found, x = level.temperature(scene), level.mesh.points[:, 0]
-        flow = 60 / (1.5 / k + 0.5 / 1.0 + 1 / 2)
-        exact = 80 - flow * (np.minimum(x, 1.5) / k + np.maximum(x - 1.5, 0.0))
-        assert found.theta == pytest.approx(exact, abs=1e-11)
-        assert found.heat_balance < 1e-13
-
-
 def test_mean_temperatures_of_the_friction_pad() -> None:
     """Those of the head of configs/friction_pad.yaml; what flows into the film leaves through the back."""
     study = read_study(CONFIGS / "friction_pad.yaml")

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 import tcstudy
 from tcstudy.contact.contact import solve_contact
-from tcstudy.fem.forms import GradientProducts
 from tcstudy.read.study import read_study_text
 from tcstudy.refine.error_estimator import ErrorEstimator
 from tcstudy.reports.export.export_fields import stresses, von_mises
@@ -72,45 +71,6 @@ def test_patch_across_the_interface(degrees: float, maxh: float) -> None:
     assert np.max(np.abs(u - np.concatenate([np.cos(turn) * along, np.sin(turn) * along]))) < 1e-12
     energy = L * (0.2**2 * compliance / 2 + float(study.scenes[0].one_law.j(np.array(SLIP))))
     assert condensed.problem.energy(v) + condensed.constant == pytest.approx(energy, abs=1e-12)
-
-
-def test_one_material_in_two_regions_is_one_material() -> None:
-    """Parts add up to the whole; a region with the material of the body changes nothing."""
-    heated = """
-units: none
-body:
-  rectangle: {width: 2, height: 1}
-  regions: {insert: {circle: {center: [1.2, 0.5], radius: 0.3}}}
-boundary: {bottom: contact, left: clamped, top: {role: convection, g: [0.01, 0.02]}, right: convection}
-material: {E: 2, nu: 0.25, k: 0.7, alpha_T: 0.05}
-OWN
-loads: {f: [0.01, "-0.02*x"]}
-heat: {alpha: 0.8, theta_bar: "0.2 + 0.1*x", q: 0.6, omega: insert}
-friction: {law: exponential, a: 0.004, b: 0.002, delta: 0.02}
-mesh: {maxh: 0.2}
-"""
-    split = "lower: {rectangle: {corner: [0, 0], width: 2, height: 0.5}}"
-    split += ", insert: {rectangle: {corner: [0, 0.5], width: 2, height: 0.5}}"
-    covered = heated.replace("insert: {circle: {center: [1.2, 0.5], radius: 0.3}}", split)
-    for text, regions in (
-        (heated, ("insert",)),
-        (covered, ("insert", "lower")),
-    ):  # which leave nothing, the second time
-        found = []
-        own = ", ".join(f"{name}: {{E: 2, nu: 0.25, k: 0.7, alpha_T: 0.05}}" for name in regions)
-        for materials in ("", f"materials: {{{own}}}"):
-            [level] = levels_of(study := read_study_text(text.replace("OWN", materials)))
-            scene, condensed = study.scenes[0], level.condensed(study.scenes[0])
-            temperature = level.temperature(scene)
-            numbers = [condensed.constant, level.lambda_1(scene), temperature.mean]
-            found.append((condensed.problem.A_tilde, condensed.problem.l_tilde, temperature.theta, np.array(numbers)))
-            assert temperature.heat_balance < 1e-13
-        for one, two in zip(*found, strict=True):
-            assert np.max(np.abs(one - two)) < 1e-12 * np.max(np.abs(one))
-        if len(regions) == 1:
-            products = GradientProducts(level.mesh)
-            parts = products.stiffness_of(((("body",), 1.3, 0.7), (("insert",), 1.3, 0.7)))
-            assert abs(parts - products.stiffness_of((((), 1.3, 0.7),))).max() < 1e-14
 
 
 SLAB = """
