@@ -11,7 +11,7 @@ TC.Law = class {
     this.left = new Float64Array(K); this.right = new Float64Array(K); this.kind = new Int8Array(K);
     for (let k = 0; k < K; k++) {
       this.left[k] = this.value(this.kinks[k], k); this.right[k] = this.value(this.kinks[k], k + 1);
-      const jump = this.right[k] - this.left[k], size = Math.max(Math.abs(this.left[k]), Math.abs(this.right[k]));
+      const jump = this.right[k] - this.left[k], size = this.terms(this.kinks[k], k) + this.terms(this.kinks[k], k + 1); // whose rounding is no jump
       this.kind[k] = Math.abs(jump) <= 1e-14 * size ? 0 : jump > 0 ? 1 : -1;
     }
     this.ups = this.kinks.filter((_, k) => this.kind[k] > 0);
@@ -29,6 +29,7 @@ TC.Law = class {
     return lo;
   }
   value(s, k) { const d = s - this.s0[k]; return this.b0[k] + this.q[k] * d + (this.a[k] === 0 ? 0 : this.a[k] * Math.exp(-this.r[k] * d)); }
+  terms(s, k) { const d = s - this.s0[k]; return Math.abs(this.b0[k]) + Math.abs(this.q[k] * d) + (this.a[k] === 0 ? 0 : Math.abs(this.a[k]) * Math.exp(-this.r[k] * d)); }
   slope(s, k) { return this.q[k] - (this.a[k] === 0 ? 0 : this.a[k] * this.r[k] * Math.exp(-this.r[k] * (s - this.s0[k]))); }
   b(s, side) { return this.value(s, this.piece(s, side)); }
   pieceIntegral(k, x, y) {

@@ -1,4 +1,5 @@
-// The live mode: one point of the sweep to start from, sliders for its load and its law, solved here at every move.
+// The live mode: one point of the sweep to start from, sliders for its load and its law, solved here at every move as long as
+// ω < λ₁ proves that there is one solution, so that no other state than the file's can appear.
 TC.live = {
   setup() {
     const L = TC.data.live;
@@ -7,35 +8,43 @@ TC.live = {
     for (let i = 0, k = 0; i < m; i++) for (let j = 0; j <= i; j++, k++) full[i * m + j] = full[j * m + i] = L.A[k];
     L.A = full;
     L.line = TC.data.lines[String(L.level)];
+    L.lambda = {};
   },
-  usable: (p) => TC.data.live.valid[p] === 1 && TC.data.laws.laws[TC.data.laws.index[p]].spec,
+  // Why a point cannot be solved here; empty if it can.
+  refused(p) {
+    const law = TC.data.laws.laws[TC.data.laws.index[p]], L = TC.data.live;
+    if (L.valid[p] !== 1 || !law || !law.spec) return "Its elastic ratio or its law are not of the kind that travels in the page.";
+    if (TC.run.proof(p, L.level) !== "unique") return `What is known of it: ${TC.data.proofs[TC.run.proof(p, L.level)]}. Only problems with one solution are solved here; the stored results show its state.`;
+    return "";
+  },
+  // λ₁ of the body of point p: its value and a proved lower bound.
+  lambda(p) {
+    const L = TC.data.live, by = L.stiffness[p];
+    return L.lambda[by] || (L.lambda[by] = TC.lambda1(TC.live.stiffness(p), L.c));
+  },
+  stiffness(p) { const L = TC.data.live, by = L.stiffness[p]; return by === 1 ? L.A : L.A.map((x) => x * by); },
   // What the sliders move: {factor, law}.
   base(p) {
     return { factor: 1, law: JSON.parse(JSON.stringify(TC.data.laws.laws[TC.data.laws.index[p]].spec)) };
   },
+  // The problem of a point with its mechanical load times a factor and a law of its own.
   problem(p, set) {
-    const L = TC.data.live;
-    return new TC.Problem(TC.liveStiffness(L, p), TC.liveLoad(L, p, set), L.c, TC.lawOf(set.law));
+    const L = TC.data.live, [whole, own] = [L.load, L.mechanical_load].map((all) => all.subarray(p * L.m, (p + 1) * L.m));
+    return new TC.Problem(TC.live.stiffness(p), Float64Array.from(whole, (x, i) => x + (set.factor - 1) * own[i]), L.c, TC.lawOf(set.law));
   },
-  // All minima found at these settings; known: [name, v] further starts.
-  solve(p, set, known = []) {
-    const problem = TC.live.problem(p, set), free = TC.frictionless(problem);
-    const starts = [["zero", new Float64Array(problem.m)], ["frictionless", free], ["half of it", free.map((x) => 0.5 * x)], ["twice it", free.map((x) => 2 * x)], ...known];
-    const begun = performance.now(), found = TC.solveAll(problem, starts);
-    return { problem, found, starts: starts.length, time: (performance.now() - begun) / starts.length };
-  },
+  unique: (p, law) => law.omega < TC.live.lambda(p).proved,
   draw() {
     TC.live.setup();
     const s = TC.state, main = document.getElementById("main");
     if (!TC.live.host) {
       const head = TC.el("div", { class: "live" }), controls = TC.el("div"), left = TC.panel(), right = TC.panel();
       main.replaceChildren(TC.el("h2", {}, "Explore live"), head, controls, TC.el("div", { class: "columns wide" }, left, right));
-      head.append(TC.el("p", {}, TC.el("b", {}, "Solved now, in this browser"), `, not stored results: mesh level ${TC.data.live.level} with ${TC.data.live.m} contact nodes, the same separable Newton method, from several starts. A solution is accepted by its inclusion residual, which stands beside it; “only solution” is said where the law falls less steeply than the body is stiff (ω < λ₁), and nowhere else.`));
+      head.append(TC.el("p", {}, TC.el("b", {}, "Solved now, in this browser"), `, not stored results: mesh level ${TC.data.live.level} with ${TC.data.live.m} contact nodes, where the law falls less steeply than the body is stiff (ω < λ₁), so that there is one solution, and nowhere else. It is accepted by its inclusion residual, which stands beside it.`));
       TC.live.host = { controls, left, right };
       TC.live.point = null;
     }
     const p = TC.run.flat(s.at);
-    if (TC.live.point !== p) { TC.live.point = p; TC.live.set = TC.live.usable(p) ? TC.live.restore(p) : null; TC.live.shown = null; TC.live.lambda = null; TC.live.controls(p); }
+    if (TC.live.point !== p) { TC.live.point = p; TC.live.set = TC.live.refused(p) ? null : TC.live.restore(p); TC.live.controls(p); }
     TC.live.show(p);
   },
   // Settings from the address, if they are of this point.
@@ -53,7 +62,7 @@ TC.live = {
     picks.append(TC.el("button", { "aria-label": "reset", onclick: () => { TC.live.point = null; TC.set({ set: null }); } }, "reset sliders"));
     const sliders = TC.el("div", { class: "sliders" });
     TC.fill(host, picks, sliders);
-    if (!TC.live.set) { sliders.append(TC.el("p", { class: "bad" }, "This point cannot be solved here: its elastic ratio or its law are not of the kind that travels in the page. Choose another.")); return; }
+    if (!TC.live.set) { sliders.append(TC.el("p", { class: "bad" }, `This point is not solved here. ${TC.live.refused(p)}`)); return; }
     const set = TC.live.set, units = TC.data.unit_system === "none" ? () => "1" : (u) => u;
     if (L.mechanical_load.subarray(p * L.m, (p + 1) * L.m).some((x) => x !== 0)) sliders.append(TC.live.slider("load factor", "1", -2, 3, false, () => set.factor, (v) => { set.factor = v; }));
     TC.live.lawSliders(p, sliders, units);
@@ -82,37 +91,28 @@ TC.live = {
   },
   show(p) {
     const { left, right } = TC.live.host, set = TC.live.set, L = TC.data.live;
-    if (!set) { TC.fill(left); TC.fill(right); return; }
-    let done;
-    try { done = TC.live.solve(p, set, TC.live.shown ? [["before the move", TC.live.shown.v]] : []); } catch (error) { TC.fill(right, TC.el("p", { class: "bad" }, String(error.message || error))); return; }
-    TC.live.lambda = TC.live.lambda || TC.lambda1(done.problem.A, L.c);
-    const good = done.found.filter((o) => o.answer.converged), all = good.length ? good : done.found;
-    if (!TC.live.shown || TC.live.lowest !== false) TC.live.shown = all[0].answer;
-    else TC.live.shown = all.reduce((best, o) => (TC.live.apart(o.answer.v, TC.live.shown.v) < TC.live.apart(best.v, TC.live.shown.v) ? o.answer : best), all[0].answer);
-    TC.live.result(left, right, p, done, all, good.length > 0);
-  },
-  apart: (a, b) => a.reduce((t, x, i) => t + (x - b[i]) ** 2, 0),
-  result(left, right, p, done, all, solved) {
-    const L = TC.data.live, law = done.problem.law, drawn = law.drawn(), lambda = TC.live.lambda, unique = solved && law.omega < lambda.proved;
-    const one = { ...TC.live.case(TC.live.shown), held: TC.point.contact(L.line, p).held }, stored = TC.live.same(p) ? TC.point.contact(L.line, p) : null, cases = stored ? [one, stored] : [one], line = { ...L.line };
-    const frame = { ...TC.point.frame(line, TC.width(left)), shape: false };
+    TC.live.answer = null;
     TC.fill(left);
-    TC.point.profiles(left, line, cases, frame, stored ? "dashed: the stored solution of this point" : "");
-    const energies = TC.scale(all.map((o) => o.answer.energy), TC.data.run.numbers.energy ? TC.data.run.numbers.energy.units : "1");
-    const list = TC.el("div", { class: "minima" }, all.map((o, k) => TC.el("button", { "aria-label": `minimum ${k}`, "aria-pressed": o.answer === TC.live.shown ? "true" : "false", onclick: () => { TC.live.shown = o.answer; TC.live.lowest = k === 0 ? undefined : false; TC.live.result(left, right, p, done, all, solved); } },
-      `${k === 0 ? "L̃ = " + TC.number(o.answer.energy / energies.by, 6) : "+ " + TC.number((o.answer.energy - all[0].answer.energy) / energies.by, 4)} ${energies.unit}; from ${o.names.join(", ")}${o.answer.converged ? (o.answer.minimum ? "" : "; second-order test undecided") : "; NOT SOLVED: " + o.answer.reason}`)));
-    const says = !solved ? TC.el("span", { class: "badge bad" }, "no solution found") : unique ? TC.el("span", { class: "badge good" }, "only solution (ω < λ₁)") : TC.el("span", { class: "badge" }, all.length > 1 ? `${all.length} solutions found; there may be more` : "one solution found; there may be others");
-    const units = TC.data.unit_system === "none" ? "1" : "Pa m-1", law_ = TC.live.lawPanel(TC.width(right), drawn, cases, line);
-    TC.fill(right, TC.el("p", {}, says, ` residual ${TC.number(TC.live.shown.residual, 2)}, ${TC.number(done.time, 2)} ms a solve, ${done.starts} starts`),
-      TC.note(`λ₁ = ${TC.quantity(lambda.value, units)}, ω = ${law.omega === Infinity ? "∞" : TC.quantity(law.omega, units)}; largest |u_T| = ${TC.quantity(Math.max(...TC.live.shown.v.map(Math.abs)), line.u_T_units)}`),
-      TC.h3(all.length > 1 ? "Solutions found, by energy" : "Energy"), list, law_);
+    TC.fill(right);
+    if (!set) return;
+    let problem, drawn;
+    try { problem = TC.live.problem(p, set); drawn = problem.law.drawn(); } catch (error) { TC.fill(right, TC.el("p", { class: "bad" }, String(error.message || error))); return; }
+    const units = TC.data.unit_system === "none" ? "1" : "Pa m-1", omega = problem.law.omega, line = L.line, lambda = TC.live.lambda(p), stored = TC.live.same(p) ? TC.point.contact(line, p) : null;
+    const numbers = `λ₁ = ${TC.quantity(lambda.value, units)}, ω = ${omega === Infinity ? "∞" : TC.quantity(omega, units)}`;
+    if (!TC.live.unique(p, problem.law)) {
+      TC.fill(right, TC.el("p", {}, TC.el("span", { class: "badge" }, "not solved: ω is not below λ₁, so there may be several solutions")), TC.note(`${numbers}; soften the fall of the law, or look at the stored results`), TC.live.lawPanel(TC.width(right), drawn, [], line));
+      return;
+    }
+    const begun = performance.now(), answer = TC.solve(problem), time = performance.now() - begun;
+    if (!answer.converged) { TC.fill(right, TC.el("p", {}, TC.el("span", { class: "badge bad" }, "no solution found"), ` residual ${TC.number(answer.residual, 2)}`), TC.note(numbers)); return; }
+    TC.live.answer = answer;
+    const one = { line, u: answer.v, xi: answer.xi.map((x, i) => x / L.c[i]), state: answer.rests.map((rests) => (rests ? 0 : 1)), held: TC.point.contact(line, p).held }, cases = stored ? [one, stored] : [one];
+    TC.point.profiles(left, line, cases, { ...TC.point.frame(line, TC.width(left)), shape: false }, stored ? "dashed: the stored solution of this point" : "");
+    TC.fill(right, TC.el("p", {}, TC.el("span", { class: "badge good" }, "only solution (ω < λ₁)"), ` residual ${TC.number(answer.residual, 2)}, ${TC.number(time, 2)} ms`),
+      TC.note(`${numbers}; largest |u_T| = ${TC.quantity(Math.max(...answer.v.map(Math.abs)), line.u_T_units)}, energy ${TC.quantity(answer.energy, TC.data.run.numbers.energy ? TC.data.run.numbers.energy.units : "1", 6)}`), TC.live.lawPanel(TC.width(right), drawn, cases, line));
   },
   // Whether the sliders stand where the stored point was solved.
   same: (p) => JSON.stringify(TC.live.base(p)) === JSON.stringify(TC.live.set),
-  case(answer) {
-    const c = TC.data.live.c, xi = answer.xi.map((x, i) => x / c[i]);
-    return { line: TC.data.live.line, u: answer.v, xi, state: answer.rests.map((rests) => (rests ? 0 : 1)) };
-  },
   lawPanel(width, drawn, cases, line) {
     const set = TC.live.set, host = TC.el("div"), { plot, us, ys } = TC.point.lawPlot(width, drawn, cases.slice(0, 1), line, TC.live.frozen || {});
     host.append(TC.h3("The law, and where every node stands"), plot.svg);
@@ -149,7 +149,7 @@ TC.live = {
       const every = s.length > 2 ? Math.ceil(s.length / 12) : 1;
       s.forEach((x, i) => { if (i % every === 0 || i === s.length - 1) { const last = points[points.length - 1]; if (!last || last[0] !== x || last[1] !== b[i]) points.push([x, b[i]]); } });
     }
-    const reach = (TC.live.shown && Math.max(...TC.live.shown.v.map(Math.abs))) || 1e-3;
+    const reach = (TC.live.answer && Math.max(...TC.live.answer.v.map(Math.abs))) || 1e-3;
     if (drawn.name === "linear") { const k = TC.live.set.law.k; points.splice(0, points.length, [0, 0], [2 * reach, 2 * reach * k]); }
     if (!points.length) return;
     if (!(drawn.reach > 0) && drawn.name !== "linear") points.forEach((q, i) => { q[0] = i ? 2 * reach : 0; });
