@@ -259,16 +259,19 @@ KINDS = {
 # -- paths -------------------------------------------------------------------------------------------------------------
 
 
-def path(pieces: int, stable: int, folds: int, turns: int, most: int | None, falls: int, residual: float) -> str:
+def path(pieces: int, stable: int, folds: int, turns: int, most: int | None, falls: int, residual: float,
+         loops: int | None = None) -> str:  # fmt: skip
     """A path in a sentence: counts of what is on it.
 
     folds: within the range asked for;  turns: steps back of the parameter too small to be seen
     most:  solutions at one of the values asked for, None if none was
+    loops: closed loops of equilibria in the range, None where they were not sought
     """
     folded = f"with {counted(folds, 'fold')} in the range asked for"
     parts = [f"One path of {counted(pieces, 'piece')}, {stable} of them stable, {folded}"]
     parts += [f"{turns} smaller turns of the parameter"] if turns else []
-    parts += [f"up to {counted(most, 'solution')} on it at the values asked for"] if most is not None else []
+    where = "on it" if loops is None else f"on it and on {counted(loops, 'closed loop')}"
+    parts += [f"up to {counted(most, 'solution')} {where} at the values asked for"] if most is not None else []
     parts += [f"the body falls to another part of it {counted(falls, 'time')} in a loop"] if falls else []
     return ", ".join([*parts, f"worst residual {number(residual, 2)}"]) + "."
 

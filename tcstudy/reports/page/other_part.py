@@ -18,7 +18,7 @@ from tcstudy.reports.page.stored import Stored
 from tcstudy.reports.terminal.cost import advice, measure_of, settings, stages
 from tcstudy.reports.terminal.fit import BAND, columns, correlation, fit_doubts, prediction_error
 from tcstudy.reports.terminal.path_summary import seen_folds
-from tcstudy.reports.text import number, prefix, pretty
+from tcstudy.reports.text import counted, number, prefix, pretty
 from tcstudy.scene.key import symbol
 
 PATH_BYTES = 4_000_000
@@ -168,6 +168,7 @@ def path_part(stored: Stored, box: Container) -> Json:
         "solutions": solutions,
         "loop": curve("loop_", "loop_vertex", ("parameter", "energy")),
         "falls": falls,
+        "branches": _branches(data, curve("branch_", "branch_vertex", ("parameter", "energy")), box),
         "numbers": {
             name: float(data[name])
             for name in ("level", "h_max", "n_dof", "n_contact", "lambda_1", "omega", "law_error", "energy_lost")
@@ -178,13 +179,29 @@ def path_part(stored: Stored, box: Container) -> Json:
     }
 
 
+def _branches(data: Any, curve: Json, box: Container) -> Json:
+    """Every branch of the range where they are known; `apart`: those that the path does not go along."""
+    if curve is None:
+        return None
+    of, loop, apart = data["branch_of"].values, data["branch_loop"].values, data["branch_on_path"].values == 0
+    return curve | {
+        "stable": box.array(data["branch_stable"].values, "i1"),
+        "begin": np.searchsorted(of, np.arange(len(loop) + 1)).tolist(),
+        "apart": apart.tolist(),
+        "complete": int(data["complete"]),
+        "words": [f"{counted(int(loop.sum()), 'closed loop')}, {int(np.sum(loop == 0))} open branches in the range",
+                  sentences.WHOLE if int(data["complete"]) else str(data.attrs["complete_reason"])],
+    }  # fmt: skip
+
+
 def _path_verdict(data: Any, low: float, high: float, folds: Any, turns: int) -> Json:
     t = data["parameter"].values[folds]
     inside = int(np.count_nonzero((t >= min(low, high)) & (t <= max(low, high))))
     most = int(data["solution_count"].max()) if data.sizes.get("at", 0) else None
     counts = int(data.sizes["piece"]), int(data["stable"].sum()), inside, turns, most, int(data.sizes.get("jump", 0))
     how = sentences.WHOLE if int(data.get("complete", 0)) else sentences.CONNECTED
-    return {"text": sentences.path(*counts, float(data["residual"].max())), "how": how, "ok": True}
+    loops = int(data["branch_loop"].sum()) if "branch_loop" in data else None
+    return {"text": sentences.path(*counts, float(data["residual"].max()), loops), "how": how, "ok": True}
 
 
 def fit_part(data: Any, box: Container) -> Json:

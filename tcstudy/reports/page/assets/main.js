@@ -12,7 +12,7 @@ TC.theme = function (name) {
 };
 TC.start = async function () {
   TC.data = await TC.decode(document.getElementById("data").textContent);
-  const d = TC.data, part = d[d.kind], given = TC.readState(), kinds = { run: "a parametric study", convergence: "convergence of a study", cost: "accuracy against cost", path: "equilibria on one branch", history: "a load history", fit: "numbers from measurements" };
+  const d = TC.data, part = d[d.kind], given = TC.readState(), kinds = { run: "a parametric study", convergence: "convergence of a study", cost: "accuracy against cost", path: "equilibria along a parameter", history: "a load history", fit: "numbers from measurements" };
   document.getElementById("kind").textContent = `tcstudy: ${kinds[d.kind]}`;
   const verdict = document.getElementById("verdict");
   verdict.classList.toggle("bad", !part.verdict.ok);
