@@ -161,21 +161,6 @@ def test_workers_that_never_start_end_the_run(warm: bool) -> None:
         workers.shutdown()
 
 
-def test_warm_workers_are_there_before_the_first_task() -> None:
-    workers = ProcessExecutor(2).warm()
-    try:
-        deadline = time.monotonic() + 60
-        while len(workers._alive) < 2 and time.monotonic() < deadline:
-            time.sleep(0.01)
-        early = {worker.process.pid for worker in workers._alive}
-        study = study_of(SWEPT, "mesh.levels=1")
-        assert_same(solved(study, workers), solved(study, SerialExecutor()))
-        assert {worker.process.pid for worker in workers._alive} == early
-    finally:
-        workers.shutdown()
-    assert all(gone(pid) for pid in early)
-
-
 LONG = """
 import signal, sys
 from functools import partial

@@ -122,33 +122,6 @@ def test_a_path_over_two_films_has_the_closed_form(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.abs(friction[far]), 2e6 * length + 1e6 * SHOE, rtol=0.01, atol=2e3)
 
 
-@pytest.mark.parametrize(
-    ("friction", "more", "said"),
-    [
-        ("{film: {law: tresca, tau: 1 MPa}}", "", "the contact edge shoe has no law"),
-        ("{film: {law: tresca, tau: 1 MPa}, top: {law: tresca, tau: 1 MPa}}", "", "'top' is no contact edge"),
-        ("{film: {law: tresca, tau: 1 MPa, delta: 1 mm}, shoe: {law: linear, k: 0}}", "", "unknown key"),
-        ("{law: tresca, tau: 1 MPa, strength: -1}", "", "must be 0 or more, but is -1"),
-        ('{law: tresca, tau: 1 MPa, strength: "x - 0.1"}', "", "the strength is negative or not finite"),
-        (
-            "{film: {law: tresca, tau: 1 MPa}, shoe: {law: tresca, tau: 1 MPa}}",
-            "sweep: {friction.film.delta: [1 mm]}\n",
-            "the law tresca has no parameter 'delta'",
-        ),
-        (
-            "{film: {law: tresca, tau: 1 MPa}, shoe: {law: tresca, tau: 1 MPa}}",
-            "sweep: {tau: [1 MPa]}\n",
-            "the study has no parameter 'tau' to sweep",
-        ),
-    ],
-)
-def test_faults_are_one_line(friction: str, more: str, said: str) -> None:
-    with pytest.raises(StudyError) as caught:
-        read_study_text(one_point(friction, more))
-    assert len(caught.value.problems) == 1
-    assert said in str(caught.value)
-
-
 CHOSEN = """
 units: none
 body: {outline: [{from: [0, 0], edge: film}, {from: [0.5, 0], edge: shoe}, {from: [1, 0], edge: right},

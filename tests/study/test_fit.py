@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.errors import FitError, StoreError, StudyError
+from tcstudy.errors import StudyError
 from tcstudy.read.study import read_study_text
-from tcstudy.reports.export.brief import brief, json_text
+from tcstudy.reports.export.brief import brief
 from tcstudy.reports.terminal.fit import fit_summary
 from tcstudy.scene.study import Study
 from tcstudy.study.fit import fit, model_of
@@ -101,20 +100,6 @@ def test_the_law_of_the_gallery_is_found_through_its_snap_back(tmp_path: Path) -
     assert record.attributes["not_determined"] == ""
 
 
-def test_a_start_at_which_nothing_moves_leaves_it_to_the_others(tmp_path: Path) -> None:
-    """Both numbers ten times too large: the bond stays, and no datum depends on them. Others of the starts find it."""
-    far = {"start: 4 MPa": "start: 72 MPa", "start: 0.3 mm": "start: 1.6 mm"}
-    wide = {
-        "maxh: 5 mm": "maxh: 6 mm",
-        "within: [1 MPa, 50": "within: [1 MPa, 500",
-        "[0.01 mm, 1 mm]": "[0.01 mm, 10 mm]",
-    }
-    with pytest.raises(FitError, match=r"do not depend on friction\.tau_s, friction\.delta there"):
-        fit(study_of(tmp_path, pulled(24), far | wide))
-    record = fit(study_of(tmp_path, pulled(24), far | wide | {"starts: 1": "starts: 4"}))
-    assert record.values["estimate"] == pytest.approx([TAU, DELTA], rel=0.02)
-
-
 def test_what_the_mesh_does_to_the_numbers_is_said(tmp_path: Path) -> None:
     """Data of the closed form without noise: half the size takes about half of a bias, and a coarse mesh is told."""
     record = fit(study_of(tmp_path, pulled(45), {"maxh: 5 mm": "maxh: 8 mm"}))
@@ -146,20 +131,6 @@ def test_a_law_by_points_and_one_of_the_wrong_shape(tmp_path: Path) -> None:
     assert float(wrong.attributes["fit_probability"]) < 1e-6 < float(free.attributes["fit_probability"])
     assert float(wrong.attributes["runs_probability"]) < 0.05
     assert float(wrong.attributes["information_criterion"]) > float(free.attributes["information_criterion"]) + 20.0
-
-
-def test_a_plateau_alone_determines_a_product(tmp_path: Path) -> None:
-    """j(Δ) = P²/2D: of a long bond in debonding only tau_s·delta is known, and that is said."""
-    zone = 0.5 * np.pi / np.sqrt(TAU / (DELTA * D))
-    delta = np.linspace(0.35e-3, 0.6e-3, 8)
-    assert zone < 0.3 * LENGTH
-    P = np.sqrt(TAU * DELTA * D) * (1.0 + 1e-3 * np.random.default_rng(2).normal(size=8))
-    record = fit(study_of(tmp_path, np.stack([delta, P], axis=1), {"maxh: 5 mm": "maxh: 4 mm"}))
-    weakest, strongest = record.values["singular_value"][[1, 0]]
-    assert weakest < 0.03 * strongest
-    assert np.abs(record.values["singular_vector"][0]) == pytest.approx(np.sqrt([0.5, 0.5]), abs=0.02)
-    product = np.prod(record.values["estimate"])
-    assert product == pytest.approx(TAU * DELTA, rel=0.02)
 
 
 def test_where_a_machine_dropped_decides_what_a_plateau_does_not(tmp_path: Path) -> None:
@@ -259,26 +230,3 @@ def test_a_slip_profile_finds_the_film(tmp_path: Path) -> None:
     assert int(record.attributes["solves"]) <= int(record.attributes["evaluations"]) + 2
     with pytest.raises(StudyError, match=r"a profile of u_T needs the columns x and u_T"):
         read_study_text(text.replace('x: "x [mm]", ', ""), "heated.yaml", source=tmp_path / "heated.yaml")
-
-
-def test_the_file_the_text_and_the_picture(tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
-    study = heated(tmp_path)
-    tree = tcstudy.run(study, tmp_path / "a.nc")
-    assert tree["estimate"].shape == (2,)
-    assert tree.attrs["data_sha256"]
-    text = fit_summary(tmp_path / "a.nc")
-    assert "friction.tau" in text
-    assert "95 % interval" in text
-    assert "vertical" in text
-    told = brief(tmp_path / "a.nc")
-    assert told["parameters"]["alpha_T"]["estimate"] == tree["estimate"].values[1]
-    assert told["verdict"].startswith("friction.tau = ")
-    assert json.loads(json_text(told))["evaluations"] == tree.attrs["evaluations"]
-    tcstudy.draw(tmp_path / "a.nc", tmp_path / "a.png")
-    assert (tmp_path / "a.png").stat().st_size > 10_000
-    assert tcstudy.report(tmp_path / "a.nc").stat().st_size < 300_000
-    (tmp_path / "heated.csv").write_text("T [K],u [um],R [kN/m]\n" + "1,1,1\n2,2,2\n3,3,3\n", encoding="utf-8")
-    other = read_study_text(HEATED, "heated.yaml", source=tmp_path / "heated.yaml")
-    with pytest.raises(StoreError, match="table of data"):
-        tcstudy.run(other, tmp_path / "a.nc")

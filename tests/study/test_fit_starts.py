@@ -13,7 +13,7 @@ from tcstudy.reports.export.brief import brief
 from tcstudy.reports.terminal.fit import fit_summary
 from tcstudy.scene.study import Study
 from tcstudy.study.fit import model_of
-from tests.study.test_fit import HEATED, heated, pulled, study_of
+from tests.study.test_fit import HEATED, heated
 
 SHEARED = """
 title: film of a sheared block, pulled, pushed and pulled
@@ -70,10 +70,3 @@ def test_a_start_that_the_noise_explains_ends_the_search_and_an_assumed_noise_do
     assert "starts: 5 of 5 tried; 5 of 5 end in this minimum" in text
     assert f"the 95 % intervals assume that {words}" in text
     assert words in brief(tmp_path / "b.nc")["verdict"]
-
-
-def test_distances_to_a_path_assume_the_noise_that_is_not_given(tmp_path: Path) -> None:
-    both = "  noise: {boundary.grip.u_x: 5 um, friction_resultant: 2.2 N/mm}\n"
-    for noise, said in (("", "are measured equally well"), ("  noise: {friction_resultant: 2.2 N/mm}\n", "1 % of its")):
-        assert said in study_of(tmp_path, pulled(30), {both: noise}).fit.assumed_noise
-    assert study_of(tmp_path, pulled(30)).fit.assumed_noise == ""

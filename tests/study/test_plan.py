@@ -12,7 +12,6 @@ import tcstudy
 from tcstudy.fem import meshes, study_meshes
 from tcstudy.fem.geometry import Geometry
 from tcstudy.fem.meshes import PlaneMesh
-from tcstudy.reports.terminal.forecast import expected_words
 from tcstudy.scene.study import MeshPlan, Study
 from tcstudy.study import plan as plan_module
 from tcstudy.study.plan import plan, resources
@@ -78,11 +77,6 @@ def test_a_section_is_run_before_the_sweep() -> None:
     assert f"{found.asked}: run does this; for the points of the sweep add --set path=null" in found.notes
 
 
-def test_a_poisson_ratio_does_not_look_like_its_bound() -> None:
-    (note,) = plan(study_of(RECTANGLE, "material.nu=0.4999999", "loads.f=[0.01, 0]")).notes
-    assert note.startswith("nu = 0.4999999 in plane strain")
-
-
 def test_a_swept_parameter_that_changes_nothing_is_named() -> None:
     """α and k where θ = θ̄, everything thermal without β; not θ̄ itself, nor α where heat is solved at some point."""
     constant = "heat={}"
@@ -112,11 +106,6 @@ def test_a_history_with_elements_much_longer_than_its_strip_is_high_is_told() ->
         assert len(told) == said, maxh
         assert all(0.65 * maxh / 0.25 < ratio < 1.05 * maxh / 0.25 for ratio in told), told
     assert not any("as long as" in n for n in plan(study_of(strip, "mesh={maxh: 2}")).notes)
-
-
-def test_time_and_memory_in_words() -> None:
-    assert expected_words(2.2, 2e8) == "about 2 s of CPU time, about 0.2 GB"
-    assert expected_words(float("nan"), 2e8, "why", at_most=True) == "time unknown: why; up to about 0.2 GB"
 
 
 def test_dear_meshing_is_said_with_what_makes_it_cheap(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,15 +11,11 @@ import xarray as xr
 
 import tcstudy
 from tcstudy.contact.contact import solve_contact
-from tcstudy.data.reading import ASKED, asked
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import StudyError
 from tcstudy.offline.level import Level
 from tcstudy.offline.requested_outputs import RequestedOutputs
 from tcstudy.read.study import read_study_text
-from tcstudy.reports.export.brief import brief
-from tcstudy.reports.terminal.summary import summary
-from tcstudy.reports.terminal.tables import fitting
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import OutputPlan
 from tcstudy.study import sensitivities
@@ -143,18 +139,3 @@ def test_faults_are_one_line(old: str, new: str, said: str) -> None:
         read_study_text(text.replace(old, new))
     assert said in str(caught.value)
     assert len(caught.value.problems) == 1
-
-
-def test_what_is_asked_for_is_shown_at_any_width(tmp_path: Path) -> None:
-    """In the table of points where there is room, else in tables of their own below it; in JSON, and so on pages."""
-    data = stored(BAR.replace("PLANE", "stress"), tmp_path).isel(level=0)
-    names = asked(data)
-    assert [len([n for n in names if n.startswith(start)]) for start in ASKED] == [13, 4, 4, 3]
-    for width in (80, 120, None):
-        with fitting(width):
-            lines = summary(tmp_path / "bar.nc").splitlines()
-        assert [name for name in names if not any(f" {name} [" in line for line in lines)] == []
-        assert (sum(line.startswith("  alpha_T [") for line in lines) > 1) == (width is not None)
-        assert width is None or max(map(len, lines)) <= width
-    for i, point in enumerate(brief(tmp_path / "bar.nc")["points"]):
-        np.testing.assert_array_equal([point[name][0] for name in names], [data[name].values[i] for name in names])

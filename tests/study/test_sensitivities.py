@@ -207,30 +207,6 @@ def test_a_sweep_keeps_them_with_units_and_show_prints_them(tmp_path: Path) -> N
     apart = data["friction_resultant"][1] - data["friction_resultant"][0]
     assert np.sign(apart) == np.sign(stored[0])
     assert "Derivatives" in summary(tmp_path / "a.nc")
-    plain = read_study_text(text)
-    tcstudy.run(plain, tmp_path / "b.nc")
-    other = xr.open_dataset(tmp_path / "b.nc").isel(level=0)
-    assert not [name for name in other if str(name).startswith("sensitivity")]
-    for name in other:
-        if not str(name).startswith("time"):
-            assert other[name].identical(data[name]), name
-
-
-def test_numbers_of_the_law_of_an_edge_and_its_strength() -> None:
-    """A law by edge whose strength varies: by its δ, and where the strength is a number by that."""
-    law = "friction: {bottom: {law: slip-weakening, tau_s: 0.06, tau_k: 0.02, delta: 0.03, strength: STRENGTH}}"
-    ways = (('"0.5 + 0.3*x"', "friction.bottom.delta", 0.03), ("0.8", "friction.bottom.strength", 0.8))
-    for strength, name, value in ways:
-        head, _, rest = BRACKET.partition("friction:")
-        text = head + law.replace("STRENGTH", strength) + "\n" + rest.partition("\n")[2]
-        study = asking(text, name)
-        own = Level(Meshes(study).next(0), study.scenes[0])
-        _, v = results(own, text)
-        found = of_point(own, study.scenes[0], v, study.output.sensitivity)
-        h = 2e-5
-        ends = [results(own, text, f"{name}={value * (1.0 + sign * h)!r}")[0] for sign in (1.0, -1.0)]
-        exact = np.array([found[name_of(quantity, name)] for quantity in QUANTITIES])
-        np.testing.assert_allclose(exact, (ends[0] - ends[1]) / (2.0 * h * value), rtol=1e-7, atol=1e-9)
 
 
 def test_the_value_of_every_kind_of_number_is_read_back() -> None:

@@ -5,7 +5,6 @@ Such a mesh ends a run before work if it is the first, and is a status of its po
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,7 @@ from tcstudy.read.study import read_study
 from tcstudy.refine.family import Family
 from tcstudy.scene.study import Study
 from tcstudy.study import sizes as sizes_module
-from tcstudy.study.sizes import of_geometry, predicted, refined, sizes
+from tcstudy.study.sizes import predicted, refined, sizes
 from tests.commands import CONFIGS
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, study_of
 
@@ -74,13 +73,6 @@ def test_counted_sizes_are_those_of_the_run(study: Study) -> None:
     assert all(v.exact for v in sizes(study))
 
 
-def test_only_the_first_adaptive_mesh_is_known() -> None:
-    study = study_of(RECTANGLE, "mesh={maxh: 0.5, levels: 6, family: adaptive}")
-    (first,) = sizes(study)
-    family = Family(study)
-    assert first.nodes == family.next(0).n_points
-
-
 @pytest.mark.parametrize("mesh", ["{maxh: [0.2, 0.1, 0.05]}", "{maxh: 0.2, levels: 3, family: graded}"])
 def test_large_meshes_are_predicted_from_the_last_small_one(monkeypatch: pytest.MonkeyPatch, mesh: str) -> None:
     study = study_of(STRIPS, f"mesh={mesh}")
@@ -130,13 +122,6 @@ def test_a_later_mesh_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert np.isnan(tree["energy"].values[1])
 
 
-def test_the_first_mesh_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    fail_at(monkeypatch, 0)
-    with pytest.raises(GeometryFailed, match="gave up"):
-        tcstudy.run(study_of(RECTANGLE), tmp_path / "out.nc")
-    assert not (tmp_path / "out.nc").exists()
-
-
 def test_meshes_after_the_known_ones_are_bounded() -> None:
     study = study_of(RECTANGLE, "mesh={maxh: 0.5, tolerance: 1e-3, of: friction_resultant, max_dofs: 10000}")
     n_dofs = [v.n_dof for v in refined(sizes(study), study.mesh)]
@@ -145,11 +130,3 @@ def test_meshes_after_the_known_ones_are_bounded() -> None:
     few = study_of(RECTANGLE, "mesh={maxh: 0.5, levels: 3, family: adaptive}")
     assert len(refined(sizes(few), few.mesh)) == 3
     assert refined(sizes(study_of(RECTANGLE)), study_of(RECTANGLE).mesh) == sizes(study_of(RECTANGLE))
-
-
-def test_workers_are_chosen_by_sizes_alone() -> None:
-    study = read_study(CONFIGS / "quickstart.yaml")
-    finer = replace(study, mesh=replace(study.mesh, maxh=(0.25 * study.mesh.maxh[0],)))
-    one, two = of_geometry(study), of_geometry(finer)
-    assert two.seconds > one.seconds
-    assert two.memory > one.memory

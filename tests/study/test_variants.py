@@ -21,7 +21,6 @@ from tcstudy.reports.terminal.summary import summary
 from tcstudy.study.execute import execute
 from tcstudy.study.plan import plan
 from tcstudy.study.run import Quiet
-from tests.test_cli import CONFIGS
 
 SCALED = """
 parameters: {s: 1}
@@ -95,27 +94,6 @@ def test_a_bar_of_several_lengths_has_the_closed_form_and_the_bits_of_single_run
     assert float(group["level_1"]["arclength"].max()) == pytest.approx(0.1)
 
 
-def test_the_summary_says_which_geometry_its_extremes_are_of(bar: Path, tmp_path: Path) -> None:
-    """Each with its own: the longest bar has the most unknowns, not the longest edge."""
-    (line,) = (line for line in " ".join(summary(bar).split()).split("on level 1 ")[1:])
-    data = xr.open_dataset(bar).isel(level=-1)
-    most, least = (name.idxmax("width") for name in (data["n_dof"], -data["lambda_1"].min("E")))
-    h_max = data["h_max"].idxmax("width")
-    words = [f"{title} of width = {1e3 * float(at):g} mm" for title, at in
-             (("h_max", h_max), ("dofs", most), ("λ₁", least))]  # fmt: skip
-    assert line.startswith("; ".join(words) + " ")
-    run(BAR.replace("body.rectangle.width: [400 mm, 100 mm, 200 mm], ", ""), tmp_path / "one.nc")
-    assert "geometries" not in summary(tmp_path / "one.nc")
-
-
-def test_plan_tells_geometries_meshes_and_factorisations() -> None:
-    forecast = plan(study := read_study_text(BAR))
-    assert (forecast.points, forecast.factorisations) == (6, 3)
-    note = "3 geometries: 6 meshes, 6 stiffness factorisations; the points of a geometry share both"
-    assert forecast.notes[0].startswith(note)
-    assert [one.places.tolist() for one in study.variants] == [[0, 1], [2, 3], [4, 5]]
-
-
 def test_a_geometry_that_cannot_be_is_a_status_with_its_reason(tmp_path: Path) -> None:
     tree = run(HOLED, tmp_path / "out.nc")
     status = tree["status"].isel(level=0).values.tolist()
@@ -149,21 +127,6 @@ def test_sizes_are_named_in_the_unit_that_the_sweep_writes_them_in(tmp_path: Pat
     with xr.open_dataset(path) as data:
         assert describe(data, {"width": 17, "E": 0}) == "width = 521.739 mm, E = 70 GPa"
         assert axes(data)[0]["written"] == (1e-3, "mm")
-
-
-@pytest.mark.parametrize(
-    ("values", "words", "written"),
-    [
-        ("[30 cm, 0.2 m]", "0.2 m", ("", 1.0)),  # no unit in common
-        ("[30 cm, 20 cm]", "20 cm", ("cm", 0.01)),
-        ("[0.3, 0.2]", "0.2", ("", 1.0)),
-        ("{geomspace: [0.3, 20 cm, 3]}", "0.2 m", ("", 1.0)),
-    ],
-)
-def test_sizes_without_a_common_unit_are_in_si(values: str, words: str, written: tuple[str, float]) -> None:
-    study = read_study_text(BAR, "study", (f"sweep={{body.rectangle.width: {values}}}",))
-    assert study.variants[-1].words == f"body.rectangle.width = {words}"
-    assert study.axes[0].written == written
 
 
 def test_a_fault_names_the_geometry_only_if_it_is_of_that_geometry() -> None:
@@ -264,14 +227,3 @@ def test_one_geometry_is_taken_out_as_the_run_that_it_was(
     assert main(words) == 0
     assert main(["show", str(one)]) == 0
     assert main(["draw", str(bar), str(tmp_path / "map.png"), "--map", "width,E", "--of", "u_T_max"]) == 0
-
-
-def test_thickness_map(tmp_path: Path) -> None:
-    """A thin pad is a layer in shear: λ₁ → G/h, on meshes of any grading."""
-    fewer = ["sweep={parameters.H: [2 mm, 8 mm], mesh.grading: [0.5, 0.8]}", "mesh={maxh: H, family: graded}"]
-    study = tcstudy.load(str(CONFIGS / "thickness_map.yaml"), fewer)
-    assert plan(study).factorisations == 4
-    data = tcstudy.run(study, tmp_path / "map.nc").to_dataset().isel(level=0)
-    ratio = data["lambda_1"] * data["H"] / 1e3
-    assert np.all((ratio.sel(H=0.002) > 0.99) & (ratio.sel(H=0.002) < 1.0))
-    assert float(ratio.sel(H=0.008, grading=0.5)) < 0.985

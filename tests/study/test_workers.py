@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
-from tcstudy import cli
 from tcstudy.study import workers
 from tcstudy.study.sizes import Resources
 from tests.verification.scenes import RECTANGLE, study_of
@@ -32,14 +29,6 @@ def four_processors(monkeypatch: pytest.MonkeyPatch) -> None:
 )
 def test_as_many_workers_as_pay(changes: tuple[str, ...], asked: int | None, expected: int) -> None:
     assert workers.for_blocks(study_of(RECTANGLE, *changes), 200, asked) == expected
-
-
-def test_plan_says_who_solves_geometries(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = tmp_path / "study.yaml"
-    file.write_text(RECTANGLE + "sweep: {body.rectangle.width: [1, 2, 3]}\n")
-    assert cli.main(["run", str(file), "--dry-run", "--jobs", "8"]) == 0
-    said = " ".join(capsys.readouterr().out.split())
-    assert "3 geometries, each whole by one of 3 worker processes (--jobs), or by those of a scheduler" in said
 
 
 def test_whole_calls_get_the_workers_that_pay_and_have_memory(monkeypatch: pytest.MonkeyPatch) -> None:
