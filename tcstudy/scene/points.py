@@ -106,6 +106,8 @@ def distinct(scenes: Sequence[Scene], *sections: str) -> tuple[Scene, ...]:
 
 def combinations(scenes: Sequence[Scene], *sections: str) -> tuple[tuple[Scene, ...], NDArray[np.intp]]:
     """`distinct` scenes, and (P,) which of them each point is like."""
+    if len(scenes) == 1:  # as in each of many geometries
+        return (scenes[0],), np.zeros(1, dtype=np.intp)
     scenes = Scenes.of(scenes)
     first, of = scenes.combined(*sections)
     return tuple(scenes[int(i)] for i in first), of

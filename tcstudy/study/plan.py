@@ -24,7 +24,16 @@ from tcstudy.errors import GeometryFailed
 from tcstudy.exact.loads import description
 from tcstudy.offline.level import Level, swept_parts
 from tcstudy.offline.loads import exchange_level
-from tcstudy.scene.points import FELT, count_points, distinct, idle_notes, needs_heat_solve, of_stiffness, why_no_heat
+from tcstudy.scene.points import (
+    FELT,
+    Scenes,
+    count_points,
+    distinct,
+    idle_notes,
+    needs_heat_solve,
+    of_stiffness,
+    why_no_heat,
+)
 from tcstudy.scene.records import Contact
 from tcstudy.scene.study import MeshPlan, Study
 from tcstudy.shapes.edges import body_area, boundary_lengths
@@ -115,7 +124,8 @@ def plan(study: Study) -> Plan:
 
 def _geometries(study: Study) -> tuple[list[Study], Study]:
     """The studies of the geometries that are not refused, without the text that they share, and the largest of them."""
-    own = [replace(one.study, text="", overrides=()) for one in study.variants if one.study is not None]
+    kept = [one.study for one in study.variants if one.study is not None]
+    own = [replace(one, scenes=Scenes.of(one.scenes), text="", overrides=()) for one in kept]
     return own, max(own, key=lambda one: predicted(one)[-1].n_dof)
 
 
