@@ -23,7 +23,7 @@ from tcstudy.data.files import check_writable
 from tcstudy.data.measured import COST_TABLE, MEASURES, STAGES
 from tcstudy.data.provenance import collect, tell
 from tcstudy.data.records import PointStatus
-from tcstudy.data.store import Record, write_record
+from tcstudy.data.store import Record, missing, write_record
 from tcstudy.errors import CostError, GeometryFailed, StoreError
 from tcstudy.exact.numbers import exact_friction_resultant
 from tcstudy.laws.composed import EdgeLaws
@@ -91,52 +91,37 @@ def _cost(
     notes: list[str],
 ) -> Record:
     """All curves as arrays, padded to the longest."""
-    solvers = study.solver.names
-    levels, runs = max(len(c.steps) for c in curves), len(curves[0].stages)
-    shape = (len(curves), len(solvers), levels)
-    h_max, n_dof = np.full((shape[0], levels), np.nan), np.full((shape[0], levels), -1, dtype=np.int32)
-    n_contact, status = n_dof.copy(), np.zeros(shape, dtype=np.int8)
-    reason = np.full(shape, "", dtype=object)
-    times = np.full((*shape, runs), np.nan)
-    stages = {stage: np.full(shape, np.nan) for stage in STAGES}
-    measured = {m.name: np.full(shape, np.nan) for m in MEASURES if any(m.name in e for e in errors.values())}
+    solvers, runs = study.solver.names, len(curves[0].stages)
+    levels = max(len(curve.steps) for curve in curves)
+    sizes = {"family": len(curves), "solver": len(solvers), "level": levels, "run": runs}
+    measured = [m.name for m in MEASURES if any(m.name in one for one in errors.values())]
+    wanted = {f"{what}_{name}" for what in ("error", "dominated") for name in measured}
+    table = [v for v in COST_TABLE if v.name in wanted or not v.name.startswith(("error_", "dominated_"))]
+    values: dict[str, Any] = {v.name: missing(v, tuple(sizes[dim] for dim in v.dims)) for v in table}
+    values |= {"family": [curve.family for curve in curves], "solver": solvers}
+    values |= {"level": np.arange(levels), "run": np.arange(runs)}
     for f, curve in enumerate(curves):
-        for level, (h, dofs, contact) in enumerate(curve.steps):
-            h_max[f, level], n_dof[f, level], n_contact[f, level] = h, dofs, contact
-            for name, solved_level in curve.solved[level].items():
-                at, found = (f, solvers.index(name), level), solved_level.solutions[()]
-                status[at], reason[at] = found.status, found.reason
-                own = [run[level][name] for run in curve.stages]
-                times[at] = [one.total for one in own]
-                best = min(own, key=lambda one: one.total)
-                for stage in STAGES:
-                    stages[stage][at] = getattr(best, stage)
-                for measure_name, error in errors[curve.family, level, name].items():
-                    if measure_name in measured:
-                        measured[measure_name][at] = error
-    remarks = list[str]()
+        for level, by_solver in enumerate(curve.solved):
+            for name, size in zip(("h_max", "n_dof", "n_contact"), curve.steps[level], strict=True):
+                values[name][f, level] = size
+            for solver, one in by_solver.items():
+                at, own = (f, solvers.index(solver), level), [run[level][solver] for run in curve.stages]
+                best, found = min(own, key=lambda one: one.total), one.solutions[()]
+                told = {"status": found.status, "reason": found.reason, "time": [one.total for one in own]}
+                told |= {f"time_{stage}": getattr(best, stage) for stage in STAGES}
+                told |= {f"error_{name}": error for name, error in errors[curve.family, level, solver].items()}
+                for name in told.keys() & values.keys():
+                    values[name][at] = told[name]
     if any(curve.solved[-1][solvers[0]].solutions[()].numbers.get("unique") == 0 for curve in curves):
-        remarks.append(
+        notes = [
+            *notes,
             "The solution is not certified to be the only one: meshes and solvers may have found different ones, "
-            "which shows as an error that does not fall."
-        )
-    solved = status == PointStatus.OK
-    fastest = np.where(solved, np.min(times, axis=-1), np.nan)
-    values: dict[str, Any] = {
-        "family": [c.family for c in curves],
-        "solver": solvers,
-        "level": np.arange(levels),
-        "run": np.arange(runs),
-        "h_max": h_max,
-        "n_dof": n_dof,
-        "n_contact": n_contact,
-        "status": status,
-        "reason": reason,
-        "time": times,
-    }
-    values |= {f"dominated_{m}": dominated(fastest.ravel(), e.ravel()).reshape(shape) for m, e in measured.items()}
-    values |= {f"time_{stage}": time for stage, time in stages.items()}
-    values |= {f"error_{m}": e for m, e in measured.items()}
+            "which shows as an error that does not fall.",
+        ]
+    fastest = np.where(values["status"] == PointStatus.OK, np.min(values["time"], axis=-1), np.nan)
+    for name in measured:
+        error = values[f"error_{name}"]
+        values[f"dominated_{name}"] = dominated(fastest.ravel(), error.ravel()).reshape(error.shape)
     chosen = next(curve for curve in curves if curve.own is not None)
     attributes = {
         "reference": words,
@@ -145,7 +130,7 @@ def _cost(
         "own_solver": solvers[0],
         "own_level": np.int32(chosen.own or 0),
         "runs": np.int32(runs),
-        "notes": "\n".join([*notes, *remarks]),
+        "notes": "\n".join(notes),
     }
     return Record("cost", COST_TABLE, values, attributes)
 

@@ -3,7 +3,7 @@
 `predicted` needs areas and lengths alone; `sizes` counts on meshes that take milliseconds. Uniform refinement of a mesh
 with V nodes, T triangles and the Euler characteristic χ makes T' = 4T and V' = V + E with E = V + T − χ edges; what the
 boundary carries (constraints, contact unknowns) grows affinely in 2^level, so that two meshes tell the sizes of all.
-Other meshes are counted while they are small, and grow as predicted from the last one counted.
+Other meshes are counted while they are small, and predicted from the last one counted.
 
 Times, which decide about workers, are those of results/speed.md, t = c Nᵖ for N displacement unknowns; what users are
 told is measured (`study.plan`).
@@ -105,7 +105,7 @@ def sizes(study: Study) -> tuple[LevelForecast, ...]:
     if plan.nested:
         return tuple(_nested(meshes, scene, rough))
     for level, guess in enumerate(rough):
-        size = _grown(found[-1], rough[level - 1], guess) if found else guess
+        size = _grown(found[-1], rough[level - 1], guess, plan.listed) if found else guess
         if size.nodes <= MOST_NODES:
             try:
                 size = _counted(meshes.next(level), scene, guess.h)
@@ -140,16 +140,17 @@ def _counted(mesh: PlaneMesh, scene: Scene, h: float) -> LevelForecast:
     return LevelForecast(h, mesh.n_points, frames.n_dof, line.m, exact=True)
 
 
-def _grown(known: LevelForecast, rough: LevelForecast, guess: LevelForecast) -> LevelForecast:
-    """The mesh after one that is known: what arcs, small features and grading add grows by the same factors.
+def _grown(known: LevelForecast, rough: LevelForecast, guess: LevelForecast, listed: bool) -> LevelForecast:
+    """The mesh after one that is known; rough, guess: that one and this as they are predicted.
 
-    rough, guess: that one and this as they are predicted
+    What small features and arcs add to a mesh of a list they add to all; graded meshes grow by the same factors.
     """
-    nodes, n_dof, n_contact = (
-        round(getattr(known, name) * getattr(guess, name) / getattr(rough, name))
-        for name in ("nodes", "n_dof", "n_contact")
-    )
-    return LevelForecast(guess.h, nodes, n_dof, n_contact)
+    n_contact = round(known.n_contact * rough.h / guess.h)
+    if not listed:
+        r = (rough.h / guess.h) ** 2
+        return LevelForecast(guess.h, round(known.nodes * r), round(known.n_dof * r), n_contact)
+    nodes, n_dof = (max(0, getattr(known, name) - getattr(rough, name)) for name in ("nodes", "n_dof"))
+    return LevelForecast(guess.h, guess.nodes + nodes, guess.n_dof + n_dof, n_contact)
 
 
 def refined(levels: Sequence[LevelForecast], mesh: MeshPlan) -> tuple[LevelForecast, ...]:
