@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -129,19 +130,16 @@ def _in_units(edge: Edge, unit: float) -> Edge:
     return replace(edge, start=point(edge.start), end=point(edge.end), through=edge.through and point(edge.through))
 
 
-def _occ_edge(edge: Edge) -> Any:
-    a, b = occ.Pnt(*edge.start, 0), occ.Pnt(*edge.end, 0)
-    if edge.through is None:
-        return occ.Segment(a, b)
-    return occ.ArcOfCircle(a, occ.Pnt(*edge.through, 0), b)
-
-
 def _face(loop: Loop, unit: float) -> Any:
-    return occ.Face(occ.Wire([_occ_edge(_in_units(edge, unit)) for edge in loop.edges]))
+    made = []
+    for edge in (_in_units(edge, unit) for edge in loop.edges):
+        a, b = occ.Pnt(*edge.start, 0), occ.Pnt(*edge.end, 0)
+        made.append(occ.ArcOfCircle(a, occ.Pnt(*edge.through, 0), b) if edge.through else occ.Segment(a, b))
+    return occ.Face(occ.Wire(made))
 
 
 def _curve(edge: Edge, tag: str) -> Curve:
-    return Curve(tag, edge.name, edge_length(edge), edge.through is None, lambda points: edge_normal(edge, points))
+    return Curve(tag, edge.name, edge_length(edge), edge.through is None, partial(edge_normal, edge))
 
 
 def _size(face: Any) -> float:

@@ -17,8 +17,7 @@ Left out:   ends of slip zones, which no one knows before; jumps of tractions al
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,52 +37,31 @@ WEAK = 0.5
 SLACK = 1e-3
 """Angle [rad] by which a corner must be beyond the critical one."""
 
-Support = Literal["held", "sliding", "contact", "free"]
 Boundary = tuple[tuple[str, Role], ...]
 
 
-@dataclass(frozen=True)
-class Singular:
-    """Singular points (p, 2) [m]; weak: (p,) those with a logarithm only."""
-
-    points: Array
-    weak: NDArray[np.bool_]
-
-    def mu(self, grading: float) -> Array:
-        """(p,) μ of meshes with this exponent."""
-        return np.where(self.weak, max(WEAK, grading), grading)
-
-
-def singular_points(mesh: PlaneMesh, boundary: Boundary) -> Singular:
-    """Corners of the body where stresses may be infinite."""
-    support = [_support(dict(boundary)[curve.name]) for curve in mesh.geometry.curves]
-    found: dict[int, bool] = {}
+def singular_points(mesh: PlaneMesh, boundary: Boundary, grading: float) -> tuple[Array, Array]:
+    """Corners of the body where stresses may be infinite (p, 2) [m], and μ of meshes with this exponent there (p,)."""
+    roles, found = dict(boundary), dict[int, float]()
     for corner in curve_ends(mesh):
         (a, b), (c, d) = corner.normals
         angle = np.pi - np.arctan2(a * d - b * c, a * c + b * d)
-        pair = {support[i] for i in corner.curves}
-        if angle > _critical(pair) + SLACK:
-            found[corner.node] = False
+        pair = {_support(roles[mesh.geometry.curves[i].name]) for i in corner.curves}
+        # the interior angle above which stresses between such edges may be infinite
+        critical = np.pi / 2 if pair & {"sliding", "contact"} else np.pi if len(pair) == 1 else 0.0
+        if angle > critical + SLACK:
+            found[corner.node] = grading
         elif pair == {"contact", "free"}:
-            found[corner.node] = True
-    return Singular(mesh.points[list(found)].reshape(-1, 2), np.array(list(found.values()), dtype=bool))
+            found[corner.node] = max(WEAK, grading)
+    return mesh.points[list(found)].reshape(-1, 2), np.array(list(found.values()))
 
 
-def _support(role: Role) -> Support:
+def _support(role: Role) -> str:
     """How an edge of this role is held."""
     if isinstance(role, Contact):
         return "contact"
-    if isinstance(role, Clamped):
-        free = sum(component is None for component in role.u)
-        return "held" if free == 0 else "sliding" if free == 1 else "free"
-    return "free"
-
-
-def _critical(pair: set[Support]) -> float:
-    """Interior angle [rad] above which stresses at a corner between such edges may be infinite."""
-    if pair & {"sliding", "contact"}:
-        return np.pi / 2
-    return np.pi if len(pair) == 1 else 0.0
+    free = sum(component is None for component in role.u) if isinstance(role, Clamped) else 2
+    return ("held", "sliding", "free")[free]
 
 
 def graded_mesh(
@@ -96,14 +74,13 @@ def graded_mesh(
     """
     start = time.perf_counter()
     mesh = first if coarser is None else refine_uniformly(coarser)
-    singular = singular_points(first, boundary)
-    mu = singular.mu(plan.grading)
+    points, mu = singular_points(first, boundary, plan.grading)
     h, reach = first.h_max / 2**level, REACH * first.geometry.size
     while True:
         corners = mesh.points[mesh.triangles]
         sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
         centres = corners.mean(axis=1)
-        r = np.linalg.norm(centres[:, None] - singular.points[None], axis=2)
+        r = np.linalg.norm(centres[:, None] - points[None], axis=2)
         target = h * np.min(np.minimum(1.0, r / reach) ** (1.0 - mu), axis=1, initial=1.0)
         large = sides.max(axis=1) > target * (1.0 + 1e-9)
         if not np.any(large):
@@ -115,10 +92,9 @@ def graded_points(study: Study) -> list[tuple[Point, float]]:
     """Places that the meshes of a graded study are graded towards, each with its μ. Raises GeometryFailed."""
     if study.mesh.strategy is not GRADED:
         return []
-    scene = study.scenes[0]
-    found = singular_points(mesh_at(build(scene.body), study.mesh, 0, None), scene.boundary)
-    mus = found.mu(study.mesh.grading)
-    return [((float(x), float(y)), float(mu)) for (x, y), mu in zip(found.points, mus, strict=True)]
+    scene, plan = study.scenes[0], study.mesh
+    points, mus = singular_points(mesh_at(build(scene.body), plan, 0, None), scene.boundary, plan.grading)
+    return [((float(x), float(y)), float(mu)) for (x, y), mu in zip(points, mus, strict=True)]
 
 
 class Meshes:

@@ -12,7 +12,7 @@ from netgen import occ
 
 from tcstudy.fem.geometry import GeometryFailed, build
 from tcstudy.fem.meshes import PlaneMesh, mesh_at, refine_marked
-from tcstudy.fem.study_meshes import REACH, graded_mesh, singular_points
+from tcstudy.fem.study_meshes import REACH, WEAK, graded_mesh, singular_points
 from tcstudy.read.study import read_study
 from tcstudy.scene.study import MeshPlan, Study
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, mesh_family, study_of
@@ -227,9 +227,9 @@ def points_of(text: str) -> tuple[set[tuple[float, float]], set[tuple[float, flo
     """Strong and weak singular points."""
     study = study_of(text)
     scene = study.scenes[0]
-    found = singular_points(mesh_at(build(scene.body), study.mesh, 0, None), scene.boundary)
-    points = [(round(float(x), 12), round(float(y), 12)) for x, y in found.points]
-    weak = {p for p, is_weak in zip(points, found.weak, strict=True) if is_weak}
+    at, mu = singular_points(mesh_at(build(scene.body), study.mesh, 0, None), scene.boundary, 0.3)
+    points = [(round(float(x), 12), round(float(y), 12)) for x, y in at]
+    weak = {p for p, own in zip(points, mu, strict=True) if own == WEAK}
     return set(points) - weak, weak
 
 
