@@ -100,6 +100,7 @@ def _cost(
     values: dict[str, Any] = {v.name: missing(v, tuple(sizes[dim] for dim in v.dims)) for v in table}
     values |= {"family": [curve.family for curve in curves], "solver": solvers}
     values |= {"level": np.arange(levels), "run": np.arange(runs)}
+    values["reason"][:] = ""
     for f, curve in enumerate(curves):
         for level, by_solver in enumerate(curve.solved):
             for name, size in zip(("h_max", "n_dof", "n_contact"), curve.steps[level], strict=True):
