@@ -26,7 +26,6 @@ def converge(options: argparse.Namespace) -> int:
     study, path = checked(options, "convergence")
     from tcstudy.data.writer import sweep_points
     from tcstudy.reports.select_point import locate
-    from tcstudy.reports.terminal.convergence import convergence_report
     from tcstudy.reports.text import with_unit
     from tcstudy.study.convergence import without_errors
     from tcstudy.study.convergence_run import converge_to_file
@@ -40,7 +39,6 @@ def converge(options: argparse.Namespace) -> int:
         size = lambda h: with_unit(h, shared.length_unit(study), 3)  # noqa: E731
         failed = converge_to_file(study, path, lambda text: note(options, text), options.words, size)
     drawn = shared.plotted(options, path, at=point)
-    say(options, path, lambda: convergence_report(path, options.format, point, options.verbose))
     return _end(options, drawn, path, failed)
 
 
@@ -60,7 +58,6 @@ def cost(options: argparse.Namespace) -> int:
     study, path = checked(options, "cost")
     from tcstudy.data.writer import sweep_points
     from tcstudy.reports.select_point import describe, locate
-    from tcstudy.reports.terminal.cost import cost_report
     from tcstudy.reports.terminal.progress import CostProgress
     from tcstudy.study.cost import RUNS, cost_to_file
 
@@ -75,12 +72,12 @@ def cost(options: argparse.Namespace) -> int:
             progress = (lambda what, left: None) if options.quiet else bar
             failed = cost_to_file(study, tuple(where.values()), words, RUNS, path, progress, options.words)
     drawn = shared.plotted(options, path)
-    say(options, path, lambda: cost_report(path, options.format))
     return _end(options, drawn, path, failed)
 
 
 def _end(options: argparse.Namespace, drawn: list[str], path: Path, failed: int) -> int:
-    """What was drawn and where the data are."""
+    """What the file says, what was drawn and where the data are."""
+    say(options, path)
     for line in (*drawn, f"data in {path}"):
         note(options, line)
     return SOME_FAILED if failed else OK

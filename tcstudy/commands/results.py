@@ -44,34 +44,16 @@ def show(options: argparse.Namespace) -> int:
 def _show(options: argparse.Namespace, file: Path) -> None:
     from tcstudy.data.provenance import kind_of
     from tcstudy.data.reading import attributes
-    from tcstudy.reports.terminal.convergence import convergence_report
-    from tcstudy.reports.terminal.cost import cost_report
-    from tcstudy.reports.terminal.fit import fit_summary
-    from tcstudy.reports.terminal.history_summary import history_summary
-    from tcstudy.reports.terminal.indices import indices_json, indices_text
-    from tcstudy.reports.terminal.path_summary import path_summary
-    from tcstudy.reports.terminal.summary import MOST_ROWS, summary
-    from tcstudy.reports.terminal.tables import wrapped
     from tcstudy.scene.designs import SALTELLI
 
-    point, full, kind = point_of(options), options.verbose, kind_of(file)
-    if point and kind != "convergence":
+    kind = kind_of(file)
+    if point_of(options) and kind != "convergence":
         fail("--at chooses tables of a convergence file, which this is not; leave it out")
     drawn = kind == "run" and attributes(file).get("design_mode") == SALTELLI
     if options.of is not None and not drawn:
         remedy = f"run its study with sweep: {{mode: {SALTELLI}, points: 256, PARAMETER: {{uniform: [a, b]}}}}"
         fail(f"--of: the points of {file} are no design for indices; {remedy}")
-    of = (options.of or "slip_length") if drawn else None
-    rows = None if options.verbose else MOST_ROWS
-    texts = {
-        "run": lambda: summary(file, rows) + (f"\n\n{indices_text(file, of)}" if of else ""),
-        "path": lambda: wrapped(path_summary(file)),
-        "history": lambda: wrapped(history_summary(file, options.verbose)),
-        "convergence": lambda: convergence_report(file, "text", point, full),
-        "cost": lambda: cost_report(file),
-        "fit": lambda: wrapped(fit_summary(file)),
-    }
-    shared.say(options, file, texts[kind], {"indices": indices_json(file, of)} if of and options.json else {})
+    shared.say(options, file, of=(options.of or "slip_length") if drawn else None)
 
 
 @command(

@@ -58,9 +58,9 @@ def run(options: argparse.Namespace) -> int:
         fail(f"--append adds points of a sweep, and {options.study} has a section {study.kind}; leave it out, or {way}")
     if options.dask is not None and study.kind != "history":
         fail(f"--dask: a {study.kind} has no work for others; leave it out")
-    from tcstudy.commands import sections
-
-    return int(getattr(sections, study.kind)(options, study, output))
+    failed = {"path": _path, "history": _history, "fit": _fit}[study.kind](options, study, output)
+    say(options, output, ["", *(f"  {line}" for line in (*shared.plotted(options, output), f"data in {output}"))])
+    return SOME_FAILED if failed else OK
 
 
 def _run(options: argparse.Namespace, study: Study, output: Path, pool: WorkerPool) -> int:
@@ -84,19 +84,59 @@ def _run(options: argparse.Namespace, study: Study, output: Path, pool: WorkerPo
 
 def _say(options: argparse.Namespace, output: Path, points: int, failed: int, found: str) -> int:
     """The summary of a run, where its data are and what could be asked next."""
-    onward = "".join(f"\n  {why}: {shlex.join(words)}" for why, words in _onward(options, output, failed))
-
-    def text() -> str:
-        from tcstudy.reports.terminal.summary import MOST_ROWS, summary
-
-        return (
-            f"{summary(output, None if options.verbose else MOST_ROWS)}\n\n"
-            f"  {points - failed} of {points} solutions {found}; data in {output}{drawn}{onward}"
-        )
-
-    drawn = "".join(f"\n  {line}" for line in shared.plotted(options, output))
-    say(options, output, text)
+    below = [f"{points - failed} of {points} solutions {found}; data in {output}", *shared.plotted(options, output)]
+    below += [f"{why}: {shlex.join(words)}" for why, words in _onward(options, output, failed)]
+    say(options, output, ["", *(f"  {line}" for line in below)])
     return SOME_FAILED if failed else OK
+
+
+def _path(options: argparse.Namespace, study: Study, output: Path) -> bool:
+    """Follow the equilibria on the branch from rest; whether what was asked for is not there."""
+    from tcstudy.data.provenance import SHORTFALLS
+    from tcstudy.data.reading import attributes
+    from tcstudy.reports.terminal.progress import PathProgress
+    from tcstudy.study.path_run import execute_path
+
+    names = [axis.name for axis in study.axes]
+    study = _outside_the_sweep(options, study)
+    if not shared.is_there(options, "path", study, output):
+        with closing(PathProgress()) as progress:
+            execute_path(study, output, None if options.quiet else progress, options.words, names)
+    return bool(attributes(output).get(SHORTFALLS))
+
+
+def _outside_the_sweep(options: argparse.Namespace, study: Study) -> Study:
+    """The study of a path, without geometries that its sweep varies."""
+    if study.variants:
+        from tcstudy.read.study import read_study
+
+        study = options.read = read_study(options.study, [*options.overrides, "sweep=null"])
+    return study
+
+
+def _history(options: argparse.Namespace, study: Study, output: Path) -> bool:
+    """Follow the load history of every sweep point; whether one ended early."""
+    from tcstudy.reports.terminal.progress import HistoryProgress
+    from tcstudy.study.history_run import execute_history
+
+    with closing(HistoryProgress()) as progress:
+        watcher = None if options.quiet else progress
+        result = execute_history(study, output, watcher, options.words, options.force, options.jobs, options.dask)
+    if result.found == result.points * result.steps:
+        note(options, f"{output} {shared.THERE}")
+    elif result.found:
+        note(options, f"{output} held {result.found} steps; the others were added")
+    return result.ended > 0
+
+
+def _fit(options: argparse.Namespace, study: Study, output: Path) -> bool:
+    """Find numbers of a study from measurements."""
+    assert study.fit is not None
+    from tcstudy.study.fit import execute_fit
+
+    if not shared.is_there(options, "fit", study, output, data_sha256=study.fit.sha256):
+        execute_fit(study, output, lambda text: note(options, text), options.words)
+    return False
 
 
 def _onward(options: argparse.Namespace, output: Path, failed: int) -> Iterator[tuple[str, list[str]]]:
@@ -127,9 +167,7 @@ def _dry_run(options: argparse.Namespace) -> int:
     """Every check that a run makes, and what the run would do."""
     study, output = checked(options)
     if study.kind == "path":
-        from tcstudy.commands.sections import outside_the_sweep
-
-        study = outside_the_sweep(options, study)
+        study = _outside_the_sweep(options, study)
     from tcstudy.data.provenance import already_there
     from tcstudy.reports.terminal.forecast import expected_words, forecast_text
     from tcstudy.study.plan import plan, resources

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -151,29 +151,29 @@ def spoken(options: argparse.Namespace) -> Iterator[None]:
         yield
 
 
-def say(options: argparse.Namespace, path: Path, text: Callable[[], str], more: Mapping[str, Any] = {}) -> None:
-    """Print what a result file says in the manner asked for: its tables (`text`), one line, or one JSON object.
+def say(options: argparse.Namespace, path: Path, below: Sequence[str] = (), of: str | None = None) -> None:
+    """Print what a result file says in the manner asked for: its tables, one line, or one JSON object.
 
-    more: what the object has beside what every reader says of the file
+    below: lines after the tables;  of: the number whose indices are shown, of a run of a design for them
 
     Raises StoreError where the file was changed after it was written and does not hold what it should.
     """
-    from tcstudy.data.provenance import remarks_of, tell
+    from tcstudy.data.provenance import kind_of, remarks_of, tell
     from tcstudy.data.reading import attributes, reading
+    from tcstudy.reports.terminal.show import text_of
     from tcstudy.reports.terminal.tables import wrapped
 
     with reading(path):
         remarks = remarks_of(attributes(path))
         if not (options.quiet or options.json):
+            form, point = getattr(options, "format", "text"), point_of(options) if hasattr(options, "at") else None
             with spoken(options):
-                print(text().rstrip("\n"))
-                if getattr(options, "format", "text") == "text":
+                print("\n".join([text_of(path, options.verbose, form, point, of).rstrip("\n"), *below]))
+                if form == "text":
                     print("".join(wrapped(f"  warning: {one}") + "\n" for one in remarks), end="")
             return
         if options.quiet:
             tell(remarks)
-        from tcstudy.data.provenance import kind_of
-
         if options.quiet and kind_of(path) == "run":
             from tcstudy.reports.verdict import verdict
 
@@ -181,7 +181,11 @@ def say(options: argparse.Namespace, path: Path, text: Callable[[], str], more: 
             return
         from tcstudy.reports.export.brief import brief, json_text
 
-        found = {**brief(path), **more}
+        found = brief(path)
+        if of and options.json:
+            from tcstudy.reports.terminal.indices import indices_json
+
+            found |= {"indices": indices_json(path, of)}
         print(json_text(found) if options.json else f"{path}: {found['verdict']}")
 
 

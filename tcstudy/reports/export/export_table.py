@@ -12,10 +12,10 @@ The table goes through memory some thousand rows at a time. Left out: what lies 
 
 from __future__ import annotations
 
-import csv
 import json
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -24,15 +24,13 @@ from numpy.typing import NDArray
 
 from tcstudy.data.files import check_writable, replace_file
 from tcstudy.data.provenance import kind_of, remarks_of
-from tcstudy.data.reading import attributes, reading
+from tcstudy.data.reading import reading
 from tcstudy.data.store import open_results
-from tcstudy.data.writer import CHUNK, tile_shape, tiles
 from tcstudy.errors import StoreError, UsageError
-from tcstudy.reports.page.container import plain
 from tcstudy.reports.select_point import Value, matching
 
 if TYPE_CHECKING:
-    import netCDF4
+    import xarray
 
 VALUES = 2**18
 """Values that are in memory at a time."""
@@ -41,38 +39,6 @@ ROWS = {"path": "vertex", "fit": "row"}
 LABELLED = ("start", "solver", "run")
 """Dimensions after those of the rows whose every label makes a column of its own."""
 
-Row = list[Any]
-
-
-@dataclass(frozen=True)
-class TableColumn:
-    """One column: its name, units, and where its values are: a variable, and which of its last dimension if any."""
-
-    name: str
-    units: str
-    variable: netCDF4.Variable
-    last: int | None = None
-
-    def values(self, dims: tuple[str, ...], cut: tuple[slice, ...]) -> Row:
-        """The values of the rows in a tile of the index, None where there is none."""
-        own = [d for d in dims if d in self.variable.dimensions]
-        where = dict(zip(dims, cut, strict=True))
-        picked: tuple[Any, ...] = tuple(where[d] for d in own)
-        array = np.asarray(self.variable[picked if self.last is None else (*picked, self.last)])
-        sizes = [s.stop - s.start for s in cut]
-        array = array.reshape([size if d in own else 1 for d, size in zip(dims, sizes, strict=True)])
-        return self._plain(np.broadcast_to(array, sizes).ravel())
-
-    def _plain(self, values: NDArray[Any]) -> Row:
-        held = self.variable
-        if "flag_meanings" in held.ncattrs():
-            words = dict(zip(np.atleast_1d(held.flag_values).tolist(), held.flag_meanings.split(), strict=True))
-            return [words.get(value) for value in values.tolist()]
-        if values.dtype.kind == "f":
-            return [None if value != value else value for value in values.tolist()]
-        least = getattr(held, "valid_min", None)
-        return [None if least is not None and value < least else value for value in values.tolist()]
-
 
 def write_csv(path: Path, target: Path, point: Mapping[str, Value] | None = None) -> int:
     """Write the table as CSV (RFC 4180, UTF-8, a header line), replacing an old file in one step; returns its rows.
@@ -80,12 +46,13 @@ def write_csv(path: Path, target: Path, point: Mapping[str, Value] | None = None
     point: labels of swept parameters; only the points that have them. Raises StoreError, DrawError, UsageError.
     """
 
-    def fill(stream: IO[str], columns: list[TableColumn], rows: Iterable[Row], _: Mapping[str, Any]) -> None:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(
-            [column.name if column.units in ("", "1") else f"{column.name} [{column.units}]" for column in columns]
-        )
-        writer.writerows(rows)
+    def fill(stream: IO[str], frames: Iterator[Any], units: Mapping[str, str], _: object) -> int:
+        written, header = 0, [name if unit in ("", "1") else f"{name} [{unit}]" for name, unit in units.items()]
+        stream.write(",".join(header) + "\n")
+        for frame in frames:
+            frame.to_csv(stream, header=False, index=False, lineterminator="\n")
+            written += len(frame)
+        return written
 
     return _write(path, target, point, fill)
 
@@ -93,24 +60,26 @@ def write_csv(path: Path, target: Path, point: Mapping[str, Value] | None = None
 def write_json(path: Path, target: Path, point: Mapping[str, Value] | None = None) -> int:
     """Write the table as one JSON object, replacing an old file in one step; returns its rows.
 
-    It has `title`, `kind`, `warnings`, `units` by column, and `rows`: a list of objects, one a line. Numbers are finite
-    or null.
+    It has `title`, `kind`, `warnings`, `units` by column, and `rows`: a list of objects, one a line. What is not finite
+    is a text, "inf" or "-inf", or null.
     """
 
-    def fill(stream: IO[str], columns: list[TableColumn], rows: Iterable[Row], about: Mapping[str, Any]) -> None:
-        units = {column.name: column.units for column in columns}
-        head = json.dumps({**about, "units": units}, ensure_ascii=False)
+    def fill(stream: IO[str], frames: Iterator[Any], units: Mapping[str, str], about: Any) -> int:
+        head, written = json.dumps({**about, "units": units}, ensure_ascii=False), 0
         stream.write(f'{head[:-1]}, "rows": [')
-        for i, row in enumerate(rows):
-            text = json.dumps(plain(dict(zip(units, row, strict=True))), ensure_ascii=False, allow_nan=False)
-            stream.write(f"{',' if i else ''}\n{text}")
+        for frame in frames:
+            for row in frame.replace({np.inf: "inf", -np.inf: "-inf"}).to_dict("records"):
+                text = json.dumps(row, ensure_ascii=False, allow_nan=False)
+                stream.write(f"{',' if written else ''}\n{text}")
+                written += 1
         stream.write("\n]}\n")
+        return written
 
     return _write(path, target, point, fill)
 
 
 def _write(path: Path, target: Path, point: Mapping[str, Value] | None, fill: Any) -> int:
-    """Open the result file, put what `fill` makes of it into the target; returns the number of rows."""
+    """Open the result file, put what `fill` makes of its frames into the target; returns the number of rows."""
     import netCDF4
 
     if faults := check_writable(target):
@@ -118,68 +87,73 @@ def _write(path: Path, target: Path, point: Mapping[str, Value] | None, fill: An
     written = 0
     with reading(path):
         kind = kind_of(path)
-        wanted = _wanted(path, kind, point)
-        with netCDF4.Dataset(path) as nc:
-            nc.set_auto_mask(False)
-            remarks = remarks_of(attributes(path))
-            about = {"title": str(nc.getncattr("title")), "kind": kind, "warnings": [asdict(one) for one in remarks]}
-            dims = nc["status"].dimensions if "status" in nc.variables else (ROWS[kind],)
-            columns = _columns(nc, dims)
-
-            def rows() -> Iterator[Row]:
-                nonlocal written
-                for row in _rows(nc, dims, columns, wanted):
-                    yield row
-                    written += 1
+        if point and kind in (*ROWS, "cost"):
+            raise UsageError(f"--at: the file of tcstudy {kind} has one scene and no sweep points; leave it out")
+        with open_results(path) as tree:
+            data = tree.to_dataset()
+            dims = tuple(map(str, data["status"].dims)) if "status" in data else (ROWS[kind],)
+            with netCDF4.Dataset(path) as nc:
+                columns = _columns(data, [name for name in nc.variables if name in data.variables], dims)
+            units = {name: str(one.attrs.get("units", "1")) for name, one in columns.items()}
+            remarks = [asdict(one) for one in remarks_of(data.attrs)]
+            about = {"title": str(data.attrs["title"]), "kind": kind, "warnings": remarks}
+            wanted = matching(data, point) if point else None
 
             def make(aside: Path) -> None:
+                nonlocal written
                 with open(aside, "w", encoding="utf-8", newline="") as stream:
-                    fill(stream, columns, rows(), about)
+                    written = fill(stream, _frames(data, dims, columns, wanted), units, about)
 
             replace_file(target, make, sealed=False)
     return written
 
 
-def _wanted(path: Path, kind: str, point: Mapping[str, Value] | None) -> NDArray[np.bool_] | None:
-    """(points,) those that were asked for; None for all."""
-    if not point:
-        return None
-    if kind in (*ROWS, "cost"):
-        raise UsageError(f"--at: the file of tcstudy {kind} has one scene and no sweep points; leave it out")
-    with open_results(path) as tree:
-        return matching(tree.to_dataset(), point)
-
-
-def _columns(nc: netCDF4.Dataset, dims: tuple[str, ...]) -> list[TableColumn]:
+def _columns(data: xarray.Dataset, names: Sequence[str], dims: tuple[str, ...]) -> dict[str, xarray.DataArray]:
     """What has a value a row, in the order of the file."""
-    found = []
-    for name, variable in nc.variables.items():
-        own = variable.dimensions
-        more = own[-1] if own and own[-1] in LABELLED and own[-1] not in dims and own[:-1] else None
-        held = own[:-1] if more else own
+    found = {}
+    for name in names:
+        one = data[name].variable
+        more = one.dims[-1] if len(one.dims) > 1 and one.dims[-1] in LABELLED and one.dims[-1] not in dims else None
+        held = one.dims[:-1] if more else one.dims
         if not held or not set(held) <= set(dims):
             continue
-        if variable.chunking() not in (None, "contiguous"):
-            variable.set_var_chunk_cache(size=2 * CHUNK)  # the library's own may grow to 16 MB a variable
-        units = str(getattr(variable, "units", "1"))
-        if more:
-            labels = nc[more][...].tolist()
-            found += [TableColumn(f"{name}.{label}", units, variable, i) for i, label in enumerate(labels)]
+        if more is None:
+            found[name] = data[name]
         else:
-            found.append(TableColumn(name, units, variable))
+            labels = data[more].values.tolist()
+            found |= {f"{name}.{label}": data[name].isel({more: i}) for i, label in enumerate(labels)}
     return found
 
 
-def _rows(
-    nc: netCDF4.Dataset, dims: tuple[str, ...], columns: list[TableColumn], wanted: NDArray[np.bool_] | None
-) -> Iterator[Row]:
-    """Rows in C order of the index; the last dimension of a run's is the level."""
-    shape = tuple(int(nc.dimensions[d].size) for d in dims)
-    for cut, start, stop in tiles(shape, tile_shape(shape, max(1, VALUES // len(columns)))):
-        kept = None if wanted is None else wanted[np.arange(start, stop) // shape[-1]]
-        if kept is not None and not kept.any():
-            continue
-        lists = [column.values(dims, cut) for column in columns]
-        for i, row in enumerate(zip(*lists, strict=True)):
-            if kept is None or kept[i]:
-                yield list(row)
+def _frames(
+    data: xarray.Dataset, dims: tuple[str, ...], columns: Mapping[str, xarray.DataArray], wanted: Any
+) -> Iterator[Any]:
+    """Rows in C order of the index, some thousand at a time; the last dimension of a run's is the level."""
+    import pandas  # type: ignore[import-untyped]
+
+    sizes = [data.sizes[dim] for dim in dims]
+    rows = max(1, VALUES // len(columns) // math.prod(sizes[1:]))
+    for start in range(0, sizes[0], rows):
+        cut = slice(start, min(start + rows, sizes[0]))
+        index = np.arange(cut.start * math.prod(sizes[1:]), cut.stop * math.prod(sizes[1:]))
+        kept = np.ones(len(index), dtype=bool) if wanted is None else wanted[index // sizes[-1]]
+        if kept.any():
+            shape = (cut.stop - cut.start, *sizes[1:])
+            cells = {name: _cells(one.isel({dims[0]: cut}, missing_dims="ignore"), dims, shape)[kept]
+                     for name, one in columns.items()}  # fmt: skip
+            yield pandas.DataFrame(cells)
+
+
+def _cells(one: xarray.DataArray, dims: tuple[str, ...], shape: tuple[int, ...]) -> NDArray[Any]:
+    """The values of the rows, None where there is none."""
+    own = one.transpose(*(dim for dim in dims if dim in one.dims))
+    values = own.values.reshape([size if dim in own.dims else 1 for dim, size in zip(dims, shape, strict=True)])
+    values = np.broadcast_to(values, shape).ravel().astype(object)
+    if "flag_meanings" in one.attrs:
+        codes = np.atleast_1d(one.attrs["flag_values"]).tolist()
+        words = dict(zip(codes, one.attrs["flag_meanings"].split(), strict=True))
+        return np.array([words.get(value) for value in values], dtype=object)
+    least = one.attrs.get("valid_min")
+    missing = values != values if one.dtype.kind == "f" else values < least if least is not None else []
+    values[np.flatnonzero(missing)] = None
+    return values

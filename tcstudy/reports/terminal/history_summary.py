@@ -54,6 +54,8 @@ def history_summary(path: Path, every_row: bool = False) -> str:
         name = describe(data, where)
         lines = _of_point(data.isel(where), every_row or len(points) == 1, every_row)
         parts.append("\n".join([f"  {name}", *lines] if name else lines))
+    if ended := int(np.count_nonzero(data["reason"].values != "")):
+        parts.append(f"  {ended} of {len(points)} histories ended early")
     if len(shown) < len(points):
         parts.append(f"  … {len(points) - len(shown)} more points; --verbose shows all")
     return "\n\n".join(parts)
