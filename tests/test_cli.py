@@ -130,10 +130,7 @@ def test_plan_says_what_it_predicts(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "line"),
     [
-        ("maxh: 0.3", "maxh: 0", "block.yaml:6:14: mesh.maxh: "),
         ("bottom: contact", "botom: contact", "block.yaml:3:12: boundary.botom: "),
-        ("tau: 0.01", "tua: 0.01", "block.yaml:5:25: friction.tua: "),
-        ("nu: 0.3", "nu: 0.5", "block.yaml:4:22: material.nu: "),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(folder: Path, dry: list[str], old: str, new: str, line: str) -> None:
@@ -155,13 +152,15 @@ def test_unwritable_output(folder: Path) -> None:
         assert "Traceback" not in result.stderr
 
 
-@pytest.mark.parametrize("name", ["/dev/null", "x" * 300, "a\nb", "", "d/", "a\x1b[1m"])
 @pytest.mark.parametrize(
-    "words",
+    ("words", "name"),
     [
-        *(f"{name} block.yaml --output=" for name in ("run", "converge", "cost")),
-        *(f"{name} block.yaml --plot=" for name in ("converge", "cost")),
-        *("draw block.nc ", "report block.nc --output=", "export block.nc --csv --output=", "init "),
+        *(("run block.yaml --output=", name) for name in ("/dev/null", "x" * 300, "a\nb", "", "d/", "a\x1b[1m")),
+        ("converge block.yaml --plot=", "a\nb"),
+        ("draw block.nc ", "d/"),
+        ("report block.nc --output=", "/dev/null"),
+        ("export block.nc --csv --output=", "x" * 300),
+        ("init ", "a\x1b[1m"),
     ],
 )
 def test_what_cannot_name_an_output_is_refused_in_one_line(words: str, name: str, folder: Path) -> None:

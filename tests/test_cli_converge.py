@@ -40,7 +40,7 @@ def test_the_study_with_derived_loads(tmp_path: Path) -> None:
     assert said in planned.stdout
     result = tcstudy_command("converge", config, "--set", "mesh.levels=4", "-v", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
-    assert result.stdout.count("  exact ") == 2
+    assert sum(line.endswith("  exact") for line in result.stdout.splitlines()) == 2
     with xarray.open_dataset(tmp_path / "results" / "manufactured.convergence.nc") as data:
         assert data["rate_theta_H1"].values[:, -1] == pytest.approx([1.0, 1.0], abs=0.03)
         assert data["rate_u_L2"].values[:, -1] == pytest.approx([2.0, 2.0], abs=0.12)
@@ -133,7 +133,7 @@ def test_a_sweep_in_which_only_some_points_have_a_heat_problem(tmp_path: Path) -
         (tmp_path / f"{name}.yaml").write_text(heated + f"sweep: {{q: {values}}}\n")
         result = tcstudy_command("converge", f"{name}.yaml", "-v", cwd=tmp_path)
         assert result.returncode == 0, result.stderr
-        assert result.stdout.count("Relative error of θ") == 1
+        assert result.stdout.count("θ in L²") == 1
         assert result.stdout.count("heat balance") == 1
 
 
@@ -155,10 +155,10 @@ def test_a_sweep_gets_one_row_of_orders_a_point(folder: Path) -> None:
         said[words] = result.stdout
     rows = [line for line in said[()].splitlines() if line.split()[:1] in (["0.005"], ["0.01"], ["expected"])]
     assert len(rows) == 3
-    assert "Relative error" not in said[()]
+    assert "Relative errors" not in said[()]
     assert "\ntau = 0.01\n" in said["--at", "tau=0.01"]
     assert "\ntau = 0.005\n" not in said["--at", "tau=0.01"]
-    assert said["-v",].count("Relative error of u (") == 2
+    assert said["-v",].count("Relative errors") == 2
     assert said["--quiet",].count("\n") == 1
     points = json.loads(said["--json",])["points"]
     with xarray.open_dataset(folder / "results" / "block.convergence.nc") as data:
