@@ -129,7 +129,7 @@ def _frames(
     data: xarray.Dataset, dims: tuple[str, ...], columns: Mapping[str, xarray.DataArray], wanted: Any
 ) -> Iterator[Any]:
     """Rows in C order of the index, some thousand at a time; the last dimension of a run's is the level."""
-    import pandas  # type: ignore[import-untyped]
+    import pandas
 
     sizes = [data.sizes[dim] for dim in dims]
     rows = max(1, VALUES // len(columns) // math.prod(sizes[1:]))
