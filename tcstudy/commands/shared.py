@@ -160,7 +160,7 @@ def say(options: argparse.Namespace, path: Path, below: Sequence[str] = (), of: 
     """
     from tcstudy.data.provenance import kind_of, remarks_of, tell
     from tcstudy.data.reading import attributes, reading
-    from tcstudy.reports.terminal.show import text_of
+    from tcstudy.reports.terminal.summary import text_of
     from tcstudy.reports.terminal.tables import wrapped
 
     with reading(path):

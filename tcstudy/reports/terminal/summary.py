@@ -1,4 +1,4 @@
-"""The terminal's summary of a result file: one table of levels, one of the finest level's points.
+"""What the terminal says of any result file; of a run one table of levels, one of the finest level's points.
 
 What a study that names several solvers says of them: one row per solver over all points and levels. What a netCDF file
 is that holds no study, such as those of the benchmarks: its title, maker and variables.
@@ -7,17 +7,18 @@ is that holds no study, such as those of the benchmarks: its title, maker and va
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tcstudy.data.provenance import kind_of
 from tcstudy.data.reading import GEOMETRIES, Unreadable, asked, axis_names, by_point, of_largest, probe, sweep_dims
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import LIMITED, OF_POLYGON, UNBALANCED
 from tcstudy.data.store import open_results
-from tcstudy.reports.select_point import axis_labels, describe
+from tcstudy.reports.select_point import Value, axis_labels, describe
 from tcstudy.reports.sentences import equilibria, locks, of_the_body
 from tcstudy.reports.terminal.tables import TextColumn, columns_table, fits, plain_table, split_table, wrapped
 from tcstudy.reports.text import PROOFS, Failure, counted, digits_lost, failure_lines, headed, number, prefix, proved
@@ -30,6 +31,47 @@ MOST_ROWS = 48
 
 SIZES = "h_max: longest edge; mesh.maxh is what the mesher aims at, its longest edges come to 1.2 to 1.6 times that"
 """Measured on all uniform meshes in configs/ and eight more."""
+
+
+def text_of(
+    file: Path,
+    full: bool = False,
+    form: str = "text",
+    point: Mapping[str, Value] | None = None,
+    of: str | None = None,
+) -> str:
+    """Its sentences and tables, from the file alone. Raises StoreError.
+
+    full:  all rows, steps and tables;  form: one of tables.FORMATS, of a convergence or cost file
+    point: of a convergence file, whose tables to show;  of: of a design, the number whose indices to show
+    """
+    match kind_of(file):
+        case "convergence":
+            from tcstudy.reports.terminal.convergence import convergence_report
+
+            return convergence_report(file, form, point, full)
+        case "cost":
+            from tcstudy.reports.terminal.cost import cost_report
+
+            return cost_report(file, form)
+        case "path":
+            from tcstudy.reports.terminal.path_summary import path_summary
+
+            return wrapped(path_summary(file))
+        case "history":
+            from tcstudy.reports.terminal.history_summary import history_summary
+
+            return wrapped(history_summary(file, full))
+        case "fit":
+            from tcstudy.reports.terminal.fit import fit_summary
+
+            return wrapped(fit_summary(file))
+    text = summary(file, None if full else MOST_ROWS)
+    if of:
+        from tcstudy.reports.terminal.indices import indices_text
+
+        text += f"\n\n{indices_text(file, of)}"
+    return text
 
 
 def summary(path: Path, most: int | None = MOST_ROWS) -> str:
