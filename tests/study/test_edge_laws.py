@@ -74,38 +74,7 @@ def test_both_solvers_take_laws_by_edge(tmp_path: Path) -> None:
     assert float(data["uniqueness_margin"].item()) > float((data["lambda_1"] - data["omega"]).item())
 
 
-FILMS = (
-    '{film: {law: slip-weakening, tau_s: 3 MPa, tau_k: 0.5 MPa, delta: 20 um, strength: "1 + 2*x"}, '
-    'shoe: {law: tresca, tau: 1 MPa, strength: "max(0, min(1, (x - 0.17)*1e6))"}}'
-)
-PULL = "{parameter: boundary.grip.u_x, from: 0 mm, to: 0.3 mm, at: [0.1 mm, 0.25 mm], hysteresis: true}"
-
-
-def test_a_path_goes_through_the_solutions_of_runs(tmp_path: Path) -> None:
-    """Pulled off a film whose strength grows and a shoe with a gap: every solved point lies on the path, none below."""
-    coarse = one_point(FILMS).replace("maxh: 2 mm", "maxh: 8 mm")
-    study = read_study_text(f"{coarse}path: {PULL}\n")
-    tcstudy.run(study, tmp_path / "path.nc")
-    path = xr.open_dataset(tmp_path / "path.nc")
-    assert float(path["residual"].max()) < 1e-10
-    assert path.attrs["end_status"] == "range_end"
-    assert path.sizes["fold"] >= 2
-    assert {"film", "shoe"} <= set(str(path["edge"].attrs["flag_meanings"]).split())
-    assert np.all(path["loop_complete"] == 1)
-    assert float(path["energy_lost"]) == pytest.approx(float(path["loop_area"]), rel=1e-9)
-    pulls = (0.05, 0.1, 0.17, 0.25)
-    sweep = f"sweep: {{boundary.grip.u_x: [{', '.join(f'{u} mm' for u in pulls)}]}}\n"
-    tree = solved(coarse + sweep, tmp_path)
-    t, u = path["parameter"].values, path["u_T"].values
-    begin, end, piece = (path[f"lowest_{name}"].values for name in ("begin", "end", "piece"))
-    for i, pull in enumerate(pulls):
-        point = tree["level_0"].dataset.isel(boundary_grip_u_x=i)
-        k = int(piece[np.flatnonzero((begin <= pull * 1e-3) & (pull * 1e-3 <= end))[0]])
-        share = (pull * 1e-3 - t[k]) / (t[k + 1] - t[k])
-        np.testing.assert_allclose(u[k] + share * (u[k + 1] - u[k]), point["u_T"], atol=1e-9 * np.max(np.abs(u)))
-    listed = path.isel(solution=path["solution_lowest"].values == 1)
-    energies = tree.dataset["energy"].isel(boundary_grip_u_x=[1, 3]).values.ravel()
-    np.testing.assert_allclose(np.unique(listed["solution_energy"]), np.sort(energies), rtol=1e-9)
+PULL = "{parameter: boundary.grip.u_x, from: 0 mm, to: 0.3 mm, at: [0.1 mm, 0.25 mm]}"
 
 
 def test_a_path_over_two_films_has_the_closed_form(tmp_path: Path) -> None:

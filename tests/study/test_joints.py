@@ -20,7 +20,6 @@ from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.histories import Memory, MemoryName
 from tcstudy.scene.records import Scene
-from tcstudy.study.history_run import execute_history
 from tcstudy.study.sensitivities import of_point
 
 Array = NDArray[np.float64]
@@ -179,28 +178,3 @@ def test_both_halves_of_a_joint_remember_the_same(name: MemoryName) -> None:
         assert mine.state.kappa[node] == one.state.kappa[node] == two.state.kappa[node]
         lost = share * one.dissipated[node] + (1 - share) * two.dissipated[node]
         assert mine.dissipated[node] == pytest.approx(lost, rel=1e-5, abs=1e-12)
-
-
-def test_files_of_paths_and_histories_say_what_lies_at_a_joint(tmp_path: Path) -> None:
-    """So that ξ there can be read, from the file and the laws of the edges alone."""
-    shoe = "{law: saw-tooth, tau: 0.3, delta: 0.1, teeth: 3, drop: 0.5}"
-    text = block(FALLING, shoe, 0.3, cut=0.3)
-    path, history = tmp_path / "path.nc", tmp_path / "history.nc"
-    tcstudy.run(read_study_text(text + "path: {parameter: boundary.top.u_x, from: 0, to: 0.8}\n"), path)
-    followed = "history: {memory: friction, steps: [{boundary.top.u_x: 0.9}, {boundary.top.u_x: 1}]}\n"
-    study = read_study_text(text + followed)
-    execute_history(study, history)
-    laws = dict(zip(("film", "shoe"), study.scenes[0].laws, strict=True))
-    for file in (path, history):
-        with xr.open_dataset(file) as data:
-            names = data["edge"].attrs["flag_meanings"].split()
-            assert data["joint_edge"].attrs["flag_meanings"].split() == names
-            node, share = int(data["joint_node"].item()), float(data["joint_share"].item())
-            own, before = (names[int(k)] for k in (data["edge"][node], data["joint_edge"].item()))
-            assert (own, before) == ("shoe", "film")
-            slip, xi = data["u_T"].values[:, node], data["xi"].values[:, node]
-            slides = slip > 1e-9
-            assert np.any(slides)
-            sides = [share * laws[before].b(slip, k) + (1 - share) * laws[own].b(slip, k) for k in (-1, 1)]
-            assert np.all(xi[slides] <= np.maximum(*sides)[slides] + 1e-10)
-            assert np.all(xi[slides] >= np.minimum(*sides)[slides] - 1e-10)
