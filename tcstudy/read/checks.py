@@ -124,15 +124,11 @@ def check_mesh(ctx: Context, maxh: Node, plan: MeshPlan, body: Body) -> None:
 
 
 def check_guarantee(ctx: Context, root: Node, plan: MeshPlan, body: Body) -> None:
-    """Refuse a guarantee where the mesh is another body, or nothing is said of single points."""
-    if not plan.guarantee:
-        return
-    node = deepest(root, ("mesh", "guarantee"))
-    if curved := ", ".join(dict.fromkeys(edge.name for edge in body.edges if edge.through is not None)):
-        ctx.errors.at(node, f"needs straight edges, but the mesh of {curved} is another body", "remove it")
-    for key in ("path", "history", "fit"):
-        if root.child(key):
-            ctx.errors.at(node, f"is of single points, not of a {key}", "remove it")
+    """Refuse a guarantee where the mesh is another body."""
+    curved = ", ".join(dict.fromkeys(edge.name for edge in body.edges if edge.through is not None))
+    if plan.guarantee and curved:
+        what = f"needs straight edges, but the mesh of {curved} is another body"
+        ctx.errors.at(deepest(root, ("mesh", "guarantee")), what, "remove it")
 
 
 def mesh_faults(plan: MeshPlan, area: float, size: float, units: str) -> Iterator[tuple[int, str, str]]:

@@ -17,13 +17,11 @@ from tcstudy.read.plans import level_of, meant_number, no_single_load, path_of
 from tcstudy.scene.fits import STEP, FitPlan, Sensitivity
 from tcstudy.scene.histories import MOST_STEPS, HistoryLine, HistoryPlan, Keys, Memory, UnfitLaw
 from tcstudy.scene.keys import rows
-from tcstudy.scene.parameters import Number, affine_numbers
+from tcstudy.scene.parameters import FACTORED, Number, affine_numbers
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import SEPARABLE, MeshPlan
 
-FACTORED = ("g", "g_x", "g_y", "pressure", "f_x", "f_y", "force_x", "force_y", "moment")
-"""Loads that `load` multiplies."""
 GONE = {
     "substeps": ("is gone: every step follows its exact path", "leave it out"),
     "healing": ("is gone: films do not heal", "leave it out, or write a study of its own for each separate event"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -58,8 +59,7 @@ def read_study_text(
     words = {key: ctx.text(node) for key in ("title", "institution") if (node := root.child(key))}
     header = {"title": source.stem if source else name} | words | {"text": text, "source": source}
     before = len(ctx.errors)
-    if root.child("parameters"):
-        ctx.named = read_parameters(ctx, root.child("parameters"))
+    ctx.named = read_parameters(ctx, root.child("parameters"))
     if len(ctx.errors) > before:  # every use of a name without a value would be one fault more
         raise StudyError(ctx.errors.problems)
     if swept is None:
@@ -136,9 +136,10 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
         from tcstudy.read.asked import check_together
 
         check_together(ctx, root, scenes, output, exact)
-    if solver and solver.every:
-        for key, remedy in (("path", "write path.complete: true"), ("history", "remove it"), ("fit", "remove it")):
-            if root.child(key):
-                ctx.errors.at(deepest(root, ("solver", "branch")), f"is of single points, not of a {key}", remedy)
+    alone = {("mesh", "guarantee"): mesh and mesh.guarantee, ("solver", "branch"): solver and solver.every}
+    for keys, key in product((keys for keys, asked in alone.items() if asked), ("path", "history", "fit")):
+        if root.child(key):
+            remedy = "write path.complete: true" if (keys[0], key) == ("solver", "path") else "remove it"
+            ctx.errors.at(deepest(root, keys), f"is of single points, not of a {key}", remedy)
     found = {"mesh": mesh, "solver": solver, "output": output, "exact": exact}
     return found | {"path": path, "history": history, "fit": fit}

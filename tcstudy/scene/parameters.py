@@ -167,10 +167,8 @@ def affine_numbers(scene: Scene) -> Iterator[tuple[Keys, Number]]:
         inner = () if isinstance(role, Convection) else ("heat",)
         yield from _of_rows(role.heat, "edge_heat", ("boundary", edge, *inner), (*place, "heat"), idle)
     yield from _of_rows(scene, "loads", ("loads",), ())
-    loads: list[Scalar] = [*scene.f]
     for edge, role, place in roles:
         path = ("boundary", edge)
-        loads += [*role.g, role.pressure, *role.force, role.moment or 0.0]
         if role.moment is not None:
             yield (*path, "moment"), Number(row("boundary", "moment"), role.moment, (*place, "moment"), affine=True)
         if isinstance(role, Clamped):
@@ -182,8 +180,7 @@ def affine_numbers(scene: Scene) -> Iterator[tuple[Keys, Number]]:
                     yield (*path, f"force_{name[-1]}"), force
         elif isinstance(role, Loaded):
             yield from _of_rows(role, "boundary", path, place)
-    loaded = any(isinstance(x, Expression) or x != 0.0 for x in loads)
-    nothing = "" if loaded else "the study has no f, g, pressure, force or moment"
+    nothing = "the study has no f, g, pressure, force or moment" if _scaled_by(scene, 0.0) == scene else ""
     yield ("load",), Number(LOAD, 1.0, (), _scaled_by, True, nothing)
 
 
@@ -273,20 +270,24 @@ def number_in(scene: Scene, by: Sensitivity) -> float:
     return float(dict(numbers(scene))[by.path].value)  # type: ignore[arg-type]
 
 
+MECHANICAL = ("g", "pressure", "force", "moment")
+"""Fields of a role that `load` multiplies, beside f."""
+FACTORED = {
+    name for one in (*rows("loads").values(), *map(rows("boundary").get, MECHANICAL)) if one for name in one.numbers
+}
+"""Names of the loads that `load` multiplies."""
+
+
 def _scaled_by(scene: Scene, factor: float) -> Scene:
     """The scene with f, g, pressure, force and moment times a factor."""
-    boundary = []
-    for name, role in scene.boundary:
-        g = _scaled(role.g[0], factor), _scaled(role.g[1], factor)
-        force = factor * role.force[0], factor * role.force[1]
-        moment = None if role.moment is None else factor * role.moment
-        loaded = replace(role, g=g, pressure=_scaled(role.pressure, factor), force=force, moment=moment)
-        boundary.append((name, loaded))
-    return replace(scene, f=(_scaled(scene.f[0], factor), _scaled(scene.f[1], factor)), boundary=tuple(boundary))
 
+    def scaled(value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(map(scaled, value))
+        if isinstance(value, Expression):
+            return parse(f"{float(factor)!r}*({value.text})") if factor else 0.0
+        return None if value is None else factor * value
 
-def _scaled(scalar: Scalar, factor: float) -> Scalar:
-    """factor × a number or an expression."""
-    if not isinstance(scalar, Expression):
-        return factor * scalar
-    return 0.0 if factor == 0.0 else parse(f"{float(factor)!r}*({scalar.text})")
+    loads = [{name: scaled(getattr(role, name)) for name in MECHANICAL} for _, role in scene.boundary]
+    boundary = ((name, replace(role, **own)) for (name, role), own in zip(scene.boundary, loads, strict=True))
+    return replace(scene, f=scaled(scene.f), boundary=tuple(boundary))
