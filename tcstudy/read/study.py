@@ -59,7 +59,8 @@ def read_study_text(
     words = {key: ctx.text(node) for key in ("title", "institution") if (node := root.child(key))}
     header = {"title": source.stem if source else name} | words | {"text": text, "source": source}
     before = len(ctx.errors)
-    ctx.named = read_parameters(ctx, root.child("parameters"))
+    if root.child("parameters"):
+        ctx.named = read_parameters(ctx, root.child("parameters"))
     if len(ctx.errors) > before:  # every use of a name without a value would be one fault more
         raise StudyError(ctx.errors.problems)
     if swept is None:

@@ -180,7 +180,9 @@ def affine_numbers(scene: Scene) -> Iterator[tuple[Keys, Number]]:
                     yield (*path, f"force_{name[-1]}"), force
         elif isinstance(role, Loaded):
             yield from _of_rows(role, "boundary", path, place)
-    nothing = "the study has no f, g, pressure, force or moment" if _scaled_by(scene, 0.0) == scene else ""
+    loads = (scene.f, *(getattr(role, name) for _, role in scene.boundary for name in MECHANICAL))
+    loaded = any(load not in (None, 0.0, (0.0, 0.0)) for load in loads)
+    nothing = "" if loaded else "the study has no f, g, pressure, force or moment"
     yield ("load",), Number(LOAD, 1.0, (), _scaled_by, True, nothing)
 
 
