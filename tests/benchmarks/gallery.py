@@ -222,7 +222,7 @@ def make(name: str, scratch: Path) -> Path:
         scratch / f"{name}.nc",
         ROOT / "results" / f"gallery-{name}.png",
     )
-    if name in HISTORIES or name == "pull_fit":
+    if name in (*HISTORIES, "pull_fit", "isola"):
         tcstudy.run(study, data)
         tcstudy.draw(data, target)
     elif name == "thickness_map":
@@ -249,7 +249,7 @@ def make(name: str, scratch: Path) -> Path:
 
 
 HISTORIES = ("rail_year", "pipeline_cycles", "cyclic_pull")
-NAMES = ("quickstart", "pull_test", "singular", *FIGURES, *HISTORIES, "pull_fit", "thickness_map")
+NAMES = ("quickstart", "pull_test", "singular", *FIGURES, *HISTORIES, "pull_fit", "thickness_map", "isola")
 
 
 def main(asked: list[str]) -> None:
