@@ -28,7 +28,6 @@ from tcstudy.errors import CostError, GeometryFailed, StoreError
 from tcstudy.exact.numbers import exact_friction_resultant
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.scene.families import TO_TOLERANCE
-from tcstudy.scene.records import Scene
 from tcstudy.scene.study import SOLVERS, Goal, Study
 from tcstudy.study.cost_curves import CostCurve, Progress, family_plan, first_run, time_again, walk
 from tcstudy.study.lint import warnings
@@ -47,9 +46,7 @@ def cost_to_file(
     """
     if problems := check_writable(path, 1_000_000):
         raise StoreError("; ".join(problems))
-    own, at = geometry_at(study, index)
-    scene = own.scenes[int(np.ravel_multi_index(at, own.shape))]
-    tell(remarks := warnings(replace(own, scenes=(scene,), axes=())))
+    tell(remarks := warnings(at_point(study, index)))
     with threadpool_limits(1, user_api="blas"):
         cost = measure(study, index, runs, progress)
     cost = replace(cost, attributes={**cost.attributes, "point": point})
@@ -63,22 +60,22 @@ def measure(study: Study, index: tuple[int, ...], runs: int, progress: Progress)
     index: which sweep point;  runs: how often everything is timed
     Raises CostError if no mesh could be solved, GeometryFailed if the body cannot be meshed.
     """
-    study, index = geometry_at(study, index)
-    scene = study.scenes[int(np.ravel_multi_index(index, study.shape))]
+    study = at_point(study, index)
+    (scene,) = study.scenes
     what = "materials differ by region" if scene.material.regions else "friction differs along the contact line"
     if (scene.material.regions or isinstance(scene.friction, EdgeLaws)) and study.mesh.goal.quantity != "energy":
         raise CostError(f"{what}, and errors of goals are not estimated then; set mesh.goal=energy")
     names = dict.fromkeys((*study.solver.names, *SOLVERS))
     study = replace(study, solver=replace(study.solver, names=tuple(names)))
     clock = time.perf_counter()
-    curves, notes = first_run(study, scene, progress)
+    curves, notes = first_run(study, progress)
     first = time.perf_counter() - clock
-    errors, words, own_error = errors_of(study, scene, curves, progress)
+    errors, words, own_error = errors_of(study, curves, progress)
     for run in range(1, runs):
         progress(f"run {run + 1} of {runs}", first * (runs - run))
         turn = run % len(curves)
         for curve in curves[turn:] + curves[:turn]:
-            time_again(study, scene, curve)
+            time_again(study, curve)
     return _cost(study, curves, errors, words, own_error, notes)
 
 
@@ -147,7 +144,7 @@ SAME = 1e-8
 
 
 def errors_of(
-    study: Study, scene: Scene, curves: list[CostCurve], progress: Progress
+    study: Study, curves: list[CostCurve], progress: Progress
 ) -> tuple[dict[tuple[str, int, str], dict[str, float]], str, float]:
     """Relative errors by (family, level, solver), what they are measured against, and the reference's own error.
 
@@ -158,7 +155,7 @@ def errors_of(
     if study.exact is None:
         finest_dofs = max(c.steps[-1][1] for c in curves)
         least = max(LEAST * finest_dofs, min(FINER * finest_dofs, LARGEST))
-        best, own_error = _reference(study, scene, least, progress)
+        best, own_error = _reference(study, least, progress)
         fine = FineReference(best, [])
         words = f"adaptive mesh of {best.n_dof} dofs, with an estimated error of {100 * own_error:.2g} % in energy"
     found, sizes, finest = {}, {}, 0
@@ -169,7 +166,7 @@ def errors_of(
             for name, one in by_solver.items():
                 errors = next((e for other, e in known if _same(one, other)), None)
                 if errors is None:
-                    errors = _of(study, scene, one, fine)
+                    errors = _of(study, one, fine)
                     known.append((one, errors))
                 found[curve.family, level, name] = errors
                 if one.n_dof > finest and errors:
@@ -192,8 +189,9 @@ def _same(one: SolvedLevel, other: SolvedLevel) -> bool:
     return float(np.max(np.abs(a.v - b.v), initial=0.0)) <= SAME * float(np.max(np.abs(a.v), initial=0.0))
 
 
-def _of(study: Study, scene: Scene, one: SolvedLevel, fine: FineReference | None) -> Errors:
+def _of(study: Study, one: SolvedLevel, fine: FineReference | None) -> Errors:
     """Errors of one solution and what they are relative to, by measure."""
+    scene = study.scenes[0]
     if fine is None:
         assert study.exact is not None
         reference = ExactReference(study.exact, [one])
@@ -208,7 +206,7 @@ def _of(study: Study, scene: Scene, one: SolvedLevel, fine: FineReference | None
     return with_meaning(found, scene)
 
 
-def _reference(study: Study, scene: Scene, least: float, progress: Progress) -> tuple[SolvedLevel, float]:
+def _reference(study: Study, least: float, progress: Progress) -> tuple[SolvedLevel, float]:
     """The solution on an adaptive mesh of at least so many unknowns, and its estimated relative error.
 
     Raises CostError if it is not solved, GeometryFailed if there is no mesh that is fine enough.
@@ -216,7 +214,7 @@ def _reference(study: Study, scene: Scene, least: float, progress: Progress) -> 
     plan = replace(family_plan(study.mesh, TO_TOLERANCE), goal=Goal(), marking=max(study.mesh.marking, 0.7))
     step = None
     try:
-        for step in walk(study, plan, scene, lambda name, level: False):
+        for step in walk(study, plan, lambda name, level: False):
             progress(f"reference: {step.n_dof} of at least {least:.0f} dofs", None)
             if step.n_dof >= least:
                 break
@@ -231,17 +229,16 @@ def _reference(study: Study, scene: Scene, least: float, progress: Progress) -> 
     return step.solved(study)[name], step.estimate
 
 
-def geometry_at(study: Study, index: tuple[int, ...]) -> tuple[Study, tuple[int, ...]]:
-    """The study of the geometry that a point of the sweep has, and the point's index there.
+def at_point(study: Study, index: tuple[int, ...]) -> Study:
+    """The study of one point of the sweep alone, on its own geometry.
 
     Raises GeometryFailed with the reason where the geometry is refused.
     """
-    if not study.variants:
-        return study, index
-    place = np.ravel_multi_index(index, study.shape)
-    variant = next(one for one in study.variants if place in one.places)
-    if variant.study is None:
-        remedy = "name another geometry by --at, or take this one out of the sweep"
-        raise GeometryFailed(f"{variant.words}: {variant.reason}; {remedy}", ("sweep",))
-    row = int(np.flatnonzero(variant.places == place)[0])
-    return variant.study, tuple(int(i) for i in np.unravel_index(row, variant.study.shape))
+    row = place = int(np.ravel_multi_index(index, study.shape))
+    if study.variants:
+        variant = next(one for one in study.variants if place in one.places)
+        if variant.study is None:
+            remedy = "name another geometry by --at, or take this one out of the sweep"
+            raise GeometryFailed(f"{variant.words}: {variant.reason}; {remedy}", ("sweep",))
+        study, row = variant.study, int(np.flatnonzero(variant.places == place)[0])
+    return replace(study, scenes=(study.scenes[row],), axes=())

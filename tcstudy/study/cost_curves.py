@@ -15,7 +15,6 @@ from tcstudy.data.measured import OWN
 from tcstudy.errors import GeometryFailed
 from tcstudy.offline.level import Level
 from tcstudy.scene.families import FAMILIES, FamilyName
-from tcstudy.scene.records import Scene
 from tcstudy.scene.study import MeshPlan, SolverPlan, Study
 from tcstudy.study.point import solve_point
 from tcstudy.study.run import stages
@@ -45,14 +44,14 @@ class CostCurve:
     stages: list[list[dict[str, Stages]]] = field(default_factory=list)
 
 
-def first_run(study: Study, scene: Scene, progress: Progress) -> tuple[list[CostCurve], list[str]]:
+def first_run(study: Study, progress: Progress) -> tuple[list[CostCurve], list[str]]:
     """Solve everything once; the study's own meshes come first, since they say how far the others go."""
     notes: list[str] = []
     mesh = study.mesh
     own = CostCurve(OWN, mesh)
     if mesh.tolerance is None and not mesh.listed and not mesh.estimate:  # their finest is a point of a family's curve
         own = CostCurve(mesh.family, family_plan(mesh, mesh.family))
-    for step in _steps(study, scene, own, progress, notes):
+    for step in _steps(study, own, progress, notes):
         full = study.mesh.strategy.adapts and step.n_dof > study.mesh.max_dofs
         if own.own is None and (len(own.steps) == study.mesh.levels or full):
             own.own = len(own.steps) - 1
@@ -65,7 +64,7 @@ def first_run(study: Study, scene: Scene, progress: Progress) -> tuple[list[Cost
     for family in FAMILIES:
         if family != own.family:
             curves.append(CostCurve(family, family_plan(study.mesh, family)))
-            for _ in _steps(study, scene, curves[-1], progress, notes):
+            for _ in _steps(study, curves[-1], progress, notes):
                 if _next(curves[-1]) > limit:
                     break
     curves = sorted(curves, key=lambda c: (*FAMILIES, OWN).index(c.family))
@@ -93,14 +92,12 @@ def family_plan(plan: MeshPlan, family: FamilyName) -> MeshPlan:
     return replace(own, tolerance=None, max_dofs=10**9, estimate=False, guarantee=False)
 
 
-def _steps(
-    study: Study, scene: Scene, curve: CostCurve, progress: Progress, notes: list[str]
-) -> Iterator[MeasuredLevel]:
+def _steps(study: Study, curve: CostCurve, progress: Progress, notes: list[str]) -> Iterator[MeasuredLevel]:
     """Solve the levels of a curve for the first time and keep them, as far as the caller goes on."""
     dropped: set[str] = set()
     curve.stages.append([])
     try:
-        for step in walk(study, curve.plan, scene, lambda name, _: name not in dropped):
+        for step in walk(study, curve.plan, lambda name, _: name not in dropped):
             progress(f"{curve.family}, level {len(curve.steps)}: {step.n_dof} dofs", None)
             curve.stages[-1].append(step.stages)
             curve.steps.append((step.level.mesh.h_max, step.n_dof, step.level.line.m))
@@ -133,10 +130,10 @@ def _too_slow(step: MeasuredLevel, curve: CostCurve, notes: list[str]) -> set[st
     return found
 
 
-def time_again(study: Study, scene: Scene, curve: CostCurve) -> None:
+def time_again(study: Study, curve: CostCurve) -> None:
     """Time the levels of a curve once more, from nothing."""
     curve.stages.append([])
-    for step in walk(study, curve.plan, scene, lambda name, level: name in curve.solved[level]):
+    for step in walk(study, curve.plan, lambda name, level: name in curve.solved[level]):
         curve.stages[-1].append(step.stages)
         if len(curve.stages[-1]) == len(curve.steps):
             break
@@ -195,14 +192,14 @@ class MeasuredLevel:
         return {name: replace(empty, solutions={(): solution}) for name, solution in self.solutions.items()}
 
 
-def walk(study: Study, plan: MeshPlan, scene: Scene, wanted: Wanted) -> Iterator[MeasuredLevel]:
-    """Run a scene level by level; the first of the study's solvers decides about meshes, the others take turns there.
+def walk(study: Study, plan: MeshPlan, wanted: Wanted) -> Iterator[MeasuredLevel]:
+    """Run a study of one point level by level; the first of its solvers decides about meshes, others take turns there.
 
     wanted: which other solvers to run on which level. Raises GeometryFailed if the body cannot be meshed.
     """
     first, *others = study.solver.names
     output = replace(study.output, fields=True, live=False)
-    alone = replace(study, mesh=plan, scenes=(scene,), axes=(), output=output, solver=_only(study, first))
+    alone = replace(study, mesh=plan, output=output, solver=_only(study, first))
     meshing, before = 0.0, dict.fromkeys(study.solver.names, 0.0)
     for i, stage in enumerate(stages(alone)):
         level, times = stage.level, stage.times

@@ -61,11 +61,11 @@ def measure(progress: Callable[[str], None]) -> xr.Dataset:
                     level.condensed(scene)
                     level.temperature(scene)
                 times[i, j, run] = clock()
-        scenes = study.scenes[:: len(study.scenes) // SOLVED]
+        places = range(0, len(study.scenes), len(study.scenes) // SOLVED)
         clock()
-        for k, scene in enumerate(scenes):
-            solve_point(study, level, (k,), scene)
-        solve[run] = clock() / len(scenes)
+        for place in places:
+            solve_point(study, level, place)
+        solve[run] = clock() / len(places)
         cold, whole = times[0, 0, run], times[0, -1, run]
         progress(f"sweep, run {run + 1}: 1000 points cost {whole / cold:.2f} cold points, a solve {solve[run]:.3f} s")
     return xr.Dataset(
@@ -112,11 +112,11 @@ def _twenty_points(sender: Any) -> None:
     clock = Clock()
     level = Level(finest(study), study.scenes[0], study.scenes)
     neighbour = None
-    for i, scene in enumerate(study.scenes):
-        record = solve_point(study, level, (i,), scene, neighbour)
-        neighbour = record.u_T
-        if record.status != 1:
-            raise RuntimeError(record.reason)
+    for place in range(len(study.scenes)):
+        record = solve_point(study, level, place, neighbour)
+        if record.status[0] != 1 or record.u_T is None:
+            raise RuntimeError(record.reasons[0])
+        neighbour = record.u_T[0]
     sender.send((level.frames.n_dof, clock(), _peak_memory()))
 
 

@@ -66,7 +66,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 
 def stages(plan: MeshPlan) -> list[Stages]:
     study = study_of(RECTANGLE, "boundary.top={role: traction, g: [0.02, -0.01]}")
-    steps = walk(study, plan, study.scenes[0], lambda name, level: False)
+    steps = walk(study, plan, lambda name, level: False)
     return [step.stages["separable-newton"] for step in steps]
 
 

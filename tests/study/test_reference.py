@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,7 +10,7 @@ import tcstudy
 from tcstudy.scene.study import MeshPlan, Study
 from tcstudy.study.cost_curves import walk
 from tcstudy.study.reference import ExactReference, FineReference, NestedReference
-from tcstudy.study.solved_levels import SolvedLevel, empty_level, solution_of, solve_levels
+from tcstudy.study.solved_levels import SolvedLevel, solve_levels
 from tests.verification.scenes import RECTANGLE, study_of
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -77,11 +76,9 @@ def test_friction_is_looked_up_on_its_own_side_of_a_slot() -> None:
 
 
 def _solved(study: Study, plan: MeshPlan, levels: int) -> list[SolvedLevel]:
-    scene, found = study.scenes[0], []
-    for step in walk(study, plan, scene, lambda name, level: False):
-        record = step.records["separable-newton"]
-        empty = empty_level(study, step.level)
-        found.append(replace(empty, solutions={(): solution_of(study, step.level, scene, record)}))
+    found = []
+    for step in walk(study, plan, lambda name, level: False):
+        found.append(step.solved(study)["separable-newton"])
         if len(found) == levels:
             break
     return found
