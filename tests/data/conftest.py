@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -106,11 +105,6 @@ def failed(index: tuple[int, ...], level: int, reason: str) -> PointRecord:
 
 
 @pytest.fixture
-def lengthened() -> Callable[..., PointRecord]:
-    return long
-
-
-@pytest.fixture
 def study() -> Study:
     return make_study()
 
@@ -139,21 +133,6 @@ def provenance() -> Provenance:
     return Provenance(
         "2026-01-02T03:04:05+00:00 tcstudy run study.yaml", (("python", "3.11"), ("tcstudy", "0.1")), "abc"
     )
-
-
-@pytest.fixture
-def new_point() -> Callable[..., PointRecord]:
-    return make_point
-
-
-@pytest.fixture
-def new_level() -> Callable[..., LevelRecord]:
-    return make_level
-
-
-@pytest.fixture
-def new_failure() -> Callable[..., PointRecord]:
-    return failed
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import netCDF4
 import pytest
 
 from tcstudy.cli import main
@@ -31,3 +32,13 @@ def test_compliance_checker_finds_no_fault(kind: str, tmp_path: Path, capsys: py
     assert stumbled <= {
         "check_coordinate_variables_strict_monotonicity", "check_invalid_same_named_dimension_across_groups"
     }  # fmt: skip
+
+
+def test_the_checker_would_find_a_fault(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Otherwise the tests of conventions say nothing."""
+    broken = tmp_path / "broken.nc"
+    with netCDF4.Dataset(broken, "w") as nc:
+        nc.setncattr("Conventions", "CF-1.11")
+        nc.createDimension("level", 3)
+        nc.createVariable("error", "f8", ("level",)).setncatts({"units": "m", "standard_name": "no_such_name"})
+    assert "§3.3 Standard Name" in cf_faults(broken, tmp_path, capsys)[0]

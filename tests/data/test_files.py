@@ -18,7 +18,7 @@ import pytest
 from tcstudy.data import files
 from tcstudy.data.files import StoreError, check_writable
 from tcstudy.data.provenance import Provenance
-from tcstudy.data.records import LevelRecord, PointStatus
+from tcstudy.data.records import LevelRecord
 from tcstudy.data.store import open_results
 from tcstudy.scene.study import Study
 from tests.data.by_points import PointRecord, write
@@ -113,19 +113,6 @@ def test_an_interrupt_leaves_the_old_file(
     assert os.listdir(written.parent) == [written.name]
 
 
-def test_mode_and_symbolic_link_of_the_output_are_kept(
-    written: Path, study: Study, levels: Levels, points: Points, provenance: Provenance
-) -> None:
-    written.chmod(0o640)
-    link = written.with_name("link.nc")
-    link.symlink_to(written)
-    write(link, study, levels, points[:1], provenance)
-    assert link.is_symlink()
-    assert written.stat().st_mode & 0o777 == 0o640
-    with open_results(written) as tree:
-        assert int((tree["status"] == PointStatus.OK).sum()) == 1
-
-
 def test_a_write_protected_file_is_not_replaced(
     written: Path, study: Study, levels: Levels, points: Points, provenance: Provenance
 ) -> None:
@@ -150,16 +137,6 @@ def test_check_writable_finds_what_is_wrong_and_leaves_nothing(
     assert "3 MB free, but the results need 3.3 MB" in check_writable(output, 1_100_000)[0]
 
 
-def test_check_writable_finds_a_directory_without_permission(output: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(**_: object) -> None:
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr(files.tempfile, "TemporaryFile", refuse)
-    (problem,) = check_writable(output, 0)
-    assert "Permission denied" in problem
-    assert "choose another output" in problem
-
-
 def test_files_that_are_no_finished_results_are_refused(tmp_path: Path, written: Path) -> None:
     with pytest.raises(StoreError, match="there is no file"):
         open_results(tmp_path / "none.nc")
@@ -177,11 +154,7 @@ def test_files_that_are_no_finished_results_are_refused(tmp_path: Path, written:
 
 
 def test_a_directory_without_permission_is_named_as_such(
-    output: Path,
-    study: Study,
-    levels: Levels,
-    provenance: Provenance,
-    monkeypatch: pytest.MonkeyPatch,
+    output: Path, study: Study, levels: Levels, provenance: Provenance, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(*_: object, **__: object) -> None:
         raise PermissionError(13, "Permission denied")
@@ -251,10 +224,3 @@ def test_what_killed_writers_left_goes_and_what_others_write_stays(
     (folder / "0.nc").touch()
     write(output, study, [], [], provenance)
     assert sorted(os.listdir(output.parent)) == sorted([output.name, *others])
-
-
-def test_the_longest_name_is_written(output: Path, study: Study, provenance: Provenance) -> None:
-    longest = output.with_name("x" * (files.LONGEST_NAME - 3) + ".nc")
-    assert check_writable(longest, 1) == []
-    files.replace_file(longest, lambda aside: aside.write_text("x"))
-    assert longest.read_text().startswith("x")

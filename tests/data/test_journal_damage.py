@@ -6,7 +6,6 @@ import contextlib
 import os
 import random
 import sqlite3
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,21 +16,17 @@ from tcstudy.data import journal as journal_module
 from tcstudy.data.records import checksum
 from tcstudy.scene.study import Study
 from tests.data.by_points import PointJournal as Journal
-from tests.data.by_points import PointRecord
-from tests.data.conftest import make_level
+from tests.data.conftest import long, make_level, make_point
 from tests.data.test_journal import assert_same, fill, partial
 
 
 @pytest.mark.parametrize("change", [{"text": "other: text\n"}, {"overrides": ("mesh.levels=3",)}])
 def test_a_journal_of_another_study_is_set_aside_never_deleted(
-    output: Path,
-    study: Study,
-    new_point: Callable[..., PointRecord],
-    change: dict[str, object],
+    output: Path, study: Study, change: dict[str, object]
 ) -> None:
     other = replace(study, **change)  # type: ignore[arg-type]
     for n, (old, new) in enumerate(((study, other), (other, study))):
-        fill(output, old, [new_point((0, 0, n), 0)])
+        fill(output, old, [make_point((0, 0, n), 0)])
         with Journal.open(output, new) as journal:
             assert not journal.finished
             (warning,) = journal.warnings
@@ -45,10 +40,8 @@ def test_a_journal_of_another_study_is_set_aside_never_deleted(
         kept.close()
 
 
-def test_a_journal_of_other_versions_is_set_aside(
-    output: Path, study: Study, new_point: Callable[..., PointRecord], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    fill(output, study, [new_point((0, 0, 0), 0)])
+def test_a_journal_of_other_versions_is_set_aside(output: Path, study: Study, monkeypatch: pytest.MonkeyPatch) -> None:
+    fill(output, study, [make_point((0, 0, 0), 0)])
     monkeypatch.setattr(journal_module, "program", lambda: "edited")
     with Journal.open(output, study) as journal:
         assert not journal.finished
@@ -56,17 +49,15 @@ def test_a_journal_of_other_versions_is_set_aside(
 
 
 @pytest.mark.parametrize("size", [0, 1, 100, 4096, 9000, -5000])
-def test_a_torn_journal_is_set_aside_and_an_empty_one_used(
-    output: Path, study: Study, new_point: Callable[..., PointRecord], size: int, lengthened: Callable[..., PointRecord]
-) -> None:
-    fill(output, study, [lengthened(new_point((0, 0, i), 0), 0, 1000) for i in range(2)])
+def test_a_torn_journal_is_set_aside_and_an_empty_one_used(output: Path, study: Study, size: int) -> None:
+    fill(output, study, [long(make_point((0, 0, i), 0), 0, 1000) for i in range(2)])
     torn = partial(output).read_bytes()[:size]
     partial(output).write_bytes(torn)
     with Journal.open(output, study) as journal:
         assert not journal.finished
         assert bool(journal.warnings) == (size != 0)
         journal.add(make_level(0))
-        journal.add(new_point((0, 0, 0), 0))
+        journal.add(make_point((0, 0, 0), 0))
     if size:
         assert partial(output).with_name("study.nc.partial.old").read_bytes() == torn
     with Journal.open(output, study) as journal:
@@ -74,11 +65,9 @@ def test_a_torn_journal_is_set_aside_and_an_empty_one_used(
         assert not journal.warnings
 
 
-def test_no_flipped_byte_is_taken_for_a_result(
-    output: Path, study: Study, new_point: Callable[..., PointRecord], lengthened: Callable[..., PointRecord]
-) -> None:
+def test_no_flipped_byte_is_taken_for_a_result(output: Path, study: Study) -> None:
     """A damaged byte is either without effect on the records, or noticed; never a wrong number, never a crash."""
-    points = [lengthened(new_point((0, 0, i), 0), 0, 300) for i in range(2)]
+    points = [long(make_point((0, 0, i), 0), 0, 300) for i in range(2)]
     fill(output, study, points)
     data = partial(output).read_bytes()
     generator = random.Random(1)
@@ -97,10 +86,8 @@ def test_no_flipped_byte_is_taken_for_a_result(
     assert noticed > 30
 
 
-def test_a_damaged_index_is_noticed_although_every_record_is_sound(
-    output: Path, study: Study, new_point: Callable[..., PointRecord]
-) -> None:
-    fill(output, study, [new_point((0, 0, 0), 0)])
+def test_a_damaged_index_is_noticed_although_every_record_is_sound(output: Path, study: Study) -> None:
+    fill(output, study, [make_point((0, 0, 0), 0)])
     database = sqlite3.connect(partial(output))
     (page,) = database.execute("SELECT rootpage FROM sqlite_master WHERE name = 'sqlite_autoindex_record_1'").fetchone()
     (size,) = database.execute("PRAGMA page_size").fetchone()
@@ -147,11 +134,9 @@ def test_any_other_file_at_its_place_is_set_aside(output: Path, study: Study) ->
         ("crc", "text"),
     ],
 )
-def test_a_record_that_is_none_sets_the_journal_aside(
-    output: Path, study: Study, new_point: Callable[..., PointRecord], column: str, value: object
-) -> None:
+def test_a_record_that_is_none_sets_the_journal_aside(output: Path, study: Study, column: str, value: object) -> None:
     """Whatever its checksum says: the store would refuse it only after all the work."""
-    fill(output, study, [new_point((0, 0, 0), 0)])
+    fill(output, study, [make_point((0, 0, 0), 0)])
     with contextlib.closing(sqlite3.connect(partial(output))) as database:
         database.execute(f"UPDATE record SET {column} = ? WHERE kind = 'block'", (value,))
         found = "SELECT kind, place, level, scalars, layout, arrays, crc FROM record WHERE kind = 'block'"
@@ -177,25 +162,13 @@ def test_a_record_that_is_none_sets_the_journal_aside(
     ],
 )
 def test_values_that_do_not_fit_the_nodes_of_their_level_set_the_journal_aside(
-    output: Path, study: Study, new_point: Callable[..., PointRecord], change: dict[str, object]
+    output: Path, study: Study, change: dict[str, object]
 ) -> None:
     """Whatever their checksum says."""
-    fill(output, study, [new_point((0, 0, 0), 0)])
+    fill(output, study, [make_point((0, 0, 0), 0)])
     with Journal.open(output, study) as journal:
         assert len(journal.finished) == 1
         journal.add(replace(next(journal.blocks()), **change))  # type: ignore[arg-type]
     with Journal.open(output, study) as journal:
         assert not journal.finished
         assert "is damaged" in journal.warnings[0]
-
-
-@pytest.mark.parametrize("lost", ["level", "block"])
-def test_values_on_a_level_without_a_record_set_the_journal_aside(
-    output: Path, study: Study, new_point: Callable[..., PointRecord], lost: str
-) -> None:
-    fill(output, study, [new_point((0, 0, 0), 0)])
-    with contextlib.closing(sqlite3.connect(partial(output))) as database:
-        database.execute("DELETE FROM record WHERE kind = ?", (lost,))
-        database.commit()
-    with Journal.open(output, study) as journal:
-        assert bool(journal.warnings) == (lost == "level")  # points that are lost are solved again

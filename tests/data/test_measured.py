@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import netCDF4
 import numpy as np
 import pytest
 
@@ -55,26 +54,3 @@ def test_compliance_checker_finds_no_fault(tmp_path: Path, capsys: pytest.Captur
     faults, stumbled = cf_faults(made_up(tmp_path, FEW), tmp_path, capsys)
     assert not faults
     assert stumbled <= {"check_coordinate_variables_strict_monotonicity"}  # it stumbles over text coordinates
-
-
-def test_every_variable_says_what_it_is(file: Path) -> None:
-    with netCDF4.Dataset(file) as nc:
-        assert {f"exact_{n.name}" for n in NUMBERS} <= set(nc.variables)
-        for name, variable in nc.variables.items():
-            assert variable.long_name, name
-            assert ("units" in variable.ncattrs()) == (variable.dtype is not str), name
-            assert (getattr(variable, "units", "") == "K") == ("units_metadata" in variable.ncattrs()), name
-            if "flag_values" in variable.ncattrs():
-                values = np.atleast_1d(variable.flag_values)
-                assert values.dtype == variable.dtype, name
-                assert len(values) == len(variable.flag_meanings.split()), name
-
-
-def test_the_checker_would_find_a_fault(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Otherwise the tests above say nothing."""
-    broken = tmp_path / "broken.nc"
-    with netCDF4.Dataset(broken, "w") as nc:
-        nc.setncattr("Conventions", "CF-1.11")
-        nc.createDimension("level", 3)
-        nc.createVariable("error", "f8", ("level",)).setncatts({"units": "m", "standard_name": "no_such_name"})
-    assert "§3.3 Standard Name" in cf_faults(broken, tmp_path, capsys)[0]

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tcstudy.data.files import StoreError
 from tcstudy.data.provenance import collect
-from tcstudy.data.store import Record, load_root, write_record
+from tcstudy.data.store import Record, write_record
 from tcstudy.data.tables import CURVE, LEVEL, LINE, LOOP, SOLUTIONS
 from tcstudy.read.study import read_study
 from tcstudy.scene.study import Study
@@ -77,22 +76,3 @@ def test_compliance_checker_finds_no_fault(file: Path, tmp_path: Path, capsys: p
     faults, stumbled = cf_faults(file, tmp_path, capsys)
     assert not faults
     assert not stumbled
-
-
-def test_a_path_is_told_from_a_run(file: Path, tmp_path: Path) -> None:
-    assert load_root(file, "path").attrs["content"] == "path"
-    with netCDF4.Dataset(tmp_path / "run.nc", "w") as nc:
-        nc.setncatts({"source": "tcstudy 0.1.0", "finished": np.int32(1)})
-    with pytest.raises(StoreError, match="holds a run, not a path"):
-        load_root(tmp_path / "run.nc", "path")
-    with pytest.raises(StoreError, match="there is no file"):
-        load_root(tmp_path / "none.nc", "path")
-
-
-def test_an_unwritable_place_keeps_the_old_file(followed: tuple[Study, Record], file: Path) -> None:
-    before = file.read_bytes()
-    file.chmod(0o444)
-    with pytest.raises(StoreError, match=r"write-protected.*choose another output$"):
-        write_record(file, *followed, collect(followed[0], ("tcstudy",)))
-    assert file.read_bytes() == before
-    assert [p.name for p in file.parent.iterdir()] == [file.name]

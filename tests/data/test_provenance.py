@@ -9,20 +9,16 @@ import platform
 import socket
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tcstudy.data import provenance as provenance_module
 from tcstudy.data.provenance import (
     collect,
     git_commit,
     global_attributes,
-    package_versions,
     study_sha256,
     without_paths,
 )
@@ -30,7 +26,8 @@ from tcstudy.data.records import LevelRecord
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.records import Body, BrepFace, Heat, Material, Scene
 from tcstudy.scene.study import Study
-from tests.data.by_points import PointRecord, write
+from tests.data.by_points import write
+from tests.data.conftest import failed
 
 
 def git(directory: Path, *arguments: str) -> None:
@@ -61,12 +58,6 @@ def test_commit_of_the_checkout_that_holds_the_study(checkout: Path) -> None:
     assert git_commit(checkout) == f"{commit}-dirty"
 
 
-def test_a_study_that_was_never_added_is_dirty(checkout: Path) -> None:
-    new = checkout.with_name("new.yaml")
-    new.write_text("title: b\n")
-    assert git_commit(new) == f"{git_commit(checkout)}-dirty"
-
-
 def test_without_git_the_commit_is_unknown(checkout: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "study.yaml").touch()
     monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
@@ -77,37 +68,6 @@ def test_without_git_the_commit_is_unknown(checkout: Path, tmp_path: Path, monke
     assert git_commit(empty / "study.yaml") == "unknown"  # no commit yet
     monkeypatch.setenv("PATH", str(empty))
     assert git_commit(checkout) == "unknown"
-
-
-def test_a_git_that_hangs_is_given_up(checkout: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(provenance_module, "GIT_TIMEOUT", 1e-6)
-    assert git_commit(checkout) == "unknown"
-
-
-def test_versions_are_read_without_importing() -> None:
-    versions = package_versions(("numpy", "no-such-package"))
-    assert versions == {"numpy": np.__version__, "no-such-package": "unknown"}
-    code = (
-        "import sys; from tcstudy.data.provenance import *;"
-        "package_versions(PACKAGES + NUMERICS); print('ngsolve' in sys.modules)"
-    )
-    root = Path(provenance_module.__file__).parents[2]
-    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "False"
-
-
-def test_history_is_date_and_command_without_directories(study: Study) -> None:
-    command = [
-        "/opt/x/bin/tcstudy",
-        "run",
-        "/srv/me/a study.yaml",
-        "--set",
-        "output.path=/scratch/me/out.nc",
-        "a/b.yaml",
-    ]
-    found = collect(study, command, datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC))
-    assert found.history == ("2026-01-02T03:04:05+00:00 tcstudy run 'a study.yaml' --set output.path=out.nc a/b.yaml")
-    assert collect(study, [r"C:\py\tcstudy\__main__.py", "run"]).history.endswith(" tcstudy run")
 
 
 def test_attributes_tell_all_that_a_repetition_needs(study: Study) -> None:
@@ -162,19 +122,14 @@ def test_paths_in_sentences_are_cut(sentence: str, kept: str) -> None:
 
 
 def test_nothing_of_the_machine_is_in_the_file(
-    study: Study,
-    output: Path,
-    levels: tuple[LevelRecord, ...],
-    checkout: Path,
-    new_failure: Callable[..., PointRecord],
-    monkeypatch: pytest.MonkeyPatch,
+    study: Study, output: Path, levels: tuple[LevelRecord, ...], checkout: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for module, name in ((socket, "gethostname"), (platform, "node"), (getpass, "getuser")):
         monkeypatch.setattr(module, name, lambda: "trace-of-the-machine")
     monkeypatch.setenv("USER", "trace-of-the-machine")
     here = replace(study, source=checkout, overrides=(f"output.path={output}",))
     found = collect(here, [sys.executable, "run", str(checkout), f"--output={output}"])
-    write(output, here, levels, [new_failure((0, 0, 0), 0, f"cannot read {checkout}")], found)
+    write(output, here, levels, [failed((0, 0, 0), 0, f"cannot read {checkout}")], found)
     content = output.read_bytes()
     for trace in (str(output.parent), str(checkout.parent), sys.prefix, "trace-of-the-machine"):
         assert trace.encode() not in content, trace

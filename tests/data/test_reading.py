@@ -31,11 +31,6 @@ def stranger(path: Path, **more: object) -> Path:
     return path
 
 
-def test_a_whole_file_is_sealed(written: Path) -> None:
-    assert seal_of(written) == Seal.WHOLE
-    assert attributes(written)["title"] == "Bärenstark"
-
-
 @pytest.mark.parametrize("place", [0, 8, 600, 5000, -200, -60])
 def test_a_flipped_byte_is_told_before_the_library_opens_the_file(
     written: Path, place: int, monkeypatch: pytest.MonkeyPatch
@@ -56,11 +51,6 @@ def test_a_changed_file_is_read_but_what_fails_on_it_is_its_own_fault(written: P
     assert attributes(written)["title"] == "edited"
     assert not is_foreign(written)
     with pytest.raises(StoreError, match=r"was changed after tcstudy wrote it.*KeyError"), reading(written):
-        raise KeyError("omega")
-
-
-def test_what_fails_on_a_whole_file_is_not_called_damage(written: Path) -> None:
-    with pytest.raises(KeyError), reading(written):
         raise KeyError("omega")
 
 
@@ -142,7 +132,7 @@ def test_a_file_that_states_more_than_it_can_hold_is_not_read(tmp_path: Path) ->
 
 
 @pytest.mark.skipif(os.name == "nt", reason="pipes and sockets of POSIX")
-def test_what_is_no_file_is_no_output(tmp_path: Path, study: Study, new_level: Callable[..., object]) -> None:
+def test_what_is_no_file_is_no_output(tmp_path: Path, study: Study) -> None:
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "link").symlink_to(tmp_path / "pipe")
     (tmp_path / "circle").symlink_to(tmp_path / "circle")

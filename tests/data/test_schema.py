@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,10 +14,11 @@ import pytest
 
 from tcstudy.data import schema
 from tcstudy.data.provenance import Provenance
-from tcstudy.data.records import LevelRecord, PointStatus
+from tcstudy.data.records import PointStatus
 from tcstudy.scene.study import Axis, Study
-from tests.data.by_points import PointRecord, write
+from tests.data.by_points import write
 from tests.data.compliance import cf_faults
+from tests.data.conftest import make_level, make_point
 
 
 @pytest.fixture(params=["grid", "numbers", "zigzag", "list", "single", "dimensionless"])
@@ -27,8 +28,6 @@ def written(
     study: Study,
     list_study: Study,
     provenance: Provenance,
-    new_level: Callable[..., LevelRecord],
-    new_point: Callable[..., PointRecord],
 ) -> Path:
     """Files of all kinds of sweep, with whole-body fields."""
     kinds = {
@@ -40,8 +39,8 @@ def written(
         "dimensionless": replace(study, units="none", axes=(Axis("alpha", ("heat", "alpha"), (1,), (1.0,), "1"),)),
     }
     chosen = kinds[request.param]
-    levels = [new_level(n, fields=True) for n in range(2)]
-    points = [new_point(index, n, fields=True) for n in range(2) for index in np.ndindex(chosen.shape)]
+    levels = [make_level(n, fields=True) for n in range(2)]
+    points = [make_point(index, n, fields=True) for n in range(2) for index in np.ndindex(chosen.shape)]
     write(output, chosen, levels, points, provenance)
     return output
 
@@ -52,15 +51,6 @@ def variables(nc: netCDF4.Dataset) -> Iterator[netCDF4.Variable]:
     yield from nc.variables.values()
     for group in nc.groups.values():
         yield from group.variables.values()
-
-
-def find(where: Any, name: str) -> Any:
-    """A variable by CF's rule for groups: here, or in the nearest group above."""
-    while where is not None:
-        if name in where.variables:
-            return where.variables[name]
-        where = where.parent
-    return None
 
 
 LONGEST = 30
@@ -81,53 +71,6 @@ def test_every_variable_has_a_short_meaning_and_units(written: Path) -> None:
             assert len(v.long_name) <= LONGEST or v.long_name.startswith("boundary."), v.long_name
             assert re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", v.name)
             assert v.dtype in (str, np.int8, np.int32, np.float64), v.name
-
-
-def test_units_are_known_to_udunits(written: Path) -> None:
-    cf_units = pytest.importorskip("cf_units")
-    with netCDF4.Dataset(written) as nc:
-        for v in variables(nc):
-            cf_units.Unit(units_of(v))
-        assert nc["time_solve"].units == "s"
-        dimensionless = nc.unit_system == "none"
-        assert nc["lambda_1"].units == nc["omega"].units == ("1" if dimensionless else "Pa m-1")
-        assert nc["level_0/u_T"].units == ("1" if dimensionless else "m")
-
-
-def test_coordinates_are_complete_and_have_no_fill_value(written: Path) -> None:
-    with netCDF4.Dataset(written) as nc:
-        named = {(v.group(), n) for v in variables(nc) for n in getattr(v, "coordinates", "").split()}
-        located = {find(group, name) for group, name in named} | {v for v in variables(nc) if v.name in v.dimensions}
-        located |= {find(nc.groups["level_0"], name) for name in ("node_x", "node_y", "triangle")}
-        assert None not in located
-        assert len(located) > 5
-        for v in located:
-            assert "_FillValue" not in v.ncattrs()
-            assert "missing_value" not in v.ncattrs()
-            if v.dtype is not str:
-                assert np.isfinite(v[...]).all()
-
-
-def test_coordinate_variables_of_numbers_are_strictly_monotonic(written: Path) -> None:
-    with netCDF4.Dataset(written) as nc:
-        for v in variables(nc):
-            if v.name in v.dimensions and v.dtype is not str:
-                steps = np.diff(v[...])
-                assert (steps > 0).all() or (steps < 0).all()
-
-
-def test_named_variables_exist_and_share_the_dimensions(written: Path) -> None:
-    with netCDF4.Dataset(written) as nc:
-        for v in variables(nc):
-            for name in getattr(v, "coordinates", "").split():
-                assert set(find(v.group(), name).dimensions) <= set(v.dimensions), (v.name, name)
-            for name in getattr(v, "ancillary_variables", "").split():
-                assert find(v.group(), name) is not None
-            if "mesh" in v.ncattrs():
-                topology = find(v.group(), v.mesh)
-                assert topology.cf_role == "mesh_topology"
-                for name in (*topology.node_coordinates.split(), topology.face_node_connectivity):
-                    assert find(v.group(), name) is not None
 
 
 def test_missing_values_cannot_be_mistaken(written: Path) -> None:
@@ -174,15 +117,6 @@ def test_temperatures_are_differences(written: Path) -> None:
     with netCDF4.Dataset(written) as nc:
         for v in variables(nc):
             assert (units_of(v) == "K") == ("units_metadata" in v.ncattrs()), v.name
-
-
-def test_global_attributes_are_those_of_cf(written: Path) -> None:
-    with netCDF4.Dataset(written) as nc:
-        assert nc.Conventions == "CF-1.11"
-        for name in ("title", "institution", "source", "history", "references"):
-            assert getattr(nc, name).strip()
-        for name in nc.ncattrs():
-            assert not isinstance(getattr(nc, name), (bool, dict, type(None)))
 
 
 def test_compliance_checker_finds_no_fault(written: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -21,6 +20,7 @@ from tcstudy.data.records import LevelRecord, PointStatus
 from tcstudy.data.store import open_results
 from tcstudy.scene.study import Study
 from tests.data.by_points import PointRecord, block_of, write
+from tests.data.conftest import failed, make_level, make_point
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -90,14 +90,10 @@ def test_not_run_points_are_visible_and_keep_integers_integer(
 
 
 def test_a_failed_point_keeps_its_reason_and_what_it_has(
-    output: Path,
-    study: Study,
-    levels: Levels,
-    provenance: Provenance,
-    new_failure: Callable[..., PointRecord],
+    output: Path, study: Study, levels: Levels, provenance: Provenance
 ) -> None:
     reason = "Ã is singular: is an edge of /srv/someone/body.step clamped? (slope 3 N/m)"
-    write(output, study, levels, [new_failure((1, 2, 0), 1, reason)], provenance)
+    write(output, study, levels, [failed((1, 2, 0), 1, reason)], provenance)
     with open_results(output) as tree:
         here = tree.to_dataset().isel(alpha=1, theta_bar=2, friction=0, level=1)
         assert here["status"] == PointStatus.SINGULAR
@@ -107,52 +103,15 @@ def test_a_failed_point_keeps_its_reason_and_what_it_has(
         assert here["iterations"] == -1
 
 
-def test_nan_stands_for_a_missing_count(
-    output: Path, study: Study, levels: Levels, points: Points, provenance: Provenance
-) -> None:
-    first = replace(points[0], numbers={"iterations": float("nan"), "omega": float("inf")})
-    write(output, study, levels, [first], provenance)
-    with open_results(output) as tree:
-        assert tree["iterations"].values[0, 0, 0, 0] == -1
-        assert tree["omega"].values[0, 0, 0, 0] == np.inf
-
-
-def test_a_level_without_a_mesh_is_missing_only_itself(
-    output: Path, study: Study, levels: Levels, points: Points, provenance: Provenance
-) -> None:
-    lost = replace(points[-1], status=PointStatus.MESH_FAILED, reason="the mesher gave up", numbers={})
-    lost = replace(lost, u_T=np.empty(0), xi=np.empty(0), sticks=np.empty(0, dtype=np.int8))
-    write(output, study, levels[:1], [points[0], lost], provenance)
-    with open_results(output) as tree:
-        assert list(tree.children) == ["level_0"]
-        assert tree["n_dof"].values.tolist() == [40, -1]
-        assert tree["status"].values[lost.index].tolist() == [PointStatus.NOT_RUN, PointStatus.MESH_FAILED]
-
-
-def test_labels_select_points_in_a_grid(written: Path, points: Points) -> None:
-    with open_results(written) as tree:
-        here = tree.to_dataset().sel(alpha=100.0, theta_bar=20.0, friction="slip weakening", level=1)
-        wanted = next(p for p in points if p.index == (1, 1, 1) and p.level == 1)
-        assert here["energy"] == wanted.numbers["energy"]
-        # the coordinates of the sweep hold in the groups, too
-        line = tree["level_1"].to_dataset().sel(alpha=100.0, theta_bar=20.0, friction="slip weakening")
-        np.testing.assert_array_equal(line["u_T"].values, wanted.u_T)
-
-
 def test_an_axis_that_goes_up_and_down_is_sorted_and_points_keep_their_labels(
-    output: Path,
-    study: Study,
-    levels: Levels,
-    provenance: Provenance,
-    new_point: Callable[..., PointRecord],
-    new_level: Callable[..., LevelRecord],
+    output: Path, study: Study, levels: Levels, provenance: Provenance
 ) -> None:
     """CF wants monotonic coordinates; one that falls is monotonic and stays as it is."""
     alpha = replace(study.axes[0], labels=(100.0, 25.0))
     theta_bar = replace(study.axes[1], labels=(20.0, 0.0, 40.0))
     zigzag = replace(study, axes=(alpha, theta_bar))
-    points = [new_point(index, 1, fields=True) for index in np.ndindex(zigzag.shape)]
-    write(output, zigzag, [levels[0], new_level(1, fields=True)], points, provenance)
+    points = [make_point(index, 1, fields=True) for index in np.ndindex(zigzag.shape)]
+    write(output, zigzag, [levels[0], make_level(1, fields=True)], points, provenance)
     with open_results(output) as tree:
         assert tree["alpha"].values.tolist() == [100.0, 25.0]
         assert tree["theta_bar"].values.tolist() == [0.0, 20.0, 40.0]
@@ -163,45 +122,9 @@ def test_an_axis_that_goes_up_and_down_is_sorted_and_points_keep_their_labels(
             np.testing.assert_array_equal(tree["level_1"]["theta"].sel(here), p.fields["theta"])
 
 
-def test_list_mode_has_one_dimension_and_a_coordinate_for_each_axis(
-    output: Path,
-    list_study: Study,
-    levels: Levels,
-    provenance: Provenance,
-    new_point: Callable[..., PointRecord],
-) -> None:
-    points = [new_point((i,), n) for i in range(2) for n in range(2)]
-    write(output, list_study, levels, points, provenance)
-    with open_results(output) as tree:
-        root = tree.to_dataset()
-        assert root["energy"].dims == ("point", "level")
-        assert tree["level_0"]["xi"].dims == ("point", "node")
-        assert root["alpha"].values.tolist() == [100.0, 25.0]
-        assert root["friction"].values.tolist() == ["tresca", "decay"]
-        assert {"alpha", "friction"} <= set(root.coords)
-        assert [root["energy"].values[p.index[0], p.level] for p in points] == [p.numbers["energy"] for p in points]
-
-
-def test_a_study_without_a_sweep_has_levels_only(
-    output: Path, study: Study, levels: Levels, provenance: Provenance, new_point: Callable[..., PointRecord]
-) -> None:
-    single = replace(study, axes=())
-    write(output, single, levels, [new_point((), 0), new_point((), 1)], provenance)
-    with open_results(output) as tree:
-        assert tree["energy"].dims == ("level",)
-        assert tree["level_1"]["u_T"].dims == ("node",)
-        assert (tree["status"] == PointStatus.OK).all()
-
-
-def test_whole_body_fields_stand_on_their_mesh(
-    output: Path,
-    study: Study,
-    provenance: Provenance,
-    new_level: Callable[..., LevelRecord],
-    new_point: Callable[..., PointRecord],
-) -> None:
-    levels = [new_level(n, fields=True) for n in range(2)]
-    points = [new_point(i, n, fields=True) for n in range(2) for i in np.ndindex(study.shape)]
+def test_whole_body_fields_stand_on_their_mesh(output: Path, study: Study, provenance: Provenance) -> None:
+    levels = [make_level(n, fields=True) for n in range(2)]
+    points = [make_point(i, n, fields=True) for n in range(2) for i in np.ndindex(study.shape)]
     missing = points.pop()
     write(output, study, levels, points, provenance)
     with open_results(output) as tree:
@@ -263,12 +186,7 @@ def test_names_of_axes_that_collide_are_refused(
 
 @pytest.mark.parametrize("mode", ["grid", "list"])
 def test_an_axis_with_the_name_of_a_result_gets_its_path_for_a_name(
-    output: Path,
-    list_study: Study,
-    provenance: Provenance,
-    new_level: Callable[..., LevelRecord],
-    new_point: Callable[..., PointRecord],
-    mode: Literal["grid", "list"],
+    output: Path, list_study: Study, provenance: Provenance, mode: Literal["grid", "list"]
 ) -> None:
     alpha, friction = list_study.axes
     axes = (
@@ -276,8 +194,8 @@ def test_an_axis_with_the_name_of_a_result_gets_its_path_for_a_name(
         replace(friction, name="omega", path=("heat", "omega")),
     )
     named = replace(list_study, mode=mode, axes=axes)
-    points = [new_point(index, 1, fields=True) for index in np.ndindex(named.shape)]
-    write(output, named, [new_level(n, fields=True) for n in range(2)], points, provenance)
+    points = [make_point(index, 1, fields=True) for index in np.ndindex(named.shape)]
+    write(output, named, [make_level(n, fields=True) for n in range(2)], points, provenance)
     with open_results(output) as tree:
         assert tree["heat_theta"].values.tolist() == [100.0, 25.0]
         assert tree["heat_omega"].values.tolist() == ["tresca", "decay"]
@@ -286,19 +204,12 @@ def test_an_axis_with_the_name_of_a_result_gets_its_path_for_a_name(
             np.testing.assert_array_equal(tree["level_1"]["theta"].values[p.index], p.fields["theta"])
 
 
-def test_a_long_study_text_is_kept_exactly(output: Path, study: Study, levels: Levels, provenance: Provenance) -> None:
-    text = "# β in Pa/K, ünïcode\n" + "x: 1\n" * 50_000  # beyond the 64 kB of a compact HDF5 attribute
-    write(output, replace(study, text=text), levels, [], provenance)
-    with open_results(output) as tree:
-        assert tree.attrs["study_yaml"] == text
-
-
 def _counts(level: LevelRecord) -> tuple[int, int]:
     return level.n_contact, len(level.fields.get("node_x", ()))
 
 
 def test_expected_bytes_is_close_to_the_file(
-    written: Path, study: Study, levels: Levels, provenance: Provenance, new_point: Callable[..., PointRecord]
+    written: Path, study: Study, levels: Levels, provenance: Provenance
 ) -> None:
     size = written.stat().st_size
     assert size <= schema.expected_bytes(study, [_counts(level) for level in levels]) <= 2 * size
@@ -310,7 +221,7 @@ def test_expected_bytes_is_close_to_the_file(
         **{name: np.linspace(0, 1, n) for name in ("arclength", "x", "y", "c")},
     )
     rng = np.random.default_rng(1)  # what cannot be compressed
-    points = [replace(new_point(index, 0), u_T=rng.random(n), xi=rng.random(n)) for index in np.ndindex(study.shape)]
+    points = [replace(make_point(index, 0), u_T=rng.random(n), xi=rng.random(n)) for index in np.ndindex(study.shape)]
     points = [replace(point, sticks=rng.integers(0, 2, n).astype(np.int8)) for point in points]
     write(written, study, [long, levels[1]], points, provenance)
     assert schema.expected_bytes(study, [_counts(long), _counts(levels[1])]) == pytest.approx(

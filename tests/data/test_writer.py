@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +20,6 @@ from tcstudy.data.writer import CHUNK, axis_labels, axis_order, in_file_order, s
 from tcstudy.errors import DrawError
 from tcstudy.reports.select_point import describe, locate
 from tcstudy.scene.study import START_NAMES, Axis, MeshPlan, Study
-from tests.data.by_points import PointRecord, write
 from tests.verification.scenes import RECTANGLE, study_of
 
 STARTS = np.arange(len(START_NAMES)) % 3
@@ -107,18 +106,6 @@ def test_a_long_sweep_comes_back_whatever_the_passes(
         np.testing.assert_array_equal(root["start_energy"], u_T[..., STARTS])
 
 
-def test_a_file_of_three_points_is_small(
-    output: Path,
-    study: Study,
-    levels: tuple[LevelRecord, ...],
-    provenance: Provenance,
-    new_point: Callable[..., PointRecord],
-) -> None:
-    short = replace(study, axes=(study.axes[1],), mesh=MeshPlan((0.1,), 1))
-    write(output, short, levels[:1], [new_point((i,), 0) for i in range(3)], provenance)
-    assert output.stat().st_size < 60_000
-
-
 def test_points_are_found_in_the_order_of_the_study() -> None:
     study = study_of(RECTANGLE, "sweep={tau: [0.02, 0.01, 0.03], nu: [0.2, 0.3]}")
     points = sweep_points(study)
@@ -145,10 +132,3 @@ def test_axes_that_go_up_and_down_are_sorted_with_their_values() -> None:
     assert nu == [0.3, 0.2]  # one way only is no fault
     values = np.array([[2.3, 2.2], [1.3, 1.2], [3.3, 3.2]])
     assert in_file_order(study, values).tolist() == [[1.3, 1.2], [2.3, 2.2], [3.3, 3.2]]
-
-
-def test_points_read_together_stay_in_their_order() -> None:
-    study = study_of(RECTANGLE, "sweep={mode: zip, tau: [0.02, 0.01, 0.03], nu: [0.3, 0.2, 0.3]}")
-    assert sweep_points(study)["tau"].values.tolist() == [0.02, 0.01, 0.03]
-    assert in_file_order(study, np.arange(3.0)).tolist() == [0.0, 1.0, 2.0]
-    assert locate(sweep_points(study), {"tau": 0.01}) == {"point": 1}
