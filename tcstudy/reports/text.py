@@ -31,7 +31,8 @@ def number(value: float, digits: int = 4) -> str:
         return "–"
     if math.isinf(value):
         return "∞" if value > 0 else "−∞"
-    return f"{value:.{digits}g}"
+    rounded = f"{value:.{digits}g}"
+    return f"{float(rounded):.0f}" if "e+0" in rounded and abs(value) < 1e4 else rounded  # 410, not 4.1e+02
 
 
 def counted(number: int, noun: str) -> str:

@@ -6,7 +6,7 @@ import pytest
 
 from tcstudy.data.records import PointStatus
 from tcstudy.reports.figures.style import point_words
-from tcstudy.reports.text import Failure, failure_lines, kind, label, labels, scaled_labels
+from tcstudy.reports.text import Failure, failure_lines, kind, label, labels, number, scaled_labels
 
 
 @pytest.mark.parametrize(
@@ -28,6 +28,10 @@ from tcstudy.reports.text import Failure, failure_lines, kind, label, labels, sc
 )
 def test_a_label_is_short_unless_that_makes_a_rounder_number(value: float, shown: str) -> None:
     assert label(value) == shown
+
+
+def test_few_digits_of_a_plain_number_need_no_exponent() -> None:
+    assert [number(x, 2) for x in (410.3, 9871.0, 41.2, 0.0412, 123456.0)] == ["410", "9900", "41", "0.041", "1.2e+05"]
 
 
 def test_labels_of_one_axis_are_told_apart() -> None:
