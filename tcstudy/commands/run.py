@@ -94,14 +94,14 @@ def _path(options: argparse.Namespace, study: Study, output: Path) -> bool:
     """Follow the equilibria on the branch from rest; whether what was asked for is not there."""
     from tcstudy.data.provenance import SHORTFALLS
     from tcstudy.data.reading import attributes
-    from tcstudy.reports.terminal.progress import PathProgress
+    from tcstudy.reports.terminal.progress import Line
     from tcstudy.study.path_run import execute_path
 
     names = [axis.name for axis in study.axes]
     study = _outside_the_sweep(options, study)
     if not shared.is_there(options, "path", study, output):
-        with closing(PathProgress()) as progress:
-            execute_path(study, output, None if options.quiet else progress, options.words, names)
+        with closing(Line()) as line:
+            execute_path(study, output, None if options.quiet else line.path, options.words, names)
     return bool(attributes(output).get(SHORTFALLS))
 
 
@@ -116,11 +116,11 @@ def _outside_the_sweep(options: argparse.Namespace, study: Study) -> Study:
 
 def _history(options: argparse.Namespace, study: Study, output: Path) -> bool:
     """Follow the load history of every sweep point; whether one ended early."""
-    from tcstudy.reports.terminal.progress import HistoryProgress
+    from tcstudy.reports.terminal.progress import Line
     from tcstudy.study.history_run import execute_history
 
-    with closing(HistoryProgress()) as progress:
-        watcher = None if options.quiet else progress
+    with closing(Line()) as line:
+        watcher = None if options.quiet else line.history
         result = execute_history(study, output, watcher, options.words, options.force, options.jobs, options.dask)
     if result.found == result.points * result.steps:
         note(options, f"{output} {shared.THERE}")

@@ -16,7 +16,7 @@ from tcstudy.data.reading import refuse_geometries, sweep_dims
 from tcstudy.data.schema import STICKS
 from tcstudy.data.store import open_results
 from tcstudy.laws.composed import NO_JOINTS, Joints
-from tcstudy.reports.select_point import Value, check_solved, describe, labels, level_number, locate
+from tcstudy.reports.select_point import Value, check_solved, describe, level_number, locate
 from tcstudy.reports.stored_study import NamedEdge, joints_of, outline, scene_at, sources, stored_study
 from tcstudy.scene.records import Scene
 
@@ -124,8 +124,7 @@ Held = tuple[float | None, float | None]
 class Picture:
     """One solved point of a sweep on one level.
 
-    parameters: (name, label, units) of the swept parameters
-    point:      the same in words
+    point:      its labels in words
     edges:      those of the body with their roles;  sources: outlines (n, 2) of heated regions [length units]
     held:       u_T at both ends of every part of the line, None where no node is held or the file does not say it
     scene:      what was solved, None if the study in the file cannot be read
@@ -133,7 +132,6 @@ class Picture:
     """
 
     title: str
-    parameters: tuple[tuple[str, float | str, str], ...]
     point: str
     level: int
     h_max: float
@@ -169,7 +167,6 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
         line = _line(group)
         return Picture(
             title=str(root.attrs["title"]),
-            parameters=tuple(labels(root, where)),
             point=describe(root, where),
             level=number,
             h_max=float(at["h_max"]),

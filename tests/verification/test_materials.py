@@ -13,8 +13,8 @@ import tcstudy
 from tcstudy.contact.contact import solve_contact
 from tcstudy.read.study import read_study_text
 from tcstudy.refine.error_estimator import ErrorEstimator
-from tcstudy.reports.export.export_fields import stresses, von_mises
 from tcstudy.reports.picture import body_fields
+from tcstudy.reports.stresses import stresses, von_mises
 from tcstudy.study.plan import plan
 from tcstudy.study.reference import NestedReference
 from tcstudy.study.solved_levels import solve_levels

@@ -40,31 +40,34 @@ class Values:
     parts: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
-class Grid:
-    """What one file holds: points (n, 2) in the plane, cells as lists of points, and arrays on them.
+def write_vtk(
+    path: Path,
+    points: NDArray[np.float64],
+    cells: NDArray[np.intp] | Sequence[NDArray[np.intp]],
+    at_points: Sequence[Values],
+    at_cells: Sequence[Values] = (),
+    about: Sequence[Values] = (),
+) -> None:
+    """Write a mesh (VTU) or lines (VTP), as the suffix says, replacing an old file in one step. Raises StoreError.
 
-    cells: of a mesh (t, 3) triangles; of lines one array of points each;  about: arrays of the file as a whole
+    points: (n, 2) in the plane;  cells: (t, 3) triangles, or an array of points for each line
+    about:  arrays of the file as a whole
     """
-
-    points: NDArray[np.float64]
-    cells: NDArray[np.intp] | Sequence[NDArray[np.intp]]
-    at_points: tuple[Values, ...] = ()
-    at_cells: tuple[Values, ...] = ()
-    about: tuple[Values, ...] = ()
-
-
-def write_mesh(path: Path, grid: Grid) -> None:
-    """Write triangles as VTU, replacing an old file in one step. Raises StoreError."""
-    counts = f'NumberOfPoints="{len(grid.points)}" NumberOfCells="{len(grid.cells)}"'
-    types = Values("types", np.full(len(grid.cells), TRIANGLE, dtype=np.uint8))
-    _write(path, "UnstructuredGrid", counts, grid, ("Cells", (*_cells(grid.cells), types)))
-
-
-def write_lines(path: Path, grid: Grid) -> None:
-    """Write lines as VTP, replacing an old file in one step. Raises StoreError."""
-    counts = f'NumberOfPoints="{len(grid.points)}" NumberOfLines="{len(grid.cells)}"'
-    _write(path, "PolyData", counts, grid, ("Lines", _cells(grid.cells)))
+    joined, ends = np.concatenate([np.zeros(0), *cells]), np.cumsum([len(cell) for cell in cells])
+    ways = [Values("connectivity", joined.astype(np.int64)), Values("offsets", ends.astype(np.int64))]
+    kind, name, count = "PolyData", "Lines", "NumberOfLines"
+    if path.suffix == ".vtu":
+        kind, name, count = "UnstructuredGrid", "Cells", "NumberOfCells"
+        ways.append(Values("types", np.full(len(cells), TRIANGLE, dtype=np.uint8)))
+    places = Values("Points", np.column_stack([points, np.zeros(len(points))]))
+    sections = {"PointData": at_points, "CellData": at_cells, "Points": (places,), name: ways}
+    body = "".join(_section(name, arrays) for name, arrays in sections.items())
+    _put(
+        path,
+        f'<VTKFile type="{kind}" version="1.0" byte_order="LittleEndian" header_type="UInt64" '
+        f'compressor="vtkZLibDataCompressor">\n<{kind}>\n{_section("FieldData", about)}<Piece NumberOfPoints='
+        f'"{len(points)}" {count}="{len(cells)}">\n{body}</Piece>\n</{kind}>\n</VTKFile>\n',
+    )
 
 
 def write_collection(path: Path, files: Sequence[tuple[int, int, str, str]]) -> None:
@@ -74,24 +77,6 @@ def write_collection(path: Path, files: Sequence[tuple[int, int, str, str]]) -> 
         for time, part, name, file in files
     )
     _put(path, f'<VTKFile type="Collection" version="1.0">\n<Collection>\n{lines}</Collection>\n</VTKFile>\n')
-
-
-def _cells(cells: Any) -> tuple[Values, Values]:
-    joined, ends = np.concatenate([np.zeros(0), *cells]), np.cumsum([len(cell) for cell in cells])
-    return Values("connectivity", joined.astype(np.int64)), Values("offsets", ends.astype(np.int64))
-
-
-def _write(path: Path, kind: str, counts: str, grid: Grid, cells: tuple[str, tuple[Values, ...]]) -> None:
-    in_space = np.column_stack([grid.points, np.zeros(len(grid.points))])
-    points = ("Points", (Values("Points", in_space),))
-    sections = (("PointData", grid.at_points), ("CellData", grid.at_cells), points, cells)
-    body = "".join(_section(name, arrays) for name, arrays in sections)
-    _put(
-        path,
-        f'<VTKFile type="{kind}" version="1.0" byte_order="LittleEndian" header_type="UInt64" '
-        f'compressor="vtkZLibDataCompressor">\n<{kind}>\n{_section("FieldData", grid.about)}<Piece {counts}>\n{body}'
-        f"</Piece>\n</{kind}>\n</VTKFile>\n",
-    )
 
 
 def _put(path: Path, text: str) -> None:

@@ -149,15 +149,15 @@ def progress(stream: TextIO | None = None, naming: Naming = str, length: str = "
     return TerminalProgress(stream, naming) if stream.isatty() else PlainProgress(stream, naming, length)
 
 
-class _Line:
-    """One line of a terminal that is written again and again."""
+class Line:
+    """One line of a terminal that is written again and again; nothing elsewhere."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
         self._stream = raw_terminal(stream if stream is not None else sys.stderr)
-        self._shown = self._stream.isatty()
-        self._open = False
+        self._shown, self._open = self._stream.isatty(), False
 
-    def _write(self, text: str) -> None:
+    def write(self, text: str) -> None:
+        """Write it anew."""
         if self._shown:
             self._stream.write(f"\r\x1b[K{text}")
             self._stream.flush()
@@ -166,28 +166,20 @@ class _Line:
     def close(self) -> None:
         """Remove the line."""
         if self._open:
-            self._write("")
+            self.write("")
             self._open = False
 
+    def path(self, pieces: int, t: float) -> None:
+        """Pieces of a path so far, and the present value of the parameter [SI]."""
+        self.write(f"{pieces} pieces, parameter at {number(t)}")
 
-class PathProgress(_Line):
-    """Pieces so far and the present value of the parameter [SI]."""
-
-    def __call__(self, pieces: int, t: float) -> None:
-        """Called with (pieces, t) while the path is followed."""
-        self._write(f"{pieces} pieces, parameter at {number(t)}")
-
-
-class HistoryProgress(_Line):
-    """Which step of which point was solved last."""
-
-    def __call__(self, point: int, points: int, step: int, steps: int) -> None:
-        """Called after every step, counted from 0."""
+    def history(self, point: int, points: int, step: int, steps: int) -> None:
+        """Which step of which point was solved last, counted from 0."""
         where = f"point {point + 1}/{points}, " if points > 1 else ""
-        self._write(f"{where}step {step}/{steps}")
+        self.write(f"{where}step {step}/{steps}")
 
 
-class CostProgress(_Line):
+class CostProgress(Line):
     """What is being measured, and how long it may still take; a line each where there is no terminal."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
@@ -202,4 +194,4 @@ class CostProgress(_Line):
         if not self._shown:
             self._stream.write(f"{text}\n")
             self._stream.flush()
-        self._write(f"{text} ({span(time.monotonic() - self._start)} so far)")
+        self.write(f"{text} ({span(time.monotonic() - self._start)} so far)")

@@ -9,8 +9,9 @@ import pytest
 
 import tcstudy
 from tcstudy.errors import DrawError
-from tcstudy.reports.export.export_fields import stresses, von_mises, write_fields
+from tcstudy.reports.export.export_fields import write_fields
 from tcstudy.reports.picture import BodyFields
+from tcstudy.reports.stresses import stresses, von_mises
 from tcstudy.scene.records import Material
 from tests.reports.figures.draw_cases import result
 

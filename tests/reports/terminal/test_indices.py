@@ -10,7 +10,7 @@ import pytest
 
 import tcstudy
 from tcstudy.errors import UsageError
-from tcstudy.reports.terminal.indices import indices_json, indices_text, sample, tables
+from tcstudy.reports.terminal.indices import indices, indices_json, indices_text, sample
 from tests.commands import CONFIGS, tcstudy_command
 from tests.verification.scenes import study_of
 
@@ -43,15 +43,15 @@ def finished(folder: Path, text: str) -> Path:
 
 def test_a_body_that_sticks_has_the_indices_of_a_linear_function(tmp_path: Path) -> None:
     file = finished(tmp_path, LINEAR)
-    one = sample(file, "friction_resultant")
-    x = np.column_stack([np.ones(one.f.size), one.x.reshape(-1, 2)])
-    slopes, *_ = np.linalg.lstsq(x, one.f.ravel(), rcond=None)
-    np.testing.assert_allclose(x @ slopes, one.f.ravel(), rtol=1e-10)
+    _, inputs, f, *_ = sample(file, "friction_resultant")
+    x = np.column_stack([np.ones(f.size), inputs.reshape(-1, 2)])
+    slopes, *_ = np.linalg.lstsq(x, f.ravel(), rcond=None)
+    np.testing.assert_allclose(x @ slopes, f.ravel(), rtol=1e-10)
     parts = slopes[1:] ** 2 * [1 / 12, 0.25]
     exact = parts / parts.sum()
-    said, (table,) = tables(one)
-    assert "one side: every solution is certified to be the only one" in said
-    for estimate in table.columns.values():
+    found = indices(file, "friction_resultant")
+    assert "one side: every solution is certified to be the only one" in found.said
+    for estimate in found.tables["Indices of friction_resultant"].values():
         assert np.all((estimate.low <= exact) & (exact <= estimate.high))
         np.testing.assert_allclose(estimate.value, exact, atol=0.05)
     for word, remedy in (("work", "choose of"), ("friction_resutlant", "did you mean 'friction_resultant'")):
