@@ -94,13 +94,13 @@ def _path(options: argparse.Namespace, study: Study, output: Path) -> bool:
     """Follow the equilibria on the branch from rest; whether what was asked for is not there."""
     from tcstudy.data.provenance import SHORTFALLS
     from tcstudy.data.reading import attributes
-    from tcstudy.reports.terminal.progress import Line
+    from tcstudy.reports.terminal.progress import StatusLine
     from tcstudy.study.path_run import execute_path
 
     names = [axis.name for axis in study.axes]
     study = _outside_the_sweep(options, study)
     if not shared.is_there(options, "path", study, output):
-        with closing(Line()) as line:
+        with closing(StatusLine()) as line:
             execute_path(study, output, None if options.quiet else line.path, options.words, names)
     return bool(attributes(output).get(SHORTFALLS))
 
@@ -116,10 +116,10 @@ def _outside_the_sweep(options: argparse.Namespace, study: Study) -> Study:
 
 def _history(options: argparse.Namespace, study: Study, output: Path) -> bool:
     """Follow the load history of every sweep point; whether one ended early."""
-    from tcstudy.reports.terminal.progress import Line
+    from tcstudy.reports.terminal.progress import StatusLine
     from tcstudy.study.history_run import execute_history
 
-    with closing(Line()) as line:
+    with closing(StatusLine()) as line:
         watcher = None if options.quiet else line.history
         result = execute_history(study, output, watcher, options.words, options.force, options.jobs, options.dask)
     if result.found == result.points * result.steps:

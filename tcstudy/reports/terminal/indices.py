@@ -23,7 +23,7 @@ ORDERS = ("first order", "total")
 
 
 @dataclass(frozen=True, eq=False)
-class Indices:
+class SobolIndices:
     """What the points of a design say of a number: sentences before the tables, and estimates by caption and heading.
 
     names: (d,) swept parameters, in the order of each estimate
@@ -58,7 +58,7 @@ def sample(file: Path, of: str) -> tuple[tuple[str, ...], Array, Array, str, flo
         return tuple(names), x.reshape(*shape, len(names)), f, str(nc[of].units), step, unique
 
 
-def indices(file: Path, of: str) -> Indices:
+def indices(file: Path, of: str) -> SobolIndices:
     """The indices of a number; raises UsageError where too few points have a solution."""
     names, x, f, units, step, unique = sample(file, of)
     whole = np.isfinite(f).all(axis=1)
@@ -72,7 +72,7 @@ def indices(file: Path, of: str) -> Indices:
     if gap is None:
         why = "every solution is certified to be the only one" if unique else "no gap among the values"
         said.append(f"one side: {why}")
-        return Indices(of, names, said, {f"Indices of {of}": dict(zip(ORDERS, sobol(f), strict=True))})
+        return SobolIndices(of, names, said, {f"Indices of {of}": dict(zip(ORDERS, sobol(f), strict=True))})
     above = f > (gap[0] + gap[1]) / 2.0
     units = f" {units}" if units != "1" else ""
     share = above[:, :2].mean()
@@ -86,7 +86,7 @@ def indices(file: Path, of: str) -> Indices:
         y, inputs = f[:, :2][side], x[:, :2][side]
         mean = f"mean {number(float(y.mean()))}{units}, standard deviation {number(float(y.std()))}{units}"
         tables[f"{word}: {mean}"] = {"correlation ratio": correlation_ratios(inputs, y)}
-    return Indices(of, names, said, tables)
+    return SobolIndices(of, names, said, tables)
 
 
 def indices_text(file: Path, of: str) -> str:

@@ -149,7 +149,7 @@ def progress(stream: TextIO | None = None, naming: Naming = str, length: str = "
     return TerminalProgress(stream, naming) if stream.isatty() else PlainProgress(stream, naming, length)
 
 
-class Line:
+class StatusLine:
     """One line of a terminal that is written again and again; nothing elsewhere."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
@@ -179,7 +179,7 @@ class Line:
         self.write(f"{where}step {step}/{steps}")
 
 
-class CostProgress(Line):
+class CostProgress(StatusLine):
     """What is being measured, and how long it may still take; a line each where there is no terminal."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
