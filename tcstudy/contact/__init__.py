@@ -1,11 +1,12 @@
 """Contact problems on plain arrays, one or many on one body at once: solvers, certificates, paths of solutions.
 
-problem, extended   the problem and the test that judges its solutions, in one and in two doubles
+problem             the problem, one or rows of them on one body, and the test of its solutions
+extended, active_set  that test in two doubles; from an approximate solution to an exact one
 contact             the door: a solver by name, all starts, the judgement
-separable/          the default method; bundle/ the general one; loop.py runs both
-search, hulls, moves  less energy than descent finds
-bounds, certificates  what is proved of a solution
-block, every        many problems of one body at once; body, newton, descent, certify serve them
+block               many problems of one body at once: descent, convex_step and newton; bundle/ the general method
+hulls, moves        starts from which descent finds less energy
+bounds, certificates, certify  what is proved of a solution
+all_solutions, every  all solutions of small problems
 path/               equilibria on one branch along a parameter
 history/            steps of a load history with memory
 

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.contact.boxes import EPS, Limits, PolygonProblems, inverse_of, reach_of
+from tcstudy.contact.factors import factor_free
 from tcstudy.contact.path.chords import piecewise_linear
 from tcstudy.contact.problem import ContactProblem, pivot_shift
-from tcstudy.contact.separable.pieces import factor_free
 from tcstudy.laws.laws import Laws
 
 Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.body import BlockAnswers, Certificates, CondensedBody, Judged, Rows, judge
+from tcstudy.contact.active_set import Judged, finish, judge, refined
 from tcstudy.contact.bounds import least_slopes
 from tcstudy.contact.certify import (
     definite,
@@ -27,8 +27,7 @@ from tcstudy.contact.certify import (
 )
 from tcstudy.contact.descent import TOLERANCE, Descended, descend, descend_nested, hull_starts, move_starts
 from tcstudy.contact.loop import Status
-from tcstudy.contact.problem import MARGIN, kept
-from tcstudy.contact.separable.finish import finish, refined
+from tcstudy.contact.problem import MARGIN, CondensedBody, ContactProblem, kept
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.study import ESCAPE, EXACT, FRICTIONLESS, NEIGHBOUR, START_NAMES, ZERO, Acceptance, Branch
 
@@ -46,6 +45,44 @@ NOT_POSITIVE_DEFINITE = (
     "the condensed stiffness is not positive definite; the body can move freely (clamp it) or its elastic "
     "constants are wrong"
 )
+
+
+@dataclass(frozen=True, eq=False)
+class Certificates:
+    """What is proved about P points, (P,) each; the meaning is that of tcstudy.contact.certificates.Certificate.
+
+    margin: NaN with one law a row, where it is λ₁ − ω [Pa/m]
+    """
+
+    omega: Array
+    convex: Flags
+    unique: Flags
+    strict_minimum: Flags
+    global_minimum: Flags
+    margin: Array
+
+
+@dataclass(frozen=True, eq=False)
+class BlockAnswers:
+    """Judged solutions of P points: fields (P,), (P, m) or (P, 5) with the meaning of tcstudy.contact.contact.Answer.
+
+    steps: Newton steps on the body itself of the descent that led to v, or of the single solve
+    certificates: what is proved
+    """
+
+    v: Array
+    v_low: Array
+    xi: Array
+    inclusion_residual: Array
+    rounding: Array
+    limited: Flags
+    energy: Array
+    status: NDArray[np.int8]
+    reasons: tuple[str, ...]
+    start: NDArray[np.int8]
+    start_energies: Array
+    steps: NDArray[np.intp]
+    certificates: Certificates
 
 
 @dataclass(frozen=True)
@@ -83,7 +120,7 @@ def solve_block(
     exact:      (m,) the exact solution at the contact nodes, where it is known, for branch "lowest" [m]
     prove:      False if only the solutions are wanted, with no more proofs than the search for them needs
     """
-    block = _Block(Rows(body, laws, np.asarray(loads, dtype=float)), options or Options(), neighbours)
+    block = _Block(ContactProblem.on(body, np.asarray(loads, dtype=float), laws), options or Options(), neighbours)
     lowest = block.options.branch == "lowest"
     if prove or lowest:
         block.prove_unique()
@@ -103,19 +140,19 @@ def solve_block(
 class _Block:
     """The points of a block on their way to answers."""
 
-    def __init__(self, rows: Rows, options: Options, neighbours: Array | None) -> None:
-        count, m = rows.loads.shape
+    def __init__(self, rows: ContactProblem, options: Options, neighbours: Array | None) -> None:
+        count, m = rows.l_tilde.shape
         self.rows, self.options = rows, options
         self.neighbours = np.full((count, m), np.nan) if neighbours is None else neighbours
         self.v, self.energy = np.zeros((count, m)), np.full(count, np.inf)
         self.solved = np.zeros(count, dtype=bool)
         self.start, self.energies = np.zeros(count, dtype=np.int8), np.full((count, len(START_NAMES)), np.nan)
         self.steps = np.zeros(count, dtype=np.intp)
-        self.omega = rows.laws.omega_by_row
-        self.smooth = Rows(rows.body, rows.laws.without_narrow_pieces, rows.loads)
+        self.omega = rows.law.omega_by_row
+        self.smooth = ContactProblem.on(rows.body, rows.l_tilde, rows.law.without_narrow_pieces)
         self.convex = self.omega < (1.0 - MARGIN) * kept(rows.body.A_error) * rows.body.lambda_1
         self.margin = np.full(count, np.nan)
-        if rows.laws.index.shape[1] > 1 and not rows.body.loose:
+        if rows.law.index.shape[1] > 1 and not rows.body.loose:
             self.margin = margins(rows)
             self.convex |= self.margin > rows.body.shift
         self.unique = self.convex.copy()
@@ -129,7 +166,7 @@ class _Block:
             return
         rows = self.rows.take(open_)
         self.low[open_], self.high[open_] = low, high = solution_boxes(rows)
-        self.unique[open_] = definite(rows.body, least_slopes(rows.laws, rows.laws.index, low, high))
+        self.unique[open_] = definite(rows.body, least_slopes(rows.law, rows.law.index, low, high))
 
     def descend(self) -> None:
         """The first descent: from the neighbour where the branch is continued, else from zero.
@@ -199,7 +236,7 @@ class _Block:
             return
         points = self.improve(points, descend(self.smooth.take(points), self.v[points], self.aim, minima=True), ZERO)
         rows = self.smooth.take(points)
-        frictionless = rows.loads @ rows.body.inverse
+        frictionless = rows.l_tilde @ rows.body.inverse
         points = self.improve(points, descend_nested(rows, frictionless, self.aim, minima=True), FRICTIONLESS)
         rows = self.smooth.take(points)
         starts, done = hull_starts(rows, self.v[points])
@@ -236,7 +273,7 @@ class _Block:
             points = np.flatnonzero(~self.solved)
             if len(points):
                 rows = self.smooth.take(points)
-                begin = rows.loads @ body.inverse if start == FRICTIONLESS else np.zeros((len(points), body.m))
+                begin = rows.l_tilde @ body.inverse if start == FRICTIONLESS else np.zeros((len(points), body.m))
                 self.certify(points[self.offer(points, descend(rows, begin, self.aim, minima=True), start)])
 
     def begin_at(self, exact: Array) -> None:

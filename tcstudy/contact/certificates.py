@@ -23,10 +23,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.contact.active_set import extended
 from tcstudy.contact.bounds import FEW, PARTS, bend_below_tangent, least_slope, solution_box
+from tcstudy.contact.factors import factor_free
+from tcstudy.contact.newton import slopes
 from tcstudy.contact.problem import MARGIN, ContactProblem, kept, least_lowered, pivot_shift
-from tcstudy.contact.separable.finish import extended
-from tcstudy.contact.separable.pieces import factor_free, slopes
 from tcstudy.laws.pieces import UP
 from tcstudy.scene.study import Acceptance
 
@@ -140,7 +141,7 @@ def _strict_minimum(problem: ContactProblem, v: Array, lambda_1: float) -> bool:
     noise = 1e3 * np.finfo(float).eps * (np.diagonal(problem.A_tilde) * np.abs(v) + np.abs(xi))
     on_up = law.kind_at(v) == UP
     held = on_up & (s.left < -noise) & (s.right > noise)
-    if np.any(s.at_jump & ~on_up):
+    if np.any(s.jump & ~on_up):
         return False
     free = np.flatnonzero(~held)
     own, at = law.of_nodes(free), v[free]

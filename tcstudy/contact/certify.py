@@ -18,11 +18,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.body import CondensedBody, Rows
 from tcstudy.contact.bounds import FEW, PARTS, bends, boxes_of, largest_push, value_range
+from tcstudy.contact.factors import factor_free, negative_curvature
 from tcstudy.contact.newton import slopes
-from tcstudy.contact.problem import kept, least_lowered
-from tcstudy.contact.separable.pieces import factor_free, negative_curvature
+from tcstudy.contact.problem import CondensedBody, ContactProblem, kept, least_lowered
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
 
@@ -83,32 +82,32 @@ _LEAST = 1e-9
 """Least part of its largest entry that an entry of such a direction has, since all must be positive."""
 
 
-def solution_boxes(rows: Rows) -> tuple[Array, Array]:
+def solution_boxes(rows: ContactProblem) -> tuple[Array, Array]:
     """(low, high), (R, m) each: every solution lies between them [m]."""
-    body, laws = rows.body, rows.laws
+    body, laws = rows.body, rows.law
     known = (body.c, kept(body.A_error) * body.lambda_1, body.inverse, body.rounding)
     push = np.max(largest_push(laws)[laws.index], axis=1)
-    return boxes_of(rows.loads[None], push, known, lambda at, *box: value_range(laws, laws.index[at], *box))
+    return boxes_of(rows.l_tilde[None], push, known, lambda at, *box: value_range(laws, laws.index[at], *box))
 
 
-def margins(rows: Rows) -> Array:
+def margins(rows: ContactProblem) -> Array:
     """(R,) λ_min(C^{−½}ÃC^{−½} − diag ω_i) of rows with laws by node, once for rows of the same falls [Pa/m]."""
     body = rows.body
-    different, row = np.unique(rows.laws.falls[rows.laws.index], axis=0, return_inverse=True)
+    different, row = np.unique(rows.law.falls[rows.law.index], axis=0, return_inverse=True)
     A_tilde = kept(body.A_error) * body.A_tilde
     return np.array([least_lowered(A_tilde, body.c, omega) for omega in different])[row.reshape(-1)]
 
 
-def global_minimum(rows: Rows, v: Array, low: Array, high: Array) -> Flags:
+def global_minimum(rows: ContactProblem, v: Array, low: Array, high: Array) -> Flags:
     """(R,) whether v is proved to be a global minimum; low, high: the boxes of all solutions.
 
     A few parts of exponential pieces prove most rows, and lower bounds of D refute most others; nodes of what is left
     whose bounds lie apart are bounded again with more parts.
     """
-    zeta = np.clip(rows.xi(v) / rows.body.c, *rows.laws.interval(v))
+    zeta = np.clip(rows.xi(v) / rows.body.c, *rows.law.interval(v))
     low, high = np.minimum(low, v), np.maximum(high, v)
-    few = PARTS if rows.laws.piecewise_linear else FEW
-    upper, lower = bends_below_tangent(rows.laws, v, zeta, low, high, few)
+    few = PARTS if rows.law.piecewise_linear else FEW
+    upper, lower = bends_below_tangent(rows.law, v, zeta, low, high, few)
     proved = np.all(np.isfinite(upper), axis=1)
     open_ = np.flatnonzero(proved)
     proved[open_] = definite(rows.body, -upper[open_])
@@ -119,20 +118,20 @@ def global_minimum(rows: Rows, v: Array, low: Array, high: Array) -> Flags:
         row, node = np.nonzero(lower[open_] < upper[open_])
         row = open_[row]
         own_v, own_zeta, own_low, own_high = (x[row, node][:, None] for x in (v, zeta, low, high))
-        again, _ = bends_below_tangent(rows.laws.nodes(row, node), own_v, own_zeta, own_low, own_high)
+        again, _ = bends_below_tangent(rows.law.nodes(row, node), own_v, own_zeta, own_low, own_high)
         upper[row, node] = again[:, 0]
         proved[open_] = definite(rows.body, -upper[open_])
     return proved
 
 
-def strict_minimum(rows: Rows, v: Array) -> Flags:
+def strict_minimum(rows: ContactProblem, v: Array) -> Flags:
     """(R,) the second-order test with nodes that rest without slack counted as free (sufficient, not necessary)."""
     body, xi = rows.body, rows.xi(v)
     s = slopes(rows, v, xi)
     noise = 1e3 * np.finfo(float).eps * (np.diagonal(body.A_tilde) * np.abs(v) + np.abs(xi))
-    on_up = rows.laws.kind(s.at) == UP
+    on_up = rows.law.kind(s.at) == UP
     held = on_up & (s.left < -noise) & (s.right > noise)
-    least = np.minimum(rows.laws.slope(v, s.at.piece), rows.laws.slope(v, s.at.piece + s.at.on))
+    least = np.minimum(rows.law.slope(v, s.at.piece), rows.law.slope(v, s.at.piece + s.at.on))
     added = body.c * (least - body.shift) / kept(body.A_error)
     proved = ~np.any(s.jump & ~on_up, axis=1)
     for i in np.flatnonzero(proved):

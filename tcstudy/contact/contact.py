@@ -10,12 +10,11 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from tcstudy.contact.active_set import Refined, finish, refined
 from tcstudy.contact.block import NOT_POSITIVE_DEFINITE, TIE, Options, failure, solve_block
-from tcstudy.contact.body import as_row
 from tcstudy.contact.descent import descend
 from tcstudy.contact.loop import Outcome, Status
 from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.separable.finish import Refined, finish, refined
 from tcstudy.scene.study import (
     EXACT,
     FRICTIONLESS,
@@ -125,11 +124,11 @@ def _as_row(problem: ContactProblem, options: Options, neighbour: Array | None, 
         return Answer(np.zeros(0), 0.0, 0.0, Status.CONVERGED, "", 0, 0)
     if not all(np.all(np.isfinite(x)) for x in (problem.A_tilde, problem.l_tilde, problem.c)):
         return Answer(np.full(problem.m, np.nan), np.inf, np.nan, Status.NOT_FINITE, NOT_FINITE, 0, 0)
-    rows = as_row(problem)
+    rows = problem.rows
     if rows.body.loose and np.linalg.eigvalsh(problem.A_tilde)[0] < -SEMIDEFINITE * np.max(np.abs(problem.A_tilde)):
         return Answer(np.zeros(problem.m), np.inf, 0.0, Status.NOT_POSITIVE_DEFINITE, NOT_POSITIVE_DEFINITE, 0, 0)
     near = None if neighbour is None else np.asarray(neighbour, dtype=float)[None]
-    found = solve_block(rows.body, rows.loads, rows.laws, options, near, exact, prove=False)
+    found = solve_block(rows.body, rows.l_tilde, rows.law, options, near, exact, prove=False)
     return Answer(
         found.v[0], float(found.inclusion_residual[0]), float(found.energy[0]), Status(int(found.status[0])),
         found.reasons[0], int(found.steps[0]), int(found.steps[0]), int(found.start[0]),
@@ -142,7 +141,7 @@ def nearest_minimum(
     problem: ContactProblem, v: Array, tolerance: float, over_barriers: bool = True
 ) -> tuple[Array, int]:
     """(minimum to which descent leads from v (m,), steps); over no barriers: laws of straight pieces."""
-    ended = descend(as_row(problem), v[None].copy(), tolerance, minima=True, downhill=not over_barriers)
+    ended = descend(problem.rows, v[None].copy(), tolerance, minima=True, downhill=not over_barriers)
     return ended.v[0], int(ended.steps[0])
 
 

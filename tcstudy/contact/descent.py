@@ -30,13 +30,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.body import Rows
+from tcstudy.contact.convex_step import convex_step
+from tcstudy.contact.factors import factor_free
 from tcstudy.contact.hulls import PASSES, proximal_hulls
 from tcstudy.contact.moves import best_places, follow, relaxed_stiffness
-from tcstudy.contact.newton import ROUNDINGS, BlockSlopes, directions, leave_saddles, slopes
+from tcstudy.contact.newton import ROUNDINGS, Slopes, directions, leave_saddles, slopes
 from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.separable.convex_step import convex_step
-from tcstudy.contact.separable.pieces import energy_change, factor_free
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import Place
 
@@ -80,7 +79,7 @@ class Descended:
 
 
 def descend(
-    rows: Rows, start: Array, tolerance: float = TOLERANCE, minima: bool = False, downhill: bool = False
+    rows: ContactProblem, start: Array, tolerance: float = TOLERANCE, minima: bool = False, downhill: bool = False
 ) -> Descended:
     """Descend from `start` (R, m) until the residual is at most `tolerance`.
 
@@ -104,7 +103,7 @@ def descend(
     return ended
 
 
-def _descend(rows: Rows, start: Array, tolerance: float, careful: bool, downhill: bool) -> Descended:
+def _descend(rows: ContactProblem, start: Array, tolerance: float, careful: bool, downhill: bool) -> Descended:
     """Newton's method to a first-order stationary point; careful: as newton.directions has it."""
     count = len(start)
     best, residual, taken = start.copy(), np.full(count, np.inf), np.zeros(count, dtype=np.intp)
@@ -136,7 +135,7 @@ def _descend(rows: Rows, start: Array, tolerance: float, careful: bool, downhill
 
 
 def descend_nested(
-    rows: Rows,
+    rows: ContactProblem,
     start: Array,
     tolerance: float = TOLERANCE,
     minima: bool = False,
@@ -155,11 +154,11 @@ def descend_nested(
     return descend(rows, start, tolerance, minima)
 
 
-def _step(rows: Rows, v: Array, xi: Array, s: BlockSlopes, careful: bool) -> tuple[Array, Flags, Flags]:
+def _step(rows: ContactProblem, v: Array, xi: Array, s: Slopes, careful: bool) -> tuple[Array, Flags, Flags]:
     """(next v, whether the change of energy was within rounding, whether it was a whole step) of every row."""
     d = _newton(rows, v, s, careful)
     first_order = np.where(d > 0.0, s.right, s.left)
-    stop = rows.laws.next_up_jump(s.at, d)
+    stop = rows.law.next_up_jump(s.at, d)
     new, level, whole = v.copy(), np.zeros(len(v), dtype=bool), np.zeros(len(v), dtype=bool)
     todo = np.arange(len(v))
     for halving in range(_HALVINGS + 1):
@@ -168,7 +167,7 @@ def _step(rows: Rows, v: Array, xi: Array, s: BlockSlopes, careful: bool) -> tup
         reached = np.where(direction > 0.0, target >= end, target <= end) & (direction != 0.0)
         target = np.where(reached, end, target)
         at = Place(s.at.piece[todo], s.at.on[todo])
-        change, work = (rows if halving == 0 else rows.take(todo)).energy_change(x, xi[todo], target, at)
+        change, work = (rows if halving == 0 else rows.take(todo)).energy_change(x, target, xi[todo], at)
         needed = _ARMIJO * np.abs(np.einsum("ri,ri->r", first_order[todo], target - x))
         accepted = (change < 0.0) & (change <= -needed)
         within = ~accepted & (np.abs(change) <= _ROUNDING * work) & (halving == 0)
@@ -186,17 +185,17 @@ def _step(rows: Rows, v: Array, xi: Array, s: BlockSlopes, careful: bool) -> tup
     return new, level, whole
 
 
-def _at_rounding(rows: Rows, v: Array, xi: Array, residual: Array) -> Flags:
+def _at_rounding(rows: ContactProblem, v: Array, xi: Array, residual: Array) -> Flags:
     """(R,) whether residuals are no more than rounding of the largest terms of ξ."""
-    terms = np.diagonal(rows.body.A_tilde) * np.abs(v) + np.abs(rows.loads) + np.abs(xi)
+    terms = np.diagonal(rows.body.A_tilde) * np.abs(v) + np.abs(rows.l_tilde) + np.abs(xi)
     rounding = np.finfo(float).eps * np.max(terms / rows.body.c, axis=1, initial=0.0) / rows.scale(xi)
     return np.asarray(residual <= ROUNDINGS * rounding)
 
 
-def _newton(rows: Rows, v: Array, s: BlockSlopes, careful: bool) -> Array:
+def _newton(rows: ContactProblem, v: Array, s: Slopes, careful: bool) -> Array:
     """(R, m) Newton directions; nodes on a jump that would go uphill stay."""
     free = s.free
-    stiffness = np.where(free, rows.body.c * rows.laws.slope(v, s.piece), 0.0)
+    stiffness = np.where(free, rows.body.c * rows.law.slope(v, s.piece), 0.0)
     d = directions(rows.body, free, stiffness, s.descent, careful)
     d[s.jump & (np.where(d > 0.0, s.right, -s.left) > 0.0)] = 0.0
     return d
@@ -212,22 +211,22 @@ def _on_model(problem: ContactProblem, v: Array, xi: Array) -> Array | None:
         return None
     for halving in range(_HALVINGS + 1):
         target = minimum if halving == 0 else v + 0.5**halving * (minimum - v)
-        if energy_change(problem, v, xi, target - v, problem.A_tilde @ (target - v)) < 0.0:
+        if problem.energy_change(v, target, xi)[0] < 0.0:
             return target
     return None
 
 
-def _to_the_end(row: Rows, v: Array, s: BlockSlopes, target: Array) -> Array:
+def _to_the_end(row: ContactProblem, v: Array, s: Slopes, target: Array) -> Array:
     """The end of the pieces on the way to `target` where the energy bends down along it, or `target` (m,).
 
     Beside a fold the energy is flat, and Newton's steps on a convex model creep.
     """
     step = target - v
     piece = s.at.toward(step > 0.0)[0]
-    curvature = step @ (row.body.A_tilde @ step + row.body.c * row.laws.slope(v, piece) * step)
+    curvature = step @ (row.body.A_tilde @ step + row.body.c * row.law.slope(v, piece) * step)
     if not np.any(step) or curvature > 0.0:
         return target
-    end = np.where(step > 0.0, row.laws.upper.take(piece), row.laws.lower.take(piece))
+    end = np.where(step > 0.0, row.law.upper.take(piece), row.law.lower.take(piece))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         reach = np.where(step != 0.0, (end - v) / step, np.inf)
     node = int(np.argmin(reach))
@@ -328,7 +327,7 @@ def node_rest(law: Laws, s_0: float, traction: float, stiffness: float) -> float
 # -- starts of the search for less energy ----------------------------------------------------------
 
 
-def hull_starts(rows: Rows, v: Array) -> tuple[Array, Flags]:
+def hull_starts(rows: ContactProblem, v: Array) -> tuple[Array, Flags]:
     """(starts (R, m), whether the first, convex problem is the original one at its solution, which then is the lowest).
 
     v: (R, m) where the first problem begins
@@ -336,11 +335,11 @@ def hull_starts(rows: Rows, v: Array) -> tuple[Array, Flags]:
     lowest = np.zeros(len(v), dtype=bool)
     found, at, kappa, first = v.copy(), np.arange(len(v)), _BELOW * rows.body.lambda_1, True
     stiffest = float(np.max(np.diagonal(rows.body.A_tilde) / rows.body.c))
-    ceiling = np.minimum(rows.laws.omega_by_row, stiffest)
+    ceiling = np.minimum(rows.law.omega_by_row, stiffest)
     while len(at):
-        laws = rows.laws.in_use()
+        laws = rows.law.in_use()
         hulls, bridges = proximal_hulls(laws, kappa, passes=1 if len(laws.q) > FEW_LAWS else PASSES)
-        smooth = Rows(rows.body, hulls.at(laws.index), rows.loads)
+        smooth = ContactProblem.on(rows.body, rows.l_tilde, hulls.at(laws.index))
         nested = first and rows.body.shared
         ended = (
             descend_nested(smooth, v, LOOSE, coarse=LOOSE) if nested else descend(smooth, v, LOOSE, minima=not first)
@@ -355,14 +354,14 @@ def hull_starts(rows: Rows, v: Array) -> tuple[Array, Flags]:
     return found, lowest
 
 
-def move_starts(rows: Rows, v: Array) -> tuple[Array, Index, Index]:
+def move_starts(rows: ContactProblem, v: Array) -> tuple[Array, Index, Index]:
     """(starts (n, m), the rows they belong to (n,), which promise of its row each is (n,)), the best promise first.
 
     None for rows whose free nodes have no positive definite matrix, or where no move promises less energy.
     """
     body, xi = rows.body, rows.xi(v)
     s = slopes(rows, v, xi)
-    free, added = s.free, body.c * rows.laws.slope(v, s.piece)
+    free, added = s.free, body.c * rows.law.slope(v, s.piece)
     stiffness, factors = np.full(v.shape, np.nan), {}
     for i in range(len(v)):
         nodes = np.flatnonzero(free[i])
@@ -372,7 +371,7 @@ def move_starts(rows: Rows, v: Array) -> tuple[Array, Index, Index]:
             factors[i] = nodes, factor
     known = np.array(sorted(factors), dtype=np.intp)
     c = body.c
-    laws = rows.laws.of_nodes(known)
+    laws = rows.law.of_nodes(known)
     gain, place = best_places(laws, laws.index, v[known], xi[known] / c, stiffness[known] / c)
     gain = gain * c
     starts, owners, promises = [], [], []

@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.contact.active_set import judge
 from tcstudy.contact.all_solutions import LAW_ERROR, Equilibria, of_rows
-from tcstudy.contact.block import Options, solve_block
-from tcstudy.contact.body import BlockAnswers, CondensedBody, Rows, judge
+from tcstudy.contact.block import BlockAnswers, Options, solve_block
 from tcstudy.contact.boxes import Limits, reach_of
 from tcstudy.contact.contact import TIE
 from tcstudy.contact.loop import Status
 from tcstudy.contact.path.chords import piecewise_linear
-from tcstudy.contact.problem import kept
+from tcstudy.contact.problem import CondensedBody, ContactProblem, kept
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.study import ESCAPE
 
@@ -50,10 +50,12 @@ def solve_every(
         straight = laws.mapped(lambda law: piecewise_linear(law, LAW_ERROR, far))
     found = of_rows(body.A_tilde, body.c, straight, loads, body.lambda_1, limits)
     proved = np.array([one.complete for one in found], dtype=bool) & ~polygon & (kept(body.A_error) == 1.0)
-    return Every(_least(Rows(body, laws, loads), answers, found, proved, options), tuple(found), polygon)
+    return Every(_least(ContactProblem.on(body, loads, laws), answers, found, proved, options), tuple(found), polygon)
 
 
-def _least(rows: Rows, answers: BlockAnswers, found: list[Equilibria], proved: Flags, options: Options) -> BlockAnswers:
+def _least(
+    rows: ContactProblem, answers: BlockAnswers, found: list[Equilibria], proved: Flags, options: Options
+) -> BlockAnswers:
     """The answers with the least solution where that is known, and what is proved of them by that."""
     least = np.array([one.energy[0] if len(one) else np.inf for one in found])
     failed = answers.status != Status.CONVERGED

@@ -6,8 +6,8 @@ on F, or, with the compliance G = Ã⁻¹, on the nodes K that rest or have b′
     y = −G g,   (G_KK + D) z = y_K,   d = y − G z,   D = 1/(c b′) on sliding nodes of K, 0 on resting ones.
 
 A_FF + C b′ is positive definite exactly if G_KK + D has as many negative eigenvalues as b′ (Sylvester's law of inertia
-on both Schur complements of one block matrix). Where it is not, the falls of b are lifted to zero, as in
-tcstudy/contact/separable/pieces.py.
+on both Schur complements of one block matrix). Where it is not, the falls of b are lifted to zero, since
+Ã alone is positive definite.
 
 Where A_FF + C b′ of a stationary point is not positive definite, that is no minimum but for luck, and a direction d
 with dᵀ(A_FF + C b′)d ≤ 0 leads down from it; a row at a time, since few rows end so.
@@ -21,8 +21,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.contact.body import CondensedBody, Rows
-from tcstudy.contact.separable.pieces import negative_curvature, with_diagonal
+from tcstudy.contact.factors import negative_curvature, with_diagonal
+from tcstudy.contact.problem import CondensedBody, ContactProblem
 from tcstudy.laws.pieces import BEND, Place
 
 Array = NDArray[np.float64]
@@ -44,14 +44,14 @@ _INDEFINITE_COST = 1.5
 
 
 @dataclass(frozen=True, eq=False)
-class BlockSlopes:
-    """First-order information of R rows at v, (R, m) each; as tcstudy/contact/separable/pieces.Slopes.
+class Slopes:
+    """One-sided first-order information at v, (m,) or (R, m) each.
 
     at:          where v sits
     left, right: derivatives of L̃ in v_i from both sides [N/m]
     descent:     the steeper descending one of both (the derivative itself where L̃ is smooth), 0 at rest
     jump:        v_i sits bitwise on a jump of b
-    residual:    (R,) max |descent|/c over the scale of b
+    residual:    max |descent|/c over the scale of b, (R,) of rows
     """
 
     at: Place
@@ -62,35 +62,45 @@ class BlockSlopes:
     residual: Array
 
     @property
+    def at_rest(self) -> Flags:
+        """Nodes on an up-jump that hold: left ≤ 0 ≤ right."""
+        return self.jump & (self.descent == 0.0)
+
+    @property
     def free(self) -> Flags:
-        """Nodes that do not rest on an up-jump."""
-        return ~(self.jump & (self.descent == 0.0))
+        """All others."""
+        return ~self.at_rest
 
     @property
     def piece(self) -> Index:
         """Address of the piece on the descending side."""
         return self.at.toward(self.descent <= 0.0)
 
-    def take(self, rows: Index) -> BlockSlopes:
+    def take(self, rows: Index) -> Slopes:
         """The named rows."""
         at = Place(self.at.piece[rows], self.at.on[rows])
         left, right, descent = self.left[rows], self.right[rows], self.descent[rows]
-        return BlockSlopes(at, left, right, descent, self.jump[rows], self.residual[rows])
+        return Slopes(at, left, right, descent, self.jump[rows], self.residual[rows])
 
 
-def slopes(rows: Rows, v: Array, xi: Array) -> BlockSlopes:
-    """Slopes c b(v∓0) − ξ of rows."""
-    body, laws = rows.body, rows.laws
-    at = laws.locate(v)
-    left = body.c * laws.value(v, at.piece) - xi
+def slopes(problem: ContactProblem, v: Array, xi: Array) -> Slopes:
+    """Slopes c b(v∓0) − ξ of L̃."""
+    law, c = problem.law, problem.c
+    at = law.locate(v)
+    left = c * law.value(v, at.piece) - xi
     right, jump = left, np.zeros(v.shape, dtype=bool)
     if np.any(at.on):
-        right = np.where(at.on, body.c * laws.value(v, at.piece + at.on) - xi, left)
-        jump = laws.kind(at) != BEND
+        right = np.where(at.on, c * law.value(v, at.piece + at.on) - xi, left)
+        jump = law.kind(at) != BEND
+    descent = steeper(left, right, jump)
+    residual = np.max(np.abs(descent) / c, axis=-1, initial=0.0) / problem.scale(xi)
+    return Slopes(at, left, right, descent, jump, residual)
+
+
+def steeper(left: Array, right: Array, jump: Flags) -> Array:
+    """The steeper descending one of two slopes at a jump of b, 0 at rest; the derivative elsewhere."""
     climb_right, climb_left = np.maximum(-right, 0.0), np.maximum(left, 0.0)
-    descent = np.where(jump, np.where(climb_right >= climb_left, -climb_right, climb_left), right)
-    residual = np.max(np.abs(descent) / body.c, axis=1, initial=0.0) / rows.scale(xi)
-    return BlockSlopes(at, left, right, descent, jump, residual)
+    return np.where(jump, np.where(climb_right >= climb_left, -climb_right, climb_left), right)
 
 
 def directions(body: CondensedBody, free: Flags, stiffness: Array, g: Array, careful: bool = False) -> Array:
@@ -193,10 +203,10 @@ def _on_held(body: CondensedBody, held: Index, k: Array, y: Array, trusted: bool
     return z
 
 
-def leave_saddles(rows: Rows, v: Array, xi: Array, s: BlockSlopes) -> tuple[Array, Flags]:
+def leave_saddles(rows: ContactProblem, v: Array, xi: Array, s: Slopes) -> tuple[Array, Flags]:
     """(points of less energy where there are such, whether), for stationary points v (R, m)."""
     body, free = rows.body, s.free
-    added = np.where(free, body.c * rows.laws.slope(v, s.piece), 0.0)
+    added = np.where(free, body.c * rows.law.slope(v, s.piece), 0.0)
     new, left = v.copy(), np.zeros(len(v), dtype=bool)
     for i in np.flatnonzero(np.any(added < 0.0, axis=1)):
         nodes = np.flatnonzero(free[i])
@@ -208,7 +218,7 @@ def leave_saddles(rows: Rows, v: Array, xi: Array, s: BlockSlopes) -> tuple[Arra
     return new, left
 
 
-def _lower_along(row: Rows, v: Array, xi: Array, s: BlockSlopes, direction: Array) -> tuple[Array, bool]:
+def _lower_along(row: ContactProblem, v: Array, xi: Array, s: Slopes, direction: Array) -> tuple[Array, bool]:
     """(the point towards the first kink along ±direction, True) if it is lower, else (v, False).
 
     Until a node reaches its next kink the energy of a piecewise-linear law is an exact parabola that opens downwards:
@@ -216,13 +226,13 @@ def _lower_along(row: Rows, v: Array, xi: Array, s: BlockSlopes, direction: Arra
     """
     first_order = np.where(direction > 0.0, s.right[0], s.left[0])
     direction = -direction if float(first_order @ direction) > 0.0 else direction
-    end = np.where(direction > 0.0, row.laws.upper.take(s.piece[0]), row.laws.lower.take(s.piece[0]))
+    end = np.where(direction > 0.0, row.law.upper.take(s.piece[0]), row.law.lower.take(s.piece[0]))
     with np.errstate(divide="ignore", invalid="ignore"):
         reach = np.where(direction != 0.0, (end - v) / direction, np.inf)
     length = float(np.min(reach[reach > 0.0], initial=np.inf))
     for part in (1.0, 0.25, 0.05) if np.isfinite(length) else ():
         target = v + part * length * direction
-        change, work = row.energy_change(v[None], xi[None], target[None], s.at)
+        change, work = row.energy_change(v[None], target[None], xi[None], s.at)
         if change[0] < -ROUNDINGS * np.finfo(float).eps * work[0]:
             return target, True
     return v, False

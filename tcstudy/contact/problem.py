@@ -1,35 +1,127 @@
-"""The condensed contact problem on plain arrays, and the test that judges every solution of it.
+"""The condensed contact problem on plain arrays, one or rows of them on one body, and the test of its solutions.
 
 Problem:    0 ∈ ∂L̃(v),  L̃(v) = ½vᵀÃv − l̃ᵀv + Ψ(v),  Ψ(v) = Σ c_i j(v_i)
 Acceptance: ξ = l̃ − Ãv with ξ_i ∈ c_i b̂(v_i), i = 1..m, eq. (21)
 Literature: Šestak & Jovanović, Appl. Math. Mech. 31 (2010), §3
+
+The body knows no load and no law: its record is made once (offline), pickles, and serves any number of problems. A body
+whose E varies is one body, too: divide the problem by E.
+
+Large bodies have coarser copies of themselves, which give starts (nested iteration): the Galerkin restriction to every
+second contact node with linear interpolation P, Ã_c = PᵀÃP, l̃_c = Pᵀl̃, c_c = Pᵀc and those nodes' laws, is a contact
+problem again and costs an eighth. The nodes are taken in the order of their numbers, along Γ_C; another order costs
+quality of the start, never correctness.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.linalg
+import scipy.sparse
 from numpy.typing import NDArray
 
 from tcstudy.contact.extended import extended_residual
 from tcstudy.laws.laws import Laws
-from tcstudy.laws.pieces import BEND
+from tcstudy.laws.pieces import BEND, Place
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+COARSEST = 40
+"""Contact nodes up to which a body has no coarser copy."""
+MARGIN = 1e-6
+"""μ/λ₁: by how much a matrix must be positive definite in a proof."""
+
+
+@dataclass(frozen=True, eq=False)
+class CondensedBody:
+    """What all contact problems on one body share.
+
+    A_tilde:  (m, m) symmetric positive definite, condensed stiffness [Pa]
+    c:        (m,) segment lengths meas(S_i) > 0 [m]
+    A_error:  as in ContactProblem
+    shared:   many problems on it are to be solved, so that Ã⁻¹ pays
+    """
+
+    A_tilde: Array
+    c: Array
+    A_error: float = 0.0
+    shared: bool = True
+
+    @classmethod
+    def of(cls, A_tilde: Array, c: Array, A_error: float = 0.0) -> CondensedBody:
+        """The record of Ã (m, m) and c (m,) with all that is made of them; two factorisations and an eigenvalue.
+
+        Raises ValueError if Ã is not positive definite: then the body can move freely.
+        """
+        body = cls(np.array(A_tilde, dtype=float, order="C"), np.array(c, dtype=float), A_error)
+        if body.loose:
+            raise ValueError("the condensed stiffness is not positive definite: the body can move freely (clamp it)")
+        copy: CondensedBody | None = body
+        while copy is not None:
+            _, _, copy = copy.inverse, copy.lambda_1, copy.coarse
+        return body
+
+    @property
+    def m(self) -> int:
+        """Number of contact nodes."""
+        return len(self.c)
+
+    @cached_property
+    def loose(self) -> bool:
+        """Whether only friction holds it: Ã is singular, there is no inverse, and λ₁ is 0."""
+        return bool(scipy.linalg.lapack.dpotrf(self.A_tilde, lower=1)[1] != 0)
+
+    @cached_property
+    def inverse(self) -> Array:
+        """Ã⁻¹ (m, m) [1/Pa]."""
+        factor, _ = scipy.linalg.lapack.dpotrf(self.A_tilde, lower=1)
+        half = scipy.linalg.lapack.dpotri(factor, lower=1)[0] if self.m else self.A_tilde
+        return np.ascontiguousarray(np.tril(half) + np.tril(half, -1).T)
+
+    @cached_property
+    def lambda_1(self) -> float:
+        """λ_min(C^{−½}ÃC^{−½}) [Pa/m]."""
+        return 0.0 if self.loose else least_eigenvalue(self.A_tilde, self.c)
+
+    @cached_property
+    def coarse(self) -> CondensedBody | None:
+        """Its Galerkin copy on every second node, None for a small body."""
+        if self.m <= COARSEST or self.loose:
+            return None
+        return CondensedBody(*galerkin(self.A_tilde, self.c, self.P), shared=self.shared)
+
+    @cached_property
+    def shift(self) -> float:
+        """μ, by how much a matrix must be positive definite in a proof [Pa/m]."""
+        return pivot_shift(self.A_tilde, self.c, self.lambda_1)
+
+    @cached_property
+    def P(self) -> scipy.sparse.csr_matrix:
+        """(m, ⌈m/2⌉) interpolation from the nodes of the coarse copy."""
+        return interpolation(self.m)
+
+    @cached_property
+    def rounding(self) -> float:
+        """Relative rounding of products with Ã⁻¹."""
+        return inverse_rounding(self.A_tilde, self.inverse, self.A_error)
 
 
 @dataclass(frozen=True)
 class ContactProblem:
-    """0 ∈ Ãv − l̃ + ∂Ψ(v) for the tangential displacements v of the m contact nodes.
+    """0 ∈ Ãv − l̃ + ∂Ψ(v) for the tangential displacements v of the m contact nodes; or R of these, a row each.
 
     A_tilde: (m, m) symmetric positive definite, condensed stiffness [Pa]
-    l_tilde: (m,) condensed load [N/m]
+    l_tilde: (m,) condensed load, or (R, m) [N/m]
     c:       (m,) segment lengths meas(S_i) > 0 [m]
-    law:     friction law b [Pa] of the slip [m], or the laws of the nodes (tcstudy/laws)
+    law:     friction law b [Pa] of the slip [m], or those of nodes, of rows, of both (tcstudy/laws)
     A_error: relative error of Ã in its softest direction, and so of λ₁: proofs hold for (1 − A_error) Ã, too
+
+    What is said of one v (m,) below is said of rows (R, m) as well; numbers then are (R,).
     """
 
     A_tilde: Array
@@ -38,19 +130,62 @@ class ContactProblem:
     law: Laws
     A_error: float = 0.0
 
+    @classmethod
+    def on(cls, body: CondensedBody, l_tilde: Array, law: Laws) -> ContactProblem:
+        """The problem, or rows of them, on a body whose record is known."""
+        problem = ContactProblem(body.A_tilde, l_tilde, body.c, law, body.A_error)
+        vars(problem)["body"] = body
+        return problem
+
     @property
     def m(self) -> int:
         """Number of contact unknowns."""
         return len(self.c)
 
-    def energy(self, v: Array) -> float:
+    @cached_property
+    def body(self) -> CondensedBody:
+        """What is made of Ã and c alone."""
+        return CondensedBody(np.ascontiguousarray(self.A_tilde, dtype=float), self.c, self.A_error, shared=False)
+
+    @cached_property
+    def rows(self) -> ContactProblem:
+        """One problem as a block of one row."""
+        return ContactProblem.on(self.body, self.l_tilde[None], self.law.tables.at(np.atleast_2d(self.law.index)))
+
+    def take(self, rows: Index) -> ContactProblem:
+        """The named rows."""
+        return ContactProblem.on(self.body, self.l_tilde[rows], self.law.of_nodes(rows))
+
+    def single(self, row: int) -> ContactProblem:
+        """One row as a problem of its own."""
+        return ContactProblem.on(self.body, self.l_tilde[row], self.law.of_row(row))
+
+    def coarse(self) -> ContactProblem | None:
+        """The same rows on the body's coarse copy, if it has one."""
+        if self.body.coarse is None:
+            return None
+        laws = self.law.of_nodes((slice(None), slice(None, None, 2)))
+        return ContactProblem.on(self.body.coarse, self.l_tilde @ self.body.P, laws)
+
+    def energy(self, v: Array) -> Any:
         """L̃(v) [J/m]."""
-        stored = self.law.integral(np.zeros_like(v), v)
-        return float(0.5 * v @ (self.A_tilde @ v) - self.l_tilde @ v + self.c @ stored)
+        friction = self.law.integral(np.zeros(v.shape), v)
+        return friction @ self.c - 0.5 * np.einsum("...i,...i->...", v, self.l_tilde + self.xi(v))
+
+    def energy_change(self, v: Array, target: Array, xi: Array | None = None, at: Place | None = None) -> Any:
+        """L̃(target) − L̃(v), summed from small terms, and the work of ξ that it is small against [J/m].
+
+        Near a solution the difference is far below the rounding of L̃ itself. xi, at: ξ and place of v, if known
+        """
+        move = target - v
+        work = (self.xi(v) if xi is None else xi) * move
+        friction = self.c * self.law.integral(v, target, at)
+        change = np.sum(friction - work + 0.5 * move * (move @ self.A_tilde), axis=-1)
+        return change, np.abs(work).sum(axis=-1)
 
     def xi(self, v: Array) -> Array:
         """Nodal friction forces ξ = l̃ − Ãv, eq. (21) [N/m]; ξ_i/c_i is the traction −S_T."""
-        return self.l_tilde - self.A_tilde @ v
+        return np.asarray(self.l_tilde - v @ self.A_tilde)
 
     @cached_property
     def traction_scale(self) -> float:
@@ -60,24 +195,27 @@ class ContactProblem:
             return own
         return float(np.max(np.abs([*self.l_tilde / self.c, *np.ravel(self.law.b(0.0))]), initial=0.0))
 
-    def xi_rounding(self, v: Array) -> float:
+    def xi_rounding(self, v: Array) -> Any:
         """What rounding v to doubles does to the inclusion residual, about: the bound of scene/study.py.
 
         √m ε max_i ((|l̃| + |Ã||v|)_i/c_i + |b′(v_i) v_i|) / (scale of b), the slope of b only off its jumps.
         """
-        scale = self.scale(self.xi(v))
-        return self.rounding(v) / scale if scale > 0.0 else 0.0
+        return self.rounding(v) / self.scale(self.xi(v))
 
-    def rounding(self, v: Array, load: Array | None = None) -> float:
+    def rounding(self, v: Array, load: Array | None = None) -> Any:
         """The same before it is divided by the scale of b [Pa].
 
         load: (m,) sizes of what l̃ is summed from, |l̃| without [N/m]
         """
+        at, law = self.law.locate(v), self.law
+        slope = np.maximum(*(np.abs(law.slope(v, piece)) for piece in (at.piece, at.piece + at.on)))
+        size = self._size(v, load) + np.where(law.kind(at) == BEND, slope * np.abs(v), 0.0)
+        return np.sqrt(self.m) * np.finfo(float).eps * np.max(size, axis=-1, initial=0.0)
+
+    def _size(self, v: Array, load: Array | None = None) -> Array:
+        """What tractions are made of, (|l̃| + |Ã||v|)/c [Pa]."""
         load = np.abs(self.l_tilde) if load is None else load
-        law, size = self.law, (load + np.abs(self.A_tilde) @ np.abs(v)) / self.c
-        slope = np.abs(np.stack([law.slope(v, law.piece(v, side)) for side in (-1, +1)])).max(axis=0)
-        size += np.where(law.kind_at(v) == BEND, slope * np.abs(v), 0.0)
-        return float(np.sqrt(self.m) * np.finfo(float).eps * np.max(size, initial=0.0))
+        return np.asarray((load + np.abs(v) @ np.abs(self.A_tilde)) / self.c)
 
     def distance(self, v: Array, tolerance: float = 0.0, xi: Array | None = None) -> Array:
         """(m,) dist(ξ_i/c_i, b̂(v_i)) [Pa]; nodes within `tolerance` of a kink are tested on the filled interval."""
@@ -85,34 +223,45 @@ class ContactProblem:
         low, high = self.law.interval(v, tolerance)
         return np.maximum(0.0, np.maximum(low - traction, traction - high))
 
-    def inclusion_residual(self, v: Array, tolerance: float = 0.0, xi: Array | None = None) -> float:
+    def inclusion_residual(self, v: Array, tolerance: float = 0.0, xi: Array | None = None) -> Any:
         """max_i dist(ξ_i/c_i, b̂(v_i)) / (scale of b), the acceptance test of every solution (method §3).
 
         xi: ξ if it is known better than double precision gives it
         """
         return self.relative(self.distance(v, tolerance, xi), self.xi(v) if xi is None else xi)
 
-    def residual_bound(self, v: Array) -> float:
-        """The same, no smaller than it is in exact arithmetic: with what rounding may hide in it (`distance_bound`)."""
-        law, xi = self.law, self.xi(v)
-        terms = np.maximum(*(law.terms(v, law.piece(v, side)) for side in (-1, +1)))
-        size = (np.abs(self.l_tilde) + np.abs(self.A_tilde) @ np.abs(v)) / self.c
-        return self.relative(distance_bound(xi / self.c, *law.interval(v), size, terms), xi)
+    def residual_bound(self, v: Array) -> Any:
+        """The same, no smaller than it is in exact arithmetic: with what rounding may hide in it.
 
-    def scale(self, xi: Array) -> float:
-        """The law's own scale of b where it has one; else the largest of loads and of ξ per length, or b(0) [Pa]."""
-        own = self.law.b_scale
-        if own > 0.0:
+        Sums of m products are taken to be off by up to √m ε of their magnitudes: the probabilistic bound of Higham &
+        Mary, SIAM J. Sci. Comput. 41 (2019) A2815–A2835, with λ = 2, for sums one by one; BLAS sums in blocks, which is
+        better.
+        """
+        law, xi, at = self.law, self.xi(v), self.law.locate(v)
+        terms = np.maximum(*(law.terms(v, piece) for piece in (at.piece, at.piece + at.on)))
+        error = np.finfo(float).eps * ((np.sqrt(self.m) + 1.0) * self._size(v) + 2.0 * terms)
+        low, high = law.interval(v, at=at)
+        return self.relative(np.maximum(np.maximum(low - xi / self.c, xi / self.c - high) + error, 0.0), xi)
+
+    def scale(self, xi: Array) -> Any:
+        """The law's own scale of b; without one the largest of loads and of ξ per length, or b(0); or 1 [Pa]."""
+        own = self._own_scale
+        if np.all(own > 0.0):
             return own
-        forces = np.maximum(np.abs(self.l_tilde), np.abs(xi)) / self.c
-        return float(np.max(forces, initial=0.0)) or self.traction_scale
+        forces = np.max(np.maximum(np.abs(self.l_tilde), np.abs(xi)) / self.c, axis=-1, initial=0.0)
+        at_0 = np.maximum(*(np.abs(b) for b in self.law.interval(np.zeros(self.l_tilde.shape))))
+        at_0 = np.max(at_0, axis=-1, initial=0.0)
+        return np.where(own > 0.0, own, np.where(forces > 0.0, forces, np.where(at_0 > 0.0, at_0, 1.0)))[()]
 
-    def relative(self, traction: Array, xi: Array) -> float:
+    @cached_property
+    def _own_scale(self) -> Any:
+        law = self.law
+        return law.b_scale if self.l_tilde.ndim == 1 else np.max(law.scales[law.index], axis=-1)
+
+    def relative(self, traction: Array, xi: Array) -> Any:
         """max |traction_i| / (scale of b); infinite where that is no number."""
-        worst, scale = float(np.max(np.abs(traction), initial=0.0)), self.scale(xi)
-        if worst == 0.0:
-            return 0.0
-        return worst / scale if np.isfinite(worst) and scale > 0.0 else float("inf")
+        worst = np.max(np.abs(traction), axis=-1, initial=0.0) / self.scale(xi)
+        return np.where(np.isfinite(worst), worst, np.inf)[()]
 
     @cached_property
     def lambda_1(self) -> float:
@@ -131,24 +280,6 @@ class ContactProblem:
     def frictionless(self) -> Array:
         """Ã⁻¹ l̃, the solution without friction (m,)."""
         return scipy.linalg.cho_solve(scipy.linalg.cho_factor(self.A_tilde, lower=True), self.l_tilde)
-
-
-def distance_bound(traction: Array, low: Array, high: Array, size: Array, terms: Array) -> Array:
-    """max_i dist(traction_i, [low_i, high_i]) from above, in spite of the rounding in its numbers (…,) [Pa].
-
-    traction:  ξ/c in double precision;  low, high: b̂(v) (…, m)
-    size:      (|l̃| + |Ã||v|)/c;  terms: the magnitudes that b(v) is made of (…, m)
-
-    Sums of m products are taken to be off by up to √m ε of their magnitudes: the probabilistic bound of Higham & Mary,
-    SIAM J. Sci. Comput. 41 (2019) A2815–A2835, with λ = 2, for sums one by one; BLAS sums in blocks, which is better.
-    """
-    error = np.finfo(float).eps * ((np.sqrt(traction.shape[-1]) + 1.0) * size + 2.0 * terms)
-    apart = np.maximum(low - traction, traction - high) + error
-    return np.asarray(np.max(apart, axis=-1, initial=0.0))
-
-
-MARGIN = 1e-6
-"""μ/λ₁: by how much a matrix must be positive definite in a proof."""
 
 
 def kept(error: float) -> float:
@@ -196,3 +327,18 @@ def least_lowered(A_tilde: Array, c: Array, omega: Array) -> float:
     if not np.all(np.isfinite(omega)):
         return -float("inf")
     return least_eigenvalue(A_tilde - np.diag(c * omega), c)
+
+
+def interpolation(m: int) -> scipy.sparse.csr_matrix:
+    """(m, ⌈m/2⌉) linear interpolation from the nodes 0, 2, 4, …"""
+    coarse = (m + 1) // 2
+    node = np.arange(m)
+    columns = np.concatenate([node // 2, np.minimum((node + 1) // 2, coarse - 1)])
+    rows = np.concatenate([node, node])
+    return scipy.sparse.csr_matrix((np.full(2 * m, 0.5), (rows, columns)), shape=(m, coarse))
+
+
+def galerkin(A_tilde: Array, c: Array, P: scipy.sparse.csr_matrix) -> tuple[Array, Array]:
+    """(PᵀÃP, Pᵀc), the Galerkin restriction of a body to the columns of P."""
+    coarse = P.T @ (P.T @ A_tilde).T
+    return np.ascontiguousarray(0.5 * (coarse + coarse.T)), P.T @ c

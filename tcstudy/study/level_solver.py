@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.block import Options, solve_block
-from tcstudy.contact.body import CondensedBody
 from tcstudy.contact.boxes import Limits
 from tcstudy.contact.every import solve_every
+from tcstudy.contact.problem import CondensedBody
 from tcstudy.data.on_request import variables
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.executors import TIMEOUT, Job, SerialExecutor, WorkersFailed, timed

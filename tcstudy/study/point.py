@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.condense import NotPositiveDefinite
-from tcstudy.contact.body import BlockAnswers, Certificates
+from tcstudy.contact.block import BlockAnswers, Certificates
 from tcstudy.contact.certificates import Certificate, certify
 from tcstudy.contact.contact import Answer, solve_contact
 from tcstudy.contact.every import Every

@@ -16,12 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from tcstudy.contact.block import solve_block
-from tcstudy.contact.body import BlockAnswers, CondensedBody
+from tcstudy.contact.block import BlockAnswers, solve_block
 from tcstudy.contact.certificates import Certificate, certify
 from tcstudy.contact.contact import TIE, Answer, solve_contact
 from tcstudy.contact.loop import Status
-from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.problem import CondensedBody, ContactProblem
 from tcstudy.laws.laws import Laws
 from tests.benchmarks.stability_chain import ChainGrid, chain
 from tests.benchmarks.stability_maps import Grid, down_jumps, synthetic, waves

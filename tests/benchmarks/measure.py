@@ -5,7 +5,7 @@ Starts:  zero and, where the answer misses the tolerance, the frictionless solut
          method that sees one subgradient may stop where it starts.)
 Time:    CPU time of one thread; for fast solves the least of five runs, all methods taking turns
 Judge:   inclusion residual with nodes within 0, 1e-9 or 1e-6 of the kink spacing counted as on the kink; the same
-         after `tcstudy.contact.separable.finish.finish`, given to every method; energy above the lowest of all methods
+         after `tcstudy.contact.active_set.finish`, given to every method; energy above the lowest of all methods
 Limits:  a solve ends after `limit` seconds; a method leaves a family when it has used `budget` seconds there, and
          leaves out larger problems when all its solves of the size before ran out of time
 """
@@ -20,8 +20,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from tcstudy.contact.active_set import finish
 from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.separable.finish import finish
 from tests.benchmarks.methods import PEERS, TOLERANCE, Attempt, Peer
 from tests.benchmarks.problems import Case
 

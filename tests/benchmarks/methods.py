@@ -17,11 +17,11 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
 
+from tcstudy.contact.active_set import finish
 from tcstudy.contact.bundle.contact import solve_with_bundle
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.loop import Outcome, Status, iterate
 from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.separable.finish import finish
 from tests.benchmarks.semismooth import SemismoothNewton
 
 Array = NDArray[np.float64]

@@ -30,8 +30,8 @@ import scipy.linalg
 import xarray as xr
 from numpy.typing import NDArray
 
-from tcstudy.contact.body import BlockAnswers, CondensedBody
-from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.block import BlockAnswers
+from tcstudy.contact.problem import CondensedBody, ContactProblem
 from tcstudy.data.journal import Journal
 from tcstudy.data.provenance import collect
 from tcstudy.data.store import write

@@ -17,7 +17,6 @@ from pathlib import Path
 
 import numpy as np
 
-from tcstudy.contact.separable.pieces import energy_change
 from tests.benchmarks.methods import TOLERANCE
 from tests.benchmarks.stability_maps import Case
 from tests.benchmarks.stability_trial import CONTENDERS, Contender, Trial
@@ -132,7 +131,7 @@ def _gaps(case: Case, solutions: Sequence[Trial | None]) -> list[float]:
     problem, xi = case.problem, case.problem.xi(first)
 
     def above_first(v: np.ndarray) -> float:
-        return energy_change(problem, first, xi, v - first, problem.A_tilde @ (v - first))
+        return float(problem.energy_change(first, v, xi)[0])
 
     above = np.array([np.nan if v is None else above_first(v) for v in points])
     lowest = np.nanmin(above)

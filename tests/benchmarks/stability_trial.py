@@ -18,11 +18,11 @@ import scipy.optimize
 from numpy.typing import NDArray
 
 from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.factors import cholesky
 from tcstudy.contact.loop import Status, iterate
 from tcstudy.contact.path.follow import Follower, ParametricProblem, PathStatus
 from tcstudy.contact.path.query import solutions_at
 from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.separable.pieces import cholesky
 from tcstudy.laws.pieces import UP
 from tests.benchmarks.methods import ENDLESS, TOLERANCE, OutOfTimeError, watched
 from tests.benchmarks.semismooth import SemismoothNewton, solve_branches

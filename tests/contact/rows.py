@@ -8,9 +8,8 @@ from dataclasses import fields
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.block import Options, solve_block
-from tcstudy.contact.body import BlockAnswers, Certificates, CondensedBody
-from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.block import BlockAnswers, Certificates, Options, solve_block
+from tcstudy.contact.problem import CondensedBody, ContactProblem
 from tcstudy.laws.laws import Laws
 from tcstudy.study.level_solver import ENOUGH, ENTRIES, MOST, POINTS
 from tests.contact import contact_cases as cases

@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.contact.block import Options, solve_block
-from tcstudy.contact.body import BlockAnswers, CondensedBody, Rows
+from tcstudy.contact.block import BlockAnswers, Options, solve_block
 from tcstudy.contact.bounds import solution_box
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.certify import solution_boxes
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.loop import Status
-from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.problem import CondensedBody, ContactProblem
 from tcstudy.laws.composed import nodal, row_laws
 from tcstudy.laws.laws import NONE, Laws
 from tcstudy.scene.study import NEIGHBOUR
@@ -177,6 +176,6 @@ def test_boxes_of_ill_conditioned_bodies_are_as_narrow_as_those_of_one_problem()
     problem = ContactProblem(A_tilde, 2.0 * c * np.random.default_rng(0).normal(size=20), c, law)
     body = CondensedBody.of(A_tilde, c)
     laws = Laws.of([law], [[0]])
-    low, high = solution_boxes(Rows(body, laws, problem.l_tilde[None]))
+    low, high = solution_boxes(ContactProblem.on(body, problem.l_tilde[None], laws))
     own_low, own_high = solution_box(problem, body.lambda_1, inverse=body.inverse)
     np.testing.assert_allclose((high - low)[0], own_high - own_low, rtol=1e-6)

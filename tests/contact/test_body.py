@@ -7,7 +7,7 @@ import pickle
 import numpy as np
 import pytest
 
-from tcstudy.contact.body import CondensedBody
+from tcstudy.contact.problem import CondensedBody
 from tests.contact import contact_cases as cases
 
 

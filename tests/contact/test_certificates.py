@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from tcstudy.contact.active_set import ActivePieces, solve_on
 from tcstudy.contact.bounds import bend_below_tangent, least_slope, quotient, solution_box, tables_of, value_range
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.contact import nearest_minimum
 from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.separable.finish import ActivePieces, solve_on
 from tcstudy.laws.laws import Laws
 from tests.contact import contact_cases as cases
 from tests.contact import exhaustive

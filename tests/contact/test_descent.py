@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from tcstudy.contact.body import as_row, interpolation
 from tcstudy.contact.contact import nearest_minimum, solve_contact
 from tcstudy.contact.descent import Descended, descend, descend_nested, descend_nodes
 from tcstudy.contact.loop import Status
-from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.separable.pieces import energy_change, slopes
+from tcstudy.contact.newton import slopes
+from tcstudy.contact.problem import ContactProblem, interpolation
 from tcstudy.laws.laws import Laws
 from tests.contact import contact_cases as cases
 
@@ -23,7 +22,7 @@ def solve(problem: ContactProblem, x0: Array | None = None) -> Array:
 
 
 def nested(problem: ContactProblem, x0: Array) -> Descended:
-    return descend_nested(as_row(problem), x0[None])
+    return descend_nested(problem.rows, x0[None])
 
 
 def one_node(law: Laws, load: float) -> ContactProblem:
@@ -108,7 +107,7 @@ def test_coarse_start_saves_steps_on_the_body_itself() -> None:
     load = 1.05 * c * (0.7 + 0.6 * np.sin(np.pi * x) * np.cos(5 * np.pi * x) + 0.25 * np.cos(2 * np.pi * x))
     problem = ContactProblem(A_tilde, load, c, cases.slip_weakening(1.0, 0.5, 0.05))
     zero = np.zeros(400)
-    found, flat = nested(problem, zero), descend(as_row(problem), zero[None])
+    found, flat = nested(problem, zero), descend(problem.rows, zero[None])
     assert max(found.residual[0], flat.residual[0]) <= 1e-12
     assert found.steps[0] <= 4
     assert found.steps[0] < flat.steps[0]
@@ -137,7 +136,7 @@ def test_nodes_come_to_rest_together() -> None:
     """Below the kinetic limit, from the frictionless slips: all nodes stop on the up-jump they would cross, at once."""
     A_tilde, c = cases.half_laplacian(30)
     problem = ContactProblem(A_tilde, 0.4 * c, c, cases.slip_weakening())
-    ended = descend(as_row(problem), problem.frictionless()[None])
+    ended = descend(problem.rows, problem.frictionless()[None])
     assert not np.any(ended.v)
     assert ended.steps[0] <= 4
 
@@ -178,8 +177,7 @@ def test_node_by_node_lowers_the_energy_and_finds_first_order_points(smooth: boo
             xi = problem.xi(v)
             s = slopes(problem, v, xi)
             target = descend_nodes(problem, v, xi, s.descent)
-            step = target - v
-            change = energy_change(problem, v, xi, step, problem.A_tilde @ step)
+            change = problem.energy_change(v, target)[0]
             size = np.max(np.abs(s.descent) / problem.c) / problem.traction_scale
             assert change < 0.0 or size <= 1e-12
             v = target
@@ -207,7 +205,7 @@ def test_energy_change_is_exact_where_two_energies_cancel() -> None:
     step = 1e-9 * np.random.default_rng(0).normal(size=20)
     curvature = A_tilde @ step + c * problem.law.slope(v, problem.law.piece(v)) * step
     xi = c * problem.law.b(v)  # the exact stationary forces, so that the first-order part is zero
-    change = energy_change(problem, v, xi, step, A_tilde @ step)
+    change = problem.energy_change(v, v + step, xi)[0]
     assert change == pytest.approx(0.5 * step @ curvature, rel=1e-5)
 
 
@@ -224,6 +222,6 @@ def test_stiffly_coupled_neighbours_do_not_make_it_crawl(mean: float) -> None:
     x = np.linspace(0.0, 1.0, m)
     law = cases.slip_weakening(1.0, 0.5, 0.25 / cases.least_eigenvalue(A_tilde, c))
     problem = ContactProblem(A_tilde, c * (mean + 0.6 * np.cos(np.pi * x) + 0.3 * np.sin(5 * x)), c, law)
-    ended = descend(as_row(problem), np.zeros((1, m)), 1e-10)
+    ended = descend(problem.rows, np.zeros((1, m)), 1e-10)
     assert ended.residual[0] <= 1e-10
     assert ended.steps[0] <= 40

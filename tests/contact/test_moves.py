@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from tcstudy.contact.body import as_row
 from tcstudy.contact.bounds import tables_of
 from tcstudy.contact.contact import nearest_minimum
 from tcstudy.contact.descent import move_starts
+from tcstudy.contact.factors import factor_free
 from tcstudy.contact.moves import best_places, follow, relaxed_stiffness
+from tcstudy.contact.newton import slopes
 from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.separable.pieces import energy_change, factor_free, slopes
 from tests.contact import contact_cases as cases
 
 Array = np.ndarray
@@ -21,7 +21,7 @@ def descend(problem: ContactProblem, x0: Array | None = None) -> Array:
 
 def node_moves(problem: ContactProblem, v: Array) -> Array:
     """The promises, the best first."""
-    return move_starts(as_row(problem), v[None])[0]
+    return move_starts(problem.rows, v[None])[0]
 
 
 def relaxed(problem: ContactProblem, v: Array) -> tuple[Array, Array, Array]:
@@ -95,7 +95,7 @@ def test_a_promise_is_the_exact_change_where_nobody_else_leaves_his_piece() -> N
             step = follow(problem.A_tilde, free, factor, int(node), float(target[node] - v[node]))
             same = problem.law.piece(v + step) == problem.law.piece(v)
             if np.all(same | slopes(problem, v, xi).at_rest | (np.arange(10) == node)):
-                change = energy_change(problem, v, xi, step, problem.A_tilde @ step)
+                change = problem.energy_change(v, v + step)[0]
                 assert change == pytest.approx(c[node] * gain[node], rel=1e-8)
                 kept += 1
     assert kept >= 3

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.contact.body import CondensedBody
 from tcstudy.contact.certify import definite
 from tcstudy.contact.newton import directions
+from tcstudy.contact.problem import CondensedBody
 from tests.contact import contact_cases as cases
 
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from tcstudy.contact import descent
-from tcstudy.contact.body import as_row
 from tcstudy.contact.contact import Answer, solve_contact
 from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import ContactProblem
@@ -127,7 +126,7 @@ def test_convexified_start_knows_when_it_is_the_lowest() -> None:
 
     def lowest(law: Laws) -> bool:
         problem = ContactProblem(A_tilde, c * (1.4 + 0.6 * np.sin(7 * x)), c, law)
-        return bool(descent.hull_starts(as_row(problem), np.zeros((1, 30)))[1][0])
+        return bool(descent.hull_starts(problem.rows, np.zeros((1, 30)))[1][0])
 
     assert lowest(cases.slip_weakening(1.0, 0.1, 0.01))
     assert not lowest(down_jumps(0.6, 10))
@@ -145,7 +144,7 @@ def test_nonconvexity_is_let_in_step_by_step(monkeypatch: pytest.MonkeyPatch) ->
         return original(laws, kappa, passes)
 
     monkeypatch.setattr(descent, "proximal_hulls", hulls)
-    descent.hull_starts(as_row(problem), np.zeros((1, 30)))
+    descent.hull_starts(problem.rows, np.zeros((1, 30)))
     assert len(falls) >= 2
     assert falls[0] < problem.lambda_1
     assert np.array(falls[1:]) == pytest.approx(4.0 * np.array(falls[:-1]), rel=1e-9)

@@ -8,9 +8,8 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from tcstudy.contact.block import solve_block
-from tcstudy.contact.body import CondensedBody
 from tcstudy.contact.certificates import certify
-from tcstudy.contact.problem import ContactProblem, least_eigenpair
+from tcstudy.contact.problem import CondensedBody, ContactProblem, least_eigenpair
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import slip_weakening
 from tests.verification.scenes import RECTANGLE, levels_of, study_of

@@ -21,12 +21,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.contact.active_set import finish
 from tcstudy.contact.bundle.model import DiagonalShift
 from tcstudy.contact.bundle.newton import BundleNewton, Oracle, State
 from tcstudy.contact.loop import Outcome, Status, iterate
 from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.separable.finish import finish
-from tcstudy.contact.separable.pieces import energy_change
 
 Array = NDArray[np.float64]
 
@@ -66,8 +65,7 @@ class IdentifyingBundle(BundleNewton):
         if state.step.decrease > left:
             return None
         v, residual = finish(self.contact, state.x)
-        step = v - state.x
-        change = energy_change(self.contact, state.x, self.contact.xi(state.x), step, self.contact.A_tilde @ step)
+        change = self.contact.energy_change(state.x, v)[0]
         found = residual <= max(self.inclusion, self.contact.xi_rounding(v)) and -left <= change <= 0.0
         return (v, residual) if found else None
 

@@ -21,7 +21,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.contact.separable.pieces import cholesky
+from tcstudy.contact.factors import cholesky
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

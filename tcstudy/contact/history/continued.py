@@ -32,7 +32,6 @@ from tcstudy.contact.path.start import locate
 from tcstudy.contact.path.tableau import Tableau
 from tcstudy.contact.path.walk import units_of
 from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.separable.pieces import energy_change
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.study import Acceptance, Direction
 
@@ -269,7 +268,7 @@ class ContinuedStep:
         share = max(AHEAD * (1.0 - self.t), DIGITS * size / float(np.max(np.abs(self.change))))
         ahead, self.fold, w = min(1.0, self.t + share + max(0.0, self.fold - self.t)), 0.0, self.w
         problem, beyond = self.problem.at(ahead), self.beyond - self.origin
-        falls = energy_change(problem, w, problem.xi(w), beyond - w, problem.A_tilde @ (beyond - w)) < 0.0
+        falls = problem.energy_change(w, beyond)[0] < 0.0
         begin = beyond if falls else w  # who turned back rests: it may bar the way beyond
         found, steps = nearest_minimum(problem, begin, 1e-14, over_barriers=False)
         self.iterations += steps

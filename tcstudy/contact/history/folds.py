@@ -21,10 +21,10 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from tcstudy.contact.factors import factor_free, with_diagonal
 from tcstudy.contact.history.memory import NARROW
 from tcstudy.contact.path.problem import ParametricProblem
 from tcstudy.contact.path.record import Events, Path, PathEnd, PathStatus
-from tcstudy.contact.separable.pieces import factor_free, with_diagonal
 from tcstudy.laws.laws import Laws
 
 Array = NDArray[np.float64]

@@ -23,9 +23,9 @@ from tcstudy.contact.certificates import certify, positive_definite
 from tcstudy.contact.contact import Answer
 from tcstudy.contact.history.memory import MemoryModel, NodeState
 from tcstudy.contact.loop import Status
+from tcstudy.contact.newton import slopes
 from tcstudy.contact.path.problem import ScaledBody
 from tcstudy.contact.problem import MARGIN, ContactProblem, kept, least_eigenvalue, least_lowered
-from tcstudy.contact.separable.pieces import slopes
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.histories import HistoryBranch, Memory
 from tcstudy.scene.study import Acceptance

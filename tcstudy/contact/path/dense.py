@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.contact.separable.pieces import cholesky, negative_direction
+from tcstudy.contact.factors import cholesky, negative_direction
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

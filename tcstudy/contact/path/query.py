@@ -16,8 +16,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.contact.active_set import ActivePieces, finish, solve_on
 from tcstudy.contact.path.record import Path
-from tcstudy.contact.separable.finish import ActivePieces, finish, solve_on
 from tcstudy.laws.laws import Laws
 
 Array = NDArray[np.float64]
@@ -142,7 +142,7 @@ def solutions_of(law: Laws, path: Path, t: float, newton_steps: int = 12) -> lis
     """The solutions of the law that the path's law approximates, by Newton's method from those of the path.
 
     Each node keeps its place: on the same jump, or on the piece of `law` in which it lies. A solution that does not
-    carry over (its residual says so) is handed to separable.finish; judge every answer by its residual.
+    carry over (its residual says so) is handed to active_set.finish; judge every answer by its residual.
     """
     problem = path.problem.with_law(law).at(t)
     found: list[PathSolution] = []

@@ -28,6 +28,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from tcstudy.contact.factors import submatrix
 from tcstudy.contact.path.dense import (
     MOST_GROWTH,
     SingularCellError,
@@ -39,7 +40,6 @@ from tcstudy.contact.path.dense import (
     sound_factor,
     sound_pivots,
 )
-from tcstudy.contact.separable.pieces import submatrix
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

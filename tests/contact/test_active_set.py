@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from tcstudy.contact.active_set import ActivePieces, finish, identify, solve_on
 from tcstudy.contact.contact import nearest_minimum
 from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.separable.finish import ActivePieces, finish, identify, solve_on
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
 from tests.contact import contact_cases as cases

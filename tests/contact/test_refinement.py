@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.contact.body import CondensedBody
+from tcstudy.contact.active_set import extended, refined
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.loop import Status
-from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.separable.finish import extended, refined
+from tcstudy.contact.problem import CondensedBody, ContactProblem
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import slip_weakening, tresca
 from tcstudy.scene.study import TOLERANCE, Acceptance

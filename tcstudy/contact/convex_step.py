@@ -26,8 +26,9 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from tcstudy.contact.factors import cholesky
+from tcstudy.contact.newton import slopes
 from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.separable.pieces import cholesky, slopes
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
 

@@ -23,9 +23,11 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.contact.extended import extended_residual, friction_defect, two_sum
+from tcstudy.contact.factors import factor_free, with_diagonal
+from tcstudy.contact.newton import steeper
 from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.separable.pieces import Slopes, factor_free, slopes_of, with_diagonal
 from tcstudy.laws.pieces import BEND, UP
+from tcstudy.scene.study import Acceptance
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -157,14 +159,15 @@ class Refined:
     v, v_low: (m,) displacements v + v_low [m], each |v_low| at most half a unit in the last place of v, 0 on a kink
     xi:       (m,) ξ = l̃ − Ã(v + v_low) [N/m], rounded once
     residual: inclusion residual of v + v_low, with what the rounding of this may hide
-    slopes:   of L̃ at v + v_low, if it was formed in extended precision
+    descent:  (m,) as in `Slopes`, and which nodes rest, if that was formed in extended precision
     """
 
     v: Array
     v_low: Array
     xi: Array
     residual: float
-    slopes: Slopes | None = None
+    descent: Array | None = None
+    rests: NDArray[np.bool_] | None = None
 
 
 def extended(problem: ContactProblem, v: Array, v_low: Array | None = None) -> Refined:
@@ -177,8 +180,9 @@ def extended(problem: ContactProblem, v: Array, v_low: Array | None = None) -> R
     (left, one), (right, other) = (friction_defect(law.numbers(k), c, (v, low), xi) for k in pieces)
     size = np.abs(problem.l_tilde) + np.abs(problem.A_tilde) @ np.abs(v) + c * law.terms(v, pieces[1])
     apart = np.maximum(np.minimum(left, right), -np.maximum(left, right)) + np.maximum(one, other) + _TINY * size
-    at = slopes_of(left, right, (low == 0.0) & (law.kind_at(v) != BEND))
-    return Refined(v, low, xi[0], problem.relative(np.maximum(apart, 0.0) / c, xi[0]), at)
+    jump = (low == 0.0) & (law.kind_at(v) != BEND)
+    descent = steeper(left, right, jump)
+    return Refined(v, low, xi[0], problem.relative(np.maximum(apart, 0.0) / c, xi[0]), descent, jump & (descent == 0.0))
 
 
 def refined(problem: ContactProblem, v: Array, aim: float) -> Refined:
@@ -201,22 +205,44 @@ def refined(problem: ContactProblem, v: Array, aim: float) -> Refined:
 
 def _step(problem: ContactProblem, at: Refined) -> Refined | None:
     """One step of refinement; None where the equations of the pieces are singular or lead nowhere."""
-    law, c, s = problem.law, problem.c, at.slopes
-    assert s is not None
-    free = np.flatnonzero(~s.at_rest)
+    law, c, descent = problem.law, problem.c, at.descent
+    assert descent is not None
+    assert at.rests is not None
+    free = np.flatnonzero(~at.rests)
     if not len(free):
         return None
-    right = (at.v_low > 0.0) | ((at.v_low == 0.0) & (s.descent <= 0.0))
+    right = (at.v_low > 0.0) | ((at.v_low == 0.0) & (descent <= 0.0))
     piece = np.where(right, law.piece(at.v, +1), law.piece(at.v, -1))[free]
     slope = c[free] * law.of_nodes(free).slope(at.v[free], piece)
     solve = linear_solver(problem, free, slope)
     if solve is None:
         return None
     direction = np.zeros(problem.m)
-    direction[free] = -solve(s.descent[free])
+    direction[free] = -solve(descent[free])
     if not np.all(np.isfinite(direction)):
         return None
     v, v_low = two_sum(at.v, at.v_low + direction)
     stop = law.next_up_jump(law.locate(at.v), direction)
     reached = (direction != 0.0) & np.where(direction > 0.0, v >= stop, v <= stop)
     return extended(problem, np.where(reached, stop, v), np.where(reached, 0.0, v_low))
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """ξ (R, m), inclusion residual, what rounding allows, and whether that is a solution, (R,) each."""
+
+    xi: Array
+    residual: Array
+    rounding: Array
+    accepted: NDArray[np.bool_]
+
+
+def judge(problem: ContactProblem, v: Array, acceptance: Acceptance) -> Judged:
+    """The inclusion test of rows v (R, m), in extended precision where rounding leaves it open."""
+    xi, residual, rounding = problem.xi(v), problem.residual_bound(v), problem.xi_rounding(v)
+    for i in np.flatnonzero(~(residual <= acceptance.aim)):
+        known = extended(problem.single(int(i)), v[i])
+        xi[i], residual[i] = known.xi, known.residual
+    residual[np.isnan(residual)] = np.inf
+    limits = np.array([acceptance.limit(float(x)) for x in rounding])
+    return Judged(xi, residual, rounding, residual <= limits)

@@ -1,0 +1,61 @@
+"""Cholesky factors of parts of Ã with something added on the diagonal, and directions in which there is none."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+def submatrix(M: Array, nodes: Index) -> Array:
+    """M[nodes, nodes] of growing nodes as a new matrix; slices where these follow one another, as a zone that slips."""
+    n = len(nodes)
+    first, last = (int(nodes[0]), int(nodes[-1])) if n else (0, -1)
+    if last - first == n - 1:
+        return M[first : last + 1, first : last + 1].copy()
+    left = int(np.searchsorted(nodes - np.arange(n), first, side="right"))  # nodes of the first run
+    if last - int(nodes[left]) != n - left - 1:
+        return M.take(nodes, axis=0).take(nodes, axis=1)  # faster than one fancy index
+    matrix, a, b = np.empty((n, n)), slice(first, first + left), slice(last - n + left + 1, last + 1)
+    matrix[:left, :left], matrix[:left, left:] = M[a, a], M[a, b]
+    matrix[left:, :left], matrix[left:, left:] = M[b, a], M[b, b]
+    return matrix
+
+
+def with_diagonal(M: Array, nodes: Index, added: Array) -> Array:
+    """M[nodes, nodes] + diag `added`."""
+    matrix = submatrix(M, nodes)
+    matrix.reshape(-1)[:: len(nodes) + 1] += added
+    return matrix
+
+
+def cholesky(matrix: Array) -> tuple[Array, int]:
+    """Lower factor of a symmetric C-ordered matrix (overwritten) and LAPACK's info (0 if positive definite)."""
+    factor, info = scipy.linalg.lapack.dpotrf(matrix.T, lower=1, clean=0, overwrite_a=1)
+    return factor, int(info)
+
+
+def factor_free(A_tilde: Array, free: Index, added: Array) -> tuple[Array, int]:
+    """Cholesky factor of A_FF + diag `added` and LAPACK's info (0 if positive definite)."""
+    return cholesky(with_diagonal(A_tilde, free, added)) if len(free) else (np.zeros((0, 0)), 0)
+
+
+def negative_direction(factor: Array, info: int, row: Array) -> Array:
+    """From a factorisation of H that broke down at pivot `info`: d with dᵀHd ≤ 0; row: (n,) of H that fails."""
+    k, direction = info - 1, np.zeros(len(factor))
+    direction[k] = 1.0
+    if k:
+        direction[:k] = -scipy.linalg.lapack.dpotrs(np.asfortranarray(factor[:k, :k]), row[:k], lower=1)[0]
+    return direction
+
+
+def negative_curvature(A_tilde: Array, free: Index, added: Array) -> Array | None:
+    """(n,) d with dᵀ(A_FF + diag `added`)d ≤ 0, None if that matrix is positive definite."""
+    diagonal = np.diagonal(A_tilde)[free]
+    if np.any(diagonal + added <= 0.0):
+        return np.where(np.arange(len(free)) == np.argmin((diagonal + added) / diagonal), 1.0, 0.0)
+    factor, info = factor_free(A_tilde, free, added)
+    return None if info == 0 else negative_direction(factor, info, A_tilde[free[info - 1], free])
