@@ -246,7 +246,8 @@ class Context:
         if kind in PAIRS:
             inner, content, example = PAIRS[kind]
             of = {"point": (LENGTH, LENGTH), "law point": (LENGTH, TRACTION)}.get(kind, (dimension, dimension))
-            both = self.pair(node, content, row.example if kind == "span" else example or f"[0, {dimension.example}]")
+            example = example or (kind == "span" and row.example) or f"[0, {dimension.example}]"
+            both = self.pair(node, content, example)
             one = replace(row, kind=inner)
             return tuple(map(self.value, both, (one, one), of)) if both else (math.nan, math.nan)
         if kind in LISTS or kind in SOME:

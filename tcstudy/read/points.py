@@ -15,7 +15,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -40,27 +39,15 @@ def read_table(ctx: Context, node: Node, parameter: Callable[[str, Node], Parame
 
     parameter: what a key stands for; records a fault if it is nothing
     """
-    before = len(ctx.errors)
-    path, text, lines = table_lines(ctx, node)
-    if not text or len(ctx.errors) > before:
-        return []
-    head, rows = lines[0] if lines else (), lines[1:]
-    if not rows:
-        ctx.errors.at(node, f"{path} has no points", "write a header of parameters and a line for each point")
-    elif len(rows) * (len(head) + 1) > MOST_VALUES:
-        what = f"{path} has {len(rows)} × {len(head)} values, more than a study can keep"
+    head, *rows = table_lines(ctx, node)[1] or [()]
+    if len(rows) * (len(head) + 1) > MOST_VALUES:
+        what = f"the table has {len(rows)} × {len(head)} values, more than a study can keep"
         ctx.errors.at(node, what, "use fewer points, or several studies, whose files xarray joins")
-        return []
-    for row in rows:
-        if len(row) != len(head):
-            what = f"has {len(row)} entries, but the header {len(head)}"
-            ctx.errors.at(row[-1], what, "give every parameter a value; decimals have a point")
-    if len(ctx.errors) > before:
         return []
     columns: Columns = []
     for j, cell in enumerate(head):
         match = HEAD.fullmatch(str(cell.value))
-        if match is None or ";" in str(cell.value):
+        if match is None:
             remedy = "write a key and its unit, separated by commas: alpha,E [GPa]"
             ctx.errors.at(cell, f"{cell.brief()!r} is no parameter", remedy)
             continue
@@ -73,15 +60,34 @@ def read_table(ctx: Context, node: Node, parameter: Callable[[str, Node], Parame
     return columns
 
 
-def table_lines(ctx: Context, node: Node) -> tuple[Path, str, list[tuple[Node, ...]]]:
-    """Path and text of the CSV table that a key names, and the cells of every line that has some."""
-    path = ctx.folder / ctx.text(node, "the path of a table")
+def table_lines(ctx: Context, node: Node) -> tuple[str, list[tuple[Node, ...]]]:
+    """Text of the CSV table that a key names, and the cells of its lines, the headings first; nothing after a fault."""
+    before, path = len(ctx.errors), ctx.folder / ctx.text(node, "the path of a table")
     try:
         text = load_text(path)
     except StudyError as error:
         ctx.errors.at(node, f"{path}: {error.problems[0].what}", "name a CSV table beside the study")
-        return path, "", []
-    return path, text, list(_csv_lines(ctx, text.removeprefix("\N{BYTE ORDER MARK}"), str(path)))
+        return "", []
+    lines = list(_csv_lines(ctx, text.removeprefix("\N{BYTE ORDER MARK}"), str(path)))
+    heads = lines[0] if lines else ()
+    words, wrong = [str(cell.value) for cell in heads], [line for line in lines if len(line) != len(heads)]
+    marks = {"semicolons": ";", "tabs": "\t"}
+    if len(ctx.errors) > before:
+        return "", []
+    if len(words) == 1 and (other := [name for name, mark in marks.items() if mark in words[0]]):
+        ctx.errors.at(heads[0], f"columns are separated by {other[0]}", "write commas, and a point in decimals")
+    elif words and all(re.fullmatch(NUMBER, word) for word in words):
+        ctx.errors.at(heads[0], "the table has no headings", "write a name and its unit over each column, as u_x [mm]")
+    elif len(lines) < 2:
+        ctx.errors.at(node, f"{path} has no data", "write a heading for each column and a line for each point")
+    elif twice := [k for k, word in enumerate(words) if word and word in words[:k]]:
+        what = f"the heading {words[twice[0]]!r} stands twice"
+        ctx.errors.at(heads[twice[0]], what, "give every column its own heading")
+    elif wrong:
+        others = f", and {len(wrong) - 1} other lines likewise" if len(wrong) > 1 else ""
+        what = f"has {len(wrong[0])} entries, but the header {len(heads)}{others}"
+        ctx.errors.at(wrong[0][-1], what, "give every column a value; decimals have a point, columns a comma")
+    return (text, lines) if len(ctx.errors) == before else ("", [])
 
 
 def _csv_lines(ctx: Context, text: str, file: str) -> Iterator[tuple[Node, ...]]:

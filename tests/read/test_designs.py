@@ -97,12 +97,15 @@ def test_points_stand_in_a_table_and_then_in_the_study(tmp_path: Path) -> None:
         ("E [GPa],nu\n1 MPa,0.2\n", "points.csv:2:1: '1 MPa' has a unit beside"),
         ("E [m],nu\n1,0.2\n", "points.csv:1:1: E: 'm' is not a unit of a stress"),
         ("E,  nuu\n1,0.2\n", "points.csv:1:5: the study has no parameter 'nuu'"),
-        ("E;nu\n1;0.2\n", "points.csv:1:1: 'E;nu' is no parameter; write a key and its unit, separated by commas"),
+        ("E;nu\n1;0.2\n", "points.csv:1:1: columns are separated by semicolons; write commas"),
         ("E,nu\n1,0.2\n2,0.2\n1.0,0.2\n", "points.csv:4:1: the value 1.0 is repeated"),
-        ("E,E\n1,2\n", "points.csv:1:3: sweeps the same parameter as 'E'"),
+        ("E,E\n1,2\n", "points.csv:1:3: the heading 'E' stands twice"),
         ("friction\nsoft\n", "points.csv:1:1: friction: whole laws cannot"),
         ('E,nu\n"1,0.2\n', "points.csv:2:1: a quote is not"),
-        ("E,nu\n", "points.csv has no points"),
+        ("E,nu\n", "points.csv has no data"),
+        ("", "points.csv has no data"),
+        ("E [GPa],friction.E [m]\n1,2\n", "points.csv:1:9: the study has no parameter"),
+        ("E,material.E\n1,2\n", "points.csv:1:3: sweeps the same parameter as 'E'"),
     ],
 )
 def test_every_fault_of_a_table_has_its_line_and_column(tmp_path: Path, table: str, what: str) -> None:
