@@ -217,14 +217,14 @@ def fill(nc: netCDF4.Dataset, study: Study, levels: Sequence[LevelRecord], recor
     if len(study.solver.names) > 1:
         put_names(nc, "solver", study.solver.names, "solver", study)
     variables = root_variables(study)
+    sizes = {"level": study.mesh.levels, "start": len(schema.START_NAMES), "solver": len(study.solver.names)}
+    left = _parts(nc, None, study, variables, sizes)
     for variable in variables:
         if variable.dims == ("level",) and not study.variants:
             values = missing(variable, (study.mesh.levels,))
             for level in levels:
                 values[level.level] = getattr(level, variable.name)
             put(nc, variable, study, values)
-    sizes = {"level": study.mesh.levels, "start": len(schema.START_NAMES), "solver": len(study.solver.names)}
-    left = _parts(nc, None, study, variables, sizes)
     known = {level.level: level for level in levels}
     groups: dict[int, netCDF4.Group] = {}
     for level in levels:

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 Places = NDArray[np.intp]
 
 
-def appended(path: Path, new: Study) -> tuple[Study, Kept]:
+def appended(path: Path, new: Study) -> tuple[Study, ExistingResults]:
     """The study with the points of a finished file and of `new`, and what the file has of it.
 
     Raises StoreError if they differ in more than the sweep.
@@ -55,7 +55,7 @@ def appended(path: Path, new: Study) -> tuple[Study, Kept]:
     return study, _kept(path, old, study, new, again=read_status(path) == PointStatus.NOT_RUN)
 
 
-def all_but_broken(path: Path, study: Study) -> Kept | None:
+def all_but_broken(path: Path, study: Study) -> ExistingResults | None:
     """What the file of this very study has without the points that broke down unexpectedly; None if none did.
 
     What failed by its own numbers would fail again; on meshes that follow from the solutions all points stay.
@@ -93,7 +93,7 @@ def stored_study(path: Path, source: Path | None = None) -> Study:
     return study
 
 
-def _kept(path: Path, stored: Study, study: Study, new: Study, again: NDArray[np.bool_]) -> Kept:
+def _kept(path: Path, stored: Study, study: Study, new: Study, again: NDArray[np.bool_]) -> ExistingResults:
     """What the file of the study `stored` has of a study, of which the points of `new` are asked for.
 
     again: (P of the file, levels) those that it has not
@@ -102,7 +102,7 @@ def _kept(path: Path, stored: Study, study: Study, new: Study, again: NDArray[np
     todo = np.zeros((len(study.scenes), study.mesh.levels), dtype=bool)
     todo[places_in(study, new)] = True
     todo[places] &= again
-    return Kept(path, stored, str(path), places, todo)
+    return ExistingResults(path, stored, str(path), places, todo)
 
 
 def _in_file_order(stored: Study, study: Study) -> Places:
@@ -113,7 +113,7 @@ def _in_file_order(stored: Study, study: Study) -> Places:
 
 
 @dataclass(frozen=True, eq=False)
-class Kept:
+class ExistingResults:
     """What a finished file has of a study, and what is still to be solved.
 
     stored: the study of the file;  name: of the file, or of what was taken out of it
@@ -145,7 +145,7 @@ class Kept:
             wanted &= np.arange(self.todo.shape[1]) == level
         return read_blocks(self.path, study, self.places, wanted) if len(self.places) else iter(())
 
-    def of_geometries(self, study: Study, folder: Path) -> list[Kept]:
+    def of_geometries(self, study: Study, folder: Path) -> list[ExistingResults]:
         """The same of every geometry of the study; those that the file has are taken out of it, into the folder."""
         mark = sha256(self.digest.encode() + np.packbits(self.todo).tobytes()).hexdigest()
         numbers = np.full(len(study.scenes), -1, dtype=np.intp)

@@ -30,7 +30,7 @@ from tcstudy.data.writer import axis_problems
 from tcstudy.errors import GeometryFailed, StoreError, UserFault
 from tcstudy.executors import in_order
 from tcstudy.scene.study import Study, Variant
-from tcstudy.study.append import Kept, all_but_broken, appended
+from tcstudy.study.append import ExistingResults, all_but_broken, appended
 from tcstudy.study.level_solver import all_failed
 from tcstudy.study.lint import built_faults, faults, output_of, warnings
 from tcstudy.study.run import LevelWork, Quiet, Watcher, as_start, run, work_of
@@ -52,7 +52,7 @@ class Summary:
     resumed: int
 
 
-def what_is_left(study: Study, output: Path, force: bool, append: bool) -> tuple[Study, Kept | None, bool]:
+def what_is_left(study: Study, output: Path, force: bool, append: bool) -> tuple[Study, ExistingResults | None, bool]:
     """(the study of the whole file, what the file keeps, whether it has all points already).
 
     append: the file may have other points of the study, which stay. Raises StoreError if it holds something else.
@@ -73,7 +73,7 @@ def execute(
     command: Sequence[str] = ("tcstudy",),
     jobs: int | None = None,
     dask: str | None = None,
-    kept: Kept | None = None,
+    kept: ExistingResults | None = None,
     pool: WorkerPool | None = None,
 ) -> Summary:
     """Run all points of a study and write the result file.
@@ -100,7 +100,7 @@ def _into_file(
     watcher: Watcher,
     command: Sequence[str],
     pool: WorkerPool,
-    kept: Kept | None,
+    kept: ExistingResults | None,
     alone: bool = True,
     solved: Records | None = None,
 ) -> Summary:
@@ -147,7 +147,7 @@ def _into_file(
 
 
 def _geometries(
-    study: Study, output: Path, watcher: Watcher, command: Sequence[str], pool: WorkerPool, kept: Kept | None
+    study: Study, output: Path, watcher: Watcher, command: Sequence[str], pool: WorkerPool, kept: ExistingResults | None
 ) -> Summary:
     """Run all geometries and join their files.
 
@@ -208,12 +208,12 @@ class _Geometry:
 
     number: int
     variant: Variant
-    kept: Kept | None
+    kept: ExistingResults | None
     file: Path
     finished: bool
 
     @classmethod
-    def of(cls, number: int, variant: Variant, kept: Kept | None, folder: Path) -> _Geometry:
+    def of(cls, number: int, variant: Variant, kept: ExistingResults | None, folder: Path) -> _Geometry:
         file = folder / (f"{number}.nc" if kept is None else f"{kept.mark[:16]}-{number}.nc")
         finished = False
         if variant.study is not None:

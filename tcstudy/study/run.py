@@ -25,7 +25,7 @@ from tcstudy.offline.level import Level, live_arrays
 from tcstudy.refine.error_estimator import ErrorEstimator
 from tcstudy.refine.family import Family
 from tcstudy.scene.study import Study
-from tcstudy.study.append import Kept
+from tcstudy.study.append import ExistingResults
 from tcstudy.study.level_solver import LevelSolver, Times, all_failed, keeps_solutions
 from tcstudy.study.workers import BlockExecutor
 
@@ -89,7 +89,7 @@ def run(
     study: Study,
     finished: Mapping[Key, BlockRecord] | None = None,
     executor: BlockExecutor | None = None,
-    kept: Kept | None = None,
+    kept: ExistingResults | None = None,
 ) -> Iterator[LevelRecord | BlockRecord]:
     """Yield each level's record, then its points, block by block.
 
@@ -113,7 +113,7 @@ def stages(
     study: Study,
     finished: Mapping[Key, BlockRecord] | None = None,
     executor: BlockExecutor | None = None,
-    kept: Kept | None = None,
+    kept: ExistingResults | None = None,
     first: int = 0,
 ) -> Iterator[Stage]:
     """The levels of a study one after the other; take all blocks of one before the next is asked for.
@@ -236,7 +236,7 @@ def as_start(study: Study, block: BlockRecord) -> BlockRecord:
     )
 
 
-def work_of(study: Study, finished: Mapping[Key, BlockRecord], kept: Kept | None) -> list[LevelWork]:
+def work_of(study: Study, finished: Mapping[Key, BlockRecord], kept: ExistingResults | None) -> list[LevelWork]:
     """Points of every level; a point costs about as much as its mesh has nodes."""
     mesh, growth = study.mesh, study.mesh.strategy.growth
     points = [len(study.scenes)] * mesh.levels if kept is None else kept.todo.sum(axis=0).tolist()
