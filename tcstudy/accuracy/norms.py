@@ -15,10 +15,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
+from tcstudy.shapes.triangles import INNER, TriangleGeometry
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -32,44 +33,16 @@ Function = Callable[[Array, Array], tuple[Array, Array]]
 _A, _B = (6 - np.sqrt(15)) / 21, (6 + np.sqrt(15)) / 21
 _RADON = np.array([[1 / 3] * 3] + [np.roll([1 - 2 * t, t, t], i).tolist() for t in (_A, _B) for i in range(3)])
 _WEIGHTS = np.array([9 / 40] + [(155 - np.sqrt(15)) / 1200] * 3 + [(155 + np.sqrt(15)) / 1200] * 3)
-_RULES = {3: (np.full((3, 3), 1 / 6) + 0.5 * np.eye(3), np.full(3, 1 / 3)), 7: (_RADON, _WEIGHTS)}
+_RULES = {3: (INNER, np.full(3, 1 / 3)), 7: (_RADON, _WEIGHTS)}
 """Barycentric points (q, 3) and weights (q,) of q points: exact for squares of linear functions, or degree five."""
 
 
-@dataclass(frozen=True)
-class Triangles:
-    """A mesh for integration: points (n, 2) [m], triangles (t, 3) counter-clockwise."""
-
-    points: Array
-    triangles: Indices
-
-    @cached_property
-    def _geometry(self) -> tuple[Array, Array]:
-        """Areas (t,) and gradients of the three shape functions (t, 3, 2)."""
-        corners = self.points[self.triangles]
-        edge = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)  # opposite to each corner
-        first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        twice = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
-        slopes = np.stack([-edge[..., 1], edge[..., 0]], axis=-1) / twice[:, None, None]
-        return 0.5 * twice, slopes
-
-    def gradient(self, v: Array) -> Array:
-        """∇v of a P1 function (n,) on every triangle, (t, 2)."""
-        return np.einsum("tk,tkd->td", v[self.triangles], self._geometry[1])
-
-    @property
-    def areas(self) -> Array:
-        """(t,) areas of the triangles."""
-        return self._geometry[0]
-
-    @cached_property
-    def centres(self) -> Array:
-        """(t, 2) centres of gravity of the triangles."""
-        return np.asarray(self.points[self.triangles].mean(axis=1))
+class Triangles(TriangleGeometry):
+    """A mesh for integration."""
 
     def _at(self, q: int) -> Array:
         """(2, t, q) x and y of the points."""
-        return np.einsum("qk,tkd->dtq", _RULES[q][0], self.points[self.triangles])
+        return np.einsum("qk,tkd->dtq", _RULES[q][0], self.corners)
 
     # -- functions, and their norms ----------------------------------------------------------------
 
@@ -88,7 +61,7 @@ class Triangles:
 
     def norms(self, parts: Sequence[Sample], lam: Modulus, mu: Modulus) -> dict[str, float]:
         """‖·‖_a, |·|₁ and ‖·‖ of a displacement, as u_energy, u_H1 and u_L2; of a third part theta_L2 and theta_H1."""
-        weight = self.areas[:, None] * _RULES[parts[0][0].shape[1]][1]
+        weight = self.area[:, None] * _RULES[parts[0][0].shape[1]][1]
         (u, du), (v, dv), *theta = parts
 
         def norm(square: Array) -> float:
@@ -104,7 +77,7 @@ class Triangles:
 
     def integral(self, density: Callable[[Array, Array], Array]) -> float:
         """∫ of a function of x and y, by the seven-point rule."""
-        return float((self.areas[:, None] * _WEIGHTS * density(*self._at(7))).sum())
+        return float((self.area[:, None] * _WEIGHTS * density(*self._at(7))).sum())
 
 
 def less(a: Sample, b: Sample) -> Sample:

@@ -19,7 +19,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from tcstudy.accuracy.norms import Line, Triangles
+from tcstudy.accuracy.norms import Line
+from tcstudy.shapes.triangles import TriangleGeometry
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -71,7 +72,7 @@ INSIDE = -1e-10
 """Least barycentric coordinate of a point that counts as inside."""
 
 
-def interpolation(mesh: Triangles, at: Array) -> sp.csr_array:
+def interpolation(mesh: TriangleGeometry, at: Array) -> sp.csr_array:
     """(q, n) matrix from nodal values of a P1 function to its values at the points `at` (q, 2).
 
     Where `at` are the nodes of a refinement of the mesh it is the exact prolongation.
@@ -82,30 +83,19 @@ def interpolation(mesh: Triangles, at: Array) -> sp.csr_array:
     return sp.csr_array((weights.ravel(), (rows, columns)), shape=(len(at), len(mesh.points)))
 
 
-def located(mesh: Triangles, at: Array) -> tuple[Indices, Array]:
+def located(mesh: TriangleGeometry, at: Array) -> tuple[Indices, Array]:
     """The triangle (q,) that each point lies in, or that is nearest to it, and its barycentric coordinates (q, 3)."""
     from scipy.spatial import cKDTree  # here, because a run imports this module and seldom needs it
 
-    corners = mesh.points[mesh.triangles]
-    found = cKDTree(corners.mean(axis=1)).query(at)[1]
-    weights = _barycentric(corners, found, at)
+    found = cKDTree(mesh.centres).query(at)[1]
+    weights = mesh.barycentric(at, found)
     lost = np.flatnonzero(weights.min(axis=1) < INSIDE)
     if len(lost):
         import shapely
 
-        found[lost] = shapely.STRtree(shapely.polygons(corners)).nearest(shapely.points(at[lost]))
-        weights[lost] = _barycentric(corners, found[lost], at[lost])
+        found[lost] = shapely.STRtree(shapely.polygons(mesh.corners)).nearest(shapely.points(at[lost]))
+        weights[lost] = mesh.barycentric(at[lost], found[lost])
     return found, weights
-
-
-def _barycentric(corners: Array, of: Indices, at: Array) -> Array:
-    """Barycentric coordinates (q, 3) of points in the triangles `of`."""
-    a, b, c = np.moveaxis(corners[of], 1, 0)
-    ab, ac, ap = b - a, c - a, at - a
-    twice = ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]
-    second = (ap[:, 0] * ac[:, 1] - ap[:, 1] * ac[:, 0]) / twice
-    third = (ab[:, 0] * ap[:, 1] - ab[:, 1] * ap[:, 0]) / twice
-    return np.column_stack([1.0 - second - third, second, third])
 
 
 def refined_ends(ends: Array) -> Array:

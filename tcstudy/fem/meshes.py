@@ -23,6 +23,7 @@ from tcstudy.errors import GeometryFailed
 from tcstudy.fem.geometry import Geometry
 from tcstudy.scene.records import Point, Where
 from tcstudy.scene.study import MeshPlan
+from tcstudy.shapes.triangles import doubled_areas
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -209,12 +210,6 @@ def _extract(kernel: Any, geometry: Geometry, level: int, start: float, unit: fl
     _check(geometry, points, segments, curve[outer], 0.5 * float(np.abs(twice).sum()))
     elapsed = time.perf_counter() - start
     return PlaneMesh(mesh, geometry, level, points, triangles, segments, curve[outer], h_max, elapsed, kernel, unit)
-
-
-def doubled_areas(corners: Array) -> Array:
-    """Twice the signed areas of triangles given by their corners (t, 3, 2)."""
-    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
 def orient(segments: Indices, triangles: Indices, n_points: int) -> Indices:

@@ -9,7 +9,6 @@ Left out:   patches do not stop at edges where the data jump; where materials do
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -18,8 +17,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from tcstudy.fem.boundary import ContactLine
-from tcstudy.fem.meshes import PlaneMesh, doubled_areas
+from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.scene.records import Scene, Where
+from tcstudy.shapes.triangles import INNER, TriangleGeometry
 
 Array = NDArray[np.float64]
 
@@ -27,7 +27,6 @@ GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
 """Points on a segment from 0 to 1, of weight ½ each, exact for degree 3."""
 ENOUGH = 4
 """Triangles that a patch of one ring needs; below it, and on the boundary, the patch has two rings."""
-_INNER = np.full((3, 3), 1 / 6) + 0.5 * np.eye(3)
 FLAT = 1e-6
 """Determinant of the scaled moments below which a patch is too flat for a fit and its mean is taken."""
 
@@ -40,15 +39,13 @@ class BoundaryEdges(NamedTuple):
     at: Array
 
 
-@dataclass(frozen=True)
-class ElementGeometry:
-    """What estimates need to know of a mesh's t triangles and n nodes; everything is computed once.
+class ElementGeometry(TriangleGeometry):
+    """What estimates need to know of a mesh's t triangles and n nodes; everything is computed once."""
 
-    part: its triangles in the NGSolve mesh, where it is only a region of that
-    """
-
-    mesh: PlaneMesh
-    part: NDArray[np.intp] | None = None
+    def __init__(self, mesh: PlaneMesh, part: NDArray[np.intp] | None = None) -> None:
+        """part: its triangles in the NGSolve mesh, where it is only a region of that"""
+        super().__init__(mesh.points, mesh.triangles)
+        self.mesh, self.part = mesh, part
 
     def inside(self, where: Where) -> NDArray[np.bool_]:
         """(t,) triangles in some regions."""
@@ -63,27 +60,10 @@ class ElementGeometry:
         return found
 
     @cached_property
-    def corners(self) -> Array:
-        """(t, 3, 2) [m]."""
-        return self.mesh.points[self.mesh.triangles]
-
-    @cached_property
-    def area(self) -> Array:
-        """(t,) [m²]."""
-        return 0.5 * doubled_areas(self.corners)
-
-    @cached_property
     def diameter(self) -> Array:
         """(t,) longest edges [m]."""
         sides = self.corners - np.roll(self.corners, 1, axis=1)
         return np.sqrt(np.max(np.einsum("tkd,tkd->tk", sides, sides), axis=1))
-
-    @cached_property
-    def slopes(self) -> Array:
-        """(t, 3, 2) gradients of the three hat functions of each triangle [1/m]."""
-        opposite = np.roll(self.corners, -2, axis=1) - np.roll(self.corners, -1, axis=1)
-        turned = np.stack([-opposite[..., 1], opposite[..., 0]], axis=-1)
-        return turned / (2.0 * self.area)[:, None, None]
 
     @cached_property
     def boundary(self) -> BoundaryEdges:
@@ -116,15 +96,11 @@ class ElementGeometry:
     @cached_property
     def inner_points(self) -> Array:
         """(t, 3, 2) points of a quadrature that is exact for degree 2, with a third of the area each [m]."""
-        return np.einsum("qk,tkd->tqd", _INNER, self.corners)
+        return np.einsum("qk,tkd->tqd", INNER, self.corners)
 
     def at_inner_points(self, nodal: Array) -> Array:
         """P1 functions at `inner_points`: (n,) → (t, 3)."""
-        return nodal[self.mesh.triangles] @ _INNER.T
-
-    def gradient(self, nodal: Array) -> Array:
-        """∇ of P1 functions: nodal values (n,) or (n, r) → (t, 2) or (t, r, 2)."""
-        return np.einsum("tk...,tkd->t...d", nodal[self.mesh.triangles], self.slopes)
+        return nodal[self.mesh.triangles] @ INNER.T
 
     @cached_property
     def incidence(self) -> sp.csr_array:
@@ -141,7 +117,7 @@ class ElementGeometry:
         node = np.repeat(np.arange(self.mesh.n_points), np.diff(patches.indptr))
         triangle = patches.indices
         weight = self.area[triangle]
-        offset = self.corners.mean(axis=1)[triangle] - self.mesh.points[node]
+        offset = self.centres[triangle] - self.mesh.points[node]
         total = self._sum(node, weight)
         size = np.sqrt(self._sum(node, weight * np.einsum("ed,ed->e", offset, offset)) / total)
         terms = np.column_stack([np.ones(len(node)), offset / size[node, None]])

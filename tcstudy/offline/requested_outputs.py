@@ -105,8 +105,6 @@ class RequestedOutputs:
 
 def _place(triangles: ElementGeometry, at: Array) -> tuple[int, Array]:
     """(triangle, barycentric coordinates) of a point; −1 outside the body."""
-    corners = triangles.corners
-    slopes = triangles.slopes
-    weights = 1.0 / 3.0 + np.einsum("tkd,td->tk", slopes, at - corners.mean(axis=1))
+    weights = triangles.barycentric(at)
     best = int(np.argmax(weights.min(axis=1)))
     return (best if weights[best].min() > -OUTSIDE else -1), weights[best]

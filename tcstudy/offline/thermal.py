@@ -19,8 +19,7 @@ from tcstudy.expressions.expression import Expression
 from tcstudy.fem.boundary import values_at
 from tcstudy.fem.forms import Conductivity
 from tcstudy.fem.heat_forms import HeatForms
-from tcstudy.offline.conduction import Conduction, Part
-from tcstudy.offline.heat_factor import HeatFactor
+from tcstudy.offline.conduction import Conduction, HeatFactor, Part
 from tcstudy.offline.loads import (
     BasisLoad,
     Column,

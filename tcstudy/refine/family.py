@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tcstudy.accuracy.norms import Triangles
 from tcstudy.accuracy.transfer import located
-from tcstudy.fem.meshes import PlaneMesh, doubled_areas, refine_marked
+from tcstudy.fem.meshes import PlaneMesh, refine_marked
 from tcstudy.fem.study_meshes import Meshes
 from tcstudy.offline.level import Level
 from tcstudy.refine.ends import Hidden
@@ -42,9 +42,9 @@ def bisected(mesh: PlaneMesh, shares: Array, aim: float, marking: float, hidden:
         fraction = min(marking, 2.0 * (1.0 - aim * total / own)) if own > 0.0 else 0.0
         finer = refine_marked(mesh, marked(both, fraction))
         elapsed += finer.time_mesh
-        parts = finer.points[finer.triangles]
-        of, _ = located(Triangles(mesh.points, mesh.triangles), parts.mean(axis=1))
-        ratio = doubled_areas(parts) / doubled_areas(mesh.points[mesh.triangles])[of]
+        before, after = (Triangles(one.points, one.triangles) for one in (mesh, finer))
+        of, _ = located(before, after.centres)
+        ratio = after.area / before.area[of]
         mesh, shares = finer, shares[of] * ratio**2
     return replace(mesh, level=level, time_mesh=elapsed)
 

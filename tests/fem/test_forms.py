@@ -10,8 +10,9 @@ from tcstudy.expressions.expression import parse
 from tcstudy.fem.boundary import constrain
 from tcstudy.fem.forms import ElasticForms, GradientProducts, csr
 from tcstudy.fem.geometry import build
-from tcstudy.fem.meshes import Frames, PlaneMesh, doubled_areas
+from tcstudy.fem.meshes import Frames, PlaneMesh
 from tcstudy.scene.records import Scalar, Traction
+from tcstudy.shapes.triangles import doubled_areas
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, mesh_family, study_of
 
 HEATED = RECTANGLE.replace("nu: 0.3}", "nu: 0.3, k: 1, alpha_T: 0.1}").replace("top: free", "top: convection")

@@ -7,7 +7,7 @@ import pytest
 
 from tcstudy.data.schema import BALANCED, HEAT_BOUND, NOT_JUDGED, UNBALANCED
 from tcstudy.fem.geometry import build
-from tcstudy.offline import heat_factor
+from tcstudy.offline import conduction as heat_factor
 from tcstudy.offline.level import Level
 from tcstudy.scene.records import Scene
 from tcstudy.study.point import heat_status

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tcstudy.fem.meshes import doubled_areas
 from tcstudy.refine.ends import Hidden
 from tcstudy.refine.family import Family, bisected
+from tcstudy.shapes.triangles import doubled_areas
 from tests.verification.goal_scenes import front_study
 
 

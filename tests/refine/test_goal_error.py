@@ -16,7 +16,6 @@ from tcstudy.contact.contact import Answer, solve_contact
 from tcstudy.contact.loop import Status
 from tcstudy.data.records import LevelRecord
 from tcstudy.exact.numbers import known_goal
-from tcstudy.fem.meshes import doubled_areas
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study
@@ -27,6 +26,7 @@ from tcstudy.refine.goal_error import SMOOTH, regions
 from tcstudy.refine.goals import goal_value, lost, steps, torn
 from tcstudy.refine.halved import Halved
 from tcstudy.scene.study import Goal, MeshPlan
+from tcstudy.shapes.triangles import doubled_areas
 from tcstudy.study.run import run
 from tests.verification.closed_forms import CHANGE, A, B, ring, stick_slip
 from tests.verification.goal_scenes import RESULTANT, SLIP_LENGTH, front_resultant, front_slip, front_study

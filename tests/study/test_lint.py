@@ -11,10 +11,11 @@ import pytest
 from netgen import occ
 
 from tcstudy.fem.geometry import build
-from tcstudy.fem.meshes import doubled_areas, mesh_at
+from tcstudy.fem.meshes import mesh_at
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.refine.family import Family
+from tcstudy.shapes.triangles import doubled_areas
 from tcstudy.study.lint import faults, lint, loaded, warnings
 from tcstudy.study.plan import plan
 from tcstudy.study.sizes import expected_bytes

@@ -1,0 +1,59 @@
+"""Triangles of a mesh: areas, gradients of P1 functions, barycentric coordinates; each once for a mesh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+INNER = np.full((3, 3), 1 / 6) + 0.5 * np.eye(3)
+"""Barycentric points of a quadrature that is exact for degree 2, with a third of the area each."""
+
+
+def doubled_areas(corners: Array) -> Array:
+    """Twice the signed areas of triangles given by their corners (t, 3, 2)."""
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+
+
+@dataclass(eq=False)
+class TriangleGeometry:
+    """points: (n, 2) nodes [m];  triangles: (t, 3), counter-clockwise"""
+
+    points: Array
+    triangles: Indices
+
+    @cached_property
+    def corners(self) -> Array:
+        """(t, 3, 2) [m]."""
+        return self.points[self.triangles]
+
+    @cached_property
+    def centres(self) -> Array:
+        """(t, 2) centres of gravity [m]."""
+        return np.asarray(self.corners.mean(axis=1))
+
+    @cached_property
+    def area(self) -> Array:
+        """(t,) [m²]."""
+        return 0.5 * doubled_areas(self.corners)
+
+    @cached_property
+    def slopes(self) -> Array:
+        """(t, 3, 2) gradients of the three hat functions of each triangle [1/m]."""
+        opposite = np.roll(self.corners, -2, axis=1) - np.roll(self.corners, -1, axis=1)
+        turned = np.stack([-opposite[..., 1], opposite[..., 0]], axis=-1)
+        return turned / (2.0 * self.area)[:, None, None]
+
+    def gradient(self, nodal: Array) -> Array:
+        """∇ of P1 functions: nodal values (n,) or (n, r) → (t, 2) or (t, r, 2)."""
+        return np.einsum("tk...,tkd->t...d", nodal[self.triangles], self.slopes)
+
+    def barycentric(self, at: Array, of: Indices | slice = slice(None)) -> Array:
+        """(q, 3) barycentric coordinates of points (q, 2), or of one, in the triangles `of`, by default all."""
+        return 1.0 / 3.0 + np.einsum("tkd,td->tk", self.slopes[of], at - self.centres[of])
