@@ -93,12 +93,6 @@ def verdict(path: Path) -> dict[str, Any]:
         return _told(RunSeen(dims, levels, str(nc.sweep_mode), labels, take, friction, units))
 
 
-def _of_the_body(run: RunSeen, ok: Flags) -> str:
-    """At how many points the problem itself has one solution, where that is asked for."""
-    asked = run.take("proved_unique", -1) is not None
-    return f"{int(run.flag('proved_unique', ok).sum())} of them for the body itself" if asked else ""
-
-
 def _told(run: RunSeen) -> dict[str, Any]:
     ok = run.ok()
     total, solved = int(ok.size), int(ok.sum())
@@ -107,23 +101,18 @@ def _told(run: RunSeen) -> dict[str, Any]:
     error, no_larger, estimated, how = mesh_error(run, ok)
     heat = [run.take("heat_status", i - run.levels) for i in range(run.levels)]
     bad = sum(int(np.count_nonzero(one == UNBALANCED)) for one in heat if one is not None)
+    body, count, complete = (run.take(name, -1) for name in ("proved_unique", "solutions", "complete"))
     parts = [
         f"{solved} of {total} solved",
         sentences.proved(int(unique.sum()), int(run.flag("global_minimum", ok).sum())),
-        _of_the_body(run, ok),
-        _every(run, ok),
+        f"{int((ok & (body == 1)).sum())} of them for the body itself" if body is not None else "",
+        sentences.all_equilibria(count[ok], complete[ok]) if count is not None and complete is not None else "",
         f"{int(several.sum())} with more than one solution found" if several.any() else "",
         sentences.mesh_error(error, estimated, no_larger),
         *abrupt(run, ok, several)[:2],
         f"heat balance missed at {bad}" if bad else "",
     ]
     return {"text": ", ".join(filter(None, parts)) + ".", "how": how, "ok": solved == total}
-
-
-def _every(run: RunSeen, ok: Flags) -> str:
-    """At how many points all solutions are known; empty where none were sought."""
-    count, complete = run.take("solutions", -1), run.take("complete", -1)
-    return "" if count is None or complete is None else sentences.all_equilibria(count[ok], complete[ok])
 
 
 def _several(run: RunSeen, ok: Flags, unique: Flags) -> Flags:

@@ -205,7 +205,7 @@ def cost_figure(data: Any, measure: str, look: style.Look) -> Figure:
                 unknowns.line(n, e, **how, linewidth=1.2)
                 steep = f"$N^{{{np.polyfit(np.log(n[-3:]), np.log(e[-3:]), 1)[0]:.2f}}}$" if len(n) > 2 else ""
                 if steep and e.max() > EXACT:
-                    note(unknowns.axes, steep, (n[-1], e[-1]), (4, -2), color=COLOURS[family], fontsize=style.pt(9))
+                    note(unknowns.axes, steep, (n[-1], e[-1]), (7, 3), color=COLOURS[family], fontsize=style.pt(9))
     for k, solver in enumerate(solvers):
         time.line([], [], color=style.INK, linestyle=LINES[k % len(LINES)], linewidth=1.2, label=solver)
     if champion is not None:  # named in the corner that falling curves leave free
