@@ -231,7 +231,7 @@ def _other_commands(study: Study) -> Iterator[str]:
 
 
 LONG = 2.0
-"""Lengths of elements over the height of a strip above which path and one descent may differ (configs/README.md)."""
+"""Lengths of elements over the height of a strip above which path and lowest state may differ (configs/README.md)."""
 
 
 def _long_elements(study: Study, levels: tuple[LevelForecast, ...]) -> Iterator[str]:
@@ -245,7 +245,7 @@ def _long_elements(study: Study, levels: tuple[LevelForecast, ...]) -> Iterator[
     if ratio > LONG:
         yield (
             f"elements on the contact line are {ratio:.2g} times as long as the body is high there: they push nodes "
-            "back before the front that comes to them, so that a path and one descent may differ by some per cent; "
+            "back before the front that comes to them, so that path and lowest state may differ by some per cent; "
             "choose a smaller mesh.maxh or more levels"
         )
 

@@ -45,28 +45,6 @@ def followed(folder: Path, study: str, history: str, *overrides: str, name: str 
     return data
 
 
-@pytest.mark.parametrize("memory", ["friction", "elastic-plastic, stiffness: 500 GPa/m"])
-def test_masing_on_a_plane_body(tmp_path: Path, memory: str) -> None:
-    """v(e₁ → e₂) = v(e₁) − 2 v((e₁ − e₂)/2) for slips, tractions and plastic slips, from rigid ends to all slipping."""
-    data = followed(tmp_path, BLOCK, f"{{memory: {memory}, steps: [{{theta: 60 K}}, {{theta: -20 K}}]}}")
-    half = followed(tmp_path, BLOCK, f"{{memory: {memory}, steps: [{{theta: 40 K}}]}}", name="b.nc")
-    for name in ("u_T", "xi", "plastic"):
-        if name in data:
-            first, back = data[name].values[1:]
-            assert back == pytest.approx(first - 2.0 * half[name].values[1], abs=1e-11 * np.max(np.abs(first)))
-    assert 0.0 < float(half["slip_length"][1]) <= 0.4 + 1e-12
-    assert data["unique"].values.tolist() == [0, 1, 1]  # nothing is asked at step 0, which has no load
-
-
-def test_secants_of_damage_on_a_plane_body(tmp_path: Path) -> None:
-    history = "{memory: damage, steps: [{theta: 60 K}, {theta: -45 K, in: 3}, {theta: -60 K}]}"
-    data = followed(tmp_path, SOFT, history)
-    v, theta = data["u_T"].values, data["theta"].values
-    for n in range(2, len(theta)):
-        assert v[n] == pytest.approx(theta[n] / 60.0 * v[1], abs=1e-11 * np.max(np.abs(v[1])))
-    assert np.all(data["dissipated"].values[2:] <= 1e-12 * data["dissipated"].values[1])
-
-
 def test_a_history_goes_on_from_its_file(tmp_path: Path) -> None:
     """More cycles behind the same steps: what is there stays to the bit, and what follows is as computed at once."""
     history = (

@@ -84,15 +84,15 @@ def first_jump(A: Array, c: Array, film: Laws, load: Array, begin: float, step: 
 FILMS = [(concave(0.3), 2.4), (law("exponential", a=3.0, b=0.3, delta=0.1), 2.9)]
 
 
-@MEMORIES
 @pytest.mark.parametrize(("film", "begin"), FILMS, ids=["softest way", "next node"])
-def test_a_line_lets_go_as_by_small_steps(film: Laws, begin: float, memory: Memory) -> None:
+def test_a_line_lets_go_as_by_small_steps(film: Laws, begin: float) -> None:
     """20 nodes: where sliding nodes lose their hold together, and where the next one begins to slide."""
     A, c = half_laplacian(20)
     load = c * np.linspace(0.2, 1.0, 20)
     at, released = first_jump(A, c, film, load, begin, 2e-3)
-    body = HistoryProblem(A, c, film, memory)
-    steps = followed(body, [share * load for share in (begin, at - 1e-7, at + 1e-7)])
-    assert [step.jumps for step in steps] == [0, 0, 1]
-    assert steps[-1].released == pytest.approx(released, rel=1e-7)
-    assert max(step.identity for step in steps) <= 3e-16
+    for memory in (Memory("friction"), Memory("damage")):
+        body = HistoryProblem(A, c, film, memory)
+        steps = followed(body, [share * load for share in (begin, at - 1e-7, at + 1e-7)])
+        assert [step.jumps for step in steps] == [0, 0, 1]
+        assert steps[-1].released == pytest.approx(released, rel=1e-7)
+        assert max(step.identity for step in steps) <= 3e-16
