@@ -5,7 +5,7 @@ extended, active_set  that test in two doubles; from an approximate solution to 
 contact             the door: a solver by name, all starts, the judgement
 block               many problems of one body at once: descent, convex_step and newton; bundle/ the general method
 hulls, moves        starts from which descent finds less energy
-bounds, certificates, certify  what is proved of a solution
+bounds, certificates  what is proved of a solution
 all_solutions, every  all solutions of small problems
 path/               equilibria on one branch along a parameter
 history/            steps of a load history with memory

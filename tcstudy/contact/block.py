@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.active_set import Judged, finish, judge, refined
 from tcstudy.contact.bounds import least_slopes
-from tcstudy.contact.certify import (
+from tcstudy.contact.certificates import (
     definite,
     global_minimum,
     margins,

@@ -247,14 +247,6 @@ def boxes_of(
     return low, high
 
 
-def first_box(problem: ContactProblem, lambda_1: float) -> tuple[Array, Array]:
-    """(low, high), (m,) each: a box of all solutions from what the energy allows alone [m]."""
-    tables, law = tables_of(problem.law, problem.m)
-    load = float(np.sqrt((problem.l_tilde / problem.c) ** 2 @ problem.c))
-    high = energy_reach(load, np.max(largest_push(tables)[law], initial=0.0), problem.c, lambda_1)
-    return -high, high
-
-
 def energy_reach(load: float | Array, push: float | Array, c: Array, lambda_1: float) -> Array:
     """How far from 0 the energy allows solutions to be (m,), or (R, m) with ‖l̃/c‖ and push (R, 1) [m].
 

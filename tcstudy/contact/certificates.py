@@ -14,25 +14,34 @@ the diagonal lowered by μ = margin·λ₁ and never by less than the rounding o
 floating-point arithmetic too; where Ã has lost more digits than that to stiff springs or materials, it is taken softer
 by its relative error. Left out: interval arithmetic (the inclusion residual of v enters through
 `energy_gap` only) and branch and bound for what is not certified.
+
+Of many points at once, which of many matrices Ã + C diag(s_r − μ) are positive definite, with as few factorisations as
+may be: steps d ← |Ã⁻¹|(w d) with w = C(μ − s)₊ ≥ 0 of all rows at once go to the direction in which Ã can hold w least,
+at the price of two products each. A row with dᵀ(Ã + C diag(s − μ))d ≤ 0 is refuted; one with |Ã⁻¹|(w d) < d for a d > 0
+is proved, for then the spectral radius of Ã⁻¹w is below 1 (Collatz, Wielandt). Few rows are left: if the matrix with
+the pointwise least diagonal of a group is positive definite, all of the group are. If its Cholesky factorisation breaks
+down, its direction of negative curvature is one more d for all rows; what is left is halved.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.contact.active_set import extended
-from tcstudy.contact.bounds import FEW, PARTS, bend_below_tangent, least_slope, solution_box
-from tcstudy.contact.factors import factor_free
+from tcstudy.contact.bounds import FEW, PARTS, bends, boxes_of, largest_push, least_slopes, value_range
+from tcstudy.contact.factors import factor_free, negative_curvature
 from tcstudy.contact.newton import slopes
-from tcstudy.contact.problem import MARGIN, ContactProblem, kept, least_lowered, pivot_shift
+from tcstudy.contact.problem import MARGIN, CondensedBody, ContactProblem, kept, least_lowered, pivot_shift
+from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
 from tcstudy.scene.study import Acceptance
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -84,21 +93,23 @@ def certify(
     """
     threshold = problem.lambda_1 if lambda_1 is None else lambda_1
     error = problem.lambda_1_error if lambda_1 is None else problem.A_error
-    problem = replace(problem, A_error=error)
+    body = CondensedBody(problem.A_tilde, problem.c, error, shared=False)
+    vars(body).update({"lambda_1": threshold} | ({} if inverse is None else {"inverse": inverse}))
+    problem = ContactProblem.on(body, problem.l_tilde, problem.law)
     residual, omega = extended(problem, v).residual if residual is None else residual, problem.law.omega
     slack, resting = _resting_slack(problem, v)
     apart = uniqueness_margin(problem, threshold)
-    convex = omega < (1.0 - MARGIN) * kept(error) * threshold or (
-        problem.m > 0 and apart > pivot_shift(problem.A_tilde, problem.c, threshold)
-    )
+    convex = omega < (1.0 - MARGIN) * kept(error) * threshold or (problem.m > 0 and apart > body.shift)
     if problem.m == 0:
         return Certificate(residual, threshold, omega, convex, True, True, True, 0.0, slack, 0, apart, error)
-    low, high = solution_box(problem, threshold, inverse=inverse)
-    unique = convex or positive_definite(problem, least_slope(problem.law, low, high), threshold)
-    solved = Acceptance(tolerance).accepts(residual, problem.xi_rounding(v))
-    strict = solved and (unique or _strict_minimum(problem, v, threshold))
-    gap = _global_gap(problem, v, low, high, threshold, unique) if solved else float("nan")
-    lowest = bool(np.isfinite(gap))
+    row = problem.rows
+    low, high = solution_boxes(row)
+    unique = convex or bool(definite(body, least_slopes(row.law, row.law.index, low, high))[0])
+    solved = bool(Acceptance(tolerance).accepts(residual, problem.xi_rounding(v)))
+    strict = solved and (unique or bool(strict_minimum(row, v[None])[0]))
+    lowest = solved and (unique or bool(global_minimum(row, v[None], low, high)[0]))
+    defect = problem.distance(v)
+    gap = float(problem.c @ defect**2) / (2.0 * body.shift) if lowest else float("nan")
     return Certificate(residual, threshold, omega, convex, unique, strict, lowest, gap, slack, resting, apart, error)
 
 
@@ -134,31 +145,127 @@ def _resting_slack(problem: ContactProblem, v: Array) -> tuple[float, int]:
     return float(np.min(slack)) / problem.traction_scale, int(np.count_nonzero(on))
 
 
-def _strict_minimum(problem: ContactProblem, v: Array, lambda_1: float) -> bool:
-    """Second-order test with the nodes that rest without slack counted as free (sufficient, not necessary)."""
-    law, xi = problem.law, problem.xi(v)
-    s = slopes(problem, v, xi)
-    noise = 1e3 * np.finfo(float).eps * (np.diagonal(problem.A_tilde) * np.abs(v) + np.abs(xi))
-    on_up = law.kind_at(v) == UP
-    held = on_up & (s.left < -noise) & (s.right > noise)
-    if np.any(s.jump & ~on_up):
-        return False
-    free = np.flatnonzero(~held)
-    own, at = law.of_nodes(free), v[free]
-    slope = np.minimum(own.slope(at, own.piece(at, -1)), own.slope(at, own.piece(at, +1)))
-    return positive_definite(problem, slope, lambda_1, free)
+# -- of many points at once ------------------------------------------------------------------------
 
 
-def _global_gap(problem: ContactProblem, v: Array, low: Array, high: Array, lambda_1: float, unique: bool) -> float:
-    """The energy gap ‖ξ/c − ζ‖²/(2μ) if v is certified to be a global minimum, else nan."""
-    traction = problem.xi(v) / problem.c
-    zeta = np.clip(traction, *problem.law.interval(v))
-    gap = float(problem.c @ (traction - zeta) ** 2) / (2.0 * pivot_shift(problem.A_tilde, problem.c, lambda_1))
+def definite(body: CondensedBody, slope: Array) -> Flags:
+    """(R,) whether Ã + C diag(slope − μ) ≻ 0 is proved, for rows of slopes (R, m) [Pa/m]."""
+    proved = np.zeros(len(slope), dtype=bool)
+    if body.m == 0:
+        return ~proved
+    A_tilde, added = body.A_tilde, body.c * (slope - body.shift) / kept(body.A_error)
+    open_ = np.flatnonzero(np.all(np.diagonal(A_tilde) + added > 0.0, axis=1))
+    sure, open_ = _by_products(body, added[open_], open_)
+    proved[sure] = True
+    groups = [open_[np.argsort(added[open_].sum(axis=1), kind="stable")]]
+    while groups:
+        group = groups.pop()
+        if not len(group):
+            continue
+        direction = negative_curvature(A_tilde, np.arange(body.m), added[group].min(axis=0))
+        if direction is None:
+            proved[group] = True
+            continue
+        squares, stiffness = direction**2, float(direction @ (A_tilde @ direction))
+        groups = [own[stiffness + added[own] @ squares > 0.0] for own in groups]
+        if len(group) > 1:
+            group = group[stiffness + added[group] @ squares > 0.0]
+            half = (len(group) + 1) // 2
+            groups += [group[:half], group[half:]]
+    return proved
+
+
+_PRODUCTS = 4
+"""Steps of all rows towards directions that prove or refute them."""
+
+
+def _by_products(body: CondensedBody, added: Array, rows: Index) -> tuple[Index, Index]:
+    """(proved, open) of rows whose matrices Ã + diag `added` are in question; those that are neither are refuted."""
+    absolute, weight = np.abs(body.inverse), np.maximum(-added, 0.0)
+    slack, proved = body.rounding * absolute.sum(axis=1), []
+    d = np.ones(weight.shape)
+    for _ in range(_PRODUCTS):
+        pushed = weight * d
+        held = pushed @ absolute
+        sure = np.all(held + np.max(pushed, axis=1, initial=0.0)[:, None] * slack < d, axis=1)
+        d = np.maximum(held / np.maximum(np.max(held, axis=1), np.finfo(float).tiny)[:, None], _LEAST)
+        squares = np.einsum("ri,ri->r", d, d @ body.A_tilde) + np.einsum("ri,ri->r", added, d * d)
+        proved.append(rows[sure])
+        on = ~sure & (squares > 0.0)
+        rows, added, weight, d = rows[on], added[on], weight[on], d[on]
+    return np.concatenate([*proved, rows[:0]]), rows
+
+
+_LEAST = 1e-9
+"""Least part of its largest entry that an entry of such a direction has, since all must be positive."""
+
+
+def solution_boxes(rows: ContactProblem) -> tuple[Array, Array]:
+    """(low, high), (R, m) each: every solution lies between them [m]."""
+    body, laws = rows.body, rows.law
+    known = (body.c, kept(body.A_error) * body.lambda_1, body.inverse, body.rounding)
+    push = np.max(largest_push(laws)[laws.index], axis=1)
+    return boxes_of(rows.l_tilde[None], push, known, lambda at, *box: value_range(laws, laws.index[at], *box))
+
+
+def margins(rows: ContactProblem) -> Array:
+    """(R,) λ_min(C^{−½}ÃC^{−½} − diag ω_i) of rows with laws by node, once for rows of the same falls [Pa/m]."""
+    body = rows.body
+    different, row = np.unique(rows.law.falls[rows.law.index], axis=0, return_inverse=True)
+    A_tilde = kept(body.A_error) * body.A_tilde
+    return np.array([least_lowered(A_tilde, body.c, omega) for omega in different])[row.reshape(-1)]
+
+
+def global_minimum(rows: ContactProblem, v: Array, low: Array, high: Array) -> Flags:
+    """(R,) whether v is proved to be a global minimum; low, high: the boxes of all solutions.
+
+    A few parts of exponential pieces prove most rows, and lower bounds of D refute most others; nodes of what is left
+    whose bounds lie apart are bounded again with more parts.
+    """
+    zeta = np.clip(rows.xi(v) / rows.body.c, *rows.law.interval(v))
     low, high = np.minimum(low, v), np.maximum(high, v)
-    if unique:
-        return gap
-    for parts in (PARTS,) if problem.law.piecewise_linear else (FEW, PARTS):
-        bend = bend_below_tangent(problem.law, v, zeta, low, high, parts)
-        if np.all(np.isfinite(bend)) and positive_definite(problem, -bend, lambda_1):
-            return gap
-    return float("nan")
+    few = PARTS if rows.law.piecewise_linear else FEW
+    upper, lower = bends_below_tangent(rows.law, v, zeta, low, high, few)
+    proved = np.all(np.isfinite(upper), axis=1)
+    open_ = np.flatnonzero(proved)
+    proved[open_] = definite(rows.body, -upper[open_])
+    if few < PARTS:
+        rigid = 1e6 * np.max(np.diagonal(rows.body.A_tilde) / rows.body.c)
+        open_ = open_[~proved[open_]]
+        open_ = open_[definite(rows.body, -np.maximum(lower[open_], -rigid))]
+        row, node = np.nonzero(lower[open_] < upper[open_])
+        row = open_[row]
+        own_v, own_zeta, own_low, own_high = (x[row, node][:, None] for x in (v, zeta, low, high))
+        again, _ = bends_below_tangent(rows.law.nodes(row, node), own_v, own_zeta, own_low, own_high)
+        upper[row, node] = again[:, 0]
+        proved[open_] = definite(rows.body, -upper[open_])
+    return proved
+
+
+def strict_minimum(rows: ContactProblem, v: Array) -> Flags:
+    """(R,) the second-order test with nodes that rest without slack counted as free (sufficient, not necessary)."""
+    body, xi = rows.body, rows.xi(v)
+    s = slopes(rows, v, xi)
+    noise = 1e3 * np.finfo(float).eps * (np.diagonal(body.A_tilde) * np.abs(v) + np.abs(xi))
+    on_up = rows.law.kind(s.at) == UP
+    held = on_up & (s.left < -noise) & (s.right > noise)
+    least = np.minimum(rows.law.slope(v, s.at.piece), rows.law.slope(v, s.at.piece + s.at.on))
+    added = body.c * (least - body.shift) / kept(body.A_error)
+    proved = ~np.any(s.jump & ~on_up, axis=1)
+    for i in np.flatnonzero(proved):
+        free = np.flatnonzero(~held[i])
+        proved[i] = factor_free(body.A_tilde, free, added[i, free])[1] == 0
+    return proved
+
+
+def bends_below_tangent(
+    laws: Laws, v: Array, zeta: Array, low: Array, high: Array, parts: int = PARTS
+) -> tuple[Array, Array]:
+    """(upper, lower) bounds of D (R, m) for slips between low and high [Pa/m]; inf where v_i sits on a down-jump.
+
+    zeta: elements of b̂(v), exactly b(v) off the kinks [Pa]
+    """
+    law = np.broadcast_to(laws.index, v.shape).ravel()
+    sides = bends(laws, law, v.ravel(), zeta.ravel(), low.ravel(), high.ravel(), parts)
+    upper, lower = zip(*sides, strict=True)
+    return np.maximum(*upper).reshape(v.shape), np.maximum(*lower).reshape(v.shape)

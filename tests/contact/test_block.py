@@ -7,8 +7,7 @@ import pytest
 
 from tcstudy.contact.block import BlockAnswers, Options, solve_block
 from tcstudy.contact.bounds import solution_box
-from tcstudy.contact.certificates import certify
-from tcstudy.contact.certify import solution_boxes
+from tcstudy.contact.certificates import certify, solution_boxes
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import CondensedBody, ContactProblem

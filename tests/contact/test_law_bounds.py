@@ -7,7 +7,7 @@ import pytest
 
 from tcstudy.contact import bounds
 from tcstudy.contact.bounds import largest_push, least_slopes, tables_of, value_range
-from tcstudy.contact.certify import bends_below_tangent
+from tcstudy.contact.certificates import bends_below_tangent
 from tcstudy.contact.hulls import proximal_hulls
 from tcstudy.laws.laws import Laws
 from tests.contact.rows import some_laws

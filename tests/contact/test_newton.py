@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.contact.certify import definite
+from tcstudy.contact.certificates import definite
 from tcstudy.contact.newton import directions
 from tcstudy.contact.problem import CondensedBody
 from tests.contact import contact_cases as cases
