@@ -80,8 +80,6 @@ def test_faults_of_sizes_have_the_unit_of_the_study() -> None:
 
 def test_faults_in_the_sweep() -> None:
     assert "sweep.h.tolerance: is missing" in faults("{maxh: 0.5}", "sweep: {h: {of: slip_length}}\n")[0]
-    twice = faults("{maxh: 0.5, tolerance: 0.1}", "sweep: {h: {tolerance: 1e-3}}\n")
-    assert "sweep.h.tolerance: mesh.tolerance is given, too; give it once" in twice[0]
     with pytest.raises(StudyError) as info:
         read_study_text(f"{BASE}sweep: {{h: {{tolerance: 1e-3}}}}\n", "test")
     assert str(info.value).splitlines() == ["test:2:1: mesh: is missing; add mesh: {maxh: 10}"]
