@@ -213,7 +213,7 @@ class FitModel:
         sigma = np.array([self.given_noise, self.noise[0]])
         data = np.stack([given.values, measured.values], axis=1)
         foot, jacobian = self._moving(scene, path).feet(data, sigma)
-        early = "" if path.end.status in WHOLE else path.end.reason
+        early = "" if path.end in WHOLE else path.end.reason
         found = foot.point * sigma
         return Compared(foot.distance, jacobian, found[:, 1], found, early, path)
 
@@ -238,7 +238,7 @@ class FitModel:
             jacobian=np.concatenate([found.jacobian, rates / sigma[:, None]]),
             predicted=np.concatenate([found.predicted, value]),
             foot=np.concatenate([found.foot, x]) if len(found.foot) else found.foot,
-            early=found.early or ("" if path.end.status in WHOLE else path.end.reason),
+            early=found.early or ("" if path.end in WHOLE else path.end.reason),
         )
 
     def follow(self, scene: Scene) -> Path:

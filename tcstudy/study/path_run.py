@@ -22,7 +22,7 @@ from tcstudy.contact.path.follow import Follower, ParametricProblem, Path
 from tcstudy.contact.path.problem import by_code
 from tcstudy.contact.path.proofs import proved_minima
 from tcstudy.contact.path.query import PathSolution, folds, lowest, solutions_at, solutions_of
-from tcstudy.contact.path.record import WHOLE
+from tcstudy.contact.path.record import WHOLE, PathStatus
 from tcstudy.data.provenance import SHORTFALLS, Remark, collect, tell
 from tcstudy.data.records import LevelRecord
 from tcstudy.data.store import Record, write_record
@@ -81,9 +81,9 @@ def follow_path(study: Study, progress: Progress | None = None) -> Record:
         "parameter": plan.name,
         "parameter_range": np.array([plan.begin, plan.end]),
         "parameter_within": np.array(plan.within),
-        "begin_status": path.begin.status.name.lower(),
+        "begin_status": path.begin.name.lower(),
         "begin_reason": path.begin.reason,
-        "end_status": path.end.status.name.lower(),
+        "end_status": path.end.name.lower(),
         "end_reason": path.end.reason,
     }
     values = {
@@ -162,25 +162,21 @@ def _curve(setting: _Setting, path: Path) -> Values:
 
 
 def _branches(setting: _Setting, path: Path, every: Branches) -> Values:
-    """All branches one after the other, a loop with its first vertex again at the end."""
-    problem = setting.straight
-    known = {code.tobytes() for code in path.codes}
-    closed, parts = [int(b.loop) for b in every.branches], [(np.empty(0), np.empty((0, len(problem.c))))]
-    for branch, n in zip(every.branches, closed, strict=True):
-        parts.append((np.append(branch.t, branch.t[:n]), np.concatenate([branch.u, branch.u[:n]])))
-    t, u = (np.concatenate(x) for x in zip(*parts, strict=True))
-    forces = problem.l_0 + t[:, None] * problem.l_1 - u @ problem.A_tilde
+    """All branches one after the other."""
+    branches, known = every.branches, {code.tobytes() for code in path.codes}
+    none = np.zeros((0, path.problem.m))
+    t = np.concatenate([none[:, 0], *(b.t for b in branches)])
     return {
         "complete": int(every.complete),
         "at_complete": _known(setting, every),
-        "branch_of": np.repeat(np.arange(len(closed)), [len(own) for own, _ in parts[1:]]),
+        "branch_of": np.repeat(np.arange(len(branches)), [len(b.t) for b in branches]),
         "branch_parameter": t,
-        "branch_energy": _energy(setting, t, u),
-        "branch_u_T": u,
-        "branch_xi": forces / problem.c,
-        "branch_stable": np.concatenate([np.zeros(0, bool), *(np.append(b.stable, False) for b in every.branches)]),
-        "branch_loop": closed,
-        "branch_on_path": [any(code.tobytes() in known for code in b.codes) for b in every.branches],
+        "branch_energy": np.concatenate([none[:, 0], *(b.energy for b in branches)]) + setting.load.constant(t),
+        "branch_u_T": np.concatenate([none, *(b.u for b in branches)]),
+        "branch_xi": np.concatenate([none, *(b.traction for b in branches)]),
+        "branch_stable": np.concatenate([np.zeros(0, bool), *(np.append(b.stable, False) for b in branches)]),
+        "branch_loop": [int(b.end == PathStatus.CLOSED_LOOP) for b in branches],
+        "branch_on_path": [any(code.tobytes() in known for code in b.codes) for b in branches],
     }
 
 
@@ -191,7 +187,7 @@ SAME = 1e-7
 def _beside(path: Path, every: Branches, i: int, t: float, found: list[PathSolution]) -> list[PathSolution]:
     """The solutions at t, the requested value i, that are known beside those found on the path."""
     problem, all_of_them = path.problem.at(t), list(found)
-    known = [(v, branch.stable[piece]) for branch in every.branches for v, piece in zip(*branch.at(t), strict=True)]
+    known = [(one.v, one.stable) for branch in every.branches for one in solutions_at(branch, t)]
     if (listed := every.listed[i]) is not None:
         known += zip(listed.v, listed.stable, strict=True)
     for v, stable in known:

@@ -10,12 +10,14 @@ from __future__ import annotations
 import argparse
 import time
 from collections import Counter
+from itertools import pairwise
 
 import numpy as np
 
 from tcstudy.contact.all_solutions import all_solutions, of_rows
 from tcstudy.contact.path.complete import all_branches
 from tcstudy.contact.path.problem import ParametricProblem
+from tcstudy.contact.path.record import PathStatus
 from tests.contact.random_polygons import NEAR, by_brute_force, random_problem
 from tests.verification.test_all_solutions import FILMS, equal_to_milp, quickstart_problems
 
@@ -54,12 +56,13 @@ def against_segments(count: int) -> str:
             continue
         along = ParametricProblem(problem.A_tilde, problem.l_tilde, per_t, problem.c, problem.law)
         found = all_branches(along, 0.0, 1.0, problem.lambda_1)
-        ends = np.array([sorted(pair) for branch in found.branches for pair in zip(*branch.ends, strict=True)])
+        ends = np.array([sorted(pair) for branch in found.branches for pair in pairwise(branch.t)])
         if not found.complete:
             unproved.append(20_000 + seed)
         elif len(ends) != len(rows) or not np.allclose(np.sort(ends, axis=0), np.sort(rows, axis=0), atol=1e-7):
             differ.append(20_000 + seed)
-        segments, loops = segments + len(rows), loops + sum(branch.loop for branch in found.branches)
+        segments += len(rows)
+        loops += sum(branch.end == PathStatus.CLOSED_LOOP for branch in found.branches)
     return (
         f"{count} intervals: {len(differ)} differ {differ or ''}, {len(unproved)} not proved {unproved or ''}, "
         f"{degenerate} degenerate; {segments} segments, {loops} loops"

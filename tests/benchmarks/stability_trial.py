@@ -186,7 +186,7 @@ def path(problem: ContactProblem, deadline: float) -> Trial:
         best = min(solutions, key=lambda solution: solution.energy)
         good = best.residual <= TOLERANCE
         return Trial(best.v, good, found.pieces, "", "" if good else CANCELLATION)
-    status = found.end.status
+    status = found.end
     known = {PathStatus.PIECE_LIMIT: FOLDS, PathStatus.LOST_ACCURACY: CANCELLATION}
     return Trial(found.u[-1], False, found.pieces, found.end.reason, known.get(status, BRANCHES))
 

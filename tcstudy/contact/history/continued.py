@@ -4,7 +4,7 @@ Inside a step the load is l̃(t) = l̃ⁿ⁻¹ + t (l̃ⁿ − l̃ⁿ⁻¹), t f
 as long as no node takes back what it has done since: slipped, yielded or torn. So a step is a sequence of parts, each
 with laws of its own and each a piece of a piecewise-linear path (contact/path):
   1. From the state the path is followed on the stable way on which t grows, up to a fold, or to where the first node
-     begins to take back what it has done: there the memory is updated. All parts of a step share one tableau.
+     begins to take back what it has done: there the memory is updated. All parts of a step share one inverse.
   2. Where there is no such way, a descent to the load a little further on finds what comes next. The path through it
      is traced back: where it ends elsewhere, no solution is near, and the state *jumps* there at once, with the energy
      that is released. Else the path through it leads on.
@@ -23,14 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.contact.contact import Answer, as_it_is, nearest_minimum, solve_contact
-from tcstudy.contact.history.folds import ended, folds_beside, standing
+from tcstudy.contact.history.folds import ended, folds_beside
 from tcstudy.contact.history.memory import LAW_ERROR
 from tcstudy.contact.history.problem import HistoryProblem, HistoryStep, booked, proved
 from tcstudy.contact.loop import Status
+from tcstudy.contact.path.basis_inverse import BasisInverse, SingularCellError
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path, PathStatus
 from tcstudy.contact.path.start import locate
-from tcstudy.contact.path.tableau import Tableau
-from tcstudy.contact.path.walk import units_of
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.study import Acceptance, Direction
@@ -100,7 +99,7 @@ class ContinuedStep:
         self.iterations = 0
         self.judged: tuple[ContactProblem, Answer] | None = None
         self.reason, self.beyond, self.fold = "", last.v, 0.0
-        self.tableau: Tableau | None = None
+        self.basis: BasisInverse | None = None
         on = 1.0 if float(np.sign(last.xi) @ self.change) >= 0.0 else -1.0
         self.senses = np.where(last.xi == 0.0, np.sign(self.change), on * np.sign(last.xi))
 
@@ -110,7 +109,8 @@ class ContinuedStep:
             self._set_out()
             path = self._onward() if self.fold <= self.t else None
             if path is None and self.fold <= self.t and not self.body.law.piecewise_linear:
-                path = standing(self.problem, self.t, self.w)  # the law may go on where no chord does
+                # the law may go on where no chord does
+                path = Path.standing(self.problem, self.t, self.w, PathStatus.UNSTABLE)
             if not ((path is not None and self._along(path)) or self._elsewhere()):
                 return False
             if self.t == 1.0:
@@ -156,20 +156,19 @@ class ContinuedStep:
     def _onward(self) -> Path | None:
         """The path from the state, as far as it is stable and nobody turns back; None without one."""
         try:
-            walk = locate(self.problem, units_of(self.problem), self.w, self.t, self.senses, self.tableau)
-        except ValueError as error:
+            walk = locate(self.problem, self.w, self.t, self.senses, self.basis)
+        except (ValueError, SingularCellError) as error:
             self.reason = str(error).partition("; ")[0]
             return None
-        self.tableau = walk.tableau
+        self.basis = walk.basis
         path = replace(self._follower, one_way=self.body.model.remembers).onward(walk)
-        self.senses = walk.graph.sense[walk.codes] * np.sign(walk.dx)
+        self.senses = walk.graph.sense[walk.codes] * np.sign(walk.dx[:-1])
         if path is not None:
             over = path.u[-1]
-            if path.end.status == PathStatus.UNSTABLE:  # half a piece beyond the fold, where the energy falls
-                with np.errstate(divide="ignore", invalid="ignore"):
-                    step, _ = walk.reach()
+            if path.end == PathStatus.UNSTABLE:  # half a piece beyond the fold, where the energy falls
+                step, _ = walk.reach()
                 step = step if np.isfinite(step) else float(np.max(np.abs(walk.u)) / np.max(np.abs(walk.dx)))
-                over = np.where(walk.free, walk.x + 0.5 * step * walk.dx, walk.u)
+                over = np.where(walk.free, (walk.x + 0.5 * step * walk.dx)[:-1], walk.u)
             self.beyond = self.origin + over
         return path
 
@@ -194,7 +193,7 @@ class ContinuedStep:
         """
         body, p = self.body, self.problem
         last = self._first_return(path)
-        fold = last == path.pieces and path.end.status == PathStatus.UNSTABLE
+        fold = last == path.pieces and path.end == PathStatus.UNSTABLE
         folded = self._folded(path, last) if fold else None
         if not (folded or ((last or lead) and path.t[last] > self.t)):
             self.reason = path.end.reason
@@ -248,7 +247,7 @@ class ContinuedStep:
         answer = self._answer(path.u[last], float(path.t[last]))
         if self.body.law.piecewise_linear:
             return path, last, answer
-        fold = last == path.pieces and path.end.status == PathStatus.UNSTABLE
+        fold = last == path.pieces and path.end == PathStatus.UNSTABLE
         slip = self.body.law.b_scale * float(np.max(self.body.c / np.diagonal(self.body.A_tilde)))
         for back in (0, *(2**k for k in range(20) if 2**k < last and path.t[last - 2**k] > self.t)):
             if back:

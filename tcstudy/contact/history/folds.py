@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.factors import factor_free, with_diagonal
 from tcstudy.contact.history.memory import NARROW
-from tcstudy.contact.path.problem import ParametricProblem
-from tcstudy.contact.path.record import Events, Path, PathEnd, PathStatus
+from tcstudy.contact.path.record import Path
 from tcstudy.laws.laws import Laws
 
 Array = NDArray[np.float64]
@@ -47,15 +46,6 @@ def folds_beside(path: Path, vertex: int, law: Laws, slip: float) -> Iterator[tu
     slip: over which b changes [m]
     """
     yield from _Beside(path, vertex, law, slip).found()
-
-
-def standing(problem: ParametricProblem, t: float, w: Array) -> Path:
-    """A state from which no straight piece leads on, as the path that ends there."""
-    none, end = np.zeros(0, dtype=np.intp), PathEnd(PathStatus.UNSTABLE)
-    code, at = none.astype(np.int32), (np.array([t]), w[None, :])
-    traction = ((problem.load(t) - problem.A_tilde @ w) / problem.c)[None, :]
-    events = Events(none, none, code, code)
-    return Path(problem, *at, traction, np.zeros(1), none.astype(bool), code, events, 0, end, end, 0)
 
 
 def ended(path: Path, t: float, w: Array) -> tuple[Path, int]:

@@ -123,6 +123,9 @@ def segments(problem: ParametricProblem, codes: NDArray[np.integer], t_min: floa
     node = np.stack([order[rows, j] for j in at], axis=1)
     upper = np.stack([~rising[rows, at[0]], rising[rows, at[1]]], axis=1)
     y = base[:, None] + width[:, None] * ends[..., :m]
+    cell, end = np.nonzero(node < m)  # the slip of the node that ends its piece is that end to the bit
+    own = node[cell, end]
+    y[cell, end, own] = np.where(upper[cell, end], high[cell, own], low[cell, own])
     return Segments(
         np.where(rho < 0.01, decided, Found.UNDECIDED).astype(np.int8),
         np.where(free[:, None], y, kink[:, None]),

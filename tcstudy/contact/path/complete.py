@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +19,8 @@ from tcstudy.contact.all_solutions import Equilibria, all_solutions, is_stable
 from tcstudy.contact.boxes import OVER_LOADS, Limits, PolygonProblems, reach_of
 from tcstudy.contact.path.cell import Found, Segments, segments
 from tcstudy.contact.path.problem import ParametricProblem
+from tcstudy.contact.path.query import solutions_at
+from tcstudy.contact.path.record import Path, PathStatus
 from tcstudy.laws.pieces import BEND
 
 Array = NDArray[np.float64]
@@ -37,43 +38,15 @@ _CELLS = 256
 
 
 @dataclass(frozen=True, eq=False)
-class Branch:
-    """One branch: a polygon in (u, t) of k vertices, of a loop without its first one again at the end.
-
-    t: (k,);  u: (k, m) [m];  stable: (pieces,) strict local minimum of L̃ inside each piece; of a loop there are k
-    codes: (pieces, m) as in `ParametricProblem.graph`;  loop: whether it is closed
-    """
-
-    t: Array
-    u: Array
-    stable: Flags
-    codes: Codes
-    loop: bool
-
-    @cached_property
-    def ends(self) -> tuple[Array, Array]:
-        """t at both ends of every piece."""
-        after = np.append(self.t[1:], self.t[:1]) if self.loop else self.t[1:]
-        return self.t[: len(after)], after
-
-    def at(self, t: float) -> tuple[Array, Index]:
-        """(solutions (n, m) at t, pieces that they are on)."""
-        begin, end = self.ends
-        inside = np.flatnonzero((begin - t) * (end - t) < 0.0)
-        share = ((t - begin[inside]) / (end - begin)[inside])[:, None]
-        after = np.roll(self.u, -1, axis=0)[inside]
-        return self.u[inside] + share * (after - self.u[inside]), inside
-
-
-@dataclass(frozen=True, eq=False)
 class Branches:
     """All branches between two values of t.
 
+    branches: a loop has its first vertex again at the end, and the status CLOSED_LOOP
     reason: why they are not proved to be all, "" if they are;  boxes: number that was looked at
     listed: solutions at the values asked for, where they were listed by themselves
     """
 
-    branches: tuple[Branch, ...]
+    branches: tuple[Path, ...]
     reason: str
     boxes: int
     listed: tuple[Equilibria | None, ...] = ()
@@ -84,7 +57,7 @@ class Branches:
 
     def count(self, t: float) -> int:
         """Number of solutions at t, which no vertex has."""
-        return sum(len(branch.at(t)[1]) for branch in self.branches)
+        return sum(len(solutions_at(branch, t)) for branch in self.branches)
 
 
 def all_branches(
@@ -135,7 +108,7 @@ def all_branches(
     open_ends = [(int(i), int(h)) for i, h in np.argwhere(link[..., 0] < 0)]
     for i, h in [*open_ends, *((i, 0) for i in range(len(codes)))]:
         if left[i]:
-            branches.append(_branch(i, h, link, left, (codes, u, t, stable)))
+            branches.append(_branch(problem, i, h, link, left, (codes, u, t, stable)))
     missing = int(np.count_nonzero(link[..., 0] == -2))
     reason = _reason(cells.stopped, undecided, missing, edge, (low, high)) or _even(branches, (low, high))
     return Branches(tuple(branches), reason, int(cells.boxes.sum()), tuple(listed))
@@ -172,14 +145,14 @@ def _grown(
     return np.concatenate(all_codes), Segments(*map(np.concatenate, zip(*all_found, strict=True)))
 
 
-def _even(branches: list[Branch], ends: tuple[float, float]) -> str:
+def _even(branches: list[Path], ends: tuple[float, float]) -> str:
     """A value with an even number of solutions, which the degree forbids; empty if there is none.
 
     Between vertices nearer than `SAME` of the interval nothing is asked: their own rounding may order them otherwise.
     """
     if not branches:
         return "no solution was found"
-    begin, end = (np.concatenate(x) for x in zip(*(branch.ends for branch in branches), strict=True))
+    begin, end = (np.concatenate([branch.t[side] for branch in branches]) for side in (slice(-1), slice(1, None)))
     low, high = np.sort(np.minimum(begin, end)), np.sort(np.maximum(begin, end))
     t = np.unique(np.concatenate([low, high, ends]))
     middle = 0.5 * (t[1:] + t[:-1])[np.diff(t) > SAME * (ends[1] - ends[0])]
@@ -188,7 +161,9 @@ def _even(branches: list[Branch], ends: tuple[float, float]) -> str:
     return f"{count[even[0]]} solutions were found at {middle[even[0]]:g}, which must be odd" if len(even) else ""
 
 
-def _branch(i: int, h: int, link: Index, left: Flags, found: tuple[Codes, Array, Array, Flags]) -> Branch:
+def _branch(
+    problem: ParametricProblem, i: int, h: int, link: Index, left: Flags, found: tuple[Codes, Array, Array, Flags]
+) -> Path:
     """The branch that begins at the end h of segment i, or goes through it; takes its segments from those left."""
     codes, u, t, stable = found
     way: list[tuple[int, int]] = []
@@ -196,13 +171,11 @@ def _branch(i: int, h: int, link: Index, left: Flags, found: tuple[Codes, Array,
         left[i] = False
         way.append((i, h))
         i, h = link[i, 1 - h].tolist()
-    loop = i >= 0
+    end = PathStatus.CLOSED_LOOP if i >= 0 else PathStatus.RANGE_END if i == -1 else PathStatus.SINGULAR
     pieces, first = (np.array(x, dtype=np.intp) for x in zip(*way, strict=True))
-    t_all, u_all = t[pieces, first], u[pieces, first]
-    if not loop:
-        t_all = np.append(t_all, t[pieces[-1], 1 - first[-1]])
-        u_all = np.concatenate([u_all, u[pieces[-1:], 1 - first[-1]]])
-    return Branch(t_all, u_all, stable[pieces], codes[pieces], loop)
+    last = (pieces[:1], first[:1]) if i >= 0 else (pieces[-1:], 1 - first[-1:])
+    t, u = (np.concatenate([x[pieces, first], x[last]]) for x in (t, u))
+    return Path.through(problem, t, u, stable[pieces], codes[pieces], end)
 
 
 def _kept(problem: ParametricProblem) -> Flags:

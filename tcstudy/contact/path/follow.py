@@ -4,7 +4,7 @@ For a piecewise-linear law the filled graph of b̂ is a polygonal line at every 
 piece of the line, (u, ξ, t) moves along a straight line; at the end of it one node goes on to the next piece of its
 graph, and the path continues in the next cell. Nothing is approximated and nothing is iterated: folds (t turns), stick,
 slip, up- and down-jumps and unstable solutions all are vertices of one polygon. Several nodes at once, starts on a
-vertex and pieces with a singular matrix are part of the method (vertex, tableau).
+vertex and pieces with a singular matrix are part of the method (walk, start).
 
 Orientation: what keeps the path from turning round is that the node that has reached its bound goes on in the same
 sense along its graph. Generically the pieces then form a curve without branches, so a cell is entered at most once:
@@ -18,24 +18,31 @@ except the one that keeps tied nodes together.
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.path.dense import SingularCellError
+from tcstudy.contact.path.basis_inverse import SingularCellError
 from tcstudy.contact.path.problem import ParametricProblem
-from tcstudy.contact.path.record import Path, PathEnd, PathStatus, Recorder, joined
-from tcstudy.contact.path.start import Ray, depart, here, locate, onward, rays
-from tcstudy.contact.path.vertex import cross, move
-from tcstudy.contact.path.walk import Codes, Walk, units_of
+from tcstudy.contact.path.record import Path, PathStatus
+from tcstudy.contact.path.start import Ray, locate, onward, rays
+from tcstudy.contact.path.walk import Codes, Walk
 from tcstudy.scene.study import Acceptance, Direction
 
-__all__ = ["Follower", "ParametricProblem", "Path", "PathEnd", "PathStatus"]
+__all__ = ["Follower", "ParametricProblem", "Path", "PathStatus"]
 
 Array = NDArray[np.float64]
+Progress = Callable[[int, float], None]
+
+TOGETHER = 64
+"""Vertices whose residuals are checked together, after which the point is balanced again."""
+
+AIM = 0.1
+"""Part of the tolerance that is worked for with fresh factorisations, as far as rounding lets it be reached."""
+
+BACKWARD = 1e-12
+"""A node that moves back more slowly than this part of the fastest one does not turn."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +75,7 @@ class Follower:
         v: Array,
         t: float,
         direction: Direction = "both",
-        progress: Callable[[int, float], None] | None = None,
+        progress: Progress | None = None,
     ) -> Path:
         """The path through the solution v of parameter t.
 
@@ -81,246 +88,186 @@ class Follower:
             raise ValueError(f"the start t = {t:g} lies outside the range [{self.t_min:g}, {self.t_max:g}]")
         if not np.any(problem.l_1):
             raise ValueError("l_1 is zero: the load does not depend on t, so there is no path to follow")
-        units = units_of(problem)
-        walk = locate(problem, units, np.asarray(v, dtype=float), t)
+        v = np.asarray(v, dtype=float)
         try:
+            walk = locate(problem, v, t)
             ways = rays(walk)
         except SingularCellError:
-            return _nowhere(problem, walk)
-        chosen = {"both": ways, "forward": ways[:1], "backward": ways[1:]}[direction]
-        halves: list[tuple[Recorder, Codes, PathEnd]] = []
-        seen: dict[int, int] = {}
-        for ray in chosen:
-            run = Run(self, walk, ray, seen, progress)
-            halves.append((run.record, ray.codes, run.follow()))
-            if halves[-1][2].status == PathStatus.CLOSED_LOOP:
+            return Path.standing(problem, t, v, PathStatus.SINGULAR)
+        halves: list[_Half] = []
+        for ray in {"both": ways, "forward": ways[:1], "backward": ways[1:]}[direction]:
+            halves.append(_Half(self, walk, ray, set(halves[0].keys) if halves else set(), progress))
+            halves[-1].follow()
+            if halves[-1].end == PathStatus.CLOSED_LOOP:
                 break
-        return joined(problem, halves, walk.tableau.factorisations)
+        return _joined(walk, halves)
 
     def onward(self, walk: Walk) -> Path | None:
         """The path along the stable way on which t grows from where the walk stands; None if there is none."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ray = onward(walk)
+        ray = onward(walk)
         if ray is None:
             return None
-        run = Run(self, walk, ray, {}, None)
-        return joined(walk.problem, [(run.record, ray.codes, run.follow())], walk.tableau.factorisations)
+        half = _Half(self, walk, ray, set())
+        half.follow()
+        return _joined(walk, [half])
 
 
-def _nowhere(problem: ParametricProblem, walk: Walk) -> Path:
-    """A path of one vertex: the start is so degenerate that no direction exists."""
-    record = Recorder()
-    record.add(walk.t, walk.x, walk.codes)
-    record.on_graph(walk.graph, walk.units.weight)
-    record.residual.append(walk.residual())
-    end = PathEnd(PathStatus.SINGULAR)
-    return joined(problem, [(record, walk.codes.copy(), end)], walk.tableau.factorisations)
+class _Half:
+    """One direction of one path.
 
-
-TOGETHER = 64
-"""Vertices whose residuals are checked together."""
-
-BLURRED = 3e-14
-"""Relative error of a direction above which the matrix is factored anew."""
-
-AIM = 0.1
-"""Part of the tolerance that is worked for with fresh factorisations, as far as rounding lets it be reached."""
-
-BACKWARD = 1e-12
-"""A node that moves back more slowly than this part of the fastest one does not turn."""
-
-
-class Checkpoint(NamedTuple):
-    """A point of the path to which the run can return."""
-
-    vertices: int
-    at: Ray
-
-
-class Run:
-    """One direction of one path."""
+    blocks: t, u, traction, residual of the `count` vertices;  codes, stable: of the pieces
+    keys: of the cells, the present one last
+    waiting: x and codes of vertices whose residuals are not known yet;  known: cells that end the path
+    """
 
     def __init__(
-        self,
-        options: Follower,
-        walk: Walk,
-        ray: Ray,
-        seen: dict[int, int],
-        progress: Callable[[int, float], None] | None,
+        self, options: Follower, walk: Walk, ray: Ray, known: set[int], progress: Progress | None = None
     ) -> None:
-        self.options, self.problem, self.units, self.progress = options, walk.problem, walk.units, progress
-        self.walk = walk
-        depart(walk, ray)
-        self.outward = walk.graph.outward if options.one_way else None
-        self.record = Recorder()
-        self.seen, self.own = seen, [_key(ray.codes)]
-        self.home, self.start_x, self.start_t = _key(ray.codes), ray.x.copy(), ray.t
-        self.seen.setdefault(self.home, 0)
-        self.every, self.returned, self.reached = TOGETHER, -1, 0.0
-        self._store()
-        self.trail = [Checkpoint(self.record.count, here(walk))]
+        self.options, self.walk, self.start, self.mark, self.progress = options, walk, ray, ray, progress
+        self.keys = [_key(ray.codes)]
+        self.others = known - {self.keys[0]}
+        self.known = self.others.copy()
+        self.codes, self.stable, self.waiting = list[Codes](), list[bool](), list[tuple[Array, Codes]]()
+        self.blocks, self.count = [self._vertices([(ray.x, ray.codes)])], 1
+        self.every, self.returned, self.reached, self.end = TOGETHER, -1, 0.0, PathStatus.SINGULAR
+        walk.range = np.array([options.t_min, options.t_max])
+        walk.put(ray.codes, ray.x)
+        walk.along(ray.dx)
 
-    def _store(self) -> None:
-        self.record.add(self.walk.t, self.walk.x, self.walk.codes)
-
-    @np.errstate(divide="ignore", invalid="ignore")
-    def follow(self) -> PathEnd:
+    def follow(self) -> None:
         """Piece after piece until something ends the path."""
         while True:
-            status = self._piece()
-            if status is not None or len(self.trail) > self.every:
-                try:
-                    accurate = self._check()
-                except SingularCellError:
-                    return PathEnd(PathStatus.SINGULAR)
-                if accurate is None:
-                    return PathEnd(PathStatus.LOST_ACCURACY)
-                if accurate and status is not None:
-                    return PathEnd(status)
-                if self.progress is not None:
-                    self.progress(self.record.count - 1, self.walk.t)
+            try:
+                status = self._piece()
+            except SingularCellError:
+                status = PathStatus.SINGULAR
+            if status is None and len(self.waiting) < self.every:
+                continue
+            try:
+                accurate = not self.waiting or self._check(status is None)
+            except SingularCellError:
+                return
+            if self.progress is not None:
+                self.progress(len(self.stable), self.walk.t)
+            if accurate is None or (accurate and status is not None):
+                self.end = status if accurate and status is not None else PathStatus.LOST_ACCURACY
+                return
+
+    @property
+    def rows(self) -> list[Array]:
+        """t, u, traction, residual of all vertices."""
+        return [np.concatenate(column) for column in zip(*self.blocks, strict=True)]
 
     def _piece(self) -> PathStatus | None:
         """Follow the present piece to its end and enter the next one."""
-        walk, record = self.walk, self.record
-        if len(record.stable) >= self.options.max_pieces:
+        walk, options = self.walk, self.options
+        stable = walk.stable
+        if len(self.stable) >= options.max_pieces:
             return PathStatus.PIECE_LIMIT
-        if self.options.stable_only and not walk.stable:
+        if options.stable_only and not stable:
             return PathStatus.UNSTABLE
-        if self.outward is not None and record.count > 1:
-            speed = self.outward[walk.codes] * walk.dx
+        if options.one_way and self.stable:
+            speed = walk.graph.outward[walk.codes] * walk.dx[:-1]
             if float(speed.min()) < -BACKWARD * float(np.abs(walk.dx).max()):
                 return PathStatus.TURNS
-        step, first = walk.reach()
-        last = self._last_step(step)
-        if last is not None:
-            step, status = last
-            if np.isfinite(step):
-                walk.x += step * walk.dx
-                end = self.options.t_max if walk.dt > 0.0 else self.options.t_min
-                walk.t = self.start_t if status == PathStatus.CLOSED_LOOP else end
-                if self.every == 1 and status == PathStatus.RANGE_END:
-                    with suppress(SingularCellError):
-                        walk.refine(None)
-                record.stable.append(walk.stable)
-                self._store()
-            return status
-        stable = walk.stable
-        at = walk.arrive(step, first)
-        record.stable.append(stable)
-        self._store()
-        before = [walk.codes.item(i) for i in at]
-        try:
-            cross(walk, at)
-        except SingularCellError:
-            return PathStatus.SINGULAR
-        for node, code in zip(at, before, strict=True):
-            record.changed(node, code, walk.codes.item(node))
+        home, (step, first) = len(self.keys) > 1 and self.keys[-1] == self.keys[0], walk.reach()
+        if home:
+            walk.x, at = self.start.x.copy(), np.empty(0, dtype=np.intp)
+        elif not np.isfinite(step):
+            return PathStatus.UNBOUNDED
+        else:
+            at = walk.arrive(step, first)
+            if first == walk.m and self.every == 1:
+                walk.correct(np.array([first]))
+        self.stable.append(stable)
+        self.codes.append(walk.codes.copy())
+        self.waiting.append((walk.x.copy(), self.codes[-1]))
+        if home or first == walk.m:
+            return PathStatus.CLOSED_LOOP if home else PathStatus.RANGE_END
+        walk.cross(at)
         if len(at) > 1 or self.every == 1:
-            self._settle()
-        self.trail.append(Checkpoint(self.record.count, here(walk)))
-        return self._entered()
-
-    def _last_step(self, step: float) -> tuple[float, PathStatus] | None:
-        """(step, status) if the path ends on this piece: back at the start, at the end of the range, or never."""
-        walk = self.walk
-        if len(self.own) > 1 and self.own[-1] == self.home:
-            lead = int(np.argmax(np.abs(walk.dx)))
-            return (self.start_x[lead] - walk.x[lead]) / walk.dx[lead], PathStatus.CLOSED_LOOP
-        bound = self.options.t_max if walk.dt > 0.0 else self.options.t_min
-        to_range = (bound - walk.t) / walk.dt if walk.dt != 0.0 else np.inf
-        if to_range <= step and np.isfinite(to_range):
-            return to_range, PathStatus.RANGE_END
-        return (np.inf, PathStatus.UNBOUNDED) if not np.isfinite(step) else None
-
-    def _entered(self) -> PathStatus | None:
-        """Book the cell just entered; one that was visited before ends the path, unless it is the start's."""
-        key = _key(self.walk.codes)
-        self.own.append(key)
-        if key in self.seen and not (key == self.home and not self._at_start()):
-            return PathStatus.CLOSED_LOOP if key == self.home else PathStatus.TURNED_BACK
-        self.seen[key] = len(self.own)
+            walk.balance()
+            self.waiting[-1] = walk.x.copy(), walk.codes.copy()
+        key = _key(walk.codes)
+        self.keys.append(key)
+        if key == self.keys[0]:
+            gap = np.abs(walk.x - self.start.x)[:-1]
+            return PathStatus.CLOSED_LOOP if np.all(gap <= walk.tie * walk.scale) else None
+        if key in self.known:
+            return PathStatus.TURNED_BACK
+        self.known.add(key)
         return None
 
-    def _at_start(self) -> bool:
-        gap = np.abs(self.walk.x - self.start_x)
-        return bool(np.all(gap <= self.walk.tie * (np.abs(self.walk.u) + self.units.slip) * self.walk.own))
+    def _vertices(self, points: list[tuple[Array, Codes]]) -> tuple[Array, Array, Array, Array]:
+        """(t (n,), u (n, m), ξ/c (n, m), residual (n,)) of points of the walk."""
+        p, walk = self.walk.problem, self.walk
+        x, codes = (np.array(rows) for rows in zip(*points, strict=True))
+        t, (u, traction) = x[:, -1] / walk.size, walk.graph.points(codes, x[:, :-1], walk.weight)
+        defect = p.l_0 + t[:, None] * p.l_1 - u @ p.A_tilde - p.c * traction
+        return t, u, traction, np.max(np.abs(defect) / p.c, axis=1) / walk.traction
 
-    def _check(self) -> bool | None:
-        """Residuals of the new vertices. True: all accurate; False: gone back to refine; None: hopeless."""
-        p, record = self.problem, self.record
-        first = len(record.residual)
-        if first == record.count:
-            return True
-        u, traction = record.on_graph(self.walk.graph, self.units.weight)
-        defect = p.l_0 + np.array(record.t[first:])[:, None] * p.l_1 - u @ p.A_tilde - p.c * traction
-        residual = np.max(np.abs(defect) / p.c, axis=1) / self.units.traction
-        record.residual += residual.tolist()
-        at = first + int(residual.argmax())
-        worst, noise = float(residual.max()), p.xi_rounding(record.t[at], record.u[at])
-        limit = self.options.acceptance.limit(noise)
-        good = min(limit, max(AIM * self.options.acceptance.aim, 0.5 * noise, self.reached))
-        mark = self.trail[max(0, first + int(np.argmax(residual > good)) - self.trail[0].vertices)]
-        if worst <= good or (worst <= limit and self.returned == mark.vertices):
-            self.reached = 0.0 if worst <= good else 2.0 * worst
-            if worst > 0.01 * good:
-                self._steady()
-            self.every, self.walk.tie = min(2 * self.every, TOGETHER), self.units.tie
-            self.trail = [Checkpoint(record.count, here(self.walk))]
-            return True
-        if self.returned == mark.vertices:
-            record.cut(max(1, mark.vertices))
-            return None
-        self._return(mark)
-        self.walk.tie = max(1e-2 * self.units.tie, 1e-14)  # it may have been no tie
-        self.returned, self.every, self.trail = mark.vertices, 1, [mark]
-        return False
+    def _check(self, on: bool) -> bool | None:
+        """True: the new vertices are accurate; False: gone back behind them, with a fresh inverse; None: hopeless.
 
-    def _settle(self) -> None:
-        """Balance the point again and store it as the vertex: after tied nodes were put on their bounds, and where a
-        long piece has brought the rounding of its larger loads along.
-
-        A node that only bends there may move off its bound by rounding; one at a jump stays on it.
+        on: the path goes on, from a point that is balanced again
         """
-        walk, graph = self.walk, self.walk.graph
-        on_low, on_high = walk.x == walk.low, walk.x == walk.high
-        beyond = np.where(on_low, graph.after_low[walk.codes], graph.after_high[walk.codes])
-        keep = (on_low | on_high) & ~(graph.free[walk.codes] & graph.free[beyond])
-        x = walk.x.copy()
-        try:
-            walk.refine(walk.held_by(np.flatnonzero(keep)))
-        except SingularCellError:
-            return  # the check of the residuals judges the point as it is
-        walk.x = np.where(keep, x, walk.x)
-        self.record.replace_last(walk.t, walk.x, walk.codes)
-
-    def _steady(self) -> None:
-        """Correct the present point and its direction; with a fresh factorisation where the old one no longer helps."""
-        walk = self.walk
-        if not np.any(walk.dx):
-            return
-        lead = int(np.argmax(np.abs(walk.dx)))
-        speed = float(walk.dx[lead])
-        on_low, on_high = walk.x == walk.low, walk.x == walk.high
-        held = walk.held_by(np.flatnonzero(on_low | on_high))  # it must stay on its kink
-        if walk.direction_defect() > BLURRED:
-            walk.tableau.refactor()
-        walk.refine(held)
-        walk.x = np.where(on_low, walk.low, np.where(on_high, walk.high, walk.x))
-        move(walk, lead, speed)
-
-    def _return(self, mark: Checkpoint) -> None:
-        """Back to a checkpoint, with a fresh factorisation."""
-        for key in self.own[mark.vertices :]:
-            if key != self.home:
-                self.seen.pop(key, None)
-        del self.own[mark.vertices :]
-        self.record.cut(mark.vertices)
-        self.walk.put(mark.at.codes, mark.at.x, mark.at.t)
-        self.walk.tableau.refactor()
-        depart(self.walk, mark.at)
-        self._steady()
+        walk, acceptance, count = self.walk, self.options.acceptance, self.count
+        new = self._vertices(self.waiting)
+        at = int(np.argmax(new[3]))
+        worst, good, limit = float(new[3][at]), AIM * acceptance.aim, acceptance.aim
+        if not worst <= good:
+            noise = walk.problem.xi_rounding(float(new[0][at]), new[1][at])
+            limit = acceptance.limit(noise)
+            good = min(limit, max(good, 0.5 * noise, self.reached))
+        again = self.returned == count
+        self.waiting.clear()
+        if not worst <= (limit if again else good):
+            del self.stable[count - 1 :], self.codes[count - 1 :], self.keys[count:]
+            if again:
+                return None
+            self.known = self.others | set(self.keys[1:])
+            walk.put(self.mark.codes, self.mark.x)
+            walk.basis.refactor()
+            walk.along(self.mark.dx)
+            walk.tie = max(1e-2 * walk.usual_tie, 1e-14)  # it may have been no tie
+            self.returned, self.every = count, 1
+            return False
+        self.blocks.append(new)
+        self.count += len(new[0])
+        self.reached = 0.0 if worst <= good else 2.0 * worst
+        self.every, walk.tie = min(2 * self.every, TOGETHER), walk.usual_tie
+        if on:
+            if worst > good:
+                walk.basis.refactor()
+            walk.balance()
+            walk.straighten()
+            self.mark = Ray.here(walk)
+        return True
 
 
 def _key(codes: Codes) -> int:
     return hash(codes.tobytes())
+
+
+def _joined(walk: Walk, halves: list[_Half]) -> Path:
+    """The path from its forward half and, if there is one, the backward half (reversed and put in front)."""
+    ahead, back = halves[0], halves[1] if len(halves) > 1 else None
+    rows, codes, stable = ahead.rows, ahead.codes, ahead.stable
+    begin: PathStatus = ahead.end if ahead.end == PathStatus.CLOSED_LOOP else PathStatus.START
+    if back is not None:
+        rows = [np.concatenate([before[:0:-1], after]) for before, after in zip(back.rows, rows, strict=True)]
+        codes, stable, begin = [*back.codes[::-1], *codes], [*back.stable[::-1], *stable], back.end
+    t, u, traction, residual = rows
+    return Path(
+        walk.problem,
+        t,
+        u,
+        traction,
+        residual,
+        np.array(stable, dtype=bool),
+        np.array(codes, dtype=np.int32).reshape(len(codes), walk.m),
+        len(back.codes) if back is not None else 0,
+        begin,
+        ahead.end,
+        walk.basis.factorisations,
+    )

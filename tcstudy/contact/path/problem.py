@@ -12,7 +12,7 @@ law, so that a piece's code says of which law it is and whatever is asked by cod
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -123,21 +123,6 @@ class ScaledBody:
         return cls(stiffness, A, compliance, spread, float(np.sqrt(m) * np.finfo(float).eps * compliance * size))
 
 
-Row = tuple[bool, float, float, int, int, int, float, float, float, float]
-
-
-class CodeRows(dict[int, Row]):
-    """CodeRows of arrays, made when they are asked for the first time."""
-
-    def __init__(self, columns: list[NDArray[Any]]) -> None:
-        self.columns = columns
-
-    def __missing__(self, code: int) -> Row:
-        row: Row = tuple(column.item(code) for column in self.columns)
-        self[code] = row
-        return row
-
-
 @dataclass(frozen=True)
 class LawGraph:
     """The line's pieces as arrays over the piece code (2K+1,), of several laws one after the other.
@@ -162,11 +147,6 @@ class LawGraph:
     start: Array
     kink: Array
     first: Codes
-
-    @cached_property
-    def rows(self) -> CodeRows:
-        """The arrays as one tuple a code, for the one node that changes its piece."""
-        return CodeRows([getattr(self, f.name) for f in fields(self) if f.name != "first"])
 
     @cached_property
     def outward(self) -> Array:

@@ -16,12 +16,16 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.active_set import ActivePieces, finish, solve_on
+from tcstudy.contact.active_set import finish
 from tcstudy.contact.path.record import Path
+from tcstudy.contact.path.smooth import SmoothPath
 from tcstudy.laws.laws import Laws
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+
+CARRIED = 1e-9
+"""A solution of straight pieces has led to one of the law itself if the residual is no larger."""
 
 ROUNDINGS = 8.0
 """A step back of t is rounding up to this many times what one rounding of every term in the balance does to t."""
@@ -138,36 +142,25 @@ def folds(path: Path) -> list[Fold]:
     ]
 
 
-def solutions_of(law: Laws, path: Path, t: float, newton_steps: int = 12) -> list[PathSolution]:
+def solutions_of(law: Laws, path: Path, t: float) -> list[PathSolution]:
     """The solutions of the law that the path's law approximates, by Newton's method from those of the path.
 
     Each node keeps its place: on the same jump, or on the piece of `law` in which it lies. A solution that does not
     carry over (its residual says so) is handed to active_set.finish; judge every answer by its residual.
     """
-    problem = path.problem.with_law(law).at(t)
+    problem, curve = path.problem.with_law(law).at(t), SmoothPath(path, law)
     found: list[PathSolution] = []
     for solution in solutions_at(path, t):
-        v = solve_on(problem, _pieces(law, path, solution), solution.v, newton_steps)
-        residual = float("inf") if v is None else problem.inclusion_residual(v)
-        if v is None or not residual <= 1e-9:
-            other, other_residual = finish(problem, solution.v, newton_steps=newton_steps)
-            if v is None or other_residual < residual:
+        point = curve.at(solution.piece, (np.zeros(problem.m), 1.0), t, solution.v, t)
+        v, residual = solution.v, float("inf")
+        if point is not None:
+            v, residual = point.v, problem.inclusion_residual(point.v)
+        if not residual <= CARRIED:
+            other, other_residual = finish(problem, solution.v)
+            if point is None or other_residual < residual:
                 v, residual = other, other_residual
         found.append(PathSolution(v, problem.energy(v), solution.stable, solution.piece, residual))
     return found
-
-
-def _pieces(law: Laws, path: Path, solution: PathSolution) -> ActivePieces:
-    """Places of the nodes in terms of the true law; extra kinks of the approximation are none."""
-    codes, graph = path.codes[solution.piece], path.problem.graph
-    free = graph.free[codes]
-    kink = np.full(len(codes), -1, dtype=np.intp)
-    if not np.all(free):
-        kink = np.where(free, kink, law.nearest_kink(graph.kink[codes]))
-    left, right = (np.where(free & np.isfinite(end), end, np.nan) for end in (graph.low[codes], graph.high[codes]))
-    beyond = law.piece(np.where(np.isnan(left), solution.v, left), +1)
-    before = law.piece(np.where(np.isnan(right), solution.v, right), -1)
-    return ActivePieces(kink, np.where(kink >= 0, kink + 1, np.where(np.isnan(left), before, beyond)))
 
 
 SHORT = 1e-13

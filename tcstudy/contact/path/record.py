@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.path.problem import LawGraph, ParametricProblem
+from tcstudy.contact.path.problem import ParametricProblem
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -30,6 +30,11 @@ class PathStatus(IntEnum):
     START = 8
     TURNS = 9
 
+    @property
+    def reason(self) -> str:
+        """A sentence for the user."""
+        return REASONS[self]
+
 
 WHOLE = (PathStatus.RANGE_END, PathStatus.UNBOUNDED, PathStatus.CLOSED_LOOP, PathStatus.START)
 """Ends at which there is nothing more to follow."""
@@ -48,18 +53,6 @@ REASONS = {
     PathStatus.LOST_ACCURACY: "rounding left a residual above the tolerance even after a fresh factorisation; the "
     "problem is too badly conditioned for it, raise the tolerance or check the units",
 }
-
-
-@dataclass(frozen=True)
-class PathEnd:
-    """One end of a path: status and a sentence for the user."""
-
-    status: PathStatus
-
-    @property
-    def reason(self) -> str:
-        """Why."""
-        return REASONS[self.status]
 
 
 @dataclass(frozen=True)
@@ -86,8 +79,7 @@ class Path:
     traction:    (k, m) ξ/c [Pa], on the graph of b̂
     residual:    (k,) max_i |l̃ − Ãu − ξ|_i/c_i / (scale of b): how far the point on the graph is from balance
     stable:      (k−1,) per piece: strict local minimum of L̃ in its interior
-    first_codes: (m,) code of every node on the first piece
-    events:      all later changes of code
+    codes:       (k−1, m) code of every node on every piece
     start:       vertex from which the path was followed
     begin, end:  why it stops at the first and at the last vertex
     factorisations: dense factorisations used
@@ -99,12 +91,27 @@ class Path:
     traction: Array
     residual: Array
     stable: NDArray[np.bool_]
-    first_codes: Codes
-    events: Events
+    codes: Codes
     start: int
-    begin: PathEnd
-    end: PathEnd
+    begin: PathStatus
+    end: PathStatus
     factorisations: int
+
+    @classmethod
+    def through(
+        cls, problem: ParametricProblem, t: Array, u: Array, stable: NDArray[np.bool_], codes: Codes, end: PathStatus
+    ) -> Path:
+        """The path of these solutions, forces on the graph of b̂ as near to balance as they can be; both ends alike."""
+        force = (problem.l_0 + t[:, None] * problem.l_1 - u @ problem.A_tilde) / problem.c
+        traction = np.clip(force, *problem.law.interval(u))
+        residual = np.max(np.abs(force - traction), axis=1) / problem.traction_scale
+        return cls(problem, t, u, traction, residual, stable, codes, 0, end, end, 0)
+
+    @classmethod
+    def standing(cls, problem: ParametricProblem, t: float, u: Array, end: PathStatus) -> Path:
+        """A solution from which no straight piece leads on, as the path that ends there."""
+        none, codes = np.zeros(0, dtype=bool), np.zeros((0, len(u)), dtype=np.int32)
+        return cls.through(problem, np.array([t]), u[None, :], none, codes, end)
 
     @property
     def pieces(self) -> int:
@@ -112,13 +119,10 @@ class Path:
         return len(self.stable)
 
     @cached_property
-    def codes(self) -> Codes:
-        """(k−1, m) code of every node on every piece."""
-        codes = np.tile(self.first_codes, (self.pieces, 1))
-        e = self.events
-        for vertex, node, after in zip(e.vertex, e.node, e.after, strict=True):
-            codes[vertex:, node] = after
-        return codes
+    def events(self) -> Events:
+        """All changes of code."""
+        before, node = np.nonzero(self.codes[1:] != self.codes[:-1])
+        return Events(before + 1, node, self.codes[before, node], self.codes[before + 1, node])
 
     @cached_property
     def slipping(self) -> NDArray[np.bool_]:
@@ -158,99 +162,3 @@ class Path:
         moving = np.flatnonzero(direction)
         turns = np.flatnonzero(direction[moving][1:] != direction[moving][:-1])
         return moving[turns] + 1
-
-
-class Recorder:
-    """Vertices while a path is being followed."""
-
-    def __init__(self) -> None:
-        self.t: list[float] = []
-        self.u: list[Array] = []
-        self.traction: list[Array] = []
-        self.residual: list[float] = []
-        self.waiting: list[tuple[Array, Codes]] = []
-        self.stable: list[bool] = []
-        self.events: list[tuple[int, int, int, int]] = []
-
-    @property
-    def count(self) -> int:
-        """Vertices so far."""
-        return len(self.t)
-
-    def add(self, t: float, x: Array, codes: Codes) -> None:
-        """A vertex by its moving coordinates; the rest is filled in when it is checked."""
-        self.t.append(t)
-        self.waiting.append((x.copy(), codes.copy()))
-
-    def replace_last(self, t: float, x: Array, codes: Codes) -> None:
-        """The last vertex, known better."""
-        self.t[-1], self.waiting[-1] = t, (x.copy(), codes.copy())
-
-    def on_graph(self, graph: LawGraph, weight: Array) -> tuple[Array, Array]:
-        """(u, ξ/c) of all vertices that waited for them, (w, m) each; weight: c in the units of x."""
-        x, codes = (np.array(rows) for rows in zip(*self.waiting, strict=True))
-        self.waiting.clear()
-        u, traction = graph.points(codes, x, weight)
-        self.u.extend(u)
-        self.traction.extend(traction)
-        return u, traction
-
-    def changed(self, node: int, before: int, after: int) -> None:
-        """The code of a node that changes at the last vertex."""
-        if before != after:
-            self.events.append((len(self.t) - 1, node, before, after))
-
-    def cut(self, count: int) -> None:
-        """Forget everything after the first `count` vertices; events at the last of them stay."""
-        del (
-            self.t[count:],
-            self.u[count:],
-            self.traction[count:],
-            self.residual[count:],
-            self.stable[count - 1 :],
-        )
-        while self.events and self.events[-1][0] >= count:
-            self.events.pop()
-
-
-def joined(problem: ParametricProblem, halves: list[tuple[Recorder, Codes, PathEnd]], factorisations: int) -> Path:
-    """The path from its forward half and, if there is one, the backward half (reversed and put in front).
-
-    halves: (record, codes of the half's first piece, end); forward first
-    """
-    record, first, end = halves[0]
-    begin = end if end.status == PathStatus.CLOSED_LOOP else PathEnd(PathStatus.START)
-    back, back_first = Recorder(), first
-    if len(halves) > 1:
-        back, back_first, begin = halves[1]
-    shift = max(back.count - 1, 0)
-    e, events = _event_arrays(back), _event_arrays(record)
-    codes = back_first.copy()
-    for node, after in zip(e.node, e.after, strict=True):
-        codes[node] = after
-    kink = np.flatnonzero(back_first != first)
-    turned = Events(
-        np.concatenate([shift - e.vertex[::-1], np.full(len(kink), shift), shift + events.vertex]),
-        np.concatenate([e.node[::-1], kink, events.node]),
-        np.concatenate([e.after[::-1], back_first[kink], events.before]),
-        np.concatenate([e.before[::-1], first[kink], events.after]),
-    )
-    return Path(
-        problem,
-        np.array([*back.t[:0:-1], *record.t]),
-        np.array([*back.u[:0:-1], *record.u]),
-        np.array([*back.traction[:0:-1], *record.traction]),
-        np.array([*back.residual[:0:-1], *record.residual]),
-        np.array([*back.stable[::-1], *record.stable], dtype=bool),
-        codes,
-        turned,
-        shift,
-        begin,
-        end,
-        factorisations,
-    )
-
-
-def _event_arrays(record: Recorder) -> Events:
-    vertex, node, before, after = np.array(record.events, dtype=np.intp).reshape(-1, 4).T
-    return Events(vertex, node, before.astype(np.int32), after.astype(np.int32))

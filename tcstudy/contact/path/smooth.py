@@ -39,7 +39,8 @@ BESIDE = "the curve was not found beside the path of straight pieces; begin else
 class CurvePoint:
     """A point of the curve.
 
-    side:      of the polygon beside it;  codes: (m,) 2k where a node slides on piece k, 2k + 1 on the jump at kink k
+    side:      of the polygon beside it
+    codes:     (m,) 2k where a node slides on the piece of address k, 2k + 1 on the jump at its right end
     v, t:      (m,) slips, and the parameter;  x: (2,) t and R
     row, time: the coordinate s = row·v + time·t;  first, second: (2,) derivatives of x by s
     node, kink: at a corner the node that passes a kink there, and the kink; −1 elsewhere
@@ -82,8 +83,8 @@ class SmoothPath:
     def at(self, side: int, coordinate: tuple[Array, float], s: float, v: Array, t: float) -> CurvePoint | None:
         """The point of a coordinate s beside a side, by Newton's method from (v, t); None if that ends nowhere."""
         p, law, codes, (row, time) = self.path.problem, self.law, self.codes[side], coordinate
-        free, kinks = np.flatnonzero(codes % 2 == 0), np.append(law.kinks, 0.0)
-        v = np.where(codes % 2 == 1, kinks[np.minimum(codes // 2, len(kinks) - 1)], v)
+        free = np.flatnonzero(codes % 2 == 0)
+        v = np.where(codes % 2 == 1, law.kink(codes // 2), v)
         piece, c = codes[free] // 2, p.c[free]
         A, l_1 = p.A_tilde[np.ix_(free, free)], p.l_1[free]
         scale = float(np.max(np.abs(A.diagonal()), initial=0.0)) or 1.0
@@ -172,14 +173,11 @@ class SmoothPath:
     def _left(self, point: CurvePoint) -> bool:
         """Whether a node is not on its piece, or the point before the path's beginning or beyond its end."""
         p, law, v, codes = self.path.problem, self.law, point.v, point.codes
-        ends, free = np.concatenate([[-np.inf], law.kinks, [np.inf]]), codes % 2 == 0
-        slack = BEYOND * float(np.max(np.abs(v), initial=0.0))
-        piece = np.where(free, codes // 2, 0)
-        off = free & ((v < ends[piece] - slack) | (v > ends[piece + 1] + slack))
-        if len(law.kinks):
-            kink, xi = np.where(free, 0, codes // 2), (p.load(point.t) - p.A_tilde @ v) / p.c
-            low, high = (f(law.b_left[kink], law.b_right[kink]) for f in (np.minimum, np.maximum))
-            off |= ~free & ((xi < low - BEYOND * law.b_scale) | (xi > high + BEYOND * law.b_scale))
+        free, slack = codes % 2 == 0, BEYOND * float(np.max(np.abs(v), initial=0.0))
+        (low, high), limits = law.ends(codes // 2), law.limits(codes // 2)
+        off = free & ((v < low - slack) | (v > high + slack))
+        xi, slack = (p.load(point.t) - p.A_tilde @ v) / p.c, BEYOND * law.b_scale
+        off |= ~free & ((xi < np.minimum(*limits) - slack) | (xi > np.maximum(*limits) + slack))
         ways = ((0, 0, 1.0), (self.path.pieces - 1, -1, -1.0))
         beyond = [side == point.side and way * self._passed(side, end, point) < 0.0 for side, end, way in ways]
         return bool(np.any(off)) or any(beyond)
@@ -201,9 +199,10 @@ class SmoothPath:
         changed = self.codes[vertex - 1] != self.codes[vertex]
         for side in sides:
             for node in np.flatnonzero(changed & (self.codes[side] % 2 == 0)):
-                row, kink = np.zeros(m), int(law.nearest_kink(path.u[vertex, node : node + 1])[0])
+                row, kink = np.zeros(m), int(law.nearest_kink(path.u[vertex])[node])
                 row[node] = 1.0
-                found = self.at(side, (row, 0.0), float(law.kinks[kink]), path.u[vertex], float(path.t[vertex]))
+                s = float(law.kink(np.array(kink)))
+                found = self.at(side, (row, 0.0), s, path.u[vertex], float(path.t[vertex]))
                 if found is not None:
                     corner = replace(found, node=int(node), kink=kink)
                     return corner, [self._beside(one, corner.v, corner.t) for one in sides]

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from tcstudy.contact.all_solutions import all_solutions
 from tcstudy.contact.boxes import Limits
-from tcstudy.contact.path.complete import Branch, _even, all_branches
+from tcstudy.contact.path.complete import _even, all_branches
 from tcstudy.contact.path.problem import ParametricProblem
+from tcstudy.contact.path.query import solutions_at
+from tcstudy.contact.path.record import Path, PathStatus
+from tests.contact.contact_cases import spring
 from tests.contact.random_polygons import by_brute_force, random_problem
 
 
@@ -30,18 +33,19 @@ def test_random_problems_have_the_segments_that_brute_force_finds(m: int) -> Non
         problem, lambda_1, rows = parametric(seed, m)
         found = all_branches(problem, 0.0, 1.0, lambda_1)
         assert found.complete, found.reason
-        ends = np.array([sorted(pair) for branch in found.branches for pair in zip(*branch.ends, strict=True)])
+        ends = np.array([sorted(pair) for branch in found.branches for pair in pairwise(branch.t)])
         np.testing.assert_allclose(np.sort(ends, axis=0), np.sort(rows, axis=0), atol=1e-8)
         for branch in found.branches:
-            assert branch.loop or {0.0, 1.0} >= {branch.t[0], branch.t[-1]}
-            loops += branch.loop
+            loop = branch.end == PathStatus.CLOSED_LOOP
+            assert loop or {0.0, 1.0} >= {branch.t[0], branch.t[-1]}
+            assert branch.residual.max() <= 1e-11
+            loops += loop
         for t in np.random.default_rng(seed).uniform(0.0, 1.0, 3):
             at = all_solutions(problem.at(t))
             assert found.count(t) == len(at)
-            stable = sum(int(branch.stable[branch.at(t)[1]].sum()) for branch in found.branches)
-            assert stable == np.count_nonzero(at.stable)
-            v = np.concatenate([branch.at(t)[0] for branch in found.branches])
-            np.testing.assert_allclose(np.sort(v, axis=0), np.sort(at.v, axis=0), atol=1e-9)
+            known = [one for branch in found.branches for one in solutions_at(branch, t)]
+            assert sum(one.stable for one in known) == np.count_nonzero(at.stable)
+            np.testing.assert_allclose(np.sort([one.v for one in known], axis=0), np.sort(at.v, axis=0), atol=1e-9)
     assert m != 2 or loops
 
 
@@ -75,7 +79,7 @@ def test_what_a_limit_leaves_is_followed_from_the_values_asked_for() -> None:
         problem, lambda_1, _ = parametric(seed, 3)
         part = all_branches(problem, 0.0, 1.0, lambda_1, Limits(boxes=2), at)
         for branch in part.branches:
-            assert branch.loop or {0.0, 1.0} >= {branch.t[0], branch.t[-1]}
+            assert branch.end == PathStatus.CLOSED_LOOP or {0.0, 1.0} >= {branch.t[0], branch.t[-1]}
         for t, listed in zip(at, part.listed, strict=True):
             every = len(all_solutions(problem.at(t)))
             if listed is not None:
@@ -98,16 +102,15 @@ def test_values_outside_the_interval_are_listed_by_themselves() -> None:
 
 def test_a_branch_that_is_lost_is_missed() -> None:
     """Growth makes the number of solutions odd; ends that rounding puts apart are one."""
-    way = partial(
-        Branch, u=np.zeros((2, 1)), stable=np.ones(1, dtype=bool), codes=np.zeros((1, 1), np.int32), loop=False
-    )
-    first, second = way(t=np.array([0.0, 0.5])), way(t=np.array([0.5 + 1e-15, 1.0]))
+    problem = ParametricProblem(np.eye(1), np.zeros(1), np.ones(1), np.ones(1), spring())
+
+    def way(*t: float) -> Path:
+        codes = np.zeros((1, 1), np.int32)
+        return Path.through(problem, np.array(t), np.zeros((2, 1)), np.ones(1, bool), codes, PathStatus.RANGE_END)
+
+    first, second = way(0.0, 0.5), way(0.5 + 1e-15, 1.0)
     assert _even([first, second], (0.0, 1.0)) == ""
     assert _even([second], (0.0, 1.0)) == "0 solutions were found at 0.25, which must be odd"
-    assert (
-        _even([way(t=np.array([0.0, 1.0])), second], (0.0, 1.0)) == "2 solutions were found at 0.75, which must be odd"
-    )
-    assert (
-        _even([first, way(t=np.array([0.6, 1.0]))], (0.0, 1.0)) == "0 solutions were found at 0.55, which must be odd"
-    )
+    assert _even([way(0.0, 1.0), second], (0.0, 1.0)) == "2 solutions were found at 0.75, which must be odd"
+    assert _even([first, way(0.6, 1.0)], (0.0, 1.0)) == "0 solutions were found at 0.55, which must be odd"
     assert _even([], (0.0, 1.0)) == "no solution was found"

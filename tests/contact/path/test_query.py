@@ -9,7 +9,6 @@ import pytest
 
 from tcstudy.contact.path.follow import Path
 from tcstudy.contact.path.query import folds, lowest, solutions_at, turn_sizes
-from tcstudy.contact.path.record import Events
 from tests.contact import contact_cases as cases
 from tests.contact.path.cases import a_solution, follow, one_node, random_path_problem, softening_line
 
@@ -34,8 +33,8 @@ def wiggled(path: Path, size: float) -> Path:
         return np.concatenate([np.stack(rows, axis=1).reshape((-1, *x.shape[1:])), x[-1:]])
 
     columns = {name: between(getattr(path, name)) for name in ("t", "u", "traction", "residual")}
-    events = Events(3 * path.events.vertex, path.events.node, path.events.before, path.events.after)
-    return replace(path, **columns, stable=np.repeat(path.stable, 3), events=events, start=3 * path.start)
+    stable, codes = np.repeat(path.stable, 3), np.repeat(path.codes, 3, axis=0)
+    return replace(path, **columns, stable=stable, codes=codes, start=3 * path.start)
 
 
 @pytest.mark.parametrize("unit", [1.0, 1e-7, 1e9])

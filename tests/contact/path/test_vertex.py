@@ -36,7 +36,7 @@ def test_patch_test_branches_and_folds(
     """All m nodes switch at once; both folds, all three solutions of U = 0.8 and the energies in closed form."""
     problem, constant, study = patch_line(law, maxh)
     path = follow(problem, np.zeros(problem.m), 0.0, -2.0, 2.0)
-    assert path.begin.status == path.end.status == PathStatus.RANGE_END
+    assert path.begin == path.end == PathStatus.RANGE_END
     assert np.max(np.ptp(path.u, axis=1)) <= 1e-12
     assert path.t[path.folds] == pytest.approx([-turns[1], -turns[0], *turns], abs=1e-12)
     assert path.residual.max() <= 1e-12
@@ -75,7 +75,7 @@ def test_mirror_symmetry_is_kept() -> None:
         load = c * (1.0 + 0.3 * np.sin(np.pi * (np.arange(40) + 0.5) / 40))
         problem = ParametricProblem(A_tilde, np.zeros(40), load, c, law)
         path = follow(problem, np.zeros(40), 0.0, 0.0, 2.0)
-        assert path.end.status == PathStatus.RANGE_END
+        assert path.end == PathStatus.RANGE_END
         assert np.max(np.abs(path.u - path.u[:, ::-1])) <= 1e-11
         assert path.residual.max() <= 1e-11
         fold = np.vstack([np.eye(20), np.eye(20)[::-1]])
@@ -113,7 +113,7 @@ def test_integer_data_full_of_ties() -> None:
         rng = np.random.default_rng([seed, 53])
         problem = integer_problem(rng, int(rng.integers(1, 6)))
         path = Follower(t_min=-9.0, t_max=9.0, max_pieces=2000).follow(problem, a_solution(problem, 0.0), 0.0)
-        ends = {path.begin.status, path.end.status}
+        ends = {path.begin, path.end}
         assert not ends & {PathStatus.PIECE_LIMIT, PathStatus.LOST_ACCURACY, PathStatus.UNBOUNDED}
         orderly += ends <= {PathStatus.RANGE_END, PathStatus.CLOSED_LOOP}
         assert path.residual.max() <= 1e-12
