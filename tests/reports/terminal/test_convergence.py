@@ -6,7 +6,6 @@ import netCDF4
 import numpy as np
 import pytest
 
-from tcstudy.data.files import StoreError
 from tcstudy.data.measured import VERDICTS, Measured, convergence_record
 from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import PointStatus
@@ -128,14 +127,6 @@ def test_nothing_to_draw(tmp_path):
     assert "energy" in convergence_report(tmp_path / "a.nc")
     with pytest.raises(DrawError, match="no errors"):
         picture(tmp_path / "a.nc", tmp_path / "a.png")
-
-
-def test_bad_places(tmp_path):
-    with pytest.raises(StoreError, match="no file"):
-        convergence_report(tmp_path / "missing.nc")
-    (tmp_path / "file").write_text("")
-    with pytest.raises(StoreError, match="cannot write"):
-        write(tmp_path / "file" / "a.nc", [point((OK,) * 4)] * 2)
 
 
 @pytest.mark.parametrize("look", LOOKS)
