@@ -102,7 +102,7 @@ def _levels(data: Any) -> str:
         column("h_max", data["h_max"], 2, data["h_max"].attrs["units"], 4),
         TextColumn("dofs", [str(int(n)) for n in data["n_dof"].values], 1),
         TextColumn("contact", [str(int(n)) for n in data["n_contact"].values], 7),
-        TextColumn("ok", [f"{n}/{total}" for n in ok]),
+        TextColumn("ok", [f"{int(n)}/{total}" for n in ok]),
         column("worst residual", data["inclusion_residual"].max(dims), 0),
         column("λ₁", data["lambda_1"].min(dims), 6, data["lambda_1"].attrs["units"], 4),
         column("mesh+assembly [s]", data["time_mesh"] + data["time_assemble"], 9),

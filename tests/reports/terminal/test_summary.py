@@ -123,6 +123,7 @@ def test_a_point_of_a_study_without_a_sweep_is_named_by_its_level(tmp_path: Path
     text = summary(tmp_path / "plate.nc")
     assert "1 solution failed: inclusion violated" in text
     assert "(level 1)" in text
+    assert text.count(" 0/1 ") == 2
     assert "not run: 1 of 2 places of the grid (for example level 0)" in text
 
 
