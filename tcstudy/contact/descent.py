@@ -56,6 +56,8 @@ _POLISHED = 3
 _PATIENCE, _PUT_OFF = 6, 20
 """Slow steps (shortened, node by node) before the minimum of a convex model is gone to, and more of them where that was
 of no use."""
+_CREEPS, _LONGER = 20, 4
+"""Steps of a descent over no barrier after which it is helped out of flat places, and how much longer it may take."""
 _MAJORANT_STEPS = 8
 """With a curvature majorant inside an exponential piece, where each descends."""
 _BELOW = 0.9
@@ -109,13 +111,14 @@ def _descend(rows: ContactProblem, start: Array, tolerance: float, careful: bool
     best, residual, taken = start.copy(), np.full(count, np.inf), np.zeros(count, dtype=np.intp)
     at, v = np.arange(count), start
     polished, slow = np.zeros(count, dtype=np.intp), np.zeros(count, dtype=np.intp)
-    for step in range(_STEPS + 1):
+    most = _LONGER * _STEPS if downhill else _STEPS
+    for step in range(most + 1):
         xi = rows.xi(v)
         s = slopes(rows, v, xi)
         better = s.residual < residual[at]
         best[at[better]], residual[at[better]], taken[at] = v[better], s.residual[better], step
         going = (s.residual > tolerance) & (polished < _POLISHED) & ((polished == 0) | better)
-        if step == _STEPS or not np.any(going):
+        if step == most or not np.any(going):
             break
         if not np.all(going):
             on = np.flatnonzero(going)
@@ -130,6 +133,8 @@ def _descend(rows: ContactProblem, start: Array, tolerance: float, careful: bool
                 row = rows.take(np.array([i]))
                 target = _to_the_end(row, v[i], s.take(np.array([i])), new[i])
                 new[i] = _first_rest(rows.single(int(i)), v[i], xi[i], s.descent[i], target)
+                if step % _CREEPS == _CREEPS - 1:
+                    new[i] = _out_of_flat(row, v[[i]], xi[[i]], s.take(np.array([i])))
         v, polished, slow = new, np.where(level, polished + 1, 0), np.where(whole, 0, slow + 1)
     return Descended(best, residual, taken)
 
@@ -235,6 +240,17 @@ def _to_the_end(row: ContactProblem, v: Array, s: Slopes, target: Array) -> Arra
     target = v + reach[node] * step
     target[node] = end[node]
     return np.asarray(target)
+
+
+def _out_of_flat(row: ContactProblem, v: Array, xi: Array, s: Slopes) -> Array:
+    """Where one row (1, m) is helped to where its steps creep: along the negative curvature, to the end of the piece.
+
+    Without one Newton's own step, however flat the energy is, as far as it falls.
+    """
+    new, left = leave_saddles(row, v, xi, s)
+    if left[0]:
+        return np.asarray(new[0])
+    return _first_rest(row.single(0), v[0], xi[0], s.descent[0], v[0] + _newton(row, v, s, careful=True)[0])
 
 
 def _first_rest(problem: ContactProblem, v: Array, xi: Array, descent: Array, target: Array) -> Array:
