@@ -282,6 +282,14 @@ def equilibria_at(count: int, off_path: int, value: str, complete: bool) -> str:
     return f"{told}, {off_path} of them not on the path from the start" if off_path else told
 
 
+def state_taken(states: int, rank: int, value: str) -> str:
+    """In which of the stable states at the end of its range slow loading ends; rank: 1 for that of least energy."""
+    if states == 1:
+        return f"at {value} slow loading ends in the only stable state"
+    order = {1: "least", 2: "second least", 3: "third least"}.get(rank, f"{rank}th least")
+    return f"at {value} there are {states} stable states; slow loading ends in that of {order} energy"
+
+
 def closed_loop(low: str, high: str, pieces: int, stable: int) -> str:
     """A loop between two values, the second with its unit."""
     return (

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.store import load_root
-from tcstudy.reports.sentences import closed_loop, equilibria_at
+from tcstudy.reports.sentences import closed_loop, equilibria_at, state_taken
 from tcstudy.reports.terminal.tables import plain_table
 from tcstudy.reports.text import counted, digits_lost, headed, number, prefix, proved, with_unit
 
@@ -127,6 +127,24 @@ def _solutions(data: Any) -> str:
     return text + (f"\n  no solution on the path at {', '.join(missing)}" if missing else "")
 
 
+def taken_state(data: Any) -> str:
+    """Where all branches are known, a line on the stable state in which the way to the end of the range ends."""
+    if not int(data.get("complete", 0)) or "loop_energy" not in data:
+        return ""
+    end = float(data.attrs["parameter_range"][1])
+    of, t, stable = (data[f"branch_{name}"].values for name in ("of", "parameter", "stable"))
+    first = np.append(True, of[1:] != of[:-1])
+    last = np.append(first[1:], True)
+    beside = np.where(first, stable, np.roll(stable, 1))  # the piece that a branch's end is on
+    at = np.flatnonzero((first | last) & (t == end) & (beside != 0))
+    turn = int(np.argmin(np.abs(data["loop_parameter"].values - end)))
+    apart = np.abs(data["branch_u_T"].values[at] - data["loop_u_T"].values[turn]).max(axis=1, initial=0.0)
+    if not len(at):
+        return ""
+    rank = int(np.argsort(np.argsort(data["branch_energy"].values[at]))[np.argmin(apart)]) + 1
+    return f"\n    {state_taken(len(at), rank, with_unit(end, data['parameter'].attrs['units']))}"
+
+
 def _loop(data: Any) -> str:
     """The energy lost in the loop and where the body falls."""
     if "energy_lost" not in data:
@@ -136,10 +154,11 @@ def _loop(data: Any) -> str:
         return f"  hysteresis loop not completed: {data.attrs['loop_reason']}"
     text = f"  hysteresis loop: {with_unit(float(data['energy_lost']), units)} lost"
     if not data.sizes.get("jump", 0):
-        return text + ", the body never falls to another branch"
+        return text + ", the body never falls to another branch" + taken_state(data)
     t_units = data["parameter"].attrs["units"]
     falls = (data[name].values for name in ("jump_parameter", "jump_rising", "jump_drop"))
     for t, rising, drop in zip(*falls, strict=True):
         way = "rising" if rising else "falling"
         text += f"\n    falls at {with_unit(t, t_units)} ({way}), {with_unit(drop, units)} lost"
+    text += taken_state(data)
     return text if int(data["loop_closed"]) else text + "\n    the loop does not close"
