@@ -43,7 +43,7 @@ def main() -> None:
                 browser.open(page, "#at=2,5,3&x=theta_bar&y=alpha")
                 top, bottom = browser.run(BOX, first, last)
                 browser.picture(ROOT / "results" / f"page-{name}.png", (0, top - 8, WIDTH, bottom - top + 20))
-            browser.open(page, "#at=2,5,3&mode=live")
+            browser.open(page, "#at=2,5,1&mode=live")
             height = browser.run("return document.documentElement.scrollHeight")
             browser.picture(ROOT / "results" / "page-live.png", (0, 0, WIDTH, height - 40))
             for command, study, place, last in OTHERS:

@@ -184,7 +184,7 @@ def test_sliders_and_dragged_points_solve_again(shown: Browser, live_page: Path)
     assert shown.run("return TC.live.set.law.points[0][1]") < 4e7
     assert shown.run("return TC.live.answer.residual") < 1e-10
     shown.run("TC.live.set.law.points = [[0, 4e7], [1e-6, 4e7], [1e-6, 1e7]]; TC.live.show(TC.live.point);")
-    assert "not solved: ω is not below λ₁" in text_of(shown, "main")
+    assert "not solved here: ω is not below λ₁" in text_of(shown, "main")
     assert shown.run("return TC.live.answer") is None
     assert shown.complaints() == []
 

@@ -100,7 +100,7 @@ TC.live = {
     const units = TC.data.unit_system === "none" ? "1" : "Pa m-1", omega = problem.law.omega, line = L.line, lambda = TC.live.lambda(p), stored = TC.live.same(p) ? TC.point.contact(line, p) : null;
     const numbers = `λ₁ = ${TC.quantity(lambda.value, units)}, ω = ${omega === Infinity ? "∞" : TC.quantity(omega, units)}`;
     if (!TC.live.unique(p, problem.law)) {
-      TC.fill(right, TC.el("p", {}, TC.el("span", { class: "badge" }, "not solved: ω is not below λ₁, so there may be several solutions")), TC.note(`${numbers}; soften the fall of the law, or look at the stored results`), TC.live.lawPanel(TC.width(right), drawn, [], line));
+      TC.fill(right, TC.el("p", {}, TC.el("span", { class: "badge" }, "not solved here: ω is not below λ₁")), TC.note(`${numbers}; soften the fall of the law, or look at the stored results`), TC.live.lawPanel(TC.width(right), drawn, [], line));
       return;
     }
     const begun = performance.now(), answer = TC.solve(problem), time = performance.now() - begun;
