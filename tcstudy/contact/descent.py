@@ -51,6 +51,9 @@ _STEPS, _SADDLES, _HALVINGS, _ARMIJO = 300, 20, 4, 1e-4
 that a step must realise."""
 _ROUNDING = 1e-13
 """Changes of energy below this part of the work of ξ are rounding."""
+_FLAT, _IDLE = 1e-11, 10
+"""Part of the work of ξ by which a step must change the energy, or else lower the residual; steps in a row that may do
+neither, as where rounding of Ãv is all that is left (bodies that friction alone holds)."""
 _POLISHED = 3
 """Steps at rounding level that may follow each other as long as they lower the residual."""
 _PATIENCE, _PUT_OFF = 6, 20
@@ -110,21 +113,22 @@ def _descend(rows: ContactProblem, start: Array, tolerance: float, careful: bool
     count = len(start)
     best, residual, taken = start.copy(), np.full(count, np.inf), np.zeros(count, dtype=np.intp)
     at, v = np.arange(count), start
-    polished, slow = np.zeros(count, dtype=np.intp), np.zeros(count, dtype=np.intp)
+    polished, slow, idle = (np.zeros(count, dtype=np.intp) for _ in range(3))
     most = _LONGER * _STEPS if downhill else _STEPS
     for step in range(most + 1):
         xi = rows.xi(v)
         s = slopes(rows, v, xi)
         better = s.residual < residual[at]
         best[at[better]], residual[at[better]], taken[at] = v[better], s.residual[better], step
-        going = (s.residual > tolerance) & (polished < _POLISHED) & ((polished == 0) | better)
+        idle[better] = 0
+        going = (s.residual > tolerance) & (polished < _POLISHED) & ((polished == 0) | better) & (idle < _IDLE)
         if step == most or not np.any(going):
             break
         if not np.all(going):
             on = np.flatnonzero(going)
             s, rows, at = s.take(on), rows.take(on), at[on]
-            v, xi, polished, slow = v[on], xi[on], polished[on], slow[on]
-        new, level, whole = _step(rows, v, xi, s, careful)
+            v, xi, polished, slow, idle = v[on], xi[on], polished[on], slow[on], idle[on]
+        new, level, whole, flat = _step(rows, v, xi, s, careful)
         for i in np.flatnonzero((slow >= _PATIENCE) & ~level):
             target = _on_model(rows.single(int(i)), v[i], xi[i])
             new[i], slow[i] = (new[i], -_PUT_OFF - 1) if target is None else (target, -1)
@@ -136,6 +140,7 @@ def _descend(rows: ContactProblem, start: Array, tolerance: float, careful: bool
                 if step % _CREEPS == _CREEPS - 1:
                     new[i] = _out_of_flat(row, v[[i]], xi[[i]], s.take(np.array([i])))
         v, polished, slow = new, np.where(level, polished + 1, 0), np.where(whole, 0, slow + 1)
+        idle = np.where(flat & ~downhill, idle + 1, 0)
     return Descended(best, residual, taken)
 
 
@@ -159,12 +164,12 @@ def descend_nested(
     return descend(rows, start, tolerance, minima)
 
 
-def _step(rows: ContactProblem, v: Array, xi: Array, s: Slopes, careful: bool) -> tuple[Array, Flags, Flags]:
-    """(next v, whether the change of energy was within rounding, whether it was a whole step) of every row."""
+def _step(rows: ContactProblem, v: Array, xi: Array, s: Slopes, careful: bool) -> tuple[Array, Flags, Flags, Flags]:
+    """Of every row: next v, whether its residual is rounding, the step was whole, the step changed nothing."""
     d = _newton(rows, v, s, careful)
     first_order = np.where(d > 0.0, s.right, s.left)
     stop = rows.law.next_up_jump(s.at, d)
-    new, level, whole = v.copy(), np.zeros(len(v), dtype=bool), np.zeros(len(v), dtype=bool)
+    new, (level, whole, flat) = v.copy(), np.zeros((3, len(v)), dtype=bool)
     todo = np.arange(len(v))
     for halving in range(_HALVINGS + 1):
         x, direction, end = v[todo], 0.5**halving * d[todo], stop[todo]
@@ -182,12 +187,13 @@ def _step(rows: ContactProblem, v: Array, xi: Array, s: Slopes, careful: bool) -
             )
         taken = accepted | within
         new[todo[taken]], level[todo[within]], whole[todo[taken]] = target[taken], True, halving == 0
+        flat[todo[taken]] = (np.abs(change) <= _FLAT * work)[taken] & (halving == 0)
         todo = todo[~taken]
         if not len(todo):
             break
     for i in todo:
         new[i] = descend_nodes(rows.single(int(i)), v[i], xi[i], s.descent[i])
-    return new, level, whole
+    return new, level, whole, flat
 
 
 def _at_rounding(rows: ContactProblem, v: Array, xi: Array, residual: Array) -> Flags:
