@@ -140,7 +140,7 @@ def _descend(rows: ContactProblem, start: Array, tolerance: float, careful: bool
                 if step % _CREEPS == _CREEPS - 1:
                     new[i] = _out_of_flat(row, v[[i]], xi[[i]], s.take(np.array([i])))
         v, polished, slow = new, np.where(level, polished + 1, 0), np.where(whole, 0, slow + 1)
-        idle = np.where(flat & ~downhill, idle + 1, 0)
+        idle = np.zeros_like(idle) if downhill else np.where(flat, idle + 1, 0)
     return Descended(best, residual, taken)
 
 
