@@ -53,7 +53,8 @@ _ROUNDING = 1e-13
 """Changes of energy below this part of the work of ξ are rounding."""
 _FLAT, _IDLE = 1e-11, 10
 """Part of the work of ξ by which a step must change the energy, or else lower the residual; steps in a row that may do
-neither, as where rounding of Ãv is all that is left (bodies that friction alone holds)."""
+neither, as where rounding of Ãv is all that is left (bodies that friction alone holds, or ones with soft ways). Of a
+descent over no barrier whole steps that do not lower the residual count as well."""
 _POLISHED = 3
 """Steps at rounding level that may follow each other as long as they lower the residual."""
 _PATIENCE, _PUT_OFF = 6, 20
@@ -115,13 +116,14 @@ def _descend(rows: ContactProblem, start: Array, tolerance: float, careful: bool
     at, v = np.arange(count), start
     polished, slow, idle = (np.zeros(count, dtype=np.intp) for _ in range(3))
     most = _LONGER * _STEPS if downhill else _STEPS
+    patience = 4 * _CREEPS if downhill and rows.law.omega > 0.0 else _IDLE  # no law that does not fall lets steps creep
     for step in range(most + 1):
         xi = rows.xi(v)
         s = slopes(rows, v, xi)
         better = s.residual < residual[at]
         best[at[better]], residual[at[better]], taken[at] = v[better], s.residual[better], step
         idle[better] = 0
-        going = (s.residual > tolerance) & (polished < _POLISHED) & ((polished == 0) | better) & (idle < _IDLE)
+        going = (s.residual > tolerance) & (polished < _POLISHED) & ((polished == 0) | better) & (idle < patience)
         if step == most or not np.any(going):
             break
         if not np.all(going):
@@ -140,7 +142,7 @@ def _descend(rows: ContactProblem, start: Array, tolerance: float, careful: bool
                 if step % _CREEPS == _CREEPS - 1:
                     new[i] = _out_of_flat(row, v[[i]], xi[[i]], s.take(np.array([i])))
         v, polished, slow = new, np.where(level, polished + 1, 0), np.where(whole, 0, slow + 1)
-        idle = np.zeros_like(idle) if downhill else np.where(flat, idle + 1, 0)
+        idle = np.where(flat | (whole & downhill), idle + 1, 0)
     return Descended(best, residual, taken)
 
 
