@@ -4,7 +4,8 @@ Points come in the order of a test, so their feet must not go back along the pol
 do not, dynamic programming finds the one of least Σ d²: exact, at n·K operations for n points and K sides. (The order
 within one side is left alone: feet of neighbours may change places by less than a side.)
 
-The distance is signed: positive on the left of the direction of travel. By the envelope theorem its derivative by any
+The distance is signed: positive on the left of the direction of travel, at a corner of that of both its sides, so that
+rounding, which chooses one of them, decides nothing. By the envelope theorem its derivative by any
 parameter of the curve is −nᵀ ∂(curve)/∂p at the foot, n the unit vector from foot to point, whatever coordinate along
 the curve is held fixed. Left out: several measured coordinates beside the parameter.
 """
@@ -48,9 +49,13 @@ def feet(points: Array, corners: Array) -> Feet:
     foot = begin[side] + own[:, None] * way[side]
     across = points - foot
     distance = np.sqrt(square[rows, side])
-    left = np.stack([-way[side, 1], way[side, 0]], axis=1)
-    left /= np.maximum(np.linalg.norm(left, axis=1), np.finfo(float).tiny)[:, None]
-    sign = np.where(np.sum(across * left, axis=1) >= 0.0, 1.0, -1.0)
+    lefts = np.stack([-way[:, 1], way[:, 0]], axis=1)
+    lefts /= np.maximum(np.linalg.norm(lefts, axis=1), np.finfo(float).tiny)[:, None]
+    left, last = lefts[side], len(way) - 1
+    other = np.clip(
+        side + (own == 1.0) - (own == 0.0), 0, last
+    )  # the other side of a corner, which is as near as its own
+    sign = np.where(np.sum(across * (left + lefts[other]), axis=1) >= 0.0, 1.0, -1.0)
     near = distance <= 1e-12 * np.maximum(np.max(np.abs(points), axis=1), np.sqrt(np.max(length)))
     normal = np.where(near[:, None], left, across / np.where(near, 1.0, sign * distance)[:, None])
     return Feet(side, own, foot, sign * distance, normal)
