@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from tcstudy.exact.fields import body_edges, edge_samples, kinks, sides
 from tcstudy.expressions.derivative import value_and_gradient
-from tcstudy.expressions.expression import Expression
+from tcstudy.expressions.expression import Expression, value_of
 from tcstudy.laws.composed import law_along
 from tcstudy.scene.records import Body, Clamped, Contact, Convection, Free, Loaded, Scalar, Scene
 from tcstudy.scene.study import Exact
@@ -87,7 +87,7 @@ class Checks:
         points, normals = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
         within = points - INWARD * body_size(self._body) * normals
         scalars = (*self._exact.u, self._exact.theta if self._exact.theta is not None else 0.0)
-        values = [value_and_gradient(scalar, *points.T)[0] for scalar in scalars]
+        values = [value_of(scalar, *points.T) for scalar in scalars]
         slopes = [value_and_gradient(scalar, *within.T)[1] for scalar in scalars]
         return Samples(points, normals, np.array(values[:2]), np.array(slopes[:2]), values[2], slopes[2])
 
@@ -156,7 +156,7 @@ class Checks:
         u_T = np.einsum("cn,nc->n", at.u, at.tangents)
         xi = -np.einsum("cn,nc->n", at.traction(scene), at.tangents)
         if self._exact.xi is not None:
-            given = value_and_gradient(self._exact.xi, *at.points.T)[0]
+            given = value_of(self._exact.xi, *at.points.T)
             remedy = "correct xi, or leave it out: it follows from u"
             what = f"xi differs from -S_T of u by {{}} on {name}"
             yield from self._zero(("xi",), given - xi, stress, at, what, remedy)

@@ -11,19 +11,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.expressions.derivative import Calculus, Scalar
-from tcstudy.expressions.expression import Expression, of_tree
-from tcstudy.expressions.tree import TreeNode
+from tcstudy.expressions.algebra import ONE, ZERO, Term, call, number, term, variable
+from tcstudy.expressions.expression import Expression, Scalar, of_tree
+from tcstudy.expressions.tree import ordered
 from tcstudy.scene.records import Body, Edge
 from tcstudy.shapes.edges import INWARD, body_size, edge_arc, edge_at, edge_length, edge_normal, grid
 
 Array = NDArray[np.float64]
-Vector = tuple[TreeNode, TreeNode]
+Vector = tuple[Term, Term]
 
 SAME = 1e-9
 """Normals that differ by less, and centres by less times the size of the body, are one."""
@@ -50,12 +49,12 @@ def outward(edge: Edge, hole: bool, points: Array) -> Array:
     return -n if hole else n
 
 
-def normal_field(c: Calculus, body: Body, edges: list[tuple[Edge, bool]]) -> Vector:
+def normal_field(body: Body, edges: list[tuple[Edge, bool]]) -> Vector:
     """N = n on all the edges."""
     size = body_size(body)
     kinds: list[tuple[tuple[float, ...], Vector, list[Edge]]] = []
     for edge, hole in edges:
-        key, vector = _normal(c, edge, hole, size)
+        key, vector = _normal(edge, hole, size)
         for other, _, members in kinds:
             if len(other) == len(key) and max(abs(a - b) for a, b in zip(other, key, strict=True)) <= SAME:
                 members.append(edge)
@@ -64,82 +63,62 @@ def normal_field(c: Calculus, body: Body, edges: list[tuple[Edge, bool]]) -> Vec
             kinds.append((key, vector, [edge]))
     if len(kinds) == 1:
         return kinds[0][1]
-    return _blended(c, [(vector, _off(c, members, size)) for _, vector, members in kinds])
+    off = [math.prod((size**-2 * _off(edge) for edge in members), start=ONE) for _, _, members in kinds]
+    weights = [math.prod((D for j, D in enumerate(off) if j != i), start=ONE) for i in range(len(kinds))]
+    x, y = (sum((w * n[i] for w, (_, n, _) in zip(weights, kinds, strict=True)), ZERO) for i in (0, 1))
+    total = sum(weights, ZERO)
+    return x / total, y / total
 
 
-def _normal(c: Calculus, edge: Edge, hole: bool, size: float) -> tuple[tuple[float, ...], Vector]:
+def _normal(edge: Edge, hole: bool, size: float) -> tuple[tuple[float, ...], Vector]:
     """What tells normals apart, relative to the body, and the normal."""
     arc = edge_arc(edge)
     if arc is None:
         x, y = edge_samples(edge, hole, 1)[1][0]
-        return (float(x), float(y)), (c.number(x), c.number(y))
+        return (float(x), float(y)), (number(x), number(y))
     sign = math.copysign(1.0, arc.sweep) * (-1.0 if hole else 1.0)
-    scale, (x, y) = c.number(sign / arc.radius), _from(c, *arc.center)
     key = (arc.center[0] / size, arc.center[1] / size, arc.radius / size, sign)
-    return key, (c.times(scale, x), c.times(scale, y))
+    along_x, along_y = _from(*arc.center)
+    return key, (sign / arc.radius * along_x, sign / arc.radius * along_y)
 
 
-def _from(c: Calculus, x: float, y: float) -> Vector:
+def _from(x: float, y: float) -> Vector:
     """(x, y) less a point."""
-    return c.less(c.variable("x"), c.number(x)), c.less(c.variable("y"), c.number(y))
+    return variable("x") - x, variable("y") - y
 
 
-def _off(c: Calculus, edges: list[Edge], size: float) -> TreeNode:
-    """Vanishes on the edges only, without a unit."""
-    product = c.one
-    for edge in edges:
-        product = c.times(product, c.times(c.number(size**-2), _off_one(c, edge)))
-    return product
+def _off(edge: Edge) -> Term:
+    """The square of the distance from an edge, or from its circle, as a term that vanishes on the edge only."""
+    start, chord, at, arc = np.array(edge.start), np.subtract(edge.end, edge.start), _from(*edge.start), edge_arc(edge)
 
+    def along(direction: Array) -> Term:
+        return direction[0] * at[0] + direction[1] * at[1]
 
-def _off_one(c: Calculus, edge: Edge) -> TreeNode:
-    start, end = np.array(edge.start), np.array(edge.end)
-    at, arc, length = _from(c, *edge.start), edge_arc(edge), edge_length(edge)
-
-    def along(direction: Array) -> TreeNode:
-        return c.sum(*(c.times(c.number(d), part) for d, part in zip(direction, at, strict=True)))
-
-    def beyond(a: TreeNode) -> TreeNode:
+    def beyond(a: Term) -> Term:
         """a² where a is positive."""
-        return c.square(c.call("max", c.zero, a))
+        return call("max", ZERO, a) ** 2
 
     if arc is None:
-        t = (end - start) / length
-        across, ahead = along(np.array([t[1], -t[0]])), along(t)
-        return c.sum(c.square(across), beyond(c.minus(ahead)), beyond(c.less(ahead, c.number(length))))
+        t = chord / edge_length(edge)
+        ahead = along(t)
+        return along(np.array([t[1], -t[0]])) ** 2 + beyond(-ahead) + beyond(ahead - edge_length(edge))
     assert edge.through is not None
-    chord = (end - start) / np.linalg.norm(end - start)
+    chord = chord / np.linalg.norm(chord)
     inward = np.array([-chord[1], chord[0]])
     inward *= math.copysign(1.0, float(inward @ (np.array(edge.through) - start)))
-    radius = c.call("sqrt", c.sum(*(c.square(part) for part in _from(c, *arc.center))))
-    off = c.less(radius, c.number(arc.radius))
-    return c.plus(c.square(off), beyond(c.minus(along(inward))))  # the arc is the circle on this side of the chord
+    x, y = _from(*arc.center)
+    return (call("sqrt", x**2 + y**2) - arc.radius) ** 2 + beyond(-along(inward))  # the side of the chord with the arc
 
 
-def _blended(c: Calculus, parts: list[tuple[Vector, TreeNode]]) -> Vector:
-    weights = []
-    for i in range(len(parts)):
-        weight = c.one
-        for j, (_, off) in enumerate(parts):
-            weight = weight if i == j else c.times(weight, off)
-        weights.append(weight)
-    total = c.sum(*weights)
-    sums = [c.sum(*(c.times(w, n[i]) for w, (n, _) in zip(weights, parts, strict=True))) for i in (0, 1)]
-    return c.over(sums[0], total), c.over(sums[1], total)
-
-
-def kinks(scalar: Scalar) -> tuple[Expression, ...]:
+def kinks(of: Scalar) -> tuple[Expression, ...]:
     """Expressions that change their sign where the scalar may have a kink: at abs, min and max."""
-    if not isinstance(scalar, Expression):
+    if not isinstance(of, Expression):
         return ()
-    c, found, done = Calculus(), dict[TreeNode, None](), dict[TreeNode, TreeNode]()
-    for node in scalar.order:
-        done[node] = c.again(node, done)
-        parts = [done[part] for part in node.parts]
-        if node.kind == "Call" and node.name == "abs":
-            found[parts[0]] = None
-        elif node.kind == "Call" and node.name in ("min", "max"):
-            found |= {c.less(a, b): None for a, b in combinations(parts, 2)}
+    found = dict[Term, None]()
+    for node in ordered((term(of),)):
+        if isinstance(node, Term) and node.kind == "Call" and node.name in ("abs", "min", "max"):
+            first, *other = node.parts
+            found |= {first - b: None for b in other or [ZERO]}
     return tuple(of_tree(node) for node in found if node.kind != "Number")
 
 

@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from tcstudy.accuracy.norms import LineFunction, Triangles
 from tcstudy.exact.fields import body_edges, outward
 from tcstudy.expressions.derivative import value_and_gradient
+from tcstudy.expressions.expression import value_of
 from tcstudy.laws.composed import each, law_along
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
-from tcstudy.scene.records import Body, Contact, Edge, Loaded, Scalar, Scene
+from tcstudy.scene.records import Body, Contact, Edge, Loaded, Scene
 from tcstudy.scene.study import Exact, Goal
 from tcstudy.shapes.edges import Arc, body_size, edge_arc, edge_at, edge_distance, edge_length
 
@@ -45,11 +46,10 @@ def exact_energy(exact: Exact, scene: Scene, mesh: Triangles) -> float:
 
     def density(x: Array, y: Array) -> Array:
         (ux, gx), (uy, gy) = (value_and_gradient(component, x, y) for component in exact.u)
-        divergence = gx[0] + gy[1]
+        f_x, f_y, heat = (value_of(data, x, y) for data in (*scene.f, 0.0 if theta is None else theta))
         lam, mu, beta = scene.material.lam, scene.material.mu, scene.material.beta
-        strain = gx[0] ** 2 + gy[1] ** 2 + 0.5 * (gx[1] + gy[0]) ** 2
-        value: Array = 0.5 * lam * divergence**2 + mu * strain - _at(scene.f[0], x, y) * ux - _at(scene.f[1], x, y) * uy
-        return value - beta * _at(theta if theta is not None else 0.0, x, y) * divergence
+        divergence, strain = gx[0] + gy[1], gx[0] ** 2 + gy[1] ** 2 + 0.5 * (gx[1] + gy[0]) ** 2
+        return np.asarray(0.5 * lam * divergence**2 + mu * strain - f_x * ux - f_y * uy - beta * heat * divergence)
 
     inside = mesh.integral(density) + sliver_integral(scene.body, mesh, density)
     return inside + sum(_on_edge(exact, scene, *edge) for edge in body_edges(scene.body))
@@ -77,7 +77,7 @@ def exact_slip_length(exact: Exact, scene: Scene) -> float:
         return float("nan")
     edges = body_edges(scene.body, scene.edges(Contact))
     at = [edge_at(edge, _places()) for edge, _ in edges]
-    size = max((float(np.max(np.abs(_at(u, *points.T)))) for points in at for u in exact.u), default=0.0)
+    size = max((float(np.max(np.abs(value_of(u, *points.T)))) for points in at for u in exact.u), default=0.0)
 
     def rests(law: Laws, u_T: Array) -> NDArray[np.bool_]:
         return np.any(np.abs(u_T[:, None] - law.kinks[law.kinds == UP]) <= STICKS * size, axis=1)
@@ -158,10 +158,6 @@ def _slivers(arc: Arc, ends: Array, density: Callable[[Array, Array], Array]) ->
     return total
 
 
-def _at(scalar: Scalar, x: Array, y: Array) -> Array:
-    return value_and_gradient(scalar, x, y)[0]
-
-
 def _on_edge(exact: Exact, scene: Scene, edge: Edge, hole: bool) -> float:
     """What an edge adds: −∫g·u + ∫p u_N, or ∫j(u_T) on Γ_C."""
     role = dict(scene.boundary)[edge.name]
@@ -171,9 +167,9 @@ def _on_edge(exact: Exact, scene: Scene, edge: Edge, hole: bool) -> float:
     (x, y), n = points.T, outward(edge, hole, points)
     if isinstance(role, Contact):
         return float(weights @ _law(scene, edge, points).j(exact_u_T(exact)(x, y, n)))
-    ux, uy = (_at(component, x, y) for component in exact.u)
-    work = _at(role.g[0], x, y) * ux + _at(role.g[1], x, y) * uy
-    work -= _at(role.pressure, x, y) * (ux * n[:, 0] + uy * n[:, 1])
+    ux, uy = (value_of(component, x, y) for component in exact.u)
+    work = value_of(role.g[0], x, y) * ux + value_of(role.g[1], x, y) * uy
+    work -= value_of(role.pressure, x, y) * (ux * n[:, 0] + uy * n[:, 1])
     return -float(weights @ work)
 
 
@@ -192,7 +188,7 @@ def exact_u_T(exact: Exact) -> LineFunction:
     """u·t with t = (−n₂, n₁) [m]."""
 
     def slip(x: Array, y: Array, n: Array) -> Array:
-        ux, uy = (_at(component, x, y) for component in exact.u)
+        ux, uy = (value_of(component, x, y) for component in exact.u)
         return np.asarray(uy * n[..., 0] - ux * n[..., 1])
 
     return slip
@@ -202,7 +198,7 @@ def exact_xi(exact: Exact, scene: Scene) -> LineFunction:
     """−S_T [Pa]: as given, or −t·2με(u)n; λ and the temperature only act normally."""
     given, mu = exact.xi, scene.material.mu
     if given is not None:
-        return lambda x, y, n: _at(given, x, y)
+        return lambda x, y, n: value_of(given, x, y)
 
     def traction(x: Array, y: Array, n: Array) -> Array:
         gx, gy = (value_and_gradient(component, x, y)[1] for component in exact.u)

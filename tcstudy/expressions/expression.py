@@ -123,6 +123,16 @@ class Expression:
         return folded
 
 
+Scalar = float | Expression
+
+
+def value_of(scalar: Scalar, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+    """Values of a number or an expression at the points (x, y), broadcast against each other."""
+    if isinstance(scalar, Expression):
+        return scalar.evaluate(x, y)
+    return np.full(np.broadcast_shapes(np.shape(x), np.shape(y)), float(scalar))
+
+
 def of_tree(root: TreeNode) -> Expression:
     """The expression of a tree, with a text that `parse` reads back unless it is longer than MAX_LENGTH."""
     return Expression(tree.to_text(tree.ordered((root,)), MAX_LENGTH), root)

@@ -1,7 +1,7 @@
 """The tree of an expression in x and y: its nodes, its value in any arithmetic, its text.
 
-A tree may share nodes (derivatives do): every node is visited once, so the cost is the number of different nodes, not
-the length of the expression written out. Nothing here recurses, so that depth does not matter.
+A tree may share nodes (derivatives do, see `algebra`): every node is visited once, so the cost is the number of
+different nodes, not the length of the expression written out. Nothing here recurses, so that depth does not matter.
 """
 
 from __future__ import annotations
@@ -83,14 +83,14 @@ def fold(
         if node.kind == "Coordinate":
             values[node] = given[node.name]
         elif known[node]:
-            values[node] = _apply(node, [values[part] for part in node.parts], functions)
+            values[node] = applied(node, [values[part] for part in node.parts], functions)
         else:
             with np.errstate(all="ignore"):
-                values[node] = float(_apply(node, [np.float64(values[part]) for part in node.parts], constants))
+                values[node] = float(applied(node, [np.float64(values[part]) for part in node.parts], constants))
     return values[order[-1]]
 
 
-def _apply(node: TreeNode, values: list[Any], functions: Mapping[str, Callable[..., Any]]) -> Any:
+def applied(node: TreeNode, values: list[Any], functions: Mapping[str, Callable[..., Any]]) -> Any:
     """One node applied to the values of its parts."""
     match node.kind, node.name:
         case "Number", _:

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from tcstudy.exact.fields import kinks
-from tcstudy.expressions.derivative import Calculus, value_and_gradient
+from tcstudy.expressions.algebra import term
+from tcstudy.expressions.derivative import derivative, value_and_gradient
 from tcstudy.expressions.expression import MAX_LENGTH, Expression, of_tree, parse
 
 X, Y = np.array([0.3, 0.8, 1.7]), np.array([0.6, 0.25, 1.1])
@@ -17,10 +18,9 @@ X, Y = np.array([0.3, 0.8, 1.7]), np.array([0.6, 0.25, 1.1])
 
 def slope(text: str, variables: str) -> Expression:
     """One derivative after the other."""
-    algebra = Calculus()
-    node = algebra.tree(parse(text))
+    node = term(parse(text))
     for variable in variables:
-        node = algebra.derivative(node, variable)
+        node = derivative(node, variable)
     return of_tree(node)
 
 
@@ -80,7 +80,7 @@ def test_kinks_are_where_slopes_jump() -> None:
     assert kinks(parse("sin(x)*y")) == kinks(2.0) == ()
     found = kinks(parse("abs(x - 1) + max(0, y, x) + min(y, 3)"))
     values = sorted(float(bend.evaluate(4.0, 1.0)) for bend in found)
-    assert values == sorted([3.0, -1.0, -4.0, -3.0, -2.0])
+    assert values == sorted([3.0, -1.0, -3.0, -2.0])
 
 
 def test_the_text_reads_back_as_the_same_function() -> None:
