@@ -2,11 +2,12 @@
 
     import tcstudy
     study = tcstudy.load("configs/quickstart.yaml", ["mesh.levels=2"])
-    tree = tcstudy.run(study.with_(friction_delta="60 um"), "coarse.nc")  # xarray.DataTree; also written to the file
-    tree["level_1"]["u_T"]                                                # tangential displacements on the second mesh
+    result = tcstudy.run(study.with_(friction_delta="60 um"), progress=True)  # a notebook shows answer and picture
+    result["slip_length"]                   # its data, an xarray.DataTree; result["level_1"]["u_T"] by node
+    result.summary, result.draw("a.svg"), result.save("results/coarse.nc")
 
-Studies:  init, load, Study (from_dict, with_), plan, run, converge, cost
-Results:  open_results, draw, report, export
+Studies:  init, load, Study (from_dict, with_, to_yaml), plan, run, converge, cost
+Results:  Result (summary, to_dataframe, draw, report, save), open_results, draw, report, export
 Matrices: ContactProblem, law, solve, all_solutions, certify, follow
 
     problem = tcstudy.ContactProblem(A_tilde, l_tilde, c, tcstudy.law("tresca", tau=1.0))
@@ -53,20 +54,20 @@ if TYPE_CHECKING:
         UserFault,
     )
     from tcstudy.matrices import ContactProblem, all_solutions, certify, follow, law, solve
-    from tcstudy.results import draw, export, open_results, report
+    from tcstudy.results import Result, draw, export, open_results, report
 
     __version__: str
 
 __all__ = [
     "ContactProblem", "ConvergenceError", "CostError", "DrawError", "FitError", "GeometryFailed", "HistoryError",
-    "PageError", "PathError", "ProblemError", "StoreError", "Study", "StudyError", "StudyWarning", "UsageError",
-    "UserFault", "__version__", "all_solutions", "certify", "converge", "cost", "draw", "export", "follow",
-    "init", "law", "load", "open_results", "plan", "report", "run", "solve",
+    "PageError", "PathError", "ProblemError", "Result", "StoreError", "Study", "StudyError", "StudyWarning",
+    "UsageError", "UserFault", "__version__", "all_solutions", "certify", "converge", "cost", "draw", "export",
+    "follow", "init", "law", "load", "open_results", "plan", "report", "run", "solve",
 ]  # fmt: skip
 
 _FILES = {
     **dict.fromkeys(("ContactProblem", "all_solutions", "certify", "follow", "law", "solve"), "matrices"),
-    **dict.fromkeys(("draw", "export", "open_results", "report"), "results"),
+    **dict.fromkeys(("Result", "draw", "export", "open_results", "report"), "results"),
 }
 """Files of names that stand neither in errors nor in api."""
 

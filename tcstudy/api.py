@@ -7,22 +7,23 @@ place (`with_` makes another).
 
 from __future__ import annotations
 
+import html
 import io
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing, nullcontext
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, nullcontext
 from dataclasses import fields
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from tcstudy.errors import UsageError
 from tcstudy.read.study import read_study, read_study_text
+from tcstudy.results import Result, cached, why_again
 from tcstudy.scene import study as records
 from tcstudy.scene.keys import rows
 
 if TYPE_CHECKING:
-    import xarray
-
     from tcstudy.data.provenance import Kind
+    from tcstudy.reports.terminal.progress import StatusLine
     from tcstudy.study.plan import Plan
 
 Changes = Sequence[str] | Mapping[str, object]
@@ -63,6 +64,33 @@ class Study(records.Study):
         overrides = (*kept, *_texts(new))
         name = str(self.source) if self.source is not None else "<text>"
         return _opened(read_study_text(self.text, name, overrides, self.source))
+
+    def to_yaml(self) -> str:
+        """The study as a file would have it, changes put in; comments are lost."""
+        from tcstudy.read.document import tree_of
+
+        return _yaml(tree_of(self).plain(), flow=False)
+
+    def __getitem__(self, key: str) -> object:
+        """The value at a key path, as it is written: study["friction.delta"]. Raises UsageError where there is none."""
+        from tcstudy.read.document import tree_of
+        from tcstudy.read.node import deepest, hint, holds, split_path
+
+        root, keys = tree_of(self), split_path(key) or (key,)
+        if not holds(root, keys):
+            raise UsageError(f"the study has no {key}; {hint(key, self._ipython_key_completions_(), 'print it')}")
+        return deepest(root, keys).plain()
+
+    def _ipython_key_completions_(self) -> list[str]:
+        from tcstudy.read.document import leaves, tree_of
+
+        return [*leaves(tree_of(self))]
+
+    def __str__(self) -> str:
+        return f"{self!r}\n\n{self.to_yaml()}"
+
+    def _repr_html_(self) -> str:
+        return f"<p><b>{html.escape(repr(self))}</b></p><pre>{html.escape(self.to_yaml())}</pre>"
 
 
 def _opened(study: records.Study) -> Study:
@@ -152,15 +180,15 @@ def run(
     jobs: int | None = None,
     dask: str | None = None,
     append: bool = False,
-) -> xarray.DataTree:
-    """Do what a study (or a study file) asks, write its netCDF file and return its data, loaded into memory.
+) -> Result:
+    """Do what a study (or a study file) asks, and return its result, which is a netCDF file and its data.
 
     A study with a section `fit` is fitted, else one with `history` is followed step by step, else one with `path` along
     its equilibria; of every other one the points of the sweep are solved. `study.kind` says which; `with_(path=None)`
     takes a section away.
 
-    progress: show progress of a sweep on stderr;  force: compute again what the file holds already, replace what else
-              it holds
+    output:   the file; without a name it is kept in the user's cache folder, where the same call finds it again
+    progress: show a bar on stderr, or in the notebook;  force: compute again what is there, replace what else is there
     jobs:     worker processes, None for as many as pay (`plan` of the command line says how many); same numbers
     dask:     "tcp://host:port" of a dask scheduler, or "local", whose workers solve the contact problems instead
     append:   keep the points that the file has of the study with another sweep, and add those of this one
@@ -176,56 +204,59 @@ def run(
         raise UsageError("force computes all points again, append keeps them; give one of these")
     if append and asked.kind != "run":
         raise UsageError(f"append adds points of a sweep, and the study has a section {asked.kind}; leave it out")
+    if append and output is None:
+        raise UsageError("append: name the file that is to grow")
     if dask is not None and asked.kind in ("path", "fit"):
         raise UsageError(f"dask: a {asked.kind} has no work for others; leave it out")
     match asked.kind:
         case "run":
-            return _sweep(asked, output, command, progress, force, jobs, dask, append)
+            return _sweep(asked, output, progress, force, jobs, dask, append)
         case "history":
             from tcstudy.study.history_run import execute_history
 
-            target = _target("history", asked, output)
-            execute_history(asked, target, None, command, force, jobs, dask)
-            return _loaded(target)
+            target, why = _target("history", asked, output)
+            with _line(progress, why) as line:
+                done = execute_history(asked, target, line.history if line else None, command, force, jobs, dask)
+            return Result(target, "" if done.found == done.points * done.steps else why)
         case "path":
             from tcstudy.study.path_run import execute_path
 
             swept, asked = [axis.name for axis in asked.axes], _outside_the_sweep(asked)
-            return _made("path", asked, output, force, lambda target: execute_path(asked, target, None, command, swept))
+            work = lambda target, line: execute_path(asked, target, line.path if line else None, command, swept)  # noqa: E731
+            return _made("path", asked, output, progress, force, work)
     from tcstudy.errors import tell
     from tcstudy.reports.terminal.fit import fit_doubts
     from tcstudy.study.fit import execute_fit
 
     assert asked.fit is not None
-    sha256, work = asked.fit.sha256, lambda target: execute_fit(asked, target, None, command)
-    found = _made("fit", asked, output, force, work, data_sha256=sha256)
-    tell(words for words, doubt in fit_doubts(found) if doubt)
+    fitted = lambda target, line: execute_fit(asked, target, line.event if line else None, command)  # noqa: E731
+    found = _made("fit", asked, output, progress, force, fitted, data_sha256=asked.fit.sha256)
+    tell(words for words, doubt in fit_doubts(found.tree) if doubt)
     return found
 
 
 def _sweep(
     asked: records.Study,
     output: str | FilePath | None,
-    command: tuple[str, ...],
     progress: bool,
     force: bool,
     jobs: int | None,
     dask: str | None,
     append: bool,
-) -> xarray.DataTree:
+) -> Result:
     """The points of a sweep; those that the file lacks, where it has others."""
     from tcstudy.data.provenance import tell_stored
     from tcstudy.reports.terminal.progress import progress as terminal
     from tcstudy.study.execute import execute, what_is_left
 
-    target = _target("run", asked, output)
+    target, why = _target("run", asked, output)
     whole, kept, there = what_is_left(asked, target, force, append)
     if there:
         tell_stored(target)
-        return _loaded(target)
-    with closing(terminal()) if progress else nullcontext() as watcher:
-        execute(whole, target, watcher, command, jobs, dask, kept)
-    return _loaded(target)
+        return Result(target)
+    with _line(progress, why), closing(terminal()) if progress else nullcontext() as watcher:
+        execute(whole, target, watcher, ("tcstudy.run",), jobs, dask, kept)
+    return Result(target, why)
 
 
 def _outside_the_sweep(study: records.Study) -> records.Study:
@@ -234,17 +265,21 @@ def _outside_the_sweep(study: records.Study) -> records.Study:
 
 
 def converge(
-    study: Study | str | FilePath, output: str | FilePath | None = None, *, force: bool = False
-) -> xarray.DataTree:
+    study: Study | str | FilePath, output: str | FilePath | None = None, *, progress: bool = False, force: bool = False
+) -> Result:
     """Errors, rates and limits over the levels of a study, as the file of `tcstudy converge` holds them.
 
-    Raises StudyError, ConvergenceError (levels that do not suit), GeometryFailed, StoreError.
+    output, progress, force: as of `run`. Raises StudyError, ConvergenceError (levels that do not suit), GeometryFailed,
+    StoreError.
     """
     from tcstudy.study.convergence_run import converge_to_file
 
-    asked, command = _study(study), ("tcstudy.converge",)
-    work = lambda target: converge_to_file(asked, target, lambda text: None, command)  # noqa: E731
-    return _made("convergence", asked, output, force, work)
+    asked = _study(study)
+
+    def work(target: FilePath, line: StatusLine | None) -> None:
+        converge_to_file(asked, target, line.event if line else lambda text: None, ("tcstudy.converge",))
+
+    return _made("convergence", asked, output, progress, force, work)
 
 
 def cost(
@@ -252,16 +287,18 @@ def cost(
     output: str | FilePath | None = None,
     *,
     at: Mapping[str, Any] | None = None,
+    progress: bool = False,
     force: bool = False,
-) -> xarray.DataTree:
+) -> Result:
     """Accuracy against cost of mesh families and solvers at one sweep point, as `tcstudy cost` measures them.
 
-    at: the point by its labels, {"alpha": 100}; the first unless named
+    at: the point by its labels, {"alpha": 100}; the first unless named;  output, progress, force: as of `run`
 
     Raises StudyError, CostError (nothing to compare with), DrawError (no such point), GeometryFailed, StoreError.
     """
     from tcstudy.data.writer import sweep_points
     from tcstudy.reports.select_point import describe, locate
+    from tcstudy.reports.terminal.progress import CostProgress
     from tcstudy.study.cost import RUNS, cost_to_file
 
     asked = _study(study)
@@ -269,42 +306,53 @@ def cost(
     where = locate(points, at, "study")
     words, index = describe(points, where), tuple(where.values())
 
-    def work(target: FilePath) -> None:
-        cost_to_file(asked, index, words, RUNS, target, lambda what, left: None, ("tcstudy.cost",))
+    def work(target: FilePath, line: StatusLine | None) -> None:
+        with closing(CostProgress()) as bar:
+            show = bar if line else lambda what, left: None
+            cost_to_file(asked, index, words, RUNS, target, show, ("tcstudy.cost",))
 
-    return _made("cost", asked, output, force, work, point=words, runs=RUNS)
+    return _made("cost", asked, output, progress, force, work, point=words, runs=RUNS)
 
 
 def _made(
     kind: Kind,
     study: records.Study,
     output: str | FilePath | None,
+    progress: bool,
     force: bool,
-    work: Callable[[FilePath], object],
+    work: Callable[[FilePath, StatusLine | None], object],
     **asked: object,
-) -> xarray.DataTree:
+) -> Result:
     """These results, computed unless their file holds them already."""
     from tcstudy.data.provenance import holds, tell_stored
     from tcstudy.study.lint import check_kind
 
     check_kind(study, kind, str(study.source or "study"))
-    target = _target(kind, study, output)
-    if force or not holds(target, kind, study, **asked):
-        work(target)
-    else:
+    target, why = _target(kind, study, output, **asked)
+    if not force and holds(target, kind, study, **asked):
         tell_stored(target)
-    return _loaded(target)
+        return Result(target)
+    with _line(progress, why) as line:
+        work(target, line)
+    return Result(target, why)
 
 
-def _target(kind: Kind, study: records.Study, output: str | FilePath | None) -> FilePath:
-    """The file that is asked for, or the usual one of this kind."""
-    from tcstudy.study.lint import output_of
+def _target(kind: Kind, study: records.Study, output: str | FilePath | None, **asked: object) -> tuple[FilePath, str]:
+    """The file that is asked for, or that of the cache; and why it is computed, if it is."""
+    if output is not None:
+        return FilePath(output), "computed now"
+    target = cached(kind, study, **asked)
+    return target, why_again(target, study)
 
-    return FilePath(output) if output is not None else output_of(study, kind)
 
+@contextmanager
+def _line(progress: bool, why: str) -> Iterator[StatusLine | None]:
+    """Where to show how far the work is, and why it is done; None if nobody wants to know."""
+    if not progress:
+        yield None
+        return
+    from tcstudy.reports.terminal.progress import StatusLine
 
-def _loaded(path: FilePath) -> xarray.DataTree:
-    from tcstudy.data.store import open_results
-
-    with open_results(path) as tree:
-        return tree.load()
+    with closing(StatusLine()) as line:
+        line.event(why)
+        yield line

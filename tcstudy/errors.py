@@ -87,6 +87,10 @@ class UserFault(Exception):
     placed = False
     keys: tuple[str, ...] | None = None
 
+    def _render_traceback_(self) -> list[str]:
+        """What IPython shows in place of a traceback: what is wrong, where, and what to do."""
+        return [f"{type(self).__name__}: {self}"]
+
 
 class UsageError(UserFault):
     """Options of a command that do not go together, or a study that cannot be used for it."""

@@ -1,19 +1,162 @@
-"""The public functions on result files, as `tcstudy` offers them: open, draw, report, export.
+"""Results, as `tcstudy` offers them: a file as a record that a notebook shows; open, draw, report, export.
 
-Every function takes the name of a file that run, converge, cost or path wrote. What the user can mend is a kind of
-tcstudy.UserFault. Left out: making result files (`tcstudy.api`).
+Every function takes a Result or the name of a file that run, converge or cost wrote. What the user can mend is a kind
+of tcstudy.UserFault. Left out: making result files (`tcstudy.api`).
 """
 
 from __future__ import annotations
 
+import base64
+import html
+import os
 from collections.abc import Mapping
+from functools import cached_property
+from hashlib import sha256
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from tcstudy.errors import UsageError
 
 if TYPE_CHECKING:
+    import pandas
     import xarray
+    from matplotlib.figure import Figure
+
+    from tcstudy.data.provenance import Kind
+    from tcstudy.scene.study import Study
+
+MOST_CACHED = 2**31
+"""Bytes of the results that a notebook keeps without a name; beyond it the oldest go."""
+
+
+class Result:
+    """What `run`, `converge` or `cost` found: a result file, and its data at the first look.
+
+        result["slip_length"].sel(alpha=100)     # all that an xarray.DataTree can: groups, attrs, items
+        result.summary, result.to_dataframe(), result.draw(), result.save("results/mine.nc")
+
+    file: the netCDF file;  note: what was computed now, and why; empty if the file held everything
+    """
+
+    def __init__(self, file: FilePath, note: str = "") -> None:
+        self.file, self.note = file, note
+
+    @cached_property
+    def tree(self) -> xarray.DataTree:
+        """The data, loaded into memory: a run has its results at the root and a group a level."""
+        with open_results(self.file) as tree:
+            return tree.load()
+
+    def __getitem__(self, name: str) -> Any:
+        return self.tree[name]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.tree
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):  # what libraries ask of anything, for which no file is read
+            raise AttributeError(name)
+        return getattr(self.tree, name)
+
+    @property
+    def summary(self) -> str:
+        """The answer in one sentence, as the terminal and the page say it."""
+        from tcstudy.reports.export.brief import brief
+
+        return str(brief(self.file)["verdict"])
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """A row a point and level (of a path a vertex, of a fit a datum), as `export` writes it to CSV; SI units."""
+        from tcstudy.data.provenance import kind_from
+        from tcstudy.reports.export.export_table import ROWS
+
+        data = self.tree.to_dataset()
+        dims = data["status"].dims if "status" in data else (ROWS[kind_from(data.attrs)],)
+        names = [name for name, one in data.data_vars.items() if one.dims and set(one.dims) <= set(dims)]
+        return data[names].to_dataframe(dim_order=list(dims)).reset_index()
+
+    def save(self, target: str | FilePath, force: bool = False) -> Result:
+        """Copy the file under a name of your choice. Raises StoreError where there is another, unless force."""
+        import shutil
+
+        from tcstudy.data.files import check_writable, replace_file
+        from tcstudy.errors import StoreError
+
+        target = FilePath(target)
+        if faults := check_writable(target):
+            raise StoreError("; ".join(faults))
+        if target.exists() and not force and target.read_bytes() != self.file.read_bytes():
+            raise StoreError(f"{target} is there already; give another name, or force=True to replace it")
+        replace_file(target, lambda aside: shutil.copyfile(self.file, aside), sealed=False)
+        return Result(target, self.note)
+
+    def draw(self, target: str | FilePath | None = None, **options: Any) -> FilePath | Figure:
+        """`tcstudy.draw` of this file."""
+        return draw(self, target, **options)
+
+    def report(self, target: str | FilePath | None = None) -> FilePath:
+        """`tcstudy.report` of this file."""
+        return report(self, target)
+
+    def __repr__(self) -> str:
+        return f"{self.summary}\n{self.file}" + (f" ({self.note})" if self.note else "")
+
+    def _repr_html_(self) -> str:
+        """The answer, a picture, and the tables of the terminal behind a click."""
+        from tcstudy.reports.terminal.summary import text_of
+
+        picture = f'<img style="max-width: 100%" src="data:image/png;base64,{_png(self.file)}">'
+        said, below = html.escape(self.summary), html.escape(f"{self.file}" + (f" ({self.note})" if self.note else ""))
+        tables = html.escape(text_of(self.file, False, "text", None, None))
+        return f"<p><b>{said}</b></p>{picture}<details><summary>{below}</summary><pre>{tables}</pre></details>"
+
+
+def _png(file: FilePath) -> str:
+    figure: Any = draw(file)
+    return base64.b64encode(figure._repr_png_()).decode()
+
+
+def cached(kind: Kind, study: Study, **asked: object) -> FilePath:
+    """The file in which results without a name are kept: $TCSTUDY_CACHE, or tcstudy in the user's cache folder.
+
+    Its name has all that decides them: study, options, and versions of the program and its libraries.
+    """
+    from tcstudy.data.provenance import program, study_sha256
+
+    key = sha256(repr((kind, study_sha256(study), sorted(asked.items()), program())).encode()).hexdigest()
+    folder = os.environ.get("XDG_CACHE_HOME") or FilePath.home() / ".cache"
+    folder = FilePath(os.environ.get("TCSTUDY_CACHE") or FilePath(folder) / "tcstudy")
+    folder.mkdir(parents=True, exist_ok=True)
+    prune(folder)
+    stem = study.source.stem if study.source is not None else "study"
+    return folder / f"{stem}-{kind}-{key[:16]}.nc"
+
+
+def why_again(target: FilePath, study: Study) -> str:
+    """Why a file in the cache is computed: what differs from the study whose results came last under its name."""
+    from tcstudy.data.reading import attributes
+    from tcstudy.read.document import changes
+
+    pattern = f"{target.name.removesuffix('.nc')[:-16]}{'?' * 16}.nc"
+    before = [file for file in target.parent.glob(pattern) if file != target]
+    if not before:
+        return "computed now"
+    last = attributes(max(before, key=lambda file: file.stat().st_mtime))
+    different = changes(str(last["study_yaml"]), str(last["overrides"]).splitlines(), study)
+    return f"computed now: {', '.join(different) or 'the program or an option is another'}"
+
+
+def prune(folder: FilePath) -> None:
+    """Remove the oldest results of the cache, down to MOST_CACHED bytes."""
+    files, total = sorted(folder.glob("*-*.nc"), key=lambda file: -file.stat().st_mtime), 0
+    for file in files:
+        total += file.stat().st_size
+        if total > MOST_CACHED and file != files[0]:
+            file.unlink(missing_ok=True)
+
+
+def _file(of: Result | str | FilePath) -> FilePath:
+    return of.file if isinstance(of, Result) else FilePath(of)
 
 
 def open_results(path: str | FilePath) -> xarray.DataTree:
@@ -27,8 +170,8 @@ def open_results(path: str | FilePath) -> xarray.DataTree:
 
 
 def draw(
-    file: str | FilePath,
-    target: str | FilePath,
+    file: Result | str | FilePath,
+    target: str | FilePath | None = None,
     *,
     at: Mapping[str, Any] | None = None,
     level: int | None = None,
@@ -39,8 +182,9 @@ def draw(
     of: str | None = None,
     law: bool = False,
     size: str | tuple[float, float] | None = None,
-) -> FilePath:
-    """Draw a result file of any kind into a .png, .svg or .pdf file; returns its name. Needs matplotlib.
+) -> FilePath | Figure:
+    """Draw a result file of any kind into a .png, .svg or .pdf file and return its name, or without a name return the
+    figure, which a notebook shows. Needs matplotlib.
 
     at:       of a run or its convergence: the point by its labels, {"alpha": 100}; the first unless named
     level:    of a run: mesh level, −1 or nothing for the finest
@@ -55,26 +199,28 @@ def draw(
     Parameters that are not drawn have the value that `at` gives them, the first unless named. Raises StoreError,
     DrawError, UsageError.
     """
-    from tcstudy.reports.figures.draw import Wanted, picture
+    from tcstudy.reports.figures.draw import Wanted, figure_of, picture
 
     wanted = Wanted(at, level, x, y, by, map, of, law, size)
-    picture(FilePath(file), FilePath(target), wanted)
+    if target is None:
+        return figure_of(_file(file), wanted)
+    picture(_file(file), FilePath(target), wanted)
     return FilePath(target)
 
 
-def report(file: str | FilePath, target: str | FilePath | None = None) -> FilePath:
+def report(file: Result | str | FilePath, target: str | FilePath | None = None) -> FilePath:
     """Make one HTML page of a result file of any kind (FILE.html unless named); returns its name.
 
     Raises StoreError, PageError.
     """
     from tcstudy.reports.page.write import write_page
 
-    page = FilePath(target) if target is not None else FilePath(file).with_suffix(".html")
-    return write_page(FilePath(file), page).path
+    page = FilePath(target) if target is not None else _file(file).with_suffix(".html")
+    return write_page(_file(file), page).path
 
 
 def export(
-    file: str | FilePath,
+    file: Result | str | FilePath,
     form: str,
     target: str | FilePath | None = None,
     *,
@@ -93,4 +239,4 @@ def export(
 
     if form not in FORMS:
         raise UsageError(f"there is no form {form!r}; choose of {', '.join(FORMS)}")
-    return exported(FilePath(file), form, None if target is None else FilePath(target), at, level)[0]
+    return exported(_file(file), form, None if target is None else FilePath(target), at, level)[0]

@@ -52,6 +52,44 @@ def test_run_path_converge_draw_and_report(study: tcstudy.Study, tmp_path: Path)
         tcstudy.run(points.with_(friction_delta=0.2), tmp_path / "run.nc")
 
 
+def test_a_notebook_needs_no_file_names(study: tcstudy.Study, tmp_path: Path) -> None:
+    """The same call returns at once, another says why it computes; a result shows itself, and is saved under a name."""
+    points = study.with_(path=None, mesh_levels=1)
+    first = tcstudy.run(points, jobs=1)
+    assert first.note.startswith("computed now")
+    again = tcstudy.run(points, jobs=1)
+    assert (again.file, again.note) == (first.file, "")
+    other = tcstudy.run(points.with_(friction_delta=0.2), jobs=1)
+    assert other.note == "computed now: friction.delta was 0.1, is 0.2"
+    assert other.file != first.file
+    table = first.to_dataframe()
+    assert table["energy"].tolist() == first["energy"].values.ravel().tolist()
+    shown = first._repr_html_()
+    assert first.summary in shown
+    assert "data:image/png;base64," in shown
+    assert first.draw()._repr_png_().startswith(b"\x89PNG")
+    assert first.save(tmp_path / "mine.nc").summary == first.summary
+    with pytest.raises(tcstudy.StoreError, match="is there already"):
+        other.save(tmp_path / "mine.nc")
+
+
+def test_a_study_shows_itself_and_its_faults_in_one_line(study: tcstudy.Study) -> None:
+    changed = study.with_(friction_delta="7 mm", units=None)
+    assert changed["friction.delta"] == "7 mm"
+    assert "friction.delta" in changed._ipython_key_completions_()
+    assert tcstudy.Study.from_dict(yaml_of(changed)).to_yaml() == changed.to_yaml()
+    with pytest.raises(tcstudy.UsageError, match=r"no friction\.delat; did you mean 'friction\.delta'") as caught:
+        changed["friction.delat"]
+    assert caught.value._render_traceback_() == [f"UsageError: {caught.value}"]
+
+
+def yaml_of(study: tcstudy.Study) -> dict[str, object]:
+    """What is read from the text that a study gives back."""
+    from ruamel.yaml import YAML
+
+    return dict(YAML(typ="safe").load(study.to_yaml()))
+
+
 def test_cost(study: tcstudy.Study, tmp_path: Path) -> None:
     chart = tcstudy.cost(study.with_(mesh_levels=2), tmp_path / "cost.nc")
     errors = chart["error_u_energy"]

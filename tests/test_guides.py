@@ -94,4 +94,4 @@ def test_the_first_page_runs_in_python(tmp_path: Path, monkeypatch: pytest.Monke
     found = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
     names: dict[str, object] = {}
     exec("".join(found), names)
-    assert names["tree"]["status"].size == 72  # type: ignore[index]
+    assert names["result"]["status"].size == 72  # type: ignore[index]

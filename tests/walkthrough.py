@@ -1,6 +1,7 @@
 """A walk through tcstudy from Python; each step ends in one number, and all of them take a few seconds.
 
-Run it with `python tests/walkthrough.py`; the tests run it, too.
+Run it with `python tests/walkthrough.py`, or cell by cell in an editor or notebook (`# %%` begins one); the tests run
+it, too.
 """
 
 import tempfile
@@ -13,7 +14,7 @@ import tcstudy
 
 FOLDER = Path(tempfile.mkdtemp())
 
-# 1. A study as a mapping: a block on a weakening film, its top pushed sideways. Numbers are SI.
+# %% 1. A study as a mapping: a block on a weakening film, its top pushed sideways. Numbers are SI.
 study = tcstudy.Study.from_dict(
     {
         "title": "A block pushed sideways",
@@ -29,20 +30,24 @@ forecast = tcstudy.plan(study)
 print("points of a run", forecast.points)
 assert forecast.points == 1
 
-# 2. Another study with one value changed: the same film, twice as tough, and no film at all.
+# %% 2. Another study with one value changed: the same film, twice as tough, and no film at all.
 tougher = study.with_(friction_delta="2 mm")
 assert tougher.scenes[0].friction.omega == 0.5 * study.scenes[0].friction.omega
 sweep = study.with_({"sweep": {"tau_k": [5e3, 20e3, 50e3]}})
 print("points of the sweep", len(sweep.scenes))
 assert len(sweep.scenes) == 3
 
-# 3. Run it: a netCDF file, and its data. Every solution passes the inclusion test, or says why not.
-tree = tcstudy.run(sweep, FOLDER / "block.nc", jobs=1)
-residual = float(tree["inclusion_residual"].max())
+# %% 3. Run it: the answer, and its data. Every solution passes the inclusion test, or says why not.
+result = tcstudy.run(sweep, FOLDER / "block.nc", jobs=1)
+print(result.summary)
+residual = float(result["inclusion_residual"].max())
 print("largest inclusion residual", residual)
 assert residual <= 1e-10
+table = result.to_dataframe()  # a row a point and level
+assert table["energy"].notna().all()
+result.draw(FOLDER / "block.svg", x="tau_k", y="slip_length")  # without a name the notebook shows it
 
-# 4. Files of other values, joined and compared by xarray.
+# %% 4. Files of other values, joined and compared by xarray.
 one, two = FOLDER / "block.nc", FOLDER / "more.nc"
 tcstudy.run(study.with_({"sweep": {"tau_k": [20e3, 40e3]}}), two, jobs=1)
 with xr.open_dataset(one) as a, xr.open_dataset(two) as b:
@@ -51,26 +56,26 @@ print("points of both", whole["tau_k"].values)
 assert whole["energy"].notnull().all()
 assert np.allclose(shared["energy"], again["energy"], rtol=1e-9)
 
-# 5. Matrices of your own: a softening spring under one mass, in units of your choice.
+# %% 5. Matrices of your own: a softening spring under one mass, in units of your choice.
 problem = tcstudy.ContactProblem([[1.0]], [1.2], [1.0], tcstudy.law("slip-weakening", tau_s=1.0, tau_k=0.0, delta=4.0))
 answer = tcstudy.solve(problem)
 print("slip", answer.v[0])  # v + (1 − v/4) = 1.2
 assert np.isclose(answer.v[0], 4 / 15, rtol=1e-12)
 
-# 6. What is proved of it: the film falls by 1/4 a length, less than λ₁ = 1, so that the solution is the only one.
+# %% 6. What is proved of it: the film falls by 1/4 a length, less than λ₁ = 1, so that the solution is the only one.
 certificate = tcstudy.certify(problem, answer)
 print("margin to uniqueness", certificate.margin)
 assert certificate.unique
 assert np.isclose(certificate.margin, 0.75, rtol=1e-12)
 
-# 7. A brittle film, twice: equilibria on the branch from rest, through the fold where it lets go.
+# %% 7. A brittle film, twice: equilibria on the branch from rest, through the fold where it lets go.
 brittle = tcstudy.ContactProblem([[1.0]], [0.0], [1.0], tcstudy.law(points=[(0, 1), (0.5, 0)]))
 along = tcstudy.follow(brittle, [1.0], [0.0], t_max=2.0, direction="forward")
 print("load at the fold", along.t[1])
 assert np.isclose(along.t[1], 1.0, rtol=1e-12)
 assert not along.stable.all()
 
-# 8. What cannot be is refused in one line.
+# %% 8. What cannot be is refused in one line.
 try:
     tcstudy.ContactProblem([[1.0, 2.0], [2.0, 1.0]], [0, 0], [1, 1], tcstudy.law("tresca", tau=1.0))
 except tcstudy.UserFault as fault:

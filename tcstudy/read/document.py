@@ -20,7 +20,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError, YAMLWarning
 from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
 from ruamel.yaml.nodes import Node as YamlNode
 
-from tcstudy.errors import Problem, StudyError
+from tcstudy.errors import Problem, StudyError, shortened
 from tcstudy.read.node import Collector, Keys, Mark, Node, Scalar, deepest, holds, put, split_path
 from tcstudy.scene.keys import rows
 from tcstudy.scene.parameters import SHORT
@@ -276,6 +276,22 @@ def tree_of(study: Study, errors: Collector | None = None) -> Node:
     errors = errors if errors is not None else Collector()
     file = str(study.source) if study.source is not None else "<text>"
     return apply_overrides(compose(study.text, file, errors), study.overrides, SHORT, errors)
+
+
+def changes(text: str, overrides: Sequence[str], study: Study) -> list[str]:
+    """In which values a study differs from one of that text and options: "friction.delta was 1 mm, is 2 mm"."""
+    errors = Collector()
+    before = leaves(apply_overrides(compose(text, "", errors), overrides, SHORT, errors))
+    now = leaves(tree_of(study))
+    pairs = {key: (before.get(key, "absent"), now.get(key, "absent")) for key in {**before, **now}}
+    return [f"{key} was {shortened(old)}, is {shortened(new)}" for key, (old, new) in pairs.items() if old != new]
+
+
+def leaves(node: Node) -> dict[str, str]:
+    """Values by key path, as text; lists whole."""
+    if not isinstance(node.value, Mapping):
+        return {node.path: node.text()}
+    return {key: value for child in node.value.values() for key, value in leaves(child).items()}
 
 
 Found = tuple[Keys, str, str]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import io
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -80,16 +82,31 @@ def picture(file: Path, target: Path, wanted: Wanted | None = None) -> str:
     cannot be written or matplotlib is not installed, UsageError for what does not go together.
     """
     style.check_target(target)
-    wanted, kind = wanted or Wanted(), kind_of(file)
+    with _figure(file, wanted or Wanted()) as (figure, words, dpi):
+        style.save(figure, target, dpi)
+    return f"{target}: {words}"
+
+
+def figure_of(file: Path, wanted: Wanted) -> Figure:
+    """The same as a figure, which a notebook shows (`_repr_png_`). Raises as `picture` does."""
+    with _figure(file, wanted) as (figure, _, dpi):
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format="png", dpi=dpi)
+        figure._repr_png_ = buffer.getvalue  # type: ignore[attr-defined]  # what IPython asks an object for
+        return figure
+
+
+@contextmanager
+def _figure(file: Path, wanted: Wanted) -> Iterator[tuple[Figure, str, int]]:
+    """The figure, one line on what it shows, and its pixels per inch, in the style in which it must be saved."""
+    kind = kind_of(file)
     wanted.check(kind)
     size = style.size_in_inches(wanted.size) if isinstance(wanted.size, str) else wanted.size
     remarks = remarks_of(attributes(file))
     look = style.Look(size, remarks=() if size is not None else tuple(f"Warning: {one}" for one in remarks))
     tell(remarks)
     with reading(file), style.styled(look):
-        figure, words = _drawn(file, kind, wanted, look)
-        style.save(figure, target, look.dpi)
-    return f"{target}: {words}"
+        yield *_drawn(file, kind, wanted, look), look.dpi
 
 
 def _drawn(file: Path, kind: Kind, wanted: Wanted, look: style.Look) -> tuple[Figure, str]:

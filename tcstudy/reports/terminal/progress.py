@@ -143,31 +143,71 @@ class TerminalProgress(PlainProgress):
         super().close()
 
 
+class NotebookProgress(PlainProgress):
+    """The same bar in one line of text, which a notebook writes again."""
+
+    def begin(self, work: Sequence[Work]) -> None:
+        """Start the bar."""
+        super().begin(work)
+        self._line, self._start = StatusLine(self._stream), time.monotonic()
+        self._weights = [w.weight for w in work]
+        self._whole, self._done = sum(w.points * w.weight for w in work), sum(w.done * w.weight for w in work)
+        self._before = self._done
+
+    def block(self, record: BlockRecord) -> None:
+        """Move on."""
+        super().block(record)
+        self._done += len(record) * self._weights[record.level]
+        share, spent = self._done / self._whole, time.monotonic() - self._start
+        left = spent * (self._whole - self._done) / max(self._done - self._before, 1e-12 * self._whole)
+        self._line.write(f"{'█' * int(30 * share):░<30} {share:.0%}, {span(left)} left")
+
+    def close(self) -> None:
+        """Remove the bar."""
+        self._line.close()
+        super().close()
+
+
 def progress(stream: TextIO | None = None, naming: Naming = str, length: str = "1") -> PlainProgress:
     """The fitting kind for a stream (standard error if none is given); length is the unit of h."""
     stream = stream if stream is not None else cast(TextIO, sys.stderr or Outlet(None))
+    if _is_notebook(stream):
+        return NotebookProgress(stream, naming, length)
     return TerminalProgress(stream, naming) if stream.isatty() else PlainProgress(stream, naming, length)
 
 
+def _is_notebook(stream: object) -> bool:
+    return type(stream).__module__.startswith("ipykernel.")
+
+
 class StatusLine:
-    """One line of a terminal that is written again and again; nothing elsewhere."""
+    """One line of a terminal or a notebook that is written again and again; nothing elsewhere."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
         self._stream = raw_terminal(stream if stream is not None else sys.stderr)
-        self._shown, self._open = self._stream.isatty(), False
+        self._notebook = _is_notebook(self._stream)
+        self._shown, self._open, self._width = self._notebook or self._stream.isatty(), False, 0
 
     def write(self, text: str) -> None:
         """Write it anew."""
         if self._shown:
-            self._stream.write(f"\r\x1b[K{text}")
+            # a notebook knows no escape that empties a line
+            self._stream.write(f"\r{text:<{self._width}}" if self._notebook else f"\r\x1b[K{text}")
             self._stream.flush()
-            self._open = True
+            self._open, self._width = True, len(text)
 
     def close(self) -> None:
         """Remove the line."""
         if self._open:
             self.write("")
+            self._stream.write("\r" if self._notebook else "")
             self._open = False
+
+    def event(self, text: str) -> None:
+        """A line that stays."""
+        self.close()
+        self._stream.write(f"{visible(text)}\n")
+        self._stream.flush()
 
     def path(self, pieces: int, t: float) -> None:
         """Pieces of a path so far, and the present value of the parameter [SI]."""
