@@ -10,8 +10,8 @@ with laws of its own and each a piece of a piecewise-linear path (contact/path):
      that is released. Else the path through it leads on.
 Between vertices forces and slips are linear, so that work and dissipation are exact: closure is rounding.
 In the place of exponential pieces the path has straight ones (memory.py). At the end of every part the law's own
-solution is found beside it, at a fold the law's own (folds.py), and what friction takes on the way there has a closed
-form: states and energies are exact.
+solution is found beside it, at a fold the law's own (path/smooth.py), and what friction takes on the way
+there has a closed form: states and energies are exact.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.contact.contact import Answer, as_it_is, nearest_minimum, solve_contact
-from tcstudy.contact.history.folds import ended, folds_beside
 from tcstudy.contact.history.memory import LAW_ERROR
 from tcstudy.contact.history.problem import HistoryProblem, HistoryStep, booked, proved
 from tcstudy.contact.loop import Status
 from tcstudy.contact.path.basis_inverse import BasisInverse, SingularCellError
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path, PathStatus
+from tcstudy.contact.path.smooth import folds_beside
 from tcstudy.contact.path.start import locate
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.laws import Laws
@@ -236,7 +236,8 @@ class ContinuedStep:
             answer = self._answer(w, t)
             if answer.status == Status.CONVERGED and np.array_equal(answer.v, w):
                 self.fold = float(np.nextafter(t, 2.0))
-                return *ended(path, t, w), answer
+                at = int(np.searchsorted(path.t, t))
+                return replace(path, t=np.append(path.t[:at], t), u=np.vstack([path.u[:at], w])), at, answer
         return None
 
     def _reached(self, path: Path, last: int) -> tuple[Path, int, Answer]:

@@ -12,7 +12,7 @@ it gains. Where it leaves the smooth piece, the corner decides: it is the point,
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -20,18 +20,28 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from tcstudy.contact.factors import factor_free, with_diagonal
+from tcstudy.contact.path.problem import ParametricProblem
 from tcstudy.contact.path.record import Path
 from tcstudy.laws.laws import Laws
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Coordinate = tuple[Array, float]
+"""(row, time) of s = row·v + time·t."""
 Goal = Callable[[Array], tuple[float, Array, Array]]
 """From (t, R) to a number, its gradient (2,) and its second derivatives (2, 2)."""
 
+EPS = float(np.finfo(float).eps)
 NEWTON, HALVINGS, CORNERS = 40, 40, 12
 BEYOND = 1e-12
 """Part of the largest slip, or of the scale of b, by which rounding may take a node off its piece."""
 ARRIVED = 1e-6
 """Steps below this part of the largest slip need not gain, which rounding hides, and end when they get no shorter."""
+AT_LIMIT = 1e-9
+"""Part of the scale of b by which the path's rounding may keep a node from the limit that it has reached."""
+NEAR = 0.1
+"""The law folds beside straight pieces if it does within this part of the slips over which b changes."""
 BESIDE = "the curve was not found beside the path of straight pieces; begin elsewhere, or use compare: vertical"
 
 
@@ -39,15 +49,14 @@ BESIDE = "the curve was not found beside the path of straight pieces; begin else
 class CurvePoint:
     """A point of the curve.
 
-    side:      of the polygon beside it
     codes:     (m,) 2k where a node slides on the piece of address k, 2k + 1 on the jump at its right end
     v, t:      (m,) slips, and the parameter;  x: (2,) t and R
     row, time: the coordinate s = row·v + time·t;  first, second: (2,) derivatives of x by s
+    side:      of the polygon beside it
     node, kink: at a corner the node that passes a kink there, and the kink; −1 elsewhere
     """
 
-    side: int
-    codes: NDArray[np.intp]
+    codes: Index
     v: Array
     t: float
     x: Array
@@ -55,8 +64,57 @@ class CurvePoint:
     time: float
     first: Array
     second: Array
+    side: int = -1
     node: int = -1
     kink: int = -1
+
+    @property
+    def s(self) -> float:
+        return float(self.row @ self.v + self.time * self.t)
+
+    @property
+    def size(self) -> float:
+        """Of the coordinate."""
+        return float(np.max(np.abs(self.v)) or 1.0) if self.time == 0.0 else abs(self.t) or 1.0
+
+
+@np.errstate(over="ignore", invalid="ignore")  # far off an exponential passes all numbers; such a step ends it
+def on_curve(
+    p: ParametricProblem, law: Laws, codes: Index, coordinate: Coordinate, s: float, v: Array, t: float
+) -> CurvePoint | None:
+    """The point of a coordinate s with all nodes on these pieces, by Newton's method from (v, t); None if it fails."""
+    row, time = coordinate
+    free = np.flatnonzero(codes % 2 == 0)
+    v = np.where(codes % 2 == 1, law.kink(codes // 2), v)
+    own, piece, c, n = law.of_nodes(free), codes[free] // 2, p.c[free], len(free)
+    unit, before = float(np.max(np.diagonal(p.A_tilde))), np.inf
+    slip = p.traction_scale * float(np.max(p.c)) / unit
+    J = np.empty((n + 1, n + 1))
+    for _ in range(NEWTON):
+        J[:n, :n], J[:n, n] = with_diagonal(p.A_tilde, free, c * own.slope(v[free], piece)), -p.l_1[free]
+        J[n, :n], J[n, n] = unit * row[free], unit * time
+        off = (p.load(t) - p.A_tilde @ v)[free] - c * own.value(v[free], piece)
+        lu, pivots, singular = scipy.linalg.lapack.dgetrf(J)
+        if singular or not np.isfinite(lu[-1, -1]):
+            return None
+        step = scipy.linalg.lapack.dgetrs(lu, pivots, np.append(off, unit * (s - row @ v - time * t)))[0]
+        v[free], t = v[free] + step[:-1], t + float(step[-1])
+        size = float(np.max(np.abs(step[:-1]), initial=0.0)) + abs(float(step[-1]) * time)
+        largest = float(np.max(np.abs(v), initial=0.0)) + abs(t * time)
+        if not np.isfinite(size):
+            return None
+        if size <= 4.0 * EPS * largest or (size >= 0.5 * before and before <= 1e-10 * max(largest, slip)):
+            break
+        before = size
+    else:
+        return None
+    one = scipy.linalg.lapack.dgetrs(lu, pivots, np.append(np.zeros(n), unit))[0]
+    bend = -c * own.bend(v[free], piece) * one[:-1] ** 2
+    two = scipy.linalg.lapack.dgetrs(lu, pivots, np.append(bend, 0.0))[0]
+    weight, growth = p.A_tilde[free].sum(axis=1), float(p.l_1.sum())
+    x = np.array([t, (p.load(t) - p.A_tilde @ v).sum()])
+    first, second = (np.array([d[-1], d[-1] * growth - weight @ d[:-1]]) for d in (one, two))
+    return CurvePoint(codes, v, t, x, row, time, first, second)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +125,7 @@ class SmoothPath:
     law: Laws
 
     @cached_property
-    def codes(self) -> NDArray[np.intp]:
+    def codes(self) -> Index:
         """(K, m) pieces of the law itself on all sides, as in `CurvePoint`."""
         u = self.path.u
         return np.where(
@@ -75,47 +133,15 @@ class SmoothPath:
         )
 
     @cached_property
-    def corners(self) -> NDArray[np.intp]:
+    def corners(self) -> Index:
         """Vertices at which a node changes its piece of the law itself, the ends of the path among them."""
         changes = np.flatnonzero(np.any(self.codes[1:] != self.codes[:-1], axis=1)) + 1
         return np.concatenate([[0], changes, [self.path.pieces]])
 
-    def at(self, side: int, coordinate: tuple[Array, float], s: float, v: Array, t: float) -> CurvePoint | None:
-        """The point of a coordinate s beside a side, by Newton's method from (v, t); None if that ends nowhere."""
-        p, law, codes, (row, time) = self.path.problem, self.law, self.codes[side], coordinate
-        free = np.flatnonzero(codes % 2 == 0)
-        v = np.where(codes % 2 == 1, law.kink(codes // 2), v)
-        piece, c = codes[free] // 2, p.c[free]
-        A, l_1 = p.A_tilde[np.ix_(free, free)], p.l_1[free]
-        scale = float(np.max(np.abs(A.diagonal()), initial=0.0)) or 1.0
-        before = np.inf
-        for _ in range(NEWTON):
-            J = np.block([[A + np.diag(c * law.slope(v[free], piece)), -l_1[:, None]],
-                          [scale * row[None, free], np.full((1, 1), scale * time)]])  # fmt: skip
-            off = (p.load(t) - p.A_tilde @ v)[free] - c * law.value(v[free], piece)
-            factor = scipy.linalg.lu_factor(J, check_finite=False)
-            step = scipy.linalg.lu_solve(factor, np.append(off, scale * (s - row @ v - time * t)), check_finite=False)
-            v[free], t = v[free] + step[:-1], t + float(step[-1])
-            size = float(np.max(np.abs(step[:-1]), initial=0.0)) + abs(float(step[-1])) * time
-            largest = float(np.max(np.abs(v), initial=0.0)) + abs(t) * time
-            if not np.isfinite(size) or size <= 4.0 * np.finfo(float).eps * largest or size == 0.0:
-                break
-            if size >= 0.5 * before and before <= 1e-10 * largest:
-                break
-            before = size
-        else:
-            return None
-        if not np.isfinite(size):
-            return None
-        ahead = np.zeros(len(free) + 1)
-        ahead[-1] = scale
-        one = scipy.linalg.lu_solve(factor, ahead)
-        bend = law.bend(v[free], piece)
-        two = scipy.linalg.lu_solve(factor, np.append(-c * bend * one[:-1] ** 2, 0.0))
-        weight = p.A_tilde[free].sum(axis=1)
-        x = np.array([t, (p.load(t) - p.A_tilde @ v).sum()])
-        first, second = (np.array([d[-1], d[-1] * p.l_1.sum() - weight @ d[:-1]]) for d in (one, two))
-        return CurvePoint(side, codes, v, t, x, row, time, first, second)
+    def at(self, side: int, coordinate: Coordinate, s: float, v: Array, t: float) -> CurvePoint | None:
+        """The point of a coordinate s beside a side; None if Newton's method from (v, t) ends nowhere."""
+        found = on_curve(self.path.problem, self.law, self.codes[side], coordinate, s, v, t)
+        return found and replace(found, side=side)
 
     def least(self, side: int, share: float, goal: Goal) -> CurvePoint:
         """Where the goal is least near a place of the polygon. Raises ValueError if the curve is not found there."""
@@ -146,18 +172,17 @@ class SmoothPath:
         last = np.inf
         for _ in range(NEWTON):
             value, gradient, bend = goal(point.x)
-            slope = float(gradient @ point.first)
-            curvature = float(point.first @ bend @ point.first + gradient @ point.second)
+            slope, straight = float(gradient @ point.first), float(point.first @ bend @ point.first)
+            curvature = straight + float(gradient @ point.second)
             if curvature <= 0.0:
-                curvature = float(point.first @ bend @ point.first) or abs(slope) / (1e-2 * _size(point))
+                curvature = straight or abs(slope) / (1e-2 * point.size)
             step = -slope / curvature
-            if abs(step) <= ARRIVED * _size(point) and abs(step) >= 0.5 * last:
+            if abs(step) <= ARRIVED * point.size and abs(step) >= 0.5 * last:
                 return point, None
             last = abs(step)
             for _ in range(HALVINGS):
-                s = float(point.row @ point.v + point.time * point.t) + step
-                new = self.at(point.side, (point.row, point.time), s, point.v, point.t)
-                if new is not None and (abs(step) <= ARRIVED * _size(point) or goal(new.x)[0] <= value):
+                new = self.at(point.side, (point.row, point.time), point.s + step, point.v, point.t)
+                if new is not None and (abs(step) <= ARRIVED * point.size or goal(new.x)[0] <= value):
                     break
                 step *= 0.5
             else:
@@ -166,49 +191,90 @@ class SmoothPath:
                 after = int(np.searchsorted(self.corners, point.side, side="right"))
                 return point, int(self.corners[after if step > 0.0 else after - 1])
             point = new
-            if abs(step) <= np.finfo(float).eps * _size(point):
+            if abs(step) <= EPS * point.size:
                 break
         return point, None
 
     def _left(self, point: CurvePoint) -> bool:
         """Whether a node is not on its piece, or the point before the path's beginning or beyond its end."""
-        p, law, v, codes = self.path.problem, self.law, point.v, point.codes
+        p, law, v, codes, path = self.path.problem, self.law, point.v, point.codes, self.path
         free, slack = codes % 2 == 0, BEYOND * float(np.max(np.abs(v), initial=0.0))
         (low, high), limits = law.ends(codes // 2), law.limits(codes // 2)
         off = free & ((v < low - slack) | (v > high + slack))
         xi, slack = (p.load(point.t) - p.A_tilde @ v) / p.c, BEYOND * law.b_scale
         off |= ~free & ((xi < np.minimum(*limits) - slack) | (xi > np.maximum(*limits) + slack))
-        ways = ((0, 0, 1.0), (self.path.pieces - 1, -1, -1.0))
-        beyond = [side == point.side and way * self._passed(side, end, point) < 0.0 for side, end, way in ways]
-        return bool(np.any(off)) or any(beyond)
-
-    def _passed(self, side: int, end: int, point: CurvePoint) -> float:
-        row, time = self.path.along(side)
-        return float(row @ (point.v - self.path.u[end]) + time * (point.t - self.path.t[end]))
+        row, time = path.along(point.side)
+        first, last = (row @ (v - path.u[k]) + time * (point.t - path.t[k]) for k in (0, -1))
+        before, beyond = point.side == 0 and first < 0.0, point.side == path.pieces - 1 and last > 0.0
+        return bool(np.any(off) or before or beyond)
 
     def _corner(self, vertex: int) -> tuple[CurvePoint, list[CurvePoint | None]]:
         """The corner beside a vertex, and the same as the end of one smooth piece and the beginning of the next."""
         path, law, m = self.path, self.law, self.path.problem.m
-        sides = [side for side in (vertex - 1, vertex) if 0 <= side < path.pieces]
+        u, t, sides = path.u[vertex], float(path.t[vertex]), range(max(vertex - 1, 0), min(vertex + 1, path.pieces))
         if len(sides) == 1:  # of the path: there t is held
-            end = self.at(sides[0], (np.zeros(m), 1.0), float(path.t[vertex]), path.u[vertex], float(path.t[vertex]))
+            end = self.at(sides[0], (np.zeros(m), 1.0), t, u, t)
             if end is None:
                 raise ValueError(BESIDE)
             inner = self._beside(sides[0], end.v, end.t)
             return end, [None, inner] if vertex == 0 else [inner, None]
-        changed = self.codes[vertex - 1] != self.codes[vertex]
+        changed, kinks = self.codes[vertex - 1] != self.codes[vertex], np.asarray(law.nearest_kink(u))
         for side in sides:
             for node in np.flatnonzero(changed & (self.codes[side] % 2 == 0)):
-                row, kink = np.zeros(m), int(law.nearest_kink(path.u[vertex])[node])
-                row[node] = 1.0
-                s = float(law.kink(np.array(kink)))
-                found = self.at(side, (row, 0.0), s, path.u[vertex], float(path.t[vertex]))
+                found = self.at(side, (np.eye(m)[node], 0.0), float(law.kink(kinks)[node]), u, t)
                 if found is not None:
-                    corner = replace(found, node=int(node), kink=kink)
+                    corner = replace(found, node=int(node), kink=int(kinks[node]))
                     return corner, [self._beside(one, corner.v, corner.t) for one in sides]
         raise ValueError(BESIDE)
 
 
-def _size(point: CurvePoint) -> float:
-    """Of the coordinate at a point."""
-    return float(np.max(np.abs(point.v)) or 1.0) if point.time == 0.0 else abs(point.t) or 1.0
+def folds_beside(path: Path, vertex: int, law: Laws, slip: float) -> Iterator[tuple[float, Array]]:
+    """(t, v) where the law itself may fold near a vertex at which a path on straight pieces stops being stable.
+
+    Straight pieces fold at one of their own corners, a little before or after the curve does, and what a jump releases
+    is of first order in that. The curve folds where a node at rest is at its limit, or a sliding one at a kink behind
+    which the law falls more steeply: both give its coordinate. Between such events dt/ds = 0, along the softest way s.
+    What is found is a fold only if it is a solution, all nodes considered. One beyond t = 1, the end of a step, is
+    none: that is the end of the step then, on the stable side.
+    slip: over which b changes [m]
+    """
+    p, m, u, t = path.problem, path.problem.m, path.u[vertex], float(path.t[vertex])
+    traction, (low, high), before = (p.load(t) - p.A_tilde @ u) / p.c, law.interval(u), path.u[max(vertex - 1, 0)]
+    slack, diagonal, middle = AT_LIMIT * p.traction_scale, np.diagonal(p.A_tilde), 0.5 * (u + before)
+    free = path.slipping[vertex - 1] if path.pieces else (traction <= low + slack) | (traction >= high - slack)
+    F, kinks = np.flatnonzero(free), np.asarray(law.nearest_kink(u))
+    piece = np.where(path.traction[vertex] < 0.0, law.piece(middle, -1), law.piece(middle, +1))
+    codes, own = np.where(free, 2 * piece, 2 * kinks + 1), law.of_nodes(F)
+
+    def near(point: CurvePoint | None) -> CurvePoint | None:
+        """The point if it is near, behind the path's beginning, and its energy convex but for rounding."""
+        if point is None or np.max(np.abs(point.v - u)) > NEAR * slip:
+            return None
+        apart = 64.0 * EPS * float(np.max(np.abs(p.load(point.t))) / np.max(np.abs(p.l_1)))
+        added = p.c[F] * own.slope(point.v[F], piece[F]) + np.sqrt(EPS) * np.max(diagonal)
+        return point if point.t > path.t[0] + apart and factor_free(p.A_tilde, F, added)[1] == 0 else None
+
+    def candidates() -> Iterator[CurvePoint | None]:
+        limit = np.where(traction > 0.5 * (low + high), high, low)
+        for i in np.flatnonzero(~free & (np.abs(traction - limit) <= slack)):
+            coordinate = -p.A_tilde[i] / diagonal[i], float(p.l_1[i] / diagonal[i])
+            yield on_curve(p, law, codes, coordinate, float((p.c[i] * limit[i] - p.l_0[i]) / diagonal[i]), u, t)
+        for i in np.flatnonzero(free & (np.abs(u - law.kink(kinks)) <= AT_LIMIT * slip)):
+            yield on_curve(p, law, codes, (np.eye(m)[i], 0.0), float(law.kink(kinks)[i]), u, t)
+        H, row, step = with_diagonal(p.A_tilde, F, p.c[F] * own.slope(u[F], piece[F])), np.zeros(m), np.inf
+        row[F] = scipy.linalg.eigh(H, subset_by_index=[0, 0])[1][:, 0]
+        point = on_curve(p, law, codes, (row, 0.0), float(row @ u), u, t)
+        for _ in range(NEWTON):
+            if point is None or point.second[0] == 0.0:
+                return
+            last, step = abs(step), -float(point.first[0] / point.second[0])
+            if step == 0.0 or (abs(step) >= 0.5 * last and last <= np.sqrt(EPS) * slip):
+                yield point
+                return
+            point = on_curve(p, law, codes, (row, 0.0), point.s + step, point.v, point.t)
+
+    for point in map(near, candidates()) if len(F) else ():
+        if point and point.t > 1.0:  # the step ends before
+            point = near(on_curve(p, law, codes, (np.zeros(m), 1.0), 1.0, point.v - (u - before), 1.0))
+        if point:
+            yield point.t, point.v
