@@ -15,11 +15,11 @@ from tcstudy.data.store import load_root
 from tcstudy.errors import DrawError
 from tcstudy.reports import sentences
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.panels import Array, Lines, Scale, note, scale
+from tcstudy.reports.figures.panels import Array, Panel, Scale, grid, scale
 from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.select_point import Value, describe, locate
 from tcstudy.reports.terminal.convergence import GROUPS, shown
-from tcstudy.reports.terminal.cost import EXACT, SYMBOLS, Setting, advice, best, front, measure_of, settings
+from tcstudy.reports.terminal.cost import EXACT, SYMBOLS, advice, best, front, measure_of, settings
 from tcstudy.scene.families import FAMILIES
 
 if TYPE_CHECKING:
@@ -51,11 +51,10 @@ def draw_convergence(path: Path, point: Mapping[str, Value] | None, look: style.
     data = load_root(path)
     where = locate(data, point)
     at, words = data.isel(where), describe(data, where)
-    groups = [(symbol, title, [name for name in names if _drawable(at, name)]) for symbol, title, names in GROUPS]
-    groups = [group for group in groups if group[2]]
-    if not groups:
+    panels = convergence_panels(at)
+    if not panels:
         raise DrawError("the file has no errors to draw: no reference was there, or all errors are rounding")
-    used = [name for *_, names in groups for name in names]
+    used = [name for symbol, _, names in GROUPS if symbol in panels for name in names if _drawable(at, name)]
     marks = {
         "relative errors": True,
         "dashed: pre-asymptotic": any(_verdict(at, name) == "pre_asymptotic" for name in used),
@@ -63,20 +62,51 @@ def draw_convergence(path: Path, point: Mapping[str, Value] | None, look: style.
         "hollow: did not converge": bool((at["status"].values != int(PointStatus.OK)).any()),
     }
     reference = f"reference: {str(data.attrs['reference']).split(' (')[0]}"
-    facts = [
-        *([style.point_words(words)] if words else []),
-        reference,
-        *(mark for mark, there in marks.items() if there),
-    ]
-    rows = list(zip_longest(*([symbol for symbol, *_ in groups][k::2] for k in (0, 1)), fillvalue="."))
+    facts = [*filter(None, [style.point_words(words)]), reference, *(mark for mark, there in marks.items() if there)]
+    rows = list(zip_longest(*(list(panels)[k::2] for k in (0, 1)), fillvalue="."))
     sheet = Sheet(look, data.attrs["title"], [";  ".join(facts)], rows, [PANEL] * len(rows))
-    h = at["h_max"].values
-    across = scale("longest element edge h", h, str(data["h_max"].attrs["units"]))
-    for symbol, title, names in groups:
-        panel = Lines(sheet.panels[symbol], across, Scale("relative error"))
-        _errors(panel, at, h, names)
-        panel.axes.set_title(f"{math_symbol(symbol)}: {math_symbol(title)}", loc="left")
+    for name, panel in panels.items():
+        axes = sheet.panels[name]
+        panel.draw(axes)
+        grid(axes)
+        axes.minorticks_off()
+        style.few_ticks(axes.yaxis)
+        low, high = np.log10(axes.get_ylim())
+        room = (LEGEND_LINE * len(axes.get_legend_handles_labels()[1]) + 0.05) / PANEL  # below all curves
+        axes.set_ylim(10 ** (high - (high - low) / (1 - room)), 10**high)
+        axes.legend(loc="lower right", frameon=False, fontsize=style.pt(8.5), handlelength=1.6, borderaxespad=0.1)
     return sheet.finish(), words or data.attrs["title"]
+
+
+def convergence_panels(at: Any) -> dict[str, Panel]:
+    """By the symbol of what errors are of, a panel of those of one sweep point over h, with the slopes to expect.
+
+    Solutions that did not converge are hollow and joined to nothing.
+    """
+    h, ok = at["h_max"].values, at["status"].values == int(PointStatus.OK)
+    across, found = scale("longest element edge h", h, str(at["h_max"].attrs["units"])), {}
+    for symbol, title, group in GROUPS:
+        names = [name for name in group if _drawable(at, name)]
+        if not names:
+            continue
+        panel = found[symbol] = Panel(across, Scale("relative error"), log=(True, True))
+        panel.title = f"{math_symbol(symbol)}: {math_symbol(title)}"
+        for name, look in zip(names, LOOKS, strict=False):
+            error, guess = at[f"error_{name}"].values, _two_points(at, name)
+            good, bad = ok & (error > 0), ~ok & (error > 0)
+            dashed = guess or _verdict(at, name) == "pre_asymptotic"
+            slope = sentences.order(float(at[f"slope_{name}"]), float(at[f"slope_error_{name}"]))
+            label = math_symbol(_SYMBOLS[name]) + ("" if slope == "–" else f": {slope}")
+            how = look | {"linestyle": "--" if dashed else "-", "alpha": 0.45 if guess else 1.0, "label": label}
+            panel.line(h[good], error[good], **how, markerfacecolor="white" if look is LOOKS[0] else None)
+            panel.line(h[bad], error[bad], **look | {"linestyle": "none", "fillstyle": "none"})
+        _triangles(panel, at, h, names, ok)
+        drawn = np.array([at[f"error_{name}"].values > 0 for name in names]).any(axis=0)
+        panel.ticks = across(h[drawn]).tolist(), [f"{value:.2g}" for value in across(h[drawn])]
+        left, right = np.log10(np.quantile(across(h[drawn]), [0.0, 1.0]))
+        span = (right - left) or 1.0
+        panel.limits[0] = 10 ** (left - BESIDE * span), 10 ** (right + 0.06 * span)
+    return found
 
 
 def _verdict(at: Any, name: str) -> str:
@@ -93,35 +123,7 @@ def _two_points(at: Any, name: str) -> bool:
     return bool(np.isfinite(at[f"slope_{name}"]) and not np.isfinite(at[f"slope_error_{name}"]))
 
 
-def _errors(panel: Lines, at: Any, h: Array, names: list[str]) -> None:
-    """Errors over h on logarithmic scales; solutions that did not converge are hollow and joined to nothing."""
-    axes, ok = panel.axes, at["status"].values == int(PointStatus.OK)
-    axes.set(xscale="log", yscale="log")
-    for name, look in zip(names, LOOKS, strict=False):
-        error, guess = at[f"error_{name}"].values, _two_points(at, name)
-        good, bad = ok & (error > 0), ~ok & (error > 0)
-        dashed = guess or _verdict(at, name) == "pre_asymptotic"
-        slope = sentences.order(float(at[f"slope_{name}"]), float(at[f"slope_error_{name}"]))
-        label = math_symbol(_SYMBOLS[name]) + ("" if slope == "–" else f": {slope}")
-        how = look | {"linestyle": "--" if dashed else "-", "alpha": 0.45 if guess else 1.0, "label": label}
-        panel.line(h[good], error[good], **how, markerfacecolor="white" if look is LOOKS[0] else None)
-        panel.line(h[bad], error[bad], **look | {"linestyle": "none", "fillstyle": "none"})
-    _triangles(panel, at, h, names, ok)
-    panel.grid()
-    axes.minorticks_off()
-    drawn = np.array([at[f"error_{name}"].values > 0 for name in names]).any(axis=0)
-    axes.set_xticks(panel.x(h[drawn]), [f"{value:.2g}" for value in panel.x(h[drawn])])
-    low, high = np.log10(axes.get_ylim())
-    room = (LEGEND_LINE * len(names) + 0.05) / PANEL  # below all curves, so that the legend covers none
-    axes.set_ylim(10 ** (high - (high - low) / (1 - room)), 10**high)
-    left, right = np.log10(np.quantile(panel.x(h[drawn]), [0.0, 1.0]))
-    span = (right - left) or 1.0
-    axes.set_xlim(10 ** (left - BESIDE * span), 10 ** (right + 0.06 * span))
-    style.few_ticks(axes.yaxis)
-    axes.legend(loc="lower right", frameon=False, fontsize=style.pt(8.5), handlelength=1.6, borderaxespad=0.1)
-
-
-def _triangles(panel: Lines, at: Any, h: Array, names: list[str], ok: Any) -> None:
+def _triangles(panel: Panel, at: Any, h: Array, names: list[str], ok: Any) -> None:
     """At the finest step a triangle for each expected order: above the highest curve, below the others."""
     curves: dict[float, tuple[float, float, float, float]] = {}
     finest: list[float] = []
@@ -135,19 +137,15 @@ def _triangles(panel: Lines, at: Any, h: Array, names: list[str], ok: Any) -> No
                 curves[order] = (h[a], error[a], h[b], error[b])
     highest = max(curves, key=lambda order: curves[order][3], default=0.0) if len(curves) > 1 else 0.0
     for order, (right, coarse, left, fine) in curves.items():
-        steep = (right / left) ** order
-        above = order == highest
-        top = (
-            APART * max(fine * steep, coarse, *(e * steep for e in finest))
-            if above
-            else min(coarse, fine * steep) / APART
-        )
+        steep, above = (right / left) ** order, order == highest
+        over, under = max(fine * steep, coarse, *(e * steep for e in finest)), min(coarse, fine * steep)
+        top = APART * over if above else under / APART
         low = top / steep
         corner = (left, top) if above else (right, low)
-        x, y = panel.x([left, right, corner[0]]), [low, top, corner[1]]
-        panel.axes.fill(x, y, facecolor="none", edgecolor=style.PALE, linewidth=0.9)
-        how = {"va": "center", "ha": "right" if above else "left", "fontsize": style.pt(8.5)}
-        note(panel.axes, f"{order:g}", (x[2], np.sqrt(low * top)), (-3 if above else 3, 0), **how)
+        ring = [left, right, corner[0], left], [low, top, corner[1], low]
+        panel.line(*ring, color=style.PALE, linewidth=0.9)
+        how = {"va": "center", "ha": "right" if above else "left", "fontsize": 8.5}
+        panel.note(f"{order:g}", (corner[0], np.sqrt(low * top)), (-3 if above else 3, 0), **how)
 
 
 def math_symbol(symbol: str) -> str:
@@ -182,9 +180,31 @@ def cost_figure(data: Any, measure: str, look: style.Look) -> Figure:
     found = settings(data, measure)
     facts = [style.point_words(data.attrs["point"]), f"reference: {data.attrs['reference']}"]
     sheet = Sheet(look, data.attrs["title"], facts, [("time", "unknowns")], [CHART], advice(found))
+    panels = cost_panels(data, measure)
+    for name, panel in panels.items():
+        axes = sheet.panels[name]
+        panel.draw(axes)
+        grid(axes)
+        for axis in (axes.xaxis, axes.yaxis):
+            style.few_ticks(axis)
+    if (champion := best(found)) is not None:  # named in the corner that falling curves leave free
+        how: Any = {"color": COLOURS[champion[0]], "fontweight": "bold", "fontsize": style.pt(8.5)}
+        time = sheet.panels["time"]
+        time.text(0.03, 0.04, f"fastest: {', '.join(champion)}", transform=time.transAxes, **how)
+    sheet.panels["unknowns"].margins(x=0.15)
+    if len(sheet.heights) == 1:
+        sheet.panels["unknowns"].set_ylabel("")
+        sheet.panels["unknowns"].tick_params(which="both", labelleft=False)
+    sheet.key("unknowns", "time", place="upper left")
+    return sheet.finish()
+
+
+def cost_panels(data: Any, measure: str) -> dict[str, Panel]:
+    """The two panels of an error by name."""
+    found = settings(data, measure)
     error = Scale(f"relative error of {math_symbol(SYMBOLS[measure])}")
-    time = Lines(sheet.panels["time"], Scale("wall time [s]: least of all runs, band to the upper quartile"), error)
-    unknowns = Lines(sheet.panels["unknowns"], Scale("displacement unknowns N"), error)
+    time = Panel(Scale("wall time [s]: least of all runs, band to the upper quartile"), error, log=(True, True))
+    unknowns = Panel(Scale("displacement unknowns N"), error, log=(True, True))
     families, solvers = (data[name].values.tolist() for name in ("family", "solver"))
     worthy, champion = {s.curve for s in front(found)}, best(found)
     for family in families:
@@ -195,7 +215,8 @@ def cost_figure(data: Any, measure: str, look: style.Look) -> Figure:
             solved = [s for s in own if s.solved]
             dash, alpha = LINES[k % len(LINES)], 1.0 if (family, solver) in worthy else PALE
             t, e, upper, n = np.array([(s.time, s.error, s.upper, s.n_dof) for s in solved]).reshape(-1, 4).T
-            time.axes.fill_betweenx(e, t, upper, color=COLOURS[family], alpha=0.16 * alpha, linewidth=0)
+            ring = [np.concatenate([t, upper[::-1]]), np.concatenate([e, e[::-1]])]
+            time.fill(*ring, color=COLOURS[family], alpha=0.16 * alpha)
             width = 2.2 if (family, solver) == champion else 1.2
             time.line(t, e, color=COLOURS[family], linestyle=dash, linewidth=width, alpha=alpha)
             for s in own:
@@ -203,38 +224,24 @@ def cost_figure(data: Any, measure: str, look: style.Look) -> Figure:
                 time.line(s.time, s.error, **how, linestyle="none", markerfacecolor=face, alpha=alpha)
             if k == 0:
                 unknowns.line(n, e, **how, linewidth=1.2)
-                steep = f"$N^{{{np.polyfit(np.log(n[-3:]), np.log(e[-3:]), 1)[0]:.2f}}}$" if len(n) > 2 else ""
-                if steep and e.max() > EXACT:
-                    note(unknowns.axes, steep, (n[-1], e[-1]), (7, 3), color=COLOURS[family], fontsize=style.pt(9))
+                if len(n) > 2 and e.max() > EXACT:
+                    steep = np.polyfit(np.log(n[-3:]), np.log(e[-3:]), 1)[0]
+                    look = {"color": COLOURS[family], "fontsize": 9}
+                    unknowns.note(f"$N^{{{steep:.2f}}}$", (n[-1], e[-1]), (7, 3), **look)
     for k, solver in enumerate(solvers):
         time.line([], [], color=style.INK, linestyle=LINES[k % len(LINES)], linewidth=1.2, label=solver)
-    if champion is not None:  # named in the corner that falling curves leave free
-        how = {"color": COLOURS[champion[0]], "fontweight": "bold", "fontsize": style.pt(8.5)}
-        time.axes.text(0.03, 0.04, f"fastest: {', '.join(champion)}", transform=time.axes.transAxes, **how)
-    _own(time, unknowns, next((s for s in found if s.own and np.isfinite(s.error)), None))
+    own_setting = next((s for s in found if s.own and np.isfinite(s.error)), None)
+    if own_setting is not None:  # white inside where another setting is better in both
+        star = {"marker": "*", "markersize": 13, "markeredgecolor": style.INK, "linestyle": "none"}
+        star |= {"color": "white" if own_setting.dominated else GOLD}
+        beaten = " (beaten)" * own_setting.dominated
+        time.line(own_setting.time, own_setting.error, **star, label=f"the study's own{beaten}")
+        unknowns.line(own_setting.n_dof, own_setting.error, **star)
     ink = {"color": style.INK, "marker": "o", "markersize": 4.5, "linestyle": "none"}
     time.line([], [], **ink, label="best at its error")
     if not all(s.solved and not s.dominated for s in found):
         time.line([], [], **ink, markerfacecolor="white", label="open: beaten, or not converged")
     errors = [s.error for s in found if s.error > 0]
-    for panel in (time, unknowns):
-        panel.axes.set(xscale="log", yscale="log", ylim=(min(errors) / 1.6, max(errors) * 1.6))
-        panel.grid()
-        for axis in (panel.axes.xaxis, panel.axes.yaxis):
-            style.few_ticks(axis)
-    unknowns.axes.margins(x=0.15)
-    if len(sheet.heights) == 1:
-        unknowns.axes.set_ylabel("")
-        unknowns.axes.tick_params(which="both", labelleft=False)
-    sheet.key("unknowns", "time", place="upper left")
-    return sheet.finish()
-
-
-def _own(time: Lines, unknowns: Lines, own: Setting | None) -> None:
-    """A star at the study's own settings; white inside where another setting is better in both."""
-    if own is None:
-        return
-    star = {"marker": "*", "markersize": 13, "markeredgecolor": style.INK, "linestyle": "none"}
-    star |= {"color": "white" if own.dominated else GOLD}
-    time.line(own.time, own.error, **star, label="the study's own" + " (beaten)" * own.dominated)
-    unknowns.line(own.n_dof, own.error, **star)
+    if errors:
+        time.limits[1] = unknowns.limits[1] = min(errors) / 1.6, max(errors) * 1.6
+    return {"time": time, "unknowns": unknowns}

@@ -12,7 +12,7 @@ from tcstudy.laws.composed import EdgeLaws, laws_along
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import DOWN, UP
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.panels import Array, Lines, scale
+from tcstudy.reports.figures.panels import Array, Panel, scale
 from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.picture import Picture
 from tcstudy.reports.text import DIGITS, axis_unit, counted, number, pretty
@@ -59,8 +59,7 @@ def law_figure(point: Picture, of: Operating, look: style.Look) -> Figure:
     drawn = [pair for _, law in laws for pair in curves(law, max(abs(low), abs(high)))]
     within = [b for s, values in drawn for b in values[(s >= low) & (s <= high)]]
     scaled = "" if np.all(strength[bonded] == 1.0) else " / strength"
-    panel = Lines(
-        sheet.panels[""],
+    panel = Panel(
         scale("slip $u_T$", [low, high], line.length_units),
         scale(r"friction $\xi = -S_T$" + scaled, [*within, *xi[bonded]], line.traction_units),
     )
@@ -75,6 +74,8 @@ def law_figure(point: Picture, of: Operating, look: style.Look) -> Figure:
         if count := int(np.count_nonzero(which & bonded)):
             look_of = NODE | {"color": style.INK if len(laws) > 1 else own}
             panel.line([], [], marker=mark, **look_of | {"clip_on": True}, label=f"{word} ({counted(count, 'node')})")
+    panel.draw(sheet.panels[""])
+    sheet.panels[""].margins(y=0.12)
     sheet.key()
     return sheet.finish()
 
@@ -100,7 +101,7 @@ def slip_window(law: Laws, u_T: Array) -> tuple[float, float]:
     return (-span, span) if largest == 0.0 else (low, high)
 
 
-def draw_law(panel: Lines, law: Laws, window: tuple[float, float], name: str = "", **colour: str) -> None:
+def draw_law(panel: Panel, law: Laws, window: tuple[float, float], name: str = "", **colour: str) -> None:
     """The pieces of a law as curves, each jump as the vertical interval that fills it."""
     for i, (s, b) in enumerate(curves(law, max(abs(window[0]), abs(window[1])))):
         panel.line(s, b, **CURVE | colour, label=name if i == 0 else "")
@@ -109,10 +110,9 @@ def draw_law(panel: Lines, law: Laws, window: tuple[float, float], name: str = "
             if window[0] <= law.kinks[k] <= window[1]:
                 label = {} if colour else {"label": word}
                 panel.line([law.kinks[k]] * 2, [law.b_left[k], law.b_right[k]], zorder=1, **look | colour | label)
-    panel.zero()
-    panel.axes.axvline(0.0, color=style.SHADE, linewidth=0.7, zorder=0)
-    panel.axes.set_xlim(*panel.x(window))
-    panel.axes.margins(y=0.12)
+    panel.across(0.0)
+    panel.up(0.0, linewidth=0.7)
+    panel.limits[0] = float(panel.x(window[0])), float(panel.x(window[1]))
 
 
 def slip_range(law: Laws, decays: float = 4.0) -> float:

@@ -1,13 +1,14 @@
-"""Panels of lines and marks, and strips of colours; the third kind is the body (`body`).
+"""Panels of lines and marks, and of cells in colours, as records: matplotlib draws them here, the page in its scripts.
 
-What is drawn is given in the units of the file. An axis counts in the unit that suits its numbers, and says it; what
-has a label stands in the key of the sheet.
+The third kind is the body (`body`). What is drawn is given in the units of the file; an axis counts in the unit that
+suits its numbers, and says it. What has a label stands in the key of the sheet. Looks are those of Axes.plot: color,
+linewidth, linestyle, marker, markersize, markerfacecolor, alpha, zorder.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -40,36 +41,169 @@ def scale(name: str, values: ArrayLike, units: str) -> Scale:
     return Scale(style.labelled(name, unit), one)
 
 
-class Lines:
-    """A panel of lines, marks and bands."""
+@dataclass
+class Panel:
+    """What is drawn over two axes, in order.
 
-    def __init__(self, axes: Axes, x: Scale, y: Scale) -> None:
-        self.axes, self.x, self.y = axes, x, y
-        axes.set(xlabel=x.label, ylabel=y.label)
+    title:  above it, at the left
+    log:    whether x and y are logarithmic
+    limits: ends of the two axes, None for what fits, as of Axes.set_xlim [drawn units]
+    ticks:  places on the x axis and their texts, None for round numbers [drawn units]
+    items:  (kind, x, y, look) of what is drawn [drawn units]
+    """
+
+    x: Scale
+    y: Scale
+    title: str = ""
+    log: tuple[bool, bool] = (False, False)
+    limits: list[tuple[float | None, float | None] | None] = field(default_factory=lambda: [None, None])
+    ticks: tuple[Any, Any] | None = None
+    items: list[tuple[str, Any, Any, dict[str, Any]]] = field(default_factory=list)
+
+    def _add(self, kind: str, x: ArrayLike, y: ArrayLike, how: dict[str, Any]) -> None:
+        self.items.append((kind, np.atleast_1d(self.x(x)), np.atleast_1d(self.y(y)), how))
 
     def line(self, x: ArrayLike, y: ArrayLike, **how: Any) -> None:
         """A line or marks, as in Axes.plot."""
-        self.axes.plot(self.x(x), self.y(y), **how)
+        self._add("line", x, y, how)
+
+    def fill(self, x: ArrayLike, y: ArrayLike, **how: Any) -> None:
+        """An area inside a ring."""
+        self._add("fill", x, y, {"color": style.BLUE, "alpha": 0.25, "linewidth": 0} | how)
 
     def band(self, x: ArrayLike, low: ArrayLike, high: ArrayLike, **how: Any) -> None:
         """What lies between two lines."""
-        look: dict[str, Any] = {"color": style.BLUE, "alpha": 0.25, "linewidth": 0} | how
-        self.axes.fill_between(self.x(x), self.y(low), self.y(high), **look)
+        both = [np.concatenate([np.asarray(one), np.asarray(other)[::-1]]) for one, other in ((x, x), (low, high))]
+        self.fill(*both, **how)
 
-    def zero(self) -> None:
-        """The line on which y is zero."""
-        self.axes.axhline(0.0, color=style.SHADE, linewidth=0.8, zorder=0)
+    def across(self, value: float, **how: Any) -> None:
+        """A horizontal line all across."""
+        self._add("across", 0.0, value, {"color": style.SHADE, "linewidth": 0.8, "zorder": 0} | how)
 
-    def window(self, x: ArrayLike, y: ArrayLike, room: tuple[float, float] = (0.0, 0.0)) -> None:
+    def up(self, value: float, **how: Any) -> None:
+        """A vertical line from end to end."""
+        self._add("up", value, 0.0, {"color": style.SHADE, "linewidth": 0.8, "zorder": 0} | how)
+
+    def shade(self, low: float, high: float, upright: bool = True) -> None:
+        """All that lies between two values of x, or of y."""
+        ends = (low, high), (0.0, 0.0)
+        x, y = ends if upright else ends[::-1]
+        self._add("columns" if upright else "rows", x, y, {"color": style.SHADE})
+
+    def note(self, text: str, at: Sequence[float], shift: tuple[float, float] = (0.0, 0.0), **how: Any) -> None:
+        """A text beside a place, or above it at the upper edge (`top`), shifted by (x, y) points.
+
+        how: ha, va, fontsize (among usual letters) … as of Axes.annotate
+        """
+        self._add("note", at[0], at[1], how | {"text": text, "shift": shift})
+
+    def arrow(self, start: Sequence[float], end: Sequence[float], head: float = 12.0, **how: Any) -> None:
+        """An arrow with a head so large [pt]."""
+        x, y = np.array([start, end], dtype=float).T
+        self._add("arrow", x, y, how | {"head": head})
+
+    def names(self, x: ArrayLike, y: ArrayLike, texts: Sequence[str]) -> None:
+        """Texts beside dots, each once, where neither another one nor the edge is in the way."""
+        self._add("names", x, y, {"texts": list(texts)})
+
+    def cells(self, x: ArrayLike, y: ArrayLike, kinds: Any, colours: Sequence[str], names: Sequence[str]) -> None:
+        """Cells between edges x (n + 1) and y (m + 1), coloured by their kind (n, m); −1 is blank."""
+        self._add("cells", x, y, {"kinds": np.asarray(kinds), "colours": list(colours), "names": list(names)})
+
+    def window(self, x: Array, y: Array, room: tuple[float, float] = (0.0, 0.0)) -> None:
         """Show all of x and y, and parts of their ranges beyond."""
-        for values, share, put in ((self.x(x), room[0], self.axes.set_xlim), (self.y(y), room[1], self.axes.set_ylim)):
+        for k, (values, share) in enumerate(((self.x(x), room[0]), (self.y(y), room[1]))):
             wide = float(np.ptp(values)) or 1.0
-            put(float(values.min()) - share * wide, float(values.max()) + share * wide)
+            self.limits[k] = float(values.min()) - share * wide, float(values.max()) + share * wide
 
-    def grid(self) -> None:
-        """Fine lines at the ticks, behind all else."""
-        self.axes.grid(True, which="major", color=style.SHADE, linewidth=0.6)
-        self.axes.set_axisbelow(True)
+    def draw(self, axes: Axes) -> None:
+        """Draw it with matplotlib; names come with `place_names`, after the layout."""
+        axes.set(xlabel=self.x.label, ylabel=self.y.label)
+        if self.title:
+            axes.set_title(self.title, loc="left")
+        for name, logarithmic in zip(("xscale", "yscale"), self.log, strict=True):
+            if logarithmic:
+                axes.set(**{name: "log"})
+        for kind, x, y, how in self.items:
+            match kind:
+                case "line":
+                    axes.plot(x, y, **how)
+                case "fill":
+                    axes.fill(x, y, **how)
+                case "across":
+                    axes.axhline(y[0], **how)
+                case "up":
+                    axes.axvline(x[0], **how)
+                case "columns":
+                    axes.axvspan(*x, linewidth=0, zorder=0, **how)
+                case "rows":
+                    axes.axhspan(*y, linewidth=0, zorder=0, alpha=0.5, **how)
+                case "note":
+                    rest = {key: value for key, value in how.items() if key not in ("text", "shift", "top")}
+                    rest["fontsize"] = style.pt(how.get("fontsize", style.USUAL))
+                    if "top" in how:
+                        y, rest["xycoords"] = np.array([1.0]), axes.get_xaxis_transform()
+                    note(axes, how["text"], (x[0], y[0]), how["shift"], **rest)
+                case "arrow":
+                    shape = {"arrowstyle": "-|>", "mutation_scale": how["head"], "shrinkA": 0, "shrinkB": 0}
+                    shape |= {key: value for key, value in how.items() if key in ("color", "linewidth")}
+                    axes.annotate("", (x[1], y[1]), (x[0], y[0]), arrowprops=shape, zorder=6)
+                case "cells":
+                    _draw_cells(axes, x, y, **how)
+        puts: tuple[Any, Any] = axes.set_xlim, axes.set_ylim
+        for limits, put in zip(self.limits, puts, strict=True):
+            if limits is not None:
+                put(*limits)
+        if self.ticks is not None:
+            axes.set_xticks(list(self.ticks[0]), list(self.ticks[1]))
+
+
+def _draw_cells(
+    axes: Axes, x: Array, y: Array, kinds: NDArray[Any], colours: Sequence[str], names: Sequence[str]
+) -> None:
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    if not kinds.size:
+        return
+    norm = BoundaryNorm(np.arange(len(colours) + 1) - 0.5, len(colours))
+    shown = np.ma.masked_less(kinds.T, 0)
+    axes.pcolormesh(x, y, shown, cmap=ListedColormap(colours), norm=norm, rasterized=True)
+    for k in np.unique(shown.compressed()):
+        axes.fill([], [], color=colours[k], label=names[k])
+
+
+LETTER = 0.53
+"""Mean width of a letter, of its height."""
+NAMED = 60
+"""Dots whose names may stand beside them."""
+
+
+def place_names(axes: Axes, panel: Panel) -> None:
+    """The names of a panel, once its axes have their place."""
+    from matplotlib.patheffects import withStroke
+
+    letters, inch = style.pt(8.5), axes.figure.dpi / 72.0
+    taken: dict[str, tuple[float, float, float]] = {}
+    right = float(axes.bbox.x1) / inch
+    for _, xs, ys, how in (item for item in panel.items if item[0] == "names"):
+        for name, *at in list(zip(how["texts"], xs, ys, strict=True))[:NAMED]:
+            x, y = axes.transData.transform(at) / inch
+            wide = LETTER * letters * len(name)
+            for dx, dy in ((6, 4), (-6, 4), (6, -4 - letters), (-6, -4 - letters)) if name not in taken else ():
+                left, low = x + dx - (wide if dx < 0 else 0.0), y + dy
+                apart = (left + wide < a or left > b or abs(low - h) > 1.2 * letters for a, b, h in taken.values())
+                if left + wide <= right and all(apart):
+                    taken[name] = (left, left + wide, low)
+                    white = [withStroke(linewidth=2.0, foreground="white")]
+                    ha = "left" if dx > 0 else "right"
+                    note(axes, name, at, (dx, dy), ha=ha, fontsize=letters, path_effects=white)
+                    break
+
+
+def grid(axes: Axes) -> None:
+    """Fine lines at the ticks, behind all else."""
+    axes.grid(True, which="major", color=style.SHADE, linewidth=0.6)
+    axes.set_axisbelow(True)
 
 
 def note(axes: Axes, text: str, at: Any, shift: Any, **how: Any) -> None:
@@ -77,24 +211,8 @@ def note(axes: Axes, text: str, at: Any, shift: Any, **how: Any) -> None:
     axes.annotate(text, tuple(at), tuple(shift), textcoords="offset points", **how)
 
 
-def strip(
-    axes: Axes, x: ArrayLike, y: ArrayLike, kinds: NDArray[Any], colours: Sequence[str], names: Sequence[str]
-) -> None:
-    """Cells between the edges x (n + 1) and y (m + 1), coloured by their kind (n, m); −1 is blank."""
-    from matplotlib.colors import BoundaryNorm, ListedColormap
-
-    if not kinds.size:
-        return
-    norm = BoundaryNorm(np.arange(len(colours) + 1) - 0.5, len(colours))
-    shown = np.ma.masked_less(kinds.T, 0)
-    axes.pcolormesh(np.asarray(x), np.asarray(y), shown, cmap=ListedColormap(colours), norm=norm, rasterized=True)
-    for k in np.unique(shown.compressed()):
-        axes.fill([], [], color=colours[k], label=names[k])
-
-
 def contact_nodes(data: Any) -> tuple[NDArray[np.intp], Scale, Array]:
     """Of a stored contact line: its nodes along the arclength, the axis of that, and the ends of their segments."""
     order = np.argsort(data["arclength"].values, kind="stable")
     ends = np.concatenate([[0.0], np.cumsum(data["c"].values[order])])
-    axis = scale("arclength", ends, str(data["arclength"].attrs["units"]))
-    return order, axis, axis(ends)
+    return order, scale("arclength", ends, str(data["arclength"].attrs["units"])), ends

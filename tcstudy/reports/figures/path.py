@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tcstudy.data.store import load_root
 from tcstudy.errors import DrawError
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.panels import Array, Lines, Scale, contact_nodes, scale, strip
+from tcstudy.reports.figures.panels import Array, Panel, Scale, contact_nodes, scale
 from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.terminal.path_summary import STATES, seen_folds
 from tcstudy.reports.text import counted, labels, number, with_unit
@@ -28,8 +28,8 @@ RESPONSES: dict[str, tuple[str, str, Callable[[Array, Array, Array], Array]]] = 
 """What may stand over the parameter: label, the variable that it is made of, formula."""
 CURVE, MAP = 3.4, 1.25
 """Heights of the response curve and of a map of states [inch]."""
-LETTERS = 7
-"""Room for the name of a vertex of a path."""
+LETTERS, APART = 7, 0.06
+"""Room for the name of a vertex of a path; part of the path by which folds that are named lie apart."""
 
 STABLE: dict[str, Any] = {"color": style.INK, "linewidth": 1.3, "zorder": 4}
 UNSTABLE: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 0.9, "linestyle": (0, (4, 2)), "zorder": 3}
@@ -51,6 +51,26 @@ def draw_path(path: Path, response: str, look: style.Look) -> tuple[Figure, str]
 
 def path_figure(data: Any, response: str, look: style.Look) -> Figure:
     """The figure of a path's file; call it within `style.styled()` for its letters."""
+    panels = path_panels(data, response)
+    heights = (CURVE, MAP, MAP)[: len(panels)]
+    sheet = Sheet(look, data.attrs["title"], [_caption(data)], [[name] for name in panels], heights)
+    if "along" in panels:
+        panels["along"].ticks = _apart(panels["along"].ticks, LETTERS / sheet.wide)
+    for name, panel in panels.items():
+        panel.draw(sheet.panels[name])
+    sheet.panels["curve"].tick_params(labelbottom=False)
+    sheet.panels["curve"].set_xlabel("")
+    sheet.key("curve", place="upper left")
+    sheet.key(*list(panels)[1:], place="lower left")
+    return sheet.finish()
+
+
+def path_panels(data: Any, response: str) -> dict[str, Panel]:
+    """The response curve, the state of the contact line over the parameter, and, where there are folds, along the path.
+
+    The state over the parameter is that of the solution of least energy. The length of the path is counted in the plane
+    of the response curve; its ends and folds are named.
+    """
     name, (title, source, formula) = str(data.attrs["parameter"]), RESPONSES[response]
     units = str(data[source].attrs["units"])
     c, span = data["c"].values, np.sort(np.asarray(data.attrs["parameter_range"], dtype=float))
@@ -60,30 +80,25 @@ def path_figure(data: Any, response: str, look: style.Look) -> Figure:
         if f"{kind}u_T" in data
     }
     t, y = data["parameter"].values, values[""]
-    shown, inside, drawn = within(t, y, span)
-    rows = ("curve", "over", "along") if np.isin(shown, seen_folds(data)[0]).any() else ("curve", "over")
-    sheet = Sheet(look, data.attrs["title"], [_caption(data)], [[row] for row in rows], (CURVE, MAP, MAP)[: len(rows)])
-    seen = np.concatenate([drawn.ravel() if len(shown) else y, values.get("branch_", np.zeros(0))])
+    folds = seen_folds(data)[0]
+    pieces, inside, drawn = within(t, y, span)
+    seen = np.concatenate([drawn.ravel() if len(pieces) else y, values.get("branch_", np.zeros(0))])
     across = scale("load factor" if name == "load" else style.symbol(name), span, str(data["parameter"].attrs["units"]))
-    up = scale(title, seen, "N m-1" if source == "xi" and units != "1" else units)
-    curve = Lines(sheet.panels["curve"], across, up)
-    curve.zero()
+    curve = Panel(across, scale(title, seen, "N m-1" if source == "xi" and units != "1" else units))
+    curve.across(0.0)
     _pieces(curve, t, y, data["stable"].values.astype(bool))
     if "branch_" in values:
         _branches(curve, data, values["branch_"])
     _least(curve, data, t, y)
-    curve.line(*(x[seen_folds(data)[0]] for x in (t, y)), **FOLD, label="fold" if len(seen_folds(data)[0]) else "")
+    curve.line(t[folds], y[folds], **FOLD, label="fold" if len(folds) else "")
     _asked(curve, data, values.get("solution_", np.zeros(0)))
     if "loop_" in values:
         _loop(curve, data, values["loop_"], float(np.ptp(span)))
     curve.window(span, seen, (0.0, 0.05))
-    curve.axes.tick_params(labelbottom=False)
-    curve.axes.set_xlabel("")
-    _states(sheet, data, inside, drawn, shown, across)
-    sheet.panels["over"].set_xlim(curve.axes.get_xlim())
-    sheet.key("curve", place="upper left")
-    sheet.key(*rows[1:], place="lower left")
-    return sheet.finish()
+    found = {"curve": curve, "over": _over(data, across, curve.limits[0])}
+    if np.isin(pieces, folds).any():
+        found["along"] = _along(data, across, pieces, inside, drawn)
+    return found
 
 
 def within(t: Array, y: Array, span: Array) -> tuple[NDArray[np.intp], Array, Array]:
@@ -112,7 +127,7 @@ def _caption(data: Any) -> str:
     return ",  ".join(parts)
 
 
-def _pieces(panel: Lines, t: Array, y: Array, stable: NDArray[np.bool_], **how: Any) -> None:
+def _pieces(panel: Panel, t: Array, y: Array, stable: NDArray[np.bool_], **how: Any) -> None:
     """Stable and unstable pieces as two lines that are broken where pieces of the other kind lie."""
     for which, look, name in ((stable, STABLE, "stable"), (~stable, UNSTABLE, "unstable")):
         cuts = np.flatnonzero(~which) + 1
@@ -120,7 +135,7 @@ def _pieces(panel: Lines, t: Array, y: Array, stable: NDArray[np.bool_], **how: 
         panel.line(np.insert(t, cuts, np.nan), np.insert(y, cuts, np.nan), **look | how | named)
 
 
-def _branches(panel: Lines, data: Any, y: Array) -> None:
+def _branches(panel: Panel, data: Any, y: Array) -> None:
     """Branches that the path does not meet."""
     of, t, stable = (data[f"branch_{name}"].values for name in ("of", "parameter", "stable"))
     for k in np.flatnonzero(data["branch_on_path"].values == 0):
@@ -130,7 +145,7 @@ def _branches(panel: Lines, data: Any, y: Array) -> None:
         panel.line([], [], color=style.BLUE, linewidth=1.3, label="not met by the path")
 
 
-def _least(panel: Lines, data: Any, t: Array, y: Array) -> None:
+def _least(panel: Panel, data: Any, t: Array, y: Array) -> None:
     """A broad band behind the curve where the solution has the least energy on the path."""
     if "lowest_begin" not in data:
         return
@@ -145,26 +160,20 @@ def _least(panel: Lines, data: Any, t: Array, y: Array) -> None:
             panel.line(*broken, color=colour, linewidth=6.0, solid_capstyle="butt", zorder=1, label=name)
 
 
-def _asked(panel: Lines, data: Any, y: Array) -> None:
+def _asked(panel: Panel, data: Any, y: Array) -> None:
     """Solutions at the requested values: filled if stable."""
     if not len(y):
         return
     t, stable = data["solution_parameter"].values, data["solution_stable"].values.astype(bool)
     for value in data["at"].values:
-        panel.axes.axvline(float(panel.x(value)), color=style.PALE, linewidth=0.6, linestyle=":", zorder=0)
+        panel.up(float(value), color=style.PALE, linewidth=0.6, linestyle=":")
     panel.line(t[stable], y[stable], **ASKED, label="requested (open: unstable)")
     panel.line(t[~stable], y[~stable], **ASKED, markerfacecolor="white")
 
 
-def _loop(panel: Lines, data: Any, y: Array, span: float) -> None:
+def _loop(panel: Panel, data: Any, y: Array, span: float) -> None:
     """Arrows: along the stable branches, and where the body falls."""
     t, branch = data["loop_parameter"].values, data["loop_branch"].values
-
-    def arrow(start: tuple[float, float], end: tuple[float, float], head: float, shaft: float) -> None:
-        to, tail = ((float(panel.x(x)), float(panel.y(value))) for x, value in (end, start))
-        shape = {"arrowstyle": "-|>", "mutation_scale": head, "linewidth": shaft, "color": style.GREEN}
-        panel.axes.annotate("", to, tail, arrowprops=shape | {"shrinkA": 0, "shrinkB": 0}, zorder=6)
-
     for b in np.unique(branch):
         at = np.flatnonzero(branch == b)
         if np.ptp(t[at]) < 0.1 * span:
@@ -173,39 +182,48 @@ def _loop(panel: Lines, data: Any, y: Array, span: float) -> None:
         middle = t[at[0]] + (0.6 if rising else 0.4) * (t[at[-1]] - t[at[0]])
         order, step = at[np.argsort(t[at], kind="stable")], 0.012 * span * (1.0 if rising else -1.0)
         start, end = ((x, float(np.interp(x, t[order], y[order]))) for x in (middle - step, middle + step))
-        arrow(start, end, 15.0, 0.0)
+        panel.arrow(start, end, 15.0, color=style.GREEN, linewidth=0.0)
     for k in data["jump_vertex"].values if "jump_vertex" in data else []:
-        arrow((t[k], y[k]), (t[k + 1], y[k + 1]), 12.0, 1.1)
+        panel.arrow((t[k], y[k]), (t[k + 1], y[k + 1]), 12.0, color=style.GREEN, linewidth=1.1)
     panel.line([], [], color=style.GREEN, marker=">", markersize=6, label="slow loading and unloading")
 
 
-def _states(sheet: Sheet, data: Any, t: Array, y: Array, shown: NDArray[np.intp], across: Scale) -> None:
-    """State of the line at the solution of least energy over the parameter, and along the path within the range.
-
-    The length of the path is counted in the plane of the response curve; its ends and folds are named.
-    """
-    over, along = sheet.panels["over"], list(sheet.panels.values())[-1]
+def _over(data: Any, across: Scale, limits: Any) -> Panel:
+    """State of the line at the solution of least energy over the parameter."""
     nodes, arclength, ends = contact_nodes(data)
-    states = data["state"].values[:, nodes].astype(int)
+    panel = Panel(across, arclength, "State of the contact line: least energy on the path")
+    panel.limits = [limits, (0.0, float(arclength(ends[-1])))]
     if data.sizes.get("interval", 0):
         edges = np.stack([data["lowest_begin"].values, data["lowest_end"].values], axis=1).ravel()
         least = np.full((len(edges) - 1, len(nodes)), -1)
-        least[::2] = states[data["lowest_piece"].values]
-        strip(over, across(edges), ends, least, COLOURS, STATES)
-    over.set_title("State of the contact line: least energy on the path", loc="left")
-    for axes in (over, along):
-        axes.set(ylim=(0.0, ends[-1]), xlabel=across.label, ylabel=arclength.label)
-    if along is over:
-        return
-    along.set_title("State along the path; ticks: the parameter at its ends and folds", loc="left")
+        least[::2] = data["state"].values[data["lowest_piece"].values][:, nodes]
+        panel.cells(edges, ends, least, COLOURS, STATES)
+    return panel
+
+
+def _along(data: Any, across: Scale, pieces: NDArray[np.intp], t: Array, y: Array) -> Panel:
+    """State of the line along the path within the range, its ends and folds named."""
+    nodes, arclength, ends = contact_nodes(data)
+    title = "State along the path; ticks: the parameter at its ends and folds"
     step = [np.diff(values, axis=1)[:, 0] / (float(np.ptp(values)) or 1.0) for values in (t, y)]
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*step))])
-    strip(along, length, ends, states[shown], COLOURS, STATES)
-    named, folds = [0, len(shown)], seen_folds(data)[0]
-    for k in np.flatnonzero(np.isin(shown, folds)):
-        if np.abs(length[named] - length[k]).min() > LETTERS / sheet.wide * length[-1]:
+    named = [0, len(pieces)]
+    for k in np.flatnonzero(np.isin(pieces, seen_folds(data)[0])):
+        if np.abs(length[named] - length[k]).min() > APART * length[-1]:
             named.append(int(k))
-            along.axvline(length[k], color=style.VERMILLION, linewidth=0.8, linestyle=(0, (4, 2)))
     values = across(np.append(t[:, 0], t[-1, 1])[named])
-    along.set_xlim(0.0, length[-1])
-    along.set_xticks(length[named], labels(values.tolist(), 3))
+    panel = Panel(Scale(across.label), arclength, title, ticks=(length[named], labels(values.tolist(), 3)))
+    panel.limits = [(0.0, float(length[-1])), (0.0, float(arclength(ends[-1])))]
+    panel.cells(length, ends, data["state"].values[pieces][:, nodes], COLOURS, STATES)
+    for place in length[named[2:]]:
+        panel.up(float(place), color=style.VERMILLION, linewidth=0.8, linestyle=(0, (4, 2)), zorder=2)
+    return panel
+
+
+def _apart(ticks: Any, room: float) -> tuple[list[float], list[str]]:
+    """Ticks that are so large a part of the axis apart; the first two are its ends."""
+    kept: list[tuple[float, str]] = []
+    for place, text in zip(*ticks, strict=True):
+        if all(abs(place - other) > room * ticks[0][1] for other, _ in kept):
+            kept.append((float(place), text))
+    return [place for place, _ in kept], [text for _, text in kept]

@@ -8,7 +8,7 @@ import numpy as np
 
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.body import Drawn, draw_body, drawn
-from tcstudy.reports.figures.panels import Lines, note, scale
+from tcstudy.reports.figures.panels import Panel, Scale, scale
 from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.picture import NEAR, LineFields, Picture
 from tcstudy.reports.text import number, with_unit
@@ -40,13 +40,13 @@ def point_figure(picture: Picture, look: style.Look) -> Figure:
     ]
     sheet = Sheet(look, picture.title, [style.point_words(picture.point), ",  ".join(mesh)], rows, heights)
     below = shape is not None and origin_below(line) is not None
-    upper, lower = _draw_line(sheet, picture, width, below)
+    along = _draw_line(sheet, picture, width, below)
     if shape:
         draw_body(sheet, sheet.panels["body"], picture, shape)
     figure = sheet.finish()
     if shape and below:  # the body has the width of its panel now
-        for panel in (upper, lower):
-            panel.axes.set_xlim(*window_below(line, sheet.panels["body"].get_xlim(), shape, panel.x.one))
+        for name in ("upper", "lower"):
+            sheet.panels[name].set_xlim(*window_below(line, sheet.panels["body"].get_xlim(), shape, along.one))
     return figure
 
 
@@ -68,33 +68,24 @@ def window_below(line: LineFields, window: tuple[float, float], shape: Drawn, me
     return left, right
 
 
-def _draw_line(sheet: Sheet, picture: Picture, width: float, wider: bool) -> tuple[Lines, Lines]:
-    """u_T and ξ over the arclength; `width` is that of the panels [inch].
+def _draw_line(sheet: Sheet, picture: Picture, width: float, wider: bool) -> Scale:
+    """u_T and ξ over the arclength, the scale of which it returns; `width` is that of the panels [inch].
 
     wider: whether the panels reach beyond the line; then ticks and frame end with it
     ξ is drawn as it is computed: constant on the segment S_i around every contact node.
     """
-    from matplotlib.ticker import MaxNLocator
-
     line, length = picture.line, float(picture.line.c.sum())
     edges = np.unique(line.edge)
     alone = len(edges) == 1 and edges[0] < len(line.edge_names)
     along = line.edge_names[edges[0]] if alone else "the contact line"
     s = scale(f"arclength s along {along}", [length], line.length_units)
-    upper = Lines(sheet.panels["upper"], s, scale("$u_T$", line.u_T, line.length_units))
-    lower = Lines(sheet.panels["lower"], s, scale(r"$\xi = -S_T$", line.xi, line.traction_units))
+    upper = Panel(s, scale("$u_T$", line.u_T, line.length_units), f"Contact line: {stick_text(line)}")
+    lower = Panel(s, scale(r"$\xi = -S_T$", line.xi, line.traction_units))
     for panel, values in ((upper, line.u_T), (lower, line.xi)):
         for start, end in stick_ranges(line):
-            panel.axes.axvspan(start / s.one, end / s.one, color=style.SHADE, linewidth=0, zorder=0)
-        panel.axes.axhline(0.0, color=style.PALE, linewidth=0.8, zorder=1)
-        panel.axes.set_xlim(0.0, length / s.one)
-        if wider:
-            ticks = MaxNLocator(nbins=6, steps=[1, 2, 2.5, 5, 10]).tick_values(0.0, length / s.one)
-            panel.axes.set_xticks([tick for tick in ticks if -1e-9 <= tick * s.one / length <= 1.0 + 1e-9])
-            panel.axes.spines["bottom"].set_bounds(0.0, length / s.one)
-        if not np.any(values):  # a scale around nothing but zero would mean nothing
-            panel.axes.set_ylim(-1.0, 1.0)
-            panel.axes.set_yticks([0.0])
+            panel.shade(start, end)
+        panel.across(0.0, color=style.PALE, zorder=1)
+        panel.limits = [(0.0, length / s.one), None if np.any(values) else (-1.0, 1.0)]
     for k, part in enumerate(line.parts):
         ends, nodes = line.steps(part)
         at = np.append(line.arclength[part], ends[-1])[: len(nodes)]  # a ring ends with its first node
@@ -103,17 +94,24 @@ def _draw_line(sheet: Sheet, picture: Picture, width: float, wider: bool) -> tup
         curve = [*held[: first is not None], *zip(at, line.u_T[nodes], strict=True), *held[first is not None :]]
         dots: dict[str, Any] = {"marker": "o" if len(line.u_T) <= FEW else "", "markersize": 3.0, "clip_on": False}
         upper.line(*np.array(curve).T, color=style.BLUE, linewidth=1.5, **dots)
-        lower.axes.stairs(lower.y(line.xi[nodes]), s(ends), baseline=None, color=style.VERMILLION, linewidth=1.5)
+        lower.line(np.repeat(ends, 2)[1:-1], np.repeat(line.xi[nodes], 2), color=style.VERMILLION, linewidth=1.5)
         _draw_held(upper, held, at, line.u_T)
-    upper.axes.tick_params(labelbottom=False)
-    upper.axes.set_xlabel("")
-    upper.axes.set_title(f"Contact line: {stick_text(line)}", loc="left")
-    if len(edges) > 1:
-        _name_edges(upper, lower, line, width)
-    return upper, lower
+    _name_edges(upper, lower, line, width)
+    for name, panel, values in (("upper", upper, line.u_T), ("lower", lower, line.xi)):
+        axes = sheet.panels[name]
+        panel.draw(axes)
+        if wider:
+            places = [tick for tick in axes.get_xticks() if -1e-9 <= tick * s.one / length <= 1.0 + 1e-9]
+            axes.set_xticks(places)
+            axes.spines["bottom"].set_bounds(0.0, length / s.one)
+        if not np.any(values):  # a scale around nothing but zero would mean nothing
+            axes.set_yticks([0.0])
+    sheet.panels["upper"].tick_params(labelbottom=False)
+    sheet.panels["upper"].set_xlabel("")
+    return s
 
 
-def _draw_held(panel: Lines, held: list[tuple[float, float]], at: Any, u_T: Any) -> None:
+def _draw_held(panel: Panel, held: list[tuple[float, float]], at: Any, u_T: Any) -> None:
     """Squares at held ends, named at the lower one, where there is room above, or else below."""
     if not held:
         return
@@ -121,8 +119,7 @@ def _draw_held(panel: Lines, held: list[tuple[float, float]], at: Any, u_T: Any)
     x, u = min(held, key=lambda end: end[1])
     side, shift = ("left", 4) if x < np.mean(at) else ("right", -4)
     above = u < 0.7 * np.max(u_T, initial=0.0) or u <= 0.0
-    place = float(panel.x(x)), float(panel.y(u))
-    note(panel.axes, "held", place, (shift, 5 if above else -16), ha=side, fontsize=style.pt(8.5))
+    panel.note("held", (x, u), (shift, 5 if above else -16), ha=side, fontsize=8.5)
 
 
 def stick_text(line: LineFields) -> str:
@@ -146,16 +143,18 @@ def stick_ranges(line: LineFields) -> list[tuple[float, float]]:
     return ranges
 
 
-def _name_edges(upper: Lines, lower: Lines, line: LineFields, width: float) -> None:
+def _name_edges(upper: Panel, lower: Panel, line: LineFields, width: float) -> None:
     """Thin lines where one contact edge ends and another begins, names between them where they fit."""
     cuts = np.flatnonzero(np.diff(line.edge)) + 1
+    if not len(cuts):
+        return
     length = float(line.c.sum())
     ends = [0.0, *(0.5 * (line.arclength[cuts - 1] + line.arclength[cuts])).tolist(), length]
     for panel in (upper, lower):
         for cut in ends[1:-1]:
-            panel.axes.axvline(cut / panel.x.one, color=style.PALE, linewidth=0.8)
+            panel.up(cut, color=style.PALE, zorder=1)
     for first, start, end in zip([0, *cuts.tolist()], ends[:-1], ends[1:], strict=True):
         name = line.edge_names[line.edge[first]] if line.edge[first] < len(line.edge_names) else ""
         if style.LETTER * len(name) <= (end - start) / length * width:
-            lower.axes.text((start + end) / 2 / lower.x.one, 1.03, name, transform=lower.axes.get_xaxis_transform(),
-                            ha="center", va="bottom", color=style.BLUE, fontweight="bold")  # fmt: skip
+            lower.note(name, ((start + end) / 2, 0.0), (0, 2), top=True, ha="center", va="bottom", color=style.BLUE,
+                       fontweight="bold")  # fmt: skip

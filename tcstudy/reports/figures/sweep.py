@@ -18,7 +18,7 @@ from tcstudy.data.schema import NOT_ALL
 from tcstudy.data.store import open_results
 from tcstudy.errors import DrawError
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.panels import Array, Lines, Scale, scale
+from tcstudy.reports.figures.panels import Array, Panel, Scale, grid, scale
 from tcstudy.reports.figures.sheet import BESIDE, Sheet
 from tcstudy.reports.select_point import (
     Value,
@@ -196,8 +196,7 @@ def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
     """One number over the first parameter of the sweep, a curve for each value of the second if there is one."""
     x, by = sweep.parameters[0], sweep.parameters[1] if len(sweep.parameters) > 1 else None
     sheet, axes, up = _sheet(sweep, look)
-    panel = Lines(axes, Scale(x.title), up)
-    sheet.label(axes, up.label, _short(sweep, up))
+    panel, gone = Panel(Scale(x.title), up), list[tuple[Array, Any]]()
     across = x.numbers if x.numbers is not None else np.arange(len(x.labels), dtype=float)
     bar = by is not None and by.numbers is not None and len(by.labels) > len(style.SERIES)
     colours = _shades(len(by.labels)) if by and bar else style.SERIES
@@ -208,24 +207,27 @@ def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
         joined = x.numbers is not None and not x.random and len(np.unique(at)) == len(at)  # a list may share its x
         mark = MARKS[k % len(MARKS)] if len(at) <= MOST_MARKS or not joined else ""
         how = {"color": colours[k % len(colours)], "linestyle": "-" if joined else "none", "linewidth": 1.3}
-        label = style.plain(by.labels[k]) if by else ""
-        panel.line(at, values, marker=mark, markersize=4, label=label, **how)
-        gone = at[np.isnan(values)]
-        axes.plot(gone, 0.0 * gone, "x", color=how["color"], markersize=5, clip_on=False, zorder=5,
-                  transform=axes.get_xaxis_transform())  # fmt: skip
+        panel.line(at, values, marker=mark, markersize=4, label=style.plain(by.labels[k]) if by else "", **how)
+        gone.append((at[np.isnan(values)], how["color"]))
     if x.numbers is None:
-        axes.set_xticks(across, [style.plain(text) for text in x.labels])
-        axes.set_xlim(-0.5, len(across) - 0.5)
+        panel.ticks = across.tolist(), [style.plain(text) for text in x.labels]
+        panel.limits[0] = -0.5, len(across) - 0.5
     elif len(across) > 2 and across.min() > 0.0 and not x.random:
         spread = [float(np.ptp(step) / np.mean(step)) for step in (np.diff(across), np.diff(np.log(across)))]
         if spread[1] < spread[0]:  # the values were spaced like that
-            axes.set_xscale("log")
-            axes.minorticks_off()
+            panel.log = True, False
             few = range(0, len(across), -(-len(across) // 9))
-            axes.set_xticks(across[few], [x.labels[i] for i in few])
+            panel.ticks = [float(across[i]) for i in few], [x.labels[i] for i in few]
     if len(np.unique(sweep.values[np.isfinite(sweep.values)])) == 1:
         axes.margins(y=0.5)
-    panel.grid()
+    panel.draw(axes)
+    grid(axes)
+    for at, colour in gone:
+        axes.plot(at, 0.0 * at, "x", color=colour, markersize=5, clip_on=False, zorder=5,
+                  transform=axes.get_xaxis_transform())  # fmt: skip
+    sheet.label(axes, up.label, _short(sweep, up))
+    if panel.log[0]:
+        axes.minorticks_off()
     if by and bar and len(by.labels) > MOST_NAMED:
         from matplotlib.cm import ScalarMappable
         from matplotlib.colors import Normalize

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from tcstudy.laws.laws import Laws
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.law import CURVE, JUMPS, draw_law, slip_range
-from tcstudy.reports.figures.panels import Lines, Scale
+from tcstudy.reports.figures.panels import Panel, Scale
 from tcstudy.reports.text import number
 from tests.benchmarks.panels import inches
 from tests.reports.figures.draw_cases import example_laws
@@ -36,7 +36,10 @@ def laws_figure(laws: Sequence[Laws]) -> Figure:
         bottom = FOOT + (rows - 1 - row) * HIGH + 0.35
         axes = inches(figure, column * across + 0.5, bottom, across - 0.65, HIGH - 0.75)
         reach = slip_range(law) or 1.0
-        draw_law(Lines(axes, Scale(""), Scale("")), law, (-reach, reach))
+        panel = Panel(Scale(""), Scale(""))
+        draw_law(panel, law, (-reach, reach))
+        panel.draw(axes)
+        axes.margins(y=0.12)
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 5, 10]))
         axes.set_title(law.name, loc="left", fontweight="bold")
