@@ -22,7 +22,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tcstudy.data.reading import FINISHED, is_foreign, put_seal
-from tcstudy.data.writer import stamp
 from tcstudy.errors import StoreError, printable, shortened
 
 if TYPE_CHECKING:
@@ -225,7 +224,6 @@ def write_dataset(
             nc.setncatts(attributes)
             fill(nc)
             nc.setncattr(FINISHED, np.int32(1))
-            stamp(nc)
 
     remove_stale(path)
     replace_file(path, make, kept)

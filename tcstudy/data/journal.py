@@ -12,7 +12,7 @@ import os
 import re
 import sqlite3
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -23,8 +23,6 @@ from tcstudy.data.records import (
     BlockRecord,
     LevelRecord,
     Row,
-    check_block,
-    check_level,
     checksum,
     decode_block,
     decode_level,
@@ -58,12 +56,10 @@ class Journal:
         self._closed = False
 
     @classmethod
-    def open(cls, output: Path, study: Study, beside: str = "", check: Callable[[Row], None] | None = None) -> Journal:
+    def open(cls, output: Path, study: Study, beside: str = "") -> Journal:
         """Create the journal of `output`, or resume it if it is of the same study and numerics.
 
         beside: digest of the file whose points the run leaves alone, if any
-        check:  raises an error for a row that has no place in the file; by default of levels and blocks of a run
-
         Raises StoreError if another run is writing to the same output or the directory cannot be written.
         """
         if problems := axis_problems(study):
@@ -76,12 +72,11 @@ class Journal:
             raise StoreError(f"cannot make {path.parent}: {error.strerror}. choose another output") from error
         header = {"study_sha256": study_sha256(study), "program": program(), "beside": beside}
         warnings: tuple[str, ...] = ()
-        check = check or _check_of(study)
-        connection, why = connect(path, header, check)
+        connection, why = connect(path, header)
         if why:
             kept = set_aside(path, connection)
             warnings = (f"{path.name} {why}; it is kept as {kept.name} and the run starts anew",)
-            connection, why = connect(path, header, check)
+            connection, why = connect(path, header)
         if connection is None or why:
             raise StoreError(f"cannot start the journal {path}: {why}. Choose another output")
         remove_stale(output, alone=True)
@@ -186,25 +181,6 @@ class Journal:
             self.flush()
 
 
-def _check_of(study: Study) -> Callable[[Row], None]:
-    """What raises an error for a row that is no record with a place in this study's file; levels come before blocks."""
-    levels: dict[int, LevelRecord] = {}
-
-    def check(row: Row) -> None:
-        if row[0] == "level":
-            level = levels[row[2]] = decode_level(row)
-            check_level(level, study)
-            named = ("", level.level)
-        else:
-            block = decode_block(row)
-            check_block(block, study, levels.get(block.level))
-            named = (str(block.number), block.level)
-        if row[1:3] != named:
-            raise ValueError(f"a {row[0]} named {row[1]} of level {row[2]} is another")
-
-    return check
-
-
 SMALLEST_PAGE = 512
 """Bytes of the smallest SQLite file that holds anything."""
 
@@ -226,11 +202,8 @@ _FAULTS = (sqlite3.DatabaseError, _Damaged, ValueError, TypeError, LookupError, 
 """What a journal with damaged or foreign content may raise."""
 
 
-def connect(path: Path, header: dict[str, str], check: Callable[[Row], None]) -> tuple[sqlite3.Connection | None, str]:
-    """An open, locked journal with this header, and why it cannot be used ("" if it can).
-
-    check: raises an error for a row that is no record of this run, whatever its checksum says; gets levels first
-    """
+def connect(path: Path, header: dict[str, str]) -> tuple[sqlite3.Connection | None, str]:
+    """An open, locked journal with this header, and why it cannot be used ("" if it can)."""
     connection: sqlite3.Connection | None = None
     if what := special_file(path):
         raise StoreError(f"{path} is {what}, no file. Remove it or choose another output")
@@ -245,7 +218,7 @@ def connect(path: Path, header: dict[str, str], check: Callable[[Row], None]) ->
         connection.execute("PRAGMA synchronous=FULL")
         connection.execute("BEGIN EXCLUSIVE")
         connection.execute("COMMIT")
-        return connection, _look_into(connection, header, check)
+        return connection, _look_into(connection, header)
     except _FAULTS as error:
         obstacle = _obstacle(path, error)
         if connection is not None and not obstacle:
@@ -271,7 +244,7 @@ def _obstacle(path: Path, error: Exception) -> str:
     return ""
 
 
-def _look_into(connection: sqlite3.Connection, header: dict[str, str], check: Callable[[Row], None]) -> str:
+def _look_into(connection: sqlite3.Connection, header: dict[str, str]) -> str:
     """Make the tables of an empty journal; say why a filled one does not belong to this run."""
     tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
     if not tables:
@@ -297,7 +270,6 @@ def _look_into(connection: sqlite3.Connection, header: dict[str, str], check: Ca
         for row in connection.execute(SELECT, (kind,)):
             if checksum(row) != row[-1]:
                 raise _Damaged(f"wrong checksum of {kind} {row[1]} on level {row[2]}")
-            check(row)
     # a write, because SQLite opens a file that it must not write without a word, locking or not
     connection.execute("PRAGMA user_version = 1")
     return ""

@@ -14,10 +14,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from tcstudy.data.records import SENSITIVITY
 from tcstudy.data.schema import POINT_LEVEL, SWEEP, FileVariable, count, flags, result
 from tcstudy.scene.records import Clamped, Contact
 from tcstudy.scene.study import Sensitivity, Study
+
+SENSITIVITY = "sensitivity_"
+"""How the names of derivatives begin."""
 
 
 def variables(study: Study) -> tuple[FileVariable, ...]:

@@ -31,8 +31,6 @@ from tcstudy.errors import StoreError, tell
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tcstudy.data.writer import Changes
-
 SECONDS = 60.0
 """For reading; an ordinary file takes a fraction of one."""
 _SLACK, _FACTOR = 100_000_000, 1000
@@ -47,16 +45,12 @@ class Unreadable(Exception):
 
 def probe(file: Path) -> dict[str, Any]:
     """The global attributes of a file all of which can be read. Raises Unreadable, OSError."""
-    return _probed(file)[0]
-
-
-def _probed(file: Path) -> tuple[dict[str, Any], Changes]:
     now = file.stat()
-    return _probe(os.path.realpath(file), now.st_ino, now.st_size, now.st_mtime_ns)
+    return dict(_probe(os.path.realpath(file), now.st_ino, now.st_size, now.st_mtime_ns))
 
 
 @lru_cache(maxsize=16)
-def _probe(file: str, *_stamp: int) -> tuple[dict[str, Any], Changes]:
+def _probe(file: str, *_stamp: int) -> dict[str, Any]:
     command = [sys.executable, "-m", __name__, file]
     environment = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONWARNINGS": "ignore"}
     try:
@@ -73,17 +67,12 @@ def _probe(file: str, *_stamp: int) -> tuple[dict[str, Any], Changes]:
         raise Unreadable("the netCDF library cannot read it") from error
     if done.returncode:
         raise Unreadable(str(answer))
-    from tcstudy.data.writer import Changes
-
-    found, changed = answer
-    return dict(found), Changes(*map(tuple, changed))
+    return dict(answer)
 
 
-def read_all(file: str) -> tuple[dict[str, Any], Changes]:
-    """The global attributes and what has changed, after every attribute and value of the file has been read once."""
+def read_all(file: str) -> dict[str, Any]:
+    """The global attributes, after every attribute and value of the file has been read once."""
     import netCDF4
-
-    from tcstudy.data.writer import changes
 
     with netCDF4.Dataset(file) as nc:
         nc.set_auto_maskandscale(False)
@@ -97,7 +86,7 @@ def read_all(file: str) -> tuple[dict[str, Any], Changes]:
         for variable, size in zip(variables, sizes, strict=True):
             for part in range(variable.shape[0]) if size > _SLAB and variable.ndim else (...,):
                 variable[part]
-        return plain_attributes(nc), changes(nc)
+        return plain_attributes(nc)
 
 
 def plain_attributes(holder: Any) -> dict[str, Any]:
@@ -243,17 +232,12 @@ def _attributes(path: Path) -> dict[str, Any]:
 
 
 def change_of(path: Path) -> str:
-    """What another program has changed in a result file since tcstudy wrote it, in a line; empty if nothing.
+    """That another program has changed a result file since tcstudy wrote it; empty if none has.
 
-    Raises StoreError if it is no result file, or if variables of it are gone or have another shape.
+    Raises StoreError if it is no result file.
     """
     attributes(path)
-    if seal_of(path) == Seal.WHOLE:
-        return ""
-    changes = _probed(path)[1]
-    if changes.broken:
-        raise StoreError(f"{path} was changed after tcstudy wrote it ({changes.words}). {ANEW}")
-    return f"{path} was changed since tcstudy wrote it ({changes.words or 'what, it does not tell'})"
+    return "" if seal_of(path) == Seal.WHOLE else f"{path} was changed since tcstudy wrote it"
 
 
 def refuse_changed(path: Path) -> None:

@@ -7,18 +7,15 @@ As a row of the journal a record is its scalars as JSON, its arrays as their byt
 from __future__ import annotations
 
 import json
-import math
 import zlib
 from collections.abc import Mapping
-from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.schema import FIELD_NAMES, NUMBERS, PointStatus
-from tcstudy.scene.study import Study
+from tcstudy.data.schema import PointStatus
 
 __all__ = ["BlockRecord", "LevelRecord", "PointStatus"]
 
@@ -83,9 +80,6 @@ class BlockRecord:
     fields: dict[str, Array] = field(default_factory=dict)
     solutions: dict[str, NDArray[Any]] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        _check_names(self.numbers.keys(), self.fields.keys())
-
     def __len__(self) -> int:
         return len(self.points)
 
@@ -97,69 +91,6 @@ class BlockRecord:
         """All solutions of a point, without "row"; empty if they are not kept."""
         own = self.solutions["row"] == row if self.solutions else None
         return {name: values[own] for name, values in self.solutions.items() if name != "row"}
-
-
-SENSITIVITY = "sensitivity_"
-"""How the names of derivatives begin (`tcstudy.data.on_request`)."""
-ON_REQUEST = (SENSITIVITY, "probe_", "reaction_", "theta_mean_", "von_mises_")
-"""How the names of all numbers on request begin (`tcstudy.data.on_request`)."""
-
-
-def is_number(name: str) -> bool:
-    """Whether `BlockRecord.numbers` may hold this name."""
-    return name in NUMBERS or name.startswith(ON_REQUEST)
-
-
-def _check_names(numbers: AbstractSet[str], fields: AbstractSet[str]) -> None:
-    """Raise ValueError unless the table of variables has all names; they are compared as sets, once a record."""
-    if unknown := sorted(n for n in numbers - NUMBERS if not is_number(n)) + sorted(fields - FIELD_NAMES):
-        raise ValueError(f"no variable {', '.join(unknown)} in the table of the result file")
-
-
-def check_block(block: BlockRecord, study: Study, level: LevelRecord | None) -> None:
-    """Raise ValueError unless the points have places in the file of this study, and each its values.
-
-    level: the record of the block's level; without one its points have no values on the contact line or the body
-    """
-    name = f"block {block.number} on level {block.level}"
-    inside = len(block) and int(block.points.min()) >= 0 and int(block.points.max()) < math.prod(study.shape)
-    if not inside or not 0 <= block.level < study.mesh.levels:
-        raise ValueError(f"{name} is outside the sweep {study.shape} × {study.mesh.levels}")
-    line = {"u_T": block.u_T, "xi": block.xi, "sticks": block.sticks}
-    rows = (block.points, block.status, *line.values(), *block.numbers.values(), *block.fields.values())
-    if any(len(values) != len(block) or values.dtype.kind not in "iuf" for values in rows if values is not None):
-        raise ValueError(f"{name} has not one row of numbers for each of its points")
-    if not {*block.status.tolist()} <= {*PointStatus}:
-        raise ValueError(f"{name} has a status that does not exist")
-    mesh = level.fields.get("node_x") if level is not None else None
-    _check_width(name, line, None if level is None else level.n_contact)
-    _check_width(name, block.fields, None if mesh is None else len(mesh))
-    _check_width(
-        name, {key: block.solutions.get(key) for key in ("u_T", "piece")}, None if level is None else level.n_contact
-    )
-    if len({len(values) for values in block.solutions.values()}) > 1:
-        raise ValueError(f"{name} has not one row of numbers for each solution")
-
-
-def _check_width(name: str, arrays: Mapping[str, np.ndarray[Any, Any] | None], width: int | None) -> None:
-    """Raise ValueError unless every row has a value for each node; width: nodes of the level, None if not recorded."""
-    for key, values in arrays.items():
-        if values is not None and width is None:
-            raise ValueError(f"{name} has {key}, but no record says on which nodes")
-        if values is not None and values.shape[1:] != (width,):
-            raise ValueError(f"{name} has {key} of shape {values.shape}, but the level has {width} nodes")
-
-
-def check_level(level: LevelRecord, study: Study) -> None:
-    """Raise ValueError unless a level belongs to the study and every array has a value for each of its nodes."""
-    line = (level.arclength, level.x, level.y, level.c, level.edge)
-    if {values.shape for values in line} != {(level.n_contact,)} or not 0 <= level.level < study.mesh.levels:
-        raise ValueError(f"level {level.level} does not fit the study")
-    numbers: list[np.ndarray[Any, Any]] = [*line, *level.fields.values()]
-    mesh = [level.fields[name].shape for name in ("node_x", "node_y") if name in level.fields]
-    corners = level.fields.get("triangle", np.empty((0, 3))).shape
-    if any(v.dtype.kind not in "iuf" for v in numbers) or len({*mesh}) > 1 or corners[1:] != (3,):
-        raise ValueError(f"the mesh of level {level.level} has not one number for each node")
 
 
 Row = tuple[str, str, int, str, str, bytes, int]

@@ -341,13 +341,6 @@ LIVE = tuple(
 tcstudy.offline.level). A record hands them over as fields, LIVE_PREFIX before their names."""
 LIVE_PREFIX = "live_"
 
-_POINTWISE = frozenset(v.name for v in (*ROOT, *EVERY, *SOLVERS, *ESTIMATES, *GUARANTEED) if v.dims[:2] == POINT_LEVEL)
-NUMBERS = (_POINTWISE | {*_GOAL_NAMES}) - {"status", "reason"}
-"""Names that `BlockRecord.numbers` may hold, derivatives apart."""
-
-FIELD_NAMES = frozenset(v.name for v in FIELDS)
-"""Names that `BlockRecord.fields` may hold."""
-
 _ALL = (*ROOT, *EVERY, *SOLUTION, *SOLVERS, *ESTIMATES, *GUARANTEED, *CONTACT, *HELD, *JOINTS, *MESH, REGION, *FIELDS)
 RESERVED = frozenset(name for v in _ALL for name in (v.name, *v.dims)) | {*_GOAL_NAMES, "geometry", "mesh", POINT}
 """Names of the file that no swept parameter may take; see `tcstudy.data.writer`."""

@@ -20,7 +20,7 @@ from tcstudy.data import schema
 from tcstudy.data.files import StoreError, write_dataset
 from tcstudy.data.provenance import CONTENT, Kind, Provenance, global_attributes, kind_of, without_paths
 from tcstudy.data.reading import attributes
-from tcstudy.data.records import BlockRecord, LevelRecord, check_block, check_level
+from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import MISSING_COUNT, SWEEP, FileVariable, PointStatus
 from tcstudy.data.writer import (
     CHUNK,
@@ -62,8 +62,7 @@ def write(
     records: all of them, or a function that gives them anew for every pass: neither they nor the results need fit
              into memory. Of two records of one point the last one counts; points without any stay "not run"
 
-    Raises StoreError if the file cannot be written (the old one is then untouched), ValueError if a record does
-    not fit the study.
+    Raises StoreError if the file cannot be written (the old one is then untouched).
     """
     if problems := axis_problems(study):
         raise StoreError("; ".join(problems))
@@ -122,6 +121,11 @@ def root_variables(study: Study) -> tuple[FileVariable, ...]:
 
         found += variables(study)
     return found
+
+
+def numbers(study: Study) -> list[FileVariable]:
+    """Those that a block of points has numbers of."""
+    return [v for v in root_variables(study) if v.dims[:2] == schema.POINT_LEVEL and v.name not in ("status", "reason")]
 
 
 def open_results(path: Path) -> xarray.DataTree:
@@ -225,10 +229,8 @@ def fill(nc: netCDF4.Dataset, study: Study, levels: Sequence[LevelRecord], recor
             for level in levels:
                 values[level.level] = getattr(level, variable.name)
             put(nc, variable, study, values)
-    known = {level.level: level for level in levels}
     groups: dict[int, netCDF4.Group] = {}
     for level in levels:
-        check_level(level, study)
         group = groups[level.level] = _make_group(nc, study, level)
         left += _parts(group, level.level, study, schema.CONTACT, {"node": level.n_contact})
 
@@ -241,8 +243,6 @@ def fill(nc: netCDF4.Dataset, study: Study, levels: Sequence[LevelRecord], recor
         for part in now:
             part.begin()
         for block in records() if callable(records) else records:
-            if first:
-                check_block(block, study, known.get(block.level))
             places = file_places(study, block.points)
             if first:
                 _put_fields(groups.get(block.level), study, block, places)
@@ -333,7 +333,7 @@ def _put_held(group: netCDF4.Group, study: Study, fields: Mapping[str, np.ndarra
 
 def _put_fields(group: netCDF4.Group | None, study: Study, block: BlockRecord, places: Places) -> None:
     """Write whole-body fields point by point; a field's variable is made when its first values come."""
-    if group is None:  # as `check_block` has seen, a level without a record has no fields
+    if group is None:  # a level without a record has no fields
         return
     known = {variable.name: variable for variable in schema.FIELDS}
     for name, rows in block.fields.items():

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from tcstudy.data import schema
 from tcstudy.data.reading import reading
-from tcstudy.data.records import BlockRecord, LevelRecord, is_number
+from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import MISSING_COUNT, PointStatus
-from tcstudy.data.store import root_variables
+from tcstudy.data.store import numbers
 from tcstudy.data.writer import Places, tile_shape, tiles
 from tcstudy.scene.study import Study
 
@@ -93,7 +93,7 @@ def read_blocks(path: Path, study: Study, places: Places, wanted: NDArray[np.boo
     """
     with opened(path) as nc:
         shape = nc["status"].shape[:-1]
-        own = [v for v in root_variables(study) if is_number(v.name) and v.name in nc.variables]
+        own = [v for v in numbers(study) if v.name in nc.variables]
         number = 0
         for level in range(nc["status"].shape[-1]):
             group = nc.groups.get(f"level_{level}")

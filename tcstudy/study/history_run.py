@@ -101,9 +101,7 @@ def execute_history(
         built = time.perf_counter() - clock
         line, asked = level_record(study, level.mesh, level), study.output.sensitivity
         record = known or HistoryRecord.empty(len(study.scenes), plan.steps + 1, level.line.m, asked)
-        # a row of another size than this record's is refused as one that belongs nowhere
-        check = HistoryRecord.empty(len(study.scenes), plan.steps + 1, level.line.m, asked).take_row
-        with Journal.open(output, study, check=check) as journal:
+        with Journal.open(output, study) as journal:
             tell(journal.warnings)
             for row in journal.steps():
                 record.take_row(row)

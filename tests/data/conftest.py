@@ -78,7 +78,7 @@ def make_number(variable: FileVariable, seed: float, k: int) -> float | tuple[fl
 def make_point(index: tuple[int, ...], level: int, fields: bool = False) -> PointRecord:
     """Every number of every record is different, and not exactly representable in single precision."""
     seed = float(sum(i * 10**k for k, i in enumerate(index))) + 1000.0 * level + 0.1
-    own = [v for v in schema.ROOT if v.name in schema.NUMBERS]
+    own = [v for v in schema.ROOT if v.dims[:2] == schema.POINT_LEVEL and v.name not in ("status", "reason")]
     numbers = {v.name: make_number(v, seed, k) for k, v in enumerate(sorted(own, key=lambda v: v.name))}
     m = NODES[level]
     bodies = {n: seed + np.arange(4.0) * (k + 1) for k, n in enumerate(("theta", "u_x", "u_y"))} if fields else {}

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-import re
 import socket
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -54,40 +52,13 @@ def test_a_changed_file_is_read_but_what_fails_on_it_is_its_own_fault(written: P
         raise KeyError("omega")
 
 
-def scale(nc: netCDF4.Dataset) -> None:
-    nc["level_0/u_T"][...] *= 1.5
-
-
-def annotate(nc: netCDF4.Dataset) -> None:
-    nc.setncattr("comment", "mine")
-    nc.createVariable("mine", "f8", ())[...] = 3.0
-    nc["energy"].setncattr("long_name", "work")
-
-
-def remove(nc: netCDF4.Dataset) -> None:
-    nc.renameVariable("energy", "enrgy")
-
-
-@pytest.mark.parametrize(
-    ("edit", "words"),
-    [
-        (scale, "other values: level_0/u_T)"),
-        (annotate, "annotations: attributes of energy, mine (added), attribute comment)"),
-        (remove, "gone or of another shape: energy; annotations: enrgy (added))"),
-    ],
-)
-def test_what_another_program_changed_is_named_and_nothing_goes_on_from_it(
-    written: Path, study: Study, edit: Callable[[netCDF4.Dataset], None], words: str
-) -> None:
+def test_nothing_goes_on_from_what_another_program_changed(written: Path, study: Study) -> None:
+    assert change_of(written) == ""
     with netCDF4.Dataset(written, "a") as nc:
-        edit(nc)
-    if edit is remove:
-        with pytest.raises(StoreError, match=re.escape(words)):
-            change_of(written)
-    else:
-        assert change_of(written).endswith(words)
+        nc["level_0/u_T"][...] *= 1.5
+    assert change_of(written).endswith("was changed since tcstudy wrote it")
     for going_on in (lambda: holds(written, "run", study), lambda: stored_study(written)):
-        with pytest.raises(StoreError, match=re.escape(words)):
+        with pytest.raises(StoreError, match="nothing goes on from such a file"):
             going_on()
 
 

@@ -1,4 +1,4 @@
-"""All solutions of a shipped body against mixed-integer programs; tests/benchmarks/equilibria.py has twenty of them."""
+"""All solutions of a shipped body against mixed-integer programs"""
 
 from __future__ import annotations
 
