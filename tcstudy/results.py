@@ -10,12 +10,13 @@ import base64
 import html
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import cached_property
 from hashlib import sha256
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from tcstudy.errors import UsageError
+from tcstudy.errors import DrawError, UsageError
 
 if TYPE_CHECKING:
     import pandas
@@ -105,7 +106,9 @@ class Result:
         """The answer, a picture, and the tables of the terminal behind a click."""
         from tcstudy.reports.terminal.summary import text_of
 
-        picture = f'<img style="max-width: 100%" src="data:image/png;base64,{_png(self.file)}">'
+        picture = ""
+        with suppress(DrawError):  # a file may have nothing to draw
+            picture = f'<img style="max-width: 100%" src="data:image/png;base64,{_png(self.file)}">'
         said, below = html.escape(self.summary), html.escape(f"{self.file}" + (f" ({self.note})" if self.note else ""))
         tables = html.escape(text_of(self.file, False, "text", None, None))
         return f"<p><b>{said}</b></p>{picture}<details><summary>{below}</summary><pre>{tables}</pre></details>"

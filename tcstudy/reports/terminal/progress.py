@@ -148,8 +148,8 @@ class NotebookProgress(PlainProgress):
 
     def begin(self, work: Sequence[Work]) -> None:
         """Start the bar."""
-        super().begin(work)
         self._line, self._start = StatusLine(self._stream), time.monotonic()
+        super().begin(work)
         self._weights = [w.weight for w in work]
         self._whole, self._done = sum(w.points * w.weight for w in work), sum(w.done * w.weight for w in work)
         self._before = self._done
@@ -164,8 +164,11 @@ class NotebookProgress(PlainProgress):
 
     def close(self) -> None:
         """Remove the bar."""
-        self._line.close()
         super().close()
+        self._line.close()
+
+    def _say(self, text: str) -> None:
+        self._line.event(text)
 
 
 def progress(stream: TextIO | None = None, naming: Naming = str, length: str = "1") -> PlainProgress:
