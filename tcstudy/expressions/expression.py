@@ -1,17 +1,17 @@
 """Expressions in x and y, such as "0.3*sin(pi*x)": read from text, never executed as code.
 
 Grammar: numbers, x, y, pi, e, the operators + - * / ** (or ^) and parentheses, and the functions of FUNCTIONS.
-The text is split into these tokens first, so nothing else ever reaches the Python parser; its syntax tree is
-copied into a tree of our own, which is folded over NumPy arrays or any other arithmetic.
+The text is split into these tokens, which are read by the priority of their operators into a tree that is folded over
+NumPy arrays or any other arithmetic.
 Left out on purpose: comparisons, names of the user's own, attribute access, complex numbers.
 """
 
 from __future__ import annotations
 
-import ast
 import difflib
 import math
 import re
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -37,7 +37,6 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     **{name: getattr(np, name) for name in ("abs", "sinh", "cosh", "tanh")},
     **{"min": np.minimum, "max": np.maximum},
 }
-BINARY = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
 
 TOKEN = re.compile(
     r"(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
@@ -149,24 +148,21 @@ def parse(text: str, names: tuple[str, ...] = ()) -> Expression:
     """
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"the expression has {len(text)} characters; at most {MAX_LENGTH} are allowed")
-    source, origin = _canonical(text, names)
-
-    def offset(column: int) -> int:
-        return origin[max(0, min(column, len(origin) - 1))]
-
-    try:
-        tree = ast.parse(source, mode="eval")
-    except SyntaxError as error:
-        at = offset((error.offset or 1) - 1)
-        raise ExpressionError(f"the expression cannot be read from character {at + 1} on; {ALLOWED}", at) from None
-    except (RecursionError, MemoryError):
-        raise _too_deep(0) from None
-    return Expression(text.strip(), _convert(tree.body, offset, 0))
+    tokens = _tokens(text, names)
+    root, (_, _, at) = _operand(tokens, 0, 0), tokens.popleft()
+    if tokens:
+        raise _unreadable(at)
+    return Expression(text.strip(), root)
 
 
-def _canonical(text: str, names: tuple[str, ...]) -> tuple[str, list[int]]:
-    """Known tokens only, separated by blanks, and for every character its place in the text."""
-    source, origin, at, depth, signs, previous = "", [0], 0, 0, 0, ""
+Tokens = deque[tuple[str, str, int]]
+"""(kind, text, place in the expression); the last is ("end", "", …)."""
+
+
+def _tokens(text: str, names: tuple[str, ...]) -> Tokens:
+    """The tokens, all known and in an order that may be an expression; parentheses match."""
+    found: Tokens = deque()
+    at, depth, previous = 0, 0, ""
     while at < len(text):
         match = TOKEN.match(text, at)
         if match is None:
@@ -174,92 +170,85 @@ def _canonical(text: str, names: tuple[str, ...]) -> tuple[str, list[int]]:
             raise ExpressionError(f"the character {text[at]!r} has no place in an expression; {hint}{ALLOWED}", at)
         kind, token = str(match.lastgroup), match.group()
         if kind != "space":
-            operand = kind in ("number", "name")
-            word = _word(kind, token, at, names, previous) + " "
-            if previous and (operand or token == "("):
-                _check_neighbours(previous, token, at)
+            _check_token(kind, token, at, names, previous)
             depth += (token == "(") - (token == ")")
-            signs = 0 if operand else signs + 1
-            if depth > MAX_DEPTH or signs > MAX_DEPTH:
-                raise _too_deep(at)
             if depth < 0:
                 raise ExpressionError("there is a ) without its (; remove it or open one before", at)
-            source += word
-            origin[len(source) - len(word) :] = [at] * len(word) + [at + len(token)]
+            found.append((kind, "**" if kind == "power" else token, at))
             previous = token
         at = match.end()
-    if not source:
+    if not found:
         raise ExpressionError(f"the expression is empty; {ALLOWED}")
     if depth:
         raise ExpressionError(f"{depth} of the parentheses ( are not closed; add ) at the end", at)
     if previous in "+-*/^**":
         raise ExpressionError(f"the expression ends with {previous}; write the operand after it or remove it", at)
-    return source, origin
+    found.append(("end", "", at))
+    return found
 
 
-def _word(kind: str, token: str, at: int, names: tuple[str, ...], previous: str) -> str:
-    """The token as Python writes it; unknown names and numbers beyond the floats are refused.
+def _check_token(kind: str, token: str, at: int, names: tuple[str, ...], previous: str) -> None:
+    """Unknown names, numbers beyond the floats, and two operands without an operator between are refused.
 
-    previous: the token before
+    previous: the token before; the usual slips are "2x" and "sin x"
     """
-    if kind == "number":
-        value = float(token)
-        if not math.isfinite(value):
-            raise ExpressionError(f"the number {token[:20]} is too large for a float (at most 1.8e308)", at)
-        return repr(value)
-    if kind == "name":
-        known = (*names, *VARIABLES, *CONSTANTS, *FUNCTIONS)
-        if token not in known:
-            near = difflib.get_close_matches(token, known, n=1) or difflib.get_close_matches(token.lower(), known, n=1)
-            hint = f"did you mean {near[0]!r}? " if near else ""
-            if previous[:1].isdigit():
-                hint = "a number with a unit needs a name under parameters, a product its *; "
-            allowed = ALLOWED.replace("numbers,", ", ".join(("numbers", *names)) + ",")
-            raise ExpressionError(f"unknown name {token[:40]!r}; {hint}{allowed}", at)
-    return "**" if kind == "power" else token
+    if kind == "number" and not math.isfinite(float(token)):
+        raise ExpressionError(f"the number {token[:20]} is too large for a float (at most 1.8e308)", at)
+    known = (*names, *VARIABLES, *CONSTANTS, *FUNCTIONS)
+    if kind == "name" and token not in known:
+        near = difflib.get_close_matches(token, known, n=1) or difflib.get_close_matches(token.lower(), known, n=1)
+        hint = f"did you mean {near[0]!r}? " if near else ""
+        if previous[:1].isdigit():
+            hint = "a number with a unit needs a name under parameters, a product its *; "
+        allowed = ALLOWED.replace("numbers,", ", ".join(("numbers", *names)) + ",")
+        raise ExpressionError(f"unknown name {token[:40]!r}; {hint}{allowed}", at)
+    if previous in FUNCTIONS and kind in ("number", "name"):
+        raise ExpressionError(f"{previous} needs parentheses: {previous}({token[:20]} ...)", at)
+    follows = previous not in FUNCTIONS and (previous[:1].isalnum() or previous[:1] in ("_", ".", ")"))
+    if follows and (kind in ("number", "name") or token == "("):
+        what = f"an operator is missing between {previous[:20]!r} and {token[:20]!r}"
+        raise ExpressionError(f"{what}; write {previous[:20]}*{token[:20]} to multiply", at)
 
 
-def _check_neighbours(previous: str, token: str, at: int) -> None:
-    """Two operands without an operator between them: the usual slips are "2x" and "sin x"."""
-    if previous in FUNCTIONS:
-        if token != "(":
-            raise ExpressionError(f"{previous} needs parentheses: {previous}({token[:20]} ...)", at)
-    elif previous[0].isalnum() or previous[0] in "._)":
-        raise ExpressionError(
-            f"an operator is missing between {previous[:20]!r} and {token[:20]!r}; "
-            f"write {previous[:20]}*{token[:20]} to multiply",
-            at,
-        )
-
-
-def _too_deep(at: int) -> ExpressionError:
-    return ExpressionError(f"the expression is nested too deeply (limit {MAX_DEPTH} levels); split or shorten it", at)
-
-
-def _convert(node: ast.expr, offset: Callable[[int], int], depth: int) -> TreeNode:
-    """Our own tree for a whitelisted syntax tree; anything outside the grammar is an ExpressionError."""
-    at = offset(node.col_offset)
+def _operand(tokens: Tokens, least: int, depth: int) -> TreeNode:
+    """The longest operand that the tokens begin with whose operators have at least this priority."""
+    kind, token, at = tokens.popleft()
     if depth > MAX_DEPTH:
-        raise _too_deep(at)
-    if isinstance(node, ast.Constant) and type(node.value) is float:
-        return TreeNode("Number", value=node.value)
-    if isinstance(node, ast.Name):
-        if node.id in FUNCTIONS:
-            raise ExpressionError(f"{node.id} is a function: write {node.id}(...)", at)
-        if node.id in CONSTANTS:
-            return TreeNode("Number", value=CONSTANTS[node.id])
-        return TreeNode("Coordinate", node.id)
-    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd | ast.USub):
-        operand = _convert(node.operand, offset, depth + 1)
-        return TreeNode("Negative", parts=(operand,)) if isinstance(node.op, ast.USub) else operand
-    if isinstance(node, ast.BinOp) and type(node.op) in BINARY:
-        sides = tuple(_convert(side, offset, depth + 1) for side in (node.left, node.right))
-        return TreeNode("Binary", BINARY[type(node.op)], sides)
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
-        arguments = tuple(_convert(one, offset, depth + 1) for one in node.args)
-        _check_count(node.func.id, len(arguments), at)
-        return TreeNode("Call", node.func.id, arguments)
-    raise ExpressionError(f"this is not an expression in x and y; {ALLOWED}", at)
+        what = f"the expression is nested too deeply (limit {MAX_DEPTH} levels)"
+        raise ExpressionError(f"{what}; split or shorten it", at)
+    if token in ("+", "-"):
+        node = _operand(tokens, tree.SIGN, depth + 1)
+        node = TreeNode("Negative", parts=(node,)) if token == "-" else node
+    elif kind == "number" or token in CONSTANTS:
+        node = TreeNode("Number", value=CONSTANTS[token] if token in CONSTANTS else float(token))
+    elif token in FUNCTIONS:
+        if tokens[0][1] != "(":
+            raise ExpressionError(f"{token} is a function: write {token}(...)", at)
+        arguments = list[TreeNode]()
+        while tokens.popleft()[1] != ")":
+            empty = not arguments and tokens[0][1] == ")"
+            arguments += [] if empty else [_operand(tokens, 0, depth + 1)]
+            if tokens[0][1] not in (",", ")"):
+                raise _unreadable(tokens[0][2])
+        _check_count(token, len(arguments), at)
+        node = TreeNode("Call", token, tuple(arguments))
+    elif kind == "name":
+        node = TreeNode("Coordinate", token)
+    elif token == "(":
+        node = _operand(tokens, 0, depth + 1)
+        if (closing := tokens.popleft())[1] != ")":
+            raise _unreadable(closing[2])
+    else:
+        raise _unreadable(at)
+    while tree.PRIORITY.get(tokens[0][1], -1) >= least:
+        operator, depth = tokens.popleft()[1], depth + 1
+        right = _operand(tokens, tree.PRIORITY[operator] + (operator != "**"), depth + 1)
+        node = TreeNode("Binary", operator, (node, right))
+    return node
+
+
+def _unreadable(at: int) -> ExpressionError:
+    return ExpressionError(f"the expression cannot be read from character {at + 1} on; {ALLOWED}", at)
 
 
 def _check_count(name: str, given: int, at: int) -> None:

@@ -117,8 +117,8 @@ def applied(node: TreeNode, values: list[Any], functions: Mapping[str, Callable[
 
 # -- text -------------------------------------------------------------------------------------------
 
-_PRIORITY = {"+": 1, "-": 1, "*": 2, "/": 2, "**": 4}
-_ATOM, _SIGN = 5, 3
+PRIORITY = {"+": 1, "-": 1, "*": 2, "/": 2, "**": 4}
+ATOM, SIGN = 5, 3
 
 
 def to_text(order: Order, longest: int) -> str:
@@ -149,18 +149,18 @@ def _written(order: Order) -> str:
 
     for node in order:
         if node.kind == "Number":
-            done[node] = node.label, _ATOM if node.value >= 0 and not node.label.startswith("-") else 0
+            done[node] = node.label, ATOM if node.value >= 0 and not node.label.startswith("-") else 0
         elif node.kind == "Coordinate":
-            done[node] = node.name, _ATOM
+            done[node] = node.name, ATOM
         elif node.kind == "Negative":
-            done[node] = f"-{inner(node.parts[0], _SIGN + 1)}", 1
+            done[node] = f"-{inner(node.parts[0], SIGN + 1)}", 1
         elif node.kind == "Call":
-            done[node] = f"{node.name}({', '.join(done[part][0] for part in node.parts)})", _ATOM
+            done[node] = f"{node.name}({', '.join(done[part][0] for part in node.parts)})", ATOM
         else:
-            rank = _PRIORITY[node.name]
+            rank = PRIORITY[node.name]
             left = inner(node.parts[0], rank + (node.name == "**"))
             right = inner(node.parts[1], rank + 1)
-            sign = f" {node.name} " if rank == 1 else "^" if rank == _PRIORITY["**"] else node.name
+            sign = f" {node.name} " if rank == 1 else "^" if rank == PRIORITY["**"] else node.name
             done[node] = f"{left}{sign}{right}", rank
     return done[order[-1]][0]
 
