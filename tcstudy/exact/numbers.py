@@ -120,21 +120,13 @@ def sliver_integral(body: Body, mesh: Triangles, density: Callable[[Array, Array
     edges, size = body.edges, body_size(body)
     if all(edge.through is None for edge in edges):
         return 0.0
-    ends = mesh.points[_boundary(mesh)]
+    ends = mesh.points[mesh.sides[mesh.sides_at(mesh.sides[:, ::-1]) < 0]]
     middles = ends.mean(axis=1)
     on = [np.all(edge_distance(edge, ends.reshape(-1, 2)).reshape(-1, 2) <= ON_ARC * size, axis=1) for edge in edges]
     off = [np.where(both, edge_distance(edge, middles), np.inf) for edge, both in zip(edges, on, strict=True)]
     own = np.argmin(off, axis=0)
     arcs = [(i, arc) for i, edge in enumerate(edges) if (arc := edge_arc(edge)) is not None]
     return sum(_slivers(arc, ends[own == i], density) for i, arc in arcs)
-
-
-def _boundary(mesh: Triangles) -> NDArray[np.intp]:
-    """(b, 2) sides that belong to one triangle only, the body on their left."""
-    sides = mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    n = len(mesh.points)
-    key, reverse = sides[:, 0] * n + sides[:, 1], sides[:, 1] * n + sides[:, 0]
-    return sides[~np.isin(key, reverse)]
 
 
 def _slivers(arc: Arc, ends: Array, density: Callable[[Array, Array], Array]) -> float:

@@ -1,19 +1,33 @@
-"""Error of a displacement in the energy norm, all parts together: stress, temperature, and where materials differ.
+"""Error of a P1 displacement in the energy norm, estimated triangle by triangle: stress, temperature, interfaces.
 
-Temperature, triangle by triangle, and what its error does to the displacement:
+Estimate:   η_K² = ‖σ* − σ_h‖²_{c⁻¹,K} + (h_K/π)²/(2μ) ‖f + div σ*‖²_K + Σ_e h_e/(2πμ) ‖r_e‖²_e
+            σ* recovered stress (continuous P1) less βθI, r_e = what σ* leaves of the boundary condition on the edge e:
+            σ*n − g + k_N u_N n + k_T u_T t on Γ_N, σ*_T + ξ_h on Γ_C, the free components on rollers; none on a rigid
+            edge, whose tractions balance as a whole
+Contact:    + h_e/(2πμ) ‖dist(ξ_h, b̂(u_h,T))‖²_e, since the inclusion (4) holds at the nodes only
+Dirichlet:  + Σ_e 2πμ/h_e ‖u_D − u_h‖²_e, since given displacements hold at the nodes only
+Why:        for v and an interpolant Iv, a(u − u_h, v) = ∫(σ* − σ_h):ε(v − Iv) + ∫(f + div σ*)·(v − Iv)
+            − Σ_e ∫ r_e·(v − Iv), so that the sum bounds the error up to a constant; the second and third term hold the
+            oscillation of f and g, because div σ* is constant on K, and are of higher order where u is smooth
+
+Temperature, and what its error does to the displacement:
 Estimate:   η_K² = k‖q* − ∇θ_h‖²_K + (h_K/π)²/k ‖qχ_ω + k div q*‖²_K + Σ_e h_e/(πk) ‖k q*·n + α(θ_h − θ̄)‖²_e,
-            q* the recovered gradient, α = 0 off Γ_θ; as for the stress in estimators.py
-Coupling:   ‖θ − θ_h‖_K ≈ (h_K/π) η_K/√k: temperature loads the body through its L² error, one order of h better than
-            its gradient (Aubin–Nitsche, in its local form)
-Left out:   pollution: at a re-entrant corner the L² error is larger than its local part
+            q* the recovered gradient, α = 0 off Γ_θ; as for the stress
+Coupling:   + β²/(λ+μ) ‖θ − θ_h‖²_K with ‖θ − θ_h‖_K ≈ (h_K/π) η_K/√k: temperature loads the body through its L² error,
+            one order of h better than its gradient (Aubin–Nitsche, in its local form)
 
-Materials that differ by region: recovery stops at interfaces, where tractions must agree.
-Within each region: η_K² of `tcstudy.fem.estimators`, with the stress σ* recovered from its own triangles alone, since
-            σ jumps along an interface where λ, μ or β do
-Interface:  + Σ_e h_e/(2π max μ) ‖[σ*n − βθn]‖²_e, half of it to either side: only the traction is continuous there. The
-            stiffer side bounds v − Iv on e, hence its μ
+Materials that differ by region: recovery stops at interfaces, whose nodes are one for each material (`Pieces`), since σ
+jumps along an interface where λ, μ or β do; only the traction is continuous there, and the flux.
+Interface:  + Σ_e h_e/(2π max μ) ‖[σ*n]‖²_e, half of it to either side. The stiffer side bounds v − Iv on e, hence its μ
 Heat:       + β²/(λ+μ) (h_K/π)²/k · h_e/(π max k) ‖[k ∇θ* · n]‖²_e, as the temperature's error loads the body
-Left out:   singular ends of interfaces and corners of regions, beyond what refinement there leaves
+
+Literature: Zienkiewicz & Zhu, Int. J. Numer. Methods Eng. 33 (1992) 1331–1364; Carstensen & Bartels, Math. Comp. 71
+            (2002) 945–969 (every averaging is reliable up to oscillation); Bartels & Carstensen, Numer. Math. 99
+            (2004) 225–249 (contact)
+Left out:   the amplification 1/(1 − ω/λ₁) by softening (Céa's constant of the problem), what arcs lose as polygons, the
+            energy of springs, of higher order in the error; pollution: at a re-entrant corner the L² error of θ is
+            larger than its local part; singular ends of interfaces and corners of regions, beyond what refinement
+            there leaves
 """
 
 from __future__ import annotations
@@ -27,29 +41,138 @@ from tcstudy.expressions.expression import Expression
 from tcstudy.fem.boundary import values_at
 from tcstudy.fem.estimators import (
     ContactTraction,
-    dirichlet_residual,
-    edge_residual,
-    element_residual,
-    energy_norm,
     on_segments,
-    strain,
+    own_strain,
     strain_energy,
     stress_of,
+    tangent,
     traction_of,
 )
-from tcstudy.fem.meshes import PlaneMesh
-from tcstudy.fem.recovery import GAUSS, ElementGeometry
+from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.scene.points import needs_heat_solve
-from tcstudy.scene.records import Material, Scene
+from tcstudy.scene.records import Clamped, Rigid, Scene
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
+@dataclass(frozen=True)
+class Pieces:
+    """The mesh of a body whose nodes on interfaces are one for each material that meets there.
+
+    triangles: those of the whole mesh, in their order;  node: (n',) which of its nodes
+    piece:     (n',) number of the scene's piece that a node belongs to
+    interface: (2, e, 2) nodes on both sides of the edges between pieces, and (2, e) the triangles there
+    """
+
+    triangles: ElementGeometry
+    node: Indices
+    piece: Indices
+    interface: tuple[Indices, Indices]
+
+
+def pieces_of(whole: ElementGeometry, scene: Scene) -> Pieces:
+    """The same for all scenes of a study."""
+    mesh, n = whole.mesh, whole.mesh.n_points
+    of = np.zeros(len(mesh.triangles), dtype=np.intp)
+    for number, (where, _) in enumerate(scene.pieces):
+        of[mesh.inside(where)] = number
+    keys, corners = np.unique(of[:, None] * n + mesh.triangles, return_inverse=True)
+    segments = np.searchsorted(keys, of[whole.owner][:, None] * n + mesh.segments)
+    own = replace(mesh, points=mesh.points[keys % n], triangles=corners.reshape(-1, 3), segments=segments)
+    split = whole if len(scene.pieces) == 1 else ElementGeometry(own)
+    twin = whole.sides_at(whole.sides[:, ::-1])
+    first = np.flatnonzero((twin >= 0) & (of[np.arange(len(twin)) // 3] < of[twin // 3]))
+    ends = np.stack([split.sides[first], split.sides[twin[first], ::-1]])
+    return Pieces(split, keys % n, keys // n, (ends, np.stack([first, twin[first]]) // 3))
+
+
+def energy_squares(
+    pieces: Pieces, u: Array, theta: Array, scene: Scene, friction: ContactTraction
+) -> tuple[Array, float]:
+    """(t,) η_K² of the energy norm [J/m] and ‖u_h‖ [√(J/m)] of a displacement u (2n,) at a temperature θ (n,)."""
+    triangles = pieces.triangles
+    u, theta = u.reshape(2, -1)[:, pieces.node].ravel(), theta[pieces.node]
+    lam, mu = (triangles.of_material(scene, name) for name in ("lam", "mu"))
+    own = own_strain(triangles, u)
+    recovered = triangles.recovery @ own
+    at_nodes = (np.array([getattr(m, name) for _, m in scene.pieces])[pieces.piece] for name in ("lam", "mu", "beta"))
+    lam_n, mu_n, beta_n = at_nodes
+    sigma = stress_of(recovered, lam_n, mu_n) - (beta_n * theta)[:, None] * [1.0, 1.0, 0.0]
+    squares = strain_energy(triangles, recovered[triangles.mesh.triangles] - own[:, None], lam, mu)
+    squares += element_residual(triangles, sigma, scene) + edge_residual(triangles, u, sigma, scene, friction)
+    squares += dirichlet_residual(triangles, u, scene) + _jumps(pieces, sigma, theta, scene)
+    if scene.material.expands:
+        squares += coupling(triangles, theta, scene)
+    norm = strain_energy(triangles, np.repeat(own[:, None], 3, axis=1), lam, mu).sum()
+    return squares, float(np.sqrt(norm))
+
+
+def element_residual(triangles: ElementGeometry, sigma: Array, scene: Scene) -> Array:
+    """(t,) (h_K/π)²/(2μ) ‖f + div σ*‖²_K [J/m] of stresses at the nodes (n, 3)."""
+    slope, mu = triangles.gradient(sigma), triangles.of_material(scene, "mu")
+    divergence = np.column_stack([slope[:, 0, 0] + slope[:, 2, 1], slope[:, 2, 0] + slope[:, 1, 1]])
+    f = np.stack([values_at(component, triangles.inner_points) for component in scene.f], axis=-1)
+    square = np.sum((f + divergence[:, None]) ** 2, axis=(1, 2)) / 3.0 * triangles.area
+    return (triangles.diameter / np.pi) ** 2 / (2.0 * mu) * square
+
+
+def edge_residual(triangles: ElementGeometry, u: Array, sigma: Array, scene: Scene, friction: ContactTraction) -> Array:
+    """(t,) Σ_e h_e/(2πμ) (‖r_e‖² + ‖dist(ξ_h, b̂)‖²) over the boundary edges of each triangle [J/m].
+
+    u: (2n,) the displacement;  sigma: (n, 3) σ* at the nodes
+    """
+    mesh, edges, curves = triangles.mesh, triangles.boundary, triangles.mesh.geometry.curves
+    traction = traction_of(on_segments(sigma, mesh.segments), edges.normal)
+    square, roles, moved = friction.defect**2, dict(scene.boundary), u.reshape(2, -1).T
+    for index, curve in enumerate(curves):
+        here, role = mesh.segment_curve == index, roles[curve.name]
+        free = np.array([component is None and not isinstance(role, Rigid) for component in role.u])
+        if not np.any(here):
+            continue
+        at, axes = edges.at[here], (edges.normal[here], tangent(edges.normal[here]))
+        # what σn should be where it is free: g − p n − ξ_h t, what acts on the whole edge, and what springs take
+        target = np.stack([values_at(component, at) for component in role.g], axis=-1)
+        target = target - values_at(role.pressure, at)[..., None] * axes[0][:, None]
+        target = target - friction.xi[here][..., None] * axes[1][:, None]
+        if any(role.force):  # also where regions cut the edge
+            target = target + np.array(role.force) / sum(c.length for c in curves if c.name == curve.name)
+        if any(role.spring):
+            at_rest = on_segments(moved, mesh.segments[here])
+            along = zip(role.spring, axes, strict=True)
+            target = target - sum(k * np.einsum("sqd,sd->sq", at_rest, d)[..., None] * d[:, None] for k, d in along)
+        rest = traction[here] - target
+        if role.frame == "nt" and not free.all():
+            rest = np.stack([np.einsum("sqd,sd->sq", rest, d) for d in axes], axis=-1)
+        square[here] += np.sum(rest[..., free] ** 2, axis=-1)
+    mu = triangles.of_material(scene, "mu")[triangles.owner]
+    return triangles.from_segments(edges.length / (2.0 * np.pi * mu) * edges.length * square.mean(axis=1))
+
+
+def dirichlet_residual(triangles: ElementGeometry, u: Array, scene: Scene) -> Array:
+    """(t,) Σ_e 2πμ/h_e ‖u_D − u_h‖²_e over the boundary edges of each triangle; components that are free have no u_D
+    [J/m]."""
+    mesh, edges, roles = triangles.mesh, triangles.boundary, dict(scene.boundary)
+    gap, own = np.zeros_like(edges.at), on_segments(u.reshape(2, -1).T, mesh.segments)
+    for index, curve in enumerate(mesh.geometry.curves):
+        role, here = roles[curve.name], mesh.segment_curve == index
+        if not isinstance(role, Clamped) or not curve.straight:
+            continue
+        normal = edges.normal[here]
+        axes = (
+            (normal, tangent(normal)) if role.frame == "nt" else (np.tile(axis, (len(normal), 1)) for axis in np.eye(2))
+        )
+        for component, direction in zip(role.u, axes, strict=True):
+            if component is not None:
+                missing = values_at(component, edges.at[here]) - np.einsum("sqd,sd->sq", own[here], direction)
+                gap[here] += missing[..., None] * direction[:, None]
+    mu = triangles.of_material(scene, "mu")[triangles.owner]
+    return triangles.from_segments(2.0 * np.pi * mu * np.mean(np.sum(gap**2, axis=-1), axis=1))
+
+
 def heat_estimate(triangles: ElementGeometry, theta: Array, scene: Scene) -> Array:
-    """(t,) η_K² of a temperature (n,) that was solved for [W K/m]."""
-    k, mesh, edges = scene.material.k, triangles.mesh, triangles.boundary
-    assert k is not None
+    """(t,) η_K² of a temperature (n,) that was solved for [W K/m], 0 where nothing conducts."""
+    k, mesh, edges = triangles.of_material(scene, "k"), triangles.mesh, triangles.boundary
     own = triangles.gradient(theta)
     recovered = triangles.recovery @ own
     excess = recovered[mesh.triangles] - own[:, None]
@@ -58,10 +181,11 @@ def heat_estimate(triangles: ElementGeometry, theta: Array, scene: Scene) -> Arr
     slope = triangles.gradient(recovered)
     q = values_at(scene.heat.q, triangles.inner_points)
     if scene.heat.omega:
-        q = q * triangles.inside(scene.heat.omega)[:, None]
-    rest = np.mean((q + k * (slope[:, 0, 0] + slope[:, 1, 1])[:, None]) ** 2, axis=1) * triangles.area
+        q = q * mesh.inside(scene.heat.omega)[:, None]
+    rest = np.mean((q + (k * (slope[:, 0, 0] + slope[:, 1, 1]))[:, None]) ** 2, axis=1) * triangles.area
 
-    flux = k * np.einsum("sqd,sd->sq", on_segments(recovered, mesh.segments), edges.normal)
+    k_e = k[triangles.owner]
+    flux = k_e[:, None] * np.einsum("sqd,sd->sq", on_segments(recovered, mesh.segments), edges.normal)
     for name, alpha, theta_bar in scene.exchange:
         robin = mesh.on(name)
         flux[robin] += alpha * (on_segments(theta, mesh.segments)[robin] - values_at(theta_bar, edges.at[robin]))
@@ -69,11 +193,10 @@ def heat_estimate(triangles: ElementGeometry, theta: Array, scene: Scene) -> Arr
         flux[mesh.on(name)] -= values_at(into, edges.at[mesh.on(name)])
     for name, _ in scene.held_theta:
         flux[mesh.on(name)] = 0.0
-    return (
-        k * triangles.area / 12.0 * squares
-        + (triangles.diameter / np.pi) ** 2 / k * rest
-        + triangles.from_segments(edges.length**2 / (np.pi * k) * np.mean(flux**2, axis=1))
-    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inside = k * triangles.area / 12.0 * squares + (triangles.diameter / np.pi) ** 2 / k * rest
+        edge = edges.length**2 / (np.pi * k_e) * np.mean(flux**2, axis=1)
+    return np.where(k > 0.0, inside, 0.0) + triangles.from_segments(np.where(k_e > 0.0, edge, 0.0))
 
 
 def coupling(triangles: ElementGeometry, theta: Array, scene: Scene) -> Array:
@@ -81,126 +204,35 @@ def coupling(triangles: ElementGeometry, theta: Array, scene: Scene) -> Array:
 
     θ comes from the heat problem, or it is known, and θ_h is its interpolant.
     """
-    material = scene.material
-    factor = material.beta**2 / (material.lam + material.mu)
+    lam, mu, beta, k = (triangles.of_material(scene, name) for name in ("lam", "mu", "beta", "k"))
+    factor = beta**2 / (lam + mu)
     if needs_heat_solve(scene):
-        assert material.k is not None
-        return factor * (triangles.diameter / np.pi) ** 2 / material.k * heat_estimate(triangles, theta, scene)
+        own = factor * (triangles.diameter / np.pi) ** 2 / np.where(k > 0.0, k, 1.0)
+        return own * heat_estimate(triangles, theta, scene)
     if not isinstance(scene.heat.theta, Expression):
         return np.zeros(len(triangles.area))
     exact = values_at(scene.heat.theta, triangles.inner_points)
     return factor * triangles.area * np.mean((exact - triangles.at_inner_points(theta)) ** 2, axis=1)
 
 
-@dataclass(frozen=True)
-class RegionMesh:
-    """A piece of the body as a mesh of its own: which triangles, nodes and segments of the whole mesh it has.
-
-    piece: its number in the scene's pieces, as whose materials differ from point to point
-    """
-
-    piece: int
-    triangles: Indices
-    nodes: Indices
-    segments: Indices
-    geometry: ElementGeometry
-
-
-def parts_of(whole: ElementGeometry, scene: Scene) -> list[RegionMesh]:
-    """The pieces of a body, by material, that have triangles; the same for all scenes of a study."""
-    mesh, found = whole.mesh, list[RegionMesh]()
-    if not scene.material.regions:
-        triangles, nodes, segments = (np.arange(len(x)) for x in (mesh.triangles, mesh.points, mesh.segments))
-        return [RegionMesh(0, triangles, nodes, segments, whole)]
-    for piece, (where, _) in enumerate(scene.pieces):
-        triangles = np.flatnonzero(mesh.inside(where))
-        if not len(triangles):
-            continue
-        nodes, segments = np.unique(mesh.triangles[triangles]), np.flatnonzero(np.isin(whole.owner, triangles))
-        number = np.full(mesh.n_points, -1, dtype=np.intp)
-        number[nodes] = np.arange(len(nodes))
-        own = replace(
-            mesh,
-            points=mesh.points[nodes],
-            triangles=number[mesh.triangles[triangles]],
-            segments=number[mesh.segments[segments]],
-            segment_curve=mesh.segment_curve[segments],
-        )
-        found.append(RegionMesh(piece, triangles, nodes, segments, ElementGeometry(own, triangles)))
-    return found
-
-
-def energy_squares(
-    parts: list[RegionMesh], mesh: PlaneMesh, u: Array, theta: Array, scene: Scene, friction: ContactTraction
-) -> tuple[Array, float]:
-    """(t,) η_K² of the energy norm [J/m] and ‖u_h‖ [√(J/m)] of a displacement u (2n,) at a temperature θ (n,)."""
-    squares, norm, n = np.zeros(len(mesh.triangles)), 0.0, mesh.n_points
-    materials = [scene.pieces[part.piece][1] for part in parts]
-    tractions, flows = np.full((len(parts), n, 3), np.nan), np.full((len(parts), n, 2), np.nan)
-    solved = scene.material.expands and needs_heat_solve(scene)
-    for number, (part, material) in enumerate(zip(parts, materials, strict=True)):
-        one, own, heat = replace(scene, material=material), part.geometry, theta[part.nodes]
-        w, lam, mu, beta = np.concatenate([u[part.nodes], u[n + part.nodes]]), material.lam, material.mu, material.beta
-        found = strain(own, w)
-        terms = strain_energy(own, found.excess, lam, mu)
-        on = friction.on(part.segments)
-        terms += element_residual(own, found, heat, one) + edge_residual(own, found, heat, one, on)
-        terms += dirichlet_residual(own, w, one)
-        if beta != 0.0:
-            terms += coupling(own, heat, one)
-        squares[part.triangles] = terms
-        norm += energy_norm(own, found, lam, mu) ** 2
-        tractions[number, part.nodes] = stress_of(found.recovered, lam, mu) - beta * heat[:, None] * [1.0, 1.0, 0.0]
-        if solved and material.k:
-            flows[number, part.nodes] = material.k * (own.recovery @ own.gradient(heat))
-    if len(parts) > 1:
-        squares += _jumps(parts, materials, mesh, tractions, flows if solved else None)
-    return squares, float(np.sqrt(norm))
-
-
-def _jumps(
-    parts: list[RegionMesh], materials: list[Material], mesh: PlaneMesh, stress: Array, flow: Array | None
-) -> Array:
-    """(t,) the terms of interfaces. stress, flow: (parts, n, 3) and (parts, n, 2) recovered at the nodes of a part."""
-    of = np.empty(len(mesh.triangles), dtype=np.intp)
-    for number, part in enumerate(parts):
-        of[part.triangles] = number
-    first, second, a, b = _interfaces(mesh, of)
-    along = mesh.points[b] - mesh.points[a]
+def _jumps(pieces: Pieces, sigma: Array, theta: Array, scene: Scene) -> Array:
+    """(t,) the terms of interfaces, of stresses (n', 3) and temperatures (n',) at the nodes."""
+    triangles, (ends, at) = pieces.triangles, pieces.interface
+    found = np.zeros(len(triangles.area))
+    if not at.size:
+        return found
+    lam, mu, beta, k = (triangles.of_material(scene, name)[at] for name in ("lam", "mu", "beta", "k"))
+    along = triangles.points[ends[0, :, 1]] - triangles.points[ends[0, :, 0]]
     length = np.linalg.norm(along, axis=1)
     normal = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]
-
-    def jump(nodal: Array) -> Array:
-        """(e, 2, …) the difference of both sides at the Gauss points."""
-        ends = [nodal[of[first], at] - nodal[of[second], at] for at in (a, b)]
-        return np.stack([(1.0 - w) * ends[0] + w * ends[1] for w in GAUSS], axis=1)
-
-    def of_parts(name: str) -> Array:
-        return np.array([getattr(material, name) or 0.0 for material in materials], dtype=float)
-
-    traction = traction_of(jump(stress), normal)
-    mu = of_parts("mu")
-    term = length**2 / (2.0 * np.pi * np.maximum(mu[of[first]], mu[of[second]])) * np.mean(np.sum(traction**2, -1), 1)
-    both = [0.5 * term, 0.5 * term]
-    if flow is not None:
-        k, heat = of_parts("k"), np.sum(jump(flow) * normal[:, None], axis=-1)
-        term = length**2 / (np.pi * np.maximum(k[of[first]], k[of[second]])) * np.mean(heat**2, axis=1)
-        factor = of_parts("beta") ** 2 / (of_parts("lam") + mu) / np.where(k > 0.0, k, 1.0)
-        for side, triangle in enumerate((first, second)):
-            both[side] = both[side] + 0.5 * factor[of[triangle]] * (length / np.pi) ** 2 * term
-    found = np.zeros(len(of))
-    for triangle, value in zip((first, second), both, strict=True):
-        np.add.at(found, triangle, value)
+    traction = traction_of(on_segments(sigma, ends[0]) - on_segments(sigma, ends[1]), normal)
+    term = 0.5 * length**2 / (2.0 * np.pi * mu.max(axis=0)) * np.mean(np.sum(traction**2, -1), 1)
+    both = np.stack([term, term])
+    if needs_heat_solve(scene):
+        gradient = triangles.recovery @ triangles.gradient(theta)
+        flows = (k_i[:, None, None] * on_segments(gradient, side) for k_i, side in zip(k, ends, strict=True))
+        heat = np.sum(np.subtract(*flows) * normal[:, None], axis=-1)
+        term = 0.5 * length**2 / (np.pi * k.max(axis=0)) * np.mean(heat**2, axis=1)
+        both += beta**2 / (lam + mu) / np.where(k > 0.0, k, 1.0) * (length / np.pi) ** 2 * term
+    np.add.at(found, at, both)
     return found
-
-
-def _interfaces(mesh: PlaneMesh, of: Indices) -> tuple[Indices, Indices, Indices, Indices]:
-    """Both triangles and both nodes of every edge between different parts."""
-    t = mesh.triangles
-    edges = np.sort(np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]]), axis=1)
-    owner = np.tile(np.arange(len(t)), 3)
-    order = np.lexsort((edges[:, 1], edges[:, 0]))
-    edges, owner = edges[order], owner[order]
-    twin = np.flatnonzero((edges[1:] == edges[:-1]).all(axis=1))
-    between = twin[of[owner[twin]] != of[owner[twin + 1]]]
-    return owner[between], owner[between + 1], edges[between, 0], edges[between, 1]

@@ -23,7 +23,7 @@ from tcstudy.errors import GeometryFailed
 from tcstudy.fem.geometry import Geometry
 from tcstudy.scene.records import Point, Where
 from tcstudy.scene.study import MeshPlan
-from tcstudy.shapes.triangles import doubled_areas
+from tcstudy.shapes.triangles import TriangleGeometry, doubled_areas
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -205,20 +205,12 @@ def _extract(kernel: Any, geometry: Geometry, level: int, start: float, unit: fl
     if np.any(twice == 0.0):
         raise GeometryFailed("the mesh has a triangle without area; try a smaller maxh")
     triangles = np.where((twice < 0)[:, None], triangles[:, [0, 2, 1]], triangles)
-    segments = orient(segments, triangles, len(points))
+    along = TriangleGeometry(points, triangles).sides_at(segments) >= 0  # the body on their left
+    segments = np.where(along[:, None], segments, segments[:, ::-1])
     h_max = float(np.sqrt(np.max(np.sum((corners - np.roll(corners, 1, axis=1)) ** 2, axis=2))))
     _check(geometry, points, segments, curve[outer], 0.5 * float(np.abs(twice).sum()))
     elapsed = time.perf_counter() - start
     return PlaneMesh(mesh, geometry, level, points, triangles, segments, curve[outer], h_max, elapsed, kernel, unit)
-
-
-def orient(segments: Indices, triangles: Indices, n_points: int) -> Indices:
-    """Turn boundary segments so that the (counter-clockwise) triangle at each lies on its left."""
-    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    directed = np.sort(edges[:, 0] * n_points + edges[:, 1])
-    key = segments[:, 0] * n_points + segments[:, 1]
-    position = np.minimum(np.searchsorted(directed, key), len(directed) - 1)
-    return np.where((directed[position] == key)[:, None], segments, segments[:, ::-1])
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ Recovery:   at every node the linear polynomial that fits the values at the cent
             (area-weighted least squares), evaluated at the node. Nodes on the boundary and nodes with few triangles
             use two rings of triangles, so that the recovered gradient keeps its order up to the boundary
 Literature: Zienkiewicz & Zhu, Int. J. Numer. Methods Eng. 33 (1992) 1331–1364 (superconvergent patch recovery)
-Left out:   patches do not stop at edges where the data jump; where materials do, each region is a mesh (energy_error)
+Left out:   patches do not stop at edges where the data jump; where materials do, nodes are split (energy_error.Pieces)
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from tcstudy.fem.boundary import ContactLine
 from tcstudy.fem.meshes import PlaneMesh
-from tcstudy.scene.records import Scene, Where
+from tcstudy.scene.records import Scene
 from tcstudy.shapes.triangles import INNER, TriangleGeometry
 
 Array = NDArray[np.float64]
@@ -42,21 +42,15 @@ class BoundaryEdges(NamedTuple):
 class ElementGeometry(TriangleGeometry):
     """What estimates need to know of a mesh's t triangles and n nodes; everything is computed once."""
 
-    def __init__(self, mesh: PlaneMesh, part: NDArray[np.intp] | None = None) -> None:
-        """part: its triangles in the NGSolve mesh, where it is only a region of that"""
+    def __init__(self, mesh: PlaneMesh) -> None:
         super().__init__(mesh.points, mesh.triangles)
-        self.mesh, self.part = mesh, part
-
-    def inside(self, where: Where) -> NDArray[np.bool_]:
-        """(t,) triangles in some regions."""
-        inside = self.mesh.inside(where)
-        return inside if self.part is None else inside[self.part]
+        self.mesh = mesh
 
     def of_material(self, scene: Scene, name: str) -> Array:
         """(t,) a number of the material of each triangle, 0 where it is not given."""
         found = np.zeros(len(self.mesh.triangles))
         for where, material in scene.pieces:
-            found[self.inside(where)] = getattr(material, name) or 0.0
+            found[self.mesh.inside(where)] = getattr(material, name) or 0.0
         return found
 
     @cached_property
@@ -77,11 +71,7 @@ class ElementGeometry(TriangleGeometry):
     @cached_property
     def owner(self) -> NDArray[np.intp]:
         """(s,) the triangle at each boundary segment."""
-        n, triangles = self.mesh.n_points, self.mesh.triangles
-        directed = np.concatenate([triangles[:, i] * n + triangles[:, (i + 1) % 3] for i in range(3)])
-        order = np.argsort(directed)
-        key = self.mesh.segments[:, 0] * n + self.mesh.segments[:, 1]
-        return order[np.searchsorted(directed[order], key)] % len(triangles)
+        return self.sides_at(self.mesh.segments) // 3
 
     def from_segments(self, values: Array) -> Array:
         """(t,) sums of values on boundary segments (s,) over the segments of each triangle."""

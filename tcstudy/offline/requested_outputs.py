@@ -67,7 +67,7 @@ class RequestedOutputs:
         sigma = np.column_stack([stress_of(strain, lam, mu), lam * (strain[:, 0] + strain[:, 1])])
         sigma[:, [0, 1, 3]] -= (beta * theta[triangles.mesh.triangles].mean(axis=1))[:, None]
         for where, material in scene.pieces:
-            sigma[triangles.inside(where), 3] *= material.plane == "strain"
+            sigma[triangles.mesh.inside(where), 3] *= material.plane == "strain"
         return sigma
 
     def _probes(self, u: Array, theta: Array, sigma: Array) -> dict[str, float]:

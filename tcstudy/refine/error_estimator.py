@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tcstudy.accuracy.rates import ROUNDING
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.exact.numbers import known_goal
-from tcstudy.fem.energy_error import RegionMesh, energy_squares, parts_of
+from tcstudy.fem.energy_error import Pieces, energy_squares, pieces_of
 from tcstudy.fem.estimators import contact_traction
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Level
@@ -88,7 +88,7 @@ class ErrorEstimator:
     exact: Exact | None = None
     estimates: dict[Index, Estimate] = field(default_factory=dict)
     _halved: Halved | None = None
-    _parts: list[RegionMesh] | None = None
+    _pieces: Pieces | None = None
 
     def __post_init__(self) -> None:
         self.triangles = ElementGeometry(self.level.mesh)
@@ -139,8 +139,8 @@ class ErrorEstimator:
         level, triangles = self.level, self.triangles
         theta = level.temperature(scene).theta if scene.material.expands else np.zeros(level.mesh.n_points)
         friction = contact_traction(triangles, level.line, scene.friction, v, problem.xi(v) / level.line.c, u)
-        self._parts = self._parts or parts_of(triangles, scene)
-        return energy_squares(self._parts, level.mesh, u, theta, scene, friction)
+        self._pieces = self._pieces or pieces_of(triangles, scene)
+        return energy_squares(self._pieces, u, theta, scene, friction)
 
     # -- all solutions -----------------------------------------------------------------------------
 

@@ -29,6 +29,19 @@ class TriangleGeometry:
     triangles: Indices
 
     @cached_property
+    def sides(self) -> Indices:
+        """(3t, 2) nodes of the sides, the triangle on their left: side 3i + k of triangle i leads from its corner k."""
+        return self.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+
+    def sides_at(self, pairs: Indices) -> Indices:
+        """(s,) which of the sides leads from one node to the other of pairs (s, 2); −1 where none does."""
+        n = len(self.points)
+        keys, wanted = self.sides[:, 0] * n + self.sides[:, 1], pairs[:, 0] * n + pairs[:, 1]
+        order = np.argsort(keys)
+        found = order[np.minimum(np.searchsorted(keys, wanted, sorter=order), len(keys) - 1)]
+        return np.where(keys[found] == wanted, found, -1)
+
+    @cached_property
     def corners(self) -> Array:
         """(t, 3, 2) [m]."""
         return self.points[self.triangles]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.loop import Status
-from tcstudy.fem.estimators import Strain, energy_norm, strain
+from tcstudy.fem.estimators import own_strain
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import Family
@@ -27,12 +27,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Solved:
-    """One level of a family: its unknowns, estimated relative error, mesh and strain."""
+    """One level of a family: its unknowns, estimated relative error, mesh and strain on the triangles (t, 3)."""
 
     n_dof: int
     estimate: float
     triangles: ElementGeometry
-    strain: Strain
+    strain: Array
 
 
 def solved_levels(study: Study, plan: MeshPlan, most: float = np.inf) -> Iterator[Solved]:
@@ -47,7 +47,7 @@ def solved_levels(study: Study, plan: MeshPlan, most: float = np.inf) -> Iterato
         answer = solve_contact(condensed.problem)
         assert answer.status == Status.CONVERGED, answer.reason
         estimator.look((), scene, answer.v)
-        own = strain(estimator.triangles, level.displacement(scene, answer.v))
+        own = own_strain(estimator.triangles, level.displacement(scene, answer.v))
         yield Solved(level.frames.n_dof, estimator.estimates[()].energy, estimator.triangles, own)
         if level.frames.n_dof > most:
             return
@@ -61,6 +61,9 @@ def distance(solved: Solved, reference: Solved, study: Study) -> float:
     x, y = own.mesh.points.T
     found = Triangulation(x, y, own.mesh.triangles).get_trifinder()(*centres.T)
     assert np.all(found >= 0)
-    d = reference.strain.own - solved.strain.own[found]
-    square = lam * (d[:, 0] + d[:, 1]) ** 2 + 2.0 * mu * (d[:, 0] ** 2 + d[:, 1] ** 2 + 2.0 * d[:, 2] ** 2)
-    return float(np.sqrt(fine.area @ square)) / energy_norm(fine, reference.strain, lam, mu)
+
+    def energy(e: Array) -> float:
+        square = lam * (e[:, 0] + e[:, 1]) ** 2 + 2.0 * mu * (e[:, 0] ** 2 + e[:, 1] ** 2 + 2.0 * e[:, 2] ** 2)
+        return float(fine.area @ square)
+
+    return float(np.sqrt(energy(reference.strain - solved.strain[found]) / energy(reference.strain)))
