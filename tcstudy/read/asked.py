@@ -20,7 +20,7 @@ import numpy as np
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.read.checks import corner_faults
 from tcstudy.read.fields import Context
-from tcstudy.read.node import Node, holds
+from tcstudy.read.node import Node
 from tcstudy.read.plans import meant_number, path_of
 from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.keys import row
@@ -93,10 +93,10 @@ def differentiable(root: Node, base: Scene, scenes: Sequence[Scene]) -> dict[Key
     """The numbers by which results can be differentiated, and those that have a reason why not; of materials those
     that the study gives, of laws those of all scenes."""
     found = {path: one for path, one in numbers(base) if path[0] != "friction"}
-    found = {path: one for path, one in found.items() if path[0][:8] != "material" or holds(root, path)}
+    found = {path: one for path, one in found.items() if path[0][:8] != "material" or root.at(*path)}
     for scene in distinct(scenes, "friction"):
         found |= {path: one for path, one in numbers(scene) if path[0] == "friction"}
-    if holds(root, ("history", "stiffness")):
+    if root.at("history", "stiffness"):
         found["history", "stiffness"] = Number(row("history", "stiffness"), 0.0, ())
     return found
 
@@ -115,7 +115,7 @@ def named_number(
         what += ": it moves the mesh"
     elif path[0] in ("material", "materials") and path[-1] in ("lambda", "mu"):
         remedy = "give the material by E and nu, and name these"
-    elif path[0] == "parameters" or holds(root, ("parameters", word)):
+    elif path[0] == "parameters" or root.at("parameters", word):
         what, remedy = f"{what}: it may stand in any expression", "name a number of a section"
     elif path in sweepable({}, None):
         what = f"this study has no number {word} by which its solution can be differentiated"

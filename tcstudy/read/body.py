@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from tcstudy.read.fields import Context, Fields, only_key
-from tcstudy.read.node import Node, deepest, split_path
+from tcstudy.read.node import Node, split_path
 from tcstudy.scene.keys import rows
 from tcstudy.scene.records import BODY, Body, BrepFace, Edge, Loop, Region
 from tcstudy.scene.units import LENGTH, UnitError, to_si
@@ -68,10 +68,10 @@ def check_shape(ctx: Context, body: Body, root: Node) -> bool:
     """Record what is wrong with the shape of the body where the study gives it; True if it is sound."""
     faults = _oversized(body) or body_faults.check_body(body)
     for fault in faults:
-        where, inline = fault.where, deepest(root, ("heat", "omega"))
+        where, inline = fault.where, root.nearest("heat", "omega")
         if where.startswith("body.regions.omega") and isinstance(inline.value, Mapping):
             where = inline.path
-        ctx.errors.unfit(deepest(root, split_path(where) or ("body",)), where, fault.what, fault.remedy)
+        ctx.errors.unfit(root.nearest(*(split_path(where) or ("body",))), where, fault.what, fault.remedy)
     return not faults
 
 

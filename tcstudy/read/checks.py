@@ -16,7 +16,7 @@ from tcstudy.expressions.expression import Expression
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.read.fields import Context
 from tcstudy.read.heat import Boundary
-from tcstudy.read.node import Node, deepest
+from tcstudy.read.node import Node
 from tcstudy.scene.records import Body, Clamped, Contact, Edge, Point, Rigid, Role, Scalar, Symmetry
 from tcstudy.scene.study import Goal, MeshPlan
 from tcstudy.shapes.edges import body_area, body_size, edge_distance, edge_normal, edge_points, loop_size
@@ -128,7 +128,7 @@ def check_guarantee(ctx: Context, root: Node, plan: MeshPlan, body: Body) -> Non
     curved = ", ".join(dict.fromkeys(edge.name for edge in body.edges if edge.through is not None))
     if plan.guarantee and curved:
         what = f"needs straight edges, but the mesh of {curved} is another body"
-        ctx.errors.at(deepest(root, ("mesh", "guarantee")), what, "remove it")
+        ctx.errors.at(root.nearest("mesh", "guarantee"), what, "remove it")
 
 
 def mesh_faults(plan: MeshPlan, area: float, size: float, units: str) -> Iterator[tuple[int, str, str]]:
@@ -163,7 +163,7 @@ def check_boundary(ctx: Context, node: Node, body: Body, boundary: Boundary) -> 
     """Record every corner at which constraints have no common solution or two edges hold different temperatures, where
     heat without end would flow; and every symmetry edge that is an arc, where u_N = 0 mirrors nothing."""
     for name, what in corner_faults(body, boundary):
-        ctx.errors.at(deepest(node, (name,)), what, "make them agree there, or free a component")
+        ctx.errors.at(node.nearest(name), what, "make them agree there, or free a component")
     if body.outline is None:
         return
     held = {name: role.heat.theta for name, role in boundary if role.heat and role.heat.theta is not None}
@@ -174,12 +174,12 @@ def check_boundary(ctx: Context, node: Node, body: Body, boundary: Boundary) -> 
         if abs(a - b) > 1e-9 * max(abs(a), abs(b)):
             what = f"{edge.name} and {following.name} hold different temperatures at their corner ({x:g}, {y:g})"
             remedy = "make them agree there, or let one of them exchange heat: {alpha: ..., theta_bar: ...}"
-            ctx.errors.once(deepest(node, (following.name,)), what, remedy)
+            ctx.errors.once(node.nearest(following.name), what, remedy)
     mirrors = {name for name, role in boundary if isinstance(role, Symmetry)}
     for name in dict.fromkeys(edge.name for edge in body.edges if edge.through is not None):
         if name in mirrors:
             remedy = "use {role: clamped, u_N: 0} for a guide"
-            ctx.errors.once(deepest(node, (name,)), "a symmetry edge is straight, but this is an arc", remedy)
+            ctx.errors.once(node.nearest(name), "a symmetry edge is straight, but this is an arc", remedy)
 
 
 def _value_at(scalar: Scalar, at: Point) -> float:
@@ -231,7 +231,7 @@ def check_finite(ctx: Context, root: Node, section: str, value: Any, body: Body)
                 at = f"({x[bad[0]]:g}, {y[bad[0]]:g})"
                 what = f"the expression {str(expression)!r} has no finite value at {at}"
                 remedy = "change it so that it is finite wherever it is used"
-                ctx.errors.once(deepest(root, (section, key)), what, remedy)
+                ctx.errors.once(root.nearest(section, key), what, remedy)
 
 
 def check_laws(ctx: Context, root: Node, friction: EdgeLaws, boundary: Iterable[tuple[str, Role]], body: Body) -> None:
@@ -244,10 +244,10 @@ def check_laws(ctx: Context, root: Node, friction: EdgeLaws, boundary: Iterable[
     wrong = [edge for edge in given if edge not in contact]
     for edge in wrong:
         remedy = f"the contact edges are {', '.join(contact)}"
-        ctx.errors.once(deepest(root, ("friction", edge)), f"{edge!r} is no contact edge", remedy)
+        ctx.errors.once(root.nearest("friction", edge), f"{edge!r} is no contact edge", remedy)
     if given and not wrong and (without := [edge for edge in contact if edge not in given]):
         remedy = f"add {without[0]}: {{law: ...}}; without friction {{law: linear, k: 0}}"
-        ctx.errors.once(deepest(root, ("friction",)), f"the contact edge {without[0]} has no law", remedy)
+        ctx.errors.once(root.nearest("friction"), f"the contact edge {without[0]} has no law", remedy)
     for edge, _, strength in friction.laws if body.outline is not None else ():
         for name in [edge] if edge in contact else contact if not edge else []:
             x, y = _on_edges(body, name).T
@@ -257,7 +257,7 @@ def check_laws(ctx: Context, root: Node, friction: EdgeLaws, boundary: Iterable[
                 keys = ("friction", edge, "strength") if edge else ("friction", "strength")
                 what = f"the strength is negative or not finite at ({x[bad[0]]:g}, {y[bad[0]]:g})"
                 remedy = 'bound it, for example "max(0, ...)"; 0 is a gap in the bond'
-                ctx.errors.once(deepest(root, keys), what, remedy)
+                ctx.errors.once(root.nearest(*keys), what, remedy)
 
 
 def _in(value: Any) -> Iterator[Expression]:

@@ -21,7 +21,7 @@ from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
 from ruamel.yaml.nodes import Node as YamlNode
 
 from tcstudy.errors import Problem, StudyError, shortened
-from tcstudy.read.node import Collector, Keys, Mark, Node, Scalar, deepest, holds, put, split_path
+from tcstudy.read.node import Collector, Keys, Mark, Node, Scalar, put, split_path
 from tcstudy.scene.keys import rows
 from tcstudy.scene.parameters import SHORT
 from tcstudy.scene.study import Study
@@ -305,7 +305,7 @@ def located(study: Study, faults: Sequence[Found]) -> list[Problem]:
     errors = Collector()
     root = tree_of(study, errors)
     for keys, what, remedy in faults:
-        if keys[:2] == ("mesh", "maxh") and holds(root, ("sweep", "h")):
+        if keys[:2] == ("mesh", "maxh") and root.at("sweep", "h"):
             keys = ("sweep", "h", *keys[2:])  # where the sizes may stand as well
-        errors.at(deepest(root, keys), what, remedy)
+        errors.at(root.nearest(*keys), what, remedy)
     return sorted(errors.problems, key=lambda problem: (problem.line, problem.column))

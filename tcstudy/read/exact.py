@@ -16,7 +16,7 @@ from tcstudy.exact.checks import Checks, SolutionFault
 from tcstudy.exact.loads import Derivation
 from tcstudy.read.checks import check_finite
 from tcstudy.read.fields import Context, Fields, none_after_fault
-from tcstudy.read.node import COMPONENTS, Node, deepest
+from tcstudy.read.node import COMPONENTS, Node
 from tcstudy.read.sweep import Sweep
 from tcstudy.scene.keys import of_role, rows
 from tcstudy.scene.points import Scenes
@@ -36,7 +36,7 @@ def without_loads(ctx: Context, root: Node, sweep: Sweep) -> Node:
 
     A misspelt word asks for derived loads as well, so that it is the only fault.
     """
-    word = deepest(root, ("exact", "loads"))
+    word = root.nearest("exact", "loads")
     if word.path != "exact.loads" or word.value == "given" or not isinstance(root.value, Mapping):
         return root
     _refuse(ctx, word, root, sweep)
@@ -56,7 +56,7 @@ def without_loads(ctx: Context, root: Node, sweep: Sweep) -> Node:
 
 def _refuse(ctx: Context, word: Node, root: Node, sweep: Sweep) -> None:
     """Studies in which nothing can be derived, and swept loads."""
-    if deepest(root, ("body", "file")).path == "body.file":
+    if root.nearest("body", "file").path == "body.file":
         what = "the body comes from a file, whose normals are no expressions, so loads cannot be derived"
         ctx.errors.at(word, what, "give the loads, or describe the body by its outline")
     if path := root.child("path"):
@@ -113,7 +113,7 @@ def derived_scenes(
 
     def sound(faults: Iterable[SolutionFault]) -> bool:
         for fault in faults:
-            ctx.errors.at(deepest(root, ("exact", *fault.keys)), fault.what, fault.remedy)
+            ctx.errors.at(root.nearest("exact", *fault.keys), fault.what, fault.remedy)
         return len(ctx.errors) == before
 
     if not sound((*_missing(exact, scenes), *checks.kinks())):

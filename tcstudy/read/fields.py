@@ -82,10 +82,10 @@ UNREAD = {"point": (math.nan, math.nan), "name": "", "text": ""}
 
 def out_of_bounds(row: Key, value: float) -> str:
     """What a number of a row must that is out of its bounds, in words; empty for one within them, and for NaN."""
-    low = row.above is not None and value <= row.above
-    if low or (row.below is not None and value >= row.below):
-        if row.above and row.below:
-            return f"lie between {row.above:g} and {row.below:g}"
+    low, high = row.above is not None and value <= row.above, row.below is not None and value >= row.below
+    if (low or high) and row.above and row.below:
+        return f"lie between {row.above:g} and {row.below:g}"
+    if low or high:
         return f"be greater than {row.above:g}" if low else f"be less than {row.below:g}"
     if row.least is not None and value < row.least:
         return f"be {row.least:g} or more"
@@ -137,7 +137,7 @@ class Context:
                 raise UnitError(f"{node.brief()} is too {size} to compute with", "check the number and its unit")
             return float(value)
         except UnitError as error:
-            self.errors.at(node, str(error), error.remedy)
+            self.errors.at(node, *error.args)
             return math.nan
 
     def _of_text(self, node: Node, text: str, dimension: Dimension, write: str) -> Scalar:
@@ -170,15 +170,14 @@ class Context:
 
     def unit(self, cell: Node, unit: str, dimension: Dimension, key: str | None = None) -> bool:
         """Whether a unit in the heading of a column is one of the dimension; if not, that is a fault."""
-        what, remedy = "has a unit, but the study says units: none", "drop the unit"
-        if self.units == "SI":
-            try:
-                to_si("1", unit, dimension)
-                return True
-            except UnitError as error:
-                what, remedy = str(error), error.remedy
-        self.errors.at(cell, what, remedy, key=key)
-        return False
+        try:
+            if self.units == "none":
+                raise UnitError("has a unit, but the study says units: none", "drop the unit")
+            to_si("1", unit, dimension)
+        except UnitError as error:
+            self.errors.at(cell, *error.args, key=key)
+            return False
+        return True
 
     def items(self, node: Node, content: str, least: int = 0) -> tuple[Node, ...]:
         """The entries of a list; empty after a fault."""
@@ -199,25 +198,23 @@ class Context:
 
     def mapping(self, node: Node, content: str, remedy: str, least: int = 1, named: bool = False) -> dict[str, Node]:
         """The entries of a mapping of `content`; empty after a fault. named: by names"""
-        found = dict(node.value) if isinstance(node.value, Mapping) else {}
-        if not isinstance(node.value, Mapping) or len(found) < least:
+        if not isinstance(node.value, Mapping) or len(node.value) < least:
             self.errors.at(node, f"must be a mapping of {content}, but is {node.kind()}", remedy)
-        for name, item in found.items() if named else ():
+        for name, item in node.children.items() if named else ():
             if not is_name(name):
                 self.errors.at(item, f"{name!r} is not a name", "use letters, digits and _", on_key=True)
-        return found
+        return dict(node.children)
 
     def integer(self, node: Node, least: int, most: int | None = None) -> int:
         """A whole number within limits; the lower limit after a fault."""
-        value, must = node.value, "a whole number"
-        if isinstance(value, float) and value.is_integer():
-            value = int(value)
-        if isinstance(value, int) and not isinstance(value, bool):
-            if least <= value <= (most or MOST):
-                return value
-            must = f"from {least} to {most}" if most else f"{least} or more"
-        shown = node.brief() if must != "a whole number" else node.kind()
-        self.errors.at(node, f"must be {must}, but is {shown}", f"write for example {least}")
+        value = int(node.value) if isinstance(node.value, float) and node.value.is_integer() else node.value
+        if isinstance(value, bool) or not isinstance(value, int):
+            said = f"must be a whole number, but is {node.kind()}"
+        elif least <= value <= (most or MOST):
+            return value
+        else:
+            said = f"must be {f'from {least} to {most}' if most else f'{least} or more'}, but is {node.brief()}"
+        self.errors.at(node, said, f"write for example {least}")
         return least
 
     def text(self, node: Node, content: str = "a text") -> str:
@@ -275,8 +272,9 @@ class Context:
                 return self.choice(node, row.words)
             case "flag":
                 if not isinstance(node.value, bool):
-                    what = f"must be true or false, but is {node.kind()}"
-                    self.errors.at(node, what, "write true or false, without quotes")
+                    self.errors.at(
+                        node, f"must be true or false, but is {node.kind()}", "write true or false, without quotes"
+                    )
                 return node.value is True
             case "name":
                 if isinstance(node.value, str) and is_name(node.value):
@@ -302,15 +300,15 @@ class Fields:
     ) -> None:
         """section: its name in the table, or its rows.  required, optional: keys, where they depend on others."""
         self.ctx, self.node, self.rows = ctx, node, rows(section) if isinstance(section, str) else section
-        required = [row.name for row in self.rows.values() if row.required] if required is None else list(required)
-        known = [*required, *((name for name in self.rows if name not in required) if optional is None else optional)]
-        self.required = required
+        self.required = [one.name for one in self.rows.values() if one.required] if required is None else list(required)
+        others = (name for name in self.rows if name not in self.required) if optional is None else optional
+        known = [*self.required, *others]
         if isinstance(section, str) and (short := short_of(section)) and not isinstance(node.value, Mapping):
             node = replace(node, value={short: node})
-        self.values: Mapping[str, Node] = node.value if isinstance(node.value, Mapping) else {}
+        self.values: Mapping[str, Node] = node.children
         if not isinstance(node.value, Mapping):
             top = rows("").get(section) if isinstance(section, str) else None
-            pairs = ", ".join(f"{key}: {self.rows[key].suggestion}" for key in required or known[:1])
+            pairs = ", ".join(f"{key}: {self.rows[key].suggestion}" for key in self.required or known[:1])
             example = ctx.example(top.example if top and top.example else f"{{{pairs}}}")
             remedy = f"write a mapping with the keys {', '.join(known)}, for example {example}"
             ctx.errors.at(node, f"must be a mapping, but is {node.kind()}", remedy)
@@ -322,13 +320,13 @@ class Fields:
             if key[:1].isdigit():
                 remedy = "write decimals with a point: a comma begins the next entry"
             ctx.errors.at(node.value[key], "unknown key", remedy, on_key=True)
-        for key in required:
+        for key in self.required:
             if key not in node.value and key not in near.values():  # a misspelt key is one fault, not two
                 self.missing(key)
 
-    def fault(self, key: str, what: str, remedy: str, on_key: bool = False) -> None:
-        """Record a fault at a key, or at the section where the key is not given."""
-        self.ctx.errors.at(self.values.get(key, self.node), what, remedy, on_key=on_key and key in self.values)
+    def fault(self, key: str, *said: str, on_key: bool = False) -> None:
+        """Record a fault, "what; remedy", at a key, or at the section where the key is not given."""
+        self.ctx.errors.at(self.values.get(key, self.node), *said, on_key=on_key and key in self.values)
 
     def missing(self, key: str) -> None:
         """Record that a key is missing."""
@@ -360,3 +358,12 @@ def only_key(ctx: Context, node: Node, section: str, example: str) -> tuple[str,
     if len(given) != 1 and len(ctx.errors) == before:
         ctx.errors.at(node, f"needs one of {', '.join(rows(section))}, not {len(given)}", f"write {example}")
     return next(iter(given.items())) if len(ctx.errors) == before else ("", node)
+
+
+def word_of(ctx: Context, node: Node, section: str, key: str) -> str:
+    """The word that decides which other keys a section has; empty after a fault."""
+    before, word = len(ctx.errors), node.child(key)
+    if word is None:
+        Fields(ctx, node, section, (key,))
+    found = ctx.choice(word, rows(section)[key].words) if word else ""
+    return found if len(ctx.errors) == before else ""

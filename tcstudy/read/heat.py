@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from tcstudy.read.body import REGION_SHAPES, read_region
 from tcstudy.read.fields import Context, Fields, none_after_fault
-from tcstudy.read.node import Node, deepest, hint
+from tcstudy.read.node import Node, hint
 from tcstudy.scene.keys import rows
 from tcstudy.scene.records import Body, EdgeHeat, Heat, Material, Role, exchanges
 from tcstudy.shapes.faults import snapped
@@ -135,18 +135,18 @@ def check_heat(ctx: Context, root: Node, heat: Heat, boundary: Boundary, materia
             if edge in own:
                 what = "what the edge does to heat"
                 remedy = "remove theta to compute the temperature, or what the edge says of heat"
-            ctx.errors.once(deepest(root, ("boundary", edge)), f"{what} has no meaning, because {why}", remedy)
+            ctx.errors.once(root.nearest("boundary", edge), f"{what} has no meaning, because {why}", remedy)
         return
     if not (passing or held or own) and heat.q == 0.0:  # no heat comes or goes: an alpha then is a doubt, no fault
         return
     places = (("material",), *(("materials", name) for name, _ in material.regions))
     for place, one in zip(places, material.all, strict=True):
         if one.k is None:
-            node = deepest(root, place)
+            node = root.nearest(*place)
             ctx.errors.once(node, "is missing, but heat needs it", "add k: 45 W/(m*K)", key=f"{'.'.join(place)}.k")
-    alpha = deepest(root, ("heat", "alpha"))
+    alpha = root.nearest("heat", "alpha")
     if not passing and not held and (own or heat.alpha > 0.0):
-        node, what = deepest(root, ("boundary", *own[:1])), "and none holds a temperature: no heat can leave"
+        node, what = root.nearest("boundary", *own[:1]), "and none holds a temperature: no heat can leave"
         if heat.alpha > 0.0:
             node, what = alpha, "so alpha acts nowhere"
         remedy = "give the role convection to the edges that exchange heat, or give a known temperature theta"
@@ -156,7 +156,7 @@ def check_heat(ctx: Context, root: Node, heat: Heat, boundary: Boundary, materia
             for key, example in (("alpha", "100 W/(m^2*K)"), ("theta_bar", "20 K")) if edge in own else ():
                 if getattr(said, key) is None:
                     what, place = "is missing, and there is no section heat to take it from", ("boundary", edge, "heat")
-                    ctx.errors.once(deepest(root, place), what, f"add {key}: {example}", key=".".join((*place, key)))
+                    ctx.errors.once(root.nearest(*place), what, f"add {key}: {example}", key=".".join((*place, key)))
     elif heat.alpha == 0.0 and own and any(said.alpha is None for _, said in passing):
         what = "with alpha = 0 the edges that have none of their own exchange nothing"
         ctx.errors.once(alpha, what, "give alpha > 0, or make those edges free or traction")

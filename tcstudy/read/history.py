@@ -12,7 +12,7 @@ from typing import Any
 
 from tcstudy.read.checks import supports_fault
 from tcstudy.read.fields import Context, Fields, none_after_fault
-from tcstudy.read.node import Node, deepest, holds
+from tcstudy.read.node import Node
 from tcstudy.read.plans import level_of, meant_number, no_single_load, path_of
 from tcstudy.scene.fits import STEP, FitPlan, Sensitivity
 from tcstudy.scene.histories import MOST_STEPS, HistoryLine, HistoryPlan, Keys, Memory, UnfitLaw
@@ -139,14 +139,14 @@ def _refuse(ctx: Context, root: Node, mesh: MeshPlan | None) -> None:
         remedy = "remove estimate and tolerance, and compare histories on meshes of your own"
         ctx.errors.at(node, "errors are not estimated in a history", remedy, on_key=True)
     for keys in (("output", "fields"), ("output", "live")):
-        if holds(root, keys) and (asked := deepest(root, keys)).value is not False:
+        if root.at(*keys) and (asked := root.nearest(*keys)).value is not False:
             ctx.errors.at(asked, "is not kept of a history", "remove it", on_key=True)
-    words = deepest(root, ("solver", "name"))
+    words = root.nearest("solver", "name")
     if words.path and not isinstance(words.value, Mapping) and words.value != SEPARABLE:
         ctx.errors.at(words, f"a history is solved by {SEPARABLE} alone", f"write solver: {SEPARABLE}", on_key=True)
-    if holds(root, ("solver", "branch")):
+    if root.at("solver", "branch"):
         remedy = "write history.branch: continued or lowest"
-        ctx.errors.at(deepest(root, ("solver", "branch")), "is of single points", remedy, on_key=True)
+        ctx.errors.at(root.nearest("solver", "branch"), "is of single points", remedy, on_key=True)
 
 
 def check_fit(ctx: Context, fields: Fields, plan: FitPlan, history: HistoryPlan) -> None:

@@ -14,7 +14,6 @@ from tcstudy.scene.keys import has_rows, of_role, rows, short_of
 Scalar: TypeAlias = "bool | int | float | str | None"
 Keys: TypeAlias = "tuple[str | int, ...]"
 
-
 COMPONENTS = tuple(name for name in of_role("clamped") if name != "heat")
 """Keys that give the displacement of a clamped edge."""
 
@@ -52,9 +51,33 @@ class Node:
             return {key: item.plain() for key, item in self.value.items()}
         return self.value
 
+    @property
+    def children(self) -> Mapping[str, Node]:
+        """The entries of a mapping; none of anything else."""
+        return self.value if isinstance(self.value, Mapping) else {}
+
+    @property
+    def entries(self) -> tuple[Node, ...]:
+        """The entries of a list; a value that is none is one."""
+        return self.value if isinstance(self.value, tuple) else (self,)
+
     def child(self, key: str) -> Node | None:
         """The value under a key, None if there is none or this is no mapping."""
         return self.value.get(key) if isinstance(self.value, Mapping) else None
+
+    def at(self, *keys: str | int) -> Node | None:
+        """The value at a path, None if there is none."""
+        node: Node | None = self
+        for key in keys:
+            if node is None or isinstance(key, str):
+                node = None if node is None else node.child(str(key))
+            else:
+                node = node.value[key] if isinstance(node.value, tuple) and key < len(node.value) else None
+        return node
+
+    def nearest(self, *keys: str | int) -> Node:
+        """The value at a path, or the last one that exists on the way."""
+        return next(node for n in range(len(keys), -1, -1) if (node := self.at(*keys[:n])) is not None)
 
     def text(self) -> str:
         """The value as one line of YAML-like text, for messages and labels."""
@@ -86,7 +109,7 @@ class Node:
 
 
 class Collector:
-    """The problems found so far. Faults are collected, never raised one by one.
+    """The problems found so far. Faults are collected, never raised one by one; each is said as "what; remedy".
 
     geometry, point: words for the geometry and the sweep point being read; empty while the base study is read
     drawn: whether the values of sweep points stand nowhere in the file, so that every fault must name the point
@@ -108,37 +131,40 @@ class Collector:
         """How often a fault was met, repeated ones included: unchanged if what was read in between is sound."""
         return self._count
 
-    def at(self, node: Node, what: str, remedy: str, *, key: str | None = None, on_key: bool = False) -> None:
-        """Record a fault at a node, or at its key; the same fault in further sweep points is one fault."""
-        self.at_mark(node.key_mark if on_key else node.mark, node.path if key is None else key, what, remedy)
+    def at(self, node: Node, *said: str, key: str | None = None, on_key: bool = False) -> None:
+        """Record a fault at a node, or at its key; the same fault in further sweep points is one fault.
 
-    def once(self, node: Node, what: str, remedy: str, key: str | None = None) -> None:
+        said: what is wrong and what to do, in one text "what; remedy" or several
+        """
+        self.at_mark(node.key_mark if on_key else node.mark, node.path if key is None else key, *said)
+
+    def once(self, node: Node, *said: str, key: str | None = None) -> None:
         """Record a fault between sections, whose place depends on the sweep point, at the first place only."""
         self._count += 1
+        what, _ = halves(said)
         if what not in self._said:
             self._said.add(what)
-            self.at(node, what, remedy, key=key)
+            self.at(node, *said, key=key)
 
-    def unfit(self, node: Node, key: str, what: str, remedy: str) -> None:
+    def unfit(self, node: Node, key: str, *said: str) -> None:
         """Record a shape or an element size that is none: a fault, unless it is that of one geometry of several."""
         if self.refused is None:
-            self.at(node, what, remedy, key=key)
+            self.at(node, *said, key=key)
         else:
             self._count += 1
-            self.refused.append(f"{key}: {what}; {remedy}")
+            self.refused.append(f"{key}: {'; '.join(said)}")
 
-    def unreadable(self, mark: Mark, key: str, what: str, remedy: str) -> None:
+    def unreadable(self, mark: Mark, key: str, *said: str) -> None:
         """Record that there is no value at a place; whatever its readers say about it is no news."""
-        self.at_mark(mark, key, what, remedy)
+        self.at_mark(mark, key, *said)
         self._unreadable.add(mark)
 
-    def at_mark(self, mark: Mark, key: str, what: str, remedy: str) -> None:
+    def at_mark(self, mark: Mark, key: str, *said: str) -> None:
         """Record a fault at a place."""
         self._count += 1
-        if mark in self._unreadable:
+        if mark in self._unreadable or (self.point and (mark, key) in self._places):
             return
-        if self.point and (mark, key) in self._places:
-            return
+        what, remedy = halves(said)
         words = ", ".join(filter(None, (self.geometry, self.point)))
         if words and (self.drawn or not key.startswith("sweep")):
             what = f"{what} ({'' if self.drawn and self.point else 'with '}{words})"
@@ -149,9 +175,20 @@ class Collector:
             self.problems.append(problem)
 
 
+def halves(said: tuple[str, ...]) -> tuple[str, str]:
+    """What is wrong and what to do, of a text "what; remedy" or of both."""
+    what, *remedy = said if len(said) > 1 else said[0].split("; ", 1)
+    return what, "; ".join(remedy)
+
+
 def is_name(text: str) -> bool:
     """Whether a text may be the name of an edge or a region: letters, digits and underscores."""
     return text.isascii() and text.replace("_", "a").isalnum()
+
+
+def likeness(one: str, two: str) -> float:
+    """How alike two words are, from 0 to 1."""
+    return difflib.SequenceMatcher(None, one, two).ratio()
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
@@ -164,13 +201,18 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
     return near[0] if near else None
 
 
+def hint(word: str, known: Iterable[str], otherwise: str) -> str:
+    """Remedy for a word that is not known: the nearest that is, or something else."""
+    near = nearest(word, known)
+    return f"did you mean {near!r}?" if near else otherwise
+
+
 def meant(key: str, free: list[str], known: list[str]) -> str | None:
     """The key that a misspelt one stands for: one that is not given yet, unless another is more like it."""
     best, unused = nearest(key, known), nearest(key, free)
     if best is None or unused is None:
         return unused or best
-    likeness = [difflib.SequenceMatcher(None, key, word).ratio() for word in (best, unused)]
-    return best if likeness[0] > likeness[1] else unused
+    return best if likeness(key, best) > likeness(key, unused) else unused
 
 
 OWN, LIKE = 0.6, 0.8
@@ -183,22 +225,15 @@ def elsewhere(key: str, path: str, near: str | None) -> str:
 
     near: the nearest key of its own section
     """
-    like = difflib.SequenceMatcher(None, key, near).ratio() if near else 0.0
     other = {name: rows(name) for name in rows("") if name != path.split(".")[0].split("[")[0] and has_rows(name)}
     homes = [name for name, own in other.items() if key in own]
-    if like < OWN and (homes or (path and key in rows(""))):
+    if (not near or likeness(key, near) < OWN) and (homes or (path and key in rows(""))):
         return f"{key} belongs in {' or '.join(homes)}" if homes else f"{key} belongs at the top of the study"
-    if not near:
-        words = difflib.get_close_matches(key, {word for own in other.values() for word in own}, n=1, cutoff=LIKE)
-        homes = [name for name, own in other.items() if words and words[0] in own]
-        return f"did you mean {words[0]!r} of {' or '.join(homes)}?" if homes else ""
-    return f"did you mean {near!r}?"
-
-
-def hint(word: str, known: Iterable[str], otherwise: str) -> str:
-    """Remedy for a word that is not known: the nearest that is, or something else."""
-    near = nearest(word, known)
-    return f"did you mean {near!r}?" if near else otherwise
+    if near:
+        return f"did you mean {near!r}?"
+    words = difflib.get_close_matches(key, {word for own in other.values() for word in own}, n=1, cutoff=LIKE)
+    homes = [name for name, own in other.items() if words and words[0] in own]
+    return f"did you mean {words[0]!r} of {' or '.join(homes)}?" if homes else ""
 
 
 def split_path(path: str) -> Keys | None:
@@ -207,30 +242,6 @@ def split_path(path: str) -> Keys | None:
         return None
     tokens = re.findall(r"\[\d+\]|[^.\[\]]+", path)
     return tuple(int(token[1:-1]) if token[0] == "[" else token for token in tokens)
-
-
-def inside(node: Node, key: str | int) -> Node | None:
-    """The value under a key of a mapping or at a place of a list; None if there is none."""
-    if isinstance(key, str):
-        return node.child(key)
-    return node.value[key] if isinstance(node.value, tuple) and key < len(node.value) else None
-
-
-def deepest(root: Node, keys: Keys) -> Node:
-    """The node at a path, or the last one that exists on the way."""
-    for key in keys:
-        if (inner := inside(root, key)) is None:
-            break
-        root = inner
-    return root
-
-
-def holds(root: Node, keys: Keys) -> bool:
-    """True if there is a value at the path."""
-    node: Node | None = root
-    for key in keys:
-        node = inside(node, key) if node else None
-    return node is not None
 
 
 def put(root: Node, keys: Keys, new: Node | None, done: Keys = ()) -> Node:
@@ -270,10 +281,8 @@ def _hold_other(children: dict[str, Node], key: str) -> None:
 
 def _children(node: Node, here: str, done: Keys) -> dict[str, Node]:
     """The children of a mapping, of a word that stands for one, or of an empty value."""
-    if isinstance(node.value, Mapping):
-        return dict(node.value)
-    if node.value is None:
-        return {}
+    if isinstance(node.value, Mapping) or node.value is None:
+        return dict(node.children)
     word = short_of(str(done[0])) if len(done) == (2 if done[:1] == ("boundary",) else 1) else ""
     if not word or not isinstance(node.value, str):
         raise KeyError(f"{here} is {node.kind()}, not a mapping with keys")

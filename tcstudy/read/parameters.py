@@ -79,7 +79,7 @@ def _number(ctx: Context, node: Node) -> Named:
             return Named(to_si(*parts, dimension), dimension)
         except UnitError as error:
             fault = error
-    ctx.errors.at(node, f"{parts[1]!r} is not a unit of any number of a study", fault.remedy)
+    ctx.errors.at(node, f"{parts[1]!r} is not a unit of any number of a study", fault.args[1])
     return Named(float("nan"), NONE)
 
 

@@ -5,24 +5,25 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 from tcstudy.expressions.expression import Expression
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import GrowthError
 from tcstudy.laws.shapes import SHAPES, LawError
-from tcstudy.read.fields import Context, Fields, none_after_fault
+from tcstudy.read.fields import Context, Fields, Unsound, none_after_fault, word_of
 from tcstudy.read.heat import HEAT_KEYS, Boundary, read_edge_heat
 from tcstudy.read.node import COMPONENTS, Node, hint, nearest
+from tcstudy.scene.key import LOADED, MOVED
 from tcstudy.scene.keys import law_rows, of_role, row, rows
 from tcstudy.scene.records import Clamped, Contact, Convection, Free, Material, Rigid, Role, Scalar, Symmetry, Traction
 
 ROLES = row("boundary", "role").words
-UNLOADED = {one.word: one for one in (Contact, Free, Symmetry)}
-"""Roles that are given by their name, and by what they do to heat."""
+KINDS = {one.word: one for one in (Clamped, Symmetry, Rigid, Traction, Contact, Convection, Free)}
 ALL_KEYS = tuple(name for name in rows("boundary") if name != "role")
-FRAMES: tuple[tuple[Literal["xy", "nt"], str, str], ...] = (("xy", "u_x", "u_y"), ("nt", "u_N", "u_T"))
+WAYS = (("u",), ("u_x", "u_y"), ("u_N", "u_T"))
+"""How a displacement may be given: as a pair, in x and y, or in the frame of the edge."""
 
 
 @none_after_fault
@@ -33,24 +34,21 @@ def read_boundary(ctx: Context, node: Node, names: tuple[str, ...] | None) -> Bo
     """
     remedy = f"write one EDGE: role per line; roles are {', '.join(ROLES)}"
     given = ctx.mapping(node, "edges to roles", remedy, least=0)
-    if not isinstance(node.value, Mapping):
-        return ()
     roles = {edge: _role(ctx, item) for edge, item in given.items()}
-    guessed = {}  # a misspelt edge is one fault, not two
-    if names is not None:
+    if names is not None and isinstance(node.value, Mapping):
         without = [name for name in names if name not in given]
         guessed = {edge: nearest(edge, without) or nearest(edge, names) for edge in given if edge not in names}
         for edge, near in guessed.items():
             remedy = f"did you mean {near!r}?" if near else f"the edges are {', '.join(names)}"
             ctx.errors.at(given[edge], f"the body has no edge {edge!r}", remedy, on_key=True)
         for edge in without:
-            if edge not in guessed.values():
-                remedy = f"add {edge}: free, or one of {', '.join(ROLES[:-1])}"
-                ctx.errors.at(node, "the edge has no role", remedy, key=f"{node.path}.{edge}")
+            if edge not in guessed.values():  # a misspelt edge is one fault, not two
+                said = f"the edge has no role; add {edge}: free, or one of {', '.join(ROLES[:-1])}"
+                ctx.errors.at(node, said, key=f"{node.path}.{edge}")
     ctx.sound()
     if not any(isinstance(role, Contact) for role in roles.values()):
-        remedy = "give the role contact to the edges that touch the foundation"
-        ctx.errors.at(node, "no edge is in contact, so there is no friction to study", remedy)
+        what = "no edge is in contact, so there is no friction to study"
+        ctx.errors.at(node, what, "give the role contact to the edges that touch the foundation")
     return tuple(roles.items())
 
 
@@ -64,39 +62,30 @@ def _role(ctx: Context, node: Node) -> Role:
     """The role of one edge, given as a word or a mapping."""
     if not isinstance(node.value, Mapping):
         node = replace(node, value={"role": node})
-    word, before = node.child("role"), len(ctx.errors)
-    kind = ctx.choice(word, ROLES) if word else ""
-    if word is None or len(ctx.errors) > before:
-        if word is None:
-            Fields(ctx, node, "boundary")
+    if not (kind := word_of(ctx, node, "boundary", "role")):
         return Free()
     foreign = [key for key in ALL_KEYS if node.child(key) and key not in of_role(kind)]
     fields = Fields(ctx, node, "boundary", ("role",), (*of_role(kind), *foreign))
     for key in foreign:
         fields.fault(key, f"the role {kind} takes no {key}", _home(key), on_key=True)
-    heat = read_edge_heat(ctx, fields, kind)
-    if kind in UNLOADED:
-        return UNLOADED[kind](heat=heat)
-    if kind == "clamped":
-        return replace(_clamped(ctx, node, fields), heat=heat)
-    force = fields.value("force") if fields["force"] else (0.0, 0.0)
-    if any(isinstance(one, Expression) for one in force):
-        what = "a resultant is one number in x and one in y"
-        fields.fault("force", what, "give g for a traction that varies along the edge")
-        force = 0.0, 0.0
+    own = {"heat": read_edge_heat(ctx, fields, kind)} | fields.given({"g", "pressure", "force", "moment"} - {*foreign})
+    if any(isinstance(one, Expression) for one in own.get("force", ())):
+        said = "a resultant is one number in x and one in y; give g for a traction that varies along the edge"
+        fields.fault("force", said)
+        del own["force"]
+    if kind in MOVED:
+        own |= _displacement(ctx, node, fields, kind)
     if kind == "rigid":
-        return replace(_rigid(ctx, node, fields, force), heat=heat)
+        _check_rigid(fields, own.get("u", (None, None)), own.get("force", (0.0, 0.0)), own.get("moment"))
     if kind == "traction" and not any(fields[key] for key in ("g", "pressure", "force", "spring")):
         remedy = "write {role: traction, g: [gx, gy]} or {role: traction, pressure: p}, or the role free"
         ctx.errors.at(node, "a traction edge needs g or pressure", remedy)
-    spring = 0.0, 0.0
-    if (support := fields["spring"]) is not None:
-        own = Fields(ctx, support, "spring")
-        if isinstance(support.value, Mapping) and not own.values:
+    if kind in LOADED and (support := fields["spring"]) is not None:
+        spring = Fields(ctx, support, "spring")
+        if isinstance(support.value, Mapping) and not spring.values:
             ctx.errors.at(support, "says nothing", "give normal or tangential: " + ctx.example("5e9 Pa/m"))
-        spring = own.value("normal"), own.value("tangential")
-    made = Traction if kind == "traction" else Convection
-    return made(**fields.given(("g", "pressure")), heat=heat, force=force, spring=spring)
+        own["spring"] = spring.value("normal"), spring.value("tangential")
+    return KINDS[kind](**own)
 
 
 def _home(key: str) -> str:
@@ -113,41 +102,33 @@ def _home(key: str) -> str:
     return "give the edge the role traction or convection, which take g, pressure and force"
 
 
-def _clamped(ctx: Context, node: Node, fields: Fields) -> Clamped:
-    """Prescribed displacement: u, or components in x and y or in the edge's frame; "free" leaves one free."""
-    given = [frame for frame in FRAMES if fields[frame[1]] or fields[frame[2]]]
-    if len(given) + (fields["u"] is not None) > 1:
-        remedy = "give either u: [u_x, u_y], or u_x and u_y, or u_N and u_T"
-        ctx.errors.at(node, "the displacement is given in two ways", remedy)
-        return Clamped()
-    result = Clamped(**fields.given(("u",)))
-    for frame, first, second in given:
-        result = Clamped((fields.value(first), fields.value(second)), frame)
-    if result.u == (None, None):
-        ctx.errors.at(node, "both components are free, so nothing is clamped", "give the edge the role free")
-    return result
+def _displacement(ctx: Context, node: Node, fields: Fields, kind: str) -> dict[str, Any]:
+    """What of u an edge is given, and in which frame; "free" leaves a component free, as one that is left out."""
+    ways = [names for names in WAYS if names[0] in of_role(kind) and any(fields[name] for name in names)]
+    if len(ways) > 1:
+        either = "u: [u_x, u_y], or u_x and u_y" + (", or u_N and u_T" if kind == "clamped" else "")
+        ctx.errors.at(node, "the displacement is given in two ways", f"give either {either}")
+    if len(ways) != 1:
+        return {}
+    u = fields.value("u") if fields["u"] else tuple(map(fields.value, ways[0]))
+    if kind == "clamped" and u == (None, None):
+        ctx.errors.at(node, "both components are free, so nothing is clamped; give the edge the role free")
+    return {"u": u, "frame": "nt" if "u_N" in ways[0] else "xy"}
 
 
-def _rigid(ctx: Context, node: Node, fields: Fields, force: tuple[float, float]) -> Rigid:
+def _check_rigid(fields: Fields, u: tuple[Any, Any], force: tuple[float, float], moment: float | None) -> None:
     """An edge that moves as a whole: components that are given, and resultants of the others."""
-    if fields["u"] and (fields["u_x"] or fields["u_y"]):
-        ctx.errors.at(node, "the displacement is given in two ways", "give either u: [u_x, u_y], or u_x and u_y")
-        return Rigid()
-    u = fields.value("u") if fields["u"] else (fields.value("u_x"), fields.value("u_y"))
-    moment = fields.value("moment")
     if moment is not None and u != (None, None):
-        what = "an edge that turns moves as its forces and its moment want"
-        fields.fault("moment", what, "leave out u, or the moment")
+        fields.fault("moment", "an edge that turns moves as its forces and its moment want; leave out u, or the moment")
     elif any(isinstance(component, Expression) for component in u):
-        ctx.errors.at(node, "a rigid edge moves as a whole, by one number", "use the role clamped")
+        fields.ctx.errors.at(fields.node, "a rigid edge moves as a whole, by one number; use the role clamped")
     elif None not in u:
         what = "both components are given, so nothing is left for the edge to find"
-        ctx.errors.at(node, what, "give the edge the role clamped, or leave a component out")
+        fields.ctx.errors.at(fields.node, what, "give the edge the role clamped, or leave a component out")
     for name, component, given in zip("xy", u, force, strict=True):
         if component is not None and given != 0.0:
             what = f"u_{name} is given, so a force in {name} would not be used"
             fields.fault("force", what, f"write 0 in its place, or leave out u_{name}")
-    return Rigid(u, force=force, moment=moment)
 
 
 @none_after_fault
@@ -208,46 +189,38 @@ def read_loads(ctx: Context, node: Node | None) -> tuple[Scalar, Scalar]:
 
 def laws_by_edge(node: Node | None) -> dict[str, Node]:
     """The laws of the section `friction` by edge; empty where it is one law."""
-    if node is None or not isinstance(node.value, Mapping) or node.child("law"):
-        return {}
-    found = dict(node.value)
+    found = dict(node.children) if node and not node.child("law") else {}
     return found if any(isinstance(one.value, Mapping) for one in found.values()) else {}
 
 
 @none_after_fault
-def read_friction(ctx: Context, node: Node) -> Laws | EdgeLaws | None:
+def read_friction(ctx: Context, node: Node) -> Laws | EdgeLaws:
     """The friction law, or the laws of the contact edges; None after a fault."""
     laws = [(edge, _law(ctx, own)) for edge, own in (laws_by_edge(node) or {"": node}).items()]
     ctx.sound()
-    if laws[0][0] == "" and laws[0][1][1] == 1.0:
-        return laws[0][1][0]
-    return EdgeLaws(tuple((edge, law, strength) for edge, (law, strength) in laws if law is not None))
+    made = tuple((edge, *law) for edge, law in laws if law is not None)
+    return made[0][1] if made[0][0] == "" and made[0][2] == 1.0 else EdgeLaws(made)
 
 
-def _law(ctx: Context, node: Node) -> tuple[Laws | None, Scalar]:
-    """A law, None after a fault, and its strength where that varies: a number is made part of the law."""
-    word, before = node.child("law"), len(ctx.errors)
-    name = ctx.choice(word, tuple(SHAPES)) if word else ""
-    if word is None or len(ctx.errors) > before:
-        if word is None:
-            Fields(ctx, node, "friction", ("law",))
-        return None, 1.0
+@none_after_fault
+def _law(ctx: Context, node: Node) -> tuple[Laws, Scalar]:
+    """A law, and its strength where that varies: a number is made part of the law. None after a fault."""
+    name = word_of(ctx, node, "friction", "law")
+    ctx.sound()
     own = (row("friction", "law"), row("friction", "strength"), *law_rows(name))
     fields, shape = Fields(ctx, node, {one.name: one for one in own}), SHAPES[name]
     values, strength = fields.given(), fields.value("strength")
     if isinstance(strength, float) and strength < 0.0:
-        remedy = "write a factor of 0 or more; 0 is a gap in the bond"
-        fields.fault("strength", f"must be 0 or more, but is {strength:g}", remedy)
-    if len(ctx.errors) > before:
-        return None, 1.0
+        said = f"must be 0 or more, but is {strength:g}; write a factor of 0 or more; 0 is a gap in the bond"
+        fields.fault("strength", said)
+    ctx.sound()
     try:
         law = shape.build(**{key: values[key] for key in values if key not in ("law", "strength")})
-        if isinstance(strength, Expression):
-            return law, strength
-        return law if strength == 1.0 else law.times(strength), 1.0
+        varies = isinstance(strength, Expression)
+        return law if varies or strength == 1.0 else law.times(strength), strength if varies else 1.0
     except LawError as error:
         what, _, remedy = error.message.partition("; ")
         fields.fault(error.parameter, what, remedy or f"the law {name}: {shape.summary}")
     except GrowthError as error:
         fields.fault("points", str(error), "let the last values and slopes of b have the sign of the slip")
-    return None, 1.0
+    raise Unsound

@@ -12,7 +12,7 @@ from typing import Any, get_args
 from tcstudy.expressions.expression import Expression
 from tcstudy.read.checks import check_goal, check_guarantee, check_mesh, corner_faults
 from tcstudy.read.fields import Context, Fields, none_after_fault
-from tcstudy.read.node import Node, deepest, hint
+from tcstudy.read.node import Node, hint
 from tcstudy.scene.families import FAMILIES, PLAIN, TO_TOLERANCE, FamilyName
 from tcstudy.scene.keys import rows
 from tcstudy.scene.parameters import SHORT, Keys, Number, affine_numbers, sweepable
@@ -46,7 +46,7 @@ def read_mesh(ctx: Context, root: Node, h: Node | None, body: Body | None, scene
         return None
     plan = _mesh(ctx, section or replace(h or root, value={}), h)
     if plan and body:
-        check_mesh(ctx, listed or deepest(root, ("mesh", "maxh")), plan, body)
+        check_mesh(ctx, listed or root.nearest("mesh", "maxh"), plan, body)
         check_guarantee(ctx, root, plan, body)
         places = (h if not listed else None, "of"), (section, "of"), (section, "goal")
         goal = next((node for place, key in places if place and (node := place.child(key))), None)

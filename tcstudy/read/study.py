@@ -13,7 +13,7 @@ from tcstudy.errors import StudyError
 from tcstudy.read.document import apply_overrides, compose, load_text, with_sweep
 from tcstudy.read.exact import derived_scenes, read_exact, without_loads
 from tcstudy.read.fields import Context, Fields
-from tcstudy.read.node import Collector, Node, deepest
+from tcstudy.read.node import Collector, Node
 from tcstudy.read.parameters import read_parameters
 from tcstudy.read.plans import read_mesh, read_output, read_path, read_solver
 from tcstudy.read.scenes import SceneReader
@@ -110,7 +110,7 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
     body = reader.body
     mesh = read_mesh(ctx, root, sweep.h, body, scenes)
     solver, output = read_solver(ctx, root.child("solver")), read_output(ctx, root.child("output"))
-    if output and (places := deepest(root, ("output", "probes"))).path == "output.probes":
+    if output and (places := root.nearest("output", "probes")).path == "output.probes":
         from tcstudy.read.asked import read_probes  # only for a study that has them
 
         output = replace(output, probes=read_probes(ctx, places, body, scenes))
@@ -141,6 +141,6 @@ def _read_run(ctx: Context, root: Node, sweep: Sweep, reader: SceneReader, scene
     for keys, key in product((keys for keys, asked in alone.items() if asked), ("path", "history", "fit")):
         if root.child(key):
             remedy = "write path.complete: true" if (keys[0], key) == ("solver", "path") else "remove it"
-            ctx.errors.at(deepest(root, keys), f"is of single points, not of a {key}", remedy)
+            ctx.errors.at(root.nearest(*keys), f"is of single points, not of a {key}", remedy)
     found = {"mesh": mesh, "solver": solver, "output": output, "exact": exact}
     return found | {"path": path, "history": history, "fit": fit}

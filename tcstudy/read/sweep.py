@@ -16,7 +16,7 @@ from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.document import whole_key
 from tcstudy.read.fields import Context, only_key
 from tcstudy.read.heat import needed_of_heat
-from tcstudy.read.node import Mark, Node, deepest, hint, holds, nearest, put, split_path
+from tcstudy.read.node import Mark, Node, hint, nearest, put, split_path
 from tcstudy.read.parameters import check_swept_names, swept_names
 from tcstudy.read.physics import ALL_KEYS, keys_of, laws_by_edge
 from tcstudy.read.points import draw, read_design, read_table
@@ -129,7 +129,7 @@ def geometric_parameters(root: Node, named: Sequence[Sequence[str]]) -> dict[Key
         row = rows("mesh").get(path[1]) if path[0] == "mesh" and len(path) == 2 else None
         if row is not None and row.swept:  # its levels are a dimension of their own
             found[path] = Parameter(path, replace(row, kind="number"))
-        elif path[0] == "body" and holds(root, keys) and isinstance(deepest(root, keys).value, int | float | str):
+        elif path[0] == "body" and root.at(*keys) and isinstance(root.nearest(*keys).value, int | float | str):
             found[path] = Parameter(path, Key(path[-1], "number", "number of the body", LENGTH))
     return found
 
@@ -170,7 +170,7 @@ def _check_options(ctx: Context, root: Node, sweep: Sweep, overrides: Sequence[s
             path = split_path(".".join(words)) or ()
             same = keys == path or (key == short and key not in rows(""))
             # its value comes of the option
-            above = path[: len(keys)] == keys and holds(root, path) and deepest(root, path).mark.file == place
+            above = path[: len(keys)] == keys and root.at(*path) and root.nearest(*path).mark.file == place
             if same or above or keys[: len(path)] == path:
                 lost = "this value" if same or not above else "its value here"
                 listed = f', --set "sweep.{name}=[{value}]"' if same and sweep.mode == "grid" and not whole else ""
@@ -182,10 +182,10 @@ def _check_options(ctx: Context, root: Node, sweep: Sweep, overrides: Sequence[s
 
 def with_swept_keys(root: Node, sweep: Sweep) -> Node:
     """The base study: swept keys that it does not give have the first of their values."""
-    whole = {axis.parameter.path for axis in sweep.axes if holds(root, axis.parameter.path)}
+    whole = {axis.parameter.path for axis in sweep.axes if root.at(*axis.parameter.path)}
     for axis in sorted(sweep.axes, key=lambda axis: len(axis.parameter.path)):
         # A parameter of a law that is itself swept may be foreign to the base law.
-        if not holds(root, axis.parameter.path) and axis.parameter.path[:1] not in whole:
+        if not root.at(*axis.parameter.path) and axis.parameter.path[:1] not in whole:
             with suppress(KeyError):  # something else stands there, which the section's reader records
                 root = put(root, axis.parameter.path, axis.values[0])
     return root

@@ -223,7 +223,7 @@ def _as_number(name: str, value: Value, units: str) -> float:
     try:
         return u.to_si(*quantity, dimension)
     except u.UnitError as error:
-        raise DrawError(f"{name} = {value!r}: {error}; {error.remedy}") from error
+        raise DrawError(f"{name} = {value!r}: {error}") from error
 
 
 def _has(given: str, names: list[str], most: int = 8) -> str:

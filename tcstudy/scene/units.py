@@ -65,17 +65,11 @@ SIGNS = str.maketrans({**dict.fromkeys("·⋅∙×", "*"), **dict.fromkeys("−�
 
 
 class UnitError(ValueError):
-    """A text with a unit that cannot be read, or has another dimension than expected.
+    """A text with a unit that cannot be read, or has another dimension than expected: what is wrong, what to write."""
 
-    remedy: what to write instead
-    """
-
-    def __init__(self, message: str, remedy: str) -> None:
-        super().__init__(message)
-        self.remedy = remedy
-
-    def __reduce__(self) -> tuple[type[UnitError], tuple[str, str]]:
-        return type(self), (str(self), self.remedy)
+    def __str__(self) -> str:
+        """Both in one text."""
+        return "; ".join(self.args)
 
 
 def split_quantity(text: str) -> tuple[str, str] | None:

@@ -4,7 +4,7 @@ import pytest
 
 from tcstudy.errors import Problem, StudyError
 from tcstudy.read.document import apply_overrides, compose
-from tcstudy.read.node import Collector, Mark, Node, deepest, holds, put, split_path
+from tcstudy.read.node import Collector, Mark, Node, put, split_path
 
 
 def tree(text: str) -> Node:
@@ -57,19 +57,19 @@ def test_scalars_are_those_of_yaml_1_2(text: str, value: object) -> None:
 
 def test_every_node_knows_its_path_and_its_place() -> None:
     root = tree("a:\n  b: [1, {c: 2}]\nd:\n")
-    node = deepest(root, ("a", "b", 1, "c"))
+    node = root.nearest("a", "b", 1, "c")
     assert (node.value, node.path, node.mark, node.key_mark) == (
         2,
         "a.b[1].c",
         Mark("a.yaml", 2, 14),
         Mark("a.yaml", 2, 11),
     )
-    assert deepest(root, ("d",)).mark == Mark("a.yaml", 3, 1)  # an empty value is where its key is
+    assert root.nearest("d").mark == Mark("a.yaml", 3, 1)  # an empty value is where its key is
 
 
 def test_aliases_get_paths_of_their_own() -> None:
     root = tree("a: &law {tau: 5}\nb: *law\n")
-    assert deepest(root, ("b", "tau")).path == "b.tau"
+    assert root.nearest("b", "tau").path == "b.tau"
     assert root.plain() == {"a": {"tau": 5}, "b": {"tau": 5}}
 
 
@@ -139,8 +139,8 @@ def test_put_copies_only_what_it_touches() -> None:
     assert changed.child("c") is root.child("c")
     assert put(root, ("x", "y"), new).plain() == {"a": {"b": [1, 2]}, "c": {"d": 3}, "x": {"y": 9}}
     assert put(root, ("c", "d"), None).plain() == {"a": {"b": [1, 2]}, "c": {}}
-    assert holds(root, ("c", "d"))
-    assert not holds(root, ("c", "e"))
+    assert root.at("c", "d")
+    assert not root.at("c", "e")
 
 
 def test_put_writes_words_out_that_stand_for_mappings() -> None:
@@ -152,7 +152,7 @@ def test_put_writes_words_out_that_stand_for_mappings() -> None:
         (("boundary", "left", "u_y"), {"role": "clamped", "u_x": 0, "u_y": 5}),
         (("boundary", "right", "u_y"), {"role": "clamped", "u_x": 1, "u_y": 5}),
     ):
-        assert deepest(put(root, keys, tree("5")), keys[:-1]).plain() == made
+        assert put(root, keys, tree("5")).nearest(*keys[:-1]).plain() == made
 
 
 def test_overrides() -> None:
@@ -161,7 +161,7 @@ def test_overrides() -> None:
     root = apply_overrides(root, ["a.b=[1, 2 mm]", "s=1e-3", "c=null", "e.f.g = text"], {"s": "a.s"}, errors)
     assert not errors.problems
     assert root.plain() == {"a": {"b": [1, "2 mm"], "s": 1e-3}, "e": {"f": {"g": "text"}}}
-    node = deepest(root, ("a", "b", 1))
+    node = root.nearest("a", "b", 1)
     assert (node.path, node.mark) == ("a.b[1]", Mark("--set a.b=[1, 2 mm]", 0, 0))
 
 
