@@ -74,12 +74,12 @@ class Study(records.Study):
     def __getitem__(self, key: str) -> object:
         """The value at a key path, as it is written: study["friction.delta"]. Raises UsageError where there is none."""
         from tcstudy.read.document import tree_of
-        from tcstudy.read.node import deepest, hint, holds, split_path
+        from tcstudy.read.node import hint, split_path
 
-        root, keys = tree_of(self), split_path(key) or (key,)
-        if not holds(root, keys):
+        found = tree_of(self).at(*(split_path(key) or (key,)))
+        if found is None:
             raise UsageError(f"the study has no {key}; {hint(key, self._ipython_key_completions_(), 'print it')}")
-        return deepest(root, keys).plain()
+        return found.plain()
 
     def _ipython_key_completions_(self) -> list[str]:
         from tcstudy.read.document import leaves, tree_of
