@@ -21,7 +21,7 @@ from tcstudy.data.on_request import step_derivatives
 from tcstudy.data.provenance import Provenance, program
 from tcstudy.data.reading import is_foreign, refuse_changed
 from tcstudy.data.records import LevelRecord, PointStatus, Row, decode, row_of
-from tcstudy.data.schema import BESIDE, DIFFERENCE, JOINTS, FileVariable
+from tcstudy.data.schema import BESIDE, DIFFERENCE, JOINTS, REGIONS, FileVariable, region_variables
 from tcstudy.data.store import Record, load_root, missing, write_record
 from tcstudy.data.tables import HISTORY, LINE, MESH_LEVEL
 from tcstudy.data.writer import axis_name, in_file_order
@@ -87,7 +87,8 @@ def variables(study: Study) -> tuple[FileVariable, ...]:
     """The variables of this study's file; what its memory does not have is left out."""
     assert study.history is not None
     name, jumping = study.history.memory.name, study.history.branch == "continued"
-    without = {"plastic"} if name != "elastic-plastic" else set()
+    without = {v.name for v in REGIONS} - {v.name for v in region_variables(study)}
+    without |= {"plastic"} if name != "elastic-plastic" else set()
     own = (v for v in HISTORY if v.name not in without and (jumping or v.name != "jumped"))
     return (*own, *step_derivatives(study.output.sensitivity))
 

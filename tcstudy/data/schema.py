@@ -17,6 +17,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from tcstudy.scene.points import law_regions
 from tcstudy.scene.study import START_NAMES, Goal, Study
 
 
@@ -106,6 +107,12 @@ DIFFERENCE = (("units_metadata", "temperature: difference"),)
 _LEVEL = ("level",)
 _INTEGRAL = "integral of -S_T over the contact line, per unit thickness"
 _SLIPPING = "length of the contact line that does not stick"
+_OF_REGIONS = {
+    "elastic": "where b rises from 0 along its first piece",
+    "yielded": "beyond sticking or the first piece of b, where b does not fall",
+    "softening": "where b falls",
+    "debonded": "beyond the last fall of b",
+}
 HEAT_BOUND = 1e-10
 """Largest heat balance that passes: heat is asked to be as exact as friction is by default (solver.tolerance).
 
@@ -154,7 +161,9 @@ ROOT: tuple[FileVariable, ...] = (
     count("evaluations", "evaluations of the energy"),
     result("u_T_max", "m", "largest |u_T|", "tangential displacement on the contact line"),
     result("friction_resultant", "N m-1", "friction resultant", _INTEGRAL),
-    result("slip_length", "m", "slip length", _SLIPPING),
+    result("slip_length", "m", "slip length", f"{_SLIPPING}; missing for laws that stick nowhere"),
+    result("shear_max", "Pa", "largest |xi|", "tangential traction on the contact line"),
+    result("shear_max_at", "m", "arc length of the largest |xi|"),
     result("lambda_1", "Pa m-1", "tangential stiffness lambda_1", "smallest of the body, per contact length"),
     result("lambda_1_error", "1", "relative error of lambda_1", "by rounding; proofs take the body softer by it"),
     result("omega", "Pa m-1", "steepest fall omega of b", "infinite if the friction law jumps down"),
@@ -175,6 +184,19 @@ ROOT: tuple[FileVariable, ...] = (
     _time("condense"),
     _time("solve"),
 )
+
+REGIONS: tuple[FileVariable, ...] = (
+    result("breathing_length", "m", "breathing length", "where u_T is not 0; missing for laws that stick nowhere"),
+    *(result(f"{name}_length", "m", f"{name} length", what) for name, what in _OF_REGIONS.items()),
+)
+"""What is kept where the laws have such a region: lengths of the contact line, u_T being linear between its nodes."""
+
+
+def region_variables(study: Study) -> tuple[FileVariable, ...]:
+    """Those of REGIONS that some law of the study has."""
+    own = law_regions(study.scenes)
+    return tuple(v for v in REGIONS if v.name.removesuffix("_length") in own)
+
 
 NOT_ALL, ALL_PROVED, OF_POLYGON = 0, 1, 2
 EVERY: tuple[FileVariable, ...] = (
@@ -341,7 +363,8 @@ LIVE = tuple(
 tcstudy.offline.level). A record hands them over as fields, LIVE_PREFIX before their names."""
 LIVE_PREFIX = "live_"
 
-_ALL = (*ROOT, *EVERY, *SOLUTION, *SOLVERS, *ESTIMATES, *GUARANTEED, *CONTACT, *HELD, *JOINTS, *MESH, REGION, *FIELDS)
+_POINTS = (*ROOT, *REGIONS, *EVERY, *SOLVERS, *ESTIMATES, *GUARANTEED)
+_ALL = (*_POINTS, *SOLUTION, *CONTACT, *HELD, *JOINTS, *MESH, REGION, *FIELDS)
 RESERVED = frozenset(name for v in _ALL for name in (v.name, *v.dims)) | {*_GOAL_NAMES, "geometry", "mesh", POINT}
 """Names of the file that no swept parameter may take; see `tcstudy.data.writer`."""
 

@@ -107,7 +107,7 @@ def write_record(path: Path, study: Study, record: Record, provenance: Provenanc
 
 def root_variables(study: Study) -> tuple[FileVariable, ...]:
     """The variables of the root group of this study's file."""
-    found = schema.ROOT
+    found = schema.ROOT + schema.region_variables(study)
     if len(study.solver.names) > 1:
         found += schema.SOLVERS
     if study.mesh.guarantee:

@@ -174,6 +174,12 @@ class ContactLine:
         return number[self.segments]
 
     @cached_property
+    def own_law(self) -> Indices:
+        """(s, 2) the contact unknown whose law half a segment has: its end, the other one at a joint or held end."""
+        own, joint = self.unknowns, np.isin(self.unknowns, self.joints.node)
+        return np.where((own < 0) | (joint & (own[:, ::-1] >= 0) & ~joint[:, ::-1]), own[:, ::-1], own)
+
+    @cached_property
     def lengths(self) -> Array:
         """(s,) lengths of the segments [m]."""
         return np.asarray(np.linalg.norm(self.ends[:, 1] - self.ends[:, 0], axis=1))

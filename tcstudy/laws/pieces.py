@@ -38,6 +38,11 @@ Slips = Array | float
 UP, BEND, DOWN = 1, 0, -1
 """Kinds of kink: up-jump (convex kink of j, sticking), change of slope only, down-jump (concave)."""
 
+REGIONS = ("bare", "elastic", "yielded", "softening", "debonded")
+BARE, ELASTIC, YIELDED, SOFTENING, DEBONDED = range(len(REGIONS))
+"""What a law does on a piece, outwards from s = 0: it is 0; it rises from 0 along its first piece; it does neither that
+nor fall, and falls further out or nowhere; it falls; it has fallen and does not fall any more."""
+
 NARROW = 32.0
 """Roundings of the slip up to which a piece is narrow (`Laws.without_narrow_pieces`)."""
 _SELDOM = 3
@@ -223,6 +228,27 @@ class LawPieces:
         """(…) steepest fall ω = −inf (b(s₁)−b(s₂))/(s₁−s₂) ≥ 0; infinite with a down-jump (method §5) [Pa/m]."""
         steepest = 0.0 + np.maximum(0.0, -np.min(self.end_slopes.astype(float), axis=(0, -1)))
         return np.asarray(np.where(np.any(self.kinds == DOWN, axis=-1), np.inf, steepest))
+
+    @Fact
+    def regions(self) -> NDArray[np.int8]:
+        """(…, K+1) which of REGIONS every piece is."""
+        slopes, zero = self.end_slopes.astype(float), np.clip(0.0, self.lower, self.upper)
+        zero = np.where(np.isfinite(zero), zero, self.s_0)
+        value, noise = self.value(zero, self._addresses), 8 * np.finfo(float).eps * self.terms(zero, self._addresses)
+        softens, flat = slopes.sum(axis=0) < 0.0, np.all(slopes == 0.0, axis=0)  # b′ is monotone on a piece
+        found = np.where(flat & (value == 0.0), BARE, YIELDED).astype(np.int8)
+        found[(zero == 0.0) & (np.abs(value) <= noise) & ~flat] = ELASTIC
+        found[softens] = SOFTENING
+        for outwards, side in ((1, self.lower >= 0.0), (-1, self.upper <= 0.0)):
+            turn = (..., slice(None, None, outwards))
+            ends = (self.kinds == DOWN) & (outwards * self.kinks >= 0.0)
+            falls, ends = (softens & side)[turn], ends[turn]
+            none = np.zeros((*ends.shape[:-1], 1), dtype=bool)
+            inside = np.logical_or.accumulate(np.append(none, falls[..., :-1] | ends, axis=-1), axis=-1)
+            beyond = np.append(ends, none, axis=-1) | falls
+            beyond = np.logical_or.accumulate(beyond[..., ::-1], axis=-1)[..., ::-1]
+            found[(inside & ~beyond)[turn] & side] = DEBONDED
+        return found
 
     @Fact
     def scales(self) -> Array:

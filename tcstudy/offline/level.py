@@ -411,6 +411,13 @@ class Level:
         """Ã⁻¹ of a scene's body [1/Pa], once per E, for the certificates."""
         return self._body(scene).A_inverse(scene.material.mu)
 
+    def held_slips(self, scene: Scene) -> Array:
+        """(h,) u_T at the held ends of segments of Γ_C, in their order; NaN where an edge is rigid [m]."""
+        at, side = np.nonzero(self.line.unknowns < 0)
+        frames, along = self.frames_of(scene.boundary), self.line.ends[at, 1] - self.line.ends[at, 0]
+        u = frames.cartesian(frames.values).reshape(2, -1)[:, self.line.segments[at, side]]
+        return np.einsum("dh,hd->h", u, along) / self.line.lengths[at] + (0.0 if frames.ties is None else np.nan)
+
     # -- the whole body ----------------------------------------------------------------------------
 
     def displacement(self, scene: Scene, u_T: Array) -> Array:

@@ -6,12 +6,16 @@ Swept parameters that change nothing, which the user should know before he reads
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import chain
 from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.expressions.expression import Expression
+from tcstudy.laws.composed import EdgeLaws
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import REGIONS, UP
 from tcstudy.scene.records import Body, Clamped, Scene
 from tcstudy.scene.study import Study
 
@@ -111,6 +115,14 @@ def combinations(scenes: Sequence[Scene], *sections: str) -> tuple[tuple[Scene, 
     scenes = Scenes.of(scenes)
     first, of = scenes.combined(*sections)
     return tuple(scenes[int(i)] for i in first), of
+
+
+def law_regions(scenes: Sequence[Scene]) -> set[str]:
+    """What the laws of all scenes do on some piece (laws.pieces.REGIONS), and "breathing" where one sticks."""
+    records: Sequence[Laws | EdgeLaws] = Scenes.of(scenes).records["friction"]
+    own = ([law for _, law, _ in one.laws] if isinstance(one, EdgeLaws) else [one] for one in records)
+    laws = Laws.of(list(chain.from_iterable(own)))
+    return {REGIONS[k] for k in np.unique(laws.regions)} | ({"breathing"} if np.any(laws.kinds == UP) else set())
 
 
 def count_points(scenes: Sequence[Scene], sections: Sequence[str], is_so: Callable[[Scene], bool]) -> int:

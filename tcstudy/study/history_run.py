@@ -32,7 +32,9 @@ from tcstudy.data.tables import NODES, STEPS
 from tcstudy.errors import HistoryError, StoreError, StudyError, UserFault
 from tcstudy.executors import SerialExecutor, in_order
 from tcstudy.fem.study_meshes import Meshes
+from tcstudy.laws.composed import row_laws
 from tcstudy.offline.level import Level
+from tcstudy.offline.line_numbers import region_lengths
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.histories import UnfitLaw
 from tcstudy.scene.records import Scene
@@ -245,6 +247,8 @@ def _of_point(study: Study, level: Level, scene: Scene, record: HistoryRecord, p
     problem, loads = problem_of(study.history, level, scene, study.solver.tolerance)
     record.lambda_1[point], record.margin[point] = problem.stiffness, problem.margin
     record.lambda_1_error[point] = problem.A_error
+    laws = row_laws([problem.law], np.ones(1))
+    beside = np.full((1, np.count_nonzero(level.line.unknowns < 0)), np.nan)
     first = int(steps_done(record)[point])
     start = None if first == 0 else _state(record, point, first - 1, loads[first - 1])
     slopes: Iterator[dict[str, float]] | None = None
@@ -252,6 +256,8 @@ def _of_point(study: Study, level: Level, scene: Scene, record: HistoryRecord, p
         slopes = islice(step_derivatives(study, level, scene), first, None)
     for n, step in enumerate(history(problem, loads[first:], start), first):
         _put(record, point, n, step, problem.c)
+        for name, (length,) in region_lengths(level, laws, step.kappa[None], beside).items():
+            record.values[name][point, n] = length
         for name, value in next(slopes).items() if slopes and step.solved else ():
             getattr(record, name)[point, n] = value
         yield n

@@ -168,12 +168,10 @@ class LevelSolver:
             future = self.executor.submit(job, solve_every, body, loads, laws, options, limits, self.exact)
         else:
             future = self.executor.submit(job, solve_block, body, loads, laws, options, near, self.exact)
-        vanishing = np.array([scene.friction.vanishes for scene in scenes])
 
         def record() -> BlockRecord:
             found, seconds = future.result()
-            about = level.mesh.level, self.study.shape, block.points
-            return block_record(*about, condensed, laws, vanishing, found, seconds)
+            return block_record(self.study, level, block.points, scenes, condensed, laws, found, seconds)
 
         return record
 

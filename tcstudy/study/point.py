@@ -32,10 +32,13 @@ from tcstudy.data.schema import (
     OF_POLYGON,
     UNBALANCED,
 )
+from tcstudy.laws.composed import row_laws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
 from tcstudy.offline.level import Condensed, CondensedBlock, Level
+from tcstudy.offline.line_numbers import line_numbers
 from tcstudy.offline.thermal import Temperature
+from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
@@ -74,10 +77,12 @@ def solve_point(
         nothing = problem.law.vanishes and answer.status == Status.CONVERGED
         xi = np.zeros(problem.m) if nothing else answer.xi
         fields = level.fields(scene, answer.v) if study.output.fields else {}
+        numbers = _one_row(_numbers(condensed, solved, xi, temperature, certificate))
+        laws, traction = row_laws([problem.law], np.ones(1)), (xi / level.line.c)[None]
         found = {
-            "numbers": _one_row(_numbers(condensed, solved, xi, temperature, certificate)),
+            "numbers": numbers | line_numbers(level, [scene], laws, answer.v[None], traction),
             "u_T": answer.v[None],
-            "xi": (xi / level.line.c)[None],
+            "xi": traction,
             "sticks": problem.law.sticking(answer.v).astype(np.int8)[None],
             "fields": _one_row(fields),
         }
@@ -142,12 +147,11 @@ def _numbers(
     condensed: Condensed, solved: Sequence[Timed], xi: Array, temperature: Temperature | None, certificate: Certificate
 ) -> dict[str, float | tuple[float, ...]]:
     """Results by variable name, units as in data.schema; the first of `solved` is the stored solution."""
-    problem, answer = condensed.problem, solved[0].answer
+    answer = solved[0].answer
     balance = temperature.heat_balance if temperature is not None else float("nan")
     values = _results(answer, certificate, xi, condensed.constant, 1.0) | {
         "iterations": answer.iterations,
         "evaluations": answer.evaluations,
-        "slip_length": problem.c[~problem.law.sticking(answer.v)].sum(),
         "lambda_1": certificate.lambda_1,
         "lambda_1_error": certificate.lambda_1_error,
         "uniqueness_margin": certificate.margin,
@@ -164,19 +168,16 @@ def _numbers(
     return found | {"start_energy": energies} | (_by_solver(condensed, solved) if len(solved) > 1 else {})
 
 
-def _block_numbers(
-    condensed: CondensedBlock, factor: Array, answers: BlockAnswers, xi: Array, sticks: NDArray[np.bool_]
-) -> dict[str, Array]:
+def _block_numbers(condensed: CondensedBlock, factor: Array, answers: BlockAnswers, xi: Array) -> dict[str, Array]:
     """Results of a block of points by variable name, units as in data.schema, (P,) each; see `_numbers`.
 
-    factor: (P,) stiffness of a point's body over that of the block's;  xi: (P, m) [N/m];  sticks: (P, m)
+    factor: (P,) stiffness of a point's body over that of the block's;  xi: (P, m) [N/m]
     """
     proved, constant, balance = answers.certificates, condensed.constant, condensed.heat_balance
     lambda_1, error = condensed.mu * condensed.lambda_1, condensed.lambda_1_error
     margin = np.where(np.isnan(proved.margin), kept(error) * lambda_1 - proved.omega * factor, proved.margin * factor)
     values = _results(answers, proved, xi, constant, factor) | {
         "iterations": answers.steps,
-        "slip_length": np.where(sticks, 0.0, condensed.c).sum(axis=1),
         "lambda_1": lambda_1,
         "lambda_1_error": np.full(len(factor), error),
         "uniqueness_margin": margin,
@@ -192,30 +193,32 @@ def _block_numbers(
 
 
 def block_record(
-    level: int,
-    shape: tuple[int, ...],
+    study: Study,
+    level: Level,
     points: NDArray[np.intp],
+    scenes: Sequence[Scene],
     condensed: CondensedBlock,
     laws: Laws,
-    vanishing: NDArray[np.bool_],
     found: BlockAnswers | Every,
     seconds: float,
 ) -> BlockRecord:
-    """The record of a block of answers. vanishing: (P,) whether a point has no friction;  seconds: for all of them."""
+    """The record of a block of answers. laws: of its rows;  seconds: for all of them."""
     answers = found.answers if isinstance(found, Every) else found
     factor = condensed.mu / condensed.mu[0]
     # as of a single point
+    vanishing = np.array([scene.friction.vanishes for scene in scenes])
     nothing = vanishing & (answers.status == Status.CONVERGED)
     xi = np.where(nothing[:, None], 0.0, answers.xi * factor[:, None])
     sticks = laws.kind(laws.locate(answers.v)) == UP
-    numbers, solutions = _block_numbers(condensed, factor, answers, xi, sticks), dict[str, Array]()
+    numbers, solutions = _block_numbers(condensed, factor, answers, xi), dict[str, Array]()
+    numbers |= line_numbers(level, scenes, laws, answers.v, xi / condensed.c)
     if isinstance(found, Every):
         more, solutions = _every(found, factor, condensed)
         numbers |= more
     return BlockRecord(
         number=0,
-        level=level,
-        shape=shape,
+        level=level.mesh.level,
+        shape=study.shape,
         points=points,
         status=STATUS[answers.status],
         reasons={row: reason for row, reason in enumerate(answers.reasons) if reason},

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from tcstudy.laws.laws import Laws
-from tcstudy.laws.pieces import BEND, DOWN, UP, GrowthError
+from tcstudy.laws.pieces import BEND, DOWN, REGIONS, UP, GrowthError
 from tcstudy.laws.shapes import SHAPES
 
 
@@ -248,3 +248,27 @@ def test_random_laws_have_right_kinds_and_omega(law: Laws) -> None:
         assert law.omega == np.inf
     else:
         assert law.omega == max(0.0, -float(law.q.min()))
+
+
+@pytest.mark.parametrize(
+    ("law", "outwards"),
+    [
+        (SHAPES["bilinear"].build(tau=10.0, s0=1.0, sf=3.0, G_f=None), "elastic softening debonded"),
+        (SHAPES["trapezoidal"].build(tau=10.0, s0=1.0, s1=2.0, sf=3.0, G_f=None), "elastic yielded softening debonded"),
+        (SHAPES["elastic-plastic"].build(tau=10.0, s0=1.0), "elastic yielded"),
+        (SHAPES["linear"].build(k=1.0), "elastic"),
+        (LAWS["tresca"], "yielded"),
+        (LAWS["slip-weakening"], "softening debonded"),
+        (LAWS["exponential"], "softening"),
+        (SHAPES["piecewise-linear"].build(points=[[0, 0], [1, 0], [2, 5], [2, 1]], odd=True, slope=None, slopes=None),
+         "bare yielded debonded"),
+        (SHAPES["saw-tooth"].build(tau=3.0, delta=0.2, teeth=2, drop=0.6), "yielded yielded debonded"),
+    ],
+)  # fmt: skip
+def test_regions_are_told_outwards(law: Laws, outwards: str) -> None:
+    """Of both sides of an odd law, and of a table the same as of each law."""
+    own = [REGIONS[k] for k in law.regions[int(law.piece(0.0)) :]]
+    assert own == outwards.split()
+    assert [REGIONS[k] for k in law.regions[::-1][: len(own)]] == own[::-1]
+    table = Laws.of([LAWS["all teeth"], law])
+    assert table.regions[1, : len(law.regions)].tolist() == law.regions.tolist()

@@ -29,6 +29,15 @@ def test_breathing_end_of_a_welded_rail(tmp_path: Path) -> None:
         assert found.values == pytest.approx(ends, rel=3e-5), law
     slides = 210e9 * 76.70e-4 * 1.2e-5 * np.array([20.0, 40.0, 60.0]) / 10e3
     assert data["slip_length"].sel(friction="plastic").values == pytest.approx(slides, abs=0.35)
+    # the breathing length ends between two nodes 0.172 m apart
+    lengths = {name: data[f"{name}_length"] for name in ("breathing", "yielded", "elastic", "softening", "debonded")}
+    assert lengths["breathing"].sel(friction="plastic").values == pytest.approx(slides, abs=0.172)
+    assert lengths["yielded"].sel(friction="plastic").values == pytest.approx(slides, abs=0.172)
+    whole = lengths["yielded"] + lengths["elastic"]
+    assert whole.sel(friction="en1991").values == pytest.approx(140.0, rel=1e-12)
+    fallen = lengths["softening"] + lengths["debonded"]
+    assert fallen.sel(friction="peaked").values == pytest.approx(lengths["breathing"].sel(friction="peaked").values)
+    assert np.isnan(data["slip_length"].sel(friction="en1991")).all()
 
 
 def test_end_of_a_hot_pipeline(tmp_path: Path) -> None:

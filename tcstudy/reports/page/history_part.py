@@ -24,7 +24,8 @@ from tcstudy.reports.text import counted, number
 from tcstudy.scene.key import symbol
 
 NUMBERS = (
-    "friction_resultant", "u_T_max", "slip_length", "stored", "dissipated", "work", "released", "closure", "energy",
+    "friction_resultant", "u_T_max", "slip_length", "breathing_length", "debonded_length", "softening_length",
+    "yielded_length", "elastic_length", "stored", "dissipated", "work", "released", "closure", "energy",
     "jumps", "inclusion_residual", "identity", "parts", "iterations",
 )  # fmt: skip
 """Numbers of a step in the order in which they are offered."""

@@ -17,7 +17,9 @@ ROOM_FOR_DOUBLES = 300_000
 """Bytes of numbers up to which the page has all digits; beyond it has seven (the energy always has all)."""
 
 QUANTITIES = (
-    "u_T_max", "solutions", "stable_solutions", "slip_length", "friction_resultant", "energy", "theta_mean",
+    "u_T_max", "solutions", "stable_solutions", "slip_length", "breathing_length", "debonded_length",
+    "softening_length", "yielded_length", "elastic_length", "friction_resultant", "shear_max", "shear_max_at", "energy",
+    "theta_mean",
     "uniqueness_margin", "inclusion_residual", "error_estimate", "goal", "goal_estimate", "goal_error", "iterations",
     "lambda_1", "omega", "time_solve", "time_condense", "heat_balance", "evaluations",
 )  # fmt: skip

@@ -127,6 +127,11 @@ _ESTIMATED = (
 _COLUMNS = (
     ("u_T_max", "max |u_T|", 0),
     ("slip_length", "slip length", 3),
+    ("debonded_length", "debonded", 3),
+    ("softening_length", "softening", 4),
+    ("yielded_length", "yielded", 5),
+    ("elastic_length", "elastic", 7),
+    ("shear_max", "max |ξ|", 8),
     ("friction_resultant", "∫ξ", 2),
     ("energy", "energy", 5),
     ("theta_mean", "mean θ", 6),
@@ -178,7 +183,7 @@ def _points(data: Any, most: int | None) -> str:
         texts, unit = axis_labels(near, axis)
         columns.append(TextColumn(headed(axis, unit), [texts[i] for i in place[str(data[axis].dims[0])]]))
     labels = len(columns)
-    usual = [one for one in _COLUMNS if np.isfinite(fine[one[0]].values).any()]
+    usual = [one for one in _COLUMNS if one[0] in fine and np.isfinite(fine[one[0]].values).any()]
     for name, title, rank in (*usual, *((name, name, 0) for name in asked(data))):
         divisor, unit = scales[name] = prefix(fine[name].values, fine[name].attrs["units"])
         cells = [number(value / divisor) for value in first(name)]
@@ -200,6 +205,15 @@ def _points(data: Any, most: int | None) -> str:
         change = np.abs(first("friction_resultant") - first("friction_resultant", -2)) / divisor
         cells = [number(value, 2) if good else "–" for value, good in zip(change, solved, strict=True)]
         rest.append(TextColumn(headed("Δ∫ξ to last level", unit), cells, 4))
+    lengths = [name for name in scales if name.endswith("_length")]
+    if "slip_length" not in scales:
+        legend.append("no slip length: b sticks nowhere, so that every slip is not 0")
+    if any(np.isnan(first(name)[solved]).any() for name in lengths):
+        legend.append("–: of a law without such a part (slip length: that sticks nowhere)")
+    if len(lengths) > 1:
+        legend.append(
+            "debonded, softening, yielded, elastic: lengths where b has fallen, falls, does neither, rises from 0"
+        )
     if np.any(run & ~solved):
         legend.append("failed: no solution; the numbers in (parentheses) are those of the last step")
     parts = [f"  Level {int(fine['level'])}, the finest:" + (f" first {n} of {total} points" if n < total else "")]
