@@ -1,23 +1,18 @@
 """What a run would do, found out without doing it: counts, sizes, what is left out and why, and what it takes.
 
-Time is measured: some points of the study on meshes small enough to wait for, scaled to all of its own. The CPU time of
-FEW points of a level with N displacement and m contact unknowns is t = a + b m + c N^p, p = 1.08 (results/speed.md),
-a, b, c ≥ 0 by least squares of relative errors: contact problems grow with m, matrices and factors with N, the latter
-with each ratio of moduli. A point more is measured by MANY points on the coarsest mesh and grows with m as in
-results/online.md. Not known before a run: how many meshes an estimate asks for, what steps of a history and of the
-bundle method take, and points that are slow on meshes much coarser than theirs.
+Time is measured: some points of the study on one mesh small enough to wait for, scaled to all of its own. Mesh and
+factor grow like N^1.08 (results/speed.md), a point with m as in results/online.md. Not known before a run: how many
+meshes an estimate asks for, what steps of a history and of the bundle method take.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy import optimize
 from threadpoolctl import threadpool_limits
 
 from tcstudy.errors import GeometryFailed
@@ -43,6 +38,7 @@ from tcstudy.study.sizes import (
     MEMORY,
     NODE,
     POINT,
+    STAGES,
     START,
     UNKNOWN,
     LevelForecast,
@@ -54,14 +50,11 @@ from tcstudy.study.sizes import (
     sizes,
 )
 
-SMALL, LARGE = 1_000, 16_000
-"""Displacement unknowns of the first mesh of a trial, unless the study's own are fewer, and of its last about."""
+TRIAL = 16_000
+"""Displacement unknowns of the mesh of a trial at most, about."""
 FEW, MANY = 8, 128
-ENOUGH = 0.5
-"""Seconds of a level after which a trial makes no finer one."""
-FAR = 4.0
-"""Unknowns over those of the finest mesh of such a trial up to which it tells what a run takes."""
-POWER = 1.08
+ENOUGH = 2.0
+"""Seconds that FEW points take, from which on no more are tried."""
 FACTOR = 0.5
 """Of what grows with N, what every ratio of moduli takes again: factor and loads (results/speed.md)."""
 WRITTEN = 6e-5
@@ -134,13 +127,12 @@ def _of_body(study: Study, levels: tuple[LevelForecast, ...]) -> Plan:
     if study.kind == "path" and (path := study.path) is not None:  # of one scene and one level
         study = replace(study, scenes=(path.scene,), axes=())
         levels = levels if path.level is None else levels[: path.level + 1]
-    ratios = {Level.ratio(s) for s in distinct(study.scenes, *of_stiffness(study.scenes))}
     heats = {
         (s.heat, tuple(one.k for one in s.material.all)) for s in distinct(study.scenes, *FELT) if needs_heat_solve(s)
     }
     return Plan(
         points=len(study.scenes),
-        factorisations=len(ratios),
+        factorisations=_factorisations(study),
         heat_solves=len(heats),
         levels=levels,
         left_out=tuple(_left_out(study, bool(heats))),
@@ -190,8 +182,8 @@ def _notes(study: Study, levels: tuple[LevelForecast, ...]) -> Iterator[str]:
     yield from _other_commands(study)
     yield from _long_elements(study, levels)
     if scenes[0].material.regions and (swept := swept_parts(scenes)):
-        count = len({Level.ratio(scene) for scene in distinct(scenes, *of_stiffness(scenes))})
         names = ", ".join(name for where in swept for name in where)
+        count = _factorisations(study)
         yield f"only what meets {names} is computed again after the first of the {count} stiffness factorisations"
     if any(scene.heat_by_edge and needs_heat_solve(scene) for scene in distinct(scenes, *FELT)):
         sets = len({exchange_level(scene)[1] for scene in distinct(scenes, *FELT)})
@@ -251,23 +243,33 @@ def _long_elements(study: Study, levels: tuple[LevelForecast, ...]) -> Iterator[
 
 
 def resources(study: Study, found: Plan) -> Resources:
-    """What a run of a study takes, whose forecast is `found`, measured by a trial on the largest of its geometries."""
+    """What a run of a study takes, whose forecast is `found`, by a trial on the largest of its geometries.
+
+    The trial runs FEW and MANY of its points on one mesh, which tells mesh and factor from points.
+    """
     own, largest = _geometries(study) if study.variants else ([study], study)
     levels = [refined(found.levels if one is largest else predicted(one), study.mesh) for one in own]
-    most = max(level.n_dof for one in levels for level in one)
-    memory, why = MEMORY + UNKNOWN * most, unknown(study)
-    if why:
+    memory = MEMORY + UNKNOWN * max(level.n_dof for one in levels for level in one)
+    if why := unknown(study):
         return Resources(math.nan, memory, why)
+    few, many = _sample(largest, FEW), _sample(largest, MANY)
+    mesh = coarser(study.mesh, refined(found.levels, study.mesh)[-1])
     try:
-        rates = Rates.of(largest, refined(found.levels, study.mesh))
+        with threadpool_limits(1, user_api="blas"):
+            n_dof, m, body = _timed(replace(few, mesh=mesh))
+            more = len(many.scenes) - len(few.scenes)
+            point = max(0.0, _timed(replace(many, mesh=mesh))[-1] - body) / more if more and body < ENOUGH else 0.0
     except GeometryFailed:
         return Resources(math.nan, memory, "the coarser meshes of a trial cannot be made")
-    if rates.slow and most > FAR * rates.n_dof:
-        why = f"{rates.slow:.1g} s on a mesh of {rates.n_dof} unknowns do not tell what its points take on {most}"
-        return Resources(math.nan, memory, why)
-    meshing = sum(meshing_seconds(one.mesh, each) for one, each in zip(own, levels, strict=True))
-    solving = sum(rates.seconds(one, each) for one, each in zip(own, levels, strict=True))
-    return Resources(START + solving + (meshing if study.mesh.nested else 0.0), memory)
+    seconds = START
+    for one, sizes_of in zip(own, levels, strict=True):
+        seconds += meshing_seconds(one.mesh, sizes_of) if study.mesh.nested else 0.0
+        factors = (1.0 + FACTOR * (_factorisations(one) - 1)) / (1.0 + FACTOR * (_factorisations(few) - 1))
+        for size in sizes_of:
+            seconds += body * factors * (size.n_dof / n_dof) ** STAGES[1]
+            each = point * (POINT + NODE * size.n_contact) / (POINT + NODE * m) + WRITTEN
+            seconds += max(0, len(one.scenes) - FEW) * each
+    return Resources(seconds, memory)
 
 
 def unknown(study: Study) -> str:
@@ -283,50 +285,8 @@ def unknown(study: Study) -> str:
     return ""
 
 
-@dataclass(frozen=True)
-class Rates:
-    """What a trial measured.
-
-    terms: (3,) a, b, c of FEW points, of so many ratios of moduli;  more: of a point more, over POINT + NODE m [s]
-    n_dof: of the finest mesh;  slow: seconds that its points took, if these were too many for a finer one
-    """
-
-    terms: NDArray[np.float64]
-    ratios: int
-    more: float
-    n_dof: int
-    slow: float
-
-    @classmethod
-    def of(cls, study: Study, levels: Sequence[LevelForecast]) -> Rates:
-        """Measured on meshes of a family with those of `levels`. Raises GeometryFailed."""
-        few, many = _sample(study, FEW), _sample(study, MANY)
-        meshes, found = coarser(study.mesh, levels), list[tuple[int, int, float]]()
-        with threadpool_limits(1, user_api="blas"):
-            for n_dof, m, seconds in _timed(replace(few, mesh=meshes)):
-                found.append((n_dof, m, seconds))
-                if seconds > ENOUGH:
-                    break
-            more = 0.0
-            if len(few.scenes) < len(study.scenes) and found[0][2] < ENOUGH:
-                _, m, seconds = next(_timed(replace(many, mesh=meshes)))
-                more = max(0.0, seconds - found[0][2]) / (len(many.scenes) - len(few.scenes)) / (POINT + NODE * m)
-        slow = found[-1][2] if found[-1][2] > ENOUGH and len(found) < meshes.levels else 0.0
-        measured = np.array(found)
-        terms = np.array([0.0, measured[0, 2] / measured[0, 1], 0.0])
-        if len(found) > 1:
-            time = np.maximum(measured[:, 2], 1e-3)
-            terms = optimize.nnls(_terms(measured[:, :2]) / time[:, None], np.ones(len(time)))[0]
-        return cls(terms, len({Level.ratio(scene) for scene in few.scenes}), more, found[-1][0], slow)
-
-    def seconds(self, study: Study, levels: Sequence[LevelForecast]) -> float:
-        """Of all points of a study on these meshes."""
-        factorisations = len({Level.ratio(s) for s in distinct(study.scenes, *of_stiffness(study.scenes))})
-        size = np.array([(level.n_dof, level.n_contact) for level in levels], dtype=float)
-        factors = (1.0 + FACTOR * (factorisations - 1)) / (1.0 + FACTOR * (self.ratios - 1))
-        each = (self.terms * [1.0, 1.0, factors] * _terms(size)).sum()
-        rest = max(0, len(study.scenes) - FEW) * float(np.sum(self.more * (POINT + NODE * size[:, 1])))
-        return float(each) + rest + WRITTEN * len(study.scenes) * len(levels)
+def _factorisations(study: Study) -> int:
+    return len({Level.ratio(scene) for scene in distinct(study.scenes, *of_stiffness(study.scenes))})
 
 
 def _sample(study: Study, count: int) -> Study:
@@ -336,27 +296,16 @@ def _sample(study: Study, count: int) -> Study:
     return replace(study, scenes=scenes, axes=(), design=None, output=replace(study.output, live=False))
 
 
-def coarser(mesh: MeshPlan, levels: Sequence[LevelForecast]) -> MeshPlan:
-    """The same meshes, coarser if they are large: from SMALL unknowns on, to those of the study or to LARGE."""
-    factor = max(1.0, math.sqrt(levels[0].n_dof / SMALL))
-    maxh = tuple(factor * h for h in mesh.maxh)
-    if mesh.listed:
-        return replace(mesh, maxh=maxh)
-    ratio = min(LARGE, max(level.n_dof for level in levels)) * factor**2 / levels[0].n_dof
-    return replace(mesh, maxh=maxh, levels=1 + max(0, math.floor(math.log(max(ratio, 1.0), 4) + 0.5)))
+def coarser(mesh: MeshPlan, finest: LevelForecast) -> MeshPlan:
+    """One mesh as the finest, with TRIAL unknowns if that has more."""
+    h = finest.h * math.sqrt(max(1.0, finest.n_dof / TRIAL))
+    return replace(mesh, maxh=(h,), levels=1, refine=0)
 
 
-def _timed(study: Study) -> Iterator[tuple[int, int, float]]:
-    """N, m and CPU seconds of the levels of a run."""
+def _timed(study: Study) -> tuple[int, int, float]:
+    """N, m and CPU seconds of a run on one mesh."""
     begin = time.process_time()
-    for stage in stages(study):
-        points = sum(map(len, stage.blocks))
-        assert stage.level is not None
-        assert points
-        yield stage.level.frames.n_dof, stage.level.line.m, time.process_time() - begin
-        begin = time.process_time()
-
-
-def _terms(size: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(levels, 3) 1, m and N^p of (levels, 2) N and m."""
-    return np.stack([np.ones(len(size)), size[:, 1], size[:, 0] ** POWER], axis=1)
+    [stage] = stages(study)
+    assert stage.level is not None
+    sum(map(len, stage.blocks))
+    return stage.level.frames.n_dof, stage.level.line.m, time.process_time() - begin
