@@ -86,12 +86,10 @@ def execute(
     WorkersFailed if there are no workers; KeyboardInterrupt passes through after the finished points are on the disk.
     """
     output, watcher = output or output_of(study), watcher or Quiet()
+    if problems := faults(study, output):
+        raise StoreError("\n".join(problems))
     with closing((pool or WorkerPool(jobs, dask)).ready(study)) as pool:
-        if study.variants:
-            if problems := faults(study, output):
-                raise StoreError("\n".join(problems))
-            return _geometries(study, output, watcher, command, pool, kept)
-        return _into_file(study, output, watcher, command, pool, kept)
+        return (_geometries if study.variants else _into_file)(study, output, watcher, command, pool, kept)
 
 
 def _into_file(
@@ -109,8 +107,6 @@ def _into_file(
     alone:  whether this is the whole run: its warnings are said, and the workers may go when all points are solved
     solved: what a worker found already, in the order of a run
     """
-    if problems := faults(study, output):
-        raise StoreError("\n".join(problems))
     # Two BLAS threads make the many small dense operations of a sweep slower, not faster.
     with (
         threadpool_limits(1, user_api="blas"),
@@ -125,8 +121,8 @@ def _into_file(
         if kept is not None and not kept.todo.any() and not study.output.live:  # not even a mesh is needed
             solved = ()
         for record in run(study, finished, pool.blocks, kept) if solved is None else solved:
-            if isinstance(record, LevelRecord):
-                record = record if kept is None else kept.joined(record)
+            if isinstance(record, LevelRecord) and kept is not None:
+                record = kept.joined(record)
             journal.add(record)
             if isinstance(record, BlockRecord):
                 watcher.block(record)
@@ -149,42 +145,49 @@ def _into_file(
 def _geometries(
     study: Study, output: Path, watcher: Watcher, command: Sequence[str], pool: WorkerPool, kept: ExistingResults | None
 ) -> Summary:
-    """Run all geometries and join their files.
+    """Run all geometries, each a study of its own into a file of its own, and join their files.
 
     Raises as `execute`; a geometry without a mesh, or one that kills its workers, is a status of its points.
     """
-    if problems := [*faults(study, output), *axis_problems(study)]:
+    if problems := axis_problems(study):
         raise StoreError("\n".join(problems))
     tell(remarks := warnings(study))
-    folder = output.with_name(f"{output.name}.geometries")
+    folder, todo = output.with_name(f"{output.name}.geometries"), np.ones((len(study.scenes), study.mesh.levels), bool)
     folder.mkdir(parents=True, exist_ok=True)
-    before = [None] * len(study.variants) if kept is None else kept.of_geometries(study, folder)
-    works = [_Geometry.of(i, *pair, folder) for i, pair in enumerate(zip(study.variants, before, strict=True))]
-    todo = np.ones((len(study.scenes), study.mesh.levels), dtype=bool) if kept is None else kept.todo
-    failed, files, resumed = [] if kept is None else kept.without_geometry(study), list[Path | None](), 0
+    before: list[ExistingResults | None] = [None] * len(study.variants)
+    failed, files, resumed = list[BlockRecord](), list[Path | None](), 0
+    if kept is not None:
+        before, todo, failed = [*kept.of_geometries(study, folder)], kept.todo, kept.without_geometry(study)
+    targets = [folder / (f"{one.mark[:16]}-{i}.nc" if one is not None else f"{i}.nc") for i, one in enumerate(before)]
+    there = [_is_there(variant.study, file) for variant, file in zip(study.variants, targets, strict=True)]
+    sent = {i: of_geometry(one.study) for i, one in enumerate(study.variants)
+            if one.study is not None and not there[i] and _travels(one.study, targets[i], before[i])}  # fmt: skip
+    answers: Iterator[Future[list[LevelRecord | BlockRecord]]] = iter(())
+    if (who := pool.whole([*sent.values()])) is not None:
+        names = {i: f"geometry-{i} {study.variants[i].words}" for i in sent}
+        studies = {i: one for i in sent if (one := study.variants[i].study) is not None}
+        answers = in_order(
+            who, (submit(who, solve_geometry, studies[i], name=names[i], seconds=sent[i].seconds) for i in sent)
+        )
     watcher.begin(work_of(study, {}, kept))
-    for work, answer in _answers(works, pool):
-        status, reason = PointStatus.MESH_FAILED, work.variant.reason
-        part = _Part(study, work.variant, watcher)
+    for i, (variant, own, file) in enumerate(zip(study.variants, before, targets, strict=True)):
+        status, reason = PointStatus.MESH_FAILED, variant.reason
         try:
-            if answer is not None:  # shown when it is safe
-                solved = answer.result()
-                _into_file(work.study, work.file, Quiet(), command, pool, work.kept, False, solved)
-                part.show(solved)
-            elif not work.finished and not reason:
-                resumed += _into_file(work.study, work.file, part, command, pool, work.kept, False).resumed
+            if variant.study is not None and not there[i]:
+                solved = next(answers).result() if who is not None and i in sent else None
+                part = _Part(study, variant, watcher)
+                resumed += _into_file(variant.study, file, part, command, pool, own, False, solved).resumed
         except GeometryFailed as error:
             reason = str(error)
         except UserFault:
             raise
         except Exception as error:  # as of a block: one geometry must not end a sweep
             status, reason = PointStatus.ERROR, f"{type(error).__name__}: {error}"
-        files.append(None if reason else work.file)
-        if reason:
-            wanted = todo[work.variant.places]
-            for level in np.flatnonzero(wanted.any(axis=0)).tolist():
-                failed.append(all_failed(study, level, work.variant.places[wanted[:, level]], status, reason))
-                watcher.block(failed[-1])
+        files.append(None if reason else file)
+        wanted = todo[variant.places]
+        for level in np.flatnonzero(wanted.any(axis=0)).tolist() if reason else ():
+            failed.append(all_failed(study, level, variant.places[wanted[:, level]], status, reason))
+            watcher.block(failed[-1])
     pool.close()
     provenance = collect(study, command, remarks=remarks)
     points, bad = write_variants(output, study, files, failed, provenance if kept is None else kept.before(provenance))
@@ -192,68 +195,28 @@ def _geometries(
     return Summary(output, points, bad, resumed)
 
 
+def _is_there(study: Study | None, file: Path) -> bool:
+    """Whether the file of a geometry stands; one of another study or version is made again."""
+    try:
+        return study is not None and holds(file, "run", study)
+    except StoreError:
+        file.unlink()
+        return False
+
+
+def _travels(study: Study, file: Path, kept: ExistingResults | None) -> bool:
+    """Whether a worker may make the mesh of a geometry and solve all its points; what is half done goes on here."""
+    if file.with_name(file.name + PARTIAL).exists() or (kept is not None and (len(kept.places) or not kept.todo.all())):
+        return False
+    took = sum(contact_seconds(study, level.n_contact) for level in predicted(study))
+    return took < LONG and expected_bytes(study) < LARGE
+
+
 def solve_geometry(study: Study) -> list[LevelRecord | BlockRecord]:
     """All records of the run of a study with one geometry, in their order. Raises GeometryFailed."""
     for keys, what, remedy in built_faults(study):
         raise GeometryFailed(f"{what}; {remedy}", tuple(map(str, keys)))
     return list(run(study))
-
-
-Answer = Future[list[LevelRecord | BlockRecord]]
-
-
-@dataclass(frozen=True)
-class _Geometry:
-    """One geometry. kept: what the file that grows has of it;  file: its own;  finished: whether that stands."""
-
-    number: int
-    variant: Variant
-    kept: ExistingResults | None
-    file: Path
-    finished: bool
-
-    @classmethod
-    def of(cls, number: int, variant: Variant, kept: ExistingResults | None, folder: Path) -> _Geometry:
-        file = folder / (f"{number}.nc" if kept is None else f"{kept.mark[:16]}-{number}.nc")
-        finished = False
-        if variant.study is not None:
-            try:
-                finished = holds(file, "run", variant.study)
-            except StoreError:  # one of another study or version is made again
-                file.unlink()
-        return cls(number, variant, kept, file, finished)
-
-    @property
-    def study(self) -> Study:
-        """Its study; it has one unless it was refused."""
-        assert self.variant.study is not None
-        return self.variant.study
-
-    def travels(self) -> bool:
-        """Whether a worker may make its mesh and solve all its points; what is half done goes on here."""
-        if self.variant.study is None or self.finished or self.file.with_name(self.file.name + PARTIAL).exists():
-            return False
-        if self.kept is not None and (len(self.kept.places) or not self.kept.todo.all()):
-            return False
-        took = sum(contact_seconds(self.study, level.n_contact) for level in predicted(self.study))
-        return took < LONG and expected_bytes(self.study) < LARGE
-
-
-def _answers(works: Sequence[_Geometry], pool: WorkerPool) -> Iterator[tuple[_Geometry, Answer | None]]:
-    """The geometries in their order, each with the answer that a worker owes; None where this process does the work."""
-    sent = [work for work in works if work.travels()]
-    expected = [of_geometry(work.study) for work in sent]
-    if (who := pool.whole(expected)) is None:
-        yield from ((work, None) for work in works)
-        return
-
-    def submitted(work: _Geometry, seconds: float) -> Answer:
-        name = f"geometry-{work.number} {work.variant.words}"
-        return submit(who, solve_geometry, work.study, name=name, seconds=seconds)
-
-    answers = in_order(who, (submitted(work, one.seconds) for work, one in zip(sent, expected, strict=True)))
-    numbers = {work.number for work in sent}
-    yield from ((work, next(answers) if work.number in numbers else None) for work in works)
 
 
 @dataclass(frozen=True)
@@ -274,11 +237,3 @@ class _Part:
     def block(self, record: BlockRecord) -> None:
         """Points of it, by their places in the whole sweep."""
         self.watcher.block(replace(record, points=self.variant.places[record.points], shape=self.study.shape))
-
-    def show(self, records: Records) -> None:
-        """All of a run that is over."""
-        for record in records:
-            if isinstance(record, BlockRecord):
-                self.block(record)
-            elif not record.stop:
-                self.level(record)

@@ -29,12 +29,12 @@ from tcstudy.data.on_request import variables
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.executors import TIMEOUT, Job, SerialExecutor, WorkersFailed, timed
 from tcstudy.laws.composed import row_laws
-from tcstudy.offline.level import CondensedBlock, Level
+from tcstudy.offline.level import Level
 from tcstudy.refine.error_estimator import ErrorEstimator
 from tcstudy.scene.points import combinations, of_stiffness
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
-from tcstudy.study.point import block_record, solve_point
+from tcstudy.study.point import all_failed, block_record, solve_point
 from tcstudy.study.starts import Solutions, contact_line, exact_at
 
 Array = NDArray[np.float64]
@@ -137,30 +137,33 @@ class LevelSolver:
     def _started(self, block: Block) -> Pending:
         """The block on its way; what breaks down before it is handed over is told where its record is due."""
         try:
-            return self._submitted(block) if self.study.solver.in_blocks else self._alone(block)
+            near = None if self.solutions is None else self.solutions.beside(block.points)
+            if self.study.solver.in_blocks:
+                return self._submitted(block, near)
+            start = None if near is None or np.isnan(near).any() else near[0]
+            return lambda: solve_point(self.study, self.level, int(block.points[0]), start, self.exact)
         except Exception as error:
             broken: Future[BlockRecord] = Future()
             broken.set_exception(error)
             return broken.result
 
-    def _alone(self, block: Block) -> Pending:
-        """A block of one point, for any solver."""
-        place, near = int(block.points[0]), self._beside(block)
-        start = None if near is None or np.isnan(near).any() else near[0]
-        return lambda: solve_point(self.study, self.level, place, start, self.exact)
+    def _submitted(self, block: Block, near: Array | None) -> Pending:
+        """Condense a block and hand its contact problems to the executor.
 
-    def _submitted(self, block: Block) -> Pending:
-        """Condense a block and hand its contact problems to the executor."""
-        plan, level, scenes = self.study.solver, self.level, [self._scene(place) for place in block.points]
+        near: (P, m) solutions that the points begin from, NaN in rows without; None if there are none
+        """
+        plan, level = self.study.solver, self.level
+        scenes = [self.study.scenes[int(place)] for place in block.points]
         condensed = level.block(scenes)
         factor = condensed.mu / condensed.mu[0]
-        laws = row_laws([level.law(scene) for scene in scenes], factor)
-        options = Options(plan.branch, plan.tolerance)
-        loads, near = condensed.l_tilde / factor[:, None], self._beside(block)
-        points, m = loads.shape
+        laws, loads = row_laws([level.law(scene) for scene in scenes], factor), condensed.l_tilde / factor[:, None]
+        mu, (points, m) = float(condensed.mu[0]), loads.shape
+        if (key := (Level.ratio(scenes[0]), mu)) not in self.bodies:  # made once for blocks that follow one another
+            self.bodies.clear()
+            self.bodies[key] = CondensedBody.of(mu * condensed.A_tilde, condensed.c, condensed.lambda_1_error)
+        body, options = self.bodies[key], Options(plan.branch, plan.tolerance)
         name = f"level-{level.mesh.level} points {block.points.min()}-{block.points.max()}"
         job = Job(timed, name, max(TIMEOUT, FACTORISATIONS / FLOPS * points * m**3 / 3.0))
-        body = self._body(condensed, Level.ratio(scenes[0]))
         future: Future[Any]
         if plan.every:
             limits = Limits(plan.max_boxes, plan.max_seconds)
@@ -168,25 +171,7 @@ class LevelSolver:
             future = self.executor.submit(job, solve_every, body, loads, laws, options, limits, self.exact)
         else:
             future = self.executor.submit(job, solve_block, body, loads, laws, options, near, self.exact)
-
-        def record() -> BlockRecord:
-            found, seconds = future.result()
-            return block_record(self.study, level, block.points, scenes, condensed, laws, found, seconds)
-
-        return record
-
-    def _beside(self, block: Block) -> Array | None:
-        """(P, m) solutions that the points of a block begin from, NaN in rows without; None if there are none."""
-        return None if self.solutions is None else self.solutions.beside(block.points)
-
-    def _body(self, condensed: CondensedBlock, ratio: object) -> CondensedBody:
-        """The body of a ratio of moduli at the first μ of a block, made once for blocks that follow one another."""
-        mu = float(condensed.mu[0])
-        key = (ratio, mu)
-        if key not in self.bodies:
-            self.bodies.clear()
-            self.bodies[key] = CondensedBody.of(mu * condensed.A_tilde, condensed.c, condensed.lambda_1_error)
-        return self.bodies[key]
+        return lambda: block_record(self.study, level, block.points, scenes, condensed, laws, *future.result())
 
     @cached_property
     def _requested(self) -> list[Callable[[Scene, Array], dict[str, float]]]:
@@ -211,7 +196,7 @@ class LevelSolver:
         numbers = dict(record.numbers) | {name: np.full(len(record), np.nan) for name in names}
         fields, status, reasons = dict(record.fields), record.status.copy(), dict(record.reasons)
         for row in np.flatnonzero(record.status == PointStatus.OK).tolist():
-            scene, v, found = self._scene(record.points[row]), record.u_T[row], dict[str, float]()
+            scene, v, found = self.study.scenes[int(record.points[row])], record.u_T[row], dict[str, float]()
             if self.estimator is not None:
                 clock = time.perf_counter()
                 found = self.estimator.look(record.index(row), scene, v)
@@ -229,9 +214,6 @@ class LevelSolver:
             for name, value in found.items():
                 numbers.setdefault(name, np.full(len(record), np.nan))[row] = value
         return replace(record, status=status, reasons=reasons, numbers=numbers, fields=fields)
-
-    def _scene(self, place: np.intp) -> Scene:
-        return self.study.scenes[int(place)]
 
 
 def joined(parts: Sequence[BlockRecord]) -> BlockRecord:
@@ -268,22 +250,6 @@ def joined(parts: Sequence[BlockRecord]) -> BlockRecord:
         sticks=rows([part.sticks for part in parts], -1),
         fields=named("fields"),
         solutions=solutions,
-    )
-
-
-def all_failed(
-    study: Study, level: int, points: Places, status: PointStatus, reason: str, number: int = 0
-) -> BlockRecord:
-    """Points of a level without results."""
-    count = len(points)
-    return BlockRecord(
-        number=number,
-        level=level,
-        shape=study.shape,
-        points=points,
-        status=np.full(count, int(status), dtype=np.int8),
-        reasons=dict.fromkeys(range(count), reason),
-        numbers={},
     )
 
 
