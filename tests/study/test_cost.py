@@ -157,7 +157,7 @@ def test_a_scene_without_load_is_refused_and_nothing_is_written(tmp_path: Path) 
 
 
 def test_curves_do_not_go_far_beyond_the_own_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tcstudy.study.cost_curves.MOST", 100)
+    monkeypatch.setattr("tcstudy.study.cost.MOST", 100)
     cost = _measure(study_of(PULLED, "mesh={maxh: 0.2, levels: 1}"), runs=1)
     most = cost.values["n_dof"][own(cost)[0], own(cost)[2]]
     assert most > 100

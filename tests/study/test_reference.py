@@ -8,7 +8,7 @@ import pytest
 
 import tcstudy
 from tcstudy.scene.study import MeshPlan, Study
-from tcstudy.study.cost_curves import walk
+from tcstudy.study.cost import walk
 from tcstudy.study.reference import ExactReference, FineReference, NestedReference
 from tcstudy.study.solved_levels import SolvedLevel, solve_levels
 from tests.verification.scenes import RECTANGLE, study_of
