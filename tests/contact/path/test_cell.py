@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from tcstudy.contact.path.cell import Found, segments
+from tcstudy.contact.path.complete import Found, segments
 from tcstudy.contact.path.follow import ParametricProblem
 from tests.contact import contact_cases as cases
 from tests.contact.path.cases import a_solution, all_solutions, follow, random_path_problem
@@ -32,10 +32,10 @@ def test_segments_of_all_cells_are_all_solutions(seed: int) -> None:
         assert np.max(np.min(np.max(np.abs(u[:, None] - expected), axis=2), axis=0)) <= 1e-9
 
 
-def test_segments_are_the_pieces_of_the_path_and_lead_to_the_next_one() -> None:
+def test_segments_are_the_pieces_of_the_path() -> None:
     problem = random_path_problem(np.random.default_rng([3, 41]), 20, 12)
     path = follow(problem, a_solution(problem, 0.0), 0.0, -3.0, 3.0)
-    found, graph = segments(problem, path.codes, -3.0, 3.0), problem.graph
+    found = segments(problem, path.codes, -3.0, 3.0)
     assert np.all(found.found == Found.ONE)
     for k in range(path.pieces - 1):
         if k in (path.start - 1, path.start):
@@ -43,8 +43,6 @@ def test_segments_are_the_pieces_of_the_path_and_lead_to_the_next_one() -> None:
         end = int(np.argmin([np.max(np.abs(u - path.u[k + 1])) for u in found.u[k]]))
         assert found.u[k, end] == pytest.approx(path.u[k + 1], abs=1e-10)
         assert found.t[k, end] == pytest.approx(path.t[k + 1], abs=1e-10)
-        node, after = int(found.node[k, end]), graph.after_high if found.upper[k, end] else graph.after_low
-        assert after[path.codes[k, node]] == path.codes[k + 1, node]
 
 
 def test_a_corner_within_rounding_and_a_lost_rank_are_left_undecided() -> None:
