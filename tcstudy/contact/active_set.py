@@ -229,20 +229,34 @@ def _step(problem: ContactProblem, at: Refined) -> Refined | None:
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """ξ (R, m), inclusion residual, what rounding allows, and whether that is a solution, (R,) each."""
+    """Points v + v_low (R, m) and ξ there; residuals, what rounding allows, whether solutions (R,)."""
 
+    v: Array
+    v_low: Array
     xi: Array
     residual: Array
     rounding: Array
     accepted: NDArray[np.bool_]
 
 
-def judge(problem: ContactProblem, v: Array, acceptance: Acceptance) -> Judged:
-    """The inclusion test of rows v (R, m), in extended precision where rounding leaves it open."""
+def judge(
+    problem: ContactProblem, v: Array, acceptance: Acceptance, refine: bool = False, finishing: bool = False
+) -> Judged:
+    """The inclusion test of rows v (R, m), in extended precision where rounding leaves it open.
+
+    refine: what misses the aim is refined, in the end with v as a sum of two doubles
+    finishing: and after that looked for on the active pieces
+    """
+    v, aim, v_low = v.copy(), acceptance.aim, np.zeros(v.shape)
     xi, residual, rounding = problem.xi(v), problem.residual_bound(v), problem.xi_rounding(v)
-    for i in np.flatnonzero(~(residual <= acceptance.aim)):
-        known = extended(problem.single(int(i)), v[i])
-        xi[i], residual[i] = known.xi, known.residual
+    for i in np.flatnonzero(~(residual <= aim)):
+        one = problem.single(int(i))
+        point = refined(one, v[i], aim) if refine else extended(one, v[i])
+        if finishing and not point.residual <= aim:
+            other = refined(one, finish(one, v[i])[0], aim)
+            point = other if other.residual < point.residual else point
+        rounding[i] = rounding[i] if np.array_equal(point.v, v[i]) else one.xi_rounding(point.v)
+        v[i], v_low[i], xi[i], residual[i] = point.v, point.v_low, point.xi, point.residual
     residual[np.isnan(residual)] = np.inf
     limits = np.array([acceptance.limit(float(x)) for x in rounding])
-    return Judged(xi, residual, rounding, residual <= limits)
+    return Judged(v, v_low, xi, residual, rounding, residual <= limits)

@@ -14,7 +14,7 @@ Left out: laws with exponential pieces; their polygon is another problem (`path.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,22 +63,29 @@ class Equilibria:
 
 def all_solutions(problem: ContactProblem, limits: Limits | None = None, law_error: float = LAW_ERROR) -> Equilibria:
     """Every solution of one problem; of laws with exponential pieces every one of their polygon."""
-    laws, error = problem.law, 0.0
-    if not laws.piecewise_linear:
-        error, far = law_error, reach_of(problem.c, laws, problem.l_tilde[None], problem.lambda_1)
-        laws = laws.mapped(lambda law: piecewise_linear(law, law_error, float(np.max(far))))
-    [found] = of_rows(problem.A_tilde, problem.c, laws, problem.l_tilde[None], problem.lambda_1, limits)
-    return replace(found, law_error=error)
+    load = problem.l_tilde[None]
+    return of_rows(problem.A_tilde, problem.c, problem.law, load, problem.lambda_1, limits, law_error)[0]
 
 
 def of_rows(
-    A_tilde: Array, c: Array, laws: Laws, loads: Array, lambda_1: float, limits: Limits | None = None
+    A_tilde: Array,
+    c: Array,
+    laws: Laws,
+    loads: Array,
+    lambda_1: float,
+    limits: Limits | None = None,
+    law_error: float = LAW_ERROR,
 ) -> list[Equilibria]:
     """The same of P problems on one body.
 
-    laws: piecewise linear, of one problem or of all (index of the shape (), (m,), (R, 1) or (R, m), R = 1 or P)
+    laws: of one problem or of all (index of the shape (), (m,), (R, 1) or (R, m), R = 1 or P)
     loads: (P, m) [N/m];  lambda_1: of the body [Pa/m]
     """
+    errors = np.zeros(len(loads))
+    if not laws.piecewise_linear:
+        errors[:] = np.where(np.any(laws.tables.bent, axis=-1)[np.atleast_2d(laws.index)].any(-1), law_error, 0.0)
+        far = float(np.max(reach_of(c, laws, loads, lambda_1), initial=0.0))
+        laws = laws.mapped(lambda law: piecewise_linear(law, law_error, far))
     limits, count = limits or Limits(), len(loads)
     problems = PolygonProblems(A_tilde, c, laws, loads, reach_of(c, laws, loads, lambda_1))
     cells = problems.search(problems.whole(np.arange(count)), limits)
@@ -92,7 +99,7 @@ def of_rows(
         stable = is_stable(problems, np.full(len(sides), i), sides, lambda_1)
         undecided, order = cells.sides[own & ~inside & ~outside], np.argsort(energy, kind="stable")
         reason = _reason(int(cells.boxes[i]), bool(cells.stopped[i]), len(undecided), len(sides), limits)
-        own_v, told = v[sure][order], (not reason, reason, undecided, int(cells.boxes[i]))
+        own_v, told = v[sure][order], (not reason, reason, undecided, int(cells.boxes[i]), float(errors[i]))
         xi = loads[i] - own_v @ A_tilde
         found.append(Equilibria(own_v, xi, energy[order], stable[order], sides[order], *told))
     return found

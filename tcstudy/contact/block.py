@@ -11,23 +11,20 @@ A block's numbers depend on its own points and their order only, not on what els
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.active_set import Judged, finish, judge, refined
-from tcstudy.contact.bounds import least_slopes
-from tcstudy.contact.certificates import (
-    definite,
-    global_minimum,
-    margins,
-    solution_boxes,
-    strict_minimum,
-)
+from tcstudy.contact.active_set import finish, judge
+from tcstudy.contact.all_solutions import Equilibria, of_rows
+from tcstudy.contact.boxes import Limits
+from tcstudy.contact.certificates import Certificate, Proofs, row_of
 from tcstudy.contact.descent import TOLERANCE, Descended, descend, descend_nested, hull_starts, move_starts
 from tcstudy.contact.loop import Status
-from tcstudy.contact.problem import MARGIN, CondensedBody, ContactProblem, kept
+from tcstudy.contact.problem import CondensedBody, ContactProblem, kept
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.study import ESCAPE, EXACT, FRICTIONLESS, NEIGHBOUR, START_NAMES, ZERO, Acceptance, Branch
 
@@ -48,158 +45,134 @@ NOT_POSITIVE_DEFINITE = (
 
 
 @dataclass(frozen=True, eq=False)
-class Certificates:
-    """What is proved about P points, (P,) each; the meaning is that of tcstudy.contact.certificates.Certificate.
+class Answer:
+    """A judged solution; of P problems the same with one axis more, (P,), (P, m), (P, 5).
 
-    margin: NaN with one law a row, where it is λ₁ − ω [Pa/m]
-    """
-
-    omega: Array
-    convex: Flags
-    unique: Flags
-    strict_minimum: Flags
-    global_minimum: Flags
-    margin: Array
-
-
-@dataclass(frozen=True, eq=False)
-class BlockAnswers:
-    """Judged solutions of P points: fields (P,), (P, m) or (P, 5) with the meaning of tcstudy.contact.contact.Answer.
-
-    steps: Newton steps on the body itself of the descent that led to v, or of the single solve
-    certificates: what is proved
+    v, v_low:           (m,) tangential displacements v + v_low [m]; the low part is 0 where one double is enough
+    xi:                 (m,) nodal friction forces l̃ − Ã(v + v_low) [N/m]
+    inclusion_residual: max_i dist(ξ_i/c_i, b̂(v_i)) / (scale of b), with what rounding may hide in it: in exact
+                        arithmetic v + v_low has no larger one
+    rounding:           what rounding of the problem allows of it, `ContactProblem.xi_rounding`
+    limited:            accepted only because rounding allows no better (scene/study.py)
+    energy:             L̃(v) [J/m]
+    status, reason:     CONVERGED, or why not; reason is empty for a solution
+    start:              ZERO, FRICTIONLESS, NEIGHBOUR, ESCAPE or EXACT: where the run that found it began
+    energies:           (5,) L̃ of the solutions found from these starts, in this order; NaN where none was
+    iterations, evaluations: steps on the body itself of the descent that led to v; by bundle-newton of all starts
+    certificate:        what is proved, None if that was not asked for
+    solutions:          all solutions of each problem, None if these were not asked for
     """
 
     v: Array
     v_low: Array
     xi: Array
-    inclusion_residual: Array
-    rounding: Array
-    limited: Flags
-    energy: Array
-    status: NDArray[np.int8]
-    reasons: tuple[str, ...]
-    start: NDArray[np.int8]
-    start_energies: Array
-    steps: NDArray[np.intp]
-    certificates: Certificates
+    inclusion_residual: Any
+    rounding: Any
+    limited: Any
+    energy: Any
+    status: Any
+    reason: Any
+    start: Any
+    energies: Array
+    iterations: Any
+    evaluations: Any
+    certificate: Certificate | None = None
+    solutions: Sequence[Equilibria] | None = None
 
-
-@dataclass(frozen=True)
-class Options:
-    """What is asked of a block.
-
-    branch:    as in tcstudy.contact.contact.solve_contact
-    tolerance: largest inclusion residual of a solution as a study writes it; None for the default of
-               tcstudy/scene/study.py
-    """
-
-    branch: Branch = "lowest"
-    tolerance: float | None = None
-
-    @property
-    def acceptance(self) -> Acceptance:
-        """The test of an inclusion residual."""
-        return Acceptance(self.tolerance)
+    def row(self, p: int) -> Answer:
+        """The answer to one of the problems."""
+        one: Answer = row_of(self, p)
+        return replace(one, status=Status(int(one.status)))
 
 
 def solve_block(
     body: CondensedBody,
     loads: Array,
     laws: Laws,
-    options: Options | None = None,
+    branch: Branch = "lowest",
+    tolerance: float | None = None,
     neighbours: Array | None = None,
     exact: Array | None = None,
+    limits: Limits | None = None,
     prove: bool = True,
-) -> BlockAnswers:
+) -> Answer:
     """Solve and certify P points.
 
     loads:      (P, m) l̃ of every point [N/m]
     laws:       the law of every row, or of every node
+    branch, tolerance: as in tcstudy.contact.contact.solve_contact
     neighbours: (P, m) solutions of neighbouring points for branch "continued", NaN in rows without one [m]
     exact:      (m,) the exact solution at the contact nodes, where it is known, for branch "lowest" [m]
+    limits:     of the search for all solutions of every point, None if these are not asked for. Where they are proved
+                to be all, the answer is the one of least energy and certified to be; of exponential laws nothing more
+                is said than of their polygon, which is another problem
     prove:      False if only the solutions are wanted, with no more proofs than the search for them needs
     """
-    block = _Block(ContactProblem.on(body, np.asarray(loads, dtype=float), laws), options or Options(), neighbours)
-    lowest = block.options.branch == "lowest"
-    if prove or lowest:
-        block.prove_unique()
+    rows = ContactProblem.on(body, np.asarray(loads, dtype=float), laws)
+    block = Block(rows, branch, tolerance, neighbours, prove or branch == "lowest")
     block.descend()
-    if prove or lowest:
-        block.certify(np.flatnonzero(~block.unique))
-    if lowest:
-        block.search(np.flatnonzero(~block.unique & ~block.lowest))
+    if branch == "lowest":
+        block.search()
     block.begin_elsewhere()
-    if prove:
-        block.prove_strict(np.arange(len(block.v)))
-    if exact is not None and block.options.branch == "lowest":
+    if exact is not None and branch == "lowest":
         block.begin_at(exact)
-    return block.answers()
+    solutions = None
+    if limits is not None:
+        solutions = of_rows(body.A_tilde, body.c, laws, rows.l_tilde, body.lambda_1, limits)
+        block.take_least(solutions)
+    return replace(block.answer(prove), solutions=solutions)
 
 
-class _Block:
+class Block:
     """The points of a block on their way to answers."""
 
-    def __init__(self, rows: ContactProblem, options: Options, neighbours: Array | None) -> None:
+    def __init__(
+        self,
+        rows: ContactProblem,
+        branch: Branch,
+        tolerance: float | None = None,
+        neighbours: Array | None = None,
+        prove: bool = True,
+    ) -> None:
         count, m = rows.l_tilde.shape
-        self.rows, self.options = rows, options
+        self.rows, self.branch, self.acceptance = rows, branch, Acceptance(tolerance)
         self.neighbours = np.full((count, m), np.nan) if neighbours is None else neighbours
         self.v, self.energy = np.zeros((count, m)), np.full(count, np.inf)
         self.solved = np.zeros(count, dtype=bool)
         self.start, self.energies = np.zeros(count, dtype=np.int8), np.full((count, len(START_NAMES)), np.nan)
         self.steps = np.zeros(count, dtype=np.intp)
-        self.omega = rows.law.omega_by_row
         self.smooth = ContactProblem.on(rows.body, rows.l_tilde, rows.law.without_narrow_pieces)
-        self.convex = self.omega < (1.0 - MARGIN) * kept(rows.body.A_error) * rows.body.lambda_1
-        self.margin = np.full(count, np.nan)
-        if rows.law.index.shape[1] > 1 and not rows.body.loose:
-            self.margin = margins(rows)
-            self.convex |= self.margin > rows.body.shift
-        self.unique = self.convex.copy()
-        self.low, self.high = np.zeros((count, m)), np.zeros((count, m))
-        self.lowest, self.strict = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
-
-    def prove_unique(self) -> None:
-        """Boxes of all solutions, and what is convex on them."""
-        open_, body = np.flatnonzero(~self.convex), self.rows.body
-        if body.loose or not len(open_):
-            return
-        rows = self.rows.take(open_)
-        self.low[open_], self.high[open_] = low, high = solution_boxes(rows)
-        self.unique[open_] = definite(rows.body, least_slopes(rows.law, rows.law.index, low, high))
+        self.aim = min(TOLERANCE, self.acceptance.aim)
+        self.proofs = Proofs(rows) if prove else None
+        if self.proofs is not None:
+            self.proofs.prove_unique()
 
     def descend(self) -> None:
         """The first descent: from the neighbour where the branch is continued, else from zero.
 
         A neighbour that is a solution is not moved at all: a descent would leave one that is no minimum.
         """
-        continued = self.options.branch == "continued"
-        known = np.all(np.isfinite(self.neighbours), axis=1) & continued
+        known = np.all(np.isfinite(self.neighbours), axis=1) & (self.branch == "continued")
         near, far = np.flatnonzero(known), np.flatnonzero(~known)
         if len(near):
             v = self.neighbours[near]
-            residual = judge(self.rows.take(near), v, self.options.acceptance).residual
+            residual = judge(self.rows.take(near), v, self.acceptance).residual
             ended = Descended(v.copy(), residual, np.zeros(len(near), dtype=np.intp))
-            moved = np.flatnonzero(~(residual <= self.options.acceptance.aim))
-            open_ = near[moved]
-            found = descend(self.smooth.take(open_), v[moved], self.aim, minima=True)
+            moved = np.flatnonzero(~(residual <= self.acceptance.aim))
+            found = descend(self.smooth.take(near[moved]), v[moved], self.aim, minima=True)
             ended.v[moved], ended.residual[moved], ended.steps[moved] = found.v, found.residual, found.steps
             self.offer(near, ended, NEIGHBOUR)
-        zero, minima = np.zeros((len(far), self.rows.body.m)), self.options.branch != "lowest"
+        zero, minima = np.zeros((len(far), self.rows.body.m)), self.branch != "lowest"
         self.offer(far, descend_nested(self.smooth.take(far), zero, self.aim, minima), ZERO)
-
-    @property
-    def aim(self) -> float:
-        """The residual that descents aim at."""
-        return min(TOLERANCE, self.options.acceptance.aim)
+        self.certify(np.arange(len(self.v)))
 
     def offer(self, points: Index, ended: Descended, start: int) -> Flags:
         """Keep the ends of descents of different points that have less energy; whether each has (n,)."""
         rows, energy = self.rows.take(points), self.rows.take(points).energy(ended.v)
-        accepted = ended.residual <= self.options.acceptance.aim
+        accepted = ended.residual <= self.acceptance.aim
         doubtful = np.flatnonzero(~accepted)
         if len(doubtful):
-            accepted[doubtful] = judge(rows.take(doubtful), ended.v[doubtful], self.options.acceptance).accepted
+            accepted[doubtful] = judge(rows.take(doubtful), ended.v[doubtful], self.acceptance).accepted
         found = self.energies[points, start]
         self.energies[points, start] = np.where(accepted, np.fmin(found, energy), found)
         known = np.isfinite(self.energy[points])
@@ -213,19 +186,17 @@ class _Block:
 
     def certify(self, points: Index) -> None:
         """Prove a global minimum where that is possible."""
-        points = points[self.solved[points]]
-        if len(points) and not self.rows.body.loose:
-            rows = self.rows.take(points)
-            self.lowest[points] = global_minimum(rows, self.v[points], self.low[points], self.high[points])
+        if self.proofs is not None:
+            self.proofs.prove_lowest(points[self.solved[points]], self.v)
 
-    def prove_strict(self, points: Index) -> None:
-        """Prove a strict minimum where that is possible; one that is unique or lowest is one."""
-        self.strict[points] = self.solved[points] & (self.unique[points] | self.lowest[points])
-        open_ = points[self.solved[points] & ~self.strict[points]]
-        self.strict[open_] = strict_minimum(self.rows.take(open_), self.v[open_])
+    def unproved(self, points: Index) -> Index:
+        """Those of the points whose solution is not known to have the least energy."""
+        proofs = self.proofs
+        return points if proofs is None else points[~(proofs.unique | proofs.lowest)[points]]
 
-    def search(self, points: Index) -> None:
+    def search(self) -> None:
         """Look for less energy at points of which nothing is proved."""
+        points = self.unproved(np.arange(len(self.v)))
         if self.rows.body.loose:
             return
         beside = points[np.all(np.isfinite(self.neighbours[points]), axis=1)]
@@ -246,7 +217,7 @@ class _Block:
     def improve(self, points: Index, ended: Descended, start: int) -> Index:
         """Offer ends of descents, certify what has less energy, and return the points left without proof."""
         self.certify(points[self.offer(points, ended, start)])
-        return points[~self.lowest[points]]
+        return self.unproved(points)
 
     def move(self, points: Index) -> None:
         """Moves of single nodes as long as they lower the energy; the first promise of two that does is kept."""
@@ -264,7 +235,7 @@ class _Block:
                 moved[owners[mine]] |= self.offer(owners[mine], part, ESCAPE)
             points = np.flatnonzero(moved)
             self.certify(points)
-            points = points[~self.lowest[points]]
+            points = self.unproved(points)
 
     def begin_elsewhere(self) -> None:
         """What no start has solved from the other plain ones, without coarse copies."""
@@ -277,67 +248,69 @@ class _Block:
                 self.certify(points[self.offer(points, descend(rows, begin, self.aim, minima=True), start)])
 
     def begin_at(self, exact: Array) -> None:
-        """Newton's method on the pieces that the exact solution is on, as in solve_contact; unique ones are known."""
-        only = self.unique & self.solved
+        """Newton's method on the pieces that the exact solution is on; unique solutions are known."""
+        only = self.solved if self.proofs is None else self.solved & self.proofs.unique
         self.energies[only, EXACT] = self.energy[only]
         for p in np.flatnonzero(~only):
             v, residual = finish(self.rows.single(int(p)), exact)
             ended = Descended(v[None], np.array([residual]), np.zeros(1, dtype=np.intp))
-            if self.offer(np.array([p]), ended, EXACT)[0]:
-                self.certify(np.array([p]))
-                self.prove_strict(np.array([p]))
+            self.improve(np.array([p]), ended, EXACT)
 
-    def answers(self) -> BlockAnswers:
-        """Everything judged once more at the points' final v."""
-        rows, v, acceptance = self.rows, self.v, self.options.acceptance
-        judged = judge(rows, v, acceptance)
-        v_low = self._refine(judged)
-        missed = Status.NOT_POSITIVE_DEFINITE if rows.body.loose else Status.INCLUSION_VIOLATED
-        status = np.where(judged.accepted, Status.CONVERGED, missed)
-        reasons = ["" if good else self._failure(judged, p) for p, good in enumerate(judged.accepted)]
-        return BlockAnswers(
-            v,
-            v_low,
-            judged.xi,
-            judged.residual,
-            judged.rounding,
-            judged.accepted & (judged.residual > acceptance.aim),
-            self.energy,
-            status.astype(np.int8),
-            tuple(reasons),
-            self.start,
-            self.energies,
-            self.steps,
-            self.certificates(judged.accepted),
+    def take_least(self, solutions: Sequence[Equilibria]) -> None:
+        """The least of all solutions of every point, where these are proved to be all of the law itself."""
+        assert self.proofs is not None
+        known = kept(self.rows.body.A_error) == 1.0
+        proved = np.array([known and one.complete and not one.law_error for one in solutions], dtype=bool)
+        least = np.array([one.energy[0] if len(one) else np.inf for one in solutions])
+        higher = self.energy > least + TIE * np.maximum(np.abs(least), np.abs(self.energy))
+        changed = np.flatnonzero(proved & (~self.solved | higher))
+        if len(changed):
+            v = np.array([solutions[i].v[0] for i in changed.tolist()])
+            judged = judge(self.rows.take(changed), v, self.acceptance)
+            ended = Descended(v, judged.residual, np.zeros(len(v), dtype=np.intp))
+            proved[changed] = self.offer(changed, ended, ESCAPE)
+        self.proofs.lowest |= proved
+        self.proofs.unique |= proved & np.array([len(one) == 1 for one in solutions], dtype=bool)
+
+    def answer(self, prove: bool, otherwise: tuple[Status, str] | None = None) -> Answer:
+        """Everything judged once more at the points' final v.
+
+        otherwise: status and reason of points that are no solutions
+        """
+        rows, loose = self.rows, self.rows.body.loose
+        judged = judge(rows, self.v, self.acceptance, refine=True, finishing=True)
+        moved = np.flatnonzero(np.any(judged.v != self.v, axis=1))
+        self.energy[moved] = rows.take(moved).energy(judged.v[moved])
+        good = np.flatnonzero(judged.accepted)
+        again = np.intersect1d(moved, good)
+        self.energies[again, self.start[again]] = self.energy[again]
+        missed = (
+            (Status.NOT_POSITIVE_DEFINITE, NOT_POSITIVE_DEFINITE) if loose else (Status.INCLUSION_VIOLATED, STALLED)
         )
-
-    def _refine(self, judged: Judged) -> Array:
-        """(P, m) low parts of v: refined, in the end on the active pieces, where v in one double misses the aim."""
-        v_low, aim = np.zeros(self.v.shape), self.options.acceptance.aim
-        for p in np.flatnonzero(judged.residual > aim):
-            problem = self.rows.single(int(p))
-            point = refined(problem, self.v[p], aim)
-            if not point.residual <= aim:
-                other = refined(problem, finish(problem, self.v[p])[0], aim)
-                point = other if other.residual < point.residual else point
-            if point.residual < judged.residual[p]:
-                self.v[p], v_low[p], judged.xi[p], judged.residual[p] = point.v, point.v_low, point.xi, point.residual
-                judged.rounding[p], self.energy[p] = problem.xi_rounding(point.v), problem.energy(point.v)
-                judged.accepted[p] = self.options.acceptance.accepts(point.residual, float(judged.rounding[p]))
-                if judged.accepted[p]:
-                    self.energies[p, self.start[p]] = self.energy[p]
-        return v_low
-
-    def _failure(self, judged: Judged, p: int) -> str:
-        """Why a point is no solution."""
-        loose = NOT_POSITIVE_DEFINITE if self.rows.body.loose else STALLED
-        return failure(float(judged.residual[p]), float(judged.rounding[p]), self.options.acceptance, loose)
-
-    def certificates(self, accepted: Flags) -> Certificates:
-        """What is proved about the points, of solutions only beside `convex` and `unique`."""
-        lowest = accepted & (self.unique | self.lowest)
-        strict = accepted & (self.strict | lowest)
-        return Certificates(self.omega, self.convex, self.unique, strict, lowest, self.margin)
+        missed = otherwise or missed
+        reasons = [""] * len(self.v)
+        for p in np.flatnonzero(~judged.accepted):
+            reasons[p] = failure(float(judged.residual[p]), float(judged.rounding[p]), self.acceptance, missed[1])
+        certificate = None
+        if prove and self.proofs is not None:
+            self.proofs.prove_strict(good, judged.v)
+            certificate = self.proofs.certificate(judged.v, judged.residual, judged.accepted)
+        return Answer(
+            v=judged.v,
+            v_low=judged.v_low,
+            xi=judged.xi,
+            inclusion_residual=judged.residual,
+            rounding=judged.rounding,
+            limited=judged.accepted & (judged.residual > self.acceptance.aim),
+            energy=self.energy,
+            status=np.where(judged.accepted, Status.CONVERGED, missed[0]).astype(np.int8),
+            reason=tuple(reasons),
+            start=self.start,
+            energies=self.energies,
+            iterations=self.steps,
+            evaluations=self.steps,
+            certificate=certificate,
+        )
 
 
 STALLED = (

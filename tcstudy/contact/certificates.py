@@ -25,7 +25,8 @@ down, its direction of negative curvature is one more d for all rows; what is le
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,9 +45,9 @@ Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Certificate:
-    """Proved properties of one solution; a flag that is False means "not certified", not the opposite.
+    """Proved properties of one solution, or (P,) of P; a flag that is False means "not certified", not the opposite.
 
     residual:        inclusion residual of v; above the tolerance no flag is set except `convex` and `unique`
     lambda_1, omega: uniqueness threshold of the body and steepest fall of the law [Pa/m] (method §5)
@@ -58,22 +59,18 @@ class Certificate:
     strict_minimum:  v is a strict local minimum of L̃
     global_minimum:  no point has an energy below L̃(v) − energy_gap
     energy_gap:      what rounding in v leaves open [J/m]; nan if not certified
-    least_slack:     smallest of −left and right over the resting nodes, relative to c·(scale of b); inf without any
-    resting:         number of nodes on an up-jump
     """
 
-    residual: float
-    lambda_1: float
-    omega: float
-    convex: bool
-    unique: bool
-    strict_minimum: bool
-    global_minimum: bool
-    energy_gap: float
-    least_slack: float
-    resting: int
-    margin: float
-    lambda_1_error: float = 0.0
+    residual: Any
+    lambda_1: Any
+    lambda_1_error: Any
+    omega: Any
+    margin: Any
+    convex: Any
+    unique: Any
+    strict_minimum: Any
+    global_minimum: Any
+    energy_gap: Any
 
 
 def certify(
@@ -91,26 +88,82 @@ def certify(
     residual:  inclusion residual if known better than from v in double precision, else it is computed
     inverse:   Ã⁻¹ if known (it depends on the body only), else it is computed
     """
-    threshold = problem.lambda_1 if lambda_1 is None else lambda_1
     error = problem.lambda_1_error if lambda_1 is None else problem.A_error
+    known = {"lambda_1": problem.lambda_1 if lambda_1 is None else lambda_1}
     body = CondensedBody(problem.A_tilde, problem.c, error, shared=False)
-    vars(body).update({"lambda_1": threshold} | ({} if inverse is None else {"inverse": inverse}))
-    problem = ContactProblem.on(body, problem.l_tilde, problem.law)
-    residual, omega = extended(problem, v).residual if residual is None else residual, problem.law.omega
-    slack, resting = _resting_slack(problem, v)
-    apart = uniqueness_margin(problem, threshold)
-    convex = omega < (1.0 - MARGIN) * kept(error) * threshold or (problem.m > 0 and apart > body.shift)
-    if problem.m == 0:
-        return Certificate(residual, threshold, omega, convex, True, True, True, 0.0, slack, 0, apart, error)
-    row = problem.rows
-    low, high = solution_boxes(row)
-    unique = convex or bool(definite(body, least_slopes(row.law, row.law.index, low, high))[0])
-    solved = bool(Acceptance(tolerance).accepts(residual, problem.xi_rounding(v)))
-    strict = solved and (unique or bool(strict_minimum(row, v[None])[0]))
-    lowest = solved and (unique or bool(global_minimum(row, v[None], low, high)[0]))
-    defect = problem.distance(v)
-    gap = float(problem.c @ defect**2) / (2.0 * body.shift) if lowest else float("nan")
-    return Certificate(residual, threshold, omega, convex, unique, strict, lowest, gap, slack, resting, apart, error)
+    vars(body).update(known if inverse is None else known | {"inverse": inverse})
+    proofs = Proofs(ContactProblem.on(body, problem.l_tilde, problem.law).rows)
+    residual = extended(problem, v).residual if residual is None else residual
+    solved = np.array([Acceptance(tolerance).accepts(residual, problem.xi_rounding(v))])
+    proofs.prove_unique()
+    proofs.prove_lowest(np.flatnonzero(solved), v[None])
+    proofs.prove_strict(np.flatnonzero(solved), v[None])
+    return row_of(proofs.certificate(v[None], np.array([residual]), solved), 0)
+
+
+class Proofs:
+    """What is proved of rows of problems, each flag (R,): `unique` before they are solved, the others of solutions."""
+
+    def __init__(self, rows: ContactProblem) -> None:
+        count, body = len(rows.l_tilde), rows.body
+        self.rows, self.omega, share = rows, rows.law.omega_by_row, kept(body.A_error)
+        with np.errstate(invalid="ignore"):  # of no nodes
+            self.margin = share * body.lambda_1 - self.omega
+        self.convex = (self.omega < (1.0 - MARGIN) * share * body.lambda_1) | (body.m == 0)
+        if rows.law.index.shape[1] > 1 and not body.loose:
+            self.margin = margins(rows)
+            self.convex |= self.margin > body.shift
+        self.unique, self.low, self.high = self.convex.copy(), *np.zeros((2, count, body.m))
+        self.lowest, self.strict = np.zeros((2, count), dtype=bool)
+
+    def prove_unique(self) -> None:
+        """Boxes of all solutions, and what is convex on them."""
+        open_, body = np.flatnonzero(~self.convex), self.rows.body
+        if len(open_) and not body.loose:
+            rows = self.rows.take(open_)
+            self.low[open_], self.high[open_] = low, high = solution_boxes(rows)
+            self.unique[open_] = definite(body, least_slopes(rows.law, rows.law.index, low, high))
+
+    def prove_lowest(self, points: Index, v: Array) -> None:
+        """That solutions v (R, m) of these points, as far as they are not unique, are global minima."""
+        points = points[~self.unique[points]]
+        if len(points) and not self.rows.body.loose:
+            rows = self.rows.take(points)
+            self.lowest[points] = global_minimum(rows, v[points], self.low[points], self.high[points])
+
+    def prove_strict(self, points: Index, v: Array) -> None:
+        """That solutions of these points are strict minima; one that is unique or lowest is one."""
+        self.strict[points] = self.unique[points] | self.lowest[points]
+        open_ = points[~self.strict[points]]
+        if len(open_):
+            self.strict[open_] = strict_minimum(self.rows.take(open_), v[open_])
+
+    def certificate(self, v: Array, residual: Array, solved: Flags) -> Certificate:
+        """What is proved about the points, of solutions only beside `convex` and `unique`."""
+        body, lowest = self.rows.body, solved & (self.unique | self.lowest)
+        lambda_1, error = np.full((2, len(v)), [[body.lambda_1], [body.A_error]])
+        gap = np.full(len(v), np.nan)
+        if body.m:
+            gap[lowest] = self.rows.take(np.flatnonzero(lowest)).distance(v[lowest]) ** 2 @ body.c / (2.0 * body.shift)
+        strict = solved & (self.strict | lowest)
+        return Certificate(residual, lambda_1, error, self.omega, self.margin, self.convex, self.unique, strict, lowest,
+                           gap)  # fmt: skip
+
+
+def row_of(record: Any, row: int) -> Any:
+    """One row of a record of rows, which may hold None or such records."""
+    if is_dataclass(record) and not isinstance(record, type):
+        values: dict[str, Any] = {field.name: row_of(getattr(record, field.name), row) for field in fields(record)}
+        return replace(record, **values)
+    return None if record is None else record[row]
+
+
+def as_row(record: Any) -> Any:
+    """A record as one row of such."""
+    if is_dataclass(record) and not isinstance(record, type):
+        values: dict[str, Any] = {field.name: as_row(getattr(record, field.name)) for field in fields(record)}
+        return replace(record, **values)
+    return None if record is None else np.asarray(record)[None]
 
 
 def uniqueness_margin(problem: ContactProblem, lambda_1: float) -> float:
@@ -133,16 +186,6 @@ def positive_definite(
     lowered = problem.c[nodes] * (slope - shift) / kept(problem.A_error)
     possible = np.all(np.diagonal(problem.A_tilde)[nodes] + lowered > 0.0)
     return bool(possible) and factor_free(problem.A_tilde, nodes, lowered)[1] == 0
-
-
-def _resting_slack(problem: ContactProblem, v: Array) -> tuple[float, int]:
-    """(least relative slack of the nodes on up-jumps, their number)."""
-    on = problem.law.kind_at(v) == UP
-    if not np.any(on):
-        return float("inf"), 0
-    s = slopes(problem, v, problem.xi(v))
-    slack = np.minimum(-s.left, s.right)[on] / problem.c[on]
-    return float(np.min(slack)) / problem.traction_scale, int(np.count_nonzero(on))
 
 
 # -- of many points at once ------------------------------------------------------------------------

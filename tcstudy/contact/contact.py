@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.contact.active_set import Refined, finish, refined
-from tcstudy.contact.block import NOT_POSITIVE_DEFINITE, TIE, Options, failure, solve_block
-from tcstudy.contact.descent import descend
+from tcstudy.contact.active_set import judge
+from tcstudy.contact.block import NOT_POSITIVE_DEFINITE, Answer, Block, solve_block
+from tcstudy.contact.descent import Descended, descend
 from tcstudy.contact.loop import Outcome, Status
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.scene.study import (
-    EXACT,
     FRICTIONLESS,
     NEIGHBOUR,
     SEPARABLE,
@@ -30,8 +29,6 @@ from tcstudy.scene.study import (
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
 
-ROUNDING = 0.01
-"""Share of the tolerance that the rounding of ξ may have before the residual is formed in extended precision."""
 ACCURACY = 1e-12
 """Residual that methods work for, whatever larger one is accepted."""
 SEMIDEFINITE = 1e-9
@@ -41,38 +38,6 @@ UNFIT = (
     "other solver"
 )
 NOT_FINITE = "a load, the stiffness or the law has a value that is not finite; check them, and units that overflow"
-
-
-@dataclass(frozen=True)
-class Answer:
-    """A judged solution.
-
-    v, v_low:           (m,) tangential displacements v + v_low [m]; the low part is 0 where one double is enough
-    xi:                 (m,) nodal friction forces l̃ − Ã(v + v_low) [N/m]
-    inclusion_residual: max_i dist(ξ_i/c_i, b̂(v_i)) / (scale of b), with what rounding may hide in it: in exact
-                        arithmetic v + v_low has no larger one
-    rounding:           what rounding of the problem allows of it, `ContactProblem.xi_rounding`
-    limited:            accepted only because rounding allows no better (scene/study.py)
-    energy:             L̃(v) [J/m]
-    status, reason:     CONVERGED, or why not; reason is empty for a solution
-    iterations, evaluations: of all attempts together
-    start:              ZERO, FRICTIONLESS, NEIGHBOUR, ESCAPE or EXACT: where the run that found it began
-    energies:           L̃ of the solutions found from these starts, in this order; NaN where none was sought or found
-    """
-
-    v: Array
-    inclusion_residual: float
-    energy: float
-    status: Status
-    reason: str
-    iterations: int
-    evaluations: int
-    start: int = ZERO
-    energies: tuple[float, ...] = (float("nan"),) * len(START_NAMES)
-    v_low: Array = field(default_factory=lambda: np.zeros(0))
-    xi: Array = field(default_factory=lambda: np.zeros(0))
-    rounding: float = 0.0
-    limited: bool = False
 
 
 def solve_contact(
@@ -102,39 +67,25 @@ def solve_contact(
     """
     if solver not in SOLVERS:
         raise ValueError(f"unknown solver {solver!r}; use one of {', '.join(SOLVERS)}")
-    if solver == SEPARABLE:
-        return _as_row(problem, Options(branch, tolerance), neighbour, exact)
-    acceptance = Acceptance(tolerance)
-    answers: list[Answer] = []
-    for start, x0 in _starts(problem, branch, neighbour):
-        outcome = _bundle(problem, x0, min(ACCURACY, acceptance.aim), max_iterations, log)
-        answers.append(replace(_judge(problem, outcome, acceptance), start=start))
-        if branch != "lowest" and answers[-1].status == Status.CONVERGED:
-            break
-    if branch == "lowest" and exact is not None:
-        v = finish(problem, exact)[0]
-        outcome = Outcome(v, problem.energy(v), Status.CONVERGED, "", 0, 1)
-        answers.append(replace(_judge(problem, outcome, acceptance), start=EXACT))
-    return _together(answers)
-
-
-def _as_row(problem: ContactProblem, options: Options, neighbour: Array | None, exact: Array | None) -> Answer:
-    """The problem as a block of one row."""
     if problem.m == 0:
-        return Answer(np.zeros(0), 0.0, 0.0, Status.CONVERGED, "", 0, 0)
+        return unsolved(problem, Status.CONVERGED, "", 0.0)
+    near = None if neighbour is None else np.asarray(neighbour, dtype=float)
+    if solver != SEPARABLE:
+        return _by_bundle(problem, Acceptance(tolerance), max_iterations, branch, near, log, exact)
     if not all(np.all(np.isfinite(x)) for x in (problem.A_tilde, problem.l_tilde, problem.c)):
-        return Answer(np.full(problem.m, np.nan), np.inf, np.nan, Status.NOT_FINITE, NOT_FINITE, 0, 0)
+        return unsolved(problem, Status.NOT_FINITE, NOT_FINITE, np.nan)
     rows = problem.rows
     if rows.body.loose and np.linalg.eigvalsh(problem.A_tilde)[0] < -SEMIDEFINITE * np.max(np.abs(problem.A_tilde)):
-        return Answer(np.zeros(problem.m), np.inf, 0.0, Status.NOT_POSITIVE_DEFINITE, NOT_POSITIVE_DEFINITE, 0, 0)
-    near = None if neighbour is None else np.asarray(neighbour, dtype=float)[None]
-    found = solve_block(rows.body, rows.l_tilde, rows.law, options, near, exact, prove=False)
-    return Answer(
-        found.v[0], float(found.inclusion_residual[0]), float(found.energy[0]), Status(int(found.status[0])),
-        found.reasons[0], int(found.steps[0]), int(found.steps[0]), int(found.start[0]),
-        tuple(found.start_energies[0].tolist()), found.v_low[0], found.xi[0], float(found.rounding[0]),
-        bool(found.limited[0]),
-    )  # fmt: skip
+        return unsolved(problem, Status.NOT_POSITIVE_DEFINITE, NOT_POSITIVE_DEFINITE, 0.0)
+    near = None if near is None else near[None]
+    return solve_block(rows.body, rows.l_tilde, rows.law, branch, tolerance, near, exact, prove=False).row(0)
+
+
+def unsolved(problem: ContactProblem, status: Status, reason: str, energy: float) -> Answer:
+    """The answer to a problem without nodes, or to one that cannot be solved."""
+    v, residual = np.full(problem.m, 0.0 * energy), 0.0 if status == Status.CONVERGED else np.inf
+    none = np.full(len(START_NAMES), np.nan)
+    return Answer(v, 0.0 * v, 0.0 * v, residual, 0.0, False, energy, status, reason, ZERO, none, 0, 0)
 
 
 def nearest_minimum(
@@ -145,83 +96,54 @@ def nearest_minimum(
     return ended.v[0], int(ended.steps[0])
 
 
+def as_it_is(problem: ContactProblem, v: Array, tolerance: float | None = None) -> Answer | None:
+    """v as `solve_contact` has it where it starts from a solution, without its energies; None if v is none."""
+    acceptance = Acceptance(tolerance)
+    one = judge(problem.rows, v[None], acceptance, refine=True)
+    if not one.residual[0] <= acceptance.aim:
+        return None
+    return replace(
+        unsolved(problem, Status.CONVERGED, "", np.nan),
+        v=one.v[0], v_low=one.v_low[0], xi=one.xi[0], inclusion_residual=one.residual[0], rounding=one.rounding[0],
+        start=NEIGHBOUR,
+    )  # fmt: skip
+
+
+def _by_bundle(
+    problem: ContactProblem,
+    acceptance: Acceptance,
+    max_iterations: int | None,
+    branch: Branch,
+    neighbour: Array | None,
+    log: Log | None,
+    exact: Array | None,
+) -> Answer:
+    """The least solution from all starts, or the first; what fails has the least residual, and work is summed."""
+    from tcstudy.contact.bundle.contact import solve_with_bundle  # needs the QP library
+
+    block, here = Block(problem.rows, branch, acceptance.tolerance, prove=False), np.zeros(1, dtype=np.intp)
+    tried, missed, least = list[Outcome](), None, np.inf
+    for start, x0 in _starts(problem, branch, neighbour):
+        tried.append(outcome := solve_with_bundle(problem, x0, max_iterations, log, min(ACCURACY, acceptance.aim)))
+        judged = judge(problem.rows, outcome.x[None], acceptance, refine=True, finishing=True)
+        if missed is None or judged.residual[0] < least:
+            missed = (Status.INCLUSION_VIOLATED, UNFIT) if outcome.converged else (outcome.status, outcome.reason)
+            least = judged.residual[0]
+            block.energy[~block.solved] = np.inf  # so that it takes the place of what has more
+        block.offer(here, Descended(judged.v, judged.residual, here), start)
+        if branch != "lowest" and block.solved[0]:
+            break
+    if branch == "lowest" and exact is not None:
+        block.begin_at(exact)
+    work = {name: sum(getattr(one, name) for one in tried) for name in ("iterations", "evaluations")}
+    return replace(block.answer(prove=False, otherwise=missed).row(0), **work)
+
+
 def _starts(problem: ContactProblem, branch: Branch, neighbour: Array | None) -> Iterator[tuple[int, Array]]:
     """Starts in the order in which they are tried; a body that can move freely has no frictionless solution."""
-    known = [] if neighbour is None else [(NEIGHBOUR, np.asarray(neighbour, dtype=float))]
+    known = [] if neighbour is None else [(NEIGHBOUR, neighbour)]
     yield from known if branch == "continued" else []
     yield ZERO, np.zeros(problem.m)
     with suppress(scipy.linalg.LinAlgError):
         yield FRICTIONLESS, problem.frictionless()
     yield from known if branch != "continued" else []
-
-
-def _bundle(
-    problem: ContactProblem, x0: Array, accuracy: float, max_iterations: int | None, log: Log | None
-) -> Outcome:
-    from tcstudy.contact.bundle.contact import solve_with_bundle  # needs the QP library
-
-    return solve_with_bundle(problem, x0, max_iterations=max_iterations, log=log, inclusion=accuracy)
-
-
-def as_it_is(problem: ContactProblem, v: Array, tolerance: float | None = None) -> Answer | None:
-    """v as `solve_contact` has it where it starts from a solution, without its energies; None if v is none."""
-    acceptance = Acceptance(tolerance)
-    point, rounding = _looked_at(problem, v, acceptance)
-    if not point.residual <= acceptance.aim:
-        return None
-    limited = acceptance.limited(point.residual, rounding)
-    return Answer(point.v, point.residual, float("nan"), Status.CONVERGED, "", 0, 1, NEIGHBOUR,
-                  v_low=point.v_low, xi=point.xi, rounding=rounding, limited=limited)  # fmt: skip
-
-
-def _judge(problem: ContactProblem, outcome: Outcome, acceptance: Acceptance) -> Answer:
-    """End on the exact active pieces if that is better, then apply the inclusion test."""
-    point, rounding = _looked_at(problem, outcome.x, acceptance)
-    if not point.residual <= acceptance.aim:
-        other, blur = _looked_at(problem, finish(problem, outcome.x)[0], acceptance)
-        point, rounding = (other, blur) if other.residual < point.residual else (point, rounding)
-    status, reason = Status.CONVERGED, ""
-    if not acceptance.accepts(point.residual, rounding):
-        status = Status.INCLUSION_VIOLATED if outcome.converged else outcome.status
-        reason = failure(point.residual, rounding, acceptance, UNFIT if outcome.converged else outcome.reason)
-    return Answer(
-        point.v,
-        point.residual,
-        problem.energy(point.v),
-        status,
-        reason,
-        outcome.iterations,
-        outcome.evaluations,
-        v_low=point.v_low,
-        xi=point.xi,
-        rounding=rounding,
-        limited=acceptance.limited(point.residual, rounding),
-    )
-
-
-def _looked_at(problem: ContactProblem, v: Array, acceptance: Acceptance) -> tuple[Refined, float]:
-    """v with its residual and what rounding allows of that, in extended precision and refined where rounding is no
-    longer small beside the tolerance."""
-    rounding, residual = problem.xi_rounding(v), problem.residual_bound(v)
-    if rounding > ROUNDING * acceptance.aim or not residual <= acceptance.aim:
-        point = refined(problem, v, acceptance.aim)
-        return point, problem.xi_rounding(point.v)
-    return Refined(v, np.zeros(problem.m), problem.xi(v), residual), rounding
-
-
-def _together(answers: list[Answer]) -> Answer:
-    """The solution of least energy, or the failure with the least residual; work is summed."""
-    solutions = [a for a in answers if a.status == Status.CONVERGED]
-    if solutions:
-        least = min(a.energy for a in solutions)
-        slack = TIE * max(abs(a.energy) for a in solutions)
-        best = next(a for a in solutions if a.energy <= least + slack)
-    else:
-        best = min(answers, key=lambda a: a.inclusion_residual)
-    found = {a.start: a.energy for a in solutions}
-    return replace(
-        best,
-        energies=tuple(found.get(start, float("nan")) for start in range(len(START_NAMES))),
-        iterations=sum(a.iterations for a in answers),
-        evaluations=sum(a.evaluations for a in answers),
-    )

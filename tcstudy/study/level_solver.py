@@ -21,9 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.condense import NotPositiveDefinite
-from tcstudy.contact.block import Options, solve_block
+from tcstudy.contact.block import solve_block
 from tcstudy.contact.boxes import Limits
-from tcstudy.contact.every import solve_every
 from tcstudy.contact.problem import CondensedBody
 from tcstudy.data.on_request import variables
 from tcstudy.data.records import BlockRecord, PointStatus
@@ -161,16 +160,14 @@ class LevelSolver:
         if (key := (Level.ratio(scenes[0]), mu)) not in self.bodies:  # made once for blocks that follow one another
             self.bodies.clear()
             self.bodies[key] = CondensedBody.of(mu * condensed.A_tilde, condensed.c, condensed.lambda_1_error)
-        body, options = self.bodies[key], Options(plan.branch, plan.tolerance)
+        body, limits = self.bodies[key], Limits(plan.max_boxes, plan.max_seconds) if plan.every else None
         name = f"level-{level.mesh.level} points {block.points.min()}-{block.points.max()}"
         job = Job(timed, name, max(TIMEOUT, FACTORISATIONS / FLOPS * points * m**3 / 3.0))
-        future: Future[Any]
-        if plan.every:
-            limits = Limits(plan.max_boxes, plan.max_seconds)
+        if limits is not None:
             job = replace(job, timeout=job.timeout + points * (limits.seconds + SLOWEST))
-            future = self.executor.submit(job, solve_every, body, loads, laws, options, limits, self.exact)
-        else:
-            future = self.executor.submit(job, solve_block, body, loads, laws, options, near, self.exact)
+        future = self.executor.submit(
+            job, solve_block, body, loads, laws, plan.branch, plan.tolerance, near, self.exact, limits
+        )
         return lambda: block_record(self.study, level, block.points, scenes, condensed, laws, *future.result())
 
     @cached_property

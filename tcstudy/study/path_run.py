@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from tcstudy.condense import NotPositiveDefinite
+from tcstudy.contact.block import TIE
 from tcstudy.contact.boxes import Limits
 from tcstudy.contact.certificates import certify
-from tcstudy.contact.contact import TIE
 from tcstudy.contact.history.hysteresis import hysteresis
 from tcstudy.contact.path.complete import Branches, all_branches
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path

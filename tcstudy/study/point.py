@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.condense import NotPositiveDefinite
-from tcstudy.contact.block import BlockAnswers, Certificates
-from tcstudy.contact.certificates import Certificate, certify
-from tcstudy.contact.contact import Answer, solve_contact
-from tcstudy.contact.every import Every
+from tcstudy.contact.all_solutions import Equilibria
+from tcstudy.contact.block import Answer
+from tcstudy.contact.certificates import as_row, certify
+from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.loop import Status
-from tcstudy.contact.problem import kept
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.data.schema import (
     ALL_PROVED,
@@ -67,7 +66,7 @@ def solve_point(
             residual=answer.inclusion_residual,
         )
         laws = row_laws([problem.law], np.ones(1))
-        record = block_record(study, level, points, [scene], condensed, laws, _as_row(answer, proved), seconds)
+        record = block_record(study, level, points, [scene], condensed, laws, as_row(replace(answer, certificate=proved)), seconds)
         more = {"evaluations": answer.evaluations} | (_by_solver(condensed, solved) if len(solved) > 1 else {})
         fields = level.fields(scene, answer.v) if study.output.fields else {}
         return replace(record, numbers=record.numbers | _one_row(more), fields=_one_row(fields))
@@ -91,26 +90,6 @@ def _one_row(values: Mapping[str, Any]) -> dict[str, Array]:
     return {name: np.array([value], dtype=float) for name, value in values.items()}
 
 
-def _as_row(answer: Answer, proved: Certificate) -> BlockAnswers:
-    """What was found and proved of a point as that of a block of one."""
-    flags = proved.convex, proved.unique, proved.strict_minimum, proved.global_minimum
-    return BlockAnswers(
-        v=answer.v[None],
-        v_low=answer.v_low[None],
-        xi=answer.xi[None],
-        inclusion_residual=np.array([answer.inclusion_residual]),
-        rounding=np.array([answer.rounding]),
-        limited=np.array([answer.limited]),
-        energy=np.array([answer.energy]),
-        status=np.array([answer.status], dtype=np.int8),
-        reasons=(answer.reason,),
-        start=np.array([answer.start], dtype=np.int8),
-        start_energies=np.array([answer.energies]),
-        steps=np.array([answer.iterations]),
-        certificates=Certificates(*(np.array([value]) for value in (proved.omega, *flags, proved.margin))),
-    )
-
-
 STATUS = np.full(max(Status) + 1, int(PointStatus.NOT_CONVERGED), dtype=np.int8)
 """Statuses of the data by those of a solver."""
 STATUS[Status.CONVERGED] = PointStatus.OK
@@ -125,12 +104,12 @@ def block_record(
     scenes: Sequence[Scene],
     condensed: CondensedBlock,
     laws: Laws,
-    found: BlockAnswers | Every,
+    answers: Answer,
     seconds: float,
 ) -> BlockRecord:
     """The record of a block of answers, units as in data.schema. laws: of its rows;  seconds: for all of them."""
-    answers = found.answers if isinstance(found, Every) else found
-    proved, error, count = answers.certificates, condensed.lambda_1_error, len(points)
+    proved, error, count = answers.certificate, condensed.lambda_1_error, len(points)
+    assert proved is not None
     factor = condensed.mu / condensed.mu[0]  # stiffness of a point's body over that of the block's
     solved = answers.status == Status.CONVERGED
     # no friction leaves a solution nothing but rounding of ξ; how far from 0 that is is its inclusion residual
@@ -144,18 +123,18 @@ def block_record(
         "inclusion_residual": answers.inclusion_residual,
         "inclusion_rounding": answers.rounding,
         "inclusion_status": np.where(solved, np.where(answers.limited, LIMITED, MET), NOT_JUDGED),
-        "iterations": answers.steps,
+        "iterations": answers.iterations,
         "u_T_max": np.max(np.abs(answers.v), axis=-1, initial=0.0),
         "friction_resultant": xi.sum(axis=-1),
         "lambda_1": lambda_1,
         "lambda_1_error": np.full(count, error),
         "omega": omega,
-        "uniqueness_margin": np.where(np.isnan(proved.margin), kept(error) * lambda_1 - omega, proved.margin * factor),
+        "uniqueness_margin": proved.margin * factor,
         "unique": proved.unique,
         "strict_minimum": proved.strict_minimum,
         "global_minimum": proved.global_minimum,
         "start_used": answers.start,
-        "start_energy": answers.start_energies * factor[:, None] + condensed.constant[:, None],
+        "start_energy": answers.energies * factor[:, None] + condensed.constant[:, None],
         "theta_mean": condensed.theta_mean,
         "heat_balance": balance,
         "heat_status": np.where(np.isnan(balance), NOT_JUDGED, unbalanced),
@@ -166,8 +145,8 @@ def block_record(
     if condensed.band is not None:
         values |= condensed.band.numbers(omega, condensed.mu)
     solutions: dict[str, Array] = {}
-    if isinstance(found, Every):
-        more, solutions = _every(found, factor, condensed)
+    if answers.solutions is not None:
+        more, solutions = _every(answers.solutions, factor, condensed)
         values |= more
     return BlockRecord(
         number=0,
@@ -175,7 +154,7 @@ def block_record(
         shape=study.shape,
         points=points,
         status=STATUS[answers.status],
-        reasons={row: reason for row, reason in enumerate(answers.reasons) if reason},
+        reasons={row: reason for row, reason in enumerate(answers.reason) if reason},
         numbers={name: np.asarray(value, dtype=float) for name, value in values.items()},
         u_T=answers.v,
         xi=xi / condensed.c,
@@ -184,26 +163,29 @@ def block_record(
     )
 
 
-def _every(found: Every, factor: Array, condensed: CondensedBlock) -> tuple[dict[str, Array], dict[str, Array]]:
+def _every(
+    found: Sequence[Equilibria], factor: Array, condensed: CondensedBlock
+) -> tuple[dict[str, Array], dict[str, Array]]:
     """What a block stores of all solutions of its points: (P,) by variable name, and one row a solution.
 
     factor: (P,) stiffness of a point's body over that of the block's
     """
-    count = np.array([len(one) for one in found.solutions])
-    complete = np.array([one.complete for one in found.solutions], dtype=bool)
+    count = np.array([len(one) for one in found])
+    complete = np.array([one.complete for one in found], dtype=bool)
+    polygon = np.array([one.law_error > 0.0 for one in found], dtype=bool)
     numbers = {
         "solutions": count,
-        "stable_solutions": np.array([np.count_nonzero(one.stable) for one in found.solutions]),
-        "complete": np.where(complete, np.where(found.polygon, OF_POLYGON, ALL_PROVED), NOT_ALL),
+        "stable_solutions": np.array([np.count_nonzero(one.stable) for one in found]),
+        "complete": np.where(complete, np.where(polygon, OF_POLYGON, ALL_PROVED), NOT_ALL),
     }
     row = np.repeat(np.arange(len(count)), count)
     solutions: dict[str, Any] = {
         "row": row,
-        "energy": np.concatenate([one.energy for one in found.solutions]) * factor[row] + condensed.constant[row],
-        "stable": np.concatenate([one.stable for one in found.solutions]).astype(np.int8),
-        "u_T": np.concatenate([one.v for one in found.solutions]),
-        "xi": np.concatenate([one.xi for one in found.solutions]) * factor[row, None] / condensed.c,
-        "piece": np.concatenate([one.sides for one in found.solutions]).astype(np.int32),
+        "energy": np.concatenate([one.energy for one in found]) * factor[row] + condensed.constant[row],
+        "stable": np.concatenate([one.stable for one in found]).astype(np.int8),
+        "u_T": np.concatenate([one.v for one in found]),
+        "xi": np.concatenate([one.xi for one in found]) * factor[row, None] / condensed.c,
+        "piece": np.concatenate([one.sides for one in found]).astype(np.int32),
     }
     return numbers, solutions
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tcstudy.accuracy.norms import Line, Modulus, Triangles
 from tcstudy.contact.active_set import finish
-from tcstudy.contact.contact import TIE
+from tcstudy.contact.block import TIE
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.errors import GeometryFailed
 from tcstudy.offline.level import Level

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from tcstudy.contact.block import BlockAnswers, solve_block
+from tcstudy.contact.block import TIE, Answer, solve_block
 from tcstudy.contact.certificates import Certificate, certify
-from tcstudy.contact.contact import TIE, Answer, solve_contact
+from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import CondensedBody, ContactProblem
 from tcstudy.laws.laws import Laws
@@ -88,7 +88,7 @@ def compare(groups: Iterable[Group]) -> Counter[str]:
     return counts
 
 
-def differences(answers: BlockAnswers, p: int, problem: ContactProblem, single: Single) -> Iterator[str]:
+def differences(answers: Answer, p: int, problem: ContactProblem, single: Single) -> Iterator[str]:
     """In what a point of a block differs from the same problem solved alone."""
     own, alone = single.answer, single.answer.status == Status.CONVERGED
     solved = answers.status[p] == Status.CONVERGED
@@ -102,7 +102,7 @@ def differences(answers: BlockAnswers, p: int, problem: ContactProblem, single: 
     if abs(answers.energy[p] - own.energy) > slack:
         yield "energy higher" if answers.energy[p] > own.energy else "energy lower"
     for flag in FLAGS:
-        found, expected = bool(getattr(answers.certificates, flag)[p]), bool(getattr(single.proved, flag))
+        found, expected = bool(getattr(answers.certificate, flag)[p]), bool(getattr(single.proved, flag))
         if found != expected:
             yield f"{flag} {'lost' if expected else 'gained'}"
 

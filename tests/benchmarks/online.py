@@ -30,7 +30,7 @@ import scipy.linalg
 import xarray as xr
 from numpy.typing import NDArray
 
-from tcstudy.contact.block import BlockAnswers
+from tcstudy.contact.block import Answer
 from tcstudy.contact.problem import CondensedBody, ContactProblem
 from tcstudy.data.journal import Journal
 from tcstudy.data.provenance import collect
@@ -77,7 +77,7 @@ class Sweep:
         """One point as the single solve takes it."""
         return ContactProblem(self.body.A_tilde, self.loads[point], self.body.c, self.laws[self.law[point]])
 
-    def now(self) -> BlockAnswers:
+    def now(self) -> Answer:
         """All points at once."""
         return solve_points(self.body, self.loads, Laws.of(self.laws), self.law)
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, is_dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.block import BlockAnswers, Certificates, Options, solve_block
+from tcstudy.contact.block import Answer, solve_block
 from tcstudy.contact.problem import CondensedBody, ContactProblem
 from tcstudy.laws.laws import Laws
 from tcstudy.study.level_solver import ENOUGH, ENTRIES, MOST, POINTS
@@ -50,27 +51,24 @@ def single(body: CondensedBody, load: Array, law: Laws) -> ContactProblem:
     return ContactProblem(body.A_tilde, load, body.c, law)
 
 
-def solve_points(
-    body: CondensedBody, loads: Array, tables: Laws, law: Index, options: Options | None = None
-) -> BlockAnswers:
+def solve_points(body: CondensedBody, loads: Array, tables: Laws, law: Index, tolerance: float | None = None) -> Answer:
     """Any number of points, sorted by law and cut into blocks of the size that a study has; answers in their order."""
     size = max(1, min(POINTS, max(ENTRIES // max(1, body.m), min(ENOUGH, MOST // max(1, body.m)))))
     order = np.argsort(law, kind="stable")
     parts = []
     for own in np.array_split(order, -(-len(order) // size)):
         used, rows = np.unique(law[own], return_inverse=True)
-        parts.append(solve_block(body, loads[own], tables.at(used[rows].reshape(-1, 1)), options))
+        parts.append(solve_block(body, loads[own], tables.at(used[rows].reshape(-1, 1)), tolerance=tolerance))
     return reordered(parts, np.argsort(order, kind="stable"))
 
 
-def reordered(parts: Sequence[BlockAnswers], points: Index) -> BlockAnswers:
-    """The named points of several blocks that follow each other."""
-
-    def together(records: Sequence[object], kind: type) -> dict[str, Array]:
-        names = [f.name for f in fields(kind) if f.name not in ("reasons", "certificates")]
-        return {name: np.concatenate([getattr(record, name) for record in records])[points] for name in names}
-
-    reasons = [reason for part in parts for reason in part.reasons]
-    proved = Certificates(**together([part.certificates for part in parts], Certificates))
-    own = together(parts, BlockAnswers)
-    return BlockAnswers(**own, reasons=tuple(reasons[p] for p in points), certificates=proved)
+def reordered(parts: Sequence[Any], points: Index) -> Any:
+    """The named points of several records of points that follow each other."""
+    own: dict[str, Any] = {}
+    for field in fields(parts[0]):
+        values = [getattr(part, field.name) for part in parts]
+        if is_dataclass(values[0]):
+            own[field.name] = reordered(values, points)
+        elif values[0] is not None:
+            own[field.name] = np.concatenate([np.asarray(value) for value in values])[points]
+    return replace(parts[0], **own)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.contact.block import BlockAnswers, Options, solve_block
+from tcstudy.contact.block import Answer, solve_block
 from tcstudy.contact.bounds import solution_box
 from tcstudy.contact.certificates import certify, solution_boxes
 from tcstudy.contact.contact import solve_contact
@@ -36,7 +36,7 @@ def test_no_energy_is_higher_and_no_certificate_lost(m: int, points: int) -> Non
         np.testing.assert_allclose(answers.energy[p], problem.energy(answers.v[p]), rtol=1e-11, atol=1e-14)
         proved = certify(problem, answers.v[p], body.lambda_1, inverse=body.inverse)
         for flag in FLAGS:
-            assert getattr(answers.certificates, flag)[p] == getattr(proved, flag), flag
+            assert getattr(answers.certificate, flag)[p] == getattr(proved, flag), flag
 
 
 @pytest.mark.parametrize(("m", "by_node"), [(2, False), (3, False), (3, True)])
@@ -50,15 +50,15 @@ def test_the_least_energy_of_all_is_found(m: int, by_node: bool) -> None:
         least = least_energy(problem)
         slack = 1e-10 * (abs(least) + float(problem.c @ np.abs(problem.law.j(answers.v[0]))))
         found += answers.energy[0] <= least + slack
-        assert not answers.certificates.global_minimum[0] or answers.energy[0] <= least + slack
+        assert not answers.certificate.global_minimum[0] or answers.energy[0] <= least + slack
     assert found >= 39
 
 
-def same_bits(one: BlockAnswers, other: BlockAnswers) -> bool:
-    names = ("v", "xi", "inclusion_residual", "energy", "status", "start", "start_energies", "steps")
+def same_bits(one: Answer, other: Answer) -> bool:
+    names = ("v", "xi", "inclusion_residual", "energy", "status", "start", "energies", "iterations")
     arrays = all(np.array_equal(getattr(one, n), getattr(other, n), equal_nan=True) for n in names)
     return arrays and all(
-        np.array_equal(getattr(one.certificates, flag), getattr(other.certificates, flag)) for flag in FLAGS
+        np.array_equal(getattr(one.certificate, flag), getattr(other.certificate, flag)) for flag in FLAGS
     )
 
 
@@ -78,7 +78,7 @@ def test_laws_by_node_agree_with_laws_by_row() -> None:
     by_row = solve_block(body, loads, tables.at(law[:, None]))
     by_node = solve_block(body, loads, tables.at(np.repeat(law[:, None], body.m, axis=1)))
     np.testing.assert_allclose(by_node.energy, by_row.energy, rtol=1e-11, atol=1e-14)
-    assert np.array_equal(by_node.certificates.global_minimum, by_row.certificates.global_minimum)
+    assert np.array_equal(by_node.certificate.global_minimum, by_row.certificate.global_minimum)
 
 
 def test_branch_continued_begins_from_its_neighbours() -> None:
@@ -87,7 +87,7 @@ def test_branch_continued_begins_from_its_neighbours() -> None:
     rows, v = tables.at([[0]]), None
     for p, size in enumerate(np.linspace(0.2, 3.0, 12)):
         near = None if v is None else v[None]
-        answers = solve_block(body, size * loads, rows, Options(branch="continued"), near)
+        answers = solve_block(body, size * loads, rows, "continued", neighbours=near)
         expected = solve_contact(single(body, size * loads[0], laws[0]), branch="continued", neighbour=v)
         v = expected.v
         np.testing.assert_allclose(answers.v[0], v, atol=1e-9 * np.max(np.abs(v)))
@@ -98,12 +98,12 @@ def test_what_rounding_hides_is_judged_and_reported() -> None:
     """Friction 1e-30 of the load: no strict tolerance can be met, and every point says so."""
     laws = [cases.slip_weakening(1.0, 0.5, 0.1)]
     body, loads, tables, law = block(20, laws, 4)
-    answers = solve_points(body, 1e30 * loads, tables, law, Options(tolerance=1e-10))
+    answers = solve_points(body, 1e30 * loads, tables, law, 1e-10)
     failed = answers.status != Status.CONVERGED
     assert np.any(failed)
     for p in range(4):
-        assert bool(answers.reasons[p]) == bool(failed[p])
-        assert not failed[p] or not answers.certificates.global_minimum[p]
+        assert bool(answers.reason[p]) == bool(failed[p])
+        assert not failed[p] or not answers.certificate.global_minimum[p]
 
 
 def test_a_body_without_load_or_friction_is_at_rest() -> None:
@@ -112,7 +112,7 @@ def test_a_body_without_load_or_friction_is_at_rest() -> None:
     answers = solve_points(body, 0.0 * loads, Laws.of([nothing]), np.zeros(2, dtype=np.intp))
     assert np.all(answers.v == 0.0)
     assert np.all(answers.status == Status.CONVERGED)
-    assert np.all(answers.certificates.unique)
+    assert np.all(answers.certificate.unique)
 
 
 def test_where_double_precision_is_not_enough_the_answer_has_a_low_part() -> None:
@@ -120,7 +120,7 @@ def test_where_double_precision_is_not_enough_the_answer_has_a_low_part() -> Non
     laws = [cases.slip_weakening(1e-8, 0.5e-8, 0.1)]
     body, loads, tables, law = block(20, laws, 3)
     loads = loads / np.max(np.abs(loads)) * np.max(body.c)
-    answers = solve_points(body, loads, tables, law, Options(tolerance=1e-10))
+    answers = solve_points(body, loads, tables, law, 1e-10)
     assert np.all(answers.status == Status.CONVERGED)
     assert np.any(answers.v_low != 0.0)
     assert np.all(answers.inclusion_residual <= 1e-10)
@@ -141,8 +141,8 @@ def test_strengths_and_gaps_by_node_agree_with_the_single_solve() -> None:
         proved = certify(problem, answers.v[p], body.lambda_1, inverse=body.inverse)
         assert answers.energy[p] <= expected.energy + TIE * abs(expected.energy)
         for flag in FLAGS:
-            assert getattr(answers.certificates, flag)[p] == getattr(proved, flag), flag
-        np.testing.assert_allclose(answers.certificates.margin[p], proved.margin, rtol=1e-9)
+            assert getattr(answers.certificate, flag)[p] == getattr(proved, flag), flag
+        np.testing.assert_allclose(answers.certificate.margin[p], proved.margin, rtol=1e-9)
 
 
 def test_boxes_of_ill_conditioned_bodies_are_as_narrow_as_those_of_one_problem() -> None:

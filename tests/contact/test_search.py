@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from tcstudy.contact import descent
-from tcstudy.contact.contact import Answer, solve_contact
+from tcstudy.contact.block import Answer
+from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.laws import Laws

@@ -12,7 +12,8 @@ import pytest
 import scipy.linalg
 from netgen import occ
 
-from tcstudy.contact.contact import Answer, solve_contact
+from tcstudy.contact.block import Answer
+from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.loop import Status
 from tcstudy.data.records import LevelRecord
 from tcstudy.exact.numbers import known_goal

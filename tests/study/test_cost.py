@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.contact.contact import Answer
+from tcstudy.contact.block import Answer
 from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.data.measured import STAGES

@@ -74,7 +74,7 @@ def test_proofs_do_not_lean_on_lost_digits() -> None:
         proof = certify(problem, np.zeros(1), 1.0)
         body = CondensedBody.of(np.array([[1.0]]), np.ones(1), error)
         laws = Laws.of([law], np.zeros((1, 1)))
-        block = solve_block(body, load[None], laws).certificates
+        block = solve_block(body, load[None], laws).certificate
         assert proof.convex == block.convex[0] == unique
         assert proof.unique == block.unique[0] == unique
         assert proof.lambda_1_error == error

@@ -22,7 +22,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.contact import Answer, as_it_is, nearest_minimum, solve_contact
+from tcstudy.contact.block import Answer
+from tcstudy.contact.contact import as_it_is, nearest_minimum, solve_contact
 from tcstudy.contact.history.memory import LAW_ERROR
 from tcstudy.contact.history.problem import HistoryProblem, HistoryStep, booked, proved
 from tcstudy.contact.loop import Status

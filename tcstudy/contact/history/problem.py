@@ -18,9 +18,9 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from tcstudy.contact.block import Answer
 from tcstudy.contact.bounds import far, least_slope, tables_of
 from tcstudy.contact.certificates import certify, positive_definite
-from tcstudy.contact.contact import Answer
 from tcstudy.contact.history.memory import MemoryModel, NodeState
 from tcstudy.contact.loop import Status
 from tcstudy.contact.newton import slopes

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.contact import Answer, solve_contact
+from tcstudy.contact.block import Answer
+from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.convex_step import convex_step
 from tcstudy.contact.history.continued import continued
 from tcstudy.contact.history.problem import HistoryProblem, HistoryStep, booked, proved
