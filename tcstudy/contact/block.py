@@ -23,8 +23,8 @@ from tcstudy.contact.all_solutions import Equilibria, of_rows
 from tcstudy.contact.boxes import Limits
 from tcstudy.contact.certificates import Certificate, Proofs, row_of
 from tcstudy.contact.descent import TOLERANCE, Descended, descend, descend_nested, hull_starts, move_starts
-from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import CondensedBody, ContactProblem, kept
+from tcstudy.contact.status import Status
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.study import ESCAPE, EXACT, FRICTIONLESS, NEIGHBOUR, START_NAMES, ZERO, Acceptance, Branch
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from tcstudy.contact.active_set import judge
 from tcstudy.contact.block import NOT_POSITIVE_DEFINITE, Answer, Block, solve_block
 from tcstudy.contact.descent import Descended, descend
-from tcstudy.contact.loop import Outcome, Status
 from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.status import Outcome, Status
 from tcstudy.scene.study import (
     FRICTIONLESS,
     NEIGHBOUR,
@@ -27,7 +27,6 @@ from tcstudy.scene.study import (
 )
 
 Array = NDArray[np.float64]
-Log = Callable[[str], None]
 
 ACCURACY = 1e-12
 """Residual that methods work for, whatever larger one is accepted."""
@@ -47,7 +46,6 @@ def solve_contact(
     max_iterations: int | None = None,
     branch: Branch = "lowest",
     neighbour: Array | None = None,
-    log: Log | None = None,
     exact: Array | None = None,
 ) -> Answer:
     """Find v with 0 ∈ Ãv − l̃ + ∂Ψ(v) and an inclusion residual that is accepted.
@@ -71,7 +69,7 @@ def solve_contact(
         return unsolved(problem, Status.CONVERGED, "", 0.0)
     near = None if neighbour is None else np.asarray(neighbour, dtype=float)
     if solver != SEPARABLE:
-        return _by_bundle(problem, Acceptance(tolerance), max_iterations, branch, near, log, exact)
+        return _by_bundle(problem, Acceptance(tolerance), max_iterations, branch, near, exact)
     if not all(np.all(np.isfinite(x)) for x in (problem.A_tilde, problem.l_tilde, problem.c)):
         return unsolved(problem, Status.NOT_FINITE, NOT_FINITE, np.nan)
     rows = problem.rows
@@ -115,7 +113,6 @@ def _by_bundle(
     max_iterations: int | None,
     branch: Branch,
     neighbour: Array | None,
-    log: Log | None,
     exact: Array | None,
 ) -> Answer:
     """The least solution from all starts, or the first; what fails has the least residual, and work is summed."""
@@ -124,7 +121,7 @@ def _by_bundle(
     block, here = Block(problem.rows, branch, acceptance.tolerance, prove=False), np.zeros(1, dtype=np.intp)
     tried, missed, least = list[Outcome](), None, np.inf
     for start, x0 in _starts(problem, branch, neighbour):
-        tried.append(outcome := solve_with_bundle(problem, x0, max_iterations, log, min(ACCURACY, acceptance.aim)))
+        tried.append(outcome := solve_with_bundle(problem, x0, max_iterations, min(ACCURACY, acceptance.aim)))
         judged = judge(problem.rows, outcome.x[None], acceptance, refine=True, finishing=True)
         if missed is None or judged.residual[0] < least:
             missed = (Status.INCLUSION_VIOLATED, UNFIT) if outcome.converged else (outcome.status, outcome.reason)

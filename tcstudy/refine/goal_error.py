@@ -61,8 +61,8 @@ from numpy.typing import NDArray
 
 from tcstudy.accuracy.corners import Side, Sticks, opening, sticking_near, vertex, vertices
 from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.status import Status
 from tcstudy.fem.meshes import CurveEnd, PlaneMesh, curve_ends
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.refine.ends import hidden_effects

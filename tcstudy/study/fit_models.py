@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.linearised import Linearised
-from tcstudy.contact.loop import Status
 from tcstudy.contact.path.follow import Follower, Path
 from tcstudy.contact.path.record import WHOLE
+from tcstudy.contact.status import Status
 from tcstudy.errors import FitError, PathError
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import WholeBody, change_of

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.bounds import solution_box
 from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.loop import Status
 from tcstudy.contact.path.chords import piecewise_linear
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path
 from tcstudy.contact.path.start import NoSolutionError
+from tcstudy.contact.status import Status
 from tcstudy.errors import PathError
 from tcstudy.offline.level import Condensed, Level
 from tcstudy.scene.records import Scene

@@ -17,7 +17,7 @@ from tcstudy.contact.all_solutions import Equilibria
 from tcstudy.contact.block import Answer
 from tcstudy.contact.certificates import as_row, certify
 from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.loop import Status
+from tcstudy.contact.status import Status
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.data.schema import (
     ALL_PROVED,

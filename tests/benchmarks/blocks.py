@@ -19,8 +19,8 @@ from threadpoolctl import threadpool_limits
 from tcstudy.contact.block import TIE, Answer, solve_block
 from tcstudy.contact.certificates import Certificate, certify
 from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import CondensedBody, ContactProblem
+from tcstudy.contact.status import Status
 from tcstudy.laws.laws import Laws
 from tests.benchmarks.stability_chain import ChainGrid, chain
 from tests.benchmarks.stability_maps import Grid, down_jumps, synthetic, waves

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from tcstudy.contact.active_set import finish
 from tcstudy.contact.bundle.contact import solve_with_bundle
 from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.loop import Outcome, Status, iterate
 from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.status import Outcome, Status
 from tests.benchmarks.semismooth import SemismoothNewton
 
 Array = NDArray[np.float64]
@@ -75,10 +75,6 @@ class Watched(ContactProblem):
         if time.process_time() > self.deadline:
             raise OutOfTimeError
 
-    def log(self, line: str) -> None:
-        """For methods that log every iteration: the deadline again."""
-        self.check()
-
     def energy(self, v: Array) -> float:
         """L̃(v); raises OutOfTimeError after the deadline."""
         self.check()
@@ -110,7 +106,7 @@ def default(problem: ContactProblem, x0: Array, deadline: float) -> Attempt:
 
 def bundle(problem: ContactProblem, x0: Array, deadline: float) -> Attempt:
     """Bundle-Newton with one bundle for L̃."""
-    return _finished(problem, lambda watch: solve_with_bundle(watch, x0, log=watch.log), x0, deadline)
+    return _finished(problem, lambda watch: solve_with_bundle(watch, x0), x0, deadline)
 
 
 def _finished(problem: ContactProblem, run: Callable[[Watched], Outcome], x0: Array, deadline: float) -> Attempt:
@@ -132,7 +128,7 @@ def _finished(problem: ContactProblem, run: Callable[[Watched], Outcome], x0: Ar
 
 def semismooth(problem: ContactProblem, x0: Array, deadline: float) -> Attempt:
     """Primal–dual active set without globalisation; so short that it needs no deadline."""
-    outcome = iterate(SemismoothNewton(tolerance=TOLERANCE), problem, x0)
+    outcome = SemismoothNewton(tolerance=TOLERANCE).run(problem, x0)
     return Attempt(outcome.x, outcome.converged)
 
 

@@ -11,14 +11,13 @@ import time
 from collections.abc import Sequence
 
 from tcstudy.contact.bundle.newton import BundleNewton
-from tcstudy.contact.loop import iterate
 from tests.contact.bundle.scalable import Problem, published, random_problem
 
 
 def line(problem: Problem) -> str:
     """Status, iterations, error relative to 1 + |f*|, and seconds of CPU."""
     begin = time.process_time()
-    outcome = iterate(BundleNewton(), problem.oracle, problem.x0)
+    outcome = BundleNewton().run(problem.oracle, problem.x0)
     error = (outcome.f - problem.f_star) / (1.0 + abs(problem.f_star))
     seconds = time.process_time() - begin
     cells = f"{outcome.status.name:15s} {outcome.iterations:4d}/{outcome.evaluations:<4d} {error:9.1e} {seconds:7.2f}"

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.block import solve_block
 from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import CondensedBody, ContactProblem
+from tcstudy.contact.status import Status
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import piecewise_linear
 from tests.contact.ill_conditioned import body

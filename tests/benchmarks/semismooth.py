@@ -20,8 +20,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.contact.loop import Outcome, Status
 from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.status import Outcome, Status
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
 
@@ -42,12 +42,11 @@ class SemismoothState:
     branch: Index
     seen: frozenset[bytes]
     stop: tuple[Status, str] | None
-    factorisations: int
 
 
 @dataclass(frozen=True)
 class SemismoothNewton:
-    """Options; a Method for tcstudy.contact.loop.iterate. Piecewise-linear laws only (raises ValueError).
+    """Options. Piecewise-linear laws only (raises ValueError).
 
     max_iterations: linear solves before giving up
     tolerance:      inclusion residual at which returning branches (by rounding) are a solution
@@ -60,11 +59,15 @@ class SemismoothNewton:
     softening: float = 0.5
     compliance: float = 3.0
 
-    def start(self, problem: ContactProblem, x0: Array) -> SemismoothState:
-        """Branches of x0."""
+    def run(self, problem: ContactProblem, x0: Array) -> Outcome:
+        """Steps from x0 until no branch changes, branches return, or their limit is met."""
         if not problem.law.piecewise_linear:
             raise ValueError(f"{problem.law.name}: the graph of b is not a polygon; use another solver")
-        return SemismoothState(x0, self.branches(problem, x0), frozenset(), None, 0)
+        state, taken = SemismoothState(x0, self.branches(problem, x0), frozenset(), None), 0
+        while state.stop is None and taken < self.max_iterations:
+            state, taken = self.step(problem, state), taken + 1
+        stop = state.stop or (Status.ITERATION_LIMIT, f"no solution within {self.max_iterations} iterations")
+        return Outcome(state.v, problem.energy(state.v), *stop, taken, 0)
 
     def weight(self, problem: ContactProblem) -> float:
         """λ in t = v + λζ [m/Pa]."""
@@ -92,22 +95,7 @@ class SemismoothNewton:
             stop = (Status.CONVERGED, "branches change by rounding only")
         elif branch.tobytes() in seen:
             stop = (Status.STALLED, "the branches repeat: the method cycles; use a globalised one")
-        return SemismoothState(v, branch, seen, stop, state.factorisations + 1)
-
-    def verdict(self, problem: ContactProblem, state: SemismoothState) -> tuple[Status, str] | None:
-        """Converged when a step changes no branch; stalled when branches return."""
-        return state.stop
-
-    def outcome(
-        self, problem: ContactProblem, state: SemismoothState, status: Status, reason: str, iterations: int
-    ) -> Outcome:
-        """`accuracy` is the inclusion residual."""
-        energy, residual = problem.energy(state.v), problem.inclusion_residual(state.v)
-        return Outcome(state.v, energy, status, reason, iterations, 0, state.factorisations, residual)
-
-    def line(self, state: SemismoothState, iteration: int) -> str:
-        """One aligned log line."""
-        return f"{iteration:4d}  at rest = {int(np.sum(state.branch % 2)):5d}"
+        return SemismoothState(v, branch, seen, stop)
 
 
 def breakpoints(law: Laws, weight: float) -> Array:

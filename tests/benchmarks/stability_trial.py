@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.factors import cholesky
-from tcstudy.contact.loop import Status, iterate
 from tcstudy.contact.path.follow import Follower, ParametricProblem, PathStatus
 from tcstudy.contact.path.query import solutions_at
 from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.status import Status
 from tcstudy.laws.pieces import UP
 from tests.benchmarks.methods import ENDLESS, TOLERANCE, OutOfTimeError, watched
 from tests.benchmarks.semismooth import SemismoothNewton, solve_branches
@@ -134,7 +134,7 @@ def semismooth(problem: ContactProblem, deadline: float) -> Trial:
     """Primal–dual active set without globalisation."""
     used, best, least = 0, None, np.inf
     for start in (np.zeros(problem.m), problem.frictionless()):
-        outcome = iterate(SemismoothNewton(tolerance=TOLERANCE), problem, start)
+        outcome = SemismoothNewton(tolerance=TOLERANCE).run(problem, start)
         used += outcome.iterations
         residual = problem.inclusion_residual(outcome.x)
         if best is None or residual < least:

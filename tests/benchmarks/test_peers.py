@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tcstudy.contact.loop import iterate
 from tests.benchmarks import peers
 from tests.benchmarks.measure import NOT_RUN, RETURNED, TIME_LIMIT, Limits, measure
 from tests.benchmarks.methods import PEERS, TOLERANCE, Attempt, Peer
@@ -71,7 +70,7 @@ def test_semismooth_newton_ends_exactly_or_says_that_it_cycles() -> None:
     converged = 0
     for family in cases((20,), 5, body_levels=0):
         for case in family:
-            outcome = iterate(SemismoothNewton(), case.problem, np.zeros(20))
+            outcome = SemismoothNewton().run(case.problem, np.zeros(20))
             good = independent_residual(case.problem, outcome.x) <= TOLERANCE
             assert good == outcome.converged, outcome.reason
             converged += good

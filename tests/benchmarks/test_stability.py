@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.loop import Status
+from tcstudy.contact.status import Status
 from tests.benchmarks import stability
 from tests.benchmarks.methods import TOLERANCE
 from tests.benchmarks.stability_chain import CHAIN, SHAPE, WEAK, ChainGrid, chain

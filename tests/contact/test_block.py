@@ -9,8 +9,8 @@ from tcstudy.contact.block import Answer, solve_block
 from tcstudy.contact.bounds import solution_box
 from tcstudy.contact.certificates import certify, solution_boxes
 from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import CondensedBody, ContactProblem
+from tcstudy.contact.status import Status
 from tcstudy.laws.composed import nodal, row_laws
 from tcstudy.laws.laws import NONE, Laws
 from tcstudy.scene.study import NEIGHBOUR

@@ -7,8 +7,8 @@ import pytest
 
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.convex_step import convex_step
-from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.status import Status
 from tcstudy.laws.shapes import linear, piecewise_linear, tresca
 from tests.contact.ill_conditioned import FAMILIES, Family, body
 

@@ -5,9 +5,9 @@ import pytest
 
 from tcstudy.contact.contact import nearest_minimum, solve_contact
 from tcstudy.contact.descent import Descended, descend, descend_nested, descend_nodes
-from tcstudy.contact.loop import Status
 from tcstudy.contact.newton import slopes
 from tcstudy.contact.problem import ContactProblem, interpolation
+from tcstudy.contact.status import Status
 from tcstudy.laws.laws import Laws
 from tests.contact import contact_cases as cases
 

@@ -7,8 +7,8 @@ import pytest
 
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.status import Status
 from tcstudy.laws.pieces import DOWN, UP
 from tcstudy.laws.shapes import SHAPES
 from tests.contact import contact_cases as cases

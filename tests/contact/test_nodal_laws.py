@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.convex_step import convex_step
-from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.status import Status
 from tcstudy.laws.composed import nodal
 from tcstudy.laws.laws import NONE, Laws
 from tcstudy.laws.shapes import tresca

@@ -8,8 +8,8 @@ import pytest
 from tcstudy.contact.active_set import extended, refined
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import CondensedBody, ContactProblem
+from tcstudy.contact.status import Status
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import slip_weakening, tresca
 from tcstudy.scene.study import TOLERANCE, Acceptance

@@ -6,8 +6,8 @@ import pytest
 from tcstudy.contact import descent
 from tcstudy.contact.block import Answer
 from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.status import Status
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.scene.study import ESCAPE, Branch

@@ -14,7 +14,7 @@ from netgen import occ
 
 from tcstudy.contact.block import Answer
 from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.loop import Status
+from tcstudy.contact.status import Status
 from tcstudy.data.records import LevelRecord
 from tcstudy.exact.numbers import known_goal
 from tcstudy.fem.recovery import ElementGeometry

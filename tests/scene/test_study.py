@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.status import Status
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import linear, piecewise_linear, tresca
 from tcstudy.scene.study import LOST, TOLERANCE, Acceptance

@@ -10,8 +10,8 @@ import pytest
 
 import tcstudy
 from tcstudy.contact.block import Answer
-from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.status import Status
 from tcstudy.data.measured import STAGES
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import Record

@@ -15,7 +15,7 @@ from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
 from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.loop import Status
+from tcstudy.contact.status import Status
 from tcstudy.fem.estimators import own_strain
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Level

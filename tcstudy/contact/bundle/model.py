@@ -15,13 +15,11 @@ Differences from the publication, each because it saves evaluations:
     This costs quadratic programmes but no evaluation.
 
 Where all pieces share the curvature of a smooth part, G_j = B + diag(h_j), products with N pieces cost O(n² + Nn)
-instead of O(Nn²) and the bundle stores N vectors instead of N matrices. An oracle says so by returning a
-`DiagonalShift`; every other oracle returns a dense symmetric matrix.
+instead of O(Nn²) and the bundle stores N vectors instead of N matrices: the oracle then returns h (n,) in place of G.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,75 +28,6 @@ from numpy.typing import NDArray
 from tcstudy.contact.bundle.simplex_qp import direction, dual_decrease, positive_definite
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class DiagonalShift:
-    """G = B + diag(h).
-
-    base:     (n, n) symmetric B, the same object for all pieces of a run
-    diagonal: (n,) h
-    """
-
-    base: Array
-    diagonal: Array
-
-    def __matmul__(self, vector: Array) -> Array:
-        product: Array = self.base @ vector + self.diagonal * vector
-        return product
-
-    def __array__(self, dtype: object = None, copy: bool | None = None) -> Array:
-        return self.base + np.diag(self.diagonal)
-
-
-Hessian = Array | DiagonalShift
-
-
-@dataclass(frozen=True, eq=False)
-class Stack:
-    """The G_j of a bundle, ready for products with all of them; base and diagonals, or dense.
-
-    base:      (n, n) B, None if dense
-    diagonals: (N, n) h_j in rows, without rows if dense
-    dense:     the N matrices if there is no common base
-    """
-
-    base: Array | None
-    diagonals: Array
-    dense: Sequence[Array]
-
-    @staticmethod
-    def of(hessians: Sequence[Hessian]) -> Stack:
-        """The stack of the given matrices (nothing of size n² is copied unless structured and dense are mixed)."""
-        shifts = [G for G in hessians if isinstance(G, DiagonalShift)]
-        if len(shifts) == len(hessians) and all(G.base is shifts[0].base for G in shifts):
-            return Stack(shifts[0].base, np.array([G.diagonal for G in shifts]), ())
-        return Stack(None, np.zeros((0, 0)), tuple(np.asarray(G) for G in hessians))
-
-    def times(self, d: Array) -> Array:
-        """(N, n) G_j d; one d (n,) for all pieces."""
-        if self.base is not None:
-            return self.base @ d + self.diagonals * d
-        return np.array([G @ d for G in self.dense])
-
-    def times_rows(self, rows: Array) -> Array:
-        """(N, n) G_j δ_j; a row δ_j (N, n) for each piece."""
-        if self.base is not None:
-            return rows @ self.base + self.diagonals * rows
-        return np.array([G @ row for G, row in zip(self.dense, rows, strict=True)])
-
-    def combine(self, weights: Array) -> Array:
-        """(n, n) Σ w_j G_j as a new dense matrix."""
-        if self.base is not None:
-            total = float(weights.sum()) * self.base
-            total[np.diag_indices(len(total))] += weights @ self.diagonals
-            return total
-        used = np.flatnonzero(weights)
-        total = np.zeros_like(self.dense[0], dtype=float)
-        for j in map(int, used):
-            total += weights[j] * self.dense[j]
-        return total
-
 
 FAR = 4.0
 """Multiple of the radius beyond which a step is not worth completing."""
@@ -111,57 +40,92 @@ PIVOT, LEAST_CURVATURE, LOOSER = 1e-8, 1e-2, 0.25
 factor of the latter after each full step, as W must not hold back steps along pieces much flatter than the steepest."""
 
 
-@dataclass(frozen=True)
-class Piece:
-    """What the oracle said at y.
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """What the oracle said at N points.
 
-    y:      (n,) point
-    f:      value at y
-    g:      (n,) subgradient at y
-    G:      (n, n) second derivatives of the active piece at y, dense or a DiagonalShift
+    y, f, g: (N, n) points, (N,) values, (N, n) subgradients
+    G:       (N, n, n) second derivatives of the active pieces; with a base (N, n) the diagonals beside it
+    base:    (n, n) symmetric B that all share, or None
     """
 
     y: Array
-    f: float
+    f: Array
     g: Array
-    G: Hessian
+    G: Array
+    base: Array | None = None
+
+    def __len__(self) -> int:
+        return len(self.f)
 
     @property
     def finite(self) -> bool:
         """True if f, g and G are all finite."""
-        return bool(np.isfinite(self.f) and np.all(np.isfinite(self.g)) and np.all(np.isfinite(self.G)))
+        return all(bool(np.all(np.isfinite(x))) for x in (self.f, self.g, self.G))
+
+    def take(self, which: NDArray[np.intp] | slice) -> Pieces:
+        """The named ones."""
+        return Pieces(self.y[which], self.f[which], self.g[which], self.G[which], self.base)
+
+    def with_one(self, new: Pieces) -> Pieces:
+        """These and others behind them."""
+        pairs = (self.y, new.y), (self.f, new.f), (self.g, new.g), (self.G, new.G)
+        y, f, g, G = (np.concatenate(pair) for pair in pairs)
+        return Pieces(y, f, g, G, self.base)
+
+    def times(self, d: Array) -> Array:
+        """(N, n) G_j d_j, of rows d (N, n) or one d (n,) for all."""
+        return np.asarray((self.G @ d[..., None])[..., 0] if self.base is None else d @ self.base + self.G * d)
+
+    def combined(self, weights: Array) -> Array:
+        """(n, n) Σ w_j G_j as a new matrix."""
+        if self.base is None:
+            return np.asarray(np.tensordot(weights, self.G, 1))
+        return weights.sum() * self.base + np.diag(weights @ self.G)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Model:
-    """Arrays of the model about a centre.
+    """The pieces about a centre.
 
     c:     (N,) −α_j
     A:     (N, n) g_j in rows
     rho:   (N,) ρ_j
-    stack: the N matrices G_j
     s:     (N,) localities
     curvature: ‖Σλ_jG_j‖₂ of the multipliers at hand
     """
 
+    pieces: Pieces
     c: Array
     A: Array
     rho: Array
-    stack: Stack
     s: Array
     curvature: float
 
+    @classmethod
+    def about(cls, x: Array, f: float, pieces: Pieces, gamma: float, curvature: float) -> Model:
+        """About the centre x with value f: f_j, g_j, the largest ρ_j that keeps a piece at or below f, and −α_j.
+
+        gamma: weight γ of distances
+        """
+        delta = x - pieces.y
+        turn = pieces.times(delta)
+        bend, linear = 0.5 * _rowwise(delta, turn), pieces.f + _rowwise(pieces.g, delta)
+        over = linear + bend - f
+        damped = (over > 0.0) & (bend > 0.0)
+        rho = np.ones(len(pieces))
+        rho[damped] = np.maximum(0.0, 1.0 - DAMPING * over[damped] / bend[damped])
+        s = np.linalg.norm(delta, axis=1)
+        alpha = np.maximum(np.abs(linear + rho * bend - f), gamma * curvature * s * s)
+        return cls(pieces, -alpha, pieces.g + rho[:, None] * turn, rho, s, curvature)
+
     def bend(self, d: Array) -> Array:
         """(N, n) ρ_jG_jd."""
-        return self.rho[:, None] * self.stack.times(d)
-
-    def values(self, d: Array) -> Array:
-        """(N,) −α_j + g_jᵀd + ½ρ_j dᵀG_jd."""
-        return self.c + self.A @ d + 0.5 * (self.bend(d) @ d)
+        return self.rho[:, None] * self.pieces.times(d)
 
     def value(self, d: Array) -> float:
         """max_j −α_j + g_jᵀd + ½ρ_j dᵀG_jd, the predicted change of f."""
-        return float(np.max(self.values(d)))
+        return float(np.max(self.c + self.A @ d + 0.5 * (self.bend(d) @ d)))
 
 
 @dataclass(frozen=True)
@@ -190,44 +154,20 @@ class Step:
         return float(np.linalg.norm(self.d))
 
 
-def assemble(pieces: Sequence[Piece], lam: Array, x: Array, f: float, gamma: float) -> Model:
-    """The model of all pieces about (x, f); lam (N,) are the latest multipliers, γ the weight of distances."""
-    stack = Stack.of([p.G for p in pieces])
-    curvature = float(np.max(np.abs(np.linalg.eigvalsh(stack.combine(lam)))))
-    return carry(pieces, stack, x, f, gamma, curvature)
-
-
-def carry(pieces: Sequence[Piece], stack: Stack, x: Array, f: float, gamma: float, curvature: float) -> Model:
-    """Every piece at the centre x with value f: f_j, g_j, the largest ρ_j that keeps it at or below f, and −α_j."""
-    g, values = np.array([p.g for p in pieces]), np.array([p.f for p in pieces])
-    delta = x - np.array([p.y for p in pieces])
-    turn = stack.times_rows(delta)
-    bend = 0.5 * _rowwise(delta, turn)
-    linear = values + _rowwise(g, delta)
-    over = linear + bend - f
-    damped = (over > 0.0) & (bend > 0.0)
-    rho = np.ones(len(pieces))
-    rho[damped] = np.maximum(0.0, 1.0 - DAMPING * over[damped] / bend[damped])
-    s = np.linalg.norm(delta, axis=1)
-    alpha = np.maximum(np.abs(linear + rho * bend - f), gamma * curvature * s * s)
-    return Model(-alpha, g + rho[:, None] * turn, rho, stack, s, curvature)
-
-
-def smoothly_joined(pieces: Sequence[Piece], q: Piece) -> NDArray[np.bool_]:
+def smoothly_joined(pieces: Pieces, q: Pieces) -> NDArray[np.bool_]:
     """(N,) True where f looks smooth between a piece's point and q's: then the nearer Taylor expansion is enough.
 
     f(q) − f(p) is compared with its fifth-order quadrature ½(g_p+g_q)ᵀd + (1/12)dᵀ(G_p−G_q)d and the change
     of g with its trapezoidal rule; a kink between the points leaves an error as large as a Taylor expansion's.
     """
-    g, f = np.array([p.g for p in pieces]), np.array([p.f for p in pieces])
-    d = q.y - np.array([p.y for p in pieces])
-    Gp, Gq = Stack.of([p.G for p in pieces]).times_rows(d), Stack.of([q.G] * len(pieces)).times_rows(d)
+    g, f, d = pieces.g, pieces.f, q.y - pieces.y
+    Gp, Gq = pieces.times(d), q.times(d)
     change, mean = q.f - f, 0.5 * _rowwise(g + q.g, d)
     hermite = np.abs(change - mean - _rowwise(Gp - Gq, d) / 12.0)
     forward = np.abs(change - _rowwise(g, d) - 0.5 * _rowwise(Gp, d))
-    backward = np.abs(change - d @ q.g + 0.5 * _rowwise(Gq, d))
+    backward = np.abs(change - _rowwise(q.g, d) + 0.5 * _rowwise(Gq, d))
     eps = np.finfo(float).eps
-    values = hermite <= 0.1 * np.maximum(forward, backward) + 50 * eps * (np.abs(f) + abs(q.f))
+    values = hermite <= 0.1 * np.maximum(forward, backward) + 50 * eps * (np.abs(f) + np.abs(q.f))
     turn = q.g - g
     taylor = np.maximum(np.linalg.norm(turn - Gp, axis=1), np.linalg.norm(turn - Gq, axis=1))
     noise = 500 * eps * np.maximum(np.linalg.norm(g, axis=1), np.linalg.norm(q.g))
@@ -236,7 +176,7 @@ def smoothly_joined(pieces: Sequence[Piece], q: Piece) -> NDArray[np.bool_]:
 
 def _rowwise(a: Array, b: Array) -> Array:
     """(N,) a_jᵀb_j of the rows."""
-    return np.einsum("ji,ji->j", a, b)
+    return np.asarray(np.sum(a * b, axis=1))
 
 
 def minimise(model: Model, lam: Array, shift: float, unit: float, limit: float) -> Step:
@@ -254,7 +194,7 @@ def minimise(model: Model, lam: Array, shift: float, unit: float, limit: float) 
     promise = 0.0
     for used in range(1, INNER + 1):
         Gd = model.bend(d)
-        metric = positive_definite(model.stack.combine(lam * model.rho), shift, PIVOT, least)
+        metric = positive_definite(model.pieces.combined(lam * model.rho), shift, PIVOT, least)
         lam, q = direction(model.c + model.A @ d + 0.5 * (Gd @ d), model.A + Gd, shift * d, metric, lam)
         if used == 1:
             promise = dual_decrease(model.c, model.A, lam, metric)

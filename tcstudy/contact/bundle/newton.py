@@ -28,120 +28,192 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.bundle.model import (
-    INNER,
-    DiagonalShift,
-    Hessian,
-    Model,
-    Piece,
-    Stack,
-    Step,
-    assemble,
-    bounded_step,
-    carry,
-    smoothly_joined,
-)
+from tcstudy.contact.bundle.model import INNER, Model, Pieces, Step, bounded_step, smoothly_joined
 from tcstudy.contact.bundle.simplex_qp import ACTIVE
-from tcstudy.contact.loop import Outcome, Status
+from tcstudy.contact.status import Outcome, Status
 
 Array = NDArray[np.float64]
+Oracle = Callable[[Array], tuple[float, Array, Array]]
+Kind = Literal["start", "serious", "null", "short", "reset"]
 
 M_L, M_R = 0.01, 0.5
 """Shares of the predicted decrease for a serious step and for a useful null step."""
+IDENTIFY, EVERY = 1e-4, 10
+"""Decrease predicted within the radius, relative to |f|, below which an exact end is tried; evaluations between two
+trials."""
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Where a run is.
+
+    x, f:     centre and its value
+    f0:       value at the start
+    pieces:   the bundle; one of them lies at x
+    lam:      (N,) multipliers that belong to `pieces`
+    radius:   bound of the next step
+    unit:     length of x that the run started with
+    model, step: the model about x and its minimiser
+    kind:     what led here
+    nulls, resets: null steps and resets since the last serious step
+    promised: decrease predicted at the start
+    """
+
+    x: Array
+    f: float
+    f0: float
+    pieces: Pieces
+    lam: Array
+    radius: float
+    unit: float
+    model: Model
+    step: Step
+    kind: Kind = "start"
+    nulls: int = 0
+    resets: int = 0
+    evaluations: int = 1
+    factorisations: int = 0
+    promised: float = 0.0
+
+    @property
+    def scale(self) -> float:
+        """What the predicted decrease is compared with: |f| and a share of the decrease so far, if not both are 0."""
+        return abs(self.f) + 1e-3 * (self.f0 - self.f) or self.promised
+
+    @property
+    def accuracy(self) -> float:
+        """Predicted decrease relative to `scale`."""
+        predicted = max(self.step.decrease, self.step.promise)
+        if predicted == 0.0:
+            return 0.0
+        return predicted / self.scale if self.scale > 0.0 else float("inf")
 
 
 @dataclass(frozen=True)
 class BundleNewton:
-    """Options of the method; `tcstudy.contact.loop.iterate(BundleNewton(), oracle, x0)` runs it.
+    """Options of the method.
 
     tolerance:      predicted decrease relative to |f| (+ 10⁻³ of the decrease so far) at which to stop
     max_iterations: limit of steps, each with at most one evaluation and INNER quadratic programmes on average
     x_unit:         length by which to bound the first step (None: ‖x0‖; from f, g and G if x0 = 0)
     gamma:          weight γ of the distance in the locality measure
+    base:           (n, n) B where the oracle returns the diagonals h of G = B + diag(h)
     """
 
     tolerance: float = 1e-11
     max_iterations: int = 500
     x_unit: float | None = None
     gamma: float = 1e-3
+    base: Array | None = None
 
-    def start(self, problem: Oracle, x0: Array) -> State:
+    def run(
+        self,
+        oracle: Oracle,
+        x0: Array,
+        exact: Callable[[Array, float], Array | None] | None = None,
+        watch: Callable[[State], None] | None = None,
+    ) -> Outcome:
+        """Steps from x0 until the model promises no more decrease or their limit is met.
+
+        exact: (x, decrease left) → the exact minimum beside x, if it is found;  watch: called with every state
+        """
+        state = self.start(oracle, x0)
+        for iteration in range(self.max_iterations + 1):
+            if watch is not None:
+                watch(state)
+            ended = self.verdict(state)
+            x, f, left = state.x, state.f, IDENTIFY * state.scale
+            due = state.evaluations % EVERY == 0 if ended is None else ended[0] == Status.CONVERGED
+            if exact is not None and due and state.step.decrease <= left and (found := exact(x, left)) is not None:
+                x, f, ended = found, oracle(found)[0], ended or (Status.CONVERGED, "on the exact active pieces")
+            if ended is None and iteration == self.max_iterations:
+                reason = (
+                    f"no solution within {iteration} iterations; start from a neighbouring solution, "
+                    "use another solver, or allow bundle-newton more (max_iterations)"
+                )
+                ended = Status.ITERATION_LIMIT, reason
+            if ended is not None:
+                return Outcome(x, f, *ended, iteration, state.evaluations)
+            state = self.step(oracle, state)
+        raise AssertionError
+
+    def start(self, oracle: Oracle, x0: Array) -> State:
         """Evaluate at x0 and take the first direction."""
-        piece = evaluate(problem, x0)
-        unit = self.x_unit or first_unit(piece)
-        lam = np.ones(1)
-        if not piece.finite:
-            n, one = len(x0), np.zeros(1)
-            model = Model(one, np.zeros((1, n)), one, Stack.of([np.zeros((n, n))]), one, 0.0)
-            step = Step(np.zeros(n), lam, 0.0, 0.0, 0.0, 0)
-        else:
-            model = assemble([piece], lam, x0, piece.f, self.gamma)
-            step = bounded_step(model, lam, unit, unit)
-        used = step.factorisations
+        first = self._evaluated(oracle, x0)
+        unit, f, one = self.x_unit or first_unit(first), float(first.f[0]), np.ones(1)
+        if not first.finite:
+            none = Step(0.0 * x0, one, 0.0, 0.0, 0.0, 0)
+            nothing = Model(first, 0.0 * one, np.zeros((1, len(x0))), one, one, 0.0)
+            return State(x0, f, f, first, one, unit, unit, nothing, none)
+        model = Model.about(x0, f, first, self.gamma, spectral_norm(first, one))
+        step = bounded_step(model, one, unit, unit)
         promised = max(step.promise, step.decrease)
-        return State(x0, piece.f, piece.f, (piece,), lam, unit, unit, promised, model, step, "start", 0, 1, used)
+        state = State(x0, f, f, first, step.lam, unit, unit, model, step, factorisations=step.factorisations)
+        return replace(state, promised=promised)
 
-    def step(self, problem: Oracle, state: State) -> State:
+    def step(self, oracle: Oracle, state: State) -> State:
         """One serious, null, short or reset step (see the head of this file)."""
         if self.stationary(state):
-            return self.reset(state)
-        new = evaluate(problem, state.x + state.step.d)
+            return self._reset(state)
+        length, centre = state.step.length, state.pieces.take(np.argmin(state.model.s, keepdims=True))
+        new = self._evaluated(oracle, state.x + state.step.d)
         state = replace(state, evaluations=state.evaluations + 1)
-        length = state.step.length
         if not new.finite:
-            return self.redirect(state, state.pieces, state.lam, 0.25 * length, "short")
-        ratio = (state.f - new.f) / state.step.decrease
-        serious = ratio >= M_L
-        if not serious and smoothly_joined([centre(state)], new)[0]:
-            return self.redirect(state, state.pieces, state.lam, interpolate(state, new) * length, "short")
-        pieces, lam = self.select(state, new, serious)
-        if serious:
-            radius = radius_after_success(state.radius, length, ratio)
-            moved = replace(state, x=new.y, f=new.f, nulls=0, resets=0)
-            return self.redirect(moved, pieces, lam, radius, "serious")
-        radius = self.radius_after_null(state, new)
-        return self.redirect(replace(state, nulls=state.nulls + 1), pieces, lam, radius, "null")
+            return self._redirected(state, state.pieces, state.lam, 0.25 * length, "short")
+        f, slope = float(new.f[0]), float(centre.g[0] @ state.step.d)
+        ratio = (state.f - f) / state.step.decrease
+        if ratio < M_L and smoothly_joined(centre, new)[0]:
+            bend = 2.0 * (f - state.f - slope)  # of the parabola through f(x), its slope along d, and f(y)
+            share = float(np.clip(-slope / bend, 0.1, 0.5)) if bend > 0.0 else 0.5
+            return self._redirected(state, state.pieces, state.lam, share * length, "short")
+        if ratio < M_L:
+            radius, selected = self._radius_after_null(state, new), self._selected(state, new, state.x)
+            return self._redirected(replace(state, nulls=state.nulls + 1), *selected, radius, "null")
+        radius = 0.5 * min(state.radius, length) if ratio < 0.1 else state.radius
+        radius = max(radius, 4.0 * length if ratio > 0.9 else 2.0 * length if ratio > 0.5 else 0.0)
+        moved = replace(state, x=new.y[0], f=f, nulls=0, resets=0)
+        return self._redirected(moved, *self._selected(state, new, new.y[0]), radius, "serious")
 
-    def redirect(self, state: State, pieces: tuple[Piece, ...], lam: Array, radius: float, kind: Kind) -> State:
+    def _evaluated(self, oracle: Oracle, y: Array) -> Pieces:
+        f, g, G = oracle(y)
+        g, G = np.asarray(g, dtype=float), np.asarray(G, dtype=float)
+        return Pieces(y[None], np.array([f], dtype=float), g[None], G[None], self.base)
+
+    def _redirected(self, state: State, pieces: Pieces, lam: Array, radius: float, kind: Kind) -> State:
         """The state with a new bundle and radius, and the direction that follows from them."""
-        model = assemble(pieces, lam, state.x, state.f, self.gamma)
+        model = Model.about(state.x, state.f, pieces, self.gamma, spectral_norm(pieces, lam))
         step = bounded_step(model, lam, radius, max(radius, state.unit), state.step.shift)
         used = state.factorisations + step.factorisations
-        # `step.lam` belongs to `pieces`, in their order
         return replace(
             state, pieces=pieces, lam=step.lam, radius=radius, model=model, step=step, kind=kind, factorisations=used
         )
 
-    def select(self, state: State, new: Piece, serious: bool) -> tuple[tuple[Piece, ...], Array]:
-        """The next bundle with `new` last, and multipliers for it to start from.
+    def _selected(self, state: State, new: Pieces, x: Array) -> tuple[Pieces, Array]:
+        """The next bundle about x with `new` last, and multipliers for it to start from.
 
         A piece that is smoothly joined to the new one and farther from the centre is obsolete; beyond 2n + 5 pieces the
         oldest inactive ones leave.
         """
-        x = new.y if serious else state.x
-        farther = np.flatnonzero(np.linalg.norm([p.y - x for p in state.pieces], axis=1) >= np.linalg.norm(new.y - x))
-        obsolete = np.zeros(len(state.pieces), dtype=bool)
-        if len(farther):
-            obsolete[farther] = smoothly_joined([state.pieces[j] for j in farther], new)
-        kept = [j for j in range(len(state.pieces)) if not obsolete[j]]
-        idle = [j for j in kept if state.lam[j] <= ACTIVE and state.model.s[j] > 0.0]
-        leaving = set(idle[: max(0, len(kept) - 2 * len(x) - 4)])
-        kept = [j for j in kept if j not in leaving]
-        pieces, lam = [state.pieces[j] for j in kept], state.lam[kept]
-        inherited = float(state.lam[obsolete].sum()) if len(pieces) else 1.0
-        lam = np.append(lam, inherited)
+        pieces, lam = state.pieces, state.lam
+        farther = np.linalg.norm(pieces.y - x, axis=1) >= np.linalg.norm(new.y[0] - x)
+        obsolete = farther & smoothly_joined(pieces, new)
+        idle = np.flatnonzero(~obsolete & (lam <= ACTIVE) & (state.model.s > 0.0))
+        most = 2 * len(x) + 4
+        leaving = idle[: max(0, np.count_nonzero(~obsolete) - most)]
+        kept = np.setdiff1d(np.flatnonzero(~obsolete), leaving)
+        lam = np.append(lam[kept], float(lam[obsolete].sum()) if len(kept) else 1.0)
         lam = lam / lam.sum() if lam.sum() > 0.0 else np.full(len(lam), 1.0 / len(lam))
-        return (*pieces, new), lam
+        return pieces.take(kept).with_one(new), lam
 
-    def radius_after_null(self, state: State, new: Piece) -> float:
+    def _radius_after_null(self, state: State, new: Pieces) -> float:
         """Shorter if the new piece hardly changes the model at d, or if null steps repeat at the bound."""
-        d, length = state.step.d, state.step.length
-        alone = carry((new,), Stack.of([new.G]), state.x, state.f, self.gamma, state.model.curvature)
+        d, shortest = state.step.d, min(state.radius, state.step.length)
+        alone = Model.about(state.x, state.f, new, self.gamma, state.model.curvature)
         if alone.value(d) < -M_R * state.step.decrease:
-            return 0.5 * min(state.radius, length)
+            return 0.5 * shortest
         if state.step.shift > 0.0 and state.nulls > 0:
             active = int(np.sum(state.lam > ACTIVE))
-            return float(0.7 ** (1.0 / active)) * min(state.radius, length)  # k kinks need some k null steps
+            return float(0.7 ** (1.0 / active)) * shortest  # k kinks need some k null steps
         return state.radius
 
     def stationary(self, state: State) -> bool:
@@ -153,18 +225,17 @@ class BundleNewton:
         model = state.model
         return (state.lam > ACTIVE) & (model.curvature * model.s**2 > 1e4 * self.tolerance * state.scale)
 
-    def reset(self, state: State) -> State:
+    def _reset(self, state: State) -> State:
         """Drop the remote active pieces and look for them again within the distance that proves stationarity."""
         keep = np.flatnonzero(~self.remote(state))
-        pieces = tuple(state.pieces[j] for j in keep)
         nearby = float(np.sqrt(1e4 * self.tolerance * state.scale / state.model.curvature))
         radius = 0.5 * nearby  # steps may exceed it a little; what they find must not be remote again
         state = replace(state, resets=state.resets + 1)
-        return self.redirect(state, pieces, np.full(len(keep), 1.0 / len(keep)), radius, "reset")
+        return self._redirected(state, state.pieces.take(keep), np.full(len(keep), 1.0 / len(keep)), radius, "reset")
 
-    def verdict(self, problem: Oracle, state: State) -> tuple[Status, str] | None:
+    def verdict(self, state: State) -> tuple[Status, str] | None:
         """None to go on, else why to stop; converged: predicted decrease ≤ tolerance by pieces from nearby."""
-        if not state.pieces[0].finite:
+        if not state.pieces.finite:
             return Status.NOT_FINITE, "f, g or G is not finite at the start; start from another point"
         if self.stationary(state):
             if not np.any(self.remote(state)):
@@ -194,104 +265,17 @@ class BundleNewton:
             return Status.STALLED, reason
         return None
 
-    def outcome(self, problem: Oracle, state: State, status: Status, reason: str, iterations: int) -> Outcome:
-        """The final state as an Outcome; accuracy is the predicted decrease relative to |f|."""
-        return Outcome(
-            state.x, state.f, status, reason, iterations, state.evaluations, state.factorisations, state.accuracy
-        )
 
-    def line(self, state: State, iteration: int) -> str:
-        """One aligned line: iteration, kind, f, predicted decrease, step length, radius, active / kept pieces."""
-        active = int(np.sum(state.lam > ACTIVE))
-        return (
-            f"{iteration:4d} {state.kind:7s} f={state.f:+.12e} w={state.step.decrease:.2e} "
-            f"|d|={state.step.length:.1e} radius={state.radius:.1e} pieces={active}/{len(state.pieces)}"
-        )
+def spectral_norm(pieces: Pieces, lam: Array) -> float:
+    """‖Σλ_jG_j‖₂."""
+    return float(np.max(np.abs(np.linalg.eigvalsh(pieces.combined(lam)))))
 
 
-Oracle = Callable[[Array], tuple[float, Array, Hessian]]
-Kind = Literal["start", "serious", "null", "short", "reset"]
-
-
-@dataclass(frozen=True)
-class State:
-    """Where a run is.
-
-    x, f:     centre and its value
-    f0:       value at the start
-    pieces:   the bundle; one of them lies at x
-    lam:      (N,) multipliers that belong to `pieces`
-    radius:   bound of the next step
-    unit:     length of x that the run started with
-    promised: decrease predicted at the start
-    model, step: the model about x and its minimiser
-    kind:     what led here
-    nulls, resets: null steps and resets since the last serious step
-    """
-
-    x: Array
-    f: float
-    f0: float
-    pieces: tuple[Piece, ...]
-    lam: Array
-    radius: float
-    unit: float
-    promised: float
-    model: Model
-    step: Step
-    kind: Kind
-    nulls: int
-    evaluations: int
-    factorisations: int
-    resets: int = 0
-
-    @property
-    def scale(self) -> float:
-        """What the predicted decrease is compared with: |f| and a share of the decrease so far, if not both are 0."""
-        return abs(self.f) + 1e-3 * (self.f0 - self.f) or self.promised
-
-    @property
-    def accuracy(self) -> float:
-        """Predicted decrease relative to `scale`."""
-        predicted = max(self.step.decrease, self.step.promise)
-        if predicted == 0.0:
-            return 0.0
-        return predicted / self.scale if self.scale > 0.0 else float("inf")
-
-
-def evaluate(problem: Oracle, y: Array) -> Piece:
-    """The oracle's answer at y as a piece."""
-    f, g, G = problem(y)
-    hessian = G if isinstance(G, DiagonalShift) else np.asarray(G, dtype=float)
-    return Piece(y, float(f), np.asarray(g, dtype=float), hessian)
-
-
-def first_unit(piece: Piece) -> float:
+def first_unit(piece: Pieces) -> float:
     """A length to begin with: ‖x0‖, else ‖g‖/‖G‖, else |f|/‖g‖; 1 where the data hold no scale at all."""
-    slope, bend = float(np.linalg.norm(piece.g)), float(np.linalg.norm(piece.G))
     if piece.finite:
-        for length, per in ((float(np.linalg.norm(piece.y)), 1.0), (slope, bend), (abs(piece.f), slope)):
+        slope, bend = float(np.linalg.norm(piece.g)), float(np.linalg.norm(piece.combined(np.ones(1))))
+        for length, per in ((float(np.linalg.norm(piece.y)), 1.0), (slope, bend), (abs(float(piece.f[0])), slope)):
             if length > 0.0 and per > 0.0:
                 return length / per
     return 1.0
-
-
-def centre(state: State) -> Piece:
-    """The piece that lies at x."""
-    return state.pieces[int(np.argmin(state.model.s))]
-
-
-def interpolate(state: State, new: Piece) -> float:
-    """Step fraction in [0.1, 0.5] at the minimum of the parabola through f(x), its slope along d, and f(y)."""
-    slope = float(centre(state).g @ state.step.d)
-    bend = 2.0 * (new.f - state.f - slope)
-    return float(np.clip(-slope / bend, 0.1, 0.5)) if bend > 0.0 else 0.5
-
-
-def radius_after_success(radius: float, length: float, ratio: float) -> float:
-    """Longer after a well-predicted decrease, shorter after a poor one."""
-    if ratio > 0.9:
-        return max(radius, 4.0 * length)
-    if ratio > 0.5:
-        return max(radius, 2.0 * length)
-    return 0.5 * min(radius, length) if ratio < 0.1 else radius

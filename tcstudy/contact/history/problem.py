@@ -22,10 +22,10 @@ from tcstudy.contact.block import Answer
 from tcstudy.contact.bounds import far, least_slope, tables_of
 from tcstudy.contact.certificates import certify, positive_definite
 from tcstudy.contact.history.memory import MemoryModel, NodeState
-from tcstudy.contact.loop import Status
 from tcstudy.contact.newton import slopes
 from tcstudy.contact.path.problem import ScaledBody
 from tcstudy.contact.problem import MARGIN, ContactProblem, kept, least_eigenvalue, least_lowered
+from tcstudy.contact.status import Status
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.histories import HistoryBranch, Memory
 from tcstudy.scene.study import Acceptance

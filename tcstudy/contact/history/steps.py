@@ -13,8 +13,8 @@ from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.convex_step import convex_step
 from tcstudy.contact.history.continued import continued
 from tcstudy.contact.history.problem import HistoryProblem, HistoryStep, booked, proved
-from tcstudy.contact.loop import Status
 from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.status import Status
 from tcstudy.scene.study import Branch
 
 Array = NDArray[np.float64]

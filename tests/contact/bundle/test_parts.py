@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tcstudy.contact.bundle.contact import contact_method, contact_oracle
-from tcstudy.contact.bundle.model import DiagonalShift, Stack
+from tcstudy.contact.bundle.contact import contact_oracle
+from tcstudy.contact.bundle.newton import BundleNewton
 from tcstudy.contact.bundle.simplex_qp import direction, dual_decrease, positive_definite
 from tests.contact import contact_cases as cases
 
@@ -21,25 +21,6 @@ Array = NDArray[np.float64]
 def symmetric(rng: np.random.Generator, n: int) -> Array:
     R = rng.standard_normal((n, n))
     return R + R.T
-
-
-def test_structured_stack_equals_the_dense_one() -> None:
-    rng = np.random.default_rng(0)
-    base, lam, d, rows = symmetric(rng, 6), rng.random(4), rng.standard_normal(6), rng.standard_normal((4, 6))
-    shifted = [DiagonalShift(base, rng.standard_normal(6)) for _ in range(4)]
-    fast, slow = Stack.of(shifted), Stack.of([np.asarray(G) for G in shifted])
-    assert fast.base is base
-    assert slow.base is None
-    assert np.allclose(fast.times(d), slow.times(d), atol=1e-14)
-    assert np.allclose(fast.times_rows(rows), slow.times_rows(rows), atol=1e-14)
-    assert np.allclose(fast.combine(lam), slow.combine(lam), atol=1e-14)
-
-
-def test_different_bases_are_taken_as_dense() -> None:
-    rng = np.random.default_rng(1)
-    mixed = [DiagonalShift(symmetric(rng, 3), rng.random(3)) for _ in range(2)] + [symmetric(rng, 3)]
-    expected = np.asarray(mixed[0]) + 2.0 * np.asarray(mixed[1]) + 3.0 * np.asarray(mixed[2])
-    assert np.allclose(Stack.of(mixed).combine(np.array([1.0, 2.0, 3.0])), expected)
 
 
 @pytest.mark.parametrize("lift", [-20.0, 0.0, 20.0])
@@ -115,16 +96,14 @@ def test_dense_and_structured_oracle_give_the_same_run() -> None:
     oracle = contact_oracle(problem)
 
     def dense(v: Array) -> tuple[float, Array, Array]:
-        f, g, G = oracle(v)
-        return f, g, np.asarray(G)
+        f, g, h = oracle(v)
+        return f, g, problem.A_tilde + np.diag(h)
 
     runs: list[list[float]] = [[], []]
-    for values, each in zip(runs, (oracle, dense), strict=True):
-        method = contact_method(problem, 1e-8)
-        state = method.start(each, np.zeros(12))
-        while method.verdict(each, state) is None and len(values) < 300:
-            state = method.step(each, state)
-            values.append(state.f)
+    for values, each, base in zip(runs, (oracle, dense), (problem.A_tilde, None), strict=True):
+        method = BundleNewton(1e-8, x_unit=float(np.linalg.norm(problem.frictionless())), base=base)
+        outcome = method.run(each, np.zeros(12), watch=lambda state, values=values: values.append(state.f))
+        assert outcome.converged
     assert runs[0][:8] == pytest.approx(runs[1][:8], rel=1e-9)
     assert runs[0][-1] == pytest.approx(runs[1][-1], rel=1e-7)
     assert all(b <= a for a, b in pairwise(runs[0]))

@@ -7,7 +7,6 @@ import pytest
 from scipy.optimize import linprog
 
 from tcstudy.contact.bundle.newton import BundleNewton
-from tcstudy.contact.loop import iterate
 
 from .scalable import Problem, affine_maximum, hilbert, published, random_problem, slopes, sum_of_moduli
 
@@ -16,7 +15,7 @@ FAST = ("Goffin", "Maxl", "chained LQ", "chained CB3 II", "active faces", "chain
 
 
 def assert_solved(problem: Problem, accuracy: float = 1e-9) -> None:
-    outcome = iterate(BundleNewton(), problem.oracle, problem.x0)
+    outcome = BundleNewton().run(problem.oracle, problem.x0)
     assert outcome.converged, outcome.reason
     assert abs(outcome.f - problem.f_star) <= accuracy * (1.0 + abs(problem.f_star))
 
@@ -36,7 +35,7 @@ def test_hilbert_slopes_take_few_iterations(name: str, iterations: int) -> None:
     """Measured 27 and 17."""
     problem = BY_NAME[50][name]
     assert np.linalg.matrix_rank(hilbert(50, 50)) < 25
-    outcome = iterate(BundleNewton(), problem.oracle, problem.x0)
+    outcome = BundleNewton().run(problem.oracle, problem.x0)
     assert outcome.converged, outcome.reason
     assert outcome.f <= 1e-9
     assert outcome.iterations <= iterations
@@ -51,7 +50,7 @@ def test_random_maxima_and_sums_of_moduli(seed: int) -> None:
 def test_pieces_without_curvature_are_minimised_whatever_the_spread_of_slopes(seed: int, iterations: int) -> None:
     """Measured 8 and 26: W must not hold back the steps along the flattest pieces."""
     problem = random_problem(seed)
-    outcome = iterate(BundleNewton(), problem.oracle, problem.x0)
+    outcome = BundleNewton().run(problem.oracle, problem.x0)
     assert outcome.converged, outcome.reason
     assert outcome.f == pytest.approx(problem.f_star, rel=1e-9)
     assert outcome.iterations <= iterations
@@ -65,7 +64,7 @@ def test_minima_are_those_of_linear_programmes(seed: int) -> None:
     A = np.vstack([slopes(rng, int(rng.integers(2, 3 * n)), n), np.eye(n)])  # without I minima lie at 1e8
     N, size, x0 = len(A), float(np.max(np.abs(A))), rng.standard_normal(n)
     b, free = size * rng.standard_normal(N), [(None, None)] * n
-    moduli = iterate(BundleNewton(), lambda x: sum_of_moduli(A, b, x), x0)
+    moduli = BundleNewton().run(lambda x: sum_of_moduli(A, b, x), x0)
     split = linprog(
         np.repeat([0.0, 1.0, 1.0], [n, N, N]),
         A_eq=np.hstack([A, np.eye(N), -np.eye(N)]),
@@ -74,7 +73,7 @@ def test_minima_are_those_of_linear_programmes(seed: int) -> None:
     )
     box = np.vstack([A, 2 * n * size * np.eye(n), -2 * n * size * np.eye(n)])
     offset = np.append(b, np.zeros(2 * n))
-    maximum = iterate(BundleNewton(), lambda x: affine_maximum(box, offset, x), x0)
+    maximum = BundleNewton().run(lambda x: affine_maximum(box, offset, x), x0)
     epigraph = linprog(
         np.repeat([0.0, 1.0], [n, 1]),
         A_ub=np.hstack([box, -np.ones((len(box), 1))]),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
 from tcstudy.contact.history.steps import history
-from tcstudy.contact.loop import Status
+from tcstudy.contact.status import Status
 from tcstudy.matrices import law
 from tcstudy.scene.histories import HistoryBranch, Memory
 from tests.contact.history.cases import coupled_line, softening, strip
