@@ -16,14 +16,10 @@ inverse, so that a box is never too small.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.contact.problem import ContactProblem, inverse_rounding, kept
+from tcstudy.contact.problem import ContactProblem, kept
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import DOWN
 
@@ -40,102 +36,68 @@ _DECAY, _ROUNDINGS = 16.0, 64.0
 """Decay lengths that the parts cover (one more takes the rest), and roundings of j by which every D is enlarged."""
 
 
-def bend_below_tangent(law: Laws, v: Array, zeta: Array, low: Array, high: Array, parts: int = PARTS) -> Array:
-    """Upper bounds of D_i for slips between low and high (m,) [Pa/m]; inf where v_i sits on a down-jump.
+def bends_below_tangent(
+    laws: Laws, v: Array, zeta: Array, low: Array, high: Array, parts: int = PARTS
+) -> tuple[Array, Array]:
+    """(upper, lower) bounds of D_i for slips between low and high (…, m) [Pa/m]; inf where v_i sits on a down-jump.
 
-    zeta:  (m,) elements of b̂(v), exactly b(v) off the kinks [Pa]
+    zeta:  elements of b̂(v), exactly b(v) off the kinks [Pa]
     parts: of an exponential piece
     """
-    return np.maximum(*bends_by_side(law, v, zeta, low, high, parts))
+    tables, law = laws.tables, np.broadcast_to(laws.index, v.shape).ravel()
+    flat = v.ravel(), zeta.ravel(), low.ravel(), high.ravel()
+    right = _one_side(tables, law, flat[0], flat[1], flat[3], parts)
+    left = _one_side(tables.mirrored, law, -flat[0], -flat[1], -flat[2], parts)
+    upper, lower = (np.maximum(one, other).reshape(v.shape) for one, other in zip(right, left, strict=True))
+    return upper, lower
 
 
-def bends_by_side(law: Laws, v: Array, zeta: Array, low: Array, high: Array, parts: int = PARTS) -> tuple[Array, Array]:
-    """(right, left): the same with s > v_i and with s < v_i alone, −∞ where the box has no such s."""
-    right, left = bends(*tables_of(law, len(v)), v, zeta, low, high, parts, below=False)
-    return right[0], left[0]
+def _one_side(tables: Laws, law: Index, v: Array, zeta: Array, high: Array, parts: int) -> tuple[Array, Array]:
+    """(upper, lower) bounds of the sup of the quotient over s ∈ (v, high], −∞ where that is empty; law: of every v.
 
-
-def bends(
-    tables: Laws, law: Index, v: Array, zeta: Array, low: Array, high: Array, parts: int, below: bool = True
-) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """(upper, lower) bounds of D_i with s > v_i alone and with s < v_i alone, (n,) each; law: of every slip (n,).
-
-    below: whether lower bounds are asked for
+    Nodes go from v to the right, part after part of their pieces, with the gap j(v) + ζ(s − v) − j(s) there.
     """
-    right = _one_side(tables, law, v, zeta, high, parts, below)
-    left = _one_side(tables.mirrored, law, -v, -zeta, -low, parts, below)
-    return (right.D, right.least), (left.D, left.least)
+    begin = tables.locate(v, law)
+    first = begin.piece + begin.on
+    at, gap, size = v.copy(), np.zeros(len(v)), np.abs(zeta)
+    upper, lower = np.full((2, len(v)), -np.inf)
 
-
-@dataclass
-class _March:
-    """Nodes on their way from v to the right: where they are and the gap h = j(v) + ζ(s − v) − j(s) there.
-
-    D, least: bounds of the sup so far, from above and, if it is asked for, from below
-    """
-
-    below: bool
-    tables: Laws
-    v: Array
-    zeta: Array
-    at: Array
-    gap: Array
-    D: Array
-    least: Array
-    size: Array
-
-    def advance(self, nodes: Index, piece: Index, width: Array) -> None:
-        """Take the part [at, at + width] of the pieces (n,) of the named nodes into account and go to its end."""
-        tables, at, gap = self.tables, self.at[nodes], self.gap[nodes]
-        v, zeta = self.v[nodes], self.zeta[nodes]
-        value, slope = tables.value_and_slope(at, piece)
-        excess = np.where(at == v, start_excess(value, zeta), zeta - value)
-        start = -slope
+    def advance(nodes: Index, piece: Index, width: Array) -> None:
+        x, start, value_and_slope = at[nodes], v[nodes], tables.value_and_slope(at[nodes], piece)
+        value, slope = value_and_slope
+        excess = np.where(x == start, start_excess(value, zeta[nodes]), zeta[nodes] - value)
+        tangent = np.where((x == start) & (excess == 0.0) & (width > 0.0), -slope, -np.inf)
         concave = tables.concave.take(piece)
         if np.any(concave):
-            chord = (tables.value(at + width, piece) - value) / np.where(width > 0.0, width, 1.0)
+            chord = (tables.value(x + width, piece) - value) / np.where(width > 0.0, width, 1.0)
             slope = np.where(concave & (width > 0.0), np.minimum(chord, slope), slope)
-        self.size[nodes] = np.maximum(self.size[nodes], np.abs(value))
-        distance = at - v
-        noise = np.zeros(len(nodes))  # of the quotient, which at v itself is a limit
-        np.divide(_ROUNDINGS * np.finfo(float).eps * self.size[nodes], distance, out=noise, where=distance > 0.0)
-        largest = quotient(gap, excess, slope, distance, width) + noise
-        self.D[nodes] = np.maximum(self.D[nodes], np.where(width > 0.0, largest, -np.inf))
-        gap = gap + width * zeta - tables.piece_integral(piece, at, at + width)
-        at = at + width
-        self.gap[nodes], self.at[nodes] = gap, at
-        if self.below:
-            tangent = np.where((distance == 0.0) & (excess == 0.0) & (width > 0.0), start, -np.inf)
-            self.least[nodes] = np.maximum(self.least[nodes], np.maximum(tangent, self._at_end(nodes, gap, at - v)))
+        size[nodes] = np.maximum(size[nodes], np.abs(value))
+        noise, distance = _ROUNDINGS * np.finfo(float).eps * size[nodes], x - start
+        largest = quotient(gap[nodes], excess, slope, distance, width)
+        # at v itself the quotient is a limit, without rounding
+        largest += np.divide(noise, distance, out=np.zeros(len(nodes)), where=distance > 0.0)
+        upper[nodes] = np.maximum(upper[nodes], np.where(width > 0.0, largest, -np.inf))
+        gap[nodes] += width * zeta[nodes] - tables.piece_integral(piece, x, x + width)
+        at[nodes] = x + width
+        distance = at[nodes] - start
+        known, reached = (distance > 0.0) & np.isfinite(distance), np.full(len(nodes), -np.inf)
+        with np.errstate(invalid="ignore"):
+            np.divide(2.0 * (gap[nodes] - noise * distance), distance**2, out=reached, where=known)
+        lower[nodes] = np.maximum(lower[nodes], np.maximum(tangent, reached))
 
-    def _at_end(self, nodes: Index, gap: Array, distance: Array) -> Array:
-        """The quotient at a point, lowered by rounding; −∞ at v itself and infinitely far away."""
-        quotient = np.full(len(gap), -np.inf)
-        lowered = gap - _ROUNDINGS * np.finfo(float).eps * self.size[nodes] * distance
-        known = (distance > 0.0) & np.isfinite(distance)
-        np.divide(2.0 * lowered, distance**2, out=quotient, where=known)
-        return quotient
-
-
-def _one_side(tables: Laws, law: Index, v: Array, zeta: Array, high: Array, parts: int, below: bool) -> _March:
-    """Bounds of the sup of the quotient over s ∈ (v, high] (−∞ where that is empty)."""
-    at = tables.locate(v, law)
-    begin = at.piece + at.on
-    none = np.full(len(v), -np.inf)
-    march = _March(below, tables, v, zeta, v.copy(), np.zeros(len(v)), none, none.copy(), np.abs(zeta))
     for column in range(tables.q.shape[1]):
         piece = tables.first[law] + column
         end = np.minimum(tables.upper.take(piece), high)
-        active = ((begin <= piece) & (march.at < end)).nonzero()[0]
+        active = ((first <= piece) & (at < end)).nonzero()[0]
         if not len(active):
             continue
         bent = tables.bent.take(piece[active])
         for nodes, count in ((active[~bent], 1), (active[bent], parts)):
             if len(nodes):
-                for width in _parts(tables, piece[nodes], end[nodes] - march.at[nodes], count):
-                    march.advance(nodes, piece[nodes], width)
-                march.at[nodes] = end[nodes]
-    return march
+                for width in _parts(tables, piece[nodes], end[nodes] - at[nodes], count):
+                    advance(nodes, piece[nodes], width)
+                at[nodes] = end[nodes]
+    return upper, lower
 
 
 def _parts(tables: Laws, piece: Index, width: Array, count: int) -> list[Array]:
@@ -184,64 +146,28 @@ def quotient(gap: Array, excess: Array, slope: Array, distance: Array, width: Ar
     return np.where(distance == 0.0, touching, apart)
 
 
-def solution_box(
-    problem: ContactProblem,
-    lambda_1: float,
-    inverse: Array | None = None,
-    others: Array | None = None,
-    common: bool = False,
-) -> tuple[Array, Array]:
-    """(low, high), (m,) each: every solution lies between them [m].
-
-    lambda_1: λ_min(C^{−½}ÃC^{−½}) [Pa/m]
-    inverse:  Ã⁻¹ if known (many problems share one Ã)
-    others:   (k, m) more loads l̃: the box holds for them, for the problem's own, and for all loads between them
-    common:   the part that the boxes of all these loads have in common instead (low > high where there is none)
-    """
-    tables, law = tables_of(problem.law, problem.m)
-    loads = problem.l_tilde[None, :] if others is None else np.vstack([problem.l_tilde, others])
-    inverse = np.asarray(scipy.linalg.inv(problem.A_tilde)) if inverse is None else inverse
-    error = problem.A_error
-    body = problem.c, kept(error) * lambda_1, inverse, inverse_rounding(problem.A_tilde, inverse, error)
-    push = np.max(largest_push(tables)[law], initial=0.0, keepdims=True)
-    low, high = boxes_of(loads[:, None], push, body, lambda _, *box: value_range(tables, law, *box), common)
-    return low[0], high[0]
-
-
-def boxes_of(
-    loads: Array,
-    push: Array,
-    body: tuple[Array, float, Array, float],
-    ranges: Callable[[Index, Array, Array], tuple[Array, Array]],
-    common: bool = False,
-) -> tuple[Array, Array]:
-    """(low, high), (R, m) each: boxes of all solutions of R problems on one body, `common` as in `solution_box` [m].
-
-    loads:  (k, R, m) l̃;  push: (R,) sup −sign(s) b(s);  ranges: (rows, low, high) → least and largest b
-    body:   c (m,), λ₁, Ã⁻¹ (m, m) and the relative rounding of products with it
+def solution_boxes(rows: ContactProblem) -> tuple[Array, Array]:
+    """(low, high), (R, m) each: every solution of a row lies between them [m].
 
     Ã⁻¹ of an interval is Ã⁻¹ of its middle and |Ã⁻¹| of its radius: two products a round. Rows that shrink no more
     drop out.
     """
-    c, lambda_1, inverse, rounding = body
-    widest, narrowest = (np.min, np.max) if common else (np.max, np.min)
-    high = energy_reach(widest(np.sqrt((loads / c) ** 2 @ c), axis=0)[:, None], push[:, None], c, lambda_1)
-    low, absolute, answers, size = -high, np.abs(inverse), loads @ inverse, np.max(np.abs(loads), axis=0)
-    least_answer, largest_answer = narrowest(answers, axis=0), widest(answers, axis=0)
-    at = np.arange(len(low))
+    body, c, size = rows.body, rows.body.c, np.abs(rows.l_tilde)
+    push = np.max(largest_push(rows.law)[rows.law.index], axis=1)
+    load = np.sqrt((rows.l_tilde / c) ** 2 @ c)
+    high = energy_reach(load[:, None], push[:, None], c, kept(body.A_error) * body.lambda_1)
+    low, absolute, answer, at = -high, np.abs(body.inverse), rows.l_tilde @ body.inverse, np.arange(len(high))
     for _ in range(_ROUNDS):
         own_low, own_high = low[at], high[at]
-        least, largest = ranges(at, own_low, own_high)
+        least, largest = value_range(rows.law.of_nodes(at), own_low, own_high)
         middle, radius = c * (0.5 * (largest + least)), c * (0.5 * (largest - least))
         # what rounding adds goes through the same product: row sums of |Ã⁻¹| would be far too much for slender bodies
-        centre, reach = middle @ inverse, (radius + rounding * (size[at] + np.abs(middle) + radius)) @ absolute
-        new_low = np.maximum(own_low, least_answer[at] - centre - reach)
-        new_high = np.minimum(own_high, largest_answer[at] - centre + reach)
-        new_high = new_high if common else np.maximum(new_high, new_low)
-        gain = np.max(np.maximum(new_low - own_low, own_high - new_high), axis=1, initial=0.0)
-        low[at], high[at] = new_low, new_high
-        shrinks = gain > _SHRINKS * np.max(own_high - own_low, axis=1, initial=0.0)
-        at = at[shrinks & np.all(new_low <= new_high, axis=1)]
+        reach = (radius + body.rounding * (size[at] + np.abs(middle) + radius)) @ absolute
+        centre = answer[at] - middle @ body.inverse
+        low[at] = np.maximum(own_low, centre - reach)
+        high[at] = np.maximum(np.minimum(own_high, centre + reach), low[at])
+        gain = np.max(np.maximum(low[at] - own_low, own_high - high[at]), axis=1, initial=0.0)
+        at = at[gain > _SHRINKS * np.max(own_high - own_low, axis=1, initial=0.0)]
         if not len(at):
             break
     return low, high
@@ -255,18 +181,9 @@ def energy_reach(load: float | Array, push: float | Array, c: Array, lambda_1: f
     return np.asarray((1.0 + 1e-6) * (load + push * np.sqrt(c.sum())) / lambda_1 / np.sqrt(c))
 
 
-def least_slope(law: Laws, low: Array, high: Array) -> Array:
-    """inf (b(s₁)−b(s₂))/(s₁−s₂) over [low, high]: −∞ with a down-jump in it (m,) [Pa/m]."""
-    return least_slopes(*tables_of(law, len(low)), low, high)
-
-
-def tables_of(law: Laws, m: int) -> tuple[Laws, Index]:
-    """The tables of one law for all of m nodes or of a law a node, and which of them every node has (m,)."""
-    return law.tables, law.node_index(m)
-
-
-def value_range(tables: Laws, law: Index, low: Array, high: Array) -> tuple[Array, Array]:
-    """(least, largest) value of the filled graph of b on [low, high] (shape of low); law broadcasts with low [Pa]."""
+def value_range(laws: Laws, low: Array, high: Array) -> tuple[Array, Array]:
+    """(least, largest) value of the filled graph of b on [low, high] (shape of low) [Pa]."""
+    tables, law = laws.tables, laws.index
     least, largest = np.full(low.shape, np.inf), np.full(low.shape, -np.inf)
 
     def meet(inside: NDArray[np.bool_] | bool, value: Array) -> None:
@@ -318,8 +235,9 @@ def _bisected_turning_points(tables: Laws) -> tuple[Array, Array]:
     return np.where(turns, low, np.nan), tables.value(low, piece)
 
 
-def least_slopes(tables: Laws, law: Index, low: Array, high: Array) -> Array:
+def least_slopes(laws: Laws, low: Array, high: Array) -> Array:
     """inf (b(s₁) − b(s₂))/(s₁ − s₂) over [low, high]: −∞ with a down-jump in it (shape of low) [Pa/m]."""
+    tables, law = laws.tables, laws.index
     least = np.full(low.shape, np.inf)
     for piece in range(tables.q.shape[1]):
         first, last = (tables.lower[:, piece])[law], (tables.upper[:, piece])[law]
@@ -336,16 +254,18 @@ def least_slopes(tables: Laws, law: Index, low: Array, high: Array) -> Array:
     return least
 
 
-def largest_push(tables: Laws) -> Array:
+def largest_push(laws: Laws) -> Array:
     """(L,) sup over s of −sign(s) b(s), at least 0: how hard friction may push slip on (finite by (15)) [Pa]."""
-    reach, every = far(tables), np.arange(len(tables.q), dtype=np.intp)
-    least, _ = value_range(tables, every, np.zeros(len(reach)), reach)
-    _, largest = value_range(tables, every, -reach, np.zeros(len(reach)))
+    reach = far(laws)
+    every = laws.tables.at(np.arange(len(reach)))
+    least, _ = value_range(every, np.zeros(len(reach)), reach)
+    _, largest = value_range(every, -reach, np.zeros(len(reach)))
     return np.maximum(0.0, np.maximum(-least, largest))
 
 
-def far(tables: Laws) -> Array:
+def far(laws: Laws) -> Array:
     """(L,) slip beyond which a law has no kink and its exponentials have decayed [m]."""
+    tables = laws.tables
     kinks = np.where(np.isfinite(tables.kinks), np.abs(tables.kinks), 0.0)
     decays = np.divide(40.0, tables.rate, out=np.zeros(tables.q.shape), where=tables.rate > 0.0)
     return np.asarray(2.0 * np.max(kinks, axis=1) + np.max(decays, axis=1))

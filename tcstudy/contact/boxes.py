@@ -24,6 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.contact.bounds import energy_reach, largest_push
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import BEND
 
@@ -457,19 +458,8 @@ def polygons(laws: Laws, index: Index, reach: Array) -> tuple[Array, Index]:
 def reach_of(c: Array, laws: Laws, loads: Array, lambda_1: float) -> Array:
     """(m,) bounds of |v_i| for every solution with one of the loads (P, m) [m].
 
-    From vᵀÃv + Σ c_i ζ_i v_i = l̃ᵀv: λ₁ ‖v‖ ≤ ‖C⁻¹l̃‖ + ‖β‖ with norms weighted by c and β how far b may push slip on;
-    a hundredth more for the rounding of λ₁.
+    A hundredth more than the energy allows, for the rounding of λ₁.
     """
-    push = [_push(law) for law in laws.laws]
-    most = np.max(np.asarray(push)[laws.index], initial=0.0)
-    load = np.sqrt(np.max((loads**2) @ (1.0 / c), initial=0.0))
-    return np.asarray(1.01 * (load + most * np.sqrt(c.sum())) / lambda_1 / np.sqrt(c))
-
-
-def _push(law: Laws) -> float:
-    """max of −b(s) sign s, which growth (15) makes finite [Pa]."""
-    values = [0.0, 0.0]
-    for s, left, right in zip(law.kinks, law.b_left, law.b_right, strict=True):
-        values += [-np.sign(s) * left, -np.sign(s) * right] if s else [left, -right]
-    at_0 = float(law.b(0.0))
-    return float(max(*values, 0.0 if 0.0 in law.kinks else abs(at_0)))
+    push = float(np.max(largest_push(laws)[laws.index], initial=0.0))
+    load = float(np.sqrt(np.max((loads**2) @ (1.0 / c), initial=0.0)))
+    return 1.01 * energy_reach(load, push, c, lambda_1)

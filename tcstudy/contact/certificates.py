@@ -32,11 +32,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.contact.active_set import extended
-from tcstudy.contact.bounds import FEW, PARTS, bends, boxes_of, largest_push, least_slopes, value_range
+from tcstudy.contact.bounds import FEW, PARTS, bends_below_tangent, least_slopes, solution_boxes
 from tcstudy.contact.factors import factor_free, negative_curvature
 from tcstudy.contact.newton import slopes
 from tcstudy.contact.problem import MARGIN, CondensedBody, ContactProblem, kept, least_lowered, pivot_shift
-from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
 from tcstudy.scene.study import Acceptance
 
@@ -89,9 +88,8 @@ def certify(
     inverse:   Ã⁻¹ if known (it depends on the body only), else it is computed
     """
     error = problem.lambda_1_error if lambda_1 is None else problem.A_error
-    known = {"lambda_1": problem.lambda_1 if lambda_1 is None else lambda_1}
-    body = CondensedBody(problem.A_tilde, problem.c, error, shared=False)
-    vars(body).update(known if inverse is None else known | {"inverse": inverse})
+    known = problem.lambda_1 if lambda_1 is None else lambda_1
+    body = CondensedBody.known(problem.A_tilde, problem.c, error, lambda_1=known, inverse=inverse)
     proofs = Proofs(ContactProblem.on(body, problem.l_tilde, problem.law).rows)
     residual = extended(problem, v).residual if residual is None else residual
     solved = np.array([Acceptance(tolerance).accepts(residual, problem.xi_rounding(v))])
@@ -122,7 +120,7 @@ class Proofs:
         if len(open_) and not body.loose:
             rows = self.rows.take(open_)
             self.low[open_], self.high[open_] = low, high = solution_boxes(rows)
-            self.unique[open_] = definite(body, least_slopes(rows.law, rows.law.index, low, high))
+            self.unique[open_] = definite(body, least_slopes(rows.law, low, high))
 
     def prove_lowest(self, points: Index, v: Array) -> None:
         """That solutions v (R, m) of these points, as far as they are not unique, are global minima."""
@@ -164,17 +162,6 @@ def as_row(record: Any) -> Any:
         values: dict[str, Any] = {field.name: as_row(getattr(record, field.name)) for field in fields(record)}
         return replace(record, **values)
     return None if record is None else np.asarray(record)[None]
-
-
-def uniqueness_margin(problem: ContactProblem, lambda_1: float) -> float:
-    """λ_min(C^{−½}ÃC^{−½} − diag ω_i) [Pa/m], which is λ₁ − ω with one law and else at least λ₁ − max ω.
-
-    Where Ã has lost digits it is that of the softer body (`kept`).
-    """
-    share = kept(problem.A_error)
-    if problem.law.one:
-        return share * lambda_1 - problem.law.omega
-    return least_lowered(share * problem.A_tilde, problem.c, problem.law.falls[problem.law.index])
 
 
 def positive_definite(
@@ -243,14 +230,6 @@ _LEAST = 1e-9
 """Least part of its largest entry that an entry of such a direction has, since all must be positive."""
 
 
-def solution_boxes(rows: ContactProblem) -> tuple[Array, Array]:
-    """(low, high), (R, m) each: every solution lies between them [m]."""
-    body, laws = rows.body, rows.law
-    known = (body.c, kept(body.A_error) * body.lambda_1, body.inverse, body.rounding)
-    push = np.max(largest_push(laws)[laws.index], axis=1)
-    return boxes_of(rows.l_tilde[None], push, known, lambda at, *box: value_range(laws, laws.index[at], *box))
-
-
 def margins(rows: ContactProblem) -> Array:
     """(R,) λ_min(C^{−½}ÃC^{−½} − diag ω_i) of rows with laws by node, once for rows of the same falls [Pa/m]."""
     body = rows.body
@@ -299,16 +278,3 @@ def strict_minimum(rows: ContactProblem, v: Array) -> Flags:
         free = np.flatnonzero(~held[i])
         proved[i] = factor_free(body.A_tilde, free, added[i, free])[1] == 0
     return proved
-
-
-def bends_below_tangent(
-    laws: Laws, v: Array, zeta: Array, low: Array, high: Array, parts: int = PARTS
-) -> tuple[Array, Array]:
-    """(upper, lower) bounds of D (R, m) for slips between low and high [Pa/m]; inf where v_i sits on a down-jump.
-
-    zeta: elements of b̂(v), exactly b(v) off the kinks [Pa]
-    """
-    law = np.broadcast_to(laws.index, v.shape).ravel()
-    sides = bends(laws, law, v.ravel(), zeta.ravel(), low.ravel(), high.ravel(), parts)
-    upper, lower = zip(*sides, strict=True)
-    return np.maximum(*upper).reshape(v.shape), np.maximum(*lower).reshape(v.shape)

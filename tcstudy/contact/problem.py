@@ -66,6 +66,13 @@ class CondensedBody:
             _, _, copy = copy.inverse, copy.lambda_1, copy.coarse
         return body
 
+    @classmethod
+    def known(cls, A_tilde: Array, c: Array, A_error: float = 0.0, **facts: Any) -> CondensedBody:
+        """The record for one problem, with those of its `lambda_1` and `inverse` that are known and not None."""
+        body = cls(A_tilde, c, A_error, shared=False)
+        vars(body).update({name: fact for name, fact in facts.items() if fact is not None})
+        return body
+
     @property
     def m(self) -> int:
         """Number of contact nodes."""
@@ -145,7 +152,7 @@ class ContactProblem:
     @cached_property
     def body(self) -> CondensedBody:
         """What is made of Ã and c alone."""
-        return CondensedBody(np.ascontiguousarray(self.A_tilde, dtype=float), self.c, self.A_error, shared=False)
+        return CondensedBody.known(np.ascontiguousarray(self.A_tilde, dtype=float), self.c, self.A_error)
 
     @cached_property
     def rows(self) -> ContactProblem:

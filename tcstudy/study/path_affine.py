@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.bounds import solution_box
+from tcstudy.contact.bounds import solution_boxes
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.path.chords import piecewise_linear
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path
@@ -94,7 +94,7 @@ def straightened(
     """The problem with straight pieces in the place of exponential ones, as far as solutions within two t may slip."""
     if problem.law.piecewise_linear:
         return problem
-    boxes = [solution_box(problem.at(t), level.lambda_1(scene)) for t in within]
+    boxes = [solution_boxes(problem.at(t).rows) for t in within]
     reach = max(float(np.max(np.abs(side))) for box in boxes for side in box)
     return problem.with_law(level.law(scene.with_laws(lambda law: piecewise_linear(law, law_error, reach))))
 

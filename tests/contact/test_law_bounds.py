@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.contact import bounds
-from tcstudy.contact.bounds import largest_push, least_slopes, tables_of, value_range
-from tcstudy.contact.certificates import bends_below_tangent
+from tcstudy.contact.bounds import bends_below_tangent, largest_push, least_slopes, value_range
 from tcstudy.contact.hulls import proximal_hulls
 from tcstudy.laws.laws import Laws
 from tests.contact.rows import some_laws
@@ -61,11 +59,11 @@ def test_ranges_and_least_slopes_are_those_of_the_laws() -> None:
     rng = np.random.default_rng(2)
     law, low = slips(rng, (8, 60))
     high = low + np.where(rng.random(low.shape) < 0.2, 0.0, rng.exponential(0.3, low.shape))
-    for one, found in enumerate(value_range(TABLES, law, low, high)):
-        expected = by_law(law, low, high, of=lambda b, x, y, one=one: value_range(*tables_of(b, len(x)), x, y)[one])
+    for one, found in enumerate(value_range(TABLES.at(law), low, high)):
+        expected = by_law(law, low, high, of=lambda b, x, y, one=one: value_range(b, x, y)[one])
         np.testing.assert_allclose(found, expected, rtol=1e-14)
     np.testing.assert_allclose(
-        least_slopes(TABLES, law, low, high), by_law(law, low, high, of=bounds.least_slope), rtol=1e-14
+        least_slopes(TABLES.at(law), low, high), by_law(law, low, high, of=least_slopes), rtol=1e-14
     )
     for own, push in zip(LAWS, largest_push(TABLES), strict=True):
         s = np.union1d(np.linspace(-3.0, 3.0, 20001), own.kinks)
@@ -81,7 +79,7 @@ def test_bends_are_those_of_the_laws_and_few_parts_never_less() -> None:
     zeta = by_law(law, v, of=lambda b, s: np.mean(b.interval(s), axis=0))
     given = (TABLES.at(law[None]), v[None], zeta[None], low[None], high[None])
     exact = bends_below_tangent(*given, 400)[0]
-    expected = by_law(law, v, zeta, low, high, of=bounds.bend_below_tangent)
+    expected = by_law(law, v, zeta, low, high, of=lambda *x: bends_below_tangent(*x)[0])
     finite = np.isfinite(expected)
     for parts in (6, 48):
         upper, lower = bends_below_tangent(*given, parts)

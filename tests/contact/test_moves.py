@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from tcstudy.contact.bounds import tables_of
 from tcstudy.contact.contact import nearest_minimum
 from tcstudy.contact.descent import move_starts
 from tcstudy.contact.factors import factor_free
@@ -88,7 +87,7 @@ def test_a_promise_is_the_exact_change_where_nobody_else_leaves_his_piece() -> N
     for seed in range(40):
         problem = cases.random_problem(np.random.default_rng([seed, 52]), 10, max_kinks=9)
         v = descend(problem)
-        xi, c, laws = problem.xi(v), problem.c, tables_of(problem.law, problem.m)
+        xi, c, laws = problem.xi(v), problem.c, (problem.law.tables, problem.law.node_index(problem.m))
         free, factor, stiffness = relaxed(problem, v)
         gain, target = best_places(*laws, v, xi / c, stiffness / c)
         for node in np.flatnonzero(gain):

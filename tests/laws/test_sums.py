@@ -8,7 +8,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 import pytest
 
-from tcstudy.contact.bounds import bend_below_tangent, least_slopes, value_range
+from tcstudy.contact.bounds import bends_below_tangent, least_slopes, value_range
 from tcstudy.contact.history.memory import MemoryModel, NodeState
 from tcstudy.contact.path.chords import piecewise_linear
 from tcstudy.laws.composed import total
@@ -71,7 +71,7 @@ def test_exponentials_of_different_decay_add_up_exactly() -> None:
         slopes = both.slope(s, both.piece(s))
         assert both.omega >= -np.min(slopes) * (1.0 - 1e-12)
         assert both.omega <= max(-np.min(both.end_slopes), 0.0)
-        least, largest = value_range(both.tables, np.zeros(1, dtype=np.intp), np.array([s.min()]), np.array([s.max()]))
+        least, largest = value_range(both, np.array([s.min()]), np.array([s.max()]))
         assert least[0] <= np.min(both.b(s)) <= np.max(both.b(s)) <= largest[0]
 
 
@@ -96,18 +96,18 @@ def test_chords_of_two_exponentials_miss_them_by_the_tolerance_at_most() -> None
 def test_bounds_hold_for_two_exponentials() -> None:
     """Of the bend below a tangent, and of b and b′ over a box, against many samples."""
     rng = np.random.default_rng(11)
-    v, index = rng.uniform(-0.6, 0.6, 40), np.zeros(40, dtype=np.intp)
+    v = rng.uniform(-0.6, 0.6, 40)
     low, high = v - rng.uniform(0.01, 0.8, 40), v + rng.uniform(0.01, 0.8, 40)
     s = np.linspace(low, high, 2001)
     inside = np.abs(s - v) > 1e-6
     below = TWO.j(v) + TWO.b(v) * (s - v) - TWO.j(s)
     sampled = np.max(np.where(inside, 2.0 * below / np.where(inside, s - v, 1.0) ** 2, -np.inf), axis=0)
-    bound = bend_below_tangent(TWO, v, TWO.b(v), low, high)
+    bound = bends_below_tangent(TWO, v, TWO.b(v), low, high)[0]
     assert np.all(bound >= sampled - 1e-6)
     assert np.median(bound - sampled) < 0.05 * np.median(np.abs(sampled))
-    least, largest = value_range(TWO.tables, index, low, high)
+    least, largest = value_range(TWO, low, high)
     assert np.all((least <= TWO.b(s).min(axis=0)) & (largest >= TWO.b(s).max(axis=0)))
-    assert np.all(least_slopes(TWO.tables, index, low, high) <= TWO.slope(s, TWO.piece(s)).min(axis=0) + 1e-12)
+    assert np.all(least_slopes(TWO, low, high) <= TWO.slope(s, TWO.piece(s)).min(axis=0) + 1e-12)
 
 
 def test_a_memory_of_two_exponentials_goes_on_along_their_sum() -> None:

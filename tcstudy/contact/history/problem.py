@@ -19,7 +19,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.contact.block import Answer
-from tcstudy.contact.bounds import far, least_slope, tables_of
+from tcstudy.contact.bounds import far, least_slopes
 from tcstudy.contact.certificates import certify, positive_definite
 from tcstudy.contact.history.memory import MemoryModel, NodeState
 from tcstudy.contact.newton import slopes
@@ -162,9 +162,8 @@ class HistoryProblem:
         """Whether a step with these laws, as the memory has moved them, has one solution or a connected set of them."""
         if self.convex or self.monotone:
             return True
-        tables, own = tables_of(law, self.m)
-        reach = far(tables)[own]
-        slope = least_slope(law, -reach, reach)
+        reach = far(law)[law.node_index(self.m)]
+        slope = least_slopes(law, -reach, reach)
         problem = ContactProblem(self.A_tilde, np.zeros(self.m), self.c, law, self.A_error)
         return bool(np.all(slope >= 0.0)) or positive_definite(problem, slope, self.stiffness)
 
