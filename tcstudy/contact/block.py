@@ -109,7 +109,7 @@ def solve_block(
     prove:      False if only the solutions are wanted, with no more proofs than the search for them needs
     """
     rows = ContactProblem.on(body, np.asarray(loads, dtype=float), laws)
-    block = Block(rows, branch, tolerance, neighbours, prove or branch == "lowest")
+    block = SolutionBlock(rows, branch, tolerance, neighbours, prove or branch == "lowest")
     block.descend()
     if branch == "lowest":
         block.search()
@@ -123,7 +123,7 @@ def solve_block(
     return replace(block.answer(prove), solutions=solutions)
 
 
-class Block:
+class SolutionBlock:
     """The points of a block on their way to answers."""
 
     def __init__(

@@ -11,7 +11,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.contact.active_set import judge
-from tcstudy.contact.block import NOT_POSITIVE_DEFINITE, Answer, Block, solve_block
+from tcstudy.contact.block import NOT_POSITIVE_DEFINITE, Answer, SolutionBlock, solve_block
 from tcstudy.contact.descent import Descended, descend
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.contact.status import Outcome, Status
@@ -118,7 +118,7 @@ def _by_bundle(
     """The least solution from all starts, or the first; what fails has the least residual, and work is summed."""
     from tcstudy.contact.bundle.contact import solve_with_bundle  # needs the QP library
 
-    block, here = Block(problem.rows, branch, acceptance.tolerance, prove=False), np.zeros(1, dtype=np.intp)
+    block, here = SolutionBlock(problem.rows, branch, acceptance.tolerance, prove=False), np.zeros(1, dtype=np.intp)
     tried, missed, least = list[Outcome](), None, np.inf
     for start, x0 in _starts(problem, branch, neighbour):
         tried.append(outcome := solve_with_bundle(problem, x0, max_iterations, min(ACCURACY, acceptance.aim)))
