@@ -41,7 +41,7 @@ factor of the latter after each full step, as W must not hold back steps along p
 
 
 @dataclass(frozen=True, eq=False)
-class Pieces:
+class Bundle:
     """What the oracle said at N points.
 
     y, f, g: (N, n) points, (N,) values, (N, n) subgradients
@@ -63,15 +63,15 @@ class Pieces:
         """True if f, g and G are all finite."""
         return all(bool(np.all(np.isfinite(x))) for x in (self.f, self.g, self.G))
 
-    def take(self, which: NDArray[np.intp] | slice) -> Pieces:
+    def take(self, which: NDArray[np.intp] | slice) -> Bundle:
         """The named ones."""
-        return Pieces(self.y[which], self.f[which], self.g[which], self.G[which], self.base)
+        return Bundle(self.y[which], self.f[which], self.g[which], self.G[which], self.base)
 
-    def with_one(self, new: Pieces) -> Pieces:
+    def with_one(self, new: Bundle) -> Bundle:
         """These and others behind them."""
         pairs = (self.y, new.y), (self.f, new.f), (self.g, new.g), (self.G, new.G)
         y, f, g, G = (np.concatenate(pair) for pair in pairs)
-        return Pieces(y, f, g, G, self.base)
+        return Bundle(y, f, g, G, self.base)
 
     def times(self, d: Array) -> Array:
         """(N, n) G_j d_j, of rows d (N, n) or one d (n,) for all."""
@@ -95,7 +95,7 @@ class Model:
     curvature: ‖Σλ_jG_j‖₂ of the multipliers at hand
     """
 
-    pieces: Pieces
+    pieces: Bundle
     c: Array
     A: Array
     rho: Array
@@ -103,7 +103,7 @@ class Model:
     curvature: float
 
     @classmethod
-    def about(cls, x: Array, f: float, pieces: Pieces, gamma: float, curvature: float) -> Model:
+    def about(cls, x: Array, f: float, pieces: Bundle, gamma: float, curvature: float) -> Model:
         """About the centre x with value f: f_j, g_j, the largest ρ_j that keeps a piece at or below f, and −α_j.
 
         gamma: weight γ of distances
@@ -154,7 +154,7 @@ class Step:
         return float(np.linalg.norm(self.d))
 
 
-def smoothly_joined(pieces: Pieces, q: Pieces) -> NDArray[np.bool_]:
+def smoothly_joined(pieces: Bundle, q: Bundle) -> NDArray[np.bool_]:
     """(N,) True where f looks smooth between a piece's point and q's: then the nearer Taylor expansion is enough.
 
     f(q) − f(p) is compared with its fifth-order quadrature ½(g_p+g_q)ᵀd + (1/12)dᵀ(G_p−G_q)d and the change

@@ -28,7 +28,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.bundle.model import INNER, Model, Pieces, Step, bounded_step, smoothly_joined
+from tcstudy.contact.bundle.model import INNER, Model, Bundle, Step, bounded_step, smoothly_joined
 from tcstudy.contact.bundle.simplex_qp import ACTIVE
 from tcstudy.contact.status import Outcome, Status
 
@@ -62,7 +62,7 @@ class State:
     x: Array
     f: float
     f0: float
-    pieces: Pieces
+    pieces: Bundle
     lam: Array
     radius: float
     unit: float
@@ -174,12 +174,12 @@ class BundleNewton:
         moved = replace(state, x=new.y[0], f=f, nulls=0, resets=0)
         return self._redirected(moved, *self._selected(state, new, new.y[0]), radius, "serious")
 
-    def _evaluated(self, oracle: Oracle, y: Array) -> Pieces:
+    def _evaluated(self, oracle: Oracle, y: Array) -> Bundle:
         f, g, G = oracle(y)
         g, G = np.asarray(g, dtype=float), np.asarray(G, dtype=float)
-        return Pieces(y[None], np.array([f], dtype=float), g[None], G[None], self.base)
+        return Bundle(y[None], np.array([f], dtype=float), g[None], G[None], self.base)
 
-    def _redirected(self, state: State, pieces: Pieces, lam: Array, radius: float, kind: Kind) -> State:
+    def _redirected(self, state: State, pieces: Bundle, lam: Array, radius: float, kind: Kind) -> State:
         """The state with a new bundle and radius, and the direction that follows from them."""
         model = Model.about(state.x, state.f, pieces, self.gamma, spectral_norm(pieces, lam))
         step = bounded_step(model, lam, radius, max(radius, state.unit), state.step.shift)
@@ -188,7 +188,7 @@ class BundleNewton:
             state, pieces=pieces, lam=step.lam, radius=radius, model=model, step=step, kind=kind, factorisations=used
         )
 
-    def _selected(self, state: State, new: Pieces, x: Array) -> tuple[Pieces, Array]:
+    def _selected(self, state: State, new: Bundle, x: Array) -> tuple[Bundle, Array]:
         """The next bundle about x with `new` last, and multipliers for it to start from.
 
         A piece that is smoothly joined to the new one and farther from the centre is obsolete; beyond 2n + 5 pieces the
@@ -205,7 +205,7 @@ class BundleNewton:
         lam = lam / lam.sum() if lam.sum() > 0.0 else np.full(len(lam), 1.0 / len(lam))
         return pieces.take(kept).with_one(new), lam
 
-    def _radius_after_null(self, state: State, new: Pieces) -> float:
+    def _radius_after_null(self, state: State, new: Bundle) -> float:
         """Shorter if the new piece hardly changes the model at d, or if null steps repeat at the bound."""
         d, shortest = state.step.d, min(state.radius, state.step.length)
         alone = Model.about(state.x, state.f, new, self.gamma, state.model.curvature)
@@ -266,12 +266,12 @@ class BundleNewton:
         return None
 
 
-def spectral_norm(pieces: Pieces, lam: Array) -> float:
+def spectral_norm(pieces: Bundle, lam: Array) -> float:
     """‖Σλ_jG_j‖₂."""
     return float(np.max(np.abs(np.linalg.eigvalsh(pieces.combined(lam)))))
 
 
-def first_unit(piece: Pieces) -> float:
+def first_unit(piece: Bundle) -> float:
     """A length to begin with: ‖x0‖, else ‖g‖/‖G‖, else |f|/‖g‖; 1 where the data hold no scale at all."""
     if piece.finite:
         slope, bend = float(np.linalg.norm(piece.g)), float(np.linalg.norm(piece.combined(np.ones(1))))

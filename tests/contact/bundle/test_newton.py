@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tcstudy.contact.bundle.model import Pieces, smoothly_joined
+from tcstudy.contact.bundle.model import Bundle, smoothly_joined
 from tcstudy.contact.bundle.newton import BundleNewton, Oracle, State
 from tcstudy.contact.bundle.simplex_qp import direction, positive_definite
 from tcstudy.contact.status import Outcome, Status
@@ -269,10 +269,10 @@ def test_direction_with_slopes_of_many_sizes_and_twelve_almost_equal_pieces() ->
 
 
 def test_smoothness_between_two_points() -> None:
-    def pieces(kink: bool, *points: float) -> Pieces:
+    def pieces(kink: bool, *points: float) -> Bundle:
         x = np.array(points)
         f, g, G = (np.abs(x), np.sign(x), 0.0 * x) if kink else (x**4, 4 * x**3, 12 * x**2)
-        return Pieces(x[:, None], f, g[:, None], G[:, None, None])
+        return Bundle(x[:, None], f, g[:, None], G[:, None, None])
 
     assert smoothly_joined(pieces(False, 0.3), pieces(False, 1.0))[0]
     assert smoothly_joined(pieces(True, 0.2), pieces(True, 0.7))[0]
