@@ -28,7 +28,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.bundle.model import INNER, Model, Bundle, Step, bounded_step, smoothly_joined
+from tcstudy.contact.bundle.model import INNER, Bundle, Model, Step, bounded_step, smoothly_joined
 from tcstudy.contact.bundle.simplex_qp import ACTIVE
 from tcstudy.contact.status import Outcome, Status
 
