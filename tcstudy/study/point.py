@@ -66,7 +66,9 @@ def solve_point(
             residual=answer.inclusion_residual,
         )
         laws = row_laws([problem.law], np.ones(1))
-        record = block_record(study, level, points, [scene], condensed, laws, as_row(replace(answer, certificate=proved)), seconds)
+        record = block_record(
+            study, level, points, [scene], condensed, laws, as_row(replace(answer, certificate=proved)), seconds
+        )
         more = {"evaluations": answer.evaluations} | (_by_solver(condensed, solved) if len(solved) > 1 else {})
         fields = level.fields(scene, answer.v) if study.output.fields else {}
         return replace(record, numbers=record.numbers | _one_row(more), fields=_one_row(fields))
