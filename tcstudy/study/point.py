@@ -54,7 +54,7 @@ def solve_point(
     try:
         scene = study.scenes[place]
         problem, condensed = level.condensed(scene).problem, level.block([scene])
-        given = plan.tolerance, plan.max_iterations, plan.branch, neighbour, None, exact
+        given = plan.tolerance, plan.max_iterations, plan.branch, neighbour, exact
         solved = [timed(solve_contact, problem, name, *given) for name in plan.names]
         answer, seconds = solved[0]
         proved = certify(
