@@ -247,6 +247,8 @@ GUARANTEED: tuple[FileVariable, ...] = (
         flag("proved_unique", "only solution of the body", ("not_proved", "proved")),
         comment="omega < lambda_1_low: the problem itself, not its discretisation, has one solution",
     ),
+    result("error_bound", "J0.5 m-0.5", "bound of the error", "of the body's solution, not of a finer mesh's; proved"),
+    result("error_bound_relative", "1", "relative bound of the error", "over the norm of the body's solution, no less"),
 )
 """What is kept where a guarantee is asked for."""
 

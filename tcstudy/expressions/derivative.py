@@ -89,3 +89,8 @@ def value_and_gradient(of: Scalar, x: ArrayLike, y: ArrayLike) -> tuple[Array, A
 def _gradient(expression: Expression) -> tuple[Scalar, Scalar]:
     by_x, by_y = gradient(term(expression))
     return scalar(by_x), scalar(by_y)
+
+
+def is_linear(scalar: Scalar) -> bool:
+    """Whether a scalar is known to be a polynomial of degree 1 at most."""
+    return not isinstance(scalar, Expression) or all(isinstance(slope, float) for slope in _gradient(scalar))

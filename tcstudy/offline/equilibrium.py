@@ -8,6 +8,8 @@ Hybrid:     unknowns w are displacements at the two Gauss points of every edge, 
 Contact:    the normal displacement is held, the tangential ones are kept: Â (2s, 2s) for s segments of Γ_C, with the
             weights c = h/2, is a contact problem like that of P1. Its compliance is less than the body's where that of
             P1 is more: energies come from the other side, and nothing locks for ν → ½, as c⁻¹ stays bounded.
+Loads:      f constant, βθ linear on a triangle: τ = N G⁻¹(Pᵀw − q) + τ_p, τ_p = −diag(f_x (x − x_z), f_y (y − y_z)),
+            q = ∫c⁻¹N:(τ_p + βθI); K̂w = ĝ + Σ_K (P G⁻¹q − P_p), P_p the moments of τ_p, and div τ + f = 0 exactly.
 Literature: C. Johnson and B. Mercier, Numer. Math. 30 (1978) 103-116; B. Fraeijs de Veubeke (1965); J. P. M. de Almeida
             and E. A. W. Maunder, Equilibrium Finite Element Formulations, Wiley 2017.
 Left out:   curved edges.
@@ -16,7 +18,8 @@ Left out:   curved edges.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
+from typing import Literal
 
 import numpy as np
 import scipy.linalg
@@ -35,6 +38,8 @@ PARTS = np.array([[0, 1, 3], [1, 2, 3], [2, 0, 3]])
 """Corners of the three parts of the reference triangle; side k belongs to part k."""
 TENSORS = np.array([[[1.0, 0], [0, 0]], [[0, 0], [0, 1.0]], [[0, 1.0], [1.0, 0]]])
 """Symmetric tensors from their components xx, yy, xy."""
+WEIGHT = np.linalg.cholesky((np.ones((3, 3)) + np.eye(3)) / 72.0).T
+"""Its square is the mass matrix of linear functions on a part of the reference triangle, a third of ½."""
 
 
 @dataclass(frozen=True)
@@ -55,18 +60,55 @@ class Supports:
 class EquilibriumBody:
     """Triangles of equilibrium elements, condensed onto Γ_C.
 
-    A_hat:    (2k, 2k) stiffness of the tangential displacements at the Gauss points of Γ_C, in order [Pa]
-    c:        (2k,) their weights, half the length of a segment [m]
-    diagonal: (4e,) of K̂, local rows;  condensation: of K̂
+    Local rows (4e,) run over the Gauss points of the edges, from the lower node on, then over axes, then over edges.
+
+    elements:  the triangles;  number: (s,) which of the edges the segments of the boundary are
+    supports:  what holds those;  ties: (4e, 4e) T of rigid edges, w = T w', or None
+    K:         (4e, 4e) K̂ with springs, rigid edges not tied [Pa];  diagonal: (4e,) of TᵀK̂T
+    c:         (2k,) weights of the Gauss points of Γ_C, half the length of a segment [m]
+    condensation: of TᵀK̂T
     """
 
-    c: Array
+    elements: Elements
+    number: Indices
+    supports: Supports
+    ties: sp.csr_array | None
+    K: sp.csr_array
     diagonal: Array
+    c: Array
     condensation: Condensation
 
     @property
     def A_hat(self) -> Array:
+        """(2k, 2k) stiffness of the tangential displacements at the Gauss points of Γ_C, in order [Pa]."""
         return self.condensation.A_tilde
+
+    @cached_property
+    def gauss_points(self) -> Array:
+        """(s, 2, 2) those of the segments of the boundary, from the lower node on [m]."""
+        ends = self.elements.points[self.elements.edges[self.number]]
+        return ends[:, :1] + GAUSS[None, :, None] * (ends[:, 1:] - ends[:, :1])
+
+    def traction_load(self, traction: Array) -> Array:
+        """(4e,) the load of a traction (s, 2, 2) in x and y at the Gauss points of the segments [N/m]."""
+        ends = self.elements.points[self.elements.edges[self.number]]
+        half = 0.5 * np.hypot(*(ends[:, 1] - ends[:, 0]).T)
+        load = np.zeros((2, 2, len(self.elements.edges)))
+        load[:, :, self.number] = np.einsum("s,sgd,sdk->gks", half, traction, self.supports.axes)
+        return load.ravel()
+
+    def rows(self, u: Array) -> Array:
+        """(4e,) P1 displacements (n, 2) in x and y at the Gauss points of the edges, in local axes."""
+        a, b = u[self.elements.edges[:, 0]], u[self.elements.edges[:, 1]]
+        at = np.stack([(1.0 - g) * a + g * b for g in GAUSS], axis=1)
+        return np.einsum("egd,edk->gke", at, self.elements.axes).ravel()
+
+    @cached_property
+    def held(self) -> NDArray[np.bool_]:
+        """(4e,) rows whose displacement is prescribed."""
+        held = np.zeros((2, 2, len(self.elements.edges)), dtype=bool)
+        held[:, :, self.number] = self.supports.held.T
+        return held.ravel()
 
 
 @cache
@@ -110,9 +152,8 @@ def equilibrium_body(points: Array, triangles: Indices, segments: Indices, lam: 
     e = len(edges)
     axes = np.tile(np.eye(2), (e, 1, 1))
     axes[number] = supports.axes
-    local = _element_stiffness(points, triangles, lam, mu, axes[sides])
-    gauss = np.arange(2) ^ turned[..., None]  # (t, 3, 2) of the edge, in its own direction
-    rows = ((2 * gauss[..., None] + np.arange(2)) * e + sides[..., None, None]).reshape(len(triangles), 12)
+    elements = Elements(points, triangles, lam, mu, edges, sides, turned, axes)
+    local, rows = elements.stiffness(), elements.local_rows
     K = sp.coo_array((local.ravel(), (np.repeat(rows, 12, axis=1).ravel(), np.tile(rows, (1, 12)).ravel())),
                      shape=(4 * e, 4 * e)).tocsr()  # fmt: skip
     half = 0.5 * np.hypot(*(points[segments[:, 1]] - points[segments[:, 0]]).T)
@@ -120,21 +161,20 @@ def equilibrium_body(points: Array, triangles: Indices, segments: Indices, lam: 
         stiffness = np.zeros((2, 2, e))
         stiffness[:, :, number] = (supports.springs * half[:, None]).T
         K = sp.csr_array(K + sp.diags_array(stiffness.ravel()))
-    keep = np.zeros((2, 2, e), dtype=bool)
     eliminate = np.ones((2, 2, e), dtype=bool)
     eliminate[:, :, number] = ~supports.held.T
     own = number[supports.contact]
     eliminate[:, 0, own] = False
-    keep[:, 0, own] = True
-    active = eliminate.ravel()
+    active, tied = eliminate.ravel(), K
     if ties is not None:
-        K = sp.csr_array(ties.T @ K @ ties)
+        tied = sp.csr_array(ties.T @ K @ ties)
         active = active & (np.diff(ties.tocsc().indptr) > 0)
     backwards = segments[supports.contact, 0] > segments[supports.contact, 1]
     along = np.arange(2) ^ backwards[:, None]
     kept = (2 * along * e + own[:, None]).ravel()
-    found = condense(K, points[edges].mean(axis=1), kept, active, components=4)
-    return EquilibriumBody(np.repeat(half[supports.contact], 2), K.diagonal(), found)
+    found = condense(tied, points[edges].mean(axis=1), kept, active, components=4)
+    c = np.repeat(half[supports.contact], 2)
+    return EquilibriumBody(elements, number, supports, ties, K, tied.diagonal(), c, found)
 
 
 def edges_of(triangles: Indices) -> tuple[Indices, Indices, Indices]:
@@ -151,29 +191,87 @@ def numbers_of(edges: Indices, segments: Indices) -> Indices:
     return np.searchsorted(edges[:, 0] * span + edges[:, 1], low * span + high)
 
 
-def _element_stiffness(points: Array, triangles: Indices, lam: Array, mu: Array, axes: Array) -> Array:
-    """(t, 12, 12) P G⁻¹Pᵀ of every triangle, rows by side, Gauss point in its direction and local axis.
+@dataclass(frozen=True)
+class Elements:
+    """Triangles (t, 3) with their moduli (t,), and their edges as `edges_of` has them. axes: (e, 2, 2) of the edges"""
 
-    With τ = B τ̂ Bᵀ the traction is τn|e| = det B · B τ̂n̂|ê|. G = RᵀR by QR of the stresses themselves, which loses half
-    the digits that their products would lose where a triangle is flat.
-    """
-    N, sides = _reference()
-    corners = points[triangles]
-    B = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=-1)
-    det = np.linalg.det(B)
-    P = np.einsum("t,tkja,tjb,kgbn->tkgan", det, axes, B, sides, optimize=True).reshape(len(B), 12, 9)
-    moved = np.einsum("tab,cbd,ted->tcae", B, TENSORS, B)  # B E_c Bᵀ
-    weight = np.linalg.cholesky((np.ones((3, 3)) + np.eye(3)) / 72.0).T  # of linear functions on a third of ½
-    samples = np.einsum("ij,pjcn->picn", weight, N)
-    stress = np.einsum("tcae,picn->tpiaen", moved, samples, optimize=True)
-    # c⁻¹σ : σ = |dev σ|²/2μ + (tr σ)²/4(λ + μ)
-    trace = stress[..., 0, 0, :] + stress[..., 1, 1, :]
-    shear, bulk = np.sqrt(det / (2.0 * mu)), np.sqrt(det / (4.0 * (lam + mu)))
-    parts = (
-        np.sqrt(0.5) * shear[:, None, None, None] * (stress[..., 0, 0, :] - stress[..., 1, 1, :]),
-        np.sqrt(2.0) * shear[:, None, None, None] * stress[..., 0, 1, :],
-        bulk[:, None, None, None] * trace,
-    )
-    R = np.linalg.qr(np.concatenate(parts, axis=2).reshape(len(B), 27, 9), mode="r")
-    half = np.linalg.solve(np.swapaxes(R, 1, 2), np.swapaxes(P, 1, 2))
-    return np.matmul(np.swapaxes(half, 1, 2), half)
+    points: Array
+    triangles: Indices
+    lam: Array
+    mu: Array
+    edges: Indices
+    sides: Indices
+    turned: Indices
+    axes: Array
+
+    @property
+    def local_rows(self) -> Indices:
+        """(t, 12) local rows of every triangle by side, Gauss point in its direction and axis."""
+        gauss = np.arange(2) ^ self.turned[..., None]  # (t, 3, 2) of the edge, in its own direction
+        rows = (2 * gauss[..., None] + np.arange(2)) * len(self.edges) + self.sides[..., None, None]
+        return rows.reshape(len(self.triangles), 12)
+
+    def stiffness(self) -> Array:
+        """(t, 12, 12) P G⁻¹Pᵀ of every triangle."""
+        half = self._factors("r")[0]
+        return np.matmul(np.swapaxes(half, 1, 2), half)
+
+    def volume_load(self, f: Array, theta: Array) -> tuple[Array, float]:
+        """Of f (2,) [N/m³] and βθ (t, 3) at the corners [Pa]: their load (4e,), and ‖(I − Π)ρ‖² of ρ = τ_p + βθI.
+
+        Π: projection onto the stresses N in the norm of complementary energy
+        """
+        half, Q = self._factors("reduced")
+        corners = np.concatenate(
+            [self.points[self.triangles], self.points[self.triangles].mean(axis=1)[:, None]], axis=1
+        )
+        tau = f * (corners[:, 3:] - corners)  # (t, 4, 2) xx and yy of τ_p
+        rho = tau + np.column_stack([theta, theta.mean(axis=1)])[..., None]
+        xx, yy = np.einsum("ij,tpjc->ctpi", WEIGHT, rho[:, PARTS])
+        samples = self._samples(xx, yy, np.zeros_like(xx))
+        inner = np.einsum("tsn,ts->tn", Q, samples)
+        rest = samples - np.einsum("tsn,tn->ts", Q, inner)
+        side, first = corners[:, SIDES[:, 1]] - corners[:, SIDES[:, 0]], tau[:, SIDES[:, 0]]
+        change = tau[:, SIDES[:, 1]] - first
+        at = first[:, :, None] + GAUSS[None, None, :, None] * change[:, :, None]  # (t, 3, 2, 2)
+        outward = 0.5 * np.stack([side[..., 1], -side[..., 0]], axis=-1)
+        moments = np.einsum("tkga,tka,tkab->tkgb", at, outward, self.axes[self.sides]).reshape(-1, 12)
+        own = np.einsum("tnk,tn->tk", half, inner) - moments
+        load = np.zeros(4 * len(self.edges))
+        np.add.at(load, self.local_rows, own)
+        return load, float(np.sum(rest**2))
+
+    def _factors(self, mode: Literal["r", "reduced"]) -> tuple[Array, Array]:
+        """(t, 9, 12) R⁻ᵀPᵀ and, in mode "reduced", (t, 27, 9) Q.
+
+        With τ = B τ̂ Bᵀ the traction is τn|e| = det B · B τ̂n̂|ê|. G = RᵀR by QR of the stresses themselves, which loses
+        half the digits that their products would lose where a triangle is flat.
+        """
+        N, sides = _reference()
+        B, det = self._maps
+        P = np.einsum("t,tkja,tjb,kgbn->tkgan", det, self.axes[self.sides], B, sides, optimize=True).reshape(
+            len(B), 12, 9
+        )
+        moved = np.einsum("tab,cbd,ted->tcae", B, TENSORS, B)  # B E_c Bᵀ
+        stress = np.einsum("tcae,ij,pjcn->aetpin", moved, WEIGHT, N, optimize=True)
+        found = np.linalg.qr(self._samples(stress[0, 0], stress[1, 1], stress[0, 1]), mode=mode)
+        Q, R = found if mode == "reduced" else (np.empty(0), found)
+        return np.linalg.solve(np.swapaxes(R, 1, 2), np.swapaxes(P, 1, 2)), Q
+
+    @property
+    def _maps(self) -> tuple[Array, Array]:
+        """(t, 2, 2) B of the maps from the reference triangle, and (t,) their determinants."""
+        corners = self.points[self.triangles]
+        B = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=-1)
+        return B, np.linalg.det(B)
+
+    def _samples(self, xx: Array, yy: Array, xy: Array) -> Array:
+        """(t, 27, …) whose squares sum to ∫c⁻¹σ : σ, c⁻¹σ : σ = |dev σ|²/2μ + (tr σ)²/4(λ + μ).
+
+        xx, yy, xy: (t, 3, 3, …) a stress that is linear on the parts of the triangles, by part and weighted corner
+        """
+        det = self._maps[1]
+        shear, bulk = np.sqrt(det / (2.0 * self.mu)), np.sqrt(det / (4.0 * (self.lam + self.mu)))
+        shear, bulk = (x.reshape(-1, *(1,) * (xx.ndim - 1)) for x in (shear, bulk))
+        parts = np.sqrt(0.5) * shear * (xx - yy), np.sqrt(2.0) * shear * xy, bulk * (xx + yy)
+        return np.concatenate(parts, axis=2).reshape(len(xx), 27, *xx.shape[3:])

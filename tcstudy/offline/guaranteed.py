@@ -30,6 +30,7 @@ from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.fem.recovery import GAUSS, ElementGeometry
 from tcstudy.fem.rigid import edge_arms, unknown
 from tcstudy.offline.equilibrium import (
+    EquilibriumBody,
     Supports,
     edges_of,
     equilibrium_body,
@@ -67,16 +68,21 @@ class Band:
         return {"lambda_1_low": low, "lambda_1_high": high, "lambda_1_dual": hat, "proved_unique": proved}
 
 
-def lambda_1_band(mesh: PlaneMesh, scene: Scene, line: ContactLine, A_tilde: Array) -> Band:
-    """λ₁ of the body from both sides; A_tilde: (m, m) that of P1 on the mesh, all moduli those of the scene [Pa]."""
+def dual_body(mesh: PlaneMesh, scene: Scene, line: ContactLine) -> EquilibriumBody:
+    """The equilibrium elements of a scene on a mesh, all moduli those of the scene."""
     supports, ties = _supports(mesh, scene.boundary, line)
     triangles = ElementGeometry(mesh)
     lam, mu = (triangles.of_material(scene, name) for name in ("lam", "mu"))
-    body = equilibrium_body(mesh.points, mesh.triangles, mesh.segments, lam, mu, supports, ties)
+    return equilibrium_body(mesh.points, mesh.triangles, mesh.segments, lam, mu, supports, ties)
+
+
+def lambda_1_band(body: EquilibriumBody, mesh: PlaneMesh, line: ContactLine, A_tilde: Array) -> Band:
+    """λ₁ of the body from both sides. A_tilde: (m, m) that of P1 on the mesh with the moduli of `body` [Pa]"""
     hat, x, error = least_eigenpair(body.A_hat, body.c)
     whole = body.condensation.expand(x)
     error += ROUNDINGS * float(np.finfo(float).eps) * float(body.diagonal @ whole**2) / hat
-    C2 = neglected(triangles, line, np.minimum(mu, lam + mu))
+    lam, mu = body.elements.lam, body.elements.mu
+    C2 = neglected(ElementGeometry(mesh), line, np.minimum(mu, lam + mu))
     high = float(scipy.linalg.eigvalsh(A_tilde, mass_of(line), subset_by_index=[0, 0])[0])
     return Band(hat * (1.0 - error) / (1.0 + C2 * hat), hat, high * (1.0 + error))
 

@@ -28,7 +28,8 @@ from tcstudy.fem.rigid import couple
 from tcstudy.laws.composed import EdgeLaws, law_along
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.conduction import BATCH
-from tcstudy.offline.guaranteed import Band, lambda_1_band, require_straight
+from tcstudy.offline.equilibrium import EquilibriumBody
+from tcstudy.offline.guaranteed import Band, dual_body, lambda_1_band, require_straight
 from tcstudy.offline.loads import (
     BasisLoad,
     Column,
@@ -280,6 +281,7 @@ class Level:
         if guarantee:
             require_straight(mesh)
         self._bands: dict[Ratio, Band] = {}
+        self._duals: dict[Ratio, tuple[EquilibriumBody, float]] = {}
         self.elastic = ElasticForms(mesh)
         given = tuple(edge for edge, _ in scene.held_theta)
         self.heat = HeatForms(self.elastic, tuple(edge for edge, _, _ in scene.exchange), held=given)
@@ -402,10 +404,21 @@ class Level:
 
     def band(self, scene: Scene) -> Band:
         """λ₁ of the body of a scene, not of its mesh, from both sides [Pa/m], once per λ/μ."""
-        body, ratio, mu = self._body(scene), ratio_of(scene), scene.material.mu
+        ratio, mu = ratio_of(scene), scene.material.mu
         if ratio not in self._bands:
-            self._bands[ratio] = lambda_1_band(self.mesh, scene, self.line, body.A_tilde(mu)).times(1.0 / mu)
+            dual, factor = self.dual(scene)
+            A_tilde = self._body(scene).A_tilde(mu / factor)
+            self._bands[ratio] = lambda_1_band(dual, self.mesh, self.line, A_tilde).times(factor / mu)
         return self._bands[ratio].times(mu)
+
+    def dual(self, scene: Scene) -> tuple[EquilibriumBody, float]:
+        """Equilibrium elements of this λ/μ, one at a time, and how many times as stiff the scene is."""
+        ratio, mu = ratio_of(scene), scene.material.mu
+        if ratio not in self._duals:
+            self._duals.clear()
+            self._duals[ratio] = dual_body(self.mesh, scene, self.line), mu
+        body, own = self._duals[ratio]
+        return body, mu / own
 
     def A_inverse(self, scene: Scene) -> Array:
         """Ã⁻¹ of a scene's body [1/Pa], once per E, for the certificates."""

@@ -28,6 +28,7 @@ from tcstudy.data.on_request import variables
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.executors import TIMEOUT, Job, SerialExecutor, WorkersFailed, timed
 from tcstudy.laws.composed import row_laws
+from tcstudy.offline.error_bound import ErrorBounds
 from tcstudy.offline.level import Level
 from tcstudy.refine.error_estimator import ErrorEstimator
 from tcstudy.scene.points import combinations, of_stiffness
@@ -101,7 +102,7 @@ class LevelSolver:
     def _must_wait(self, last: Block, block: Block) -> bool:
         """Whether a block needs the solutions of those before, or takes away the factor that these need to end."""
         output = self.study.output
-        more = self.estimator is not None or output.fields or output.asks
+        more = self.estimator is not None or self.study.mesh.guarantee or output.fields or output.asks
         return (self.solutions is not None and block.wave != last.wave) or (more and block.ratio != last.ratio)
 
     def _finish(self, block: Block, pending: BlockRecord | Pending) -> Iterator[BlockRecord]:
@@ -171,6 +172,11 @@ class LevelSolver:
         return lambda: block_record(self.study, level, block.points, scenes, condensed, laws, *future.result())
 
     @cached_property
+    def _bounds(self) -> ErrorBounds:
+        """What bounds the errors."""
+        return ErrorBounds(self.level)
+
+    @cached_property
     def _requested(self) -> list[Callable[[Scene, Array], dict[str, float]]]:
         """What gives the numbers on request of a scene and its u_T (m,), by variable name."""
         from tcstudy.offline.requested_outputs import RequestedOutputs  # only for a study that asks for more
@@ -185,9 +191,10 @@ class LevelSolver:
         return found
 
     def _completed(self, record: BlockRecord) -> BlockRecord:
-        """With what the study asks for of solved points: estimates of errors, whole-body fields, numbers on request."""
+        """With what the study asks for of solved points: estimates and bounds of errors, fields, numbers on request."""
         output = self.study.output
-        if record.u_T is None or not (self.estimator is not None or output.fields or output.asks):
+        guarantee = self.study.mesh.guarantee
+        if record.u_T is None or not (self.estimator is not None or guarantee or output.fields or output.asks):
             return record
         names = [v.name for v in variables(self.study)] if output.asks else []
         numbers = dict(record.numbers) | {name: np.full(len(record), np.nan) for name in names}
@@ -198,6 +205,8 @@ class LevelSolver:
                 clock = time.perf_counter()
                 found = self.estimator.look(record.index(row), scene, v)
                 self.times.estimate += time.perf_counter() - clock
+            if guarantee:
+                found |= self._bounds.look(scene, v)
             if output.fields and not record.fields:
                 for name, values in self.level.fields(scene, v).items():
                     fields.setdefault(name, np.full((len(record), len(values)), np.nan))[row] = values
@@ -311,7 +320,7 @@ def blocks_of(study: Study, m: int, n_points: int, todo: Places | None = None) -
 def _size(study: Study, m: int, n_points: int) -> int:
     if not study.solver.in_blocks:
         return 1
-    if study.mesh.estimates:
+    if study.mesh.estimates or study.mesh.guarantee:
         return ESTIMATED
     if study.solver.every:
         return EVERY

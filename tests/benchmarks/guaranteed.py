@@ -13,7 +13,7 @@ import time
 import numpy as np
 
 from tcstudy.errors import GeometryFailed
-from tcstudy.offline.guaranteed import lambda_1_band
+from tcstudy.offline.guaranteed import dual_body, lambda_1_band
 from tcstudy.offline.level import Level
 from tcstudy.scene.records import Rigid
 from tests.verification.scenes import levels_of, study_of
@@ -38,7 +38,7 @@ def main() -> None:
         A_tilde = level.condensed(scene).problem.A_tilde
         primal = time.process_time() - clock
         clock = time.process_time()
-        band = lambda_1_band(mesh, scene, level.line, A_tilde)
+        band = lambda_1_band(dual_body(mesh, scene, level.line), mesh, level.line, A_tilde)
         ratios.append((time.process_time() - clock) / primal)
         if any(isinstance(role, Rigid) for _, role in scene.boundary):
             finest = bands(scene_of(seed), "mesh.levels=4")[-1][2]

@@ -1,0 +1,191 @@
+"""How far any solution u of the body can be from u_h, in the energy norm: a bound without unknown constants.
+
+Let τ be admissible (div τ + f = 0, τn = g, resultants on rigid edges), as the stress of equilibrium elements is,
+ξ* = −τ_T on Γ_C, η = ‖cε(u_h) − βθI − τ‖_{c⁻¹}, and w ≥ 0. With e = u − u_h, ‖e‖² = a(e, e), and ξ ∈ b̂(u_T)
+    ‖e‖² = ∫(τ + βθI − cε(u_h)):ε(e) + ∫_{Γ_C}(ξ* − ξ)e_T ≤ η‖e‖ + w∫e_T² + M,
+    M = ∫_{Γ_C} sup_{(s,ξ) ∈ graph b̂} [(ξ* − ξ)(s − u_hT) − w(s − u_hT)²],   ∫e_T² ≤ ‖e‖²/λ_low,
+so that with k = 1 − w/λ_low > 0
+    ‖u − u_h‖ ≤ (η + √(η² + 4kM))/2k.
+Springs add their energy to a, and that of w − u_h to η². τ is that of the contact problem on the equilibrium elements,
+whose ξ* lies in b̂ at the Gauss points, and the best of some w is taken; any would do.
+
+η:    on a triangle cε(u_h) = N G⁻¹Pᵀw_h with w_h = u_h at the Gauss points of its edges, so that nothing cancels in
+      η² = (w_h − w)ᵀK̂(w_h − w) + Σ_K ‖(I − Π)(τ_p + βθI)‖²   (`equilibrium`).
+M:    along an edge ξ* and u_hT are linear and sup + ξ*u_hT + wu_hT² is convex: the trapezoidal rule is no less.
+Left out: f, g, θ, given u and strengths of friction that are not as the elements have them (`why_no_bound`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.condense import ForwardLoad
+from tcstudy.contact.block import Options, solve_block
+from tcstudy.contact.problem import CondensedBody
+from tcstudy.fem.boundary import values_at
+from tcstudy.fem.estimators import own_strain, stress_of
+from tcstudy.fem.recovery import ElementGeometry
+from tcstudy.fem.rigid import edge_arms
+from tcstudy.laws.composed import nodal
+from tcstudy.laws.laws import Laws
+from tcstudy.offline.equilibrium import EquilibriumBody
+from tcstudy.offline.level import Level
+from tcstudy.offline.loads import Recent
+from tcstudy.scene.provable import why_no_bound
+from tcstudy.scene.records import Scene
+
+Array = NDArray[np.float64]
+
+PARTS = 16
+"""Of an edge in the trapezoidal rule for M."""
+WEIGHTS = np.geomspace(1e-5, 0.8, 12)
+"""w that are tried, over λ_low from 0 and from ω on: with the latter the bound converges, but where nothing of what
+falls is near, smaller ones are better."""
+
+
+@dataclass(frozen=True)
+class _Load:
+    """What loads the equilibrium elements of a scene: F after elimination, given w (4e,), Σ_K ‖(I − Π)ρ‖² [J/m]."""
+
+    forward: ForwardLoad
+    given: Array
+    rest: float
+
+
+@dataclass
+class ErrorBounds:
+    """The bounds of one level."""
+
+    level: Level
+    _loads: Recent[_Load] = field(default_factory=lambda: Recent(8, lambda _: 1))
+    _bodies: Recent[CondensedBody] = field(default_factory=lambda: Recent(1, lambda _: 1))
+
+    def __post_init__(self) -> None:
+        self.triangles = ElementGeometry(self.level.mesh)
+
+    def look(self, scene: Scene, v: Array) -> dict[str, float]:
+        """What is stored of the bound for a solution v (m,), by variable name; NaN where nothing is proved."""
+        level = self.level
+        if why_no_bound(scene):
+            return {"error_bound": float("nan"), "error_bound_relative": float("nan")}
+        line, law, low = level.line, self.law(scene), level.band(scene).low
+        u = level.displacement(scene, v).reshape(2, -1).T
+        eta, xi = self.equilibrated(scene, law, u)
+        along = (line.ends[:, 1] - line.ends[:, 0]) / line.lengths[:, None]
+        slip = np.einsum("sed,sd->se", u[line.segments], along)
+        starts = [0.0, law.omega] if law.omega < low else [0.0]
+        w = np.concatenate([start + (low - start) * WEIGHTS for start in starts])
+        M = np.array([consistency(law, line.lengths, xi, slip, own) for own in w.tolist()])
+        k = 1.0 - w / low
+        bound = float(np.min((eta + np.sqrt(eta**2 + 4.0 * k * M)) / (2.0 * k)))
+        left = self._norm(scene, u) - bound  # of ‖u‖, no more
+        return {"error_bound": bound, "error_bound_relative": bound / left if left > 0.0 else np.inf}
+
+    def equilibrated(self, scene: Scene, law: Laws, u: Array) -> tuple[float, Array]:
+        """η [√(J/m)] of a displacement u (n, 2), and (s, 2) ξ* at the ends of the segments of Γ_C [Pa]."""
+        (dual, factor), load = self.level.dual(scene), self._load(scene)
+        key = scene.material.mu, self.level.ratio(scene)
+        body = self._bodies.get(key, lambda: CondensedBody.of(factor * dual.A_hat, dual.c))
+        at_gauss = law.tables.at(np.repeat(np.broadcast_to(law.index, len(dual.c) // 2), 2)[None])
+        found = solve_block(body, load.forward.l_tilde[None], at_gauss, Options("from-zero"), prove=False)
+        scaled = ForwardLoad(load.forward.l_tilde[:, None], load.forward.rows / factor)
+        w = dual.condensation.expand(found.v[0], scaled)[:, 0]
+        apart = dual.rows(u) - load.given - (w if dual.ties is None else dual.ties @ w)
+        eta2 = factor * float(apart @ (dual.K @ apart)) + load.rest / factor
+        traction = (found.xi[0] / dual.c).reshape(-1, 2)
+        change = np.sqrt(3.0) * (traction[:, 1] - traction[:, 0])
+        return float(np.sqrt(eta2)), traction.mean(axis=1)[:, None] + np.multiply.outer(change, [-0.5, 0.5])
+
+    def _load(self, scene: Scene) -> _Load:
+        """The load of a scene on its equilibrium elements, the last ones kept."""
+        dual, factor = self.level.dual(scene)
+        key = scene.f, scene.boundary, scene.heat, scene.material, factor
+
+        def made() -> _Load:
+            F, rest = self._volume_load(scene, dual)
+            F += dual.traction_load(self._tractions(scene, dual))
+            given = np.where(dual.held, dual.rows(self._prescribed(scene)), 0.0)
+            F -= factor * (dual.K @ given)
+            F = F if dual.ties is None else dual.ties.T @ F
+            forward = dual.condensation.forward(F[:, None])
+            return _Load(ForwardLoad(forward.l_tilde[:, 0], forward.rows), given, rest)
+
+        return self._loads.get(key, made)
+
+    def _volume_load(self, scene: Scene, dual: EquilibriumBody) -> tuple[Array, float]:
+        theta = np.zeros(len(self.level.mesh.triangles))[:, None] * np.zeros(3)
+        if scene.material.expands:
+            nodal_theta = self.level.temperature(scene).theta
+            theta = self.triangles.of_material(scene, "beta")[:, None] * nodal_theta[self.level.mesh.triangles]
+        f = np.array([float(values_at(component, np.zeros(2))) for component in scene.f])
+        return dual.elements.volume_load(f, theta)
+
+    def _tractions(self, scene: Scene, dual: EquilibriumBody) -> Array:
+        """(s, 2, 2) what acts on the boundary, in x and y at the Gauss points of its segments [Pa]."""
+        mesh, (length, normal, _) = self.level.mesh, self.triangles.boundary
+        found = np.zeros((len(mesh.segments), 2, 2))
+        for name, role in scene.boundary:
+            on = mesh.on(name)
+            at = dual.gauss_points[on]
+            found[on] += np.stack([values_at(component, at) for component in role.g], axis=-1)
+            found[on] -= values_at(role.pressure, at)[..., None] * normal[on, None]
+            found[on] += np.array(role.force) / length[on].sum()
+            if role.moment:
+                nodes, _, arms = edge_arms(mesh, name)
+                arm = at - (mesh.points[nodes[0]] - arms[0])
+                turn = np.stack([-arm[..., 1], arm[..., 0]], axis=-1)
+                found[on] += role.moment * turn / np.einsum("s,sgd,sgd->", 0.5 * length[on], arm, arm)
+        return found
+
+    def _prescribed(self, scene: Scene) -> Array:
+        """(n, 2) given displacements at the nodes, 0 elsewhere."""
+        frames = self.level.frames_of(scene.boundary)
+        return frames.cartesian(frames.values).reshape(2, -1).T
+
+    def _norm(self, scene: Scene, u: Array) -> float:
+        """√a(u, u) without springs [√(J/m)], of which the relative error is then no less."""
+        strain = own_strain(self.triangles, u.T.ravel())
+        lam, mu = (self.triangles.of_material(scene, name) for name in ("lam", "mu"))
+        work = stress_of(strain, lam, mu) * strain * [1.0, 1.0, 2.0]
+        return float(np.sqrt(self.triangles.area @ work.sum(axis=1)))
+
+    def law(self, scene: Scene) -> Laws:
+        """The law of every segment of Γ_C."""
+        friction, line, mesh = scene.friction, self.level.line, self.level.mesh
+        if isinstance(friction, Laws):
+            return friction
+        of_curve = {curve: line.edge_names.index(mesh.geometry.curves[curve].name) for curve in
+                    np.unique(mesh.segment_curve[line.which]).tolist()}  # fmt: skip
+        edge = np.array([of_curve[curve] for curve in mesh.segment_curve[line.which].tolist()])
+        index, strength = friction.along(line.edge_names, edge, line.ends.mean(axis=1))
+        return nodal([law for _, law, _ in friction.laws], index, strength)
+
+
+def consistency(law: Laws, lengths: Array, xi: Array, slip: Array, w: float) -> float:
+    """M of the module's text, no less [J/m]; lengths: (s,);  xi, slip: (s, 2) ξ* and u_hT at the ends;  w [Pa/m]"""
+    x = np.linspace(0.0, 1.0, PARTS + 1)
+    at, v = (np.multiply.outer(ends[:, 0], 1.0 - x) + np.multiply.outer(ends[:, 1], x) for ends in (xi, slip))
+    worst = np.empty_like(v)
+    for own, segments in law.groups(len(lengths)):
+        worst[segments] = _worst(own, at[segments], v[segments], w)
+    values = worst + at * v + w * v**2
+    mean = values @ np.concatenate([[0.5], np.ones(PARTS - 1), [0.5]]) / PARTS
+    (a, b), (c, d) = xi.T, slip.T
+    exact = (2.0 * a * c + a * d + b * c + 2.0 * b * d) / 6.0 + w * (c * c + c * d + d * d) / 3.0
+    return float(np.sum(lengths * np.maximum(mean - exact, 0.0)))
+
+
+def _worst(law: Laws, xi: Array, v: Array, w: float) -> Array:
+    """sup over the graph of a piecewise-linear law of (ξ* − b(s))(s − v) − w(s − v)², of its shape."""
+    worst = np.zeros_like(v)  # s = v
+    with np.errstate(invalid="ignore"):
+        for low, high, s_0, b_0, q in zip(law.lower, law.upper, law.s_0, law.b_0, law.q, strict=True):
+            slope, bend = xi - b_0 - q * (v - s_0), q + w  # of the parabola slope·x − bend·x² in x = s − v
+            best = slope / (2.0 * bend) if bend > 0.0 else np.zeros_like(v)
+            for x in (np.clip(best, low - v, high - v), low - v, high - v):
+                end = np.where(slope * x > 0.0, np.inf, 0.0) if bend == 0.0 else np.full_like(v, -np.inf * bend)
+                worst = np.fmax(worst, np.where(np.isinf(x), end, slope * x - bend * x**2))
+    return worst

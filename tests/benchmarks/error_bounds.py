@@ -1,0 +1,49 @@
+"""Is the error of random scenes within its bound? `python -m tests.benchmarks.error_bounds [COUNT] [--first SEED]`.
+
+Scenes of tests/verification/test_error_bound.py: bodies of 1 cm to 100 m as in test_guaranteed.py, all kinds of loads,
+laws with ω/λ₁ up to 0.9. The error is that against the mesh refined thrice. Cost: CPU time of a bound over that of the
+P1 factorisation of the same mesh.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+import numpy as np
+
+from tcstudy.errors import GeometryFailed
+from tests.verification.test_error_bound import bounded, loaded_scene_of
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("count", nargs="?", type=int, default=500)
+    parser.add_argument("--first", type=int, default=0)
+    options = parser.parse_args()
+    below, ratios, steep, refused = [], [], [], 0
+    for seed in range(options.first, options.first + options.count):
+        clock = time.process_time()
+        try:
+            text, share = loaded_scene_of(seed)
+        except GeometryFailed:
+            refused += 1
+            continue
+        error, bound, relative = bounded(text)
+        ratios.append(bound / error)
+        steep.append(share)
+        if bound < error * (1.0 - 1e-9):
+            below.append(seed)
+        seconds = time.process_time() - clock
+        print(f"{seed}: ω/λ₁ {share:.2f} error {error:.3g} bound/error {ratios[-1]:.3f} "
+              f"relative {relative:.2%} {seconds:.1f} s", flush=True)  # fmt: skip
+    found, gentle = np.array(ratios), np.array(steep) <= 0.3
+    print(f"{len(below)} of {len(found)} below the error {below} ({refused} drawn that cannot be)")
+    print(
+        f"bound/error: median {np.median(found):.2f}, 90 % below {np.quantile(found, 0.9):.2f}, most {found.max():.2f}"
+    )
+    print(f"             median {np.median(found[gentle]):.2f} of the {gentle.sum()} with ω/λ₁ ≤ 0.3")
+
+
+if __name__ == "__main__":
+    main()

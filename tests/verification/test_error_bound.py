@@ -1,0 +1,151 @@
+"""The bound of the error: an exact solution, and random scenes against meshes refined thrice."""
+
+from __future__ import annotations
+
+import json
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import yaml
+from numpy.typing import NDArray
+
+from tcstudy.accuracy.transfer import prolongation
+from tcstudy.contact.contact import solve_contact
+from tcstudy.fem.estimators import own_strain, stress_of
+from tcstudy.fem.recovery import ElementGeometry
+from tcstudy.offline.error_bound import ErrorBounds
+from tcstudy.offline.level import Level
+from tcstudy.scene.provable import why_no_bound
+from tcstudy.scene.records import Scene
+from tests.verification.scenes import levels_of, study_of
+from tests.verification.test_guaranteed import scene_of
+
+Array = NDArray[np.float64]
+
+
+def loaded_scene_of(seed: int) -> tuple[str, float]:
+    """A body of `scene_of` with loads of every kind and a friction law, and ω/λ₁ of that."""
+    rng, scene = np.random.default_rng(10**6 + seed), yaml.safe_load(scene_of(seed))
+    E, size = scene["material"]["E"], scene["body"]["outline"][1]["from"][0]
+    draw = lambda scale: float(rng.normal() * scale)  # noqa: E731
+    linear = lambda scale: f"{draw(scale)!r} + ({draw(scale / size)!r})*x + ({draw(scale / size)!r})*y"  # noqa: E731
+    stress, slip = 1e-3 * E, 1e-3 * size
+    moved = rng.random() < 0.5
+    given = [f"{draw(slip / size)!r}*x", f"{draw(slip / size)!r}*y"]
+    for edge, role in scene["boundary"].items():
+        role = {"role": role} if isinstance(role, str) else role
+        if role["role"] == "clamped" and "u_x" not in role and moved:
+            role = {"role": "clamped", "u": given}
+        elif role["role"] == "rigid":
+            role |= {
+                "force": [0.0 if "u_x" in role else draw(stress * size), 0.0 if "u_y" in role else draw(stress * size)]
+            }
+            role |= {"moment": draw(stress * size**2)} if "moment" in role else {}
+        elif role["role"] in ("free", "traction"):
+            role = {**role, "role": "traction", "g": [linear(stress), linear(stress)]}
+            role |= {"pressure": linear(stress)} if rng.random() < 0.5 else {}
+        scene["boundary"][edge] = role
+    scene["material"] |= {"alpha_T": 1e-5}
+    scene["loads"] = {"f": [draw(stress / size), draw(stress / size)]}
+    scene["heat"] = {"theta": linear(100.0)}
+    study = study_of(json.dumps(scene))
+    low, share = levels_of(study)[0].band(study.scenes[0]).low, float(rng.uniform(0.0, 0.9))
+    points = [(0.0, float(rng.uniform(0.02, 1.0)) * stress)]
+    for _ in range(rng.integers(1, 5)):
+        step = float(rng.uniform(0.01, 2.0)) * stress / low
+        slope = low * (-share if rng.random() < 0.5 else float(rng.uniform(-share, 1.0)))
+        to = points[-1][1] + slope * step
+        points.append((points[-1][0] + step, max(to, 0.1 * points[-1][1])))
+    scene["friction"] = {"law": "piecewise-linear", "points": points}
+    law = study_of(json.dumps(scene)).scenes[0].one_law
+    return json.dumps(scene), law.omega / low
+
+
+def energy_norm(level: Level, scene: Scene, u: Array) -> float:
+    """√a(u, u) of a displacement u (2n,), with springs."""
+    triangles = ElementGeometry(level.mesh)
+    lam, mu = (triangles.of_material(scene, name) for name in ("lam", "mu"))
+    strain = own_strain(triangles, u)
+    energy = triangles.area @ (stress_of(strain, lam, mu) * strain * [1.0, 1.0, 2.0]).sum(axis=1)
+    return float(np.sqrt(energy + (u @ level.forces(u, (), scene.springs) if scene.springs else 0.0)))
+
+
+def bounded(text: str) -> tuple[float, float, float]:
+    """Error of the coarse mesh against the mesh refined thrice, its bound, and the relative bound."""
+    study = study_of(text, "mesh.levels=4")
+    scene, levels = study.scenes[0], levels_of(study)
+    v = [solve_contact(level.condensed(scene).problem).v for level in (levels[0], levels[-1])]
+    found = ErrorBounds(levels[0]).look(scene, v[0])
+    u = levels[0].displacement(scene, v[0]).reshape(2, -1)
+    for coarse, fine in pairwise(levels):
+        u = prolongation(coarse.mesh.points, fine.mesh.points, fine.mesh.triangles)(u)
+    error = energy_norm(levels[-1], scene, levels[-1].displacement(scene, v[1]) - u.ravel())
+    return error, found["error_bound"], found["error_bound_relative"]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_error_is_above_its_bound(seed: int) -> None:
+    error, bound, _ = bounded(loaded_scene_of(seed)[0])
+    assert error <= bound <= 5.0 * error
+
+
+@pytest.mark.parametrize(("share", "most"), [(-0.5, 1.003), (0.3, 1.53), (0.6, 3.1)])
+def test_the_bound_of_an_exact_solution(share: float, most: float) -> None:
+    """u = (x(a + by), cxy): σ is linear and −S_T = μbx = (μb/a)u_T, so that η is the error itself."""
+    (lam, mu), a, c = (0.3 / 0.52, 1.0 / 2.6), 0.1, 0.03
+    fall = share * 0.41
+    b = -fall * a / mu
+    sum_ = f"{lam!r}*({a} + {b!r}*y + {c}*x)"
+    xx, yy, xy = f"{sum_} + {2 * mu!r}*({a} + {b!r}*y)", f"{sum_} + {2 * mu * c!r}*x", f"{mu!r}*({b!r}*x + {c}*y)"
+    text = f"""
+units: none
+body: {{rectangle: {{width: 2, height: 1}}}}
+boundary: {{bottom: contact, left: clamped, right: {{role: traction, g: ["{xx}", "{xy}"]}},
+           top: {{role: traction, g: ["{xy}", "{yy}"]}}}}
+material: {{E: 1, nu: 0.3}}
+loads: {{f: [{-(lam + mu) * c!r}, {-(lam + mu) * b!r}]}}
+friction: {{law: piecewise-linear, odd: false,
+            points: [[-1, -1], [-0.1, {0.1 * fall!r}], [0.5, {-0.5 * fall!r}], [1, 1]]}}
+mesh: {{maxh: 0.4, levels: 3}}
+"""
+    study = study_of(text)
+    for level in levels_of(study):
+        scene, triangles = study.scenes[0], ElementGeometry(level.mesh)
+        v = solve_contact(level.condensed(scene).problem).v
+        x, y = np.moveaxis(triangles.inner_points, 2, 0)
+        strain = np.stack([a + b * y, c * x, 0.5 * (b * x + c * y)], axis=-1)
+        strain -= own_strain(triangles, level.displacement(scene, v))[:, None]
+        energy = (stress_of(strain, np.array(lam), np.array(mu)) * strain * [1.0, 1.0, 2.0]).sum(axis=2).mean(axis=1)
+        error, bounds = float(np.sqrt(triangles.area @ energy)), ErrorBounds(level)
+        eta = bounds.equilibrated(scene, bounds.law(scene), level.displacement(scene, v).reshape(2, -1).T)[0]
+        assert eta == pytest.approx(error, rel=1e-9)
+        assert error <= bounds.look(scene, v)["error_bound"] <= most * error
+
+
+REFUSED = """
+units: none
+body: {rectangle: {width: 2, height: 1}}
+boundary: {bottom: contact, left: clamped, right: convection, top: {role: traction, g: [0.1, "x"]}}
+material: {E: 1, nu: 0.3, k: 1, alpha_T: 1e-4}
+heat: {alpha: 1, theta_bar: 0.3}
+friction: {law: slip-weakening, tau_s: 0.1, tau_k: 0.05, delta: 0.12}
+mesh: {maxh: 0.5}
+"""
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ("mesh.maxh=0.4", ""),
+        ("loads={f: [x, 0]}", "f varies"),
+        ("boundary.top.g=[x*y, 0]", "g of top is not linear"),
+        ("heat.q=1", "computed on the mesh"),
+        ("heat={theta: x*y}; boundary.right=free", "theta is not linear"),
+        ("friction={law: exponential, a: 0.1, b: 0.05, delta: 0.1}", "exponential"),
+        ("friction={law: tresca, tau: 0.1, strength: 1 + x}", "strength of friction varies"),
+    ],
+)
+def test_what_cannot_be_bounded_says_why(change: str, why: str) -> None:
+    found = why_no_bound(study_of(REFUSED, *change.split("; ")).scenes[0])
+    assert why in found if why else not found
