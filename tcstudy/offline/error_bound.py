@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.condense import ForwardLoad
-from tcstudy.contact.block import Options, solve_block
+from tcstudy.contact.block import solve_block
 from tcstudy.contact.problem import CondensedBody
 from tcstudy.fem.boundary import values_at
 from tcstudy.fem.estimators import own_strain, stress_of
@@ -90,7 +90,7 @@ class ErrorBounds:
         key = scene.material.mu, self.level.ratio(scene)
         body = self._bodies.get(key, lambda: CondensedBody.of(factor * dual.A_hat, dual.c))
         at_gauss = law.tables.at(np.repeat(np.broadcast_to(law.index, len(dual.c) // 2), 2)[None])
-        found = solve_block(body, load.forward.l_tilde[None], at_gauss, Options("from-zero"), prove=False)
+        found = solve_block(body, load.forward.l_tilde[None], at_gauss, "from-zero", prove=False)
         scaled = ForwardLoad(load.forward.l_tilde[:, None], load.forward.rows / factor)
         w = dual.condensation.expand(found.v[0], scaled)[:, 0]
         apart = dual.rows(u) - load.given - (w if dual.ties is None else dual.ties @ w)
