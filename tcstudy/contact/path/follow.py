@@ -96,8 +96,8 @@ class Follower:
             return Path.standing(problem, t, v, PathStatus.SINGULAR)
         halves: list[_Half] = []
         for ray in {"both": ways, "forward": ways[:1], "backward": ways[1:]}[direction]:
-            halves.append(_Half(self, walk, ray, set(halves[0].keys) if halves else set(), progress))
-            halves[-1].follow()
+            halves.append(_Half(self, walk, ray, set(halves[0].keys) if halves else set()))
+            halves[-1].follow(progress)
             if halves[-1].end == PathStatus.CLOSED_LOOP:
                 break
         return _joined(walk, halves)
@@ -115,53 +115,73 @@ class Follower:
 class _Half:
     """One direction of one path.
 
-    blocks: t, u, traction, residual of the `count` vertices;  codes, stable: of the pieces
-    keys: of the cells, the present one last
-    waiting: x and codes of vertices whose residuals are not known yet;  known: cells that end the path
+    rows: blocks of t, u, traction, residual of the vertices;  codes, stable: of the pieces
+    keys: of the cells, the present one last;  known: cells that end the path
     """
 
-    def __init__(
-        self, options: Follower, walk: Walk, ray: Ray, known: set[int], progress: Progress | None = None
-    ) -> None:
-        self.options, self.walk, self.start, self.mark, self.progress = options, walk, ray, ray, progress
-        self.keys = [_key(ray.codes)]
+    def __init__(self, options: Follower, walk: Walk, ray: Ray, known: set[bytes]) -> None:
+        self.options, self.walk, self.start, self.end = options, walk, ray, PathStatus.SINGULAR
+        self.codes, self.stable, self.keys = list[Codes](), list[bool](), [ray.codes.tobytes()]
         self.others = known - {self.keys[0]}
-        self.known = self.others.copy()
-        self.codes, self.stable, self.waiting = list[Codes](), list[bool](), list[tuple[Array, Codes]]()
-        self.blocks, self.count = [self._vertices([(ray.x, ray.codes)])], 1
-        self.every, self.returned, self.reached, self.end = TOGETHER, -1, 0.0, PathStatus.SINGULAR
+        self.known, self.rows = self.others.copy(), [self._vertices([(ray.x, ray.codes)])]
         walk.range = np.array([options.t_min, options.t_max])
         walk.put(ray.codes, ray.x)
         walk.along(ray.dx)
 
-    def follow(self) -> None:
-        """Piece after piece until something ends the path."""
-        while True:
+    def follow(self, progress: Progress | None = None) -> None:
+        """Some pieces at a time until something ends the path.
+
+        If their vertices are not accurate they are followed again with a fresh inverse, one by one; if even that does
+        not help the path ends.
+        """
+        walk, acceptance, mark = self.walk, self.options.acceptance, self.start
+        status: PathStatus | None = None
+        done, every, again, reached = 0, TOGETHER, False, 0.0
+        while status is None:
+            points = list[tuple[Array, Codes]]()
             try:
-                status = self._piece()
+                while status is None and len(points) < every:
+                    status = self._piece(points, every == 1)
             except SingularCellError:
                 status = PathStatus.SINGULAR
-            if status is None and len(self.waiting) < self.every:
-                continue
+            new = self._vertices(points or [(mark.x, mark.codes)])
+            at = int(np.argmax(new[3]))
+            worst, good, limit = float(new[3][at]), AIM * acceptance.aim, acceptance.aim
+            if not worst <= good:
+                noise = walk.problem.xi_rounding(float(new[0][at]), new[1][at])
+                limit = acceptance.limit(noise)
+                good = min(limit, max(good, 0.5 * noise, reached))
+            accurate = not points or worst <= (limit if again else good)
+            if accurate and points:
+                self.rows.append(new)
+                done, reached = done + len(points), 0.0 if worst <= good else 2.0 * worst
+                every, walk.tie = min(2 * every, TOGETHER), walk.usual_tie
+            elif not accurate:
+                del self.stable[done:], self.codes[done:], self.keys[done + 1 :]
+                status = PathStatus.LOST_ACCURACY if again else None
             try:
-                accurate = not self.waiting or self._check(status is None)
+                if status is None and accurate:
+                    if worst > good:
+                        walk.basis.refactor()
+                    walk.balance()
+                    walk.straighten()
+                    mark = Ray.here(walk)
+                elif status is None:
+                    self.known, every = self.others | set(self.keys[1:]), 1
+                    walk.put(mark.codes, mark.x)
+                    walk.basis.refactor()
+                    walk.along(mark.dx)
+                    walk.tie = max(1e-2 * walk.usual_tie, 1e-14)  # it may have been no tie
             except SingularCellError:
                 return
-            if self.progress is not None:
-                self.progress(len(self.stable), self.walk.t)
-            if accurate is None or (accurate and status is not None):
-                self.end = status if accurate and status is not None else PathStatus.LOST_ACCURACY
-                return
+            again = not accurate
+            if progress is not None:
+                progress(len(self.stable), walk.t)
+        self.end = status
 
-    @property
-    def rows(self) -> list[Array]:
-        """t, u, traction, residual of all vertices."""
-        return [np.concatenate(column) for column in zip(*self.blocks, strict=True)]
-
-    def _piece(self) -> PathStatus | None:
-        """Follow the present piece to its end and enter the next one."""
-        walk, options = self.walk, self.options
-        stable = walk.stable
+    def _piece(self, points: list[tuple[Array, Codes]], each: bool) -> PathStatus | None:
+        """Follow the present piece to its end, a point more, and enter the next one; each: with a correction."""
+        walk, options, stable = self.walk, self.options, self.walk.stable
         if len(self.stable) >= options.max_pieces:
             return PathStatus.PIECE_LIMIT
         if options.stable_only and not stable:
@@ -177,18 +197,18 @@ class _Half:
             return PathStatus.UNBOUNDED
         else:
             at = walk.arrive(step, first)
-            if first == walk.m and self.every == 1:
+            if first == walk.m and each:
                 walk.correct(np.array([first]))
         self.stable.append(stable)
         self.codes.append(walk.codes.copy())
-        self.waiting.append((walk.x.copy(), self.codes[-1]))
+        points.append((walk.x.copy(), self.codes[-1]))
         if home or first == walk.m:
             return PathStatus.CLOSED_LOOP if home else PathStatus.RANGE_END
         walk.cross(at)
-        if len(at) > 1 or self.every == 1:
+        if len(at) > 1 or each:
             walk.balance()
-            self.waiting[-1] = walk.x.copy(), walk.codes.copy()
-        key = _key(walk.codes)
+            points[-1] = walk.x.copy(), walk.codes.copy()
+        key = walk.codes.tobytes()
         self.keys.append(key)
         if key == self.keys[0]:
             gap = np.abs(walk.x - self.start.x)[:-1]
@@ -206,58 +226,16 @@ class _Half:
         defect = p.l_0 + t[:, None] * p.l_1 - u @ p.A_tilde - p.c * traction
         return t, u, traction, np.max(np.abs(defect) / p.c, axis=1) / walk.traction
 
-    def _check(self, on: bool) -> bool | None:
-        """True: the new vertices are accurate; False: gone back behind them, with a fresh inverse; None: hopeless.
-
-        on: the path goes on, from a point that is balanced again
-        """
-        walk, acceptance, count = self.walk, self.options.acceptance, self.count
-        new = self._vertices(self.waiting)
-        at = int(np.argmax(new[3]))
-        worst, good, limit = float(new[3][at]), AIM * acceptance.aim, acceptance.aim
-        if not worst <= good:
-            noise = walk.problem.xi_rounding(float(new[0][at]), new[1][at])
-            limit = acceptance.limit(noise)
-            good = min(limit, max(good, 0.5 * noise, self.reached))
-        again = self.returned == count
-        self.waiting.clear()
-        if not worst <= (limit if again else good):
-            del self.stable[count - 1 :], self.codes[count - 1 :], self.keys[count:]
-            if again:
-                return None
-            self.known = self.others | set(self.keys[1:])
-            walk.put(self.mark.codes, self.mark.x)
-            walk.basis.refactor()
-            walk.along(self.mark.dx)
-            walk.tie = max(1e-2 * walk.usual_tie, 1e-14)  # it may have been no tie
-            self.returned, self.every = count, 1
-            return False
-        self.blocks.append(new)
-        self.count += len(new[0])
-        self.reached = 0.0 if worst <= good else 2.0 * worst
-        self.every, walk.tie = min(2 * self.every, TOGETHER), walk.usual_tie
-        if on:
-            if worst > good:
-                walk.basis.refactor()
-            walk.balance()
-            walk.straighten()
-            self.mark = Ray.here(walk)
-        return True
-
-
-def _key(codes: Codes) -> int:
-    return hash(codes.tobytes())
-
 
 def _joined(walk: Walk, halves: list[_Half]) -> Path:
     """The path from its forward half and, if there is one, the backward half (reversed and put in front)."""
     ahead, back = halves[0], halves[1] if len(halves) > 1 else None
-    rows, codes, stable = ahead.rows, ahead.codes, ahead.stable
+    (t, u, traction, residual), codes, stable = _columns(ahead), ahead.codes, ahead.stable
     begin: PathStatus = ahead.end if ahead.end == PathStatus.CLOSED_LOOP else PathStatus.START
     if back is not None:
-        rows = [np.concatenate([before[:0:-1], after]) for before, after in zip(back.rows, rows, strict=True)]
+        both = zip(_columns(back), _columns(ahead), strict=True)
+        t, u, traction, residual = (np.concatenate([before[:0:-1], after]) for before, after in both)
         codes, stable, begin = [*back.codes[::-1], *codes], [*back.stable[::-1], *stable], back.end
-    t, u, traction, residual = rows
     return Path(
         walk.problem,
         t,
@@ -271,3 +249,7 @@ def _joined(walk: Walk, halves: list[_Half]) -> Path:
         ahead.end,
         walk.basis.factorisations,
     )
+
+
+def _columns(half: _Half) -> list[Array]:
+    return [np.concatenate(column) for column in zip(*half.rows, strict=True)]
