@@ -124,10 +124,7 @@ def _into_file(
             if isinstance(record, LevelRecord) and kept is not None:
                 record = kept.joined(record)
             journal.add(record)
-            if isinstance(record, BlockRecord):
-                watcher.block(record)
-            elif not record.stop:  # one that says why the level was the last follows its points
-                watcher.level(record)
+            _show(watcher, record)
         if alone:
             pool.close()  # before the file, which takes memory, is written
         journal.flush()
@@ -140,6 +137,13 @@ def _into_file(
         points, failed = write(output, study, levels, records, provenance)
         journal.discard()
     return Summary(output, points, failed, sum(len(block) for block in finished.values()))
+
+
+def _show(watcher: Watcher, record: LevelRecord | BlockRecord) -> None:
+    if isinstance(record, BlockRecord):
+        watcher.block(record)
+    elif not record.stop:  # one that says why the level was the last follows its points
+        watcher.level(record)
 
 
 def _geometries(
@@ -176,7 +180,10 @@ def _geometries(
             if variant.study is not None and not there[i]:
                 solved = next(answers).result() if who is not None and i in sent else None
                 part = _Part(study, variant, watcher)
-                resumed += _into_file(variant.study, file, part, command, pool, own, False, solved).resumed
+                shown = Quiet() if solved is not None else part  # what a worker found is shown when it is safe
+                resumed += _into_file(variant.study, file, shown, command, pool, own, False, solved).resumed
+                for record in solved or ():
+                    _show(part, record)
         except GeometryFailed as error:
             reason = str(error)
         except UserFault:

@@ -52,32 +52,34 @@ def test_the_file_has_every_solution_and_its_proofs(file: Path) -> None:
 
 
 def test_workers_write_the_same_bits(file: Path, tmp_path: Path) -> None:
-    with tcstudy.run(study(), tmp_path / "two.nc", jobs=2) as two, xr.open_datatree(file) as one:
+    two = tcstudy.run(study(), tmp_path / "two.nc", jobs=2)
+    with xr.open_datatree(file) as one:
         for group in ("/", "/level_0"):
             timed = [name for name in one[group].data_vars if name.startswith("time_")]
             xr.testing.assert_equal(one[group].to_dataset().drop_vars(timed), two[group].to_dataset().drop_vars(timed))
 
 
 def test_a_limit_is_told_and_claims_nothing(tmp_path: Path) -> None:
-    with tcstudy.run(study("solver.max_boxes=1"), tmp_path / "few.nc") as tree:
-        complete, count = tree["complete"].values.ravel(), tree["solutions"].values.ravel()
-        assert set(complete) == {0, 1}
-        assert np.all(count[complete == 1] == 1)
+    few = tcstudy.run(study("solver.max_boxes=1"), tmp_path / "few.nc")
+    complete, count = few["complete"].values.ravel(), few["solutions"].values.ravel()
+    assert set(complete) == {0, 1}
+    assert np.all(count[complete == 1] == 1)
     assert "all equilibria proved at 1 of 6 (1 each)" in verdict(tmp_path / "few.nc")["text"]
 
 
 def test_exponential_laws_are_proved_of_their_polygon_alone(tmp_path: Path) -> None:
     law = "friction={law: exponential, a: 40 MPa, b: 10 MPa, delta: 5 um}"
-    with tcstudy.run(study(sweep="sweep={boundary.end.g: [[20 MPa, 0]]}", film=law), tmp_path / "decay.nc") as tree:
-        assert tree["complete"].values.ravel().tolist() == [2]
+    found = tcstudy.run(study(sweep="sweep={boundary.end.g: [[20 MPa, 0]]}", film=law), tmp_path / "decay.nc")
+    assert found["complete"].values.ravel().tolist() == [2]
     assert "of the polygons of exponential laws" in verdict(tmp_path / "decay.nc")["text"]
 
 
 def test_a_file_that_grows_keeps_them(file: Path, tmp_path: Path) -> None:
     path = tmp_path / "grown.nc"
-    tcstudy.run(study(sweep="sweep={boundary.end.g: [[2 MPa, 0]], theta_bar: [10 K, 0 K, 12 K]}"), path).close()
+    tcstudy.run(study(sweep="sweep={boundary.end.g: [[2 MPa, 0]], theta_bar: [10 K, 0 K, 12 K]}"), path)
     more = "sweep={boundary.end.g: [[20 MPa, 0]], theta_bar: [10 K, 0 K, 12 K]}"
-    with tcstudy.run(study(sweep=more), path, append=True) as grown, xr.open_datatree(file) as whole:
+    grown = tcstudy.run(study(sweep=more), path, append=True)
+    with xr.open_datatree(file) as whole:
         for name in ("solution_point", "solution_piece", "solution_energy", "solution_u_T", "solution_stable"):
             np.testing.assert_allclose(grown["level_0"][name], whole["level_0"][name], rtol=1e-9, atol=1e-15)
 

@@ -19,9 +19,8 @@ PULLED = 'left: clamped, top: {role: traction, g: ["0.01 + 0.01*x", 0]}'
 def test_sticking_nodes_are_stored_wherever_the_law_jumps_up(tmp_path: Path) -> None:
     """At u_T = 0 and at the second jump; c of the others is the slip length, and draw takes what is stored."""
     study = study_of(RECTANGLE.replace("left: clamped, top: free", PULLED), TWO_JUMPS, "mesh.levels=2")
-    with tcstudy.run(study, tmp_path / "jumps.nc") as tree:
-        fine = tree["level_1"].to_dataset().load()
-        slip_length = float(tree["slip_length"].isel(level=1))
+    found = tcstudy.run(study, tmp_path / "jumps.nc")
+    fine, slip_length = found["level_1"].to_dataset(), float(found["slip_length"].isel(level=1))
     sticks, u_T = fine["sticks"].values == 1, fine["u_T"].values
     assert set(np.unique(fine["sticks"])) == {0, 1}
     assert (np.abs(u_T[sticks]) == 0.01).any()
@@ -38,10 +37,10 @@ def test_a_film_without_friction_has_none(tmp_path: Path, size: float) -> None:
     """Else the rounding of l̃ − Ãv would look like a traction that changes by half from level to level."""
     pulled = PULLED.replace("0.01 + 0.01*x", f"{size!r}*(1 + x)")
     study = study_of(RECTANGLE.replace("left: clamped, top: free", pulled), "friction.tau=0", "mesh.levels=2")
-    with tcstudy.run(study, tmp_path / "free.nc") as tree:
-        assert tree["status"].values.tolist() == [1, 1]
-        assert tree["friction_resultant"].values.tolist() == [0.0, 0.0]
-        assert not tree["level_1"]["xi"].values.any()
-        assert (tree["inclusion_residual"].values > 0.0).all()
+    found = tcstudy.run(study, tmp_path / "free.nc")
+    assert found["status"].values.tolist() == [1, 1]
+    assert found["friction_resultant"].values.tolist() == [0.0, 0.0]
+    assert not found["level_1"]["xi"].values.any()
+    assert (found["inclusion_residual"].values > 0.0).all()
     (row,) = (line.split() for line in summary(tmp_path / "free.nc").splitlines() if "unique" in line.split())
     assert (row[2], row[-1]) == ("0", "0")  # ∫ξ and its change
