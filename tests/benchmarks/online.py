@@ -1,8 +1,7 @@
-"""Many points on one body at once against one after the other: `python -m tests.benchmarks.online [--whole]`.
+"""What many points on one body cost: `python -m tests.benchmarks.online [--whole]`.
 
 Body:    the quickstart's at five mesh sizes, m = 11 to 352 contact nodes; loads of 10 α × 25 θ̄
 Sweeps:  softening with 10 δ, the quickstart's four laws, and 1,000 random laws of all shapes; 1,000 points each
-Before:  tcstudy.contact.contact with its certificates, λ₁ and Ã⁻¹ of the body given, on every 40th point
 Now:     tcstudy.contact.block.solve_block in blocks as a study has them, tables of the laws included; CPU time, least
          of two
 Whole:   1,000 points from the condensed body to the finished file: loads, solve, certificates, journal, netCDF
@@ -16,7 +15,6 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -31,7 +29,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tcstudy.contact.block import Answer
-from tcstudy.contact.problem import CondensedBody, ContactProblem
+from tcstudy.contact.problem import CondensedBody
 from tcstudy.data.journal import Journal
 from tcstudy.data.provenance import collect
 from tcstudy.data.store import write
@@ -41,7 +39,6 @@ from tcstudy.laws.laws import Laws
 from tcstudy.reports.figures.style import INK, WIDTH, save, styled
 from tcstudy.scene.study import Study
 from tcstudy.study.run import Stage, stages
-from tests.benchmarks.blocks import Single, differences, said, solved_alone
 from tests.benchmarks.panels import inches
 from tests.contact.rows import solve_points
 
@@ -51,7 +48,7 @@ Index = NDArray[np.intp]
 
 SWEEPS = ("softening", "four laws", "1,000 laws")
 LEVELS = (0, 1, 2, 4, 5)
-EVERY, RUNS = 40, 2
+RUNS = 2
 WHOLE = (0, 2, 4, 5)
 DRAWN = {
     "alpha": "[100, 400]",
@@ -72,10 +69,6 @@ class Sweep:
     loads: Array
     laws: list[Laws]
     law: Index
-
-    def problem(self, point: int) -> ContactProblem:
-        """One point as the single solve takes it."""
-        return ContactProblem(self.body.A_tilde, self.loads[point], self.body.c, self.laws[self.law[point]])
 
     def now(self) -> Answer:
         """All points at once."""
@@ -131,11 +124,6 @@ def sweep(body: CondensedBody, loads: Array, name: str, points: int = 1000) -> S
     return Sweep(body, loads[load], laws, law)
 
 
-def single(points: Sweep, which: Index) -> list[Single]:
-    """Points by the single solve and its certificates."""
-    return [solved_alone(points.body, points.problem(int(p))) for p in which]
-
-
 def cpu(work: Callable[[], T]) -> tuple[T, float]:
     """What a piece of work returns, and its CPU seconds."""
     since = time.process_time()
@@ -144,34 +132,25 @@ def cpu(work: Callable[[], T]) -> tuple[T, float]:
 
 
 def measure(progress: Callable[[str], None]) -> xr.Dataset:
-    """(sweep, m) CPU ms a point before and now, of one potrf, and how the answers compare."""
+    """(sweep, m) CPU ms a point, and of one potrf."""
     keep_freed_memory()  # as whoever solves the blocks of a study does
-    shape = len(SWEEPS), len(LEVELS)
-    before, now, factor = np.full(shape, np.inf), np.full(shape, np.inf), np.full(len(LEVELS), np.inf)
-    counts, sizes = Counter[str](), np.zeros(len(LEVELS), dtype=np.int64)
+    now, factor = np.full((len(SWEEPS), len(LEVELS)), np.inf), np.full(len(LEVELS), np.inf)
+    sizes = np.zeros(len(LEVELS), dtype=np.int64)
     for j, (body, loads) in enumerate(bodies()):
         sizes[j] = body.m
         for i, name in enumerate(SWEEPS):
             points = sweep(body, loads, name)
-            which = np.arange(0, len(points.law), EVERY)
             for _ in range(RUNS):
-                answers, spent = cpu(points.now)
-                now[i, j] = min(now[i, j], 1e3 * spent / len(points.law))
-                expected, spent = cpu(partial(single, points, which))
-                before[i, j] = min(before[i, j], 1e3 * spent / len(which))
-                _, spent = cpu(partial(scipy.linalg.cholesky, body.A_tilde, lower=True))
-                factor[j] = min(factor[j], 1e3 * spent)
-            for p, own in zip(which, expected, strict=True):
-                counts.update(("points", *differences(answers, int(p), points.problem(int(p)), own)))
-            progress(f"m = {body.m:3d}  {name:10s}  {before[i, j]:7.2f} → {now[i, j]:6.3f} ms a point")
+                now[i, j] = min(now[i, j], 1e3 * cpu(points.now)[1] / len(points.law))
+                factor[j] = min(factor[j], 1e3 * cpu(partial(scipy.linalg.cholesky, body.A_tilde, lower=True))[1])
+            progress(f"m = {body.m:3d}  {name:10s}  {now[i, j]:6.3f} ms a point")
     return xr.Dataset(
         {
-            "before": (("sweep", "m"), before, {"long_name": "single solve and certificates", "units": "ms"}),
-            "now": (("sweep", "m"), now, {"long_name": "block solve and certificates", "units": "ms"}),
+            "now": (("sweep", "m"), now, {"long_name": "solve and certificates", "units": "ms"}),
             "potrf": (("m",), factor, {"long_name": "one Cholesky factorisation of A_tilde", "units": "ms"}),
         },
         {"sweep": list(SWEEPS), "m": sizes},
-        {"comparison": said(counts), "load": f"{os.getloadavg()[0]:.0f} on {os.cpu_count()} processors"},
+        {"load": f"{os.getloadavg()[0]:.0f} on {os.cpu_count()} processors"},
     )
 
 
@@ -226,17 +205,12 @@ def lines(data: xr.Dataset) -> Iterator[str]:
     yield "Made by `python -m tests.benchmarks.online`, with `online.png` and `online.nc`."
     load = data.attrs["load"]
     yield f"CPU ms a point (solve and certificates) of one thread, least of two runs in turns; load {load}."
-    yield "Before: one point after the other. Now: 1,000 points at once. potrf: one Cholesky factorisation of Ã."
+    yield "1,000 points at once. potrf: one Cholesky factorisation of Ã."
     yield ""
     yield "| sweep | " + " | ".join(f"m = {m}" for m in data["m"].values) + " |"
     yield "|---" * (data.sizes["m"] + 1) + "|"
     for name in data["sweep"].values:
-        own = data.sel(sweep=name)
-        cells = [
-            f"{float(b):.1f} → {float(n):.2f} ({float(b / n):.0f} ×)"
-            for b, n in zip(own["before"], own["now"], strict=True)
-        ]
-        yield f"| {name} | " + " | ".join(cells) + " |"
+        yield f"| {name} | " + " | ".join(f"{float(x):.2f}" for x in data["now"].sel(sweep=name)) + " |"
     yield "| potrf | " + " | ".join(f"{float(x):.3f}" for x in data["potrf"]) + " |"
     yield ""
     yield "Everything from the condensed body to the finished file (loads, solve, certificates, journal, netCDF);"
@@ -247,12 +221,10 @@ def lines(data: xr.Dataset) -> Iterator[str]:
     yield "|---" * (len(sizes) + 1) + "|"
     for name in data["sweep"].values:
         yield f"| {name} | " + " | ".join(f"{float(x):.2f}" for x in data["whole"].sel(sweep=name)) + " |"
-    yield ""
-    yield f"Beside the single solve: {data.attrs['comparison']}."
 
 
 def draw(data: xr.Dataset, target: Path) -> None:
-    """ms a point over m, before and now, and one factorisation."""
+    """ms a point over m, and one factorisation."""
     with styled():
         from matplotlib.figure import Figure
 
@@ -260,14 +232,12 @@ def draw(data: xr.Dataset, target: Path) -> None:
         axes = inches(figure, 0.62, 0.52, WIDTH - 2.45, 3.1)
         m = data["m"].values
         for name, colour, mark in zip(data["sweep"].values, ("#0072b2", "#d55e00", "#009e73"), "osD", strict=True):
-            own = data.sel(sweep=name)
-            axes.plot(m, own["before"], color=colour, marker=mark, markersize=4, linewidth=1.2, linestyle="--")
-            axes.plot(m, own["now"], color=colour, marker=mark, markersize=4, linewidth=1.2)
+            axes.plot(m, data["now"].sel(sweep=name), color=colour, marker=mark, markersize=4, linewidth=1.2)
         axes.plot(m, data["potrf"], color=INK, linewidth=1.0, linestyle=":")
         axes.set(xscale="log", yscale="log", xlabel="contact nodes m", ylabel="CPU time a point [ms]")
         axes.set_xticks(m, [str(x) for x in m])
         axes.minorticks_off()
-        axes.set_title("Solve and certificates: one by one (dashed), 1,000 points at once (solid)")
+        axes.set_title("Solve and certificates of 1,000 points at once")
         _names(axes, data)
         save(figure, target)
 
@@ -275,9 +245,8 @@ def draw(data: xr.Dataset, target: Path) -> None:
 def _names(axes: object, data: xr.Dataset) -> None:
     """The lines' names at their right ends, moved apart."""
     ends = [(float(data["potrf"][-1]), "one potrf", INK)]
-    for kind, word in (("before", "one by one"), ("now", "at once")):
-        for name, colour in zip(data["sweep"].values, ("#0072b2", "#d55e00", "#009e73"), strict=True):
-            ends.append((float(data[kind].sel(sweep=name)[-1]), f"{name}, {word}", colour))
+    for name, colour in zip(data["sweep"].values, ("#0072b2", "#d55e00", "#009e73"), strict=True):
+        ends.append((float(data["now"].sel(sweep=name)[-1]), str(name), colour))
     places: list[float] = []
     for value, _, _ in sorted(ends):
         places.append(max(value, places[-1] * 1.45) if places else value)
@@ -295,7 +264,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     def progress(line: str) -> None:
         print(line, flush=True)
 
-    known = xr.load_dataset(RESULTS / "online.nc").drop_vars(["whole", "size", "level"], errors="ignore")
+    known = xr.load_dataset(RESULTS / "online.nc").drop_vars(["whole", "size", "level", "before"], errors="ignore")
     data = (known if "--whole" in words else measure(progress)).merge(whole(progress), combine_attrs="override")
     data.to_netcdf(RESULTS / "online.nc")
     text = "\n".join(lines(data)) + "\n"

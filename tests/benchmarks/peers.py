@@ -1,6 +1,6 @@
 """Bundle-Newton and its peers on the same contact problems: `python -m tests.benchmarks.peers`.
 
-Writes peers.nc (measurements), peers.png (chart) and peers.md (table) into results/; about eight minutes.
+Writes peers.nc (measurements), peers-small.png (chart) and peers.md (table) into results/; about eight minutes.
 `--draw` makes chart and table again from the stored measurements.
 """
 
@@ -17,7 +17,7 @@ import xarray as xr
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from tcstudy.data.provenance import git_commit, package_versions
-from tests.benchmarks.chart import draw
+from tests.benchmarks import charts
 from tests.benchmarks.measure import measure
 from tests.benchmarks.problems import cases
 from tests.benchmarks.summary import markdown
@@ -49,9 +49,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def report(stored: Path, output: Path) -> None:
     """Chart and table from the stored measurements."""
     with xr.open_dataset(stored) as data:
-        draw(data.load(), output / "peers.png")
+        charts.peers(data.load(), output / "peers-small.png")
         (output / "peers.md").write_text(markdown(data), encoding="utf-8")
-    print(f"peers.nc, peers.png, peers.md in {output.name}/")
+    print(f"peers.nc, peers-small.png, peers.md in {output.name}/")
 
 
 def provenance() -> dict[str, str]:

@@ -1,7 +1,7 @@
 """Where the contact solvers work and where they fail: `python -m tests.benchmarks.stability`, about eight minutes.
 
-Writes stability.csv (a line for every solve), stability.png (heat maps) and stability.md (every failing region in a
-sentence) into results/. `--draw` makes the picture and the text again from the stored lines.
+Writes stability.csv (a line for every solve) and stability-small.png into results/; `--draw` makes the picture again
+from the stored lines.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
+from tests.benchmarks import charts
 from tests.benchmarks.stability_chain import ChainGrid, chain
 from tests.benchmarks.stability_maps import Grid, synthetic
 from tests.benchmarks.stability_measure import measure, read, write
@@ -32,7 +33,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if not options.draw:
         with threadpool_limits(1, user_api="blas"):
             run(stored, Grid(), ChainGrid(), LIMIT)
-    report(stored, options.output)
+    charts.stability(read(stored), options.output / "stability-small.png")
+    print(f"stability.csv, stability-small.png in {options.output.name}/")
 
 
 def run(stored: Path, grid: Grid, chain_grid: ChainGrid, limit: float) -> None:
@@ -44,17 +46,6 @@ def run(stored: Path, grid: Grid, chain_grid: ChainGrid, limit: float) -> None:
     rows = [*measure(chain(chain_grid), CONTENDERS[:1], limit, say), *measure(synthetic(grid), CONTENDERS, limit, say)]
     stored.parent.mkdir(parents=True, exist_ok=True)
     write(rows, stored)
-
-
-def report(stored: Path, output: Path) -> None:
-    """Picture and text from the stored lines."""
-    from tests.benchmarks.stability_draw import draw
-    from tests.benchmarks.stability_text import markdown
-
-    rows = read(stored)
-    draw(rows, output / "stability.png")
-    (output / "stability.md").write_text(markdown(rows), encoding="utf-8")
-    print(f"stability.csv, stability.png, stability.md in {output.name}/")
 
 
 if __name__ == "__main__":

@@ -1,10 +1,9 @@
-"""Counts and medians of the stored measurements, for the chart's table and for the Markdown one."""
+"""Counts and medians of the stored measurements, for the chart and the Markdown table."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
@@ -16,26 +15,11 @@ from tests.benchmarks.problems import BODY, BODY_RATIO, SAWTOOTH, WEAKENING
 Mask = NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
-class Column:
-    """A column of the success table: cases that are counted together, (case,) mask."""
-
-    group: str
-    title: str
-    cases: Mask
-
-
-def columns(data: xr.Dataset) -> list[Column]:
-    """Size by softening, then the saw-tooth by size, then the body by softening."""
-    family, m, ratio = (data[name].values for name in ("family", "m", "ratio"))
-    found = []
-    for name in (WEAKENING, SAWTOOTH, BODY):
-        for size in np.unique(m[family == name]):
-            for softening in np.unique(ratio[(family == name) & (m == size)]):
-                cases = (family == name) & (m == size) & (ratio == softening)
-                group = f"m = {size}" if name == WEAKENING else name
-                found.append(Column(group, f"{softening:g}" if name == WEAKENING else f"{size}", cases))
-    return found
+def groups(data: xr.Dataset) -> dict[str, Mask]:
+    """(case,) masks of what is counted together: slip weakening by size, the saw-tooth, the body."""
+    family, m = data["family"].values, data["m"].values
+    found = {f"m = {size}": (family == WEAKENING) & (m == size) for size in np.unique(m[family == WEAKENING])}
+    return found | {name: family == name for name in (SAWTOOTH, BODY) if np.any(family == name)}
 
 
 def residual(data: xr.Dataset) -> xr.DataArray:
@@ -65,28 +49,20 @@ def lowest(data: xr.Dataset, method: str) -> tuple[int, int]:
     return int(np.sum(one["energy_gap"].values[good] <= 1e-9)), int(np.sum(good))
 
 
-def cell(data: xr.Dataset, method: str, cases: Mask) -> tuple[str, float]:
-    """("solved/run", share) for some cases; ("–", NaN) where the method was not run."""
-    good, run = solved(data.isel(case=cases), method)
-    return (f"{good}/{run}", good / run) if run else ("–", float("nan"))
-
-
 def markdown(data: xr.Dataset) -> str:
     """The measurements as a short Markdown table with what they were measured on."""
-    groups = list(dict.fromkeys(column.group for column in columns(data)))
-    head = ["method", *groups, "of lowest energy", "false success", "solved when finished"]
+    head = ["method", *groups(data), "of lowest energy", "false success", "solved when finished"]
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
-    lines += ["| " + " | ".join(_row(data, str(method), groups)) + " |" for method in data["solver"].values]
+    lines += ["| " + " | ".join(_row(data, str(method))) + " |" for method in data["solver"].values]
     return "\n".join([*_introduction(data), "", *lines, "", *_notes(data), ""])
 
 
-def _row(data: xr.Dataset, method: str, groups: list[str]) -> Iterator[str]:
+def _row(data: xr.Dataset, method: str) -> Iterator[str]:
     yield method
-    for group in groups:
-        cases = np.any([c.cases for c in columns(data) if c.group == group], axis=0)
-        text, _ = cell(data, method, cases)
+    for cases in groups(data).values():
+        good, run = solved(data.isel(case=cases), method)
         times = data["time"].sel(solver=method).values[cases]
-        yield text if text == "–" else f"{text}, {_seconds(float(np.nanmedian(times)))}"
+        yield f"{good}/{run}, {_seconds(float(np.nanmedian(times)))}" if run else "–"
     for good, total in (lowest(data, method), wrong_claims(data, method), solved(data, method, finished=True)):
         yield f"{good}/{total}"
 
@@ -101,7 +77,7 @@ def _versions(data: xr.Dataset) -> str:
 
 def _introduction(data: xr.Dataset) -> list[str]:
     return [
-        "Made by `python -m tests.benchmarks.peers`, with `peers.png` and `peers.nc`.",
+        "Made by `python -m tests.benchmarks.peers`, with `peers-small.png` and `peers.nc`.",
         f"Cells: solved/run (inclusion residual ≤ {data.attrs['tolerance']:.0e}), median time.",
     ]
 

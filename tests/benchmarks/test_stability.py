@@ -93,7 +93,7 @@ def test_mechanisms_come_from_the_runs() -> None:
 
 
 def test_the_command_on_a_small_grid(tmp_path: Path) -> None:
-    """Lines, picture and text, the last two from the stored lines alone."""
+    """Lines, and the picture from the stored lines alone."""
     stored = tmp_path / "stability.csv"
     grid = Grid((0.1, 10.0), (10,), (0.6,), (3,), (-9, 9), loads=1)
     real = ChainGrid((0.1, 10.0), (0.3,), (1e-12,), (1.0, 1000.0), (1.0, 1e6), (1.0, 1e12), 1)
@@ -101,8 +101,4 @@ def test_the_command_on_a_small_grid(tmp_path: Path) -> None:
     stability.main(["--draw", "--output", str(tmp_path)])
     rows = read(stored)
     assert {row.map for row in rows} == {*MAPS, *CHAIN}
-    assert 20_000 < (tmp_path / "stability.png").stat().st_size < 300_000
-    text = (tmp_path / "stability.md").read_text(encoding="utf-8")
-    assert "stuck at a kink" in text
-    assert all(contender.name in text for contender in CONTENDERS)
-    assert str(tmp_path) not in text
+    assert 10_000 < (tmp_path / "stability-small.png").stat().st_size < 300_000

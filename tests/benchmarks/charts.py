@@ -1,7 +1,4 @@
-"""The comparisons in a glance, from the stored measurements: `python -m tests.benchmarks.small_charts`.
-
-Writes peers-small.png and stability-small.png into results/; peers.png and stability.png have the whole of both.
-"""
+"""The comparisons of solvers in a glance, drawn from the stored measurements alone."""
 
 from __future__ import annotations
 
@@ -14,9 +11,7 @@ import xarray as xr
 
 from tcstudy.reports.figures.style import INK, SHADE, save, styled
 from tests.benchmarks.panels import inches
-from tests.benchmarks.peers import RESULTS
-from tests.benchmarks.stability_draw import COLOURS, OUTCOMES, SAID
-from tests.benchmarks.stability_measure import LEFT_OUT, Row, read
+from tests.benchmarks.stability_measure import FLAGGED, LEFT_OUT, SILENT, SLOW, SOLVED, Row
 from tests.benchmarks.stability_trial import CONTENDERS
 from tests.benchmarks.summary import solved, wrong_claims
 
@@ -25,7 +20,14 @@ if TYPE_CHECKING:
 
 WIDTH, LEFT, RIGHT, BAR, HEAD, FOOT = 6.0, 1.45, 0.75, 0.27, 0.72, 0.5
 """Layout [inch]."""
-GOOD, FLAGGED, FALSE = COLOURS[0], COLOURS[1], COLOURS[2]
+GOOD, TOLD, FALSE = "#a6cee3", "#f0b429", "#a50f15"
+LOOKS = {
+    SOLVED: (GOOD, "solved"),
+    FLAGGED: (TOLD, "no solution, and says so"),
+    SILENT: (FALSE, "no solution, reports success"),
+    SLOW: ("#9a9a9a", "too slow"),
+}
+"""Colour and words of an outcome."""
 
 
 def bars(title: str, names: Sequence[str], shares: np.ndarray, looks: Sequence[tuple[str, str]], right: Sequence[str],
@@ -70,7 +72,7 @@ def peers(data: xr.Dataset, target: Path) -> None:
         times.append(f"{time:.2g} s" if time >= 0.1 else f"{1e3 * time:.2g} ms")
     looks = (
         (GOOD, "solved"),
-        (FLAGGED, "not solved, or too slow, and says so"),
+        (TOLD, "not solved, or too slow, and says so"),
         (FALSE, "not solved, reports success"),
     )
     bars("Contact problems solved, and the median time of a solve", names, shares, looks, times, target)
@@ -81,17 +83,10 @@ def stability(rows: Sequence[Row], target: Path) -> None:
     names = [contender.name for contender in CONTENDERS]
     # the default alone was run on real bodies, too: what all methods were given is compared
     maps = set.intersection(*({row.map for row in rows if row.method == name} for name in names))
-    kinds = [outcome for outcome in OUTCOMES if outcome != LEFT_OUT]
-    shares, counts = np.zeros((len(names), len(kinds))), []
+    shares, counts = np.zeros((len(names), len(LOOKS))), []
     for i, name in enumerate(names):
         own = [row.outcome for row in rows if row.method == name and row.map in maps and row.outcome != LEFT_OUT]
-        shares[i] = [own.count(kind) / len(own) for kind in kinds]
+        shares[i] = [own.count(kind) / len(own) for kind in LOOKS]
         counts.append(f"of {len(own)}")
-    looks = [(COLOURS[OUTCOMES.index(kind)], SAID[OUTCOMES.index(kind)]) for kind in kinds]
-    bars("Softening, jumps and units over many orders of magnitude", names, shares, looks, counts, target)
-
-
-if __name__ == "__main__":
-    with xr.open_dataset(RESULTS / "peers.nc") as stored:
-        peers(stored.load(), RESULTS / "peers-small.png")
-    stability(read(RESULTS / "stability.csv"), RESULTS / "stability-small.png")
+    title = "Softening, jumps and units over many orders of magnitude"
+    bars(title, names, shares, [*LOOKS.values()], counts, target)
