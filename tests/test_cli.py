@@ -91,18 +91,6 @@ def test_draw(folder: Path) -> None:
     assert not (folder / "b.png").exists()
 
 
-def test_set_and_output(folder: Path) -> None:
-    result = tcstudy_command(
-        "run", "block.yaml", "--set", "mesh.levels=1", "--set", "sweep={tau: [0.02]}", "--output", "a.nc", cwd=folder
-    )
-    assert result.returncode == 0, result.stderr
-    assert "tcstudy converge block.yaml '--set=sweep={tau: [0.02]}' --set=mesh.levels=3\n" in result.stdout
-    with tcstudy.open_results(folder / "a.nc") as tree:
-        assert tree["status"].shape == (1, 1)
-        assert tree["tau"].values.tolist() == [0.02]
-        assert "mesh.levels=1" in tree.attrs["overrides"]
-
-
 def test_plan_touches_nothing(folder: Path) -> None:
     result = tcstudy_command("run", "block.yaml", "--dry-run", cwd=folder)
     assert result.returncode == 0, result.stderr
@@ -115,15 +103,6 @@ def test_plan_touches_nothing(folder: Path) -> None:
     assert sorted(p.name for p in folder.iterdir()) == ["block.yaml"]
     found = json.loads(tcstudy_command("run", "block.yaml", "--dry-run", "--json", cwd=folder).stdout)
     assert (found["points"], len(found["levels"]), found["factorisations"]) == (2, 2, 1)
-
-
-def test_plan_says_what_it_predicts(folder: Path) -> None:
-    words = ("run", "block.yaml", "--dry-run", "--set")
-    large = tcstudy_command(*words, "mesh={maxh: 0.004, levels: 2}", cwd=folder).stdout
-    assert "about 290000 " in large
-    assert "about 500" in large
-    bounded = tcstudy_command(*words, "mesh={maxh: 0.3, tolerance: 1e-2}", cwd=folder).stdout
-    assert 0.5 < float(bounded.split("(up to about ")[1].split(" MB")[0]) < 5.0
 
 
 @pytest.mark.parametrize("dry", [[], ["--dry-run"]], ids=["run", "dry run"])
@@ -230,17 +209,6 @@ def test_help_and_faults_load_nothing_heavy(folder: Path) -> None:
             assert f"LIGHT {light}" in result.stdout
 
 
-def test_the_quickstart_on_coarse_levels(tmp_path: Path) -> None:
-    """All laws of the first study a user runs, solved and with a heat balance."""
-    result = tcstudy_command("run", CONFIGS / "quickstart.yaml", "--set", "mesh.levels=2", cwd=tmp_path)
-    assert result.returncode == 0, result.stderr
-    with tcstudy.open_results(tmp_path / "results" / "quickstart.nc") as tree:
-        assert tree["status"].size == 72
-        assert bool((tree["status"] == 1).all())
-        assert float(tree["inclusion_residual"].max()) <= 1e-10
-        assert float(tree["heat_balance"].max()) < 1e-12
-
-
 def test_a_finished_study_ends_at_once_and_another_one_asks(folder: Path) -> None:
     first = tcstudy_command("run", "block.yaml", cwd=folder)
     file = folder / "results" / "block.nc"
@@ -263,22 +231,3 @@ def test_a_finished_study_ends_at_once_and_another_one_asks(folder: Path) -> Non
     assert forced.returncode == 0, forced.stderr
     with tcstudy.open_results(file) as tree:
         assert tree["status"].shape == (2,)
-
-
-PATH = "path={parameter: load, from: 0, to: 1}"
-
-
-@pytest.mark.parametrize(
-    ("command", "options"),
-    [("converge", []), ("cost", []), ("run", ["--set", PATH])],
-)
-def test_other_commands_are_not_done_twice_either(folder: Path, command: str, options: list[str]) -> None:
-    (folder / "block.yaml").write_text(STUDY.replace("maxh: 0.3", "maxh: 0.6"))
-    first = tcstudy_command(command, "block.yaml", *options, cwd=folder)
-    again = tcstudy_command(command, "block.yaml", *options, cwd=folder)
-    assert (first.returncode, again.returncode) == (0, 0), first.stderr + again.stderr
-    assert "holds these results already" in again.stderr
-    assert again.stdout == first.stdout
-    other = tcstudy_command(command, "block.yaml", *options, "--set", "material.nu=0.2", cwd=folder)
-    assert other.returncode == 2
-    assert "holds the results of another study" in other.stderr

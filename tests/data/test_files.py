@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import os
-import re
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import netCDF4
-import numpy as np
 import pytest
 
 from tcstudy.data import files
@@ -27,18 +24,6 @@ pytestmark = pytest.mark.filterwarnings("error")
 
 Levels = tuple[LevelRecord, ...]
 Points = list[PointRecord]
-
-
-def test_a_reader_of_the_old_file_keeps_it(
-    written: Path, study: Study, levels: Levels, points: Points, provenance: Provenance
-) -> None:
-    old = points[0].numbers["energy"]
-    with open_results(written) as tree:
-        write(written, study, levels, [replace(points[0], numbers={"energy": -1.0})], provenance)
-        assert tree["energy"].values[0, 0, 0, 0] == old
-        assert np.isfinite(tree["energy"].values).all()
-    with open_results(written) as tree:
-        assert tree["energy"].values[0, 0, 0, 0] == -1.0
 
 
 def _fail(*_: object, **__: object) -> None:
@@ -164,15 +149,6 @@ def test_a_directory_without_permission_is_named_as_such(
         write(output, study, levels, [], provenance)
 
 
-def test_neither_store_nor_journal_import_what_they_do_not_need() -> None:
-    code = (
-        "import sys, tcstudy.data.journal, tcstudy.data.store;"
-        "print(sorted({'ngsolve', 'netgen', 'xarray', 'netCDF4'} & set(sys.modules)))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=_environment(), check=True)
-    assert done.stdout.strip() == "[]"
-
-
 def test_a_file_that_is_no_result_is_not_overwritten(tmp_path: Path, written: Path) -> None:
     """The study itself, say, by a slip of the keyboard."""
     assert check_writable(written, 0) == []
@@ -193,14 +169,6 @@ def test_names_that_no_result_can_have(tmp_path: Path, name: str, part: str) -> 
     assert part in problem
     assert problem.isprintable()
     problem.encode()
-
-
-@pytest.mark.parametrize("name", ["", ".", "..", "~nobody/x.nc", "file/below.nc"])
-def test_outputs_that_name_no_file_are_one_sentence(tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "file").touch()
-    (said,) = check_writable(Path(name))
-    assert re.search("is a directory; give|write the directory out|is a file, so", said)
 
 
 def test_what_killed_writers_left_goes_and_what_others_write_stays(

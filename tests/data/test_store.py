@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -11,7 +10,6 @@ from typing import Literal
 import netCDF4
 import numpy as np
 import pytest
-import xarray
 
 from tcstudy.data import schema
 from tcstudy.data.files import StoreError
@@ -54,19 +52,6 @@ def test_levels_come_back_exactly(written: Path, levels: Levels) -> None:
             for name in ("arclength", "x", "y", "c", "edge"):
                 np.testing.assert_array_equal(group[name].values, getattr(level, name))
             assert group["edge"].attrs["flag_meanings"].split() == list(level.edge_names)
-
-
-@pytest.mark.parametrize("reader", ["open_dataset", "open_datatree"])
-def test_xarray_keeps_the_dtypes_and_does_not_warn(written: Path, points: Points, reader: str) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        with getattr(xarray, reader)(written) as data:
-            for v in schema.ROOT:
-                kind = {"f8": "float64", "i4": "int32", "i1": "int8"}.get(v.dtype)
-                assert kind is None or str(data[v.name].dtype) == kind, v.name
-        for v in schema.CONTACT:
-            with xarray.open_dataset(written, group="level_1") as group:
-                assert str(group[v.name].dtype) == ("int8" if v.dtype == "i1" else "float64")
 
 
 def test_not_run_points_are_visible_and_keep_integers_integer(

@@ -102,16 +102,6 @@ def test_append_of_other_values_leaves_the_rest_of_the_grid(file: Path, tmp_path
     same(old, filled)
 
 
-def test_append_to_a_list(file: Path, tmp_path: Path) -> None:
-    output = tmp_path / "out.nc"
-    old = tcstudy.run(study(file, "sweep={mode: zip, E: [2, 1], tau: [0.01, 0.02]}"), output)
-    tree = tcstudy.run(study(file, "sweep={mode: list, points: [{E: 1, tau: 0.03}]}"), output, append=True)
-    assert tree["energy"].dims == ("point", "level")
-    assert tree["tau"].values.tolist() == [0.01, 0.02, 0.03]
-    assert np.array_equal(tree["energy"].values[:2], old["energy"].values)
-    assert np.array_equal(tree["level_1"]["xi"].values[:2], old["level_1"]["xi"].values)
-
-
 def test_a_run_solves_again_what_broke_down(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     output = tmp_path / "out.nc"
     with monkeypatch.context() as patch:
@@ -160,13 +150,6 @@ def test_what_does_not_fit_is_refused_in_one_line(
     assert said in line
     assert output.read_bytes() == before
     assert {path.name for path in file.parent.iterdir()} == {"study.yaml", "out.nc"}
-
-
-def test_meshes_that_follow_from_the_points_cannot_be_kept(file: Path, tmp_path: Path) -> None:
-    mesh = "mesh={maxh: 0.5, levels: 2, family: adaptive}"
-    tcstudy.run(study(file, "sweep={E: [1]}", mesh), tmp_path / "out.nc")
-    with pytest.raises(tcstudy.StoreError, match="meshes follow from the solutions"):
-        tcstudy.run(study(file, "sweep={E: [1, 2]}", mesh), tmp_path / "out.nc", append=True)
 
 
 PAUSED = """

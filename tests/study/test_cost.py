@@ -12,7 +12,6 @@ import tcstudy
 from tcstudy.contact.block import Answer
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.contact.status import Status
-from tcstudy.data.measured import STAGES
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import Record
 from tcstudy.errors import CostError
@@ -26,7 +25,6 @@ from tests.verification.series import errors, series
 CONFIGS = Path(__file__).parents[2] / "configs"
 PULLED = RECTANGLE.replace("left: clamped, top: free", "left: clamped, top: {role: traction, g: [0.02, -0.01]}")
 SMALL = ("mesh={maxh: 0.8, levels: 3}",)
-COARSE = "mesh={maxh: 0.8, levels: 1}"
 
 
 def _measure(study: Study, runs: int = 2) -> Record:
@@ -66,31 +64,6 @@ def test_errors_fall_and_solvers_agree_on_them(cost: Record) -> None:
         solved = np.isfinite(cost.values[f"error_{name}"][:, 1])
         assert cost.values[f"error_{name}"][:, 1][solved] == pytest.approx(error[solved], rel=1e-6)
     assert "error_theta_L2" not in cost.values
-
-
-def test_times_are_the_sums_of_their_stages(cost: Record) -> None:
-    total = sum(cost.values[f"time_{stage}"] for stage in STAGES)
-    solved = cost.values["status"] == PointStatus.OK
-    assert np.all(cost.values["time"][solved] > 0)
-    assert total[solved] == pytest.approx(cost.values["time"].min(axis=-1)[solved], rel=1e-12)
-    steps = cost.values["time_steps"]
-    assert np.all(steps[:2][solved[:2]] == 0.0)  # uniform and graded meshes need no solution before
-    adaptive = steps[2, 0][solved[2, 0]]
-    assert adaptive[0] == 0.0
-    assert np.all(np.diff(adaptive) > 0.0)
-    # the solvers share everything but their own work
-    for stage in ("assemble", "condense"):
-        both = solved.all(axis=1)
-        first, second = (cost.values[f"time_{stage}"][:, s][both] for s in (0, 1))
-        assert np.count_nonzero(first == second) >= 0.4 * len(first)  # unless their fastest runs differ
-
-
-def test_what_is_dominated_follows_from_time_and_error(cost: Record) -> None:
-    time, error = cost.values["time"].min(axis=-1), cost.values["error_u_energy"]
-    for at in np.argwhere(cost.values["status"] == PointStatus.OK):
-        i = tuple(at)
-        beaten = (time <= time[i]) & (error <= error[i]) & ((time < time[i]) | (error < error[i]))
-        assert bool(cost.values["dominated_u_energy"][i]) == bool(beaten.any())
 
 
 def test_uniform_errors_are_those_of_converge() -> None:

@@ -45,23 +45,6 @@ def test_two_films_and_a_gap_have_the_closed_form(tmp_path: Path) -> None:
     assert {"film", "shoe"} <= set(str(line["edge"].attrs["flag_meanings"]).split())
 
 
-def test_edges_of_one_law_are_one_law_to_the_bit(tmp_path: Path) -> None:
-    law = "{law: slip-weakening, tau_s: 3 MPa, tau_k: 1 MPa, delta: 0.05 mm}"
-    one, two = (solved(one_point(text), tmp_path, name).dataset for name, text in
-                (("one", law), ("two", f"{{film: {law}, shoe: {law}}}")))  # fmt: skip
-    for name in ("energy", "friction_resultant", "slip_length", "uniqueness_margin", "inclusion_residual"):
-        assert np.array_equal(one[name], two[name]), name
-
-
-def test_strength_is_a_factor_of_the_law(tmp_path: Path) -> None:
-    twice = one_point('{law: tresca, tau: 1 MPa, strength: "2 + 0*x"}')
-    plain = one_point("{law: tresca, tau: 2 MPa}")
-    steps = one_point('{film: {law: tresca, tau: 2 MPa}, shoe: {law: tresca, tau: 1 MPa, strength: "2 + 0*y"}}')
-    data = [solved(text, tmp_path, str(i)).dataset for i, text in enumerate((twice, plain, steps))]
-    for other in (data[0], data[2]):
-        np.testing.assert_allclose(other["energy"], data[1]["energy"], rtol=1e-12)
-
-
 def test_both_solvers_take_laws_by_edge(tmp_path: Path) -> None:
     friction = (
         "{film: {law: slip-weakening, tau_s: 3 MPa, tau_k: 1 MPa, delta: 0.05 mm}, "

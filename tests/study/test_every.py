@@ -9,7 +9,6 @@ import pytest
 import xarray as xr
 
 import tcstudy
-from tcstudy.cli import main
 from tcstudy.reports.verdict import verdict
 from tests.verification.test_all_solutions import FILMS, QUICKSTART, all_solutions, quickstart_problems
 
@@ -51,14 +50,6 @@ def test_the_file_has_every_solution_and_its_proofs(file: Path) -> None:
         assert root["solutions"].values.max() == 11
 
 
-def test_workers_write_the_same_bits(file: Path, tmp_path: Path) -> None:
-    two = tcstudy.run(study(), tmp_path / "two.nc", jobs=2)
-    with xr.open_datatree(file) as one:
-        for group in ("/", "/level_0"):
-            timed = [name for name in one[group].data_vars if name.startswith("time_")]
-            xr.testing.assert_equal(one[group].to_dataset().drop_vars(timed), two[group].to_dataset().drop_vars(timed))
-
-
 def test_a_limit_is_told_and_claims_nothing(tmp_path: Path) -> None:
     few = tcstudy.run(study("solver.max_boxes=1"), tmp_path / "few.nc")
     complete, count = few["complete"].values.ravel(), few["solutions"].values.ravel()
@@ -82,14 +73,3 @@ def test_a_file_that_grows_keeps_them(file: Path, tmp_path: Path) -> None:
     with xr.open_datatree(file) as whole:
         for name in ("solution_point", "solution_piece", "solution_energy", "solution_u_T", "solution_stable"):
             np.testing.assert_allclose(grown["level_0"][name], whole["level_0"][name], rtol=1e-9, atol=1e-15)
-
-
-def test_tables_and_maps_say_how_many_there_are(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["show", str(file)]) == 0
-    shown = capsys.readouterr().out
-    assert "5, 3 stable" in shown
-    assert "equilibria: proved to be all" in shown
-    assert "all equilibria proved at 6 of 6 (1 to 11)" in verdict(file)["text"]
-    picture = tmp_path / "map.svg"
-    assert main(["draw", str(file), str(picture), "--map=g,theta_bar", "--of=solutions"]) == 0
-    assert "number of equilibria" in picture.read_text(encoding="utf-8")

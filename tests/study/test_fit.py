@@ -75,18 +75,6 @@ def test_data_at_both_corners_of_a_side_move_with_their_own_kinks(tmp_path: Path
     np.testing.assert_allclose(exact * 2e-5 * p[1], apart[0] - apart[1], rtol=0.0, atol=1e-8 * np.max(np.abs(apart)))
 
 
-def test_a_test_driven_the_other_way_says_the_same(tmp_path: Path) -> None:
-    """Data of both signs turned, with an odd law: feet in the same order along the mirrored path, the same misfit."""
-    data, p = pulled(18) * (1.0 + 0.01 * np.random.default_rng(5).normal(size=(18, 2))), np.array([6.5e6, 0.18e-3])
-    pull, push = (
-        model(study_of(tmp_path, sign * data, {"maxh: 5 mm": "maxh: 8 mm"})).compared(p) for sign in (1.0, -1.0)
-    )
-    assert (pull.early, push.early) == ("", "")
-    np.testing.assert_allclose(push.foot, -pull.foot, rtol=1e-9)
-    np.testing.assert_allclose(np.abs(push.residual), np.abs(pull.residual), rtol=1e-6)
-    np.testing.assert_allclose(np.abs(push.jacobian), np.abs(pull.jacobian), rtol=1e-6)
-
-
 def test_the_law_of_the_gallery_is_found_through_its_snap_back(tmp_path: Path) -> None:
     """Data from the closed form with noise, the model in two dimensions."""
     table = np.loadtxt(CONFIG.with_suffix(".csv"), delimiter=",", comments=("#", "D"))

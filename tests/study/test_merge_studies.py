@@ -28,11 +28,6 @@ def test_what_differs_is_said_by_key_in_the_words_of_both() -> None:
     ]
 
 
-@pytest.mark.parametrize("written", ["0.05 MPa", "5e4 Pa", "50000", "5e+4"])
-def test_a_quantity_may_be_written_otherwise(written: str) -> None:
-    assert differences(study_of(SI), study_of(SI, f"friction.tau={written}")) == []
-
-
 def test_a_law_of_one_name_must_be_one_law() -> None:
     other = LAWS.replace("tau: 0.02", "tau: 0.03")
     assert differences(study_of(RECTANGLE, LAWS), study_of(RECTANGLE, LAWS)) == []
@@ -87,12 +82,6 @@ def test_the_union_keeps_the_unit_of_the_newer_study(old: str, new: str, unit: s
     assert again.axes[0].labels == (*axis.labels, 5.0)
 
 
-def test_one_study_that_has_all_points_is_the_merge_studies() -> None:
-    small, large = (study_of(RECTANGLE, f"sweep={{E: {values}}}") for values in ("[1, 2]", "[2, 3, 1]"))
-    assert merge_studies(small, large) is large
-    assert merge_studies(large, small) is large
-
-
 @pytest.mark.parametrize("grid", [True, False])
 def test_the_union_with_a_list_is_a_list(grid: bool) -> None:
     first = "{E: [1, 2], tau: [0.02]}" if grid else "{mode: zip, E: [1, 2], tau: [0.02, 0.02]}"
@@ -103,14 +92,6 @@ def test_the_union_with_a_list_is_a_list(grid: bool) -> None:
     assert [axis.labels for axis in both.axes] == [(1.0, 2.0, 4.0), (0.02, 0.02, 0.03)]
     assert places_in(both, new).tolist() == [1, 2]
     assert np.array_equal(places_in(both, old), [0, 1])
-
-
-def test_lists_keep_the_names_of_laws() -> None:
-    points = "{mode: list, points: [{E: 1, friction: {soft: {law: tresca, tau: 0.01}}}]}"
-    new = points.replace("soft", "hard").replace("0.01", "0.02")
-    both = merge_studies(study_of(RECTANGLE, f"sweep={points}"), study_of(RECTANGLE, f"sweep={new}"))
-    assert [axis.labels for axis in both.axes] == [(1.0, 1.0), ("soft", "hard")]
-    assert both.scenes[0].friction != both.scenes[1].friction
 
 
 def test_a_grid_that_would_be_too_large_is_refused() -> None:

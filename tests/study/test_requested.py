@@ -108,17 +108,6 @@ def test_a_number_that_breaks_down_ends_its_point_and_no_run(tmp_path: Path, mon
     assert np.isfinite(data["u_T_max"].values).all()
 
 
-def test_nothing_is_stored_that_is_not_asked_for(tmp_path: Path) -> None:
-    text = BAR.replace("PLANE", "stress")
-    plain = text[: text.index("output:")]
-    asked, other = (stored(one, tmp_path, name) for one, name in ((text, "asked"), (plain, "plain")))
-    extra = {str(name) for name in asked.variables} - {str(name) for name in other.variables}
-    assert len(extra) == 2 * 6 + 1 + 4 + 4 + 3
-    for name in other.variables:
-        if not str(name).startswith("time"):
-            assert np.array_equal(asked[name], other[name], equal_nan=other[name].dtype.kind == "f"), name
-
-
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [

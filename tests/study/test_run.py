@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +10,6 @@ import xarray as xr
 
 import tcstudy
 from tcstudy.contact.contact import solve_contact
-from tcstudy.data.journal import COMMIT_SECONDS
 from tcstudy.data.records import PointStatus
 from tcstudy.fem import heat_forms as heat
 from tcstudy.laws.laws import Laws
@@ -85,14 +79,6 @@ def test_no_heat_problem_where_none_is_needed(
     assert np.all(tree["status"] == int(PointStatus.OK)), tree["reason"].values
 
 
-def test_a_constant_temperature_loads_the_body(tmp_path: Path) -> None:
-    known = run(tmp_path, HEATED_BRACKET, "heat={theta: 5}", *KNOWN)["level_1"]["u_T"].values
-    by_air = run(tmp_path, HEATED_BRACKET, "heat={alpha: 1, theta_bar: 5}")["level_1"]["u_T"].values
-    cold = run(tmp_path, HEATED_BRACKET, "heat={theta: 0}", *KNOWN)["level_1"]["u_T"].values
-    assert np.array_equal(known, by_air)
-    assert np.max(np.abs(known - cold)) > 1e-3
-
-
 def test_a_failing_point_is_recorded_and_the_rest_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     original = level_solver.solve_block
 
@@ -119,67 +105,6 @@ def test_too_few_iterations_is_a_status_with_a_remedy(tmp_path: Path) -> None:
     reason = str(data["reason"].values[bad.values][0])
     assert "1 iterations" in reason
     assert "max_iterations" in reason
-
-
-SLOW = """
-import signal, sys, time
-signal.signal(signal.SIGINT, signal.default_int_handler)  # a parent in the background hands down one that is ignored
-from pathlib import Path
-from tcstudy.read.study import read_study
-from tcstudy.study import level_solver
-from tcstudy.study.execute import execute
-level_solver.POINTS = 1
-original = level_solver.solve_block
-calls = 0
-def slow(*a, **k):
-    global calls
-    calls += 1
-    if calls == 6:  # five points are finished: say so, and wait for the signal
-        Path(sys.argv[3]).touch()
-        time.sleep(60)
-    return original(*a, **k)
-level_solver.solve_block = slow
-try:
-    execute(read_study(Path(sys.argv[1])), Path(sys.argv[2]))
-except KeyboardInterrupt:
-    sys.exit(130)
-"""
-
-
-def test_finished_points_survive(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Killed in the middle, the run leaves its points; the next one solves only the others, to the same values."""
-    study_file, output = tmp_path / "study.yaml", tmp_path / "out.nc"
-    study_file.write_text(SWEPT.replace("levels: 3", "levels: 2"))
-    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
-    reached = tmp_path / "reached"
-    words = [sys.executable, "-c", SLOW, str(study_file), str(output), str(reached)]
-    process = subprocess.Popen(words, env=environment)
-    partial = tmp_path / "out.nc.partial"
-    try:
-        deadline = time.monotonic() + 60
-        while not reached.exists() and time.monotonic() < deadline:
-            time.sleep(0.05)
-        time.sleep(COMMIT_SECONDS + 0.5)  # a record is safe so long after it was made
-        process.send_signal(signal.SIGKILL)
-        assert process.wait(30) == -signal.SIGKILL
-    finally:  # no child outlives the test
-        process.kill()
-        process.wait()
-    assert partial.exists()
-    assert not output.exists()
-    from tcstudy.study.execute import execute
-
-    study = tcstudy.load(study_file)
-    monkeypatch.setattr(level_solver, "POINTS", 1)
-    summary = execute(study, output)
-    assert summary.resumed == 5
-    assert summary.points == 12
-    assert not partial.exists()
-    resumed = tcstudy.open_results(output).load()
-    whole = tcstudy.run(study, tmp_path / "whole.nc")
-    for name in ("energy", "u_T_max", "friction_resultant"):
-        assert np.array_equal(resumed[name].values, whole[name].values)
-    assert np.array_equal(resumed["level_1"]["u_T"].values, whole["level_1"]["u_T"].values)
 
 
 def test_fields_are_kept_on_request(tmp_path: Path) -> None:

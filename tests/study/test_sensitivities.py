@@ -18,7 +18,7 @@ from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.terminal.summary import summary
 from tcstudy.scene.fits import Sensitivity
-from tcstudy.scene.parameters import number_in, with_number
+from tcstudy.scene.parameters import with_number
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 from tcstudy.study.sensitivities import of_point
@@ -207,18 +207,6 @@ def test_a_sweep_keeps_them_with_units_and_show_prints_them(tmp_path: Path) -> N
     apart = data["friction_resultant"][1] - data["friction_resultant"][0]
     assert np.sign(apart) == np.sign(stored[0])
     assert "Derivatives" in summary(tmp_path / "a.nc")
-
-
-def test_the_value_of_every_kind_of_number_is_read_back() -> None:
-    law = "friction: {bottom: {law: piecewise-linear, points: [[0, 0.06], [0.03, 0.02]], strength: 0.8}}"
-    head, _, rest = BRACKET.partition("friction:")
-    by_edge = {"friction.bottom.points.1": 0.02, "friction.bottom.strength": 0.8}
-    texts = ((BRACKET, NUMBERS), (LAYERED.replace("PLANE", "strain"), OF_LAYERS), (RIGID, OF_RIGID),
-             (head + law + "\n" + rest.partition("\n")[2], by_edge))  # fmt: skip
-    for text, numbers in texts:
-        study = asking(text, *numbers)
-        found = [number_in(study.scenes[0], number) for number in study.output.sensitivity]
-        assert found == pytest.approx(list(numbers.values()), rel=1e-12)
 
 
 def test_no_derivative_at_an_event(level: Level) -> None:

@@ -10,10 +10,8 @@ import xarray as xr
 
 import tcstudy
 from tcstudy.cli import main
-from tcstudy.data.files import StoreError
 from tcstudy.data.records import BlockRecord, PointStatus
-from tcstudy.errors import GeometryFailed, StudyError
-from tcstudy.fem.study_meshes import Meshes
+from tcstudy.errors import StudyError
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.page.run_part import axes
 from tcstudy.reports.select_point import describe
@@ -129,18 +127,6 @@ def test_sizes_are_named_in_the_unit_that_the_sweep_writes_them_in(tmp_path: Pat
         assert axes(data)[0]["written"] == (1e-3, "mm")
 
 
-def test_a_fault_names_the_geometry_only_if_it_is_of_that_geometry() -> None:
-    sizes = "sweep={body.rectangle.width: {linspace: [300 mm, 600 mm, 24]}, boundary.right.g: [[1 MPa, 0]]}"
-    for change, what in (
-        ("material.E=-5", "material.E: must be greater than 0, but is -5; write"),
-        ("output={probes: {tip: [450 mm, 0 m]}}", "outside the body (with body.rectangle.width = 300 mm); give"),
-        ("loads.f=['1e3*sqrt(0.5-x)', 0]", "(with body.rectangle.width = 508.696 mm); change"),
-    ):
-        with pytest.raises(StudyError) as fault:
-            read_study_text(BAR, "study", [sizes, change])
-        assert what in str(fault.value)
-
-
 def test_lists_and_draws_share_what_has_one_geometry(tmp_path: Path) -> None:
     """Points of a list with equal geometries are one run; the text and options in a group are that study."""
     points = ", ".join(f"{{mesh.maxh: {h} mm, E: {E} GPa}}" for h, E in ((20, 1), (10, 1), (20, 2)))
@@ -185,14 +171,6 @@ def test_a_stopped_sweep_goes_on_and_leaves_nothing_beside_its_file(bar: Path, t
         for name in ("u_T_max", "energy", "xi"):
             for group in ("/",) if name != "xi" else ("/geometry_0/level_1", "/geometry_2/level_0"):
                 assert np.array_equal(tree[group][name].values, again[group][name].values)
-
-
-def test_what_takes_one_geometry_refuses_several(bar: Path, tmp_path: Path) -> None:
-    study, path = read_study_text(BAR), bar
-    with pytest.raises(GeometryFailed, match=r"this takes one geometry; fix it by --set sweep=null"):
-        Meshes(study)
-    with pytest.raises(StoreError, match=r"the file has 3 geometries, and a picture of a point is of one"):
-        tcstudy.draw(path, tmp_path / "p.png")
 
 
 @pytest.mark.parametrize(
