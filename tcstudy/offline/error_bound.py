@@ -78,8 +78,7 @@ class ErrorBounds:
         slip = np.einsum("sed,sd->se", u[line.segments], along)
         starts = [0.0, law.omega] if law.omega < low else [0.0]
         w = np.concatenate([start + (low - start) * WEIGHTS for start in starts])
-        M = np.array([consistency(law, line.lengths, xi, slip, own) for own in w.tolist()])
-        k = 1.0 - w / low
+        M, k = consistency(law, line.lengths, xi, slip, w), 1.0 - w / low
         bound = float(np.min((eta + np.sqrt(eta**2 + 4.0 * k * M)) / (2.0 * k)))
         left = self._norm(scene, u) - bound  # of ‖u‖, no more
         return {"error_bound": bound, "error_bound_relative": bound / left if left > 0.0 else np.inf}
@@ -164,28 +163,28 @@ class ErrorBounds:
         return nodal([law for _, law, _ in friction.laws], index, strength)
 
 
-def consistency(law: Laws, lengths: Array, xi: Array, slip: Array, w: float) -> float:
-    """M of the module's text, no less [J/m]; lengths: (s,);  xi, slip: (s, 2) ξ* and u_hT at the ends;  w [Pa/m]"""
+def consistency(law: Laws, lengths: Array, xi: Array, slip: Array, w: Array) -> Array:
+    """(k,) M of the module's text, no less, of several w (k,) [J/m].
+
+    lengths: (s,);  xi, slip: (s, 2) ξ* and u_hT at the ends of segments of Γ_C
+    """
     x = np.linspace(0.0, 1.0, PARTS + 1)
     at, v = (np.multiply.outer(ends[:, 0], 1.0 - x) + np.multiply.outer(ends[:, 1], x) for ends in (xi, slip))
-    worst = np.empty_like(v)
+    worst = np.empty((len(w), *v.shape))
     for own, segments in law.groups(len(lengths)):
-        worst[segments] = _worst(own, at[segments], v[segments], w)
-    values = worst + at * v + w * v**2
-    mean = values @ np.concatenate([[0.5], np.ones(PARTS - 1), [0.5]]) / PARTS
-    (a, b), (c, d) = xi.T, slip.T
-    exact = (2.0 * a * c + a * d + b * c + 2.0 * b * d) / 6.0 + w * (c * c + c * d + d * d) / 3.0
-    return float(np.sum(lengths * np.maximum(mean - exact, 0.0)))
+        worst[:, segments] = _worst(own, at[segments], v[segments], w[:, None, None])
+    mean = worst @ np.concatenate([[0.5], np.ones(PARTS - 1), [0.5]]) / PARTS
+    change, steps = (ends[:, 1] - ends[:, 0] for ends in (xi, slip))
+    above = (change + w[:, None] * steps) * steps / (6.0 * PARTS**2)  # trapezoidal rule less integral of ξ*v + wv²
+    return np.asarray(np.maximum(mean + above, 0.0) @ lengths)
 
 
-def _worst(law: Laws, xi: Array, v: Array, w: float) -> Array:
-    """sup over the graph of a piecewise-linear law of (ξ* − b(s))(s − v) − w(s − v)², of its shape."""
-    worst = np.zeros_like(v)  # s = v
-    with np.errstate(invalid="ignore"):
-        for low, high, s_0, b_0, q in zip(law.lower, law.upper, law.s_0, law.b_0, law.q, strict=True):
-            slope, bend = xi - b_0 - q * (v - s_0), q + w  # of the parabola slope·x − bend·x² in x = s − v
-            best = slope / (2.0 * bend) if bend > 0.0 else np.zeros_like(v)
-            for x in (np.clip(best, low - v, high - v), low - v, high - v):
-                end = np.where(slope * x > 0.0, np.inf, 0.0) if bend == 0.0 else np.full_like(v, -np.inf * bend)
-                worst = np.fmax(worst, np.where(np.isinf(x), end, slope * x - bend * x**2))
+def _worst(law: Laws, xi: Array, v: Array, w: Array) -> Array:
+    """sup over the graph of a piecewise-linear law of (ξ* − b(s))(s − v) − w(s − v)², w > 0; all broadcast."""
+    worst = np.zeros(np.broadcast_shapes(v.shape, w.shape))  # s = v
+    for low, high, s_0, b_0, q in zip(law.lower, law.upper, law.s_0, law.b_0, law.q, strict=True):
+        slope, bend = xi - b_0 - q * (v - s_0), q + w  # (slope − bend·x)x in x = s − v; unbounded pieces have q ≥ 0
+        inside = np.clip(slope / np.where(bend > 0.0, 2.0 * bend, np.inf), low - v, high - v)
+        for x in (inside, *(end - v for end in (low, high) if np.isfinite(end))):
+            np.maximum(worst, (slope - bend * x) * x, out=worst)
     return worst
