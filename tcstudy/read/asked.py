@@ -1,6 +1,4 @@
-"""Reads what a study asks for beside its scenes: probes, derivatives, and what does not go together with the rest.
-
-Probes lie in the body; those on a contact edge have a u_T, too.
+"""Reads by which numbers results are differentiated, and says what does not go together with the rest of a study.
 
 `output.sensitivity`: the numbers by which results are differentiated exactly, which are those for which that takes no
 other factorisation (`offline.slopes`): numbers in which the load is affine, of materials E, nu, alpha_T or beta and k,
@@ -12,56 +10,32 @@ What theory or code does not have for a feature of the scenes is refused (`check
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from itertools import islice
-
-import numpy as np
 
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.read.checks import corner_faults
 from tcstudy.read.fields import Context
+from tcstudy.read.history import check_numbers
 from tcstudy.read.node import Node
 from tcstudy.read.plans import meant_number, path_of
 from tcstudy.scene.fits import Sensitivity
+from tcstudy.scene.histories import HistoryPlan
 from tcstudy.scene.keys import row
 from tcstudy.scene.parameters import Number, numbers, sweepable
 from tcstudy.scene.points import distinct
-from tcstudy.scene.records import Body, Contact, Rigid, Scene
-from tcstudy.scene.study import Exact, OutputPlan, Probe
-from tcstudy.shapes.edges import body_size, edge_distance, loop_polygon, loop_size
+from tcstudy.scene.records import Rigid, Scene
+from tcstudy.scene.study import Exact, MeshPlan, OutputPlan, SolverPlan
 
 Keys = tuple[str, ...]
 
-NEAR = 1e-6
-"""Distance from an edge that counts as on it, over the size of the body."""
-NO_PAGE = "remove live: true"
-
-
-def read_probes(ctx: Context, node: Node, body: Body | None, scenes: Sequence[Scene]) -> tuple[Probe, ...]:
-    """The probes; one outside the body is a fault. A body from a file is not judged, and has no u_T at probes."""
-    import shapely
-
-    before, point = len(ctx.errors), replace(row("output", "probes"), kind="point")
-    places = ctx.mapping(node, "names to points", "write {tip: [200 mm, 60 mm]}", named=True)
-    probes = [Probe(name, ctx.value(place, point)) for name, place in places.items()]
-    if body is None or body.outline is None or not scenes or len(ctx.errors) > before:
-        return tuple(probes)
-    inside, contact = loop_polygon(body.outline, loop_size(body.outline)), scenes[0].edges(Contact)
-    for hole in body.holes:
-        inside = inside.difference(loop_polygon(hole, loop_size(hole)))
-    found = []
-    for probe in probes:
-        away = [float(edge_distance(edge, np.array([probe.at]))[0]) for edge in body.edges]
-        on = [edge for edge, distance in zip(body.edges, away, strict=True) if distance <= NEAR * body_size(body)]
-        if not on and not inside.covers(shapely.Point(probe.at)):
-            what = f"the point ({probe.at[0]:g}, {probe.at[1]:g}) is {min(away):g} outside the body"
-            ctx.errors.at(places[probe.name], what, "give a point of the body")
-        found.append(replace(probe, on_contact=any(edge.name in contact for edge in on)))
-    return tuple(found)
-
 
 def read_sensitivity(
-    ctx: Context, node: Node, root: Node, base: Scene | None, scenes: Sequence[Scene], exact: Exact | None
+    ctx: Context,
+    node: Node,
+    root: Node,
+    base: Scene | None,
+    scenes: Sequence[Scene],
+    exact: Exact | None,
+    history: HistoryPlan | None,
 ) -> tuple[Sensitivity, ...]:
     """The numbers by name or key path, each once.
 
@@ -75,7 +49,7 @@ def read_sensitivity(
         return ()
     known = differentiable(root, base, scenes)
     found: dict[Keys, Sensitivity] = {}
-    for item in node.value if isinstance(node.value, tuple) else (node,):
+    for item in node.entries:
         word = ctx.text(item, "the name of a number")
         if (path := path_of(word)) in found:
             ctx.errors.at(item, f"{word} is given twice", "give every number once")
@@ -83,9 +57,11 @@ def read_sensitivity(
             found[path] = number
             if path[0] == "boundary" and path[-1].startswith("u_"):  # which a corner may share with another edge
                 moved = known[path].put(base, 1.0 + 2.0 * abs(float(known[path].value)))  # type: ignore[arg-type]
-                for _, why in islice(corner_faults(base.body, moved.boundary), 1):
+                if fault := next(corner_faults(base.body, moved.boundary), None):
                     remedy = "free a component of one of the two edges"
-                    ctx.errors.at(item, f"{'.'.join(path)} cannot change alone: {why}", remedy)
+                    ctx.errors.at(item, f"{'.'.join(path)} cannot change alone: {fault[1]}", remedy)
+    if history is not None:
+        check_numbers(ctx, node, found.values(), history)
     return tuple(found.values())
 
 
@@ -126,42 +102,48 @@ def named_number(
 
 
 def check_together(
-    ctx: Context, root: Node, scenes: Sequence[Scene], output: OutputPlan | None, exact: Exact | None
+    ctx: Context,
+    root: Node,
+    scenes: Sequence[Scene],
+    mesh: MeshPlan | None,
+    solver: SolverPlan | None,
+    output: OutputPlan | None,
+    exact: Exact | None,
 ) -> None:
-    """Report what a feature of the scenes excludes and the study asks for.
+    """Report what a feature of the scenes, a path, a history or a fit excludes and the study asks for.
 
-    output, exact: what it asks for beside its scenes; None for what it does not, or has faults in
+    mesh … exact: what it asks for beside its scenes; None for what it does not, or has faults in
     """
-    derived = exact is not None and exact.derived
-    wanted = {"exact": exact is not None, "derived": derived, "live": output is not None and output.live}
+    live = root.child("output") if output is not None and output.live else None
+    derived = root.child("exact") if exact is not None and exact.derived else None
     roles = dict(scenes[0].boundary).values() if scenes else ()
-    edge = {
-        "exact": ("an exact solution has no such edge", "remove exact"),
-        "live": ("a live page takes none", NO_PAGE),
+    no_edge = "an exact solution has no such edge; remove exact"
+
+    def refuse(asked: Node | None, has: bool, feature: str, why: str) -> None:
+        if has and asked is not None:
+            ctx.errors.at(asked, f"{feature}, and {why}")
+
+    laws = any(isinstance(scene.friction, EdgeLaws) for scene in distinct(scenes, "friction"))
+    refuse(live, laws, "friction differs along the contact line", "a live page takes one law; remove live: true")
+    by_region, several = root.child("materials") is not None, "materials differ by region, where stresses jump"
+    edges = {
+        "an edge is rigid": any(isinstance(role, Rigid) for role in roles),
+        "an edge rests on springs": any(scene.springs for scene in distinct(scenes, "boundary")),
     }
-    features: dict[str, tuple[bool, dict[str, tuple[str, str]]]] = {
-        "friction differs along the contact line": (
-            any(isinstance(scene.friction, EdgeLaws) for scene in distinct(scenes, "friction")),
-            {"live": ("a live page takes one law", NO_PAGE)},
-        ),
-        "materials differ by region, where stresses jump": (
-            root.child("materials") is not None,
-            {
-                "exact": ("an exact solution takes one material", "remove exact, or write one material"),
-                "live": ("a live page takes one material", NO_PAGE),
-            },
-        ),
-        "an edge is rigid": (any(isinstance(role, Rigid) for role in roles), edge),
-        "an edge rests on springs": (any(scene.springs for scene in distinct(scenes, "boundary")), edge),
-        "an edge has heat of its own": (
-            any(role.heat is not None for role in roles),
-            {
-                "derived": ("loads are derived for the section heat only", "give the loads, or loads: given"),
-                "live": ("a live page takes one alpha and one theta_bar", NO_PAGE),
-            },
-        ),
-    }
-    for feature, (has, excluded) in features.items():
-        for asked, (why, remedy) in excluded.items() if has else ():
-            if wanted[asked] and (node := root.child("output" if asked == "live" else "exact")):
-                ctx.errors.at(node, f"{feature}, and {why}", remedy)
+    own, heated = any(role.heat is not None for role in roles), "an edge has heat of its own"
+    if exact is not None:
+        asked = root.child("exact")
+        refuse(asked, by_region, several, "an exact solution takes one material; remove exact, or write one material")
+        for feature, has in edges.items():
+            refuse(asked, has, feature, no_edge)
+        refuse(derived, own, heated, "loads are derived for the section heat only; give the loads, or loads: given")
+    refuse(live, by_region, several, "a live page takes one material; remove live: true")
+    for feature, has in edges.items():
+        refuse(live, has, feature, "a live page takes none; remove live: true")
+    refuse(live, own, heated, "a live page takes one alpha and one theta_bar; remove live: true")
+    for key in ("path", "history", "fit"):
+        if root.child(key) and mesh and mesh.guarantee:
+            ctx.errors.at(root.nearest("mesh", "guarantee"), f"is of single points, not of a {key}; remove it")
+        if root.child(key) and solver and solver.every:
+            remedy = "write path.complete: true" if key == "path" else "remove it"
+            ctx.errors.at(root.nearest("solver", "branch"), f"is of single points, not of a {key}", remedy)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from tcstudy.read.fields import Context, Fields, only_key
-from tcstudy.read.node import Node, split_path
+from tcstudy.read.node import Node, put, split_path
 from tcstudy.scene.keys import rows
 from tcstudy.scene.records import BODY, Body, BrepFace, Edge, Loop, Region
 from tcstudy.scene.units import LENGTH, UnitError, to_si
@@ -49,7 +49,7 @@ def read_body(ctx: Context, node: Node) -> tuple[Body | None, Names | None]:
     if BODY in regions:
         what = f"{BODY!r} is the name of what of the body no region takes"
         ctx.errors.at(regions[BODY], what, "give the region another name", on_key=True)
-    named = tuple(read_region(ctx, item, name) for name, item in regions.items())
+    named = tuple(_region(ctx, item, name) for name, item in regions.items())
     body = Body(loops[-1] if loops else None, tuple(holes), named, brep)
     names = edge_names(body)
     known = len(given) == 1 and "" not in names
@@ -64,14 +64,29 @@ def edge_names(body: Body) -> Names:
     return tuple(dict.fromkeys(names))
 
 
+INLINE = "omega"
+"""Name of the region that `heat.omega` describes in place."""
+
+
+def with_named_region(root: Node) -> Node:
+    """The study with the region that `heat.omega` describes in place among those of the body."""
+    shape, regions = root.at("heat", "omega"), root.at("body", "regions")
+    known = {} if regions is None else regions.value
+    if shape is None or not isinstance(shape.value, Mapping) or not isinstance(known, Mapping) or INLINE in known:
+        return root
+    if (body := root.child("body")) is None or not isinstance(body.value, Mapping):
+        return root
+    root = put(root, ("heat", "omega"), replace(shape, value=INLINE))
+    return put(root, ("body", "regions", INLINE), shape)
+
+
 def check_shape(ctx: Context, body: Body, root: Node) -> bool:
     """Record what is wrong with the shape of the body where the study gives it; True if it is sound."""
     faults = _oversized(body) or body_faults.check_body(body)
     for fault in faults:
-        where, inline = fault.where, root.nearest("heat", "omega")
-        if where.startswith("body.regions.omega") and isinstance(inline.value, Mapping):
-            where = inline.path
-        ctx.errors.unfit(root.nearest(*(split_path(where) or ("body",))), where, fault.what, fault.remedy)
+        node = root.nearest(*(split_path(fault.where) or ("body",)))
+        where = node.path if node.path == "heat.omega" else fault.where
+        ctx.errors.unfit(node, where, fault.what, fault.remedy)
     return not faults
 
 
@@ -125,7 +140,7 @@ def _unknown(*names: str) -> Loop:
     return Loop(tuple(Edge(nowhere, nowhere, name) for name in names))
 
 
-def read_region(ctx: Context, node: Node, name: str) -> Region:
+def _region(ctx: Context, node: Node, name: str) -> Region:
     """A region given as {circle: ...}, {rectangle: ...} or {polygon: ...}."""
     kind, inner = only_key(ctx, node, "region", "{circle: {center: [x, y], radius: r}}")
     return Region(name, _loop(ctx, inner, kind, edge=name) if kind else Loop(()))

@@ -36,8 +36,8 @@ def without_loads(ctx: Context, root: Node, sweep: Sweep) -> Node:
 
     A misspelt word asks for derived loads as well, so that it is the only fault.
     """
-    word = root.nearest("exact", "loads")
-    if word.path != "exact.loads" or word.value == "given" or not isinstance(root.value, Mapping):
+    word = root.at("exact", "loads")
+    if word is None or word.value == "given" or not isinstance(root.value, Mapping):
         return root
     _refuse(ctx, word, root, sweep)
     sections = {key: node for key, node in root.value.items() if key != "path"}
@@ -56,7 +56,7 @@ def without_loads(ctx: Context, root: Node, sweep: Sweep) -> Node:
 
 def _refuse(ctx: Context, word: Node, root: Node, sweep: Sweep) -> None:
     """Studies in which nothing can be derived, and swept loads."""
-    if root.nearest("body", "file").path == "body.file":
+    if root.at("body", "file"):
         what = "the body comes from a file, whose normals are no expressions, so loads cannot be derived"
         ctx.errors.at(word, what, "give the loads, or describe the body by its outline")
     if path := root.child("path"):

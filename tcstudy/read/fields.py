@@ -97,6 +97,7 @@ class Context:
     """What every reader needs: where faults go, whether texts may have units, the study's folder, its named numbers.
 
     before: how often faults were met before the section that is read
+    known:  what sections without a fault were read as, by reader and what it was given, for the next geometry
     """
 
     errors: Collector
@@ -104,6 +105,7 @@ class Context:
     folder: Path = Path()
     named: dict[str, Named] = field(default_factory=dict)
     before: int = 0
+    known: dict[object, Any] = field(default_factory=dict)
 
     def sound(self) -> None:
         """End the reading of a section that has a fault."""

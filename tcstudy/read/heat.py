@@ -7,14 +7,12 @@ flux, a temperature that is held. An edge that exchanges heat leaves to the sect
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
-from tcstudy.read.body import REGION_SHAPES, read_region
+from tcstudy.read.body import INLINE, REGION_SHAPES
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.node import Node, hint
 from tcstudy.scene.keys import rows
-from tcstudy.scene.records import Body, EdgeHeat, Heat, Material, Role, exchanges
-from tcstudy.shapes.faults import snapped
+from tcstudy.scene.records import EdgeHeat, Heat, Material, Role, exchanges
 
 Boundary = tuple[tuple[str, Role], ...]
 
@@ -41,27 +39,10 @@ def read_edge_heat(ctx: Context, fields: Fields, kind: str) -> EdgeHeat | None:
     return EdgeHeat(**own.given())
 
 
-INLINE = "omega"
-"""Name of the region that `omega` describes in place."""
-
-
-def with_inline_region(ctx: Context, heat: Node | None, body: Body) -> Body:
-    """The body with the region that `heat.omega` describes in place, if it does, and all regions on what they meet."""
-    node = heat.child("omega") if heat else None
-    if node is not None and isinstance(node.value, Mapping):
-        if any(region.name == INLINE for region in body.regions):
-            remedy = f"write omega: {INLINE}, or give the region under body.regions another name"
-            ctx.errors.at(node, f"the body already has a region {INLINE!r}", remedy)
-            return body
-        body = replace(body, regions=(*body.regions, read_region(ctx, node, INLINE)))
-    return snapped(body) if body.regions else body
-
-
 def needed_of_heat(boundary: Node | None) -> tuple[str, ...]:
     """The keys of `heat` that edges leave to it; both where no edge says anything of heat by itself."""
-    edges = boundary.value if boundary and isinstance(boundary.value, Mapping) else {}
     exchanging, alone = [], True
-    for node in edges.values():
+    for node in boundary.children.values() if boundary else ():
         word = node.child("role") if isinstance(node.value, Mapping) else node
         convection = word is not None and word.value == "convection"
         place = node if convection else node.child("heat")
@@ -101,6 +82,9 @@ def _omega(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) -> 
         if ctx.errors.point and node.path.startswith("sweep"):
             remedy = "describe the regions under body.regions and sweep over their names"
             ctx.errors.at(node, "a shape cannot be swept, because the mesh depends on it", remedy)
+        elif INLINE in (regions or ()):
+            remedy = f"write omega: {INLINE}, or give the region under body.regions another name"
+            ctx.errors.at(node, f"the body already has a region {INLINE!r}", remedy)
         return (INLINE,)
     items = node.value if isinstance(node.value, tuple) else (node,) if isinstance(node.value, str) else ()
     if not items:
@@ -124,17 +108,14 @@ def check_heat(ctx: Context, root: Node, heat: Heat, boundary: Boundary, materia
     own = [edge for edge, role in boundary if role.heat is not None]
     passing = [(edge, role.heat or EdgeHeat()) for edge, role in boundary if exchanges(role)]
     held = [edge for edge, role in boundary if role.heat is not None and role.heat.theta is not None]
-    section = root.child("heat")
+    section, alpha = root.child("heat"), root.nearest("heat", "alpha")
     if heat.theta is not None or (section is None and not own):
         why = "the study has no section heat" if section is None else "the temperature theta is given"
         for edge in dict.fromkeys((*(edge for edge, _ in passing), *own)):
-            what, remedy = (
-                "a convection edge",
-                "add heat: {alpha: ..., theta_bar: ...}, or make the edge free or traction",
-            )
-            if edge in own:
-                what = "what the edge does to heat"
-                remedy = "remove theta to compute the temperature, or what the edge says of heat"
+            what = "what the edge does to heat" if edge in own else "a convection edge"
+            remedy = "remove theta to compute the temperature, or what the edge says of heat"
+            if edge not in own:
+                remedy = "add heat: {alpha: ..., theta_bar: ...}, or make the edge free or traction"
             ctx.errors.once(root.nearest("boundary", edge), f"{what} has no meaning, because {why}", remedy)
         return
     if not (passing or held or own) and heat.q == 0.0:  # no heat comes or goes: an alpha then is a doubt, no fault
@@ -142,9 +123,8 @@ def check_heat(ctx: Context, root: Node, heat: Heat, boundary: Boundary, materia
     places = (("material",), *(("materials", name) for name, _ in material.regions))
     for place, one in zip(places, material.all, strict=True):
         if one.k is None:
-            node = root.nearest(*place)
-            ctx.errors.once(node, "is missing, but heat needs it", "add k: 45 W/(m*K)", key=f"{'.'.join(place)}.k")
-    alpha = root.nearest("heat", "alpha")
+            key = f"{'.'.join(place)}.k"
+            ctx.errors.once(root.nearest(*place), "is missing, but heat needs it; add k: 45 W/(m*K)", key=key)
     if not passing and not held and (own or heat.alpha > 0.0):
         node, what = root.nearest("boundary", *own[:1]), "and none holds a temperature: no heat can leave"
         if heat.alpha > 0.0:
@@ -152,11 +132,12 @@ def check_heat(ctx: Context, root: Node, heat: Heat, boundary: Boundary, materia
         remedy = "give the role convection to the edges that exchange heat, or give a known temperature theta"
         ctx.errors.once(node, f"no edge has the role convection, {what}", remedy)
     elif section is None:
-        for edge, said in passing:
+        for edge, given in passing:
             for key, example in (("alpha", "100 W/(m^2*K)"), ("theta_bar", "20 K")) if edge in own else ():
-                if getattr(said, key) is None:
-                    what, place = "is missing, and there is no section heat to take it from", ("boundary", edge, "heat")
-                    ctx.errors.once(root.nearest(*place), what, f"add {key}: {example}", key=".".join((*place, key)))
+                if getattr(given, key) is None:
+                    said = f"is missing, and there is no section heat to take it from; add {key}: {example}"
+                    node = root.nearest("boundary", edge, "heat")
+                    ctx.errors.once(node, said, key=f"boundary.{edge}.heat.{key}")
     elif heat.alpha == 0.0 and own and any(said.alpha is None for _, said in passing):
         what = "with alpha = 0 the edges that have none of their own exchange nothing"
         ctx.errors.once(alpha, what, "give alpha > 0, or make those edges free or traction")

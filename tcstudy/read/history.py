@@ -14,6 +14,7 @@ from tcstudy.read.checks import supports_fault
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.node import Node
 from tcstudy.read.plans import level_of, meant_number, no_single_load, path_of
+from tcstudy.read.sweep import Sweep
 from tcstudy.scene.fits import STEP, FitPlan, Sensitivity
 from tcstudy.scene.histories import MOST_STEPS, HistoryLine, HistoryPlan, Keys, Memory, UnfitLaw
 from tcstudy.scene.keys import rows
@@ -32,19 +33,18 @@ GONE = {
 @none_after_fault
 def read_history(
     ctx: Context,
+    node: Node,
     root: Node,
     base: Scene | None,
     scenes: Sequence[Scene],
     mesh: MeshPlan | None,
-    swept: Collection[Keys],
+    sweep: Sweep,
 ) -> HistoryPlan | None:
     """The history; None after a fault.
 
     base: the scene without the sweep, None if it has faults of its own;  scenes: of the sweep
-    swept: key paths of the sweep
     """
-    node = root.child("history")
-    assert node is not None
+    swept = [axis.parameter.path for axis in sweep.axes]
     if isinstance(node.value, Mapping):
         for key in GONE.keys() & node.value.keys():
             ctx.errors.at(node.value[key], *GONE[key], on_key=True)
@@ -122,12 +122,12 @@ def _load(ctx: Context, word: str, node: Node, known: Mapping[Keys, Number], swe
     keys = path_of(word)
     if keys not in known:
         remedy = meant_number(word, known, "use one of", rows("step"))
-        why: tuple[str, str] | None = ("is no load of this study that a history may change", remedy)
-    elif not (why := no_single_load(keys, known[keys], "in a history")) and keys in swept:
-        why = "is swept, too", "sweep something else, or leave it out of the steps"
-    if why:
-        ctx.errors.at(node, *why, on_key=True)
-    return None if why else keys
+        said = f"is no load of this study that a history may change; {remedy}"
+    elif not (said := no_single_load(keys, known[keys], "in a history")) and keys in swept:
+        said = "is swept, too; sweep something else, or leave it out of the steps"
+    if said:
+        ctx.errors.at(node, said, on_key=True)
+    return None if said else keys
 
 
 def _refuse(ctx: Context, root: Node, mesh: MeshPlan | None) -> None:

@@ -111,14 +111,14 @@ class Node:
 class Collector:
     """The problems found so far. Faults are collected, never raised one by one; each is said as "what; remedy".
 
-    geometry, point: words for the geometry and the sweep point being read; empty while the base study is read
+    point: words for the sweep point being read; empty while the base study is read
     drawn: whether the values of sweep points stand nowhere in the file, so that every fault must name the point
     refused: what is wrong with the shape or the element sizes of one geometry of several, which then is left out
     """
 
     def __init__(self) -> None:
         self.problems: list[Problem] = []
-        self.geometry = self.point = ""
+        self.point = ""
         self.drawn = False
         self.refused: list[str] | None = None
         self._count = 0
@@ -165,9 +165,8 @@ class Collector:
         if mark in self._unreadable or (self.point and (mark, key) in self._places):
             return
         what, remedy = halves(said)
-        words = ", ".join(filter(None, (self.geometry, self.point)))
-        if words and (self.drawn or not key.startswith("sweep")):
-            what = f"{what} ({'' if self.drawn and self.point else 'with '}{words})"
+        if self.point and (self.drawn or not key.startswith("sweep")):
+            what = f"{what} ({'' if self.drawn else 'with '}{self.point})"
         problem = Problem(mark.file, mark.line, mark.column, key, what, remedy)
         self._places.add((mark, key))
         if problem not in self._seen:

@@ -16,9 +16,7 @@ from typing import TYPE_CHECKING
 from tcstudy.expressions.expression import CONSTANTS, FUNCTIONS, VARIABLES, ExpressionError, parse
 from tcstudy.read.fields import Context
 from tcstudy.read.node import Node
-from tcstudy.scene.key import Key
 from tcstudy.scene.named import Named, carried
-from tcstudy.scene.parameters import Keys, Parameter
 from tcstudy.scene.units import DIMENSIONS, NONE, Dimension, UnitError, dimensions_of, split_quantity, to_si
 
 if TYPE_CHECKING:
@@ -100,12 +98,6 @@ def words_in(node: Node, names: Iterable[str]) -> set[str]:
         return {*WORD.findall(node.value)} & {*names}
     inner = node.value.values() if isinstance(node.value, Mapping) else node.value
     return set().union(*(words_in(item, names) for item in inner)) if isinstance(inner, Iterable) else set()
-
-
-def swept_names(named: Mapping[str, Named]) -> dict[Keys, Parameter]:
-    """The names as parameters that a sweep may vary."""
-    rows = {name: Key(name, "number", "named number", one.dimension) for name, one in named.items()}
-    return {("parameters", name): Parameter(("parameters", name), row) for name, row in rows.items()}
 
 
 def users(root: Node, name: str) -> set[str]:

@@ -5,82 +5,92 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import islice, pairwise
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, get_args
+
+import numpy as np
 
 from tcstudy.expressions.expression import Expression
 from tcstudy.read.checks import check_goal, check_guarantee, check_mesh, corner_faults
 from tcstudy.read.fields import Context, Fields, none_after_fault
-from tcstudy.read.node import Node, hint
+from tcstudy.read.node import Node, hint, put
 from tcstudy.scene.families import FAMILIES, PLAIN, TO_TOLERANCE, FamilyName
 from tcstudy.scene.keys import rows
 from tcstudy.scene.parameters import SHORT, Keys, Number, affine_numbers, sweepable
-from tcstudy.scene.records import Body, Scene
-from tcstudy.scene.study import ALL, BUNDLE, SEPARABLE, Goal, MeshPlan, OutputPlan, PathPlan, Quantity, SolverPlan
+from tcstudy.scene.records import Body, Contact, Scene
+from tcstudy.scene.study import (
+    ALL,
+    BUNDLE,
+    SEPARABLE,
+    Goal,
+    MeshPlan,
+    OutputPlan,
+    PathPlan,
+    Probe,
+    Quantity,
+    SolverPlan,
+)
 from tcstudy.scene.units import LENGTH, LINE_FORCE
+from tcstudy.shapes.edges import body_size, edge_distance, loop_polygon, loop_size
 
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
 IN_SWEEP = ("tolerance", "of", "max_levels", "known")
 """Keys that h: {tolerance: …} of a sweep may hold."""
+NEAR = 1e-6
+"""Distance from an edge that counts as on it, over the size of the body."""
 SINGLE = ("levels", "family", "tolerance", "max_levels", "grading", "marking", "max_dofs")
 """Keys of `mesh` that a list of sizes has no use for."""
-
-
 OF_MESH = ("maxh", "levels", "max_levels", "family", "goal", "of", "known")
 OF_PATH = ("parameter", "from", "to", "within", "at", "level")
 """Keys that depend on each other; every other one of `mesh` and `path` is a field of the plan."""
 
 
-def read_mesh(ctx: Context, root: Node, h: Node | None, body: Body | None, scenes: Sequence[Scene]) -> MeshPlan | None:
-    """The meshes, coarse to fine; None after a fault in them by themselves, not in what they are for this body.
-
-    h: of the sweep: a list of sizes in place of maxh, or a mapping {tolerance, of, …}
-    """
-    section, listed = root.child("mesh"), h if h and isinstance(h.value, tuple) else None
-    if h and not isinstance(h.value, tuple | Mapping):
+def with_sizes(ctx: Context, root: Node) -> Node:
+    """The study with what `h` of the sweep says put into `mesh`: sizes as its maxh, a tolerance among its keys."""
+    h, mesh = root.at("sweep", "h"), root.child("mesh")
+    if h is None:
+        return root
+    if isinstance(h.value, tuple):
+        return put(root, ("mesh", "maxh"), h) if mesh is None or isinstance(mesh.value, Mapping) else root
+    if not isinstance(h.value, Mapping):
         remedy = "write [20 mm, 10 mm] or {tolerance: 1e-3, of: friction_resultant}"
         ctx.errors.at(h, f"must be a list of sizes or a tolerance, but is {h.kind()}", remedy)
-        return None
-    if section is None and listed is None:  # which is recorded already
-        return None
-    plan = _mesh(ctx, section or replace(h or root, value={}), h)
-    if plan and body:
-        check_mesh(ctx, listed or root.nearest("mesh", "maxh"), plan, body)
+        return root
+    own = Fields(ctx, h, "mesh", ("tolerance",), IN_SWEEP[1:])
+    if mesh is None or not isinstance(mesh.value, Mapping):
+        return root
+    for key in sorted(own.values.keys() & mesh.value.keys()):
+        own.fault(key, f"mesh.{key} is given, too; give it once", on_key=True)
+    return put(root, ("mesh",), replace(mesh, value={**mesh.value, **own.values}))
+
+
+def read_mesh(ctx: Context, root: Node, body: Body | None, scenes: Sequence[Scene]) -> MeshPlan | None:
+    """The meshes, coarse to fine; None after a fault in them by themselves, not in what they are for this body."""
+    section = root.child("mesh")
+    plan = None if section is None else _mesh(ctx, section)  # that it is missing is recorded already
+    if section and plan and body:
+        check_mesh(ctx, root.nearest("mesh", "maxh"), plan, body)
         check_guarantee(ctx, root, plan, body)
-        places = (h if not listed else None, "of"), (section, "of"), (section, "goal")
-        goal = next((node for place, key in places if place and (node := place.child(key))), None)
-        if scenes and goal:
+        if scenes and (goal := section.child("of") or section.child("goal")):
             check_goal(ctx, goal, plan.goal, body, scenes[0].boundary)
     return plan
 
 
 @none_after_fault
-def _mesh(ctx: Context, section: Node, h: Node | None) -> MeshPlan | None:
-    listed = h if h and isinstance(h.value, tuple) else None
-    fields = Fields(ctx, section, "mesh", () if listed else ("maxh",))
-    if listed:
-        fields.values = {**fields.values, "maxh": listed}
-    elif h:
-        swept = Fields(ctx, h, "mesh", ("tolerance",), IN_SWEEP[1:])
-        for key in sorted(swept.values.keys() & fields.values.keys()):
-            swept.fault(key, f"mesh.{key} is given, too", "give it once", on_key=True)
-        fields.values = {**fields.values, **swept.values}
-    before, node = len(ctx.errors), fields["maxh"]
-    sizes: tuple[float, ...] = fields.value("maxh") if node else ()
+def _mesh(ctx: Context, section: Node) -> MeshPlan:
+    fields = Fields(ctx, section, "mesh")
+    node, sizes = fields["maxh"], fields.value("maxh") if fields["maxh"] else ()
     for i, (coarse, fine) in enumerate(pairwise(sizes), start=1):
-        if fine >= coarse:
-            where = node.value[i] if node and isinstance(node.value, tuple) else section
-            remedy = "order the sizes from coarse to fine, each once"
-            ctx.errors.at(where, f"{fine:g} does not decrease after {coarse:g}", remedy)
-    if len(ctx.errors) > before or not sizes:
-        return None
+        if node and fine >= coarse:
+            said = f"{fine:g} does not decrease after {coarse:g}; order the sizes from coarse to fine, each once"
+            ctx.errors.at(node.entries[i], said)
+    ctx.sound()
     to_tolerance = fields["tolerance"] is not None
     family: FamilyName = fields.value("family") if fields["family"] else TO_TOLERANCE if to_tolerance else PLAIN
     for key, said in _contradictions(fields, family, len(sizes) > 1).items():
         if key and fields[key]:
-            what, _, remedy = said.partition("; ")
-            fields.fault(key, what, remedy, on_key=True)
+            fields.fault(key, said, on_key=True)
     key, most = "max_levels" if to_tolerance else "levels", FAMILIES[family].max_levels
     levels = ctx.integer(node, 1, most) if (node := fields[key]) else min(fields.value(key), most)
     options = fields.given(name for name in fields.rows if name not in OF_MESH)
@@ -121,9 +131,8 @@ def _goal(ctx: Context, fields: Fields) -> Goal:
         if goal.quantity == "u_T":
             ctx.errors.at(node, "u_T needs its point on a contact edge", "write {u_T: [20 mm, 0 mm]}")
     if fields["known"] and goal.quantity == "energy":
-        fields.fault(
-            "known", "a known value needs a goal that is a number", "add goal: friction_resultant", on_key=True
-        )
+        said = "a known value needs a goal that is a number; add goal: friction_resultant"
+        fields.fault("known", said, on_key=True)
     elif fields["known"]:
         of = LINE_FORCE if goal.quantity == "friction_resultant" else LENGTH
         return replace(goal, known=fields.value("known", of))
@@ -152,23 +161,49 @@ def read_solver(ctx: Context, node: Node | None) -> SolverPlan:
 
 
 @none_after_fault
-def read_output(ctx: Context, node: Node | None) -> OutputPlan:
-    """Where the data go; None after a fault."""
-    if node is None:
+def read_output(ctx: Context, root: Node, body: Body | None, scenes: Sequence[Scene]) -> OutputPlan:
+    """Where the data go, and what is asked for beside the mandatory ones but derivatives; None after a fault."""
+    if (node := root.child("output")) is None:
         return OutputPlan()
-    fields = Fields(ctx, node, "output")  # probes and sensitivity are judged where the scenes are known
+    fields = Fields(ctx, node, "output")
     given = fields.given(key for key in fields.rows if key not in ("sensitivity", "probes"))
     if where := fields["path"]:
         text, path = given["path"], Path(given["path"])
         if text and (path.name in ("", "..") or text.endswith("/") or text.startswith("~")):
             ctx.errors.at(where, f"{where.brief()!r} names no file", "write a name such as results/study.nc")
         given["path"] = path
-    return OutputPlan(**given)
+    ctx.sound()
+    return OutputPlan(**given, probes=_probes(ctx, fields["probes"], body, scenes))
+
+
+def _probes(ctx: Context, node: Node | None, body: Body | None, scenes: Sequence[Scene]) -> tuple[Probe, ...]:
+    """The probes; one outside the body is a fault. A body from a file is not judged, and has no u_T at probes."""
+    if node is None:
+        return ()
+    before, point = len(ctx.errors), replace(rows("output")["probes"], kind="point")
+    places = ctx.mapping(node, "names to points", "write {tip: [200 mm, 60 mm]}", named=True)
+    probes = [Probe(name, ctx.value(place, point)) for name, place in places.items()]
+    if body is None or body.outline is None or not scenes or len(ctx.errors) > before:
+        return tuple(probes)
+    import shapely
+
+    shape, contact = loop_polygon(body.outline, loop_size(body.outline)), scenes[0].edges(Contact)
+    for hole in body.holes:
+        shape = shape.difference(loop_polygon(hole, loop_size(hole)))
+    found = []
+    for probe in probes:
+        away = [float(edge_distance(edge, np.array([probe.at]))[0]) for edge in body.edges]
+        on = [edge for edge, distance in zip(body.edges, away, strict=True) if distance <= NEAR * body_size(body)]
+        if not on and not shape.covers(shapely.Point(probe.at)):
+            what = f"the point ({probe.at[0]:g}, {probe.at[1]:g}) is {min(away):g} outside the body"
+            ctx.errors.at(places[probe.name], what, "give a point of the body")
+        found.append(replace(probe, on_contact=any(edge.name in contact for edge in on)))
+    return tuple(found)
 
 
 @none_after_fault
 def read_path(ctx: Context, node: Node, scene: Scene | None, mesh: MeshPlan | None) -> PathPlan | None:
-    """The path; None without the section or after a fault.
+    """The path; None after a fault.
 
     scene: the scene without the sweep, mesh: the meshes; None if they have faults of their own
     """
@@ -180,42 +215,40 @@ def read_path(ctx: Context, node: Node, scene: Scene | None, mesh: MeshPlan | No
     keys, known = path_of(word), dict(affine_numbers(scene))
     if keys not in known and keys in sweepable({}, None) and keys[0] in ("heat", "material", "friction"):
         what = f"the load is not affine in {'.'.join(keys)} in this study, so no path can be followed along it"
-        remedy = f"use a sweep over it; a path runs along {', '.join(usable(known))}"
-        fields.fault("parameter", what, remedy)
+        fields.fault("parameter", what, f"use a sweep over it; a path runs along {', '.join(usable(known))}")
     elif keys not in known:
-        what = f"the scene has no parameter {word!r} for a path"
-        fields.fault("parameter", what, meant_number(word, known, "a path runs along"))
+        remedy = meant_number(word, known, "a path runs along")
+        fields.fault("parameter", f"the scene has no parameter {word!r} for a path", remedy)
     elif why := no_single_load(keys, known[keys], "along a path"):
-        fields.fault("parameter", *why)
+        fields.fault("parameter", why)
     ctx.sound()
     dimension = known[keys].row.dimension
     begin, end = (fields.value(key, dimension) for key in ("from", "to"))
     if begin == end:
-        fields.fault("to", "is the same value as from", "give a range, from: A, to: B")
+        fields.fault("to", "is the same value as from; give a range, from: A, to: B")
         return None
     low, high = min(begin, end), max(begin, end)
     within = low - (high - low), high + (high - low)  # as far again on both sides: folds may lie outside the range
     if fields["within"]:
         within = fields.value("within", dimension)
         if within[0] > low or within[1] < high:
-            fields.fault("within", "does not contain the range from … to", "widen it, or leave it out")
-    asked, at = fields["at"], fields.value("at", dimension) or ()
-    items = asked.value if asked and isinstance(asked.value, tuple) else (asked,) * len(at)
-    for i, (item, value) in enumerate(zip(items, at, strict=True)):
-        if item and not math.isnan(value) and not within[0] <= value <= within[1]:
+            fields.fault("within", "does not contain the range from … to; widen it, or leave it out")
+    at = fields.value("at", dimension) or ()
+    for i, (item, value) in enumerate(zip(fields["at"].entries if fields["at"] else (), at, strict=False)):
+        if not math.isnan(value) and not within[0] <= value <= within[1]:
             remedy = f"choose a value from {within[0]:g} to {within[1]:g}, or widen from, to or within"
             ctx.errors.at(item, f"{item.brief()} is outside the range of the path", remedy)
-        if item and value in at[:i]:
+        if value in at[:i]:
             ctx.errors.at(item, f"the value {item.brief()} is repeated", "give every value once")
     given = fields.given(name for name in fields.rows if name not in OF_PATH)
     level = {} if mesh and mesh.strategy.adapts else level_of(ctx, fields, mesh, "a path")  # a run needs no path
     ctx.sound()
-    ends = (("from", begin), ("to", end)) if keys[0] == "boundary" else ()
-    disagree = (
-        (key, t, why) for key, t in ends for _, why in corner_faults(scene.body, known[keys].put(scene, t).boundary)
-    )
-    for key, t, fault in islice(disagree, 1):
-        fields.fault(key, f"with {'.'.join(keys)} = {t:g} {fault}", "free a component of one of the two edges")
+    for key, t in (("from", begin), ("to", end)) if keys[0] == "boundary" else ():
+        fault = next(corner_faults(scene.body, known[keys].put(scene, t).boundary), None)
+        if fault:
+            what = f"with {'.'.join(keys)} = {t:g} {fault[1]}"
+            fields.fault(key, what, "free a component of one of the two edges")
+            break
     return PathPlan(keys, ctx.cf(dimension), begin, end, within, scene, at, **given, **level)
 
 
@@ -244,15 +277,15 @@ def meant_number(word: str, known: Mapping[Keys, Number], otherwise: str, more: 
     return hint(same[0] if same else word, same or [*names, *shorter, *more], f"{otherwise} {', '.join(names)}")
 
 
-def no_single_load(keys: Keys, load: Number, where: str) -> tuple[str, str] | None:
-    """What is wrong with a load that is to change by itself, and what to do; None if nothing is."""
+def no_single_load(keys: Keys, load: Number, where: str) -> str:
+    """What is wrong with a load that is to change by itself, and what to do; empty if nothing is."""
     name = ".".join(keys)
     if load.idle:
-        return f"{load.idle}, so the solution does not depend on {name}", "choose another load"
+        return f"{load.idle}, so the solution does not depend on {name}; choose another load"
     if isinstance(load.value, Expression):
         what = f"{name} varies in space ({load.value}), but {where} it is one number"
-        return what, f"give {name} a number, or use load, the factor of all mechanical loads"
-    return None
+        return f"{what}; give {name} a number, or use load, the factor of all mechanical loads"
+    return ""
 
 
 def level_of(ctx: Context, fields: Fields, mesh: MeshPlan | None, what: str) -> dict[str, Any]:

@@ -18,13 +18,14 @@ from tcstudy.laws.composed import EdgeLaws
 from tcstudy.read.body import check_shape, read_body
 from tcstudy.read.checks import check_boundary, check_finite, check_laws, supports, supports_fault
 from tcstudy.read.fields import Context
-from tcstudy.read.heat import check_heat, needed_of_heat, read_heat, with_inline_region
+from tcstudy.read.heat import check_heat, needed_of_heat, read_heat
 from tcstudy.read.node import Node, put
 from tcstudy.read.parameters import read_parameters, users, words_in
 from tcstudy.read.physics import read_boundary, read_friction, read_loads, read_materials
 from tcstudy.read.sweep import SECTIONS, Sweep
 from tcstudy.scene.points import Scenes
 from tcstudy.scene.records import Body, Scene
+from tcstudy.shapes.faults import snapped
 
 KEYS = {"material": ("material", "materials")}
 """Keys of the study that a section stands for, where it is not one of its own name."""
@@ -46,9 +47,9 @@ class SceneReader:
         self.body, self.names = read_body(ctx, node) if (node := root.child("body")) else (None, None)
         self.regions: tuple[str, ...] | None = None
         if self.body is not None:
-            before, body = len(ctx.errors), with_inline_region(ctx, root.child("heat"), self.body)
-            self.regions = tuple(region.name for region in body.regions)
-            self.body = body if len(ctx.errors) == before and check_shape(ctx, body, root) else None
+            self.regions = tuple(region.name for region in self.body.regions)
+            body = snapped(self.body) if self.regions else self.body
+            self.body = body if check_shape(ctx, body, root) else None
         self.needed_of_heat = needed_of_heat(root.child("boundary"))
         self.order = sorted(range(len(sweep.axes)), key=lambda i: len(sweep.axes[i].parameter.path))
         self.touching = {s: [i for i in self.order if self._touches(i, s)] for s in SECTIONS}

@@ -17,7 +17,7 @@ from tcstudy.read.document import whole_key
 from tcstudy.read.fields import Context, only_key
 from tcstudy.read.heat import needed_of_heat
 from tcstudy.read.node import Mark, Node, hint, nearest, put, split_path
-from tcstudy.read.parameters import check_swept_names, swept_names
+from tcstudy.read.parameters import check_swept_names
 from tcstudy.read.physics import ALL_KEYS, keys_of, laws_by_edge
 from tcstudy.read.points import draw, read_design, read_table
 from tcstudy.scene.designs import DESIGNS, Design
@@ -91,47 +91,63 @@ def read_sweep(ctx: Context, root: Node, overrides: Sequence[str]) -> Sweep:
 
     overrides: `--set` options, whose values must not be lost to it
     """
-    node = root.child("sweep")
+    node, before = root.child("sweep"), len(ctx.errors)
     if node is None or node.value == {}:
         return Sweep()
-    points = node.child("points")
-    maps = [node, *(points.value if points and isinstance(points.value, tuple) else ())]
-    named = [key.split(".") for one in maps if isinstance(one.value, Mapping) for key in one.value]
-    boundary, friction, own = root.child("boundary"), root.child("friction"), root.child("materials")
-    roles = boundary.value if boundary and isinstance(boundary.value, Mapping) else {}
-    edges = {edge: keys_of(item) for edge, item in roles.items()}
-    if boundary is None:  # then those that the sweep names, with all keys
-        edges = {words[1]: ALL_KEYS for words in named if len(words) == 3 and words[0] == "boundary"}
-    by_edge = {edge: str(word.value) for edge, one in laws_by_edge(friction).items() if (word := one.child("law"))}
-    law = word.value if friction and (word := friction.child("law")) else None
-    regions = [*(own.value if own and isinstance(own.value, Mapping) else ())]
-    regions += [words[1] for words in named if words[0] == "materials" and len(words) > 1]
-    known = sweepable(edges, by_edge or (law if isinstance(law, str) else None), tuple(dict.fromkeys(regions)))
-    known |= swept_names(ctx.named)
-    known |= geometric_parameters(root, named)
-    sweep = _of_sections(ctx, root, _read(ctx, node, known, friction) or Sweep())
+    if not isinstance(node.value, Mapping):
+        remedy = "write one PARAMETER: [values] per line, for example alpha: [25, 100]"
+        ctx.errors.at(node, f"must be a mapping of parameters to values, but is {node.kind()}", remedy)
+        return Sweep()
+    points, known, design = node.child("points"), may_vary(ctx, root, node), None
+    tabled = points is not None and isinstance(points.value, str)
+    mode = ctx.choice(item, MODES) if (item := node.child("mode")) else "list" if tabled else "grid"
+    given = {key: item for key, item in node.value.items() if key not in ("mode", "h")}
+    if mode in DESIGNS:
+        items = {key: item for key, item in given.items() if key not in ("points", "seed")}
+        found = {key: (item, p) for key, item in items.items() if (p := _parameter(ctx, key, item, known))}
+        if not items:
+            ctx.errors.at(node, "has no parameter to draw; add one, for example alpha: {uniform: [25, 100]}")
+        design = read_design(ctx, node, mode, MAX_POINTS, len(items))
+        drawn = draw(ctx, design, found) if design else {}
+        axes = [_axis(ctx, key, *found[key], *three) for key, three in drawn.items()]  # type: ignore[arg-type]
+    elif mode == "list":
+        axes = _point_list(ctx, node, given, known)
+    else:
+        named = {key: p for key, item in given.items() if (p := _parameter(ctx, key, item, known))}
+        axes = [_listed(ctx, key, given[key], p, known) for key, p in named.items()]
+    _check_axes(ctx, node, axes, mode)
+    _check_law_parameters(ctx, axes, root.child("friction"))
+    if len(ctx.errors) > before:
+        return Sweep()
+    sweep = Sweep("grid" if mode == "grid" else "list", tuple(axes), node.child("h"), design, tabled)
+    sweep = _of_sections(ctx, root, sweep)
     if ctx.named:
         check_swept_names(ctx, root, sweep, (*SECTIONS, "materials", *GEOMETRIC))
     _check_options(ctx, root, sweep, overrides)
     return sweep
 
 
-def geometric_parameters(root: Node, named: Sequence[Sequence[str]]) -> dict[Keys, Parameter]:
-    """Those paths that lead to a number of the body or of the meshes, as parameters.
-
-    named: paths that a sweep names
-    """
-    found: dict[Keys, Parameter] = {}
-    for words in named:
-        path, keys = tuple(words), split_path(".".join(words))
-        if path[0] not in GEOMETRIC or len(path) < 2 or keys is None:
-            continue
-        row = rows("mesh").get(path[1]) if path[0] == "mesh" and len(path) == 2 else None
-        if row is not None and row.swept:  # its levels are a dimension of their own
-            found[path] = Parameter(path, replace(row, kind="number"))
-        elif path[0] == "body" and root.at(*keys) and isinstance(root.nearest(*keys).value, int | float | str):
-            found[path] = Parameter(path, Key(path[-1], "number", "number of the body", LENGTH))
-    return found
+def may_vary(ctx: Context, root: Node, node: Node) -> dict[Keys, Parameter]:
+    """All that the sweep of this study may vary, by path: keys of its scene, numbers of its body and meshes, names."""
+    points, boundary, friction = node.child("points"), root.child("boundary"), root.child("friction")
+    named = [tuple(key.split(".")) for one in (node, *(points.entries if points else ())) for key in one.children]
+    edges = {edge: keys_of(item) for edge, item in boundary.children.items()} if boundary else {}
+    if boundary is None:  # then those that the sweep names, with all keys
+        edges = {words[1]: ALL_KEYS for words in named if len(words) == 3 and words[0] == "boundary"}
+    laws = {edge: str(word.value) for edge, one in laws_by_edge(friction).items() if (word := one.child("law"))}
+    law = word.value if friction and (word := friction.child("law")) else None
+    own = root.child("materials")
+    regions = [*(own.children if own else ()), *(words[1] for words in named if words[0] == "materials" and words[1:])]
+    known = sweepable(edges, laws or (law if isinstance(law, str) else None), tuple(dict.fromkeys(regions)))
+    names = ctx.named.items()
+    rows_of: dict[Keys, Key] = {("parameters", name): Key(name, "number", "", one.dimension) for name, one in names}
+    for path in named:
+        keys = split_path(".".join(path)) if path[0] in GEOMETRIC and path[1:] else None
+        if keys and path[0] == "mesh" and len(path) == 2 and path[1] in rows("mesh") and rows("mesh")[path[1]].swept:
+            rows_of[path] = replace(rows("mesh")[path[1]], kind="number")  # its levels are a dimension of their own
+        elif keys and path[0] == "body" and (at := root.at(*keys)) and isinstance(at.value, int | float | str):
+            rows_of[path] = Key(path[-1], "number", "number of the body", LENGTH)
+    return known | {path: Parameter(path, one) for path, one in rows_of.items()}
 
 
 def _of_sections(ctx: Context, root: Node, sweep: Sweep) -> Sweep:
@@ -168,9 +184,9 @@ def _check_options(ctx: Context, root: Node, sweep: Sweep, overrides: Sequence[s
         keys, place = split_path(whole_key(root, key)) or (), f"--set {option}"
         for name, short, words, whole in swept:
             path = split_path(".".join(words)) or ()
-            same = keys == path or (key == short and key not in rows(""))
+            same, there = keys == path or (key == short and key not in rows("")), root.at(*path)
             # its value comes of the option
-            above = path[: len(keys)] == keys and root.at(*path) and root.nearest(*path).mark.file == place
+            above = path[: len(keys)] == keys and there is not None and there.mark.file == place
             if same or above or keys[: len(path)] == path:
                 lost = "this value" if same or not above else "its value here"
                 listed = f', --set "sweep.{name}=[{value}]"' if same and sweep.mode == "grid" and not whole else ""
@@ -189,47 +205,6 @@ def with_swept_keys(root: Node, sweep: Sweep) -> Node:
             with suppress(KeyError):  # something else stands there, which the section's reader records
                 root = put(root, axis.parameter.path, axis.values[0])
     return root
-
-
-def _read(ctx: Context, node: Node, known: Mapping[Keys, Parameter], law: Node | None) -> Sweep | None:
-    """The sweep; None after a fault.
-
-    known: the parameters that can be swept
-    law:   the friction section of the base study
-    """
-    before = len(ctx.errors)
-    if not isinstance(node.value, Mapping):
-        remedy = "write one PARAMETER: [values] per line, for example alpha: [25, 100]"
-        ctx.errors.at(node, f"must be a mapping of parameters to values, but is {node.kind()}", remedy)
-        return None
-    points = node.child("points")
-    tabled = points is not None and isinstance(points.value, str)
-    mode = ctx.choice(item, MODES) if (item := node.child("mode")) else "list" if tabled else "grid"
-    given = {key: item for key, item in node.value.items() if key not in ("mode", "h")}
-    design, axes = None, []
-    if mode in DESIGNS:
-        items = {key: item for key, item in given.items() if key not in ("points", "seed")}
-        found = {key: (item, p) for key, item in items.items() if (p := _parameter(ctx, key, item, known))}
-        if not items:
-            ctx.errors.at(node, "has no parameter to draw", "add one, for example alpha: {uniform: [25, 100]}")
-        design = read_design(ctx, node, mode, MAX_POINTS, len(items))
-        for key, (values, names, drawn) in draw(ctx, design, found).items() if design else ():
-            axes.append(_axis(ctx, key, *found[key], values, names, drawn))
-    elif mode == "list":
-        axes = _point_list(ctx, node, given, known)
-    else:
-        named = {key: p for key, item in given.items() if (p := _parameter(ctx, key, item, known))}
-        for key, p in named.items():
-            faults, first = ctx.errors.problems, len(ctx.errors.problems)
-            axes.append(_axis(ctx, key, given[key], p, *_values(ctx, given[key], p)))
-            if others := [".".join(path) for path in known if path[-1] == key and path != p.path]:
-                meant = f", or {' or '.join(others)} for {key}, which is {'.'.join(p.path)}"
-                faults[first:] = [replace(fault, remedy=fault.remedy + meant) for fault in faults[first:]]
-    _check_axes(ctx, node, axes, mode)
-    _check_law_parameters(ctx, axes, law)
-    if len(ctx.errors) > before:
-        return None
-    return Sweep("grid" if mode == "grid" else "list", tuple(axes), node.child("h"), design, tabled)
 
 
 def _axis(
@@ -286,21 +261,22 @@ def _point_list(
     if isinstance(points.value, str):
         columns = read_table(ctx, points, lambda key, cell: _parameter(ctx, key, cell, known))
         return [_axis(ctx, *column) for column in columns]
-    listed: list[Mapping[str, Node]] = []
-    for point in ctx.items(points, "a list of points {PARAMETER: value, ...}", least=1):
-        if not isinstance(point.value, Mapping) or not point.value:
+    listed = ctx.items(points, "a list of points {PARAMETER: value, ...}", least=1)
+    for point in listed:
+        said = ""
+        if not point.children:
             what = f"must be a mapping of parameters to values, but is {point.kind()}"
-            ctx.errors.at(point, what, "write {PARAMETER: value, ...}")
-            return []
-        listed.append(point.value)
-        if {*point.value} != {*listed[0]}:
-            what = f"names {', '.join(point.value)}, but the first point {', '.join(listed[0])}"
-            ctx.errors.at(point, what, "name the same parameters in every point")
+            said = f"{what}; write {{PARAMETER: value, ...}}"
+        elif {*point.children} != {*listed[0].children}:
+            what = f"names {', '.join(point.children)}, but the first point {', '.join(listed[0].children)}"
+            said = f"{what}; name the same parameters in every point"
+        if said:
+            ctx.errors.at(point, said)
             return []
     axes = []
-    for key, item in listed[0].items() if listed else ():
+    for key, item in listed[0].children.items() if listed else ():
         if parameter := _parameter(ctx, key, item, known):
-            values, names = tuple(point[key] for point in listed), ()
+            values, names = tuple(point.children[key] for point in listed), ()
             if parameter.is_whole:
                 names, values = zip(*(_whole(value, parameter) for value in values), strict=True)
             axes.append(_axis(ctx, key, points, parameter, values, names))
@@ -309,8 +285,8 @@ def _point_list(
 
 def _whole(node: Node, parameter: Parameter) -> tuple[str, Node]:
     """A law or a material in a point, after its name: its key in {NAME: law}, else that of its shape or all it says."""
-    if isinstance(node.value, Mapping) and len(node.value) == 1 and not parameter.is_one(node.value):
-        return next(iter(node.value.items()))
+    if len(node.children) == 1 and not parameter.is_one(node.value):
+        return next(iter(node.children.items()))
     return str(word.value) if (word := node.child("law")) else node.text(), node
 
 
@@ -318,10 +294,8 @@ def _check_axes(ctx: Context, node: Node, axes: list[SweptAxis], mode: str) -> N
     """No parameter twice, equal lengths where read together, no value or point repeated, a bounded number."""
     paths: dict[Keys, str] = {}
     for axis in axes:
-        if axis.parameter.path in paths:
-            what = f"sweeps the same parameter as {paths[axis.parameter.path]!r}"
-            ctx.errors.at(axis.node, what, "keep one of the two", on_key=True)
-        paths[axis.parameter.path] = axis.key
+        if (first := paths.setdefault(axis.parameter.path, axis.key)) != axis.key:
+            ctx.errors.at(axis.node, f"sweeps the same parameter as {first!r}; keep one of the two", on_key=True)
     lengths = [len(axis.values) for axis in axes if axis.values]
     same = [  # of numbers those in SI, of others the texts
         [a if isinstance(a, float) else value.text() for a, value in zip(axis.labels, axis.values, strict=True)]
@@ -330,9 +304,8 @@ def _check_axes(ctx: Context, node: Node, axes: list[SweptAxis], mode: str) -> N
     repeated: list[tuple[Nodes, Sequence[object]]] = []
     if mode == "grid":
         repeated = [(axis.values, one) for axis, one in zip(axes, same, strict=True)]
-        if math.prod(lengths) > MAX_POINTS:
-            what = f"the sweep has {math.prod(lengths)} points"
-            ctx.errors.at(node, what, f"at most {MAX_POINTS}: use fewer values")
+        if (count := math.prod(lengths)) > MAX_POINTS:
+            ctx.errors.at(node, f"the sweep has {count} points; at most {MAX_POINTS}: use fewer values")
     elif odd := next((axis for axis in axes if axis.values and len(axis.values) != lengths[0]), None):
         remedy = "with mode: zip give all lists the same length, or use mode: grid"
         ctx.errors.at(odd.node, f"has {len(odd.values)} values, but {axes[0].key} has {lengths[0]}", remedy)
@@ -378,27 +351,36 @@ def records(sweep: Sweep, units: str) -> tuple[Axis, ...]:
     return tuple(axes)
 
 
+def _listed(ctx: Context, key: str, node: Node, p: Parameter, known: Mapping[Keys, Parameter]) -> SweptAxis:
+    """The axis of a parameter whose values are listed, or spaced."""
+    first = len(ctx.errors.problems)
+    axis = _axis(ctx, key, node, p, *_values(ctx, node, p))
+    if others := [".".join(path) for path in known if path[-1] == key and path != p.path]:
+        faults, meant = ctx.errors.problems, f", or {' or '.join(others)} for {key}, which is {'.'.join(p.path)}"
+        faults[first:] = [replace(fault, remedy=fault.remedy + meant) for fault in faults[first:]]
+    return axis
+
+
 def _values(ctx: Context, node: Node, parameter: Parameter) -> tuple[Nodes, tuple[str, ...]]:
     """The values of an axis, and their names if they are laws or materials."""
-    kind, dimension = parameter.row.kind, parameter.row.dimension
-    spaced, empty = kind in NUMBERS, node.value in (None, (), {})
-    one = parameter.is_whole and parameter.is_one(node.value)
-    if isinstance(node.value, Mapping) and not one and not empty and (parameter.is_whole or spaced):
-        if spaced:
-            return _spaced(ctx, node, dimension), ()
-        return tuple(node.value.values()), tuple(node.value)
-    if isinstance(node.value, tuple) and not empty and not parameter.is_whole:
+    kind, dimension, whole = parameter.row.kind, parameter.row.dimension, parameter.is_whole
+    spaced, empty, one = kind in NUMBERS, node.value in (None, (), {}), whole and parameter.is_one(node.value)
+    if node.children and whole and not one:
+        return tuple(node.children.values()), tuple(node.children)
+    if node.children and spaced:
+        return _spaced(ctx, node, dimension), ()
+    if isinstance(node.value, tuple) and not empty and not whole:
         return node.value, ()
-    if parameter.is_whole:
+    if whole:
         own = "{law: tresca, tau: 20 MPa}" if kind == "law" else "{E: 210 GPa, nu: 0.3}"
-        remedy = ctx.example(f"write {{NAME: {own}, NAME: ...}}")
-        what = f"must be a mapping of names to {kind}s, but is {node.kind()}"
-        ctx.errors.at(node, f"is a single {kind}, not a mapping of names to {kind}s" if one else what, remedy)
-        return (), ()
-    shown = ctx.example(dimension.example) if empty else node.brief()
-    example = f"{shown}, ...] or {{linspace: [a, b, n]}}" if spaced else "..., ...]"
-    what = "has no values" if empty else f"must be a list of values, but is {node.kind()}"
-    ctx.errors.at(node, what, f"write a list such as [{example}")
+        what = f"is a single {kind}, not a mapping of names to {kind}s"
+        what = what if one else f"must be a mapping of names to {kind}s, but is {node.kind()}"
+        ctx.errors.at(node, what, ctx.example(f"write {{NAME: {own}, NAME: ...}}"))
+    else:
+        shown = ctx.example(dimension.example) if empty else node.brief()
+        example = f"{shown}, ...] or {{linspace: [a, b, n]}}" if spaced else "..., ...]"
+        what = "has no values" if empty else f"must be a list of values, but is {node.kind()}"
+        ctx.errors.at(node, what, f"write a list such as [{example}")
     return (), ()
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -54,11 +54,11 @@ def read_variants(
     variants: list[Variant] = []
     geometries = list(_geometries(root, sweep, outer, overrides))
     for one in geometries:
-        try:
-            found = _read_one(ctx, one, read, one.words)
-        except StudyError:
-            raise StudyError([*ctx.errors.problems, *_said_where(ctx, one, geometries, read)]) from None
-        study, reason = (None, found) if isinstance(found, str) else (found, "")
+        study, reason, problems = _read_one(ctx, one, read)
+        if problems:
+            others = {p for at in {geometries[0], geometries[-1]} - {one} for p in _read_one(ctx, at, read)[2]}
+            said_where = (p if p in others else _of(p, one.words) for p in problems)
+            raise StudyError([*ctx.errors.problems, *said_where])
         variants.append(Variant(one.words, one.index, one.places, study, reason))
     first = next((one.study for one in variants if one.study is not None), None)
     if first is None:
@@ -111,11 +111,13 @@ def _geometries(root: Node, sweep: Sweep, outer: list[int], overrides: tuple[str
         for k in range(len(sweep.axes[0].values)):
             found.setdefault(tuple(axis.labels[k] for axis in axes), []).append(k)
         groups = {(at[0],) * len(axes): np.array(at, dtype=np.intp) for at in found.values()}
+    said = with_sweep(overrides, replace(sweep, axes=inner).written()) if sweep.mode == "grid" else ()
     for index, places in groups.items():
-        rest = replace(sweep, axes=inner)
+        rest, own = replace(sweep, axes=inner), said
         if sweep.mode == "list":
-            own = tuple(axis.at(places) for axis in inner)
-            rest = replace(sweep, axes=own, mode="list" if own else "grid", design=None, tabled=False)
+            left = tuple(axis.at(places) for axis in inner)
+            rest = replace(sweep, axes=left, mode="list" if left else "grid", design=None, tabled=False)
+            own = with_sweep(overrides, rest.written())
         words, fixed, made = [], [], root
         for axis, k in zip(axes, index, strict=True):
             path, value = ".".join(axis.parameter.path), axis.values[k]
@@ -123,40 +125,24 @@ def _geometries(root: Node, sweep: Sweep, outer: list[int], overrides: tuple[str
             fixed.append(f"{path}={json.dumps(value.plain(), ensure_ascii=False)}")
             with suppress(KeyError):  # something else stands there, which the section's reader records
                 made = put(made, split_path(path) or (), value)
-        said = (*with_sweep(overrides, rest.written()), *fixed)
-        yield _Geometry(", ".join(words), index, places, made, rest, said)
+        yield _Geometry(", ".join(words), index, places, made, rest, (*own, *fixed))
 
 
-def _read_one(ctx: Context, one: _Geometry, read: Callable[..., Study], words: str) -> Study | str:
-    """The study of a geometry, or why it is refused. words: for the geometry in faults. Raises StudyError."""
-    inner = Context(Collector(), ctx.units, ctx.folder, ctx.named)
-    inner.errors.geometry = words
+def _read_one(
+    ctx: Context, one: _Geometry, read: Callable[..., Study]
+) -> tuple[Study | None, str, tuple[Problem, ...]]:
+    """The study of a geometry, why it is refused, and what else is wrong with it."""
+    inner = Context(Collector(), ctx.units, ctx.folder, ctx.named, known=ctx.known)
     if names := one.root.child("parameters"):
         inner.named = read_parameters(inner, names)
-    refused: list[str] = []
-    inner.errors.refused = refused
+    refused = inner.errors.refused = []
     try:
         study = read(inner, one.root, one.rest, one.said)
-    except StudyError:
-        if not refused:
-            raise
-    return refused[0] if refused else study
+        return (None, refused[0], ()) if refused else (study, "", ())
+    except StudyError as error:
+        return None, refused[0] if refused else "", () if refused else error.problems
 
 
-def _said_where(
-    ctx: Context, one: _Geometry, geometries: Sequence[_Geometry], read: Callable[..., Study]
-) -> Sequence[Problem]:
-    """The faults of a geometry, in its words unless another geometry has the same."""
-
-    def faults(of: _Geometry, words: str) -> Sequence[Problem]:
-        try:
-            _read_one(ctx, of, read, words)
-        except StudyError as error:
-            return error.problems
-        return ()
-
-    elsewhere = [fault for other in (geometries[0], geometries[-1]) if other is not one for fault in faults(other, "")]
-    return [
-        plain if plain in elsewhere else fault
-        for plain, fault in zip(faults(one, ""), faults(one, one.words), strict=True)
-    ]
+def _of(problem: Problem, words: str) -> Problem:
+    """A fault that other geometries do not have."""
+    return problem if problem.key.startswith("sweep") else replace(problem, what=f"{problem.what} (with {words})")
