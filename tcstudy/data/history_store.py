@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.files import StoreError
-from tcstudy.data.on_request import step_derivatives
+from tcstudy.data.on_request import step_variables
 from tcstudy.data.provenance import Provenance, program
 from tcstudy.data.reading import is_foreign, refuse_changed
 from tcstudy.data.records import LevelRecord, PointStatus, Row, decode, row_of
@@ -25,7 +25,6 @@ from tcstudy.data.schema import BESIDE, DIFFERENCE, JOINTS, REGIONS, FileVariabl
 from tcstudy.data.store import Record, load_root, missing, write_record
 from tcstudy.data.tables import HISTORY, LINE, MESH_LEVEL
 from tcstudy.data.writer import axis_name, in_file_order
-from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.histories import START
 from tcstudy.scene.study import Study
 
@@ -42,10 +41,10 @@ class HistoryRecord:
     values: dict[str, NDArray[Any]]
 
     @classmethod
-    def empty(cls, points: int, steps: int, m: int, numbers: Sequence[Sensitivity] = ()) -> HistoryRecord:
-        """Nothing is known yet; numbers: by which results are differentiated."""
+    def empty(cls, points: int, steps: int, m: int, asked: Sequence[FileVariable] = ()) -> HistoryRecord:
+        """Nothing is known yet; asked: what there is beside HISTORY."""
         shapes: dict[str, tuple[int, ...]] = {"step": (points, steps), "node": (points, steps, m)}
-        every = (*HISTORY, *step_derivatives(numbers))
+        every = (*HISTORY, *asked)
         own = {v.name: missing(v, shapes.get(v.dims[-1], (points,))) for v in every}
         own["reason"][:] = ""
         return cls(own)
@@ -90,7 +89,7 @@ def variables(study: Study) -> tuple[FileVariable, ...]:
     without = {v.name for v in REGIONS} - {v.name for v in region_variables(study)}
     without |= {"plastic"} if name != "elastic-plastic" else set()
     own = (v for v in HISTORY if v.name not in without and (jumping or v.name != "jumped"))
-    return (*own, *step_derivatives(study.output.sensitivity))
+    return (*own, *step_variables(study))
 
 
 def history_bytes(study: Study, m: int) -> int:
@@ -106,7 +105,7 @@ def load_variables(study: Study) -> list[tuple[FileVariable, Array]]:
     """Coordinates of the steps: number, name, cycle and every load that changes, with their values (N,)."""
     plan = study.history
     assert plan is not None
-    schedule, stations = list(plan.schedule()), plan.stations()
+    schedule, loads = list(plan.schedule()), plan.loads()
     cycles = np.array([0, *(cycle for *_, cycle in schedule)])
     names = np.array([START, *(name for *_, name, _ in schedule)], dtype=object)
     found: list[tuple[FileVariable, Any]] = [
@@ -116,13 +115,10 @@ def load_variables(study: Study) -> list[tuple[FileVariable, Array]]:
     ]
     taken = {axis_name(axis) for axis in study.axes} | {v.name for v in (*HISTORY, *MESH_LEVEL, *LINE)}
     for name, (keys, units, _) in zip(plan.names, plan.parameters, strict=True):
-        at = [station[keys] for station in stations]
-        values = [at[0], *(at[i] if share == 0.0 else at[j] if share == 1.0 else at[i] + share * (at[j] - at[i])
-                           for i, j, share, *_ in schedule)]  # fmt: skip
         extra = DIFFERENCE if units == "K" else ()
         chosen = "_".join(keys) if name in taken else name
         variable = FileVariable(chosen, "f8", units, ".".join(keys), ("step",), coordinate=True, extra=extra)
-        found.append((variable, np.array(values)))
+        found.append((variable, np.array([values[keys] for values in loads])))
     return found
 
 
@@ -166,7 +162,7 @@ def read_known(path: Path, study: Study, steps: int) -> tuple[HistoryRecord, dic
 def _record(data: Any, study: Study, steps: int, both: int) -> HistoryRecord:
     points = len(study.scenes)
     order = np.argsort(in_file_order(study, np.arange(points).reshape(study.shape)).ravel(), kind="stable")
-    record = HistoryRecord.empty(points, steps, data.sizes["node"], study.output.sensitivity)
+    record = HistoryRecord.empty(points, steps, data.sizes["node"], step_variables(study))
     for variable in variables(study):
         stored: NDArray[Any] = data[variable.name].values
         values = stored.reshape((points, *stored.shape[len(study.shape) :]))[order]

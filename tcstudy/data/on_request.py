@@ -1,7 +1,8 @@
 """What a result file has beside the usual numbers, because `output` asks for it: probes, reactions, θ by edge, stress.
 
 Names: `probe_<name>_u_x`, `_u_y`, `_theta`, `_sigma_xx`, `_sigma_yy`, `_sigma_xy` and on a contact edge `_u_T`;
-`reaction_<edge>_x`, `_y`; `theta_mean_<edge>`; `von_mises_max` with `von_mises_x` and `von_mises_y`. Derivatives, which
+`reaction_<edge>_x`, `_y`; `force_<edge>_x`, `_y`, `work_<edge>`; `section_force_max`, `section_force_at` and along the
+contact line `section_force`; `theta_mean_<edge>`; `von_mises_max` with `von_mises_x`, `von_mises_y`. Derivatives, which
 are asked for likewise, are `sensitivity_<quantity>_<number>`: ∂quantity/∂number at the solution of the point and level,
 the number's dots written as `_`, as in `sensitivity_friction_resultant_friction_delta`. They belong to the solution
 found while its nodes keep their pieces of b: at an event, where derivatives of two sides differ, they are missing, and
@@ -14,8 +15,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from tcstudy.data.schema import POINT_LEVEL, SWEEP, FileVariable, count, flags, result
-from tcstudy.scene.records import Clamped, Contact
+from tcstudy.data.schema import POINT_LEVEL, SECTION, SWEEP, FileVariable, count, flags, result
+from tcstudy.scene.records import Clamped, Contact, Free
 from tcstudy.scene.study import Sensitivity, Study
 
 SENSITIVITY = "sensitivity_"
@@ -33,9 +34,27 @@ def variables(study: Study) -> tuple[FileVariable, ...]:
             result("von_mises_x", "m", "x of the largest von Mises stress", where),
             result("von_mises_y", "m", "y of the largest von Mises stress", where),
         ]
+    if "section_force" in output.quantities:
+        found += [
+            result("section_force_max", "N m-1", "largest force of a section", "with its sign, positive in tension"),
+            result("section_force_at", "m", "arc length of the largest force of a section"),
+        ]
     if output.sensitivity:
         found += derivatives(output.sensitivity)
     return tuple(found)
+
+
+def line_variables(study: Study) -> tuple[FileVariable, ...]:
+    """Those along the contact line."""
+    return (SECTION,) if "section_force" in study.output.quantities else ()
+
+
+def step_variables(study: Study) -> tuple[FileVariable, ...]:
+    """What a history has on request of every step."""
+    given = replace(study, output=replace(study.output, sensitivity=()))
+    dims = {POINT_LEVEL: (SWEEP, "step"), SECTION.dims: (SWEEP, "step", "node")}
+    own = [replace(v, dims=dims[v.dims]) for v in (*variables(given), *line_variables(study))]
+    return (*own, *step_derivatives(study.output.sensitivity))
 
 
 def _probes(study: Study) -> Iterator[FileVariable]:
@@ -57,6 +76,9 @@ def _probes(study: Study) -> Iterator[FileVariable]:
             yield result(f"{start}_u_T", "m", f"tangential displacement at {probe.name}", f"{at} of the contact line")
 
 
+_PER = "per unit thickness"
+
+
 def _of_edges(study: Study) -> Iterator[FileVariable]:
     wanted = study.output.quantities
     for name, role in study.scenes[0].boundary:
@@ -64,6 +86,10 @@ def _of_edges(study: Study) -> Iterator[FileVariable]:
             for axis in "xy":
                 what = "of the support on the body, per unit thickness; a corner counts to the first clamped edge"
                 yield result(f"reaction_{name}_{axis}", "N m-1", f"reaction of {name} in {axis}", what)
+        if "forces" in wanted and not isinstance(role, Free):
+            for axis in "xy":
+                yield result(f"force_{name}_{axis}", "N m-1", f"force of {name} in {axis}", f"on the body, {_PER}")
+            yield result(f"work_{name}", "J m-1", f"work of {name}", f"its force times its displacement, {_PER}")
         if "theta_edges" in wanted:
             what = "above the stress-free state, over the edge"
             yield result(f"theta_mean_{name}", "K", f"mean temperature of {name}", what)

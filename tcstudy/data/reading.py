@@ -310,7 +310,7 @@ def axis_names(data: Any) -> list[str]:
     return [str(name) for name in data.coords if data[name].dims and set(data[name].dims) <= sweep]
 
 
-ASKED = ("probe_", "reaction_", "theta_mean_", "von_mises_")
+ASKED = ("force_", "work_", "section_force_", "probe_", "reaction_", "theta_mean_", "von_mises_")
 """How the names of numbers that `output.probes` and `output.quantities` ask for begin (data.on_request)."""
 
 

@@ -296,6 +296,12 @@ CONTACT: tuple[FileVariable, ...] = (
     ),
 )
 
+SECTION = FileVariable(
+    *("section_force", "f8", "N m-1", "force of the section", (SWEEP, "node")),
+    extra=JUDGED + _AT_NODE,
+    comment="of the whole body across the line at the node, positive in tension",
+)
+
 _END = ("held_end",)
 _AT_END = (("coordinates", "held_arclength held_x held_y"),)
 HELD: tuple[FileVariable, ...] = (
@@ -366,7 +372,7 @@ tcstudy.offline.level). A record hands them over as fields, LIVE_PREFIX before t
 LIVE_PREFIX = "live_"
 
 _POINTS = (*ROOT, *REGIONS, *EVERY, *SOLVERS, *ESTIMATES, *GUARANTEED)
-_ALL = (*_POINTS, *SOLUTION, *CONTACT, *HELD, *JOINTS, *MESH, REGION, *FIELDS)
+_ALL = (*_POINTS, *SOLUTION, *CONTACT, SECTION, *HELD, *JOINTS, *MESH, REGION, *FIELDS)
 RESERVED = frozenset(name for v in _ALL for name in (v.name, *v.dims)) | {*_GOAL_NAMES, "geometry", "mesh", POINT}
 """Names of the file that no swept parameter may take; see `tcstudy.data.writer`."""
 

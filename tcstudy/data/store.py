@@ -18,6 +18,7 @@ import numpy as np
 
 from tcstudy.data import schema
 from tcstudy.data.files import StoreError, write_dataset
+from tcstudy.data.on_request import line_variables, variables
 from tcstudy.data.provenance import CONTENT, Kind, Provenance, global_attributes, kind_of, without_paths
 from tcstudy.data.reading import attributes
 from tcstudy.data.records import BlockRecord, LevelRecord
@@ -117,8 +118,6 @@ def root_variables(study: Study) -> tuple[FileVariable, ...]:
     if study.mesh.estimates:
         found += schema.ESTIMATES + schema.goal_variables(study.mesh.goal, study.exact is not None)
     if study.output.asks:
-        from tcstudy.data.on_request import variables  # only for a study that asks for more
-
         found += variables(study)
     return found
 
@@ -176,8 +175,9 @@ class _Part:
             _take_numbers(self.arrays, block, rows, at)
         elif block.u_T is not None:
             known = ~np.isnan(block.u_T[rows]).any(axis=1)
-            for name, line in (("u_T", block.u_T), ("xi", block.xi), ("sticks", block.sticks)):
-                if line is not None:
+            along = {"u_T": block.u_T, "xi": block.xi, "sticks": block.sticks} | block.numbers
+            for name in self.arrays:
+                if (line := along.get(name)) is not None:
                     self.arrays[name][at[known]] = line[rows[known]]
 
     def write(self) -> None:
@@ -232,7 +232,8 @@ def fill(nc: netCDF4.Dataset, study: Study, levels: Sequence[LevelRecord], recor
     groups: dict[int, netCDF4.Group] = {}
     for level in levels:
         group = groups[level.level] = _make_group(nc, study, level)
-        left += _parts(group, level.level, study, schema.CONTACT, {"node": level.n_contact})
+        along = (*schema.CONTACT, *line_variables(study))
+        left += _parts(group, level.level, study, along, {"node": level.n_contact})
 
     solutions: dict[int, dict[int, Arrays]] = {number: {} for number in groups}
     count = np.zeros(len(PointStatus), dtype=np.intp)
@@ -277,6 +278,8 @@ def _take_numbers(arrays: Arrays, block: BlockRecord, rows: Places, at: Places) 
     arrays["status"][at, block.level] = block.status[rows]
     arrays["reason"][at, block.level] = words[rows]
     for name, values in block.numbers.items():
+        if name == schema.SECTION.name:  # along the contact line
+            continue
         array, found = arrays[name][:, block.level], values[rows]
         if array.dtype.kind != "f":
             # NaN stands for missing: of several values of a point each for itself, a single one leaves what is there

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data import schema
+from tcstudy.data.on_request import line_variables
 from tcstudy.data.reading import reading
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import MISSING_COUNT, PointStatus
@@ -104,6 +105,7 @@ def read_blocks(path: Path, study: Study, places: Places, wanted: NDArray[np.boo
                     continue
                 words = _flat(nc["reason"][(*cut, level)], 0)
                 more = {v.name: _number(nc[v.name], cut, level)[rows] for v in own}
+                more |= {v.name: _flat(group[v.name][cut], 1)[rows] for v in line_variables(study) if group is not None}
                 yield BlockRecord(
                     number=number,
                     level=level,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,8 @@ from numpy.typing import NDArray
 from tcstudy.fem.estimators import own_strain, stress_of
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Level
+from tcstudy.offline.line_numbers import EQUAL
+from tcstudy.offline.section_forces import edge_forces, section_force
 from tcstudy.scene.records import Clamped, Contact, Scene
 from tcstudy.scene.study import OutputPlan, Probe
 
@@ -39,9 +42,9 @@ class RequestedOutputs:
         """The triangle of every probe, and the barycentric coordinates in it."""
         return {probe: _place(self._triangles, np.array(probe.at)) for probe in self.output.probes}
 
-    def of(self, scene: Scene, u_T: Array) -> dict[str, float]:
-        """The numbers by variable name (data.on_request) at a solution u_T (m,) of a scene."""
-        level, wanted, mesh, found = self.level, self.output.quantities, self.level.mesh, dict[str, float]()
+    def of(self, scene: Scene, u_T: Array) -> dict[str, Any]:
+        """The numbers by variable name (data.on_request) at a solution u_T (m,) of a scene; N is (m,)."""
+        level, wanted, mesh, found = self.level, self.output.quantities, self.level.mesh, dict[str, Any]()
         u, warm = level.displacement(scene, u_T), scene.material.expands
         theta = level.temperature(scene).theta if warm else np.zeros(mesh.n_points)
         if self.output.probes or "von_mises" in wanted:
@@ -54,6 +57,19 @@ class RequestedOutputs:
                 found |= {"von_mises_max": float(size[worst]), "von_mises_x": float(x), "von_mises_y": float(y)}
         if "reactions" in wanted:
             found |= self._reactions(scene, u)
+        if "forces" in wanted:
+            for name, force in edge_forces(level, scene, u).items():
+                x, y = force.reshape(2, -1).sum(axis=1)
+                found |= {f"force_{name}_x": float(x), f"force_{name}_y": float(y), f"work_{name}": float(force @ u)}
+        if "section_force" in wanted and (section := section_force(level, scene, u, u_T)):
+            N, at = section
+            most = int(np.argmax(np.abs(N) >= (1.0 - EQUAL) * np.abs(N).max()))
+            free = np.append(level.line.unknowns[:, 0], level.line.unknowns[-1, 1]) >= 0
+            found |= {
+                "section_force_max": float(N[most]),
+                "section_force_at": float(at[most]),
+                "section_force": N[free],
+            }
         for name, _ in scene.boundary if "theta_edges" in wanted and warm else ():
             ends = mesh.segments[mesh.on(name)]
             length = np.hypot(*(mesh.points[ends[:, 1]] - mesh.points[ends[:, 0]]).T)

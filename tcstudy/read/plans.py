@@ -39,6 +39,8 @@ IN_SWEEP = ("tolerance", "of", "max_levels", "known")
 """Keys that h: {tolerance: …} of a sweep may hold."""
 NEAR = 1e-6
 """Distance from an edge that counts as on it, over the size of the body."""
+STRAIGHT = 1e-9
+"""Sine of the angle up to which two edges have one direction."""
 SINGLE = ("levels", "family", "tolerance", "max_levels", "grading", "marking", "max_dofs")
 """Keys of `mesh` that a list of sizes has no use for."""
 OF_MESH = ("maxh", "levels", "max_levels", "family", "goal", "of", "known")
@@ -172,8 +174,26 @@ def read_output(ctx: Context, root: Node, body: Body | None, scenes: Sequence[Sc
         if text and (path.name in ("", "..") or text.endswith("/") or text.startswith("~")):
             ctx.errors.at(where, f"{where.brief()!r} names no file", "write a name such as results/study.nc")
         given["path"] = path
+    if (node := fields["quantities"]) and "section_force" in (given["quantities"] or ()):
+        _check_section(ctx, node, body, scenes)
     ctx.sound()
     return OutputPlan(**given, probes=_probes(ctx, fields["probes"], body, scenes))
+
+
+def _check_section(ctx: Context, node: Node, body: Body | None, scenes: Sequence[Scene]) -> None:
+    """Sections are cut across one straight contact line; that of a body from a file shows on its mesh."""
+    if body is None or body.outline is None or not scenes:
+        return
+    names = scenes[0].edges(Contact)
+    edges = [edge for edge in body.edges if edge.name in names]
+    along = np.array(
+        [np.subtract(edge.end, edge.start) / np.hypot(*np.subtract(edge.end, edge.start)) for edge in edges]
+    )
+    bends = any(edge.through for edge in edges) or np.abs(along @ [along[0, 1], -along[0, 0]]).max() > STRAIGHT
+    gaps = len({edge.start for edge in edges} - {edge.end for edge in edges}) > 1
+    if bends or gaps:
+        what = f"section_force: the contact line {'is not straight' if bends else 'has several parts'}"
+        ctx.errors.at(node, f"{what}, and no one section lies across it", "remove it; forces gives those of edges")
 
 
 def _probes(ctx: Context, node: Node | None, body: Body | None, scenes: Sequence[Scene]) -> tuple[Probe, ...]:

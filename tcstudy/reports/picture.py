@@ -34,6 +34,7 @@ class LineFields:
     edge:   (m,) index into edge_names;  joints: the nodes where one of them ends and another begins
     u_T:    (m,) tangential displacement [length_units];  xi: (m,) traction ξ = −S_T [traction_units]
     sticks: (m,) nodes that rest on an up-jump of the law
+    section: (m,) force of the section at every node, and its units, if it was asked for
     """
 
     arclength: Array
@@ -48,6 +49,7 @@ class LineFields:
     length_units: str
     traction_units: str
     joints: Joints = NO_JOINTS
+    section: tuple[Array, str] | None = None
 
     @property
     def parts(self) -> list[slice]:
@@ -224,7 +226,9 @@ def contact_line(group: Any) -> LineFields:
 
 def _line(group: Any) -> LineFields:
     values = {name: group[name].values for name in ("u_T", "xi")}
-    return replace(contact_line(group), **values, sticks=group["sticks"].values == STICKS)
+    N = group.get("section_force")
+    section = None if N is None or np.isnan(N.values).any() else (N.values, str(N.attrs["units"]))
+    return replace(contact_line(group), **values, sticks=group["sticks"].values == STICKS, section=section)
 
 
 def body_fields(group: Any) -> BodyFields | None:

@@ -193,6 +193,15 @@ class HistoryPlan:
                 for j in range(1, line.count + 1):
                     yield before, before + 1, j / line.count, line.name if j == line.count else "", cycle + 1
 
+    def loads(self) -> list[dict[Keys, float]]:
+        """Those of every step, step 0 included."""
+        at = self.stations()
+        found = [at[0]]
+        for i, j, share, *_ in self.schedule():
+            between = {keys: at[i][keys] + share * (at[j][keys] - at[i][keys]) for keys in at[i]}
+            found.append(at[i] if share == 0.0 else at[j] if share == 1.0 else between)
+        return found
+
 
 HISTORY = (
     Key(

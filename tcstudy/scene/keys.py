@@ -36,7 +36,7 @@ _MOST_LEVELS = max(family.max_levels for family in FAMILIES.values())
 _MESH, _SOLVER = MeshPlan((), 1), SolverPlan()
 _PATH = {name: field.default for name, field in PathPlan.__dataclass_fields__.items()}
 _STRENGTH = Key("strength", "field", "factor of the law, 0 in a gap of the bond", default=1.0, example="1", swept=True)
-_QUANTITIES = ("reactions", "theta_edges", "von_mises")
+_QUANTITIES = ("forces", "reactions", "section_force", "theta_edges", "von_mises")
 _HOLE = ("circle", "rectangle", "outline")
 _WIDTH = Key("width", "number", "in x", u.LENGTH, "50 mm", required=True, above=0.0)
 _HEIGHT = Key("height", "number", "in y", u.LENGTH, "20 mm", required=True, above=0.0)

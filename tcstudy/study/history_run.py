@@ -26,6 +26,7 @@ from tcstudy.contact.history.problem import HistoryStep
 from tcstudy.contact.history.steps import history
 from tcstudy.data.history_store import HistoryRecord, read_known, steps_done, write_history
 from tcstudy.data.journal import Journal
+from tcstudy.data.on_request import step_variables
 from tcstudy.data.provenance import collect, study_sha256, tell
 from tcstudy.data.records import PointStatus
 from tcstudy.data.tables import NODES, STEPS
@@ -37,6 +38,7 @@ from tcstudy.offline.level import Level
 from tcstudy.offline.line_numbers import region_lengths
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.histories import UnfitLaw
+from tcstudy.scene.parameters import loaded_scene
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 from tcstudy.study.append import differences
@@ -101,7 +103,7 @@ def execute_history(
         clock = time.perf_counter()
         level = _level(study)
         built = time.perf_counter() - clock
-        line, asked = level_record(study, level.mesh, level), study.output.sensitivity
+        line, asked = level_record(study, level.mesh, level), step_variables(study)
         record = known or HistoryRecord.empty(len(study.scenes), plan.steps + 1, level.line.m, asked)
         with Journal.open(output, study) as journal:
             tell(journal.warnings)
@@ -221,7 +223,7 @@ def follow_point(study: Study, key: str, known: HistoryRecord | None) -> History
         _kept.clear()
         _kept[key] = _level(study)
     level = _kept[key]
-    record = known or HistoryRecord.empty(1, study.history.steps + 1, level.line.m, study.output.sensitivity)
+    record = known or HistoryRecord.empty(1, study.history.steps + 1, level.line.m, step_variables(study))
     for _ in _follow(study, level, study.scenes[1], record, 0):
         pass
     return record
@@ -249,6 +251,11 @@ def _of_point(study: Study, level: Level, scene: Scene, record: HistoryRecord, p
     record.lambda_1_error[point] = problem.A_error
     laws = row_laws([problem.law], np.ones(1))
     beside = np.full((1, np.count_nonzero(level.line.unknowns < 0)), np.nan)
+    output, requested = study.output, None
+    if output.probes or output.quantities:
+        from tcstudy.offline.requested_outputs import RequestedOutputs  # only for a study that asks for more
+
+        requested, values = RequestedOutputs(level, output), study.history.loads()
     first = int(steps_done(record)[point])
     start = None if first == 0 else _state(record, point, first - 1, loads[first - 1])
     slopes: Iterator[dict[str, float]] | None = None
@@ -258,6 +265,9 @@ def _of_point(study: Study, level: Level, scene: Scene, record: HistoryRecord, p
         _put(record, point, n, step, problem.c)
         for name, (length,) in region_lengths(level, laws, step.kappa[None], beside).items():
             record.values[name][point, n] = length
+        if requested is not None and step.solved:
+            for name, value in requested.of(loaded_scene(scene, values[n]), step.v).items():
+                record.values[name][point, n] = value
         for name, value in next(slopes).items() if slopes and step.solved else ():
             getattr(record, name)[point, n] = value
         yield n

@@ -177,13 +177,13 @@ class LevelSolver:
         return ErrorBounds(self.level)
 
     @cached_property
-    def _requested(self) -> list[Callable[[Scene, Array], dict[str, float]]]:
+    def _requested(self) -> list[Callable[[Scene, Array], dict[str, Any]]]:
         """What gives the numbers on request of a scene and its u_T (m,), by variable name."""
         from tcstudy.offline.requested_outputs import RequestedOutputs  # only for a study that asks for more
         from tcstudy.study.sensitivities import of_point
 
         output = self.study.output
-        found: list[Callable[[Scene, Array], dict[str, float]]] = []
+        found: list[Callable[[Scene, Array], dict[str, Any]]] = []
         if output.probes or output.quantities:
             found.append(RequestedOutputs(self.level, output).of)
         if output.sensitivity:
@@ -200,7 +200,7 @@ class LevelSolver:
         numbers = dict(record.numbers) | {name: np.full(len(record), np.nan) for name in names}
         fields, status, reasons = dict(record.fields), record.status.copy(), dict(record.reasons)
         for row in np.flatnonzero(record.status == PointStatus.OK).tolist():
-            scene, v, found = self.study.scenes[int(record.points[row])], record.u_T[row], dict[str, float]()
+            scene, v, found = self.study.scenes[int(record.points[row])], record.u_T[row], dict[str, Any]()
             if self.estimator is not None:
                 clock = time.perf_counter()
                 found = self.estimator.look(record.index(row), scene, v)
@@ -218,7 +218,7 @@ class LevelSolver:
                 status[row], reasons[row] = PointStatus.ERROR, reason
                 found = {name: value for name, value in found.items() if name not in names}
             for name, value in found.items():
-                numbers.setdefault(name, np.full(len(record), np.nan))[row] = value
+                numbers.setdefault(name, np.full((len(record), *np.shape(value)), np.nan))[row] = value
         return replace(record, status=status, reasons=reasons, numbers=numbers, fields=fields)
 
 

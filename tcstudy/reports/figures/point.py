@@ -1,4 +1,4 @@
-"""The picture of one sweep point of a result file: the body, and below it u_T and ξ = −S_T along the contact line."""
+"""The picture of one sweep point of a result file: the body, and below it u_T, ξ = −S_T, N along the contact line."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ def point_figure(picture: Picture, look: style.Look) -> Figure:
     line, body = picture.line, picture.body
     width = (look.size[0] / (look.letters / style.USUAL) if look.size else style.WIDTH) - BESIDE
     shape = drawn(body, line.length_units, width, BODY) if body else None
-    rows, heights = [["upper"], ["lower"]], [PANEL, PANEL]
+    below = ["upper", "lower", *(["section"] if line.section else [])]
+    rows, heights = [[name] for name in below], [PANEL] * len(below)
     if shape:
         rows, heights = [["body"], *rows], [shape.height, *heights]
     mesh = [
@@ -39,13 +40,13 @@ def point_figure(picture: Picture, look: style.Look) -> Figure:
         f"inclusion residual {number(picture.residual, 2)}",
     ]
     sheet = Sheet(look, picture.title, [style.point_words(picture.point), ",  ".join(mesh)], rows, heights)
-    below = shape is not None and origin_below(line) is not None
-    along = _draw_line(sheet, picture, width, below)
+    aligned = shape is not None and origin_below(line) is not None
+    along = _draw_line(sheet, picture, width, aligned)
     if shape:
         draw_body(sheet, sheet.panels["body"], picture, shape)
     figure = sheet.finish()
-    if shape and below:  # the body has the width of its panel now
-        for name in ("upper", "lower"):
+    if shape and aligned:  # the body has the width of its panel now
+        for name in below:
             sheet.panels[name].set_xlim(*window_below(line, sheet.panels["body"].get_xlim(), shape, along.one))
     return figure
 
@@ -81,7 +82,12 @@ def _draw_line(sheet: Sheet, picture: Picture, width: float, wider: bool) -> Sca
     s = scale(f"arclength s along {along}", [length], line.length_units)
     upper = Panel(s, scale("$u_T$", line.u_T, line.length_units), f"Contact line: {stick_text(line)}")
     lower = Panel(s, scale(r"$\xi = -S_T$", line.xi, line.traction_units))
-    for panel, values in ((upper, line.u_T), (lower, line.xi)):
+    panels = {"upper": (upper, line.u_T), "lower": (lower, line.xi)}
+    if line.section:
+        N, units = line.section
+        panels["section"] = Panel(s, scale("$N$", N, units), "Force of the section, positive in tension"), N
+        panels["section"][0].line(line.arclength, N, color=style.GREEN, linewidth=1.5)
+    for panel, values in panels.values():
         for start, end in stick_ranges(line):
             panel.shade(start, end)
         panel.across(0.0, color=style.PALE, zorder=1)
@@ -97,7 +103,7 @@ def _draw_line(sheet: Sheet, picture: Picture, width: float, wider: bool) -> Sca
         lower.line(np.repeat(ends, 2)[1:-1], np.repeat(line.xi[nodes], 2), color=style.VERMILLION, linewidth=1.5)
         _draw_held(upper, held, at, line.u_T)
     _name_edges(upper, lower, line, width)
-    for name, panel, values in (("upper", upper, line.u_T), ("lower", lower, line.xi)):
+    for name, (panel, values) in panels.items():
         axes = sheet.panels[name]
         panel.draw(axes)
         if wider:
@@ -106,8 +112,9 @@ def _draw_line(sheet: Sheet, picture: Picture, width: float, wider: bool) -> Sca
             axes.spines["bottom"].set_bounds(0.0, length / s.one)
         if not np.any(values):  # a scale around nothing but zero would mean nothing
             axes.set_yticks([0.0])
-    sheet.panels["upper"].tick_params(labelbottom=False)
-    sheet.panels["upper"].set_xlabel("")
+    for name in list(panels)[:-1]:
+        sheet.panels[name].tick_params(labelbottom=False)
+        sheet.panels[name].set_xlabel("")
     return s
 
 

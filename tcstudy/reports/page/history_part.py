@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.reading import by_point, each_point
+from tcstudy.data.reading import asked, by_point, each_point
 from tcstudy.data.records import PointStatus
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.point_part import geometry, shape
@@ -51,7 +51,9 @@ def history_content(stored: Stored, without: tuple[str, ...], box: Container) ->
         "loads": [_column(data, name, data[name].values.tolist()) for name in loads],
         "names": [str(one) for one in data["step_name"].values],
         "cycle": data["cycle"].values.tolist(),
-        "numbers": [_column(data, name, box.array(flat(name), kind)) for name in NUMBERS if name in data],
+        "numbers": [
+            _column(data, name, box.array(flat(name), kind)) for name in (*NUMBERS, *asked(data)) if name in data
+        ],
         "flags": {name: box.array(flat(name), "i1") for name in FLAGS if name in data},
         "changes": [change.words for change in changes],
         "moves": list(MOVES),

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.reading import each_point
+from tcstudy.data.reading import asked, each_point
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import load_root
 from tcstudy.reports.select_point import describe
@@ -102,6 +102,7 @@ def _table(part: Any, all_cycles: bool) -> str:
     for name in ("dissipated", "released"):
         columns[name] = np.array([_read(part[name].values, spent)[starts[i] : i + 1].sum() for i in listed])
     closure = np.array([_read(part["closure"].values, spent)[starts[i] : i + 1].sum() for i in listed])
+    columns |= {name: part[name].values[listed] for name in asked(part)}
     units = {"max |u_T|": "u_T_max", "∫ξ": "friction_resultant"}
     header, cells = ["step", "cycle"], [[str(names[i]) for i in listed], [str(cycle[i]) for i in listed]]
     for name, values in columns.items():

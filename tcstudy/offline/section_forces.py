@@ -1,0 +1,75 @@
+"""Forces of a solved scene by equilibrium: of every edge on the body, with its work, and of sections along Γ_C.
+
+Edges:    what loads, springs and supports of an edge do at its nodes: g, p, resultants, −S_e u, and r = Au + Su − l_θ
+          where the edge holds or touches the body; their sum with ∫f is 0 to rounding. Work: force times displacement.
+Sections: N(s), positive in tension, is −Σ_{s_j < s} F_j·t of all forces F_j on the nodes before the section across Γ_C
+          at s. Of a segment the mean over its sections is taken, which is exact for nodal forces of P1: l(φt), φ = 1
+          before it, 0 behind it and linear on it, is a(u, φt) but for rounding. Friction adds ∫ξ/c over the cells S_i,
+          so that N(s) between the middles of segments is exact where the line carries no other load.
+Left out: layers, each alone, as what passes between them is known from P1 stresses alone; lines that bend.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.offline.level import Level
+from tcstudy.offline.loads import mechanical_terms
+from tcstudy.scene.records import Clamped, Contact, Free, Scene
+
+Array = NDArray[np.float64]
+STRAIGHT = 1e-9
+"""Sine of the angle up to which two segments of the contact line have one direction."""
+
+
+def edge_forces(level: Level, scene: Scene, u: Array) -> dict[str, Array]:
+    """(2n,) force of every edge on the nodes in x and y, without those of free edges [N/m]; u (2n,) [m]
+
+    A node where two edges hold the body counts to the first, clamped before contact.
+    """
+    mesh, taken = level.mesh, np.zeros(level.mesh.n_points, dtype=bool)
+    rest, found = level.reactions(scene, u).reshape(2, -1), dict[str, Array]()
+    acting = [(name, role) for name, role in scene.boundary if not isinstance(role, Free)]
+    for name, role in sorted(acting, key=lambda item: not isinstance(item[1], Clamped)):
+        force = np.zeros((2, mesh.n_points))
+        if isinstance(role, Clamped | Contact):
+            nodes = mesh.nodes_on(name)
+            nodes = nodes[~taken[nodes]]
+            taken[nodes], force[:, nodes] = True, rest[:, nodes]
+        own = sum((factor * level.vector(load) for load, factor in mechanical_terms((0.0, 0.0), ((name, role),))), 0.0)
+        own = own - level.forces(u, (), ((name, *role.spring),) if any(role.spring) else ())
+        found[name] = force.ravel() + own
+    return found
+
+
+def section_force(level: Level, scene: Scene, u: Array, u_T: Array) -> tuple[Array, Array] | None:
+    """N at the nodes of Γ_C, held ones included (s + 1,) [N/m], and their arc lengths [m]; None for a line that bends.
+
+    u: (2n,) displacement in x and y;  u_T: (m,) [m]
+    """
+    line, mesh, h = level.line, level.mesh, level.line.lengths
+    along = (line.ends[:, 1] - line.ends[:, 0]) / h[:, None]
+    chain = np.array_equal(line.segments[1:, 0], line.segments[:-1, 1])
+    if not chain or np.abs(along @ [along[0, 1], -along[0, 0]]).max() > STRAIGHT:
+        return None
+    xi, at = level.condensed(scene).problem.xi(u_T), np.concatenate([[0.0], np.cumsum(h)])
+    total = np.zeros(2 * mesh.n_points)
+    for one in edge_forces(level, scene, u).values():
+        total += one
+    for load, factor in mechanical_terms(scene.f, ()):
+        total += factor * level.vector(load)
+    force = along[0] @ total.reshape(2, -1)
+    force[line.nodes] += xi  # friction acts along the cells
+    s = (mesh.points - line.ends[0, 0]) @ along[0]
+    k = np.clip(np.searchsorted(at, s, side="right") - 1, 0, len(h) - 1)
+    share = np.clip((at[k + 1] - s) / h[k], 0.0, 1.0)
+    before = np.cumsum(np.bincount(k, force, len(h))) - np.bincount(k, force, len(h))
+    rest = -before - np.bincount(k, force * share, len(h))  # between the ends of every segment
+    middle = 0.5 * (at[1:] + at[:-1])
+    if len(h) > 1:  # at the ends of the line it goes on as it begins
+        slopes = (np.diff(rest) / np.diff(middle))[[0, -1]]
+        rest = np.concatenate([[rest[0] - slopes[0] * middle[0]], rest, [rest[-1] + slopes[1] * (at[-1] - middle[-1])]])
+        middle = np.concatenate([[0.0], middle, at[-1:]])
+    density = (xi / line.c)[np.where(line.unknowns < 0, line.unknowns[:, ::-1], line.unknowns)]
+    return np.interp(at, middle, rest) + np.concatenate([[0.0], np.cumsum(0.5 * h * density.sum(axis=1))]), at
