@@ -232,7 +232,7 @@ def fill(nc: netCDF4.Dataset, study: Study, levels: Sequence[LevelRecord], recor
     groups: dict[int, netCDF4.Group] = {}
     for level in levels:
         group = groups[level.level] = _make_group(nc, study, level)
-        along = (*schema.CONTACT, *line_variables(study))
+        along = (*schema.CONTACT, *(line_variables(study) if study.output.asks else ()))
         left += _parts(group, level.level, study, along, {"node": level.n_contact})
 
     solutions: dict[int, dict[int, Arrays]] = {number: {} for number in groups}
