@@ -2,40 +2,30 @@
 
 from __future__ import annotations
 
-import pickle
-
 import numpy as np
 import pytest
-import scipy.sparse as sp
 
 from tcstudy.condense import NotPositiveDefinite, condense
 from tests.condense.meshes import elasticity, heat, plate
 from tests.condense.test_condensation import rolled_plate
 
 
-@pytest.mark.parametrize("n", [2, 5, 13, 40, 90])
-@pytest.mark.parametrize("seed", [None, 1, 2, 3])
-def test_a_floating_body_is_refused(n, seed):
+@pytest.mark.parametrize("scale", [1e-30, 1.0])
+@pytest.mark.parametrize(("n", "seed"), [(2, None), (5, 1), (13, 2), (40, 3)])
+def test_a_floating_body_is_refused(n, seed, scale):
     """In floating point the zero eigenvalues of the rigid motions come out as tiny numbers of either sign."""
     mesh = plate(n, seed=seed)
+    rolls = np.concatenate([np.ones(len(mesh.points), dtype=bool), mesh.points[:, 1] > 0])
+    with pytest.raises(NotPositiveDefinite):  # it still slides in x
+        condense(scale * elasticity(mesh), scale * mesh.points, [], rolls, 2)
     everything = np.ones(2 * len(mesh.points), dtype=bool)
     with pytest.raises(NotPositiveDefinite, match="not held"):
-        condense(elasticity(mesh), mesh.points, [], everything, 2)
+        condense(scale * elasticity(mesh), mesh.points, [], everything, 2)
     with pytest.raises(NotPositiveDefinite, match="not held"):
         condense(heat(mesh), mesh.points, [], everything[: len(mesh.points)], 1)
 
 
-@pytest.mark.parametrize("scale", [1e-30, 1e11])
-@pytest.mark.parametrize("seed", range(6))
-def test_one_rigid_motion_left_is_refused_in_any_unit(scale, seed):
-    """On rollers at y = 0 the body still slides in x."""
-    mesh = plate(25, seed=seed)
-    free = np.concatenate([np.ones(len(mesh.points), dtype=bool), mesh.points[:, 1] > 0])
-    with pytest.raises(NotPositiveDefinite):
-        condense(scale * elasticity(mesh), scale * mesh.points, [], free, 2)
-
-
-@pytest.mark.parametrize("n", [5, 20, 30])
+@pytest.mark.parametrize("n", [5, 20])
 def test_rotation_about_a_held_node_is_refused(n):
     """The last pivots may all be large then: the last unknown hardly moves in a rotation about a node near it."""
     mesh = plate(n, seed=1)
@@ -48,20 +38,7 @@ def test_rotation_about_a_held_node_is_refused(n):
             condense(A, mesh.points, [], free, 2)
 
 
-def test_a_part_that_nothing_holds_is_refused():
-    """A clamped plate beside a floating one."""
-    mesh = plate(8)
-    A, keep_none = elasticity(mesh), np.zeros(0, dtype=int)
-    nv = len(mesh.points)
-    blocks = [[A[r * nv : (r + 1) * nv, s * nv : (s + 1) * nv] for s in range(2)] for r in range(2)]
-    joined = sp.block_array([[sp.block_diag([b, b]) for b in row] for row in blocks]).tocsr()
-    points = np.concatenate([mesh.points, mesh.points + np.array([3.0, 0.0])])
-    free = np.tile(points[:, 0] > 0, 2)
-    with pytest.raises(NotPositiveDefinite):
-        condense(joined, points, keep_none, free, 2)
-
-
-@pytest.mark.parametrize("slender", [30, 300, 1000])
+@pytest.mark.parametrize("slender", [30, 300])
 def test_a_slender_but_held_body_is_accepted(slender):
     """The smallest eigenvalue falls as (height/length)⁴: badly conditioned, but not singular."""
     mesh = plate(4)
@@ -78,14 +55,6 @@ def test_a_slender_but_held_body_is_accepted(slender):
     u = condense(A, points, [], free, 2).expand(np.zeros(0), F)
     residual = (A @ u - F)[free]
     assert np.max(np.abs(residual)) < 1e-13 * np.max(np.abs(A.data)) * np.max(np.abs(u))
-
-
-@pytest.mark.parametrize("poisson", [0.6, 1.2])
-def test_impossible_poisson_ratio_is_refused(poisson):
-    mesh = plate(8, seed=1)
-    _, points, keep, free, components = rolled_plate(mesh)
-    with pytest.raises(NotPositiveDefinite, match="Poisson"):
-        condense(elasticity(mesh, poisson), points, keep, free, components)
 
 
 def test_body_that_slides_along_its_contact_condenses_but_is_not_definite():
@@ -105,12 +74,3 @@ def test_entries_that_are_not_finite_are_refused(value):
     A.data[len(A.data) // 2] = value
     with pytest.raises(ValueError, match="not finite"):
         condense(A, points, keep, free, components)
-
-
-def test_the_error_survives_the_way_back_from_a_worker_process():
-    mesh = plate(2)
-    with pytest.raises(NotPositiveDefinite) as caught:
-        condense(heat(mesh), mesh.points, [], np.ones(len(mesh.points), dtype=bool), 1)
-    again = pickle.loads(pickle.dumps(caught.value))
-    assert type(again) is NotPositiveDefinite
-    assert str(again) == str(caught.value)

@@ -1,64 +1,33 @@
-"""The dense work: one BLAS thread, a factor that is kept or not, and a plan that another matrix takes over."""
+"""What matrices share: the order of elimination, and fronts of what does not differ."""
 
 from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from threadpoolctl import threadpool_info, threadpool_limits
 
 from tcstudy.condense import condense, multifrontal
 from tests.condense.meshes import elasticity, plate
-from tests.condense.test_condensation import MESHES, on, rolled_plate
+from tests.condense.test_condensation import MESHES, rolled_plate
 
 
-def blas_threads() -> set[int]:
-    return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
-
-
-def test_fronts_are_factorised_with_one_thread(monkeypatch):
-    seen: list[set[int]] = []
-    factorise = multifrontal._factorise
-
-    def spy(blocks):
-        seen.append(blas_threads())
-        return factorise(blocks)
-
-    monkeypatch.setattr(multifrontal, "_factorise", spy)
-    with threadpool_limits(limits=2, user_api="blas"):
-        before = blas_threads()
-        condense(*rolled_plate(plate(6)))
-        assert blas_threads() == before
-    assert seen
-    assert all(threads == {1} for threads in seen)
-    assert before == {2}
-
-
-def test_another_matrix_takes_over_the_order_of_elimination():
-    """The plan of one material serves another, bit for bit the same; other unknowns get a plan of their own."""
+def test_a_plan_serves_other_matrices_of_the_same_pattern_and_unknowns_alone():
+    """Bit for bit the same as with a plan of their own, which others get."""
     mesh = MESHES["irregular"]
     A, points, keep, free, components = rolled_plate(mesh)
     first = condense(A, points, keep, free, components)
     other = elasticity(mesh, poisson=0.1)
     again = condense(other, points, keep, free, components, plan=first.plan)
-    assert np.array_equal(again.A_tilde, condense(other, points, keep, free, components).A_tilde)
-    assert not np.allclose(again.A_tilde, first.A_tilde)
     assert again.plan is first.plan
-    fewer = free.copy()
-    fewer[np.flatnonzero(free)[0]] = False
-    for rows in ((keep[:-1], free), (keep[::-1], free), (keep, fewer)):
-        own = condense(other, points, *rows, components, plan=first.plan)
-        assert np.array_equal(own.A_tilde, condense(other, points, *rows, components).A_tilde)
-
-
-def test_a_plan_is_not_used_for_a_matrix_of_another_pattern():
-    """Same unknowns, one more pair of entries: the layout would put numbers in the wrong places."""
-    A, points, keep, free, components = rolled_plate(MESHES["structured"])
-    plan = on((A, points, keep, free, components)).plan
-    i, j = np.flatnonzero(free)[[0, -1]]
-    more = sp.csr_matrix(A + sp.csr_matrix(([1e-3, 1e-3], ([i, j], [j, i])), shape=A.shape))
-    own = condense(more, points, keep, free, components, plan=plan)
-    assert own.plan is not plan
-    assert np.array_equal(own.A_tilde, condense(more, points, keep, free, components).A_tilde)
+    assert np.array_equal(again.A_tilde, condense(other, points, keep, free, components).A_tilde)
+    fewer, (i, j) = free.copy(), np.flatnonzero(free)[[0, -1]]
+    fewer[i] = False
+    coupled = sp.csr_matrix(A + sp.csr_matrix(([1e-3, 1e-3], ([i, j], [j, i])), shape=A.shape))
+    for matrix, *rows in (
+        (other, keep[:-1], free), (other, keep[::-1], free), (other, keep, fewer), (coupled, keep, free)
+    ):  # fmt: skip
+        own = condense(matrix, points, *rows, components, plan=first.plan)
+        assert own.plan is not first.plan
+        assert np.array_equal(own.A_tilde, condense(matrix, points, *rows, components).A_tilde)
 
 
 def test_matrices_that_differ_in_some_rows_share_the_other_fronts(monkeypatch):
