@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import BEND, DOWN, UP, GrowthError
@@ -53,35 +51,22 @@ CASES: list[tuple[str, dict[str, Any], Callable[[float], float]]] = [
         lambda s: 2 - 2 * s if s < 0.5 else 1.5 - 2.5 * (s - 0.5) if s < 1 else 0.25 + 0.5 * (s - 1),
     ),
 ]
-IDS = [f"{name}-{i}" for i, (name, _, _) in enumerate(CASES)]
 
 
-@pytest.mark.parametrize(("name", "values", "formula"), CASES, ids=IDS)
-def test_shapes_follow_their_formulas(name: str, values: dict[str, Any], formula: Callable[[float], float]) -> None:
-    law = build(name, **values)
-    reach = 3 * float(law.kinks.max(initial=0.0)) or 1.0
-    slips = np.random.default_rng(1).uniform(0, reach, 500)
-    expected = np.array([formula(float(s)) for s in slips])
-    scale = np.abs(expected).max()
-    np.testing.assert_allclose(law.b(slips), expected, rtol=1e-13, atol=1e-13 * scale)
-    np.testing.assert_allclose(law.b(-slips), -expected, rtol=1e-13, atol=1e-13 * scale)
-    assert law.name == name
-
-
-@pytest.mark.parametrize(("name", "values", "formula"), CASES, ids=IDS)
-def test_odd_laws_are_odd_and_their_primitives_even_to_the_bit(
+@pytest.mark.parametrize(("name", "values", "formula"), CASES, ids=[name for name, _, _ in CASES])
+def test_shapes_follow_their_formulas_and_are_odd_to_the_bit(
     name: str, values: dict[str, Any], formula: Callable[[float], float]
 ) -> None:
     law = build(name, **values)
     reach = 3 * float(law.kinks.max(initial=0.0)) or 1.0
-    slips = np.concatenate([np.random.default_rng(2).uniform(0, reach, 2000), law.kinks[law.kinks >= 0]])
-    assert np.array_equal(law.b(slips, +1), -law.b(-slips, -1))
-    assert np.array_equal(law.b(slips, -1), -law.b(-slips, +1))
+    slips = np.random.default_rng(1).uniform(0, reach, 500)
+    expected = np.array([formula(float(s)) for s in slips])
+    np.testing.assert_allclose(law.b(slips), expected, rtol=1e-13, atol=1e-13 * np.abs(expected).max())
+    slips = np.concatenate([slips, law.kinks[law.kinks >= 0]])
+    for side in (1, -1):
+        assert np.array_equal(law.b(slips, side), -law.b(-slips, -side))
     assert np.array_equal(law.j(slips), law.j(-slips))
-    low, high = law.interval(slips)
-    mirrored_low, mirrored_high = law.interval(-slips)
-    assert np.array_equal(low, -mirrored_high)
-    assert np.array_equal(high, -mirrored_low)
+    assert np.array_equal(law.interval(slips)[0], -law.interval(-slips)[1])
 
 
 def test_kinks_and_their_kinds() -> None:
@@ -96,12 +81,6 @@ def test_kinks_and_their_kinds() -> None:
     assert law.kinds.tolist() == [BEND, UP, UP, UP, BEND]
 
 
-def test_full_drop_does_not_stick() -> None:
-    law = build("saw-tooth", tau=1, delta=0.1, teeth=2, drop=1)
-    assert 0.0 not in law.kinks
-    assert [float(end) for end in law.interval(0.0)] == [0.0, 0.0]
-
-
 @pytest.mark.parametrize(
     ("name", "values", "kinks"),
     [
@@ -111,6 +90,8 @@ def test_full_drop_does_not_stick() -> None:
         ("exponential", {"a": 2, "b": 2, "delta": 1}, [0]),
         ("piecewise-linear", {"points": [[0, 0.3], [0.1, 0.2], [0.2, 0.1], [0.3, 0.0]]}, [-0.3, 0, 0.3]),
         ("piecewise-linear", {"points": [[0, 0], [1, 3], [2, 6]], "slope": 3.0}, []),
+        ("piecewise-linear", {"points": [[0, -2], [0, 2], [1, 1]]}, [-1, 0, 1]),
+        ("saw-tooth", {"tau": 1, "delta": 1, "teeth": 1, "drop": 1}, [-1, 1]),
         ("piecewise-linear", {"points": [[0, 0], [1, 1]], "odd": False, "slopes": [1.0, 1.0]}, []),
         ("piecewise-linear", {"points": [[0, 0], [1, 1], [2, 1]], "odd": False}, [0, 1]),
     ],
@@ -128,48 +109,26 @@ def test_slope_beyond_the_last_point_is_kept_exactly() -> None:
     assert law.b(1e9) == last
 
 
-def test_both_ways_to_write_the_sticking_jump_mean_the_same() -> None:
-    plain = build("piecewise-linear", points=[[0, 2], [1, 1]])
-    assert plain == build("piecewise-linear", points=[[0, 0], [0, 2], [1, 1]])
-    assert plain == build("piecewise-linear", points=[[0, -2], [0, 2], [1, 1]])
-    shape = build("slip-weakening", tau_s=2, tau_k=1, delta=1)
-    slips = np.linspace(-2, 2, 41)
-    assert np.array_equal(plain.b(slips), shape.b(slips))
-
-
 REFUSED: list[tuple[str, dict[str, Any], str, str]] = [
     ("tresca", {}, "tau", "missing"),
     ("tresca", {"tau": -1}, "tau", "at least 0"),
     ("tresca", {"tau": math.nan}, "tau", "finite"),
-    ("tresca", {"tau": math.inf}, "tau", "finite"),
     ("tresca", {"tau": 10**400}, "tau", "finite"),
     ("tresca", {"tau": "2"}, "tau", "number"),
-    ("tresca", {"tau": True}, "tau", "number"),
     ("tresca", {"tau": 1, "tua": 1}, "tua", "did you mean 'tau'"),
     ("slip-weakening", {"tau_s": 1, "tau_k": 1, "delta": 0}, "delta", "above 0"),
-    ("slip-weakening", {"tau_s": 1, "tau_k": -1, "delta": 1}, "tau_k", "at least 0"),
-    ("slip-weakening", {"tau_s": None, "tau_k": 1, "delta": 1}, "tau_s", "missing"),
-    ("exponential", {"a": 1, "b": 1, "delta": -1}, "delta", "above 0"),
-    ("exponential", {"a": 1, "b": -0.1, "delta": 1}, "b", "at least 0"),
-    ("saw-tooth", {**SAW, "teeth": 0}, "teeth", "from 1"),
     ("saw-tooth", {**SAW, "teeth": 2.5}, "teeth", "whole"),
     ("saw-tooth", {**SAW, "teeth": MAX_TEETH + 1}, "teeth", "from 1"),
     ("saw-tooth", {**SAW, "drop": 0}, "drop", "at most 1"),
-    ("saw-tooth", {**SAW, "drop": 1.1}, "drop", "at most 1"),
     ("saw-tooth", {**SAW, "decay": 1.5}, "decay", "at most 1"),
-    ("linear", {"k": -1}, "k", "at least 0"),
-    ("elastic-plastic", {"tau": 1, "s0": 0}, "s0", "above 0"),
     ("bilinear", {"tau": 1, "s0": 1}, "sf", "fracture energy"),
     ("bilinear", {"tau": 1, "s0": 1, "sf": 2, "G_f": 1}, "G_f", "one of the two"),
     ("bilinear", {"tau": 1, "s0": 1, "sf": 1}, "sf", "above s0 = 1"),
     ("bilinear", {"tau": 2, "s0": 1, "G_f": 1}, "G_f", "above 1 J/m^2"),
     ("trapezoidal", {"tau": 1, "s0": 2, "s1": 1, "sf": 3}, "s1", "above s0 = 2"),
-    ("trilinear", {"tau": 1, "s0": 1, "sf": 3, "tau_r": -1}, "tau_r", "at least 0"),
     ("piecewise-linear", {"points": []}, "points", "at least one pair"),
     ("piecewise-linear", {"points": [[0, 1, 2]]}, "points", "pair"),
     ("piecewise-linear", {"points": [0, 1]}, "points", "list"),
-    ("piecewise-linear", {"points": "0,1"}, "points", "list"),
-    ("piecewise-linear", {"points": [[0, 1], [math.nan, 2]]}, "points", "finite"),
     ("piecewise-linear", {"points": [[0, 1], [2, 1], [1, 1]]}, "points", "point 3"),
     ("piecewise-linear", {"points": [[0, 1], [1, 1], [1, 2], [1, 3]]}, "points", "three points"),
     ("piecewise-linear", {"points": [[0.5, 1]]}, "points", "start with [0, b]"),
@@ -194,7 +153,6 @@ def test_meaningless_parameters_are_refused(name: str, values: dict[str, Any], p
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"points": [[0, 1]], "slope": -0.1}, "eq. (15)"),
         ({"points": [[0, 1], [1, -0.5]]}, "eq. (15)"),
         ({"points": [[-1, 0.5], [1, 1]], "odd": False}, "−∞"),
         ({"points": [[-1, -0.5], [1, -1]], "odd": False}, "+∞"),
@@ -205,47 +163,3 @@ def test_laws_against_the_growth_conditions_are_refused(values: dict[str, Any], 
     with pytest.raises(GrowthError, match=r"eq\. \(1[56]\)") as caught:
         build("piecewise-linear", **values)
     assert words in str(caught.value)
-
-
-def test_parameters_are_described() -> None:
-    for name, shape in SHAPES.items():
-        assert shape.name == name
-        assert shape.summary
-        for parameter in shape.parameters:
-            assert parameter.meaning
-            assert parameter.kind in ("number", "integer", "law points", "flag", "numbers")
-            assert parameter.required or parameter.name in ("decay", "odd", "slope", "slopes", "sf", "G_f")
-
-
-def test_defaults_may_be_written_out() -> None:
-    assert build("saw-tooth", **{**SAW, "decay": 1.0}) == build(
-        "saw-tooth", **{k: v for k, v in SAW.items() if k != "decay"}
-    )
-    full = {"points": [[0, 1], [1, 0.5]], "odd": True, "slope": None, "slopes": None}
-    assert build("piecewise-linear", **full) == build("piecewise-linear", points=[[0, 1], [1, 0.5]])
-    assert build("piecewise-linear", **{**full, "slope": 0.0}) == build("piecewise-linear", **full)
-
-
-@settings(max_examples=150, deadline=None)
-@given(
-    st.lists(st.tuples(st.floats(0.01, 1.0), st.floats(-5, 5), st.floats(-5, 5)), min_size=1, max_size=6),
-    st.floats(0, 5),
-    st.floats(0, 3),
-)
-def test_random_polygons_pass_through_their_points(
-    steps: list[tuple[float, float, float]], start: float, slope: float
-) -> None:
-    slips = np.cumsum([step[0] for step in steps])
-    end = abs(steps[-1][2])
-    values = [(low, high) for _, low, high in steps[:-1]] + [(steps[-1][1], end)]
-    points = [[0.0, start]]
-    for s, (low, high) in zip(slips, values, strict=True):
-        points += [[float(s), low], [float(s), high]]
-    law = build("piecewise-linear", points=points, slope=slope)
-    lefts, rights = np.array(values).T
-    tolerance = 1e-9 * max(1.0, float(np.abs(points).max()))
-    np.testing.assert_allclose(law.b(slips, -1), lefts, atol=tolerance)
-    np.testing.assert_allclose(law.b(slips, +1), rights, atol=tolerance)
-    np.testing.assert_allclose(law.b(slips[-1] + 2.0), end + 2 * slope, atol=tolerance)
-    assert np.array_equal(law.b(-slips, +1), -law.b(slips, -1))
-    assert np.array_equal(law.j(-slips), law.j(slips))

@@ -13,7 +13,7 @@ from tcstudy.contact.history.memory import MemoryModel, NodeState
 from tcstudy.contact.path.chords import piecewise_linear
 from tcstudy.laws.composed import total
 from tcstudy.laws.laws import NONE, Laws
-from tcstudy.laws.pieces import BEND, DOWN, UP
+from tcstudy.laws.pieces import BEND
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.scene.histories import Memory, is_odd
 
@@ -48,13 +48,6 @@ def test_a_sum_has_the_values_and_primitives_of_both(one: Laws, two: Laws) -> No
     assert both.omega <= one.omega + two.omega or np.isinf(one.omega + two.omega)
 
 
-def test_what_jumps_up_and_down_at_one_slip_does_what_remains() -> None:
-    up = law("piecewise-linear", points=[(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (2.0, 1.0)])
-    for height, kind in ((0.5, UP), (1.0, BEND), (1.5, DOWN)):
-        down = law("piecewise-linear", points=[(0.0, height), (1.0, height), (1.0, 0.0), (2.0, 0.0)])
-        assert total(up, down).kinds[-1] == kind
-
-
 def test_exponentials_of_different_decay_add_up_exactly() -> None:
     rng = np.random.default_rng(7)
     for case in range(200):
@@ -73,13 +66,6 @@ def test_exponentials_of_different_decay_add_up_exactly() -> None:
         assert both.omega <= max(-np.min(both.end_slopes), 0.0)
         least, largest = value_range(both, np.array([s.min()]), np.array([s.max()]))
         assert least[0] <= np.min(both.b(s)) <= np.max(both.b(s)) <= largest[0]
-
-
-def test_exponentials_that_decay_alike_stay_one() -> None:
-    one, two = law("exponential", a=2.0, b=0.5, delta=0.3), law("exponential", a=1.0, b=3.0, delta=0.3)
-    both = total(one, two)
-    assert list(both.kinks) == [0.0]
-    np.testing.assert_allclose(both.b(SLIPS), one.b(SLIPS) + two.b(SLIPS), atol=1e-14)
 
 
 TWO = total(law("exponential", a=2.0, b=0.5, delta=0.3), law("exponential", a=0.4, b=1.4, delta=0.05))
