@@ -56,21 +56,6 @@ def test_outliers_count_less_but_what_is_no_measurement_counts_as_it_is() -> Non
     assert found.cost == pytest.approx(0.5 * expected.fun, rel=1e-8)
 
 
-@pytest.mark.parametrize("units", [1e-6, 1.0, 1e6])
-def test_units_change_nothing(units: float) -> None:
-    """A number at rest in units a million times those of one that is sought: steps are measured in ranges."""
-
-    def model(p: Array) -> tuple[Array, Array]:
-        e = np.exp(-p[1] * units * X)
-        r = [[p[0] / units - 3.0], e - np.exp(-0.8 * X)]
-        J = [[[1.0 / units, 0.0]], np.stack([0.0 * X, -X * units * e], axis=1)]
-        return np.concatenate(r) / 1e-3, np.concatenate(J) / 1e-3
-
-    own = Box(np.array([0.01 * units, 0.01 / units]), np.array([50.0 * units, 50.0 / units]), np.zeros(2, dtype=bool))
-    found = minimise(model, np.array([3.0 * units, 2.0 / units]), own)
-    assert found.p == pytest.approx([3.0 * units, 0.8 / units], rel=1e-8)
-
-
 def test_a_straight_line_has_the_intervals_of_regression() -> None:
     """y = a + b x: errors and Student intervals of the text book, with the noise estimated."""
     y = 1.0 + 2.0 * X + 0.3 * np.random.default_rng(1).normal(size=len(X))

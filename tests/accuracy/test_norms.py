@@ -71,20 +71,15 @@ def test_prolongation_changes_no_norm():
     np.testing.assert_allclose(step(3 * X - Y), 3 * fine_points[:, 0] - fine_points[:, 1], atol=1e-14)
 
 
-def test_moved_nodes_are_told():
+def test_moved_nodes_are_told_and_other_meshes_refused():
     fine_points, fine_triangles = refined(POINTS, TRIANGLES)
     moved = fine_points.copy()
     moved[np.flatnonzero((moved == [1.0, 0.0]).all(axis=1))[0], 1] = -0.1
     assert prolongation(POINTS, moved, fine_triangles).off_midpoint == pytest.approx(0.05)
-
-
-def test_other_meshes_are_refused():
-    fine_points, fine_triangles = refined(POINTS, TRIANGLES)
     with pytest.raises(NotNested, match="begin"):
         prolongation(POINTS + 0.01, fine_points, fine_triangles)
-    finest = refined(fine_points, fine_triangles)
     with pytest.raises(NotNested, match="between"):
-        prolongation(POINTS, *finest)
+        prolongation(POINTS, *refined(fine_points, fine_triangles))
 
 
 def line(count):

@@ -39,15 +39,6 @@ def test_points_lie_in_the_triangles_that_are_named(seed: int) -> None:
     assert np.einsum("qk,qkd->qd", weights, mesh.points[mesh.triangles[found]]) == pytest.approx(at, abs=1e-12)
 
 
-def test_linear_functions_are_carried_exactly_and_others_at_the_nodes() -> None:
-    mesh, other = _unit_square(300, 0), _unit_square(2000, 5)
-    x, y = mesh.points.T
-    assert interpolation(mesh, other.points) @ (3 * x - y + 2) == pytest.approx(
-        3 * other.points[:, 0] - other.points[:, 1] + 2, abs=1e-12
-    )
-    assert interpolation(mesh, mesh.points) @ np.sin(9 * x * y) == pytest.approx(np.sin(9 * x * y), abs=1e-12)
-
-
 def test_nested_meshes_get_the_exact_prolongation_also_around_a_corner() -> None:
     study = tcstudy.load(Path(__file__).parents[2] / "configs" / "singular.yaml")
     coarse, fine = mesh_family(build(study.scenes[0].body), MeshPlan((study.mesh.maxh[0],), 2))
@@ -56,12 +47,6 @@ def test_nested_meshes_get_the_exact_prolongation_also_around_a_corner() -> None
     assert exact.off_midpoint < 1e-12
     carried = interpolation(Triangles(coarse.points, coarse.triangles), fine.points) @ v
     assert carried == pytest.approx(exact(v), abs=1e-10)
-
-
-def test_points_just_outside_get_the_nearest_triangles_function() -> None:
-    mesh = _unit_square(300, 0)
-    outside = np.array([[-1e-4, 0.5], [1.0 + 1e-4, 0.3], [0.4, -1e-4]])
-    assert interpolation(mesh, outside) @ mesh.points[:, 0] == pytest.approx(outside[:, 0], abs=1e-12)
 
 
 def _square(corner: float, n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -80,20 +65,6 @@ def test_points_beside_a_slot_are_found_on_their_own_side() -> None:
     found, weights = located(mesh, at)
     assert np.all(found < len(coarse))
     assert weights.min() > -1e-12
-
-
-def test_a_large_triangle_beside_many_small_ones_is_found() -> None:
-    """The nearest centres, far more than are tried, are all those of small triangles."""
-    rng = np.random.default_rng(3)
-    cluster = 0.5 + 0.01 * rng.uniform(-1, 1, (300, 2))
-    points = np.concatenate([[[0, 0], [1, 0], [1, 1], [0, 1]], cluster])
-    triangles = Delaunay(points).simplices.astype(np.intp)
-    a, b, c = np.moveaxis(points[triangles], 1, 0)
-    turned = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0] < 0
-    triangles[turned] = triangles[turned][:, [0, 2, 1]]
-    angle = np.linspace(0, 6, 60)
-    at = 0.5 + 0.03 * np.column_stack([np.cos(angle), np.sin(angle)])
-    assert located(Triangles(points, triangles), at)[1].min() > -1e-9
 
 
 def test_points_outside_belong_to_the_triangle_that_is_nearest_and_not_the_largest() -> None:

@@ -26,26 +26,12 @@ HOLE = circle_loop((0.5, 0.5), 0.2, "bore")
 SOUND = {
     "square": Body(SQUARE),
     "disc": Body(circle_loop((3, 4), 2.0, "rim")),
-    "half disc": Body(Loop((Edge((-1, 0), (1, 0), "flat"), Edge((1, 0), (-1, 0), "round", through=(0, 1))))),
     "bitten": Body(Loop((*SQUARE.edges[:2], Edge((1, 1), (0, 1), "bite", through=(0.5, 0.7)), SQUARE.edges[3]))),
-    "stadium": Body(
-        Loop(
-            (
-                Edge((0, 0), (2, 0), "a"),
-                Edge((2, 0), (2, 1), "b", through=(2.5, 0.5)),
-                Edge((2, 1), (0, 1), "c"),
-                Edge((0, 1), (0, 0), "d", through=(-0.5, 0.5)),
-            )
-        )
-    ),
     "straight corner": Body(polygon_loop([(0, 0), (1, 0), (2, 0), (2, 1), (0, 1)], "edge")),
-    "thin": Body(rectangle_loop((0, 0), 1.0, 1e-5)),
     "holes": Body(SQUARE, (HOLE, rectangle_loop((0.1, 0.1), 0.1, 0.1, ("a",) * 4))),
     "region at the edge": Body(SQUARE, (), (Region("heater", rectangle_loop((0.0, 0.0), 0.5, 0.5)),)),
     "region to rounding": Body(SQUARE, (), (Region("heater", rectangle_loop((0.7, 0.1), 0.3 + 1e-16, 0.5)),)),
-    "region is the body": Body(SQUARE, (), (Region("heater", SQUARE),)),
     "disc in disc": Body(circle_loop((0, 0), 1, "rim"), (), (Region("all", circle_loop((0, 0), 1, "")),)),
-    "thin region": Body(SQUARE, (), (Region("film", rectangle_loop((0, 0.3), 1.0, 1.1 * math.sqrt(2) * 1e-6)),)),
     "region at the hole": Body(
         SQUARE,
         (rectangle_loop((0.4, 0.4), 0.2, 0.2),),
@@ -95,26 +81,14 @@ def outline(*points: Point) -> Body:
 FAULTY: dict[str, tuple[Body, str, list[str]]] = {
     "no edge": (Body(Loop(())), "body.outline", ["no edge"]),
     "not finite": (outline((0, 0), (1, math.nan), (1, 1)), "body.outline[0]", ["not finite"]),
-    "infinite": (outline((0, 0), (1, 0), (math.inf, 1)), "body.outline[1]", ["not finite"]),
     "two lines": (outline((0, 0), (1, 0)), "body.outline", ["2 edges", "at least 3"]),
-    "one arc": (Body(Loop((Edge((0, 0), (0, 0), "a", (1, 0)),))), "body.outline", ["at least 2"]),
     "open": (
         Body(Loop((*SQUARE.edges[:3], Edge((0, 1), (0, 0.1), "left")))),
         "body.outline[3]",
         ["edge 4 (left) ends at (0, 0.1)", "begins at (0, 0)"],
     ),
-    "gap": (
-        Body(Loop((Edge((0, 0), (1, 0), "a"), Edge((1, 1e-9), (1, 1), "b"), Edge((1, 1), (0, 0), "c")))),
-        "body.outline[0]",
-        ["edge 1 (a) ends"],
-    ),
     "closed twice": (outline((0, 0), (1, 0), (1, 1), (0, 0)), "body.outline[3]", ["edge 4 (e3) has no length"]),
     "sliver": (outline((0, 0), (1, 0), (1, 1), (1 - 1e-7, 1), (0, 1)), "body.outline[2]", ["has length 1e-07"]),
-    "full circle": (
-        Body(Loop((Edge((0, 0), (0, 0), "a", (1, 1)), *SQUARE.edges))),
-        "body.outline[0]",
-        ["no length", "split a full circle"],
-    ),
     "collinear": (
         Body(Loop((Edge((0, 0), (1, 0), "a", (0.5, 0)), Edge((1, 0), (1, 1), "b"), Edge((1, 1), (0, 0), "c")))),
         "body.outline[0]",
@@ -131,17 +105,11 @@ FAULTY: dict[str, tuple[Body, str, list[str]]] = {
         "body.outline[0]",
         ["edge 1 (e0) and edge 3 (e2)", "(0.5, 0.5)"],
     ),
-    "vertex on an edge": (
-        outline((0, 0), (2, 0), (2, 1), (1, 0), (0, 1)),
-        "body.outline[0]",
-        ["edge 1 (e0) and edge 3 (e2)", "(1, 0)"],
-    ),
     "almost touching": (
         outline((0, 0), (2, 0), (2, 1), (1, 1e-7), (0, 1)),
         "body.outline[0]",
         ["edge 1 (e0) and edge 3 (e2)"],
     ),
-    "fold back": (outline((0, 0), (2, 0), (1, 0), (1, 1)), "body.outline[0]", ["edge 1 (e0) and edge 2 (e1)"]),
     "spike": (
         outline((0, 0), (2, 0), (0.5, 1e-5), (0, 1)),
         "body.outline[1]",
@@ -152,20 +120,10 @@ FAULTY: dict[str, tuple[Body, str, list[str]]] = {
         "body.outline[0]",
         ["edge 1 (bottom) and edge 3 (bite)"],
     ),
-    "arc across its neighbour": (
-        Body(Loop((Edge((0, 0), (2, 0), "a"), Edge((2, 0), (1.5, 1), "b", (1.6, -0.3)), Edge((1.5, 1), (0, 0), "c")))),
-        "body.outline[0]",
-        ["edge 1 (a) and edge 2 (b)"],
-    ),
     "cusp": (
         Body(Loop((*SQUARE.edges[:2], Edge((1, 1), (0, 1), "bite", through=(0.5, 0.5)), SQUARE.edges[3]))),
         "body.outline[2]",
         ["edge 3 (bite) runs back along edge 2 (right) from (1, 1)", "angle"],
-    ),
-    "clockwise disc": (
-        Body(Loop((Edge((1, 0), (-1, 0), "a", (0, -1)), Edge((-1, 0), (1, 0), "b", (0, 1))))),
-        "body.outline",
-        ["clockwise"],
     ),
     "arc of another edge": (
         Body(
@@ -183,55 +141,29 @@ FAULTY: dict[str, tuple[Body, str, list[str]]] = {
         ["an arc goes around", "between its from and"],
     ),
     "hole of no size": (with_hole(circle_loop((0.5, 0.5), 1e-8, "c")), "body.holes[0]", ["has length"]),
-    "hole clockwise": (
-        with_hole(polygon_loop([(0.2, 0.2), (0.2, 0.4), (0.4, 0.4)], "h")),
-        "body.holes[0]",
-        ["clockwise"],
-    ),
-    "hole crossed": (
-        with_hole(polygon_loop([(0.2, 0.2), (0.4, 0.4), (0.4, 0.2), (0.2, 0.4)], "h")),
-        "body.holes[0]",
-        ["edge 1 (h) and edge 3 (h)"],
-    ),
     "hole outside": (with_hole(circle_loop((3, 3), 0.2, "c")), "body.holes[0]", ["outside"]),
     "hole around": (with_hole(circle_loop((0.5, 0.5), 3, "c")), "body.holes[0]", ["surrounds"]),
-    "huge hole": (with_hole(circle_loop((0.5, 0.5), 1e9, "c")), "body.holes[0]", ["surrounds"]),
-    "hole across": (with_hole(circle_loop((1.0, 0.5), 0.2, "c")), "body.holes[0]", ["touches or crosses the outline"]),
     "hole touches": (with_hole(circle_loop((0.8, 0.5), 0.2, "c")), "body.holes[0]", ["outline at (1, 0.5)"]),
     "holes overlap": (
         with_hole(HOLE, circle_loop((0.65, 0.5), 0.1, "d")),
         "body.holes[1]",
         ["overlaps or touches body.holes[0]"],
     ),
-    "holes touch": (with_hole(HOLE, circle_loop((0.8, 0.5), 0.1, "d")), "body.holes[1]", ["body.holes[0] at (0.7"]),
-    "hole in hole": (with_hole(HOLE, circle_loop((0.5, 0.5), 0.1, "d")), "body.holes[1]", ["body.holes[0]"]),
     "region outside": (with_region(circle_loop((3, 3), 0.2, "")), "body.regions.heater", ["lies outside"]),
-    "region beside": (with_region(rectangle_loop((1, 0), 1, 1)), "body.regions.heater", ["lies outside"]),
     "region leaves": (
         with_region(rectangle_loop((0.5, 0.5), 1, 0.2)),
         "body.regions.heater",
         ["leaves the body near (1"],
     ),
     "region around": (with_region(circle_loop((0.5, 0.5), 2, "")), "body.regions.heater", ["leaves the body"]),
-    "region open": (
-        with_region(Loop((Edge((0, 0), (1, 0), ""), Edge((1, 0), (1, 1), ""), Edge((1, 1), (0, 1), "")))),
-        "body.regions.heater",
-        ["edge 3 () ends"],
-    ),
     "region across hole": (
         with_region(rectangle_loop((0.5, 0.5), 0.4, 0.1), HOLE),
         "body.regions.heater",
         ["body.holes[0]"],
     ),
     "region over hole": (with_region(rectangle_loop((0.1, 0.1), 0.8, 0.8), HOLE), "body.regions.heater", ["overlaps"]),
-    "region in hole": (with_region(circle_loop((0.5, 0.5), 0.1, ""), HOLE), "body.regions.heater", ["body.holes[0]"]),
     "regions overlap": (
         Body(SQUARE, (), (Region("a", HOLE), Region("b", circle_loop((0.6, 0.5), 0.2, "")))),
-        "body.regions.b",
-        ["overlaps body.regions.a"],
-    ),
-    "regions nested": (
-        Body(SQUARE, (), (Region("a", HOLE), Region("b", circle_loop((0.5, 0.5), 0.1, "")))),
         "body.regions.b",
         ["overlaps body.regions.a"],
     ),
@@ -258,16 +190,6 @@ def test_faults_do_not_depend_on_the_unit_of_length(name: str, factor: float) ->
     assert where in [fault.where for fault in check_body(scaled(body, factor, 0.0))]
 
 
-def test_all_faults_at_once() -> None:
-    body = Body(
-        SQUARE,
-        (circle_loop((3, 3), 0.1, "c"), polygon_loop([(0.2, 0.2), (0.2, 0.4), (0.4, 0.4)], "h")),
-        (Region("r", circle_loop((0.5, 0.5), 2.0, "")), Region("s", circle_loop((5, 5), 1.0, ""))),
-    )
-    places = {fault.where for fault in check_body(body)}
-    assert places == {"body.holes[0]", "body.holes[1]", "body.regions.r", "body.regions.s"}
-
-
 def test_long_outlines_are_checked_soon_and_wholly() -> None:
     angles = np.linspace(0, 2 * math.pi, 3000, endpoint=False)
     radii = 1 + 0.05 * np.cos(40 * angles)
@@ -279,11 +201,6 @@ def test_long_outlines_are_checked_soon_and_wholly() -> None:
     assert time.process_time() - start < 20.0, "a check of all pairs takes minutes"
     assert faults
     assert isinstance(faults[0], Fault)
-
-
-def test_wild_outlines_give_few_faults() -> None:
-    points = [(float(x), float(y)) for x, y in np.random.default_rng(6).uniform(0, 1, (300, 2))]
-    assert 1 <= len(check_body(Body(polygon_loop(points, "edge")))) <= 20
 
 
 @settings(max_examples=60, deadline=None)
