@@ -14,7 +14,7 @@ from tcstudy.fem.geometry import GeometryFailed, build
 from tcstudy.fem.meshes import PlaneMesh, mesh_at, refine_marked
 from tcstudy.fem.study_meshes import REACH, WEAK, graded_mesh, singular_points
 from tcstudy.read.study import read_study
-from tcstudy.scene.study import MeshPlan, Study
+from tcstudy.scene.study import Study
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, mesh_family, study_of
 
 
@@ -51,12 +51,6 @@ def test_segments_have_the_body_on_their_left() -> None:
     corners = mesh.points[mesh.triangles]
     e, f = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     assert twice_area == pytest.approx(float((e[:, 0] * f[:, 1] - e[:, 1] * f[:, 0]).sum()), rel=1e-12)
-
-
-def test_sizes_by_maxh() -> None:
-    sizes = [m.h_max for m in meshes_of(study_of(RECTANGLE, "mesh={maxh: [0.4, 0.2, 0.1]}"))]
-    assert sizes == sorted(sizes, reverse=True)
-    assert sizes[2] < 0.5 * sizes[0]
 
 
 def ring_sector(path: Path) -> None:
@@ -99,26 +93,6 @@ def test_a_face_of_a_step_file(tmp_path: Path) -> None:
         assert np.max(np.abs(np.abs(np.einsum("ij,ij->i", normals, radial)) - 1)) < 1e-12
 
 
-def test_a_face_in_nanometres(tmp_path: Path) -> None:
-    """The same face a million times smaller: below the kernel's tolerances, were they applied in metres."""
-    ring_sector(tmp_path / "ring.step")
-    (tmp_path / "study.yaml").write_text(FILE_STUDY)
-    study = read_study(tmp_path / "study.yaml")
-    body, one = study.scenes[0].body, build(study.scenes[0].body)
-    assert body.brep is not None
-    edges = tuple((name, tuple((1e-6 * x, 1e-6 * y) for x, y in points)) for name, points in body.brep.edges)
-    small = build(replace(body, brep=replace(body.brep, scale=1e-6 * body.brep.scale, edges=edges)))
-    assert small.area == pytest.approx(1e-12 * one.area, rel=1e-9)
-    assert [c.name for c in small.curves] == [c.name for c in one.curves]
-    assert [c.length for c in small.curves] == pytest.approx([1e-6 * c.length for c in one.curves], rel=1e-9)
-    fine, expected = list(mesh_family(small, MeshPlan((2e-9,), 2)))[1], list(mesh_family(one, study.mesh))[1]
-    assert len(fine.triangles) == pytest.approx(len(expected.triangles), rel=0.1)
-    points = fine.points[curve_nodes(fine, "inner")]
-    normals = small.curves[next(i for i, c in enumerate(small.curves) if c.name == "inner")].normal(points)
-    assert np.max(np.abs(np.linalg.norm(points, axis=1) - 1e-8)) < 1e-20
-    assert np.max(np.abs(np.abs(np.einsum("ij,ij->i", normals, points / 1e-8)) - 1)) < 1e-9
-
-
 def test_an_unnamed_edge_of_a_file_is_an_error(tmp_path: Path) -> None:
     ring_sector(tmp_path / "ring.step")
     text = FILE_STUDY.replace("    other: head\n", "").replace(", head: free", "")
@@ -135,7 +109,7 @@ def scaled_bracket(unit: float) -> Study:
     return study_of(f"{body}boundary:{rest}", f"mesh={{maxh: {0.2 * unit!r}, levels: 2}}")
 
 
-@pytest.mark.parametrize("unit", [1e-12, 1e-6, 1e-3, 1e3, 1e12])
+@pytest.mark.parametrize("unit", [1e-12, 1e-3, 1e12])
 def test_bodies_of_every_size_have_meshes(unit: float) -> None:
     """The kernel's tolerances are lengths: without care a body of a micrometre has no mesh, one of 1e12 m no box."""
     for one, other in zip(meshes_of(scaled_bracket(1.0)), meshes_of(scaled_bracket(unit)), strict=True):
@@ -155,15 +129,7 @@ def test_bodies_of_every_size_have_meshes(unit: float) -> None:
         np.testing.assert_allclose(normals, directions, atol=1e-6)
 
 
-@pytest.mark.parametrize("unit", [2.0**-40, 2.0**-20, 2.0**30])
-def test_powers_of_two_change_no_bit_of_a_mesh(unit: float) -> None:
-    for one, other in zip(meshes_of(scaled_bracket(2.0**20)), meshes_of(scaled_bracket(unit)), strict=True):
-        assert np.array_equal(one.triangles, other.triangles)
-        assert np.array_equal(one.points / 2.0**20, other.points / unit)
-        assert np.array_equal(one.segments, other.segments)
-
-
-@pytest.mark.parametrize("unit", [1e-9, 1e-3, 1.0, 1e3, 1e9])
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
 def test_short_edges_stay_above_the_tolerances_of_the_kernel(unit: float) -> None:
     """A chamfer of a millionth of the body: given to the kernel with size 1 it would be near its tolerance."""
     corners = [(0.0, 0.0), (1.0 - 1e-6, 0.0), (1.0, 1e-6), (1.0, 0.5), (0.0, 0.5)]
@@ -198,13 +164,6 @@ def test_a_fine_mesh_by_refinement_is_the_finer_level_of_a_coarse_one(family: st
     assert np.max(np.abs(radius - 0.15)) < 1e-14
 
 
-def test_sizes_of_a_list_by_refinement() -> None:
-    sizes = [m.h_max for m in meshes_of(study_of(RECTANGLE, "mesh={maxh: [0.4, 0.2, 0.1], refine: 1}"))]
-    plain = [m.h_max for m in meshes_of(study_of(RECTANGLE, "mesh={maxh: [0.4, 0.2, 0.1]}"))]
-    assert sizes == pytest.approx(plain, rel=0.5)
-    assert sizes == sorted(sizes, reverse=True)
-
-
 L_SHAPE = """
 units: none
 body:
@@ -237,22 +196,7 @@ def test_re_entrant_corners_and_ends_of_clamps_are_singular() -> None:
     strong, weak = points_of(L_SHAPE)
     assert strong == {(1.0, 1.0), (0.0, 1.0), (0.0, 2.0)}
     assert weak == {(0.0, 0.0), (2.0, 0.0)}  # friction ends at a free edge
-
-
-def test_a_square_corner_of_contact_and_clamp_is_regular() -> None:
-    """Reflected at the contact line it is a straight clamped edge."""
-    strong, weak = points_of(RECTANGLE)
-    assert strong == {(0.0, 1.0)}
-    assert weak == {(2.0, 0.0)}
-
-
-def test_a_closed_round_hole_has_no_singular_point() -> None:
-    holed = RECTANGLE.replace(
-        "height: 1}}", "height: 1}, holes: [{circle: {center: [1, 0.5], radius: 0.2, edge: pin}}]}"
-    )
-    assert points_of(holed.replace("top: free", "top: free, pin: free")) == points_of(RECTANGLE)
-    through = L_SHAPE.replace("wall: clamped", "wall: free").replace("side: free", "side: clamped")
-    assert points_of(through)[0] == {(1.0, 1.0), (0.0, 1.0)}  # (0, 0) is contact and clamp at a right angle
+    assert points_of(RECTANGLE) == ({(0.0, 1.0)}, {(2.0, 0.0)})  # a square corner of contact and clamp is none
 
 
 def family(levels: int, grading: float) -> tuple[float, list[PlaneMesh]]:
@@ -285,9 +229,3 @@ def test_sizes_follow_the_law(grading: float) -> None:
         assert np.median(sides[ring] / allowed[ring]) > 0.4  # and not much finer than asked
     fine = meshes[-1]
     assert np.array_equal(fine.points[: meshes[-2].n_points], meshes[-2].points)
-
-
-def test_grading_of_one_is_uniform() -> None:
-    """μ → 1 leaves the uniform family."""
-    _, graded = family(3, 0.999999)
-    assert [len(m.triangles) for m in graded] == [len(graded[0].triangles) * 4**i for i in range(3)]

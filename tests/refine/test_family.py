@@ -23,21 +23,6 @@ def test_parts_with_much_of_the_error_are_cut_several_times_on_the_way_to_one_le
     assert len(finer.triangles) < 1.5 * len(mesh.triangles)
 
 
-def test_equal_shares_are_cut_for_no_more_than_is_aimed_at() -> None:
-    mesh = Family(front_study(0.4, 0.1)).next(0)
-    shares = np.ones(len(mesh.triangles))
-    growth = [len(bisected(mesh, shares, aim, 0.5).triangles) / len(mesh.triangles) for aim in (0.9, 0.5, 0.25)]
-    assert 1.1 < growth[0] < growth[1] < growth[2]
-    assert growth[1] < 3.0
-    assert growth[2] < 6.0
-
-
-def test_no_shares_at_all_still_make_a_mesh() -> None:
-    mesh = Family(front_study(0.4, 0.2)).next(0)
-    finer = bisected(mesh, np.zeros(len(mesh.triangles)), 0.75, 0.5)
-    assert len(finer.triangles) > len(mesh.triangles)
-
-
 def test_what_an_end_cell_hides_is_halved_with_the_cell_and_nothing_else_is_cut() -> None:
     mesh = Family(front_study(0.4, 0.1)).next(0)
     node = int(np.argmin(np.linalg.norm(mesh.points, axis=1)))

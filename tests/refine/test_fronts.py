@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.problem import ContactProblem
@@ -17,9 +16,6 @@ from tcstudy.refine.family import Family
 from tcstudy.refine.fronts import fronts, slip_length, slopes
 from tcstudy.scene.study import MeshPlan
 from tests.verification.goal_scenes import front_study
-
-Array = NDArray[np.float64]
-
 
 ZERO = np.zeros(2)
 TRESCA = Laws("tresca", np.zeros(1), ZERO, np.array([-1.0, 1.0]), ZERO, ZERO, ZERO)
@@ -90,15 +86,6 @@ def test_a_zone_that_hides_beside_a_held_node() -> None:
     assert fronts(line, problem, line.arclength**0.7) == []  # slip up to the held node hides nothing
 
 
-def test_all_stick_or_all_slip_has_no_front() -> None:
-    line = line_of(5)
-    problem = problem_of(line)
-    assert fronts(line, problem, np.zeros(line.m)) == []
-    assert fronts(line, problem, np.ones(line.m)) == []
-    spring = Laws("linear", np.empty(0), np.zeros(1), np.zeros(1), np.ones(1), np.zeros(1), np.zeros(1))
-    assert fronts(line, replace(problem, law=spring), np.ones(line.m)) == []
-
-
 @pytest.mark.parametrize("change", [0.283, 0.41, 0.55, 0.637])
 def test_fronts_of_the_closed_form(change: float) -> None:
     """Within a sixth of a cell wherever the front lies in it, as the module says; cells alone know it to a half."""
@@ -111,15 +98,6 @@ def test_fronts_of_the_closed_form(change: float) -> None:
     length, doubt = slip_length(level.line, condensed.problem, v)
     assert doubt == 0.0
     assert abs(length - (1.0 - change)) < np.median(level.line.c) / 6.0
-
-
-def test_a_front_is_not_sought_far_from_its_cell() -> None:
-    """|v|^{2/3} = 1, 1.1, 1.2 points nine cells into the sticking side; half a cell is as far as it goes."""
-    line = line_of(6)
-    v = np.zeros(line.m)
-    v[-3:] = np.array([1.0, 1.1, 1.2]) ** 1.5
-    (front,) = fronts(line, problem_of(line), v)
-    assert front.more == pytest.approx(1.0)
 
 
 def test_nodes_that_slip_the_other_way_belong_to_another_front() -> None:

@@ -5,21 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.linalg
-from netgen import occ
 
 from tcstudy.contact.block import Answer
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.status import Status
 from tcstudy.data.records import LevelRecord
 from tcstudy.exact.numbers import known_goal
-from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Level
-from tcstudy.read.study import read_study
 from tcstudy.refine import goal_error as goal_error_module
 from tcstudy.refine.error_estimator import ErrorEstimator
 from tcstudy.refine.family import Family
@@ -27,9 +23,8 @@ from tcstudy.refine.goal_error import SMOOTH, regions
 from tcstudy.refine.goals import goal_value, lost, steps, torn
 from tcstudy.refine.halved import Halved
 from tcstudy.scene.study import Goal, MeshPlan
-from tcstudy.shapes.triangles import doubled_areas
 from tcstudy.study.run import run
-from tests.verification.closed_forms import CHANGE, A, B, ring, stick_slip
+from tests.verification.closed_forms import stick_slip
 from tests.verification.goal_scenes import RESULTANT, SLIP_LENGTH, front_resultant, front_slip, front_study
 from tests.verification.scenes import HEATED_BRACKET, study_of
 
@@ -54,31 +49,6 @@ def bracket() -> tuple[Level, Halved]:
         condensed = level.condensed(scene)
         estimator.look((), scene, solve_contact(condensed.problem).v)
     return level, Halved(level, scene)
-
-
-def test_every_triangle_has_four_parts_in_itself() -> None:
-    level, halved = bracket()
-    fine, coarse = halved.level.mesh, level.mesh
-    assert np.all(np.bincount(halved.parent) == 4)
-    inside = fine.points[fine.triangles].mean(axis=1) - coarse.points[coarse.triangles].mean(axis=1)[halved.parent]
-    assert np.all(np.linalg.norm(inside, axis=1) < coarse.h_max)
-    areas = halved.gathered(halved.triangles.area)
-    own = 0.5 * doubled_areas(coarse.points[coarse.triangles])
-    changed = np.flatnonzero(np.abs(areas - own) > 1e-12 * own)
-    arcs = [i for i, curve in enumerate(coarse.geometry.curves) if not curve.straight]
-    at_arcs = ElementGeometry(coarse).owner[np.isin(coarse.segment_curve, arcs)]
-    assert set(changed) == set(at_arcs)  # new nodes leave the chord there, and nowhere else
-
-
-def test_functions_are_carried_over() -> None:
-    level, halved = bracket()
-    x, y = level.mesh.points.T
-    u = np.concatenate([2 * x + y, 3 * y - x])
-    fine = halved.carry(u)
-    assert halved.interpolated(fine) == pytest.approx(fine, rel=1e-14)
-    assert fine[: level.mesh.n_points] == pytest.approx(u[: level.mesh.n_points], rel=1e-15)
-    v = level.line.arclength
-    assert halved.at_coarse(halved.start(v, 0.0 * u)) == pytest.approx(v, rel=1e-14)
 
 
 def test_a_start_knows_the_displacement_given_at_a_held_node() -> None:
@@ -159,40 +129,6 @@ def test_factors_are_those_of_smooth_solutions_and_of_corners() -> None:
     assert set(np.flatnonzero(found.region == found.region[node])) == set(around)
 
 
-L_SHAPE = """
-units: none
-body: {outline: [OUTLINE]}
-boundary: {foot: contact, side: clamped, rest: {role: traction, g: [0.02, -0.01]}}
-material: {E: 1, nu: 0.3}
-friction: {law: tresca, tau: 0.01}
-mesh: {maxh: 0.5, levels: 1}
-"""
-L_CORNERS = ((0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2))
-L_EDGES = ("foot", "rest", "rest", "rest", "rest", "side")
-
-
-def test_corners_of_a_body_from_a_file_have_the_factors_of_the_same_outline(tmp_path: Path) -> None:
-    outline = ", ".join(f"{{from: [{x}, {y}], edge: {e}}}" for (x, y), e in zip(L_CORNERS, L_EDGES, strict=True))
-    plane = occ.WorkPlane().MoveTo(0, 0)
-    for x, y in (*L_CORNERS[1:], (0, 0)):
-        plane = plane.LineTo(x, y)
-    plane.Close().Face().WriteBrep(str(tmp_path / "body.brep"))
-    given = L_SHAPE.replace("outline: [OUTLINE]", f"outline: [{outline}]")
-    edges = "edges: {foot: [[1, 0]], side: [[0, 1]]}, other: rest"
-    (tmp_path / "s.yaml").write_text(
-        L_SHAPE.replace("outline: [OUTLINE]", f"file: {{path: body.brep, unit: m, {edges}}}")
-    )
-    found = []
-    for study in (study_of(given), read_study(tmp_path / "s.yaml")):
-        level = Level(Family(study).next(0), study.scenes[0])
-        parted = regions(
-            Halved(level, study.scenes[0]), study.scenes[0], np.zeros(level.line.m, bool), np.zeros((0, 2))
-        )
-        found.append(np.unique(parted.factors))
-    assert len(found[0]) > 2
-    assert found[1] == pytest.approx(found[0], rel=1e-9)
-
-
 def test_goals_of_exact_solutions() -> None:
     study, change = front_study(0.4), 0.4
     scene, exact = study.scenes[0], study.exact
@@ -201,19 +137,6 @@ def test_goals_of_exact_solutions() -> None:
     assert known_goal(Goal("u_T", (0.8, 0.0)), exact, scene) == pytest.approx(front_slip(change, 0.8), rel=1e-12)
     assert known_goal(SLIP_LENGTH, exact, scene) == pytest.approx(1.0 - change, rel=1e-4)
     assert known_goal(Goal(), exact, scene) is None
-
-
-@pytest.mark.parametrize(
-    ("study", "at", "value"),
-    [
-        (ring(1), (math.cos(0.7), math.sin(0.7)), A + B),
-        (stick_slip(1, 37.0), (0.8 * math.cos(math.radians(37)), 0.8 * math.sin(math.radians(37))), None),
-    ],
-    ids=["ring", "turned"],
-)
-def test_the_exact_slip_is_along_the_edge(study, at, value: float | None) -> None:  # type: ignore[no-untyped-def]
-    known = known_goal(Goal("u_T", at), study.exact, study.scenes[0])
-    assert known == pytest.approx(front_slip(CHANGE, 0.8) if value is None else value, rel=1e-4)
 
 
 @pytest.mark.parametrize("pick", [lambda p: p, lambda p: replace(p, goal=replace(p.goal, known=0.5))])
