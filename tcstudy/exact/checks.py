@@ -11,9 +11,9 @@ kinks:    at abs, min and max the gradients of u and θ have no jump. A jump of 
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from tcstudy.exact.fields import body_edges, edge_samples, kinks, sides
 from tcstudy.expressions.derivative import value_and_gradient
 from tcstudy.expressions.expression import Expression, value_of
 from tcstudy.laws.composed import law_along
-from tcstudy.scene.records import Body, Clamped, Contact, Convection, Free, Loaded, Scalar, Scene
+from tcstudy.scene.records import Body, Clamped, Contact, Convection, Free, Loaded, Role, Scalar, Scene
 from tcstudy.scene.study import Exact
 from tcstudy.shapes.edges import INWARD, body_size, inside
 from tcstudy.shapes.faults import spot
@@ -55,6 +55,11 @@ class Samples:
     theta: Array
     theta_slope: Array
 
+    @property
+    def tangents(self) -> Array:
+        """(n, 2) t = (−n₂, n₁)."""
+        return np.column_stack([-self.normals[:, 1], self.normals[:, 0]])
+
     def stress(self, scene: Scene) -> Array:
         """(2, 2, n) σ."""
         material = scene.material
@@ -62,14 +67,8 @@ class Samples:
         double = material.mu * (self.slope + self.slope.transpose(1, 0, 2))
         return np.asarray(double + even * np.eye(2)[:, :, None])
 
-    def traction(self, scene: Scene) -> Array:
-        """(2, n) σn."""
-        return np.einsum("cdn,nd->cn", self.stress(scene), self.normals)
 
-    @property
-    def tangents(self) -> Array:
-        """(n, 2) t = (−n₂, n₁)."""
-        return np.column_stack([-self.normals[:, 1], self.normals[:, 0]])
+Keys = tuple[str | int, ...]
 
 
 class Checks:
@@ -91,13 +90,10 @@ class Checks:
         slopes = [value_and_gradient(scalar, *within.T)[1] for scalar in scalars]
         return Samples(points, normals, np.array(values[:2]), np.array(slopes[:2]), values[2], slopes[2])
 
-    # -- the solution itself -----------------------------------------------------------------------
-
     def kinks(self) -> Iterator[SolutionFault]:
         """Jumps of ∇u or ∇θ inside the body."""
-        fields: list[tuple[tuple[str | int, ...], Scalar]] = [(("u", i), u) for i, u in enumerate(self._exact.u)]
-        if self._exact.theta is not None:
-            fields.append((("theta",), self._exact.theta))
+        fields: list[tuple[Keys, Scalar]] = [(("u", i), u) for i, u in enumerate(self._exact.u)]
+        fields += [(("theta",), self._exact.theta)] if self._exact.theta is not None else []
         for keys, scalar in fields:
             largest = np.max(np.abs(value_and_gradient(scalar, *self._inside.T)[1]), initial=0.0)
             for bend in kinks(scalar):
@@ -110,106 +106,71 @@ class Checks:
                     yield SolutionFault(keys, what, remedy)
                     break
 
-    # -- one scene ---------------------------------------------------------------------------------
-
     def scene(self, scene: Scene) -> Iterator[SolutionFault]:
         """What is wrong with a scene whose loads were derived; nothing new where scenes differ in heat only."""
         yield from self._values(scene)
         key = (scene.material, scene.boundary, scene.friction)
-        if key in self._checked:
-            return
-        self._checked.add(key)
-        thermal = float(scene.material.beta) * self._largest(self._all.theta, 0.0)
-        stress = self._largest(self._all.stress(scene), thermal)
-        for name, _ in scene.boundary:
-            every = (
-                self._contact(name, scene, stress),
-                self._unloaded(name, scene, stress),
-                self._insulated(name, scene),
-            )
-            if (fault := next(itertools.chain(*every), None)) is not None:  # others on the edge may follow from it
-                yield fault
+        if key not in self._checked:
+            self._checked.add(key)
+            stress = max(_largest(self._all.stress(scene)), scene.material.beta * _largest(self._all.theta))
+            for name, role in scene.boundary:
+                yield from islice(self._edge(name, role, scene, stress), 1)  # others on the edge may follow from it
 
-    @staticmethod
-    def _largest(values: Array, least: float) -> float:
-        finite = np.abs(values[np.isfinite(values)])
-        return max(float(np.max(finite, initial=0.0)), abs(least))
+    def _edge(self, name: str, role: Role, scene: Scene, stress: float) -> Iterator[SolutionFault]:
+        """What an edge leaves no room for: values that must vanish and do not, and what the friction law forbids."""
+        at, u, theta = self._edges[name], ("u",), self._exact.theta
+        pull = np.einsum("cdn,nd->cn", at.stress(scene), at.normals)
 
-    def _zero(
-        self, keys: tuple[str | int, ...], values: Array, scale: float, at: Samples, what: str, remedy: str
-    ) -> Iterator[SolutionFault]:
-        """A fault if values that must vanish do not; `what` has a place for the worst one."""
-        size = np.nan_to_num(np.abs(values))
-        worst = int(np.argmax(size))
-        if size[worst] > TOLERANCE * scale:
-            yield SolutionFault(keys, f"{what.format(f'{values[worst]:.3g}')}, at {spot(at.points[worst])}", remedy)
+        def zero(keys: Keys, values: Array, scale: float, what: str, remedy: str) -> Iterator[SolutionFault]:
+            size = np.nan_to_num(np.abs(values))
+            worst = int(np.argmax(size))
+            if size[worst] > TOLERANCE * scale:
+                yield SolutionFault(keys, f"{what.format(f'{values[worst]:.3g}')}, at {spot(at.points[worst])}", remedy)
 
-    def _contact(self, name: str, scene: Scene, stress: float) -> Iterator[SolutionFault]:
-        """u_N = 0 and the friction law."""
-        if not isinstance(dict(scene.boundary)[name], Contact):
-            return
-        at = self._edges[name]
-        u_N = np.einsum("cn,nc->n", at.u, at.normals)
-        remedy = f"give an exact solution that slides along {name}"
-        largest = self._largest(self._all.u, 0.0)
-        yield from self._zero(("u",), u_N, largest, at, f"u_N is {{}} on the contact edge {name}, not 0", remedy)
-        u_T = np.einsum("cn,nc->n", at.u, at.tangents)
-        xi = -np.einsum("cn,nc->n", at.traction(scene), at.tangents)
-        if self._exact.xi is not None:
-            given = value_of(self._exact.xi, *at.points.T)
-            remedy = "correct xi, or leave it out: it follows from u"
-            what = f"xi differs from -S_T of u by {{}} on {name}"
-            yield from self._zero(("xi",), given - xi, stress, at, what, remedy)
-            xi = given
-        b = law_along(scene.friction, (name,), np.zeros(len(u_T), dtype=np.intp), at.points)
-        low, high = b.interval(u_T, 1e-9 * largest)
-        off = np.maximum(np.maximum(low - xi, xi - high), 0.0)
-        worst = int(np.argmax(np.nan_to_num(off)))
-        # stress is sampled INWARD of the edge, which alone leaves so much where there is no friction to compare with
-        slack = max(TOLERANCE * max(b.b_scale, self._largest(xi, 0.0)), 10 * INWARD * stress)
-        if off[worst] > slack:
-            law = f"[{low[worst]:.6g}, {high[worst]:.6g}]" if low[worst] < high[worst] else f"{low[worst]:.6g}"
-            what = (
-                f"the friction law does not hold on {name}: at {spot(at.points[worst])}, where u_T = {u_T[worst]:.6g}, "
-                f"-S_T is {xi[worst]:.6g}, but b(u_T) is {law}"
-            )
-            remedy = f"change u or friction, so that -S_T of u lies in b(u_T) everywhere on {name}"
-            yield SolutionFault(("u",), what, remedy)
-
-    def _insulated(self, name: str, scene: Scene) -> Iterator[SolutionFault]:
-        """∂θ/∂n on edges without convection, where heat is solved for."""
-        convects = isinstance(dict(scene.boundary)[name], Convection)
-        if convects or not scene.edges(Convection) or self._exact.theta is None:
-            return
-        at, slope = self._edges[name], self._largest(self._all.theta_slope, 0.0)
-        flux = np.einsum("dn,nd->n", at.theta_slope, at.normals)
-        what = f"d(theta)/dn is {{}} on the edge {name}, which is insulated"
-        remedy = f"make {name} a convection edge, or give a theta without slope across it"
-        yield from self._zero(("theta",), flux, slope, at, what, remedy)
-
-    def _unloaded(self, name: str, scene: Scene, stress: float) -> Iterator[SolutionFault]:
-        """Tractions that the role of an edge leaves no room for."""
-        at, role = self._edges[name], dict(scene.boundary)[name]
-        pull = at.traction(scene)
-        if isinstance(role, Free):
-            remedy = f"give {name} the role traction; its g is derived"
+        if isinstance(role, Contact):
+            u_N, u_T = (np.einsum("cn,nc->n", at.u, axis) for axis in (at.normals, at.tangents))
+            xi, largest = -np.einsum("cn,nc->n", pull, at.tangents), _largest(self._all.u)
+            remedy = f"give an exact solution that slides along {name}"
+            yield from zero(u, u_N, largest, f"u_N is {{}} on the contact edge {name}, not 0", remedy)
+            if self._exact.xi is not None:
+                given, remedy = value_of(self._exact.xi, *at.points.T), "correct xi, or leave it out: it follows from u"
+                yield from zero(("xi",), given - xi, stress, f"xi differs from -S_T of u by {{}} on {name}", remedy)
+                xi = given
+            yield from _friction(name, at.points, u_T, xi, scene, 1e-9 * largest, stress)
+        elif isinstance(role, Free):
             for c, axis in enumerate("xy"):
                 what = f"the {axis} component of sigma n is {{}} on the free edge {name}"
-                yield from self._zero(("u",), pull[c], stress, at, what, remedy)
-        if isinstance(role, Clamped) and None in role.u:
-            nt = role.frame == "nt"
-            directions = (at.normals, at.tangents) if nt else tuple(np.eye(2)[:, None] + 0.0 * at.points[None, :, :1])
-            for held, direction, symbol in zip(role.u, directions, ("N", "T") if nt else ("x", "y"), strict=True):
+                yield from zero(u, pull[c], stress, what, f"give {name} the role traction; its g is derived")
+        elif isinstance(role, Clamped) and None in role.u:
+            straight = [np.broadcast_to(axis, at.points.shape) for axis in np.eye(2)]
+            axes, symbols = ((at.normals, at.tangents), "NT") if role.frame == "nt" else (straight, "xy")
+            for held, direction, symbol in zip(role.u, axes, symbols, strict=True):
                 if held is None:
                     what = f"u_{symbol} is free on {name}, but the traction in its direction is {{}}"
-                    values = np.einsum("cn,nc->n", pull, direction)
                     remedy = f"hold it too (u_{symbol}: derived), or give a u without that traction"
-                    yield from self._zero(("u",), values, stress, at, what, remedy)
+                    yield from zero(u, np.einsum("cn,nc->n", pull, direction), stress, what, remedy)
+        if not isinstance(role, Convection) and scene.edges(Convection) and theta is not None:
+            what = f"d(theta)/dn is {{}} on the edge {name}, which is insulated"
+            remedy = f"make {name} a convection edge, or give a theta without slope across it"
+            flux = np.einsum("dn,nd->n", at.theta_slope, at.normals)
+            yield from zero(("theta",), flux, _largest(self._all.theta_slope), what, remedy)
 
     def _values(self, scene: Scene) -> Iterator[SolutionFault]:
         """Derived fields without a finite value somewhere."""
-        for symbol, key, fields, points in self._fields(scene):
-            for field in fields:
+        fields: list[tuple[str, str, tuple[Scalar | None, ...], Array]] = [("f", "u", scene.f, self._inside)]
+        if scene.heat.theta is None:
+            fields.append(("q", "theta", (scene.heat.q,), self._inside))
+        for name, role in scene.boundary:
+            points = self._edges[name].points
+            if isinstance(role, Clamped) and role.frame == "nt":
+                ends = np.array([edge.start for edge, _ in body_edges(self._body, (name,))])
+                fields.append((f"u_N or u_T on {name}", "u", role.u, np.concatenate([points, ends])))
+            if isinstance(role, Loaded):
+                fields.append((f"g on {name}", "u", role.g, points))
+            if isinstance(role, Convection) and scene.heat.theta is None:
+                fields.append((f"theta_bar on {name}", "theta", (scene.heat.theta_bar,), points))
+        for symbol, key, scalars, points in fields:
+            for field in scalars:
                 if not isinstance(field, Expression) or (field, symbol) in self._finite:
                     continue
                 self._finite.add((field, symbol))
@@ -220,16 +181,27 @@ class Checks:
                     yield SolutionFault((key,), what, remedy)
                     return
 
-    def _fields(self, scene: Scene) -> Iterator[tuple[str, str, tuple[Scalar | None, ...], Array]]:
-        yield "f", "u", scene.f, self._inside
-        if scene.heat.theta is None:
-            yield "q", "theta", (scene.heat.q,), self._inside
-        for name, role in scene.boundary:
-            points = self._edges[name].points
-            if isinstance(role, Clamped) and role.frame == "nt":
-                ends = np.array([edge.start for edge, _ in body_edges(self._body, (name,))])
-                yield f"u_N or u_T on {name}", "u", role.u, np.concatenate([points, ends])
-            if isinstance(role, Loaded):
-                yield f"g on {name}", "u", role.g, points
-            if isinstance(role, Convection) and scene.heat.theta is None:
-                yield f"theta_bar on {name}", "theta", (scene.heat.theta_bar,), points
+
+def _largest(values: Array) -> float:
+    return float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
+
+
+def _friction(
+    name: str, points: Array, u_T: Array, xi: Array, scene: Scene, near: float, stress: float
+) -> Iterator[SolutionFault]:
+    """Where −S_T lies outside b̂(u_T)."""
+    b = law_along(scene.friction, (name,), np.zeros(len(u_T), dtype=np.intp), points)
+    low, high = b.interval(u_T, near)
+    off = np.maximum(np.maximum(low - xi, xi - high), 0.0)
+    worst = int(np.argmax(np.nan_to_num(off)))
+    # stress is sampled INWARD of the edge, which alone leaves so much where there is no friction to compare with
+    slack = max(TOLERANCE * max(b.b_scale, _largest(xi)), 10 * INWARD * stress)
+    if off[worst] > slack:
+        law = f"[{low[worst]:.6g}, {high[worst]:.6g}]" if low[worst] < high[worst] else f"{low[worst]:.6g}"
+        what = (
+            f"the friction law does not hold on {name}: at {spot(points[worst])}, where u_T = {u_T[worst]:.6g}, "
+            f"-S_T is {xi[worst]:.6g}, but b(u_T) is {law}"
+        )
+        yield SolutionFault(
+            ("u",), what, f"change u or friction, so that -S_T of u lies in b(u_T) everywhere on {name}"
+        )

@@ -18,7 +18,7 @@ from tcstudy.accuracy.norms import LineFunction, Triangles
 from tcstudy.exact.fields import body_edges, outward
 from tcstudy.expressions.derivative import value_and_gradient
 from tcstudy.expressions.expression import value_of
-from tcstudy.laws.composed import each, law_along
+from tcstudy.laws.composed import law_along
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
 from tcstudy.scene.records import Body, Contact, Edge, Loaded, Scene
@@ -79,13 +79,13 @@ def exact_slip_length(exact: Exact, scene: Scene) -> float:
     at = [edge_at(edge, _places()) for edge, _ in edges]
     size = max((float(np.max(np.abs(value_of(u, *points.T)))) for points in at for u in exact.u), default=0.0)
 
-    def rests(law: Laws, u_T: Array) -> NDArray[np.bool_]:
-        return np.any(np.abs(u_T[:, None] - law.kinks[law.kinds == UP]) <= STICKS * size, axis=1)
-
     def slips(edge: Edge, hole: bool, places: Array) -> NDArray[np.bool_]:
         points = edge_at(edge, places)
         u_T = exact_u_T(exact)(points[:, 0], points[:, 1], outward(edge, hole, points))
-        return ~np.asarray(each(_law(scene, edge, points), rests, u_T))
+        law = _law(scene, edge, points)
+        at, tables = law.node_index(len(points)), law.tables
+        near = np.abs(u_T[:, None] - tables.kinks[at]) <= STICKS * size
+        return ~np.any(near & (tables.kinds[at] == UP), axis=1)
 
     return sum(edge_length(edge) * _share(partial(slips, edge, hole)) for edge, hole in edges)
 

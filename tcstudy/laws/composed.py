@@ -7,9 +7,9 @@ With all of c_i given to one of the laws it is of first order.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,29 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 from tcstudy.expressions.expression import Expression
 from tcstudy.laws.laws import NONE, Laws
 from tcstudy.laws.pieces import Array
-
-
-def each(law: Laws, answer: Callable[..., Any], *arrays: Any) -> Any:
-    """answer(law, *arrays) for what is independent node by node: of laws by node, asked of each on its own nodes.
-
-    arrays: (m, …); answer gives an array (nodes, …) or a tuple of such
-    """
-    if law.one:
-        return answer(law, *arrays)
-    m = len(law.index)
-    parts = [(nodes, answer(own, *(x[nodes] for x in arrays))) for own, nodes in law.groups(m)]
-    if not parts:
-        return answer(NONE, *arrays)
-
-    def joined(column: Sequence[Array]) -> Array:
-        whole = np.empty((m, *column[0].shape[1:]), dtype=column[0].dtype)
-        for (nodes, _), part in zip(parts, column, strict=True):
-            whole[nodes] = part
-        return whole
-
-    if isinstance(parts[0][1], tuple):
-        return tuple(joined(column) for column in zip(*(part for _, part in parts), strict=True))
-    return joined([part for _, part in parts])
 
 
 def nodal(

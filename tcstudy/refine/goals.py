@@ -24,8 +24,6 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.fem.boundary import ContactLine
-from tcstudy.laws.composed import each
-from tcstudy.laws.laws import Laws
 from tcstudy.refine.fronts import slopes
 from tcstudy.scene.records import Point
 from tcstudy.scene.study import Goal
@@ -84,22 +82,17 @@ def torn(line: ContactLine, problem: ContactProblem, v: Array) -> Array:
     """
     own = line.unknowns
     low, high = np.sort(v[own], axis=1).T
-    free = np.all(own >= 0, axis=1)
-    unsaid = each(problem.law.of_nodes(own.max(axis=1)), _unsaid, low, high, free)
+    law, free = problem.law.of_nodes(own.max(axis=1)), np.all(own >= 0, axis=1)
+    at, tables = law.node_index(len(own)), law.tables
+    first, last, kinks = law.b(low, 1)[:, None], law.b(high, -1)[:, None], tables.kinks[at]
+    low, high = low[:, None], high[:, None]
+    inside = free[:, None] & (low < kinks) & (kinks < high)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        chord = first + (kinks - low) / (high - low) * (last - first)
+        above = np.maximum(tables.b_left, tables.b_right)[at] - chord
+        below = chord - np.minimum(tables.b_left, tables.b_right)[at]
+    unsaid = sum(np.max(np.where(inside, off, 0.0), axis=1, initial=0.0) for off in (above, below))
     return np.asarray(0.5 * line.lengths * unsaid)
-
-
-def _unsaid(law: Laws, low: Array, high: Array, free: NDArray[np.bool_]) -> Array:
-    """How far b leaves its chord between the slips of two neighbours, above and below together (n,) [Pa]."""
-    first, last = law.b(low, 1), law.b(high, -1)
-    above, below = np.zeros(len(low)), np.zeros(len(low))
-    for kink, left, right in zip(law.kinks, law.b_left, law.b_right, strict=True):
-        inside = free & (low < kink) & (kink < high)
-        part = (kink - low[inside]) / (high - low)[inside]
-        chord = first[inside] + part * (last - first)[inside]
-        above[inside] = np.maximum(above[inside], max(left, right) - chord)
-        below[inside] = np.maximum(below[inside], chord - min(left, right))
-    return above + below
 
 
 def steps(line: ContactLine, problem: ContactProblem, v: Array) -> Array:

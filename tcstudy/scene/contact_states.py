@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tcstudy.laws.laws import Laws
-from tcstudy.laws.pieces import BEND, DOWN
+from tcstudy.laws.pieces import DOWN, UP
 
 
 class ContactState(IntEnum):
@@ -45,13 +45,16 @@ def contact_states(law: Laws) -> NDArray[np.int8]:
 
 
 def node_states(law: Laws, u_T: ArrayLike, sticks: ArrayLike) -> NDArray[np.int8]:
-    """(m,) ContactState of nodes with these tangential displacements [m]; sticks: those known to rest on an up-jump.
+    """ContactState of nodes with these tangential displacements (…, m) [m]; sticks: those known to rest on an up-jump.
 
     A bend counts to the piece beyond it, seen from s = 0.
     """
-    u = np.asarray(u_T, dtype=float)
-    code = 2 * np.where(u < 0.0, law.piece(u, -1), law.piece(u, +1))
-    if len(law.kinks):
-        near = law.nearest_kink(u)
-        code = np.where((law.kinks[near] == u) & (law.kinds[near] != BEND), 2 * near + 1, code)
-    return np.where(np.asarray(sticks, dtype=bool), np.int8(ContactState.STICK), contact_states(law)[code])
+    u, of_pieces = np.asarray(u_T, dtype=float), np.zeros(law.tables.q.shape, dtype=np.int8)
+    for row, one in zip(of_pieces, law.laws, strict=True):
+        states = contact_states(one)[0::2]
+        row[:] = states[np.minimum(np.arange(len(row)), len(states) - 1)]
+    at = law.locate(u)
+    found = of_pieces.take(np.where(u < 0.0, at.piece, at.piece + at.on))
+    found[law.kind(at) == DOWN] = ContactState.DROP
+    found[np.asarray(sticks, dtype=bool) | (law.kind(at) == UP)] = ContactState.STICK
+    return found

@@ -65,17 +65,6 @@ def test_slivers_make_up_the_area_and_moments_of_the_exact_body() -> None:
     assert sliver_integral(straight.scenes[0].body, meshes(straight)[0], lambda x, y: x) == 0.0
 
 
-def test_slip_length_of_stick_and_slip() -> None:
-    """The change at x = 1/3 in closed form: u_T = 0.36 r^1.5 leaves its rounding 1e-14 at r = 1e-9."""
-    for study in (
-        read_study(CONFIGS / "convergence.yaml"),
-        closed_forms.stick_slip(2),
-        closed_forms.stick_slip(2, 45.0),
-    ):
-        assert study.exact is not None
-        assert exact_slip_length(study.exact, study.scenes[0]) == pytest.approx(2 / 3, abs=5e-9)
-
-
 @pytest.mark.parametrize(
     ("u_x", "law", "expected"),
     [

@@ -76,17 +76,6 @@ def test_springs_count_in_the_energy_and_in_every_ratio() -> None:
     assert len({level.ratio(scene) for scene in study.scenes}) == 4
 
 
-TANGENTIAL = """
-units: none
-body: {rectangle: {width: 2, height: 1}}
-boundary: {bottom: contact, left: free, top: {role: traction, spring: {tangential: 3}}, right: free}
-material: {E: 5, nu: 0.3, plane: stress}
-loads: {f: [0.4, 0]}
-friction: {law: tresca, tau: 0.01}
-mesh: {maxh: 0.4}
-"""
-
-
 def test_resultants_are_exact_on_arcs_and_shared_out_evenly() -> None:
     text = HEATED_BRACKET.replace("bore: convection", "bore: {role: convection, force: [0.07, -0.02]}")
     study, plain = study_of(text), study_of(HEATED_BRACKET)
@@ -110,24 +99,6 @@ heat: {theta: "x*y"}
 friction: {law: slip-weakening, tau_s: 0.02, tau_k: 0.005, delta: 0.2}
 mesh: {maxh: 0.3}
 """
-
-
-def test_a_rigid_edge_is_the_clamped_one_whose_reaction_is_the_resultant() -> None:
-    """The plate moves as a whole under its force; clamped by as much, its reaction is that force."""
-    free = RIGID.replace("END", "free")
-    text = free.replace("PLATE", "{role: rigid, force: [0.05, -0.1]}")
-    scene, level, _, v, u = solved(text)
-    plate = level.mesh.points[:, 1] > 1 - 1e-12
-    assert np.ptp(u[:, plate], axis=1) == pytest.approx([0, 0], abs=1e-15)
-    U = u[:, plate][:, 0]
-    given = f"{{role: clamped, u: [{float(U[0])!r}, {float(U[1])!r}]}}"
-    other, same, _, w, moved = solved(free.replace("PLATE", given))
-    assert w == pytest.approx(v, abs=1e-11)
-    assert moved == pytest.approx(u, abs=1e-11)
-    K = same.elastic.stiffness_of((((), other.material.lam, other.material.mu),))
-    forces = (K @ moved.ravel() - same.load(other)).reshape(2, -1)
-    assert forces[:, plate].sum(axis=1) == pytest.approx([0.05, -0.1], abs=1e-11)
-    assert scene.body == other.body
 
 
 def test_an_edge_that_turns_is_the_clamped_one_whose_reactions_are_its_resultants() -> None:
@@ -187,30 +158,6 @@ def test_a_rigid_edge_that_meets_contact_moves_a_contact_node() -> None:
     assert np.ptp(u[0, end]) < 1e-15
     assert abs(v[corner]) == pytest.approx(abs(u[0, end][0]), rel=1e-13)
     assert len(v) == condensed.problem.m
-
-
-def test_a_symmetry_edge_is_half_of_a_whole() -> None:
-    """Halves on meshes of their own: twice the energy and the friction of the half, up to the error of the mesh."""
-    whole = """
-units: none
-body: {rectangle: {width: 4, height: 1, corner: [-2, 0]}}
-boundary: {bottom: contact, left: LEFT, top: free, right: {role: traction, g: [0.02, 0], spring: {normal: 0.1}}}
-material: {E: 1, nu: 0.3, alpha_T: 0.01}
-heat: {theta: "1 + x^2"}
-friction: {law: tresca, tau: 0.01}
-mesh: {maxh: 0.08}
-"""
-    half = (
-        whole.replace("width: 4", "width: 2").replace("corner: [-2, 0]", "corner: [0, 0]").replace("LEFT", "symmetry")
-    )
-    whole = whole.replace("LEFT", "{role: traction, g: [-0.02, 0], spring: {normal: 0.1}}")
-    energy = []
-    for text in (whole, half):
-        _, _, condensed, v, _ = solved(text)
-        energy.append(condensed.problem.energy(v) + condensed.constant)
-        energy.append(float(np.max(np.abs(v))))
-    assert 2 * energy[2] == pytest.approx(energy[0], rel=2e-3)
-    assert energy[3] == pytest.approx(energy[1], rel=1e-2)
 
 
 def test_end_of_the_rail_on_its_spring() -> None:

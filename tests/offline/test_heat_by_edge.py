@@ -12,12 +12,8 @@ from tcstudy.fem.boundary import values_at
 from tcstudy.fem.geometry import build
 from tcstudy.offline import conduction
 from tcstudy.offline.level import Level
-from tcstudy.read.study import read_study
 from tcstudy.refine.error_estimator import ErrorEstimator
-from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene
-from tcstudy.study.path_affine import affine_load
-from tests.test_cli import CONFIGS
 from tests.verification.scenes import HEATED_BRACKET, levels_of, mesh_family, study_of
 
 SLAB = """
@@ -61,15 +57,6 @@ def test_slab_in_series(left: str, right: str, flow: float, at_left: float) -> N
     assert found.theta == pytest.approx(at_left - flow / 4 * level.mesh.points[:, 0], abs=1e-12 * 90)
     assert found.mean == pytest.approx(at_left - flow / 4, rel=1e-13)
     assert not found.heat_balance > 1e-14  # NaN where nothing flows
-
-
-def test_mean_temperatures_of_the_friction_pad() -> None:
-    """Those of the head of configs/friction_pad.yaml; what flows into the film leaves through the back."""
-    study = read_study(CONFIGS / "friction_pad.yaml")
-    level = levels_of(study)[0]
-    found = [level.temperature(scene) for scene in study.scenes]
-    assert [one.mean for one in found] == pytest.approx([58.0, 96.0, 172.0], rel=1e-12)
-    assert max(one.heat_balance for one in found) < 1e-13
 
 
 ALL_KINDS = """
@@ -144,16 +131,6 @@ def test_alpha_whose_ratios_are_kept_share_one_set_of_modes(monkeypatch: pytest.
     apart = ["heat.alpha=h", "sweep={boundary.curve.heat.alpha: [1, 2, 3]}"]
     assert counted(monkeypatch, *together)[0] == 1
     assert counted(monkeypatch, *apart)[0] == 3
-
-
-def test_surroundings_fluxes_and_held_temperatures_are_affine() -> None:
-    """A path may run along each of them."""
-    study = study_of(bracket(ALL_KINDS))
-    scene, level = study.scenes[0], levels_of(study)[0]
-    for parameter in (("right", "theta_bar"), ("right", "flux"), ("left", "heat", "theta")):
-        keys = ("boundary", *parameter)
-        load = affine_load(level, lambda t, keys=keys: path_scene(scene, keys, t), -1.0, 3.0, ".".join(keys))  # type: ignore[misc]
-        assert load.defect < 1e-13
 
 
 def test_rate_of_a_chosen_temperature() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from itertools import groupby
 from pathlib import Path
 
@@ -53,13 +52,6 @@ def test_a_scene_has_the_same_bits_in_any_block() -> None:
     whole, part = level.block(study.scenes), level.block(study.scenes[5:8][::-1])
     np.testing.assert_array_equal(part.l_tilde[::-1], whole.l_tilde[5:8])
     np.testing.assert_array_equal(part.heat_balance[::-1], whole.heat_balance[5:8])
-
-
-def test_a_block_travels_without_the_mesh() -> None:
-    study = tcstudy.load(QUICKSTART, [SWEEPS["heat"]])
-    block = level_of(study).block(study.scenes)
-    again = pickle.loads(pickle.dumps(block))
-    np.testing.assert_array_equal(again.l_tilde, block.l_tilde)
 
 
 def test_scenes_of_two_ratios_are_no_block() -> None:

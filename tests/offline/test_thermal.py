@@ -13,7 +13,6 @@ from tcstudy.scene.study import Study
 from tests.verification.scenes import HEATED_BRACKET, mesh_family, study_of
 
 MANY = "sweep={alpha: {geomspace: [1e-8, 1e8, 200]}}"
-FEW = "sweep={alpha: [1e-8, 1, 1e8]}"
 
 
 def swept(*overrides: str) -> tuple[Study, PlaneMesh]:
@@ -56,15 +55,6 @@ def test_many_alpha_cost_a_handful_of_columns(monkeypatch: pytest.MonkeyPatch, k
         l_tilde = one.problem.l_tilde
         assert np.max(np.abs(condensed[i].problem.l_tilde - l_tilde)) < 1e-12 * np.max(np.abs(l_tilde))
         assert condensed[i].constant == pytest.approx(one.constant, rel=1e-11)
-
-
-def test_few_alpha_have_a_column_each(monkeypatch: pytest.MonkeyPatch) -> None:
-    study, mesh = swept(FEW)
-    columns = Columns(monkeypatch)
-    level = Level(mesh, study.scenes[0], study.scenes)
-    for scene in study.scenes:
-        level.temperature(scene)
-    assert columns.count == 2 * 3 + 1
 
 
 def test_an_alpha_outside_the_sweep_is_as_exact() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +11,8 @@ import tcstudy
 from tcstudy.data.measured import Measured
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
-from tcstudy.study.convergence import own_error
 from tcstudy.study.convergence_run import converge
-from tcstudy.study.lint import MEASURED, locking_note, warnings
+from tcstudy.study.lint import MEASURED, warnings
 from tests.verification import closed_forms
 from tests.verification import manufactured as smooth
 from tests.verification.patch import Case, patch_study
@@ -99,14 +97,6 @@ def test_a_held_end_takes_a_third_of_the_traction(mixed: Measured) -> None:
     assert xi[1] / exact[1] == pytest.approx(1, abs=0.05)
 
 
-def test_a_turned_contact_line_changes_nothing(mixed: Measured) -> None:
-    """Up to where the mesher puts the nodes of the turned body, 1e-9 of its size elsewhere."""
-    turned = converge(closed_forms.stick_slip(3, degrees=45))
-    for name, one in errors(turned.points[0]).items():
-        straight = errors(mixed.points[0])[name]  # its norms are integrated on a finer level
-        np.testing.assert_allclose(one.error * one.size, straight.error[:3] * straight.size, rtol=1e-7)
-
-
 @pytest.mark.parametrize(
     ("norm", "order", "bound"),
     [("u_energy", 1, 0.025), ("u_H1", 1, 0.025), ("u_L2", 2, 2e-4), ("u_T_L2", 1.5, 1e-3), ("u_T_max", 1, 5e-3)],
@@ -156,13 +146,6 @@ def test_a_nested_reference_gives_the_true_errors(slipping: Measured) -> None:
             np.testing.assert_allclose(one.error[:4], errors(slipping.points[0])[name].error[:4], rtol=0.08)
 
 
-def test_the_share_of_the_reference_in_the_rates() -> None:
-    """Measured on e_i − e_ref with e_i = 2^{-pi}."""
-    for p in (0.5, 1.0, 2.0):
-        e = 2.0 ** (-p * np.arange(6)) - 2.0 ** (-p * 5)
-        assert np.log2(e[2] / e[3]) == pytest.approx(p + own_error(p), rel=1e-12)
-
-
 def test_numbers_are_extrapolated_to_the_exact_ones(slipping: Measured, mixed: Measured) -> None:
     for found in (slipping, mixed):
         for name in ("energy", "friction_resultant"):
@@ -174,11 +157,6 @@ def test_numbers_are_extrapolated_to_the_exact_ones(slipping: Measured, mixed: M
     x = np.linspace(0, 1, 100_001)
     resultant = np.trapezoid(smooth.friction(x), x)
     assert series(slipping.points[0], "friction_resultant").exact == pytest.approx(resultant, rel=1e-9)
-
-
-def test_a_wrong_exact_solution_is_told() -> None:
-    text = closed_forms.stick_slip(1).text.replace("law: tresca, tau: 0.5", "law: tresca, tau: 0.45")
-    assert any("misses the friction law by 0.1" in note for note in converge(read_study_text(text)).notes)
 
 
 def test_graded_levels_regain_the_order_that_uniform_ones_lose() -> None:
@@ -196,24 +174,6 @@ def test_graded_levels_regain_the_order_that_uniform_ones_lose() -> None:
     assert slopes["uniform"] < 0.8
 
 
-def test_a_list_of_mesh_sizes_has_a_reference_too() -> None:
-    study = smooth_study(6, exact=False)
-    listed = replace(study, mesh=replace(study.mesh, maxh=(0.25, 0.17, 0.12, 0.08, 0.055, 0.02), levels=6))
-    measured = converge(listed)
-    true = converge(replace(smooth_study(6), mesh=listed.mesh))
-    assert measured.meshes["compared"].tolist() == [True, True, True, True, False, False]
-    for norm in ("u_energy", "u_L2", "u_T_L2"):
-        own, known = errors(measured.points[0])[norm].error[:4], errors(true.points[0])[norm].error[:4]
-        assert own == pytest.approx(known, rel=0.1), norm
-
-
-def test_few_levels_give_numbers_only() -> None:
-    found = converge(smooth_study(3, exact=False))
-    assert errors(found.points[0]) == {}
-    assert series(found.points[0], "energy").limit_order == pytest.approx(2, abs=0.1)
-    assert any("mesh.levels of 4" in note for note in found.notes)
-
-
 def test_locking_is_measured_and_warned_about() -> None:
     """On a solution that does not depend on ν the error grows with λ; the figures of the warning are these."""
     poissons = tuple(MEASURED)
@@ -227,10 +187,3 @@ def test_locking_is_measured_and_warned_about() -> None:
     assert by_nu[0.3]["u_H1"].rate[-1] > 0.95
     assert by_nu[0.4999]["u_H1"].rate[-1] < 0.5
     assert by_nu[0.4999]["u_T_L2"].verdict in ("pre_asymptotic", "slower")
-
-
-def test_the_locking_note() -> None:
-    assert locking_note(0.3) is None
-    note = locking_note(0.4995)
-    assert note is not None
-    assert "at nu = 0.499 u is off by 30 % (energy norm) and u_T by 7.3 %" in note

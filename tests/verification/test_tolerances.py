@@ -12,9 +12,8 @@ from __future__ import annotations
 
 import pytest
 
-from tests.benchmarks.tolerance_reference import reference
 from tests.benchmarks.tolerance_scenes import draw_scene
-from tests.benchmarks.tolerances import SHARP, judged
+from tests.benchmarks.tolerances import judged
 from tests.verification.goal_scenes import RESULTANT, SLIP_LENGTH, scene_of
 
 CANCELS = """
@@ -74,7 +73,7 @@ FILMS = {
 }
 
 
-@pytest.mark.parametrize("maxh", [4.93, 4.17, 3.79, 3.41, 3.03, 2.46, 1.9, 1.52])
+@pytest.mark.parametrize("maxh", [4.93, 3.79, 3.03, 1.9])
 def test_a_front_that_corner_and_body_move_to_opposite_sides(maxh: float) -> None:
     study = scene_of(CANCELS + f"mesh: {{maxh: {maxh}, levels: 1}}\n")
     trial = judged(0, study, SLIP_LENGTH, 1e-2, FRONT)
@@ -83,7 +82,7 @@ def test_a_front_that_corner_and_body_move_to_opposite_sides(maxh: float) -> Non
     assert trial.n_dof < 4000
 
 
-@pytest.mark.parametrize("maxh", [0.3, 0.4, 0.5, 0.6])
+@pytest.mark.parametrize("maxh", [0.3, 0.5])
 @pytest.mark.parametrize("name", FILMS)
 def test_no_plateau_of_a_coarse_cell_at_a_clamp_is_believed(name: str, maxh: float) -> None:
     film, true = FILMS[name]
@@ -103,7 +102,7 @@ def test_a_zone_shorter_than_every_cell_is_looked_for() -> None:
 
 
 TRUTHS = {2: 5475.379, 5: 1.3193110, 14: 11.227283}
-"""Goals of small scenes of seed 1 by tests.benchmarks.tolerance_reference, all uncertain by less than 2e-5."""
+"""Goals of small scenes of seed 1 by `reference` of tests.benchmarks.tolerance_reference, uncertain by 2e-5 at most."""
 
 
 @pytest.mark.parametrize("index", TRUTHS)
@@ -115,10 +114,3 @@ def test_tolerances_of_scenes_at_random(index: int) -> None:
         trial = judged(index, drawn.study, goal, tolerance, TRUTHS[index])
         assert trial.met
         assert trial.ratio <= 1.0, trial
-
-
-def test_a_truth_is_found_again() -> None:
-    drawn = draw_scene(1, 14)
-    truth = reference(drawn.study, drawn.goals[14 % len(drawn.goals)])
-    assert truth.uncertainty < 2e-5 < SHARP * 1e-3
-    assert truth.value == pytest.approx(TRUTHS[14], rel=2e-5)

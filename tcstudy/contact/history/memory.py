@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.history.rows import HalfRows, laws_of
 from tcstudy.contact.path.chords import piecewise_linear
-from tcstudy.laws.composed import each
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.histories import Memory
 
@@ -167,7 +166,10 @@ class MemoryModel:
     @cached_property
     def omega(self) -> Array:
         """(m,) steepest fall of any step's law [Pa/m]."""
-        return each(self.law, lambda law, nodes: np.full(len(nodes), self.memory.omega(law.omega)), np.arange(self.m))
+        found = np.empty(self.m)
+        for own, nodes in self.laws:
+            found[nodes] = self.memory.omega(own.omega)
+        return found
 
     @property
     def remembers(self) -> bool:

@@ -28,7 +28,6 @@ from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import STICKS
 from tcstudy.data.store import open_results
 from tcstudy.errors import UsageError
-from tcstudy.laws.composed import each
 from tcstudy.reports.export.vtk_files import SYMMETRIC, Values, write_collection, write_vtk
 from tcstudy.reports.picture import body_fields, contact_line
 from tcstudy.reports.select_point import Value, labels, level_number, matching
@@ -115,7 +114,7 @@ def _write_point(
         yield i, BODY, "body", f"{name}.vtu"
     sticks = group["sticks"].values == STICKS
     law = None if scene is None else law_of_nodes(scene.friction, group)
-    states = sticks.astype(np.int8) if law is None else each(law, node_states, group["u_T"].values, sticks)
+    states = sticks.astype(np.int8) if law is None else node_states(law, group["u_T"].values, sticks)
     words = ("slip", "stick") if law is None else tuple(state.name.lower() for state in ContactState)
     chains = [
         np.append(np.arange(part.start, part.stop), [part.start] if line.closed(part) else []).astype(np.intp)

@@ -11,7 +11,6 @@ import numpy as np
 
 from tcstudy.data.reading import by_point
 from tcstudy.data.schema import STICKS
-from tcstudy.laws.composed import each
 from tcstudy.reports.figures.body import boundary_edges
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.law_part import frictions_of, node_part
@@ -86,7 +85,7 @@ def _equilibria(stored: Stored, group: Any, box: Container) -> Json:
     for k, friction in enumerate(frictions):
         own = np.flatnonzero(of[point] == k)
         law = law_of_nodes(friction, group)
-        states[own] = each(law, node_states, u_T[own].T, np.zeros(u_T[own].T.shape, dtype=bool)).T
+        states[own] = node_states(law, u_T[own], np.zeros(u_T[own].shape, dtype=bool))
     return {
         "every": {
             "first": box.array(np.searchsorted(point, np.arange(stored.data["status"][..., -1].size + 1)), "i4"),
@@ -107,7 +106,7 @@ def _states(stored: Stored, group: Any, u_T: Any) -> Any:
     frictions, of = frictions_of(stored.study)
     for k, friction in enumerate(frictions):
         rows = np.flatnonzero(solved & (of == k))
-        states[rows] = each(law_of_nodes(friction, group), node_states, u_T[rows].T, sticks[rows].T).T
+        states[rows] = node_states(law_of_nodes(friction, group), u_T[rows], sticks[rows])
     states[~solved] = -1
     return states
 

@@ -13,7 +13,6 @@ pytest.importorskip("matplotlib")
 
 from tcstudy.data.store import load_root
 from tcstudy.errors import DrawError, UsageError
-from tcstudy.laws.composed import each
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.reports.figures import style
@@ -80,7 +79,7 @@ def test_where_friction_differs_every_node_stands_on_the_law_of_its_edge(tmp_pat
     # states go out by the law of each node: softening only on the shoe, between nothing and 0.1 of slip
     with xr.open_datatree(tmp_path / "films.nc") as tree:
         group = tree["level_0"].to_dataset().load()
-    states = each(law_of_nodes(read_study_text(FILMS).scenes[0].friction, group), node_states, line.u_T, line.sticks)
+    states = node_states(law_of_nodes(read_study_text(FILMS).scenes[0].friction, group), line.u_T, line.sticks)
     softens = (line.x >= 1) & (line.u_T > 0) & (line.u_T < 0.1) & ~line.sticks
     assert softens.any()
     assert np.array_equal(states == ContactState.SOFTEN, softens)
