@@ -254,12 +254,10 @@ class ElasticForms(GradientProducts):
             energy = normal * (u * n) * (v * n) + tangential * (u * t) * (v * t)
             form += energy * ngs.ds(self.mesh.region(name))
         form.Assemble()
-        (graph, blocks), nodes = NodeGraph.of(form), self.mesh.n_points
-        at = [(graph.rows + c * nodes, graph.columns + d * nodes) for c in (0, 1) for d in (0, 1)]
-        i, j = (np.concatenate(part) for part in zip(*at, strict=True))
-        entries = np.concatenate([blocks[:, c, d] for c in (0, 1) for d in (0, 1)])
-        S = sp.csr_array((entries, (i, j)), shape=(2 * nodes, 2 * nodes))
-        return sp.csr_array(frames.rotation.T @ S @ frames.rotation)
+        graph, blocks = NodeGraph.of(form)
+        S = np.array(blocks.transpose(1, 2, 0), order="C")
+        _turn(S, graph, frames)
+        return _component_blocked(S, graph)
 
     def traction(self, name: str, role: Traction | Convection) -> Array:
         """∫_{Γ}(g − p n)·φ_i over the study edge `name`, (2n,) [N/m]."""
