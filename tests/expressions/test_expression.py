@@ -6,7 +6,6 @@ import copy
 import math
 import pickle
 import time
-from typing import Any
 
 import numpy as np
 import pytest
@@ -74,44 +73,6 @@ def test_pickle_and_copy() -> None:
         assert twin.evaluate(2.0, 0.0) == 222.0
     error = pickle.loads(pickle.dumps(ExpressionError("wrong", 7)))
     assert (str(error), error.offset) == ("wrong", 7)
-
-
-class Trace:
-    """Arithmetic that writes down what is asked of it."""
-
-    def __init__(self, text: str) -> None:
-        self.text = text
-
-    def __pow__(self, other: object) -> Trace:
-        return Trace(f"pow({self.text},{other!r})")
-
-    def __mul__(self, other: Any) -> Trace:
-        return Trace(f"mul({self.text},{getattr(other, 'text', repr(other))})")
-
-    def __rmul__(self, other: float) -> Trace:
-        return Trace(f"mul({other!r},{self.text})")
-
-
-def test_fold_passes_constants_as_floats_and_whole_powers_as_ints() -> None:
-    def call(name: str) -> Any:
-        return lambda *a: Trace(f"{name}({','.join(getattr(v, 'text', repr(v)) for v in a)})")
-
-    functions = {name: call(name) for name in ("sin", "max", "atan2")}
-    variables = {"x": Trace("x"), "y": Trace("y")}
-
-    def trace(text: str) -> str:
-        folded = parse(text).fold(variables, functions)
-        assert isinstance(folded, Trace)
-        return folded.text
-
-    assert trace("x^2") == "pow(x,2)"
-    assert trace("x^-(1+1)") == "pow(x,-2)"
-    assert trace("x^0.5") == "pow(x,0.5)"
-    assert trace("x^1e9") == "pow(x,1000000000.0)"
-    assert trace("(1+2)*sin(y)") == "mul(3.0,sin(y))"
-    assert trace("max(1, x, 2, y)") == "max(max(max(x,y),1.0),2.0)"
-    assert trace("atan2(1, x)") == "atan2(1.0,x)"
-    assert parse("sin(pi/2)").fold(variables, functions) == 1.0
 
 
 HOSTILE = [

@@ -129,30 +129,6 @@ def test_bodies_of_every_size_have_meshes(unit: float) -> None:
         np.testing.assert_allclose(normals, directions, atol=1e-6)
 
 
-@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
-def test_short_edges_stay_above_the_tolerances_of_the_kernel(unit: float) -> None:
-    """A chamfer of a millionth of the body: given to the kernel with size 1 it would be near its tolerance."""
-    corners = [(0.0, 0.0), (1.0 - 1e-6, 0.0), (1.0, 1e-6), (1.0, 0.5), (0.0, 0.5)]
-    outline = ", ".join(
-        f"{{from: [{x * unit!r}, {y * unit!r}], edge: {name}}}"
-        for (x, y), name in zip(corners, ("base", "chamfer", "right", "top", "left"), strict=True)
-    )
-    study = study_of(f"""
-units: none
-body: {{outline: [{outline}]}}
-boundary: {{base: contact, chamfer: free, right: free, top: free, left: clamped}}
-material: {{E: 1, nu: 0.3}}
-friction: {{law: tresca, tau: 1}}
-mesh: {{maxh: {0.25 * unit!r}, levels: 1}}
-""")
-    geometry = build(study.scenes[0].body)
-    chamfer = geometry.curves[1].length
-    assert chamfer == pytest.approx(np.sqrt(2.0) * 1e-6 * unit, rel=1e-9)
-    assert chamfer / geometry.unit > 1e-4
-    assert geometry.area == pytest.approx((0.5 - 0.5e-12) * unit**2, rel=1e-12)
-    assert len(next(mesh_family(geometry, study.mesh)).triangles) < 2000
-
-
 @pytest.mark.parametrize("family", ["uniform", "graded", "adaptive"])
 def test_a_fine_mesh_by_refinement_is_the_finer_level_of_a_coarse_one(family: str) -> None:
     coarse = meshes_of(study_of(HEATED_BRACKET, "mesh={maxh: 0.4, levels: 3}"))[2]

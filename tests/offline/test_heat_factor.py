@@ -108,18 +108,6 @@ def test_refinement_gives_slivers_their_digits_back(
     assert heat_status(plain.temperature(scene).heat_balance) == UNBALANCED
 
 
-def test_good_meshes_are_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """To the bit: nothing is refined, and nothing is paid for it."""
-
-    def refuse(*_: object) -> None:
-        raise AssertionError("a good mesh was refined")
-
-    monkeypatch.setattr(heat_factor.HeatFactor, "_correction", refuse)
-    scene, level = sliver_level(2.0, 1.0)
-    assert level.temperature(scene).heat_balance < 1e-12
-    assert np.isfinite(level.temperature(scene).theta).all()
-
-
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
 def test_the_balance_is_relative_to_the_heat_that_moves(scale: float) -> None:
     """Sources and sinks that cancel, and little heat beside what uneven surroundings drive through the body."""

@@ -155,18 +155,6 @@ def test_lumping_against_quadrature() -> None:
     assert float(found.sum()) == pytest.approx(float((trapezoid - simpson).sum()), rel=1e-10)
 
 
-def test_a_known_temperature_is_interpolated_and_counted() -> None:
-    text = WARM.replace('alpha: 3, theta_bar: "cos(pi*x)", q: "2*pi^2*cos(pi*x)"', 'theta: "cos(pi*x)"')
-    study = study_of(text.replace("convection", "free"), "mesh.levels=2")
-    level = levels_of(study)[1]
-    triangles, theta = ElementGeometry(level.mesh), np.cos(np.pi * level.mesh.points[:, 0])
-    l2, _ = l2_and_h1_errors(
-        level.mesh, theta, lambda x, y: np.cos(np.pi * x), lambda x, y: np.zeros((2, *np.shape(x)))
-    )
-    estimate = np.sqrt(coupling(triangles, theta, study.scenes[0]).sum() * 2.5) / 0.8
-    assert estimate == pytest.approx(l2, rel=0.1)  # its quadrature is exact for degree 2, the square has degree 4
-
-
 def test_oscillating_data_are_seen() -> None:
     """A force that the mesh cannot resolve: its average vanishes, the solution with it, the estimate does not."""
     text = WARM.replace('heat: {alpha: 3, theta_bar: "cos(pi*x)", q: "2*pi^2*cos(pi*x)"}\n', "")

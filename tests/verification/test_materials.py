@@ -18,9 +18,7 @@ from tcstudy.reports.stresses import stresses, von_mises
 from tcstudy.study.plan import plan
 from tcstudy.study.reference import NestedReference
 from tcstudy.study.solved_levels import solve_levels
-from tests.test_cli import CONFIGS
 from tests.verification.scenes import levels_of
-from tests.verification.test_gallery import told
 
 Array = NDArray[np.float64]
 L, H, BASE = 1.3, 1.0, 0.3
@@ -140,19 +138,6 @@ mesh: {maxh: 0.2, levels: 3}
     assert errors[-1] < 5e-3
     assert errors[0] / errors[1] > 3.5
     assert errors[1] / errors[2] > 3.8
-
-
-def test_coated_block(tmp_path: Path) -> None:
-    """The end of a bar of two layers, u = D e²/(2τ), for coatings by name; both factorisations are told."""
-    study = tcstudy.load(str(CONFIGS / "coated_block.yaml"), ["mesh.levels=1"])
-    assert plan(study).factorisations == 2
-    tree = tcstudy.run(study, tmp_path / "block.nc")
-    for name, layer in (("zirconia", (200e9, 10e-6)), ("polymer", (3e9, 70e-6))):
-        both = np.array([(210e9 * 8e-3, 12e-6), (layer[0] * 2e-3, layer[1])])
-        D, strain = both[:, 0].sum(), 60.0 * (both[:, 0] @ both[:, 1]) / both[:, 0].sum()
-        assert 1e3 * D * strain**2 / 1e7 == pytest.approx(told("coated_block", name)[0], rel=1e-6)
-        found = float(tree["u_T_max"].sel(coating=name, level=0))
-        assert found == pytest.approx(D * strain**2 / 1e7, rel=5e-3)
 
 
 def test_stresses_are_those_of_the_region(tmp_path: Path) -> None:
