@@ -200,14 +200,13 @@ def _extract(kernel: Any, geometry: Geometry, level: int, start: float, unit: fl
     segments = lines["nodes"][outer, :2].astype(np.intp) - 1
     if not len(triangles):
         raise GeometryFailed("the mesh is empty; try a smaller maxh")
-    corners = points[triangles]
-    twice = doubled_areas(corners)
+    twice = doubled_areas(points[triangles])
     if np.any(twice == 0.0):
         raise GeometryFailed("the mesh has a triangle without area; try a smaller maxh")
     triangles = np.where((twice < 0)[:, None], triangles[:, [0, 2, 1]], triangles)
-    along = TriangleGeometry(points, triangles).sides_at(segments) >= 0  # the body on their left
-    segments = np.where(along[:, None], segments, segments[:, ::-1])
-    h_max = float(np.sqrt(np.max(np.sum((corners - np.roll(corners, 1, axis=1)) ** 2, axis=2))))
+    own = TriangleGeometry(points, triangles)
+    segments = np.where((own.sides_at(segments) >= 0)[:, None], segments, segments[:, ::-1])  # the body on their left
+    h_max = float(np.max(own.diameter))
     _check(geometry, points, segments, curve[outer], 0.5 * float(np.abs(twice).sum()))
     elapsed = time.perf_counter() - start
     return PlaneMesh(mesh, geometry, level, points, triangles, segments, curve[outer], h_max, elapsed, kernel, unit)

@@ -54,12 +54,6 @@ class ElementGeometry(TriangleGeometry):
         return found
 
     @cached_property
-    def diameter(self) -> Array:
-        """(t,) longest edges [m]."""
-        sides = self.corners - np.roll(self.corners, 1, axis=1)
-        return np.sqrt(np.max(np.einsum("tkd,tkd->tk", sides, sides), axis=1))
-
-    @cached_property
     def boundary(self) -> BoundaryEdges:
         """Geometry of the boundary segments."""
         ends = self.mesh.points[self.mesh.segments]

@@ -28,6 +28,7 @@ from tcstudy.fem.meshes import PlaneMesh, curve_ends, mesh_at, refine_marked, re
 from tcstudy.scene.families import GRADED
 from tcstudy.scene.records import Clamped, Contact, Point, Role
 from tcstudy.scene.study import MeshPlan, Study
+from tcstudy.shapes.triangles import TriangleGeometry
 
 Array = NDArray[np.float64]
 REACH = 0.25
@@ -77,12 +78,10 @@ def graded_mesh(
     points, mu = singular_points(first, boundary, plan.grading)
     h, reach = first.h_max / 2**level, REACH * first.geometry.size
     while True:
-        corners = mesh.points[mesh.triangles]
-        sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-        centres = corners.mean(axis=1)
-        r = np.linalg.norm(centres[:, None] - points[None], axis=2)
+        triangles = TriangleGeometry(mesh.points, mesh.triangles)
+        r = np.linalg.norm(triangles.centres[:, None] - points[None], axis=2)
         target = h * np.min(np.minimum(1.0, r / reach) ** (1.0 - mu), axis=1, initial=1.0)
-        large = sides.max(axis=1) > target * (1.0 + 1e-9)
+        large = triangles.diameter > target * (1.0 + 1e-9)
         if not np.any(large):
             return replace(mesh, level=level, time_mesh=time.perf_counter() - start)
         mesh = refine_marked(mesh, large)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tcstudy.expressions.expression import Expression
+from tcstudy.expressions.expression import Expression, value_of
 from tcstudy.laws.laws import NONE, Laws
 from tcstudy.laws.pieces import Array
 
@@ -127,7 +127,7 @@ class EdgeLaws:
         strength = np.empty(len(index))
         for k, (_, _, factor) in enumerate(self.laws):
             x, y = xy[index == k].T
-            strength[index == k] = factor.evaluate(x, y) if isinstance(factor, Expression) else factor
+            strength[index == k] = value_of(factor, x, y)
         if np.any(wrong := ~((strength >= 0.0) & np.isfinite(strength))):
             k = int(np.argmax(wrong))
             x, y = xy[k]

@@ -30,18 +30,19 @@ import scipy.sparse as sp
 import scipy.sparse.linalg
 from numpy.typing import NDArray
 
-from tcstudy.accuracy.transfer import prolongation
+from tcstudy.accuracy.transfer import located, prolongation
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.estimators import own_strain, stress_of
 from tcstudy.fem.forms import Conductivity, Springs
-from tcstudy.fem.meshes import PlaneMesh, refine_uniformly
+from tcstudy.fem.meshes import refine_uniformly
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Level
 from tcstudy.refine.goals import lumping, weight_of_friction
 from tcstudy.scene.points import needs_heat_solve
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Goal
+from tcstudy.shapes.triangles import TriangleGeometry
 
 Array = NDArray[np.float64]
 
@@ -60,7 +61,7 @@ class Halved:
         fine = self.level.mesh
         self.triangles = ElementGeometry(fine)
         self._prolong = prolongation(mesh.points, fine.points, fine.triangles)
-        self.parent = _parents(mesh, fine, self._prolong.matrix)
+        self.parent, _ = located(TriangleGeometry(mesh.points, mesh.triangles), self.triangles.centres)
         self._springs: tuple[Springs, sp.csr_array] = (), sp.csr_array((0, 0))
         self._heat: dict[tuple[tuple[float, ...], Conductivity], scipy.sparse.linalg.SuperLU] = {}
 
@@ -134,19 +135,6 @@ class Halved:
         zeta = np.zeros(self.level.mesh.n_points)
         zeta[free] = self._heat[key].solve((self.triangles.incidence @ dilation)[free])
         return zeta
-
-
-def _parents(coarse: PlaneMesh, fine: PlaneMesh, prolong: sp.csr_array) -> NDArray[np.intp]:
-    """The parent of every fine triangle: the triangle of all coarse nodes that its corners lie between."""
-    n = coarse.n_points
-    between = np.repeat(np.arange(fine.n_points), 2).reshape(-1, 2)
-    between[n:] = prolong[n:].indices.reshape(-1, 2)
-    found = np.sort(between[fine.triangles].reshape(-1, 6), axis=1)
-    middle = found[np.arange(len(found)), np.argmax(found > found[:, :1], axis=1)]
-    place = np.array([n * n, n, 1])
-    own = np.sort(coarse.triangles, axis=1) @ place
-    order = np.argsort(own)
-    return order[np.searchsorted(own[order], np.column_stack([found[:, 0], middle, found[:, -1]]) @ place)]
 
 
 def _sorted_pairs(pairs: NDArray[np.intp], n: int) -> NDArray[np.intp]:

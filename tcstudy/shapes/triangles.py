@@ -52,6 +52,12 @@ class TriangleGeometry:
         return np.asarray(self.corners.mean(axis=1))
 
     @cached_property
+    def diameter(self) -> Array:
+        """(t,) longest sides [m]."""
+        sides = self.corners - np.roll(self.corners, 1, axis=1)
+        return np.sqrt(np.max(np.sum(sides**2, axis=2), axis=1))
+
+    @cached_property
     def area(self) -> Array:
         """(t,) [m²]."""
         return 0.5 * doubled_areas(self.corners)
