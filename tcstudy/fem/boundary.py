@@ -20,7 +20,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from tcstudy.errors import GeometryFailed
-from tcstudy.expressions.expression import Expression, value_of
+from tcstudy.expressions.expression import Expression
 from tcstudy.fem.meshes import EDGES, SMOOTH, Frames, PlaneMesh, curve_ends
 from tcstudy.fem.rigid import with_ties
 from tcstudy.laws.composed import NO_JOINTS, Joints
@@ -87,8 +87,10 @@ def _collect(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> _Held:
 
 def values_at(scalar: Scalar, points: Array) -> Array:
     """A number or an expression at points (…, 2) → (…)."""
-    value = value_of(scalar, points[..., 0], points[..., 1])
-    if isinstance(scalar, Expression) and not np.all(np.isfinite(value)):
+    if not isinstance(scalar, Expression):
+        return np.full(points.shape[:-1], float(scalar))
+    value = scalar.evaluate(points[..., 0], points[..., 1])
+    if not np.all(np.isfinite(value)):
         raise GeometryFailed(f"the expression {str(scalar)!r} is not finite at every node; correct it", ())
     return value
 

@@ -42,7 +42,6 @@ from tcstudy.refine.goals import lumping, weight_of_friction
 from tcstudy.scene.points import needs_heat_solve
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Goal
-from tcstudy.shapes.triangles import TriangleGeometry
 
 Array = NDArray[np.float64]
 
@@ -61,7 +60,7 @@ class Halved:
         fine = self.level.mesh
         self.triangles = ElementGeometry(fine)
         self._prolong = prolongation(mesh.points, fine.points, fine.triangles)
-        self.parent, _ = located(TriangleGeometry(mesh.points, mesh.triangles), self.triangles.centres)
+        self.parent, _ = located(ElementGeometry(mesh), self.triangles.centres)
         self._springs: tuple[Springs, sp.csr_array] = (), sp.csr_array((0, 0))
         self._heat: dict[tuple[tuple[float, ...], Conductivity], scipy.sparse.linalg.SuperLU] = {}
 
