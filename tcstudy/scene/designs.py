@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.key import Key, in_section
+from tcstudy.scene.key import key
 
 Cube = NDArray[np.float64]
 
@@ -115,18 +115,15 @@ PARAMETERS: dict[str, tuple[str, ...]] = {
 """Names of the numbers of each distribution; all have the parameter's dimension but the sigma of a logarithm."""
 ENDS = ("from", "to")
 DISTRIBUTIONS = (
-    *in_section(
-        "distribution",
-        *(
-            Key(kind, "span", "", example="[a, b]")
-            if names == ENDS
-            else Key(kind, "section", "", example="{" + ": 1, ".join(names) + ": 1}", of=(kind,))
-            for kind, names in PARAMETERS.items()
-        ),
-        Key("choice", "any values", "equally likely", example="[a, b]", least=1),
-    ),
     *(
-        Key(name, "quantity", "", section=kind, required=True)
+        key(f"distribution.{kind}", "span", "", example="[a, b]")
+        if names == ENDS
+        else key(f"distribution.{kind}", "section", "", example="{" + ": 1, ".join(names) + ": 1}", of=(kind,))
+        for kind, names in PARAMETERS.items()
+    ),
+    key("distribution.choice", "any values", "equally likely", example="[a, b]", least=1),
+    *(
+        key(f"{kind}.{name}", "quantity", "", required=True)
         for kind, names in PARAMETERS.items()
         if names != ENDS
         for name in names

@@ -10,7 +10,7 @@ from typing import Literal
 
 from tcstudy.scene import units as u
 from tcstudy.scene.histories import HistoryPlan
-from tcstudy.scene.key import Key
+from tcstudy.scene.key import Key, key
 from tcstudy.scene.records import Scene
 
 COMPARE = ("vertical", "orthogonal")
@@ -24,41 +24,42 @@ STEP = ("step",)
 """Key path of the column that says at which step of a history a line was measured."""
 
 FITS: tuple[Key, ...] = (
-    Key("fit", "section", "[numbers of the study from measurements](#numbers-from-measurements)"),
-    Key("data", "section", "a table of measurements", section="fit", required=True, of=("fit_data",)),
-    Key("noise", "named quantities", "its standard deviation, by column; left out it is estimated", section="fit"),
-    Key(
-        *("compare", "choice", "`vertical`: the results at each datum; `orthogonal`: distances to the path"),
-        section="fit",
+    key("fit", "section", "[numbers of the study from measurements](#numbers-from-measurements)"),
+    key("fit.data", "section", "a table of measurements", required=True, of=("fit_data",)),
+    key("fit.noise", "named quantities", "its standard deviation, by column; left out it is estimated"),
+    key(
+        *("fit.compare", "choice", "`vertical`: the results at each datum; `orthogonal`: distances to the path"),
         words=COMPARE,
         default=COMPARE[0],
     ),
-    Key(
-        *("parameters", "fitted numbers", "the numbers to find"),
-        section="fit",
+    key(
+        *("fit.parameters", "fitted numbers", "the numbers to find"),
         required=True,
         of=("fit_parameter",),
         example="{friction.tau_s: {start: 4 MPa, within: [1 MPa, 50 MPa]}}",
     ),
-    Key("starts", "integer", "places to begin from", section="fit", least=1, default=5),
-    Key("seed", "integer", "of the other starts", section="fit", least=0, default=0),
-    Key("loss", "choice", "`soft_l1`: outliers count less", section="fit", words=LOSSES, default=LOSSES[0]),
-    Key("level", "integer", "mesh level (default: finest)", section="fit", least=0),
-    Key("smooth", "flag", "a law by points without turns that the data do not ask for", section="fit", default=False),
-    Key("fold", "section", "farthest load before the curve turns back", section="fit", of=("fit_mark",)),
-    Key("peak", "section", "largest friction resultant along the path", section="fit", of=("fit_mark",)),
-    Key("file", "text", "a CSV table beside the study", section="fit_data", example="pull.csv", required=True),
-    Key(
-        *("columns", "named texts", "what the study calls a column, and its heading in the table with its unit"),
-        section="fit_data",
+    key("fit.starts", "integer", "places to begin from", least=1, default=5),
+    key("fit.seed", "integer", "of the other starts", least=0, default=0),
+    key("fit.loss", "choice", "`soft_l1`: outliers count less", words=LOSSES, default=LOSSES[0]),
+    key("fit.level", "integer", "mesh level (default: finest)", least=0),
+    key("fit.smooth", "flag", "a law by points without turns that the data do not ask for", default=False),
+    key("fit.fold", "section", "farthest load before the curve turns back", of=("fit_mark",)),
+    key("fit.peak", "section", "largest friction resultant along the path", of=("fit_mark",)),
+    key("fit_data.file", "text", "a CSV table beside the study", example="pull.csv", required=True),
+    key(
+        *(
+            "fit_data.columns",
+            "named texts",
+            "what the study calls a column, and its heading in the table with its unit",
+        ),
         example='{friction_resultant: "P [N/mm]"}',
         required=True,
     ),
-    Key("at", "quantity", "its measured value", section="fit_mark", required=True, example="0.9 mm"),
-    Key("noise", "quantity", "its standard deviation", section="fit_mark", required=True, example="5 um"),
-    Key("start", "quantity", "where the search begins", section="fit_parameter", required=True, example="4 MPa"),
-    Key("within", "span", "where it may go", section="fit_parameter", required=True, example="[1 MPa, 50 MPa]"),
-    Key("scale", "choice", "`log` by default where `within` is positive", section="fit_parameter", words=SCALES),
+    key("fit_mark.at", "quantity", "its measured value", required=True, example="0.9 mm"),
+    key("fit_mark.noise", "quantity", "its standard deviation", required=True, example="5 um"),
+    key("fit_parameter.start", "quantity", "where the search begins", required=True, example="4 MPa"),
+    key("fit_parameter.within", "span", "where it may go", required=True, example="[1 MPa, 50 MPa]"),
+    key("fit_parameter.scale", "choice", "`log` by default where `within` is positive", words=SCALES),
 )
 """Rows of the table of keys."""
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
-from tcstudy.scene.key import Key, in_section
+from tcstudy.scene.key import key
 from tcstudy.scene.units import STIFFNESS
 
 MemoryName = Literal["friction", "elastic-plastic", "damage", "none"]
@@ -204,28 +204,22 @@ class HistoryPlan:
 
 
 HISTORY = (
-    Key(
+    key(
         *("history", "section", "[loads one after the other, friction that remembers](#load-histories)"),
         fixed="a sweep multiplies histories; write one study for each",
     ),
-    *in_section(
-        "history",
-        Key("memory", "choice", "what a contact node remembers", example="friction", required=True, words=MEMORIES),
-        Key(
-            *("steps", "sections", "a list of lines: loads by path or short name, what they become"),
-            required=True,
-            least=1,
-            of=("step",),
-        ),
-        Key("repeat", "integer", "cycles of all lines", default=1, least=1, most=MOST_STEPS),
-        Key("branch", "choice", "which solution of a step", words=HISTORY_BRANCHES, default="continued"),
-        Key("stiffness", "number", "of elastic-plastic bonds", STIFFNESS, "100 GPa/m", above=0.0),
-        Key("level", "integer", "mesh level (default: finest)", least=0),
+    key("history.memory", "choice", "what a contact node remembers", example="friction", required=True, words=MEMORIES),
+    key(
+        *("history.steps", "sections", "a list of lines: loads by path or short name, what they become"),
+        required=True,
+        least=1,
+        of=("step",),
     ),
-    *in_section(
-        "step",
-        Key("in", "integer", "steps of the line", default=1, least=1, most=MOST_STEPS),
-        Key("name", "text", "of its last step", example="hot"),
-    ),
+    key("history.repeat", "integer", "cycles of all lines", default=1, least=1, most=MOST_STEPS),
+    key("history.branch", "choice", "which solution of a step", words=HISTORY_BRANCHES, default="continued"),
+    key("history.stiffness", "number", "of elastic-plastic bonds", STIFFNESS, "100 GPa/m", above=0.0),
+    key("history.level", "integer", "mesh level (default: finest)", least=0),
+    key("step.in", "integer", "steps of the line", default=1, least=1, most=MOST_STEPS),
+    key("step.name", "text", "of its last step", example="hot"),
 )
 """Keys of the section `history`."""

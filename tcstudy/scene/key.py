@@ -6,8 +6,9 @@ coefficient by itself, every other role a section `heat`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 from tcstudy.scene import units
 from tcstudy.scene.units import NONE, Dimension
@@ -95,9 +96,16 @@ class Key:
         return self.example or (self.dimension.example if self.dimension != NONE else "...")
 
 
-def in_section(section: str, *found: Key) -> Iterable[Key]:
-    """Rows put into a section."""
-    return (replace(one, section=section) for one in found)
+def key(path: str, kind: Kind, meaning: str, *more: Any, **given: Any) -> Key:
+    """The row of a key by its section and name, "mesh.maxh"; the rest as `Key` has it."""
+    section, _, name = path.rpartition(".")
+    return replace(Key(name, kind, meaning, *more, **given), section=section)
+
+
+swept = partial(key, swept=True)
+"""The row of a key that a sweep may vary."""
+load = partial(swept, affine=True)
+"""The row of a key in which the load is affine."""
 
 
 ROLES = ("clamped", "symmetry", "rigid", "traction", "contact", "convection", "free")
@@ -105,68 +113,50 @@ LOADED = ("traction", "convection")
 """Roles that take a traction, a pressure and springs."""
 MOVED = ("clamped", "rigid")
 """Roles that take displacements in x and y."""
-WITH_HEAT = tuple(role for role in ROLES if role != "convection")
-"""Roles with a section `heat`."""
 
 
-def _component(name: str, meaning: str, roles: tuple[str, ...] = MOVED) -> Key:
-    return Key(name, "component", meaning, units.LENGTH, swept=True, affine=True, roles=roles)
+def _exchange(section: str, **roles: Any) -> tuple[Key, ...]:
+    """What an edge exchanges by itself."""
+    alpha = f"{section}.alpha", "number", "its own heat transfer coefficient", units.HEAT_TRANSFER
+    return (
+        swept(*alpha, above=0.0, **roles),
+        load(f"{section}.theta_bar", "field", "its own surroundings", units.TEMPERATURE, **roles),
+        load(f"{section}.flux", "field", "heat into the body", units.HEAT_FLUX, **roles),
+    )
 
 
-def _stiffness(name: str, meaning: str) -> Key:
-    return Key(name, "number", meaning, units.STIFFNESS, default=0.0, least=0.0, swept=True)
-
-
-_MECHANICAL = (
-    Key("role", "choice", "of the edge", example="clamped", required=True, words=ROLES),
-    Key(
-        *("u", "displacement", "both components (default: 0; `free` frees one)", units.LENGTH), swept=True, roles=MOVED
-    ),
-    _component("u_x", "displacement in x; a component left out is free"),
-    _component("u_y", "displacement in y"),
-    _component("u_N", "displacement along the outward normal", ("clamped",)),
-    _component("u_T", "displacement along the edge", ("clamped",)),
-    Key("g", "vector", "traction", units.TRACTION, swept=True, affine=True, roles=LOADED),
-    Key(
-        "pressure",
-        "field",
-        "on the edge, positive when it pushes",
-        units.TRACTION,
-        swept=True,
-        affine=True,
-        roles=LOADED,
-    ),
-    Key(
-        *("force", "vector", "resultant, spread evenly; of a rigid edge it moves the edge", units.LINE_FORCE),
-        swept=True,
-        affine=True,
-        roles=(*LOADED, "rigid"),
-    ),
-    Key(
-        *("moment", "number", "about the middle of a rigid edge, which then turns", units.MOMENT),
-        swept=True,
-        affine=True,
-        roles=("rigid",),
-    ),
-    Key("spring", "section", "stiffness of a support (Winkler)", roles=LOADED),
-)
-_EXCHANGE = (
-    Key("alpha", "number", "its own heat transfer coefficient", units.HEAT_TRANSFER, above=0.0, swept=True),
-    Key("theta_bar", "field", "its own surroundings", units.TEMPERATURE, swept=True, affine=True),
-    Key("flux", "field", "heat into the body", units.HEAT_FLUX, swept=True, affine=True),
-)
+_HELD = {"u_x": "in x; a component left out is free", "u_y": "in y"}
+_ALONG = {"u_N": "along the outward normal", "u_T": "along the edge"}
+_STIFFNESS = {"dimension": units.STIFFNESS, "default": 0.0, "least": 0.0}
 
 EDGE_ROWS: tuple[Key, ...] = (
-    *in_section("boundary", *_MECHANICAL, *(replace(row, roles=("convection",)) for row in _EXCHANGE)),
-    *in_section(
-        "boundary",
-        Key("heat", "section", "what the edge does to heat (default: nothing)", roles=WITH_HEAT, of=("edge_heat",)),
+    key("boundary.role", "choice", "of the edge", example="clamped", required=True, words=ROLES),
+    swept("boundary.u", "displacement", "both components (default: 0; `free` frees one)", units.LENGTH, roles=MOVED),
+    *(
+        load(f"boundary.{name}", "component", f"displacement {said}", units.LENGTH, roles=roles)
+        for names, roles in ((_HELD, MOVED), (_ALONG, ("clamped",)))
+        for name, said in names.items()
     ),
-    *in_section(
-        "edge_heat",
-        Key("theta", "field", "temperature held on the edge", units.TEMPERATURE, swept=True, affine=True),
-        *_EXCHANGE,
+    load("boundary.g", "vector", "traction", units.TRACTION, roles=LOADED),
+    load("boundary.pressure", "field", "on the edge, positive when it pushes", units.TRACTION, roles=LOADED),
+    load(
+        *("boundary.force", "vector", "resultant, spread evenly; of a rigid edge it moves the edge", units.LINE_FORCE),
+        roles=(*LOADED, "rigid"),
     ),
-    *in_section("spring", _stiffness("normal", "along the normal"), _stiffness("tangential", "along the edge")),
+    load(
+        *("boundary.moment", "number", "about the middle of a rigid edge, which then turns", units.MOMENT),
+        roles=("rigid",),
+    ),
+    key("boundary.spring", "section", "stiffness of a support (Winkler)", roles=LOADED),
+    *_exchange("boundary", roles=("convection",)),
+    key(
+        *("boundary.heat", "section", "what the edge does to heat (default: nothing)"),
+        roles=tuple(role for role in ROLES if role != "convection"),
+        of=("edge_heat",),
+    ),
+    load("edge_heat.theta", "field", "temperature held on the edge", units.TEMPERATURE),
+    *_exchange("edge_heat"),
+    swept("spring.normal", "number", "along the normal", **_STIFFNESS),
+    swept("spring.tangential", "number", "along the edge", **_STIFFNESS),
 )
 """Rows of `boundary.EDGE`, of `boundary.EDGE.heat` and of `boundary.EDGE.spring`."""
