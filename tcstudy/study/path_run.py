@@ -49,7 +49,6 @@ class _Setting:
 
     plan: PathPlan
     load: AffineLoad
-    true: ParametricProblem
     straight: ParametricProblem
     lambda_1: float
     tolerance: float | None
@@ -69,14 +68,18 @@ def follow_path(study: Study, progress: Progress | None = None) -> Record:
     try:
         load = affine_load(level, lambda t: path_scene(plan.scene, plan.parameter, t), plan.begin, plan.end, plan.name)
         straight = straightened(level, plan.scene, load.problem, plan.law_error, plan.within)
-        lambda_1 = level.lambda_1(plan.scene)
+        setting = _Setting(plan, load, straight, level.lambda_1(plan.scene), study.solver.tolerance)
     except NotPositiveDefinite as error:
         raise PathError(str(error)) from error
-    setting = _Setting(plan, load, load.problem, straight, lambda_1, study.solver.tolerance)
-    path, v = _follow(setting, progress)
+    direction = plan.direction
+    if direction != "both" and plan.begin > plan.end:  # the follower's forward is growing t
+        direction = "backward" if direction == "forward" else "forward"
+    follower = Follower(*plan.within, plan.max_pieces, setting.tolerance)
+    branch: Branch = "from-zero" if plan.start == "zero" else "lowest"
+    path, v = followed(straight, follower, branch, plan.begin, direction, plan.name, progress)
     every = None
     if plan.complete:
-        every = all_branches(straight, plan.begin, plan.end, lambda_1, LIMITS, plan.at)
+        every = all_branches(straight, plan.begin, plan.end, setting.lambda_1, LIMITS, plan.at)
     told = {
         "parameter": plan.name,
         "parameter_range": np.array([plan.begin, plan.end]),
@@ -90,7 +93,7 @@ def follow_path(study: Study, progress: Progress | None = None) -> Record:
         **vars(line),
         **line.fields,
         "start": path.start,
-        "lambda_1": lambda_1,
+        "lambda_1": setting.lambda_1,
         "lambda_1_error": load.problem.A_error,
         "omega": load.problem.law.omega,
         "law_error": 0.0 if load.problem.law.piecewise_linear else plan.law_error,
@@ -117,24 +120,11 @@ def _level(study: Study, plan: PathPlan) -> tuple[Level, LevelRecord]:
     return stage.level, stage.record
 
 
-def _follow(setting: _Setting, progress: Progress | None) -> tuple[Path, Array]:
-    """The path and the solution at t = begin that it starts from."""
-    plan, direction = setting.plan, setting.plan.direction
-    if direction != "both" and plan.begin > plan.end:  # the follower's forward is growing t
-        direction = "backward" if direction == "forward" else "forward"
-    follower = Follower(plan.within[0], plan.within[1], plan.max_pieces, setting.tolerance)
-    branch: Branch = "from-zero" if plan.start == "zero" else "lowest"
-    return followed(setting.straight, follower, branch, plan.begin, direction, plan.name, progress)
-
-
 def _curve(setting: _Setting, path: Path) -> Values:
     load, states = setting.load, by_code(path.problem.law, contact_states)
-    state = states[path.codes]
-    turning = folds(path)
-    events = path.events
+    state, fold, low, events = states[path.codes], folds(path), lowest(path), path.events
     before, after = states[events.before], states[events.after]
     changed = before != after
-    low = lowest(path)
     return {
         "parameter": path.t,
         "u_T": path.u,
@@ -145,11 +135,11 @@ def _curve(setting: _Setting, path: Path) -> Values:
         "stable": path.stable,
         "state": state,
         "slip_length": np.asarray((state != ContactState.STICK) @ path.problem.c),
-        "fold_vertex": [f.vertex for f in turning],
-        "fold_size": [f.size for f in turning],
-        "fold_maximum": [f.limit for f in turning],
-        "fold_stable_before": [f.stable[0] for f in turning],
-        "fold_stable_after": [f.stable[1] for f in turning],
+        "fold_vertex": fold.vertex,
+        "fold_size": fold.size,
+        "fold_maximum": fold.maximum,
+        "fold_stable_before": fold.stable[0],
+        "fold_stable_after": fold.stable[1],
         "event_vertex": events.vertex[changed],
         "event_node": events.node[changed],
         "event_before": before[changed],
@@ -163,17 +153,17 @@ def _curve(setting: _Setting, path: Path) -> Values:
 
 def _branches(setting: _Setting, path: Path, every: Branches) -> Values:
     """All branches one after the other."""
-    branches, known = every.branches, {code.tobytes() for code in path.codes}
-    none = np.zeros((0, path.problem.m))
-    t = np.concatenate([none[:, 0], *(b.t for b in branches)])
+    branches, known, m = every.branches, {code.tobytes() for code in path.codes}, path.problem.m
+    t, energy = (np.concatenate([np.zeros(0), *(getattr(b, name) for b in branches)]) for name in ("t", "energy"))
+    u, xi = (np.concatenate([np.zeros((0, m)), *(getattr(b, name) for b in branches)]) for name in ("u", "traction"))
     return {
         "complete": int(every.complete),
         "at_complete": _known(setting, every),
         "branch_of": np.repeat(np.arange(len(branches)), [len(b.t) for b in branches]),
         "branch_parameter": t,
-        "branch_energy": np.concatenate([none[:, 0], *(b.energy for b in branches)]) + setting.load.constant(t),
-        "branch_u_T": np.concatenate([none, *(b.u for b in branches)]),
-        "branch_xi": np.concatenate([none, *(b.traction for b in branches)]),
+        "branch_energy": energy + setting.load.constant(t),
+        "branch_u_T": u,
+        "branch_xi": xi,
         "branch_stable": np.concatenate([np.zeros(0, bool), *(np.append(b.stable, False) for b in branches)]),
         "branch_loop": [int(b.end == PathStatus.CLOSED_LOOP) for b in branches],
         "branch_on_path": [any(code.tobytes() in known for code in b.codes) for b in branches],
@@ -185,7 +175,7 @@ SAME = 1e-7
 
 
 def _beside(path: Path, every: Branches, i: int, t: float, found: list[PathSolution]) -> list[PathSolution]:
-    """The solutions at t, the requested value i, that are known beside those found on the path."""
+    """The solutions at t, the requested value i: those on the path, and what is known beside them."""
     problem, all_of_them = path.problem.at(t), list(found)
     known = [(one.v, one.stable) for branch in every.branches for one in solutions_at(branch, t)]
     if (listed := every.listed[i]) is not None:
@@ -193,16 +183,15 @@ def _beside(path: Path, every: Branches, i: int, t: float, found: list[PathSolut
     for v, stable in known:
         size = SAME * float(np.max(np.abs(v), initial=0.0))
         if all(np.max(np.abs(v - one.v)) > size for one in all_of_them):
-            residual = problem.inclusion_residual(v)
-            all_of_them.append(PathSolution(v, problem.energy(v), bool(stable), -1, residual))
+            all_of_them.append(PathSolution(v, problem.energy(v), bool(stable), -1, problem.inclusion_residual(v)))
     return all_of_them
 
 
 def _known(setting: _Setting, every: Branches) -> Array:
     """Whether all solutions at each of the requested values are known by proof."""
-    ends = sorted((setting.plan.begin, setting.plan.end))
+    low, high = sorted((setting.plan.begin, setting.plan.end))
     pairs = zip(setting.plan.at, every.listed, strict=True)
-    return np.array([ends[0] <= t <= ends[1] and every.complete if x is None else x.complete for t, x in pairs], bool)
+    return np.array([low <= t <= high and every.complete if x is None else x.complete for t, x in pairs], bool)
 
 
 def _solutions(setting: _Setting, path: Path, every: Branches | None) -> Values:
@@ -210,41 +199,40 @@ def _solutions(setting: _Setting, path: Path, every: Branches | None) -> Values:
 
     every: all branches, whose solutions are added; of a smooth law they are those of another problem
     """
-    law, at = setting.true.law, setting.plan.at
-    found: list[list[PathSolution]] = [
-        solutions_at(path, t) if law.piecewise_linear else solutions_of(law, path, t) for t in at
-    ]
-    known = np.zeros(len(at), dtype=bool)
-    if every is not None and law.piecewise_linear:
-        found = [_beside(path, every, i, at[i], group) for i, group in enumerate(found)]
-        known = _known(setting, every)
-    rows = [(i, s) for i, group in enumerate(found) for s in group]
-    proofs = [certify(setting.true.at(at[i]), s.v, setting.lambda_1, setting.tolerance) for i, s in rows]
-    energies = np.array([s.energy for _, s in rows])
-    least = [min((s.energy for s in group), default=np.nan) for group in found]
-    slack = TIE * float(np.max(np.abs(energies), initial=0.0))
-    v = np.array([s.v for _, s in rows]).reshape(len(rows), path.problem.m)
-    least_one = np.array([s.energy <= least[i] + slack for i, s in rows], dtype=bool)
-    proved = least_one & known[[i for i, _ in rows]]
-    alone = np.array([len(found[i]) == 1 for i, _ in rows], dtype=bool)
-    tractions = [setting.true.at(at[i]).xi(s.v) / path.problem.c for i, s in rows]
-
+    at, law, known = np.array(setting.plan.at), setting.load.problem.law, np.zeros(len(setting.plan.at), dtype=bool)
+    if not law.piecewise_linear:
+        found = [solutions_of(law, path, t) for t in at.tolist()]
+    else:
+        found = [solutions_at(path, t) for t in at.tolist()]
+        if every is not None:
+            known = _known(setting, every)
+            found = [_beside(path, every, i, float(at[i]), group) for i, group in enumerate(found)]
+    count = np.array([len(group) for group in found], dtype=np.intp)
+    i, rows = np.repeat(np.arange(len(at)), count), [solution for group in found for solution in group]
+    problems = [setting.load.problem.at(float(t)) for t in at[i]]
+    pairs = list(zip(problems, (s.v for s in rows), strict=True))
+    proofs = [certify(problem, v, setting.lambda_1, setting.tolerance) for problem, v in pairs]
+    v, energy = np.array([s.v for s in rows]).reshape(-1, path.problem.m), np.array([s.energy for s in rows])
+    least = np.full(len(at), np.inf)
+    np.minimum.at(least, i, energy)
+    least_one = energy <= least[i] + TIE * float(np.max(np.abs(energy), initial=0.0))
+    proved, alone = least_one & known[i], count[i] == 1
     return {
-        "at": np.array(at),
-        "solution_count": [len(group) for group in found],
-        "solution_at": [i for i, _ in rows],
-        "solution_parameter": [at[i] for i, _ in rows],
-        "solution_piece": [s.piece for _, s in rows],
-        "solution_energy": energies + setting.load.constant(np.array([at[i] for i, _ in rows])),
-        "solution_residual": [s.residual for _, s in rows],
-        "solution_rounding": [setting.true.at(at[i]).xi_rounding(s.v) for i, s in rows],
-        "solution_stable": [s.stable for _, s in rows],
+        "at": at,
+        "solution_count": count,
+        "solution_at": i,
+        "solution_parameter": at[i],
+        "solution_piece": [s.piece for s in rows],
+        "solution_energy": energy + setting.load.constant(at[i]),
+        "solution_residual": [s.residual for s in rows],
+        "solution_rounding": [problem.xi_rounding(v) for problem, v in pairs],
+        "solution_stable": [s.stable for s in rows],
         "solution_lowest": least_one,
         "solution_unique": np.array([proof.unique for proof in proofs], dtype=bool) | (proved & alone),
         "solution_strict_minimum": np.array([proof.strict_minimum for proof in proofs], dtype=bool) | proved,
         "solution_global_minimum": np.array([proof.global_minimum for proof in proofs], dtype=bool) | proved,
         "solution_u_T": v,
-        "solution_xi": np.array(tractions).reshape(v.shape),
+        "solution_xi": np.array([problem.xi(v) / path.problem.c for problem, v in pairs]).reshape(v.shape),
     }
 
 
@@ -258,7 +246,7 @@ def _loop(setting: _Setting, v: Array) -> tuple[Values, str]:
     return {
         "loop_parameter": t,
         "loop_branch": np.repeat(np.arange(len(ways), dtype=np.int32), counts),
-        "loop_energy": _energy(setting, t, u),
+        "loop_energy": problem.energy(t, u, traction) + setting.load.constant(t),
         "loop_u_T": u,
         "loop_xi": traction,
         "jump_parameter": np.array([jump.t for jump in jumps]),
@@ -270,13 +258,6 @@ def _loop(setting: _Setting, v: Array) -> tuple[Values, str]:
         "loop_closed": int(loop.closed),
         "loop_complete": int(loop.complete),
     }, loop.reason or "both ends of the range of t were reached"
-
-
-def _energy(setting: _Setting, t: Array, u: Array) -> Array:
-    """(k,) energies of states u (k, m) at t (k,) [J/m]."""
-    problem, loads = setting.straight, setting.straight.l_0 + t[:, None] * setting.straight.l_1
-    body = np.sum(u * (0.5 * (u @ problem.A_tilde) - loads), axis=1)
-    return np.asarray(body + problem.law.j(u) @ problem.c + setting.load.constant(t))
 
 
 def execute_path(

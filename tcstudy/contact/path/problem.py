@@ -72,6 +72,12 @@ class ParametricProblem:
         """The problem of one t."""
         return ContactProblem(self.A_tilde, self.load(t), self.c, self.law, self.A_error)
 
+    def energy(self, t: Array, u: Array, traction: Array) -> Array:
+        """(k,) L̃ of solutions u (k, m) with tractions ξ/c (k, m) at t (k,) [J/m]."""
+        load = self.l_0 + t[:, None] * self.l_1
+        force = load - traction * self.c  # = Ãu up to the residual
+        return np.asarray(np.sum((0.5 * force - load) * u, axis=1) + self.law.j(u) @ self.c)
+
     def with_law(self, law: Laws) -> ParametricProblem:
         """The same body and loads under another law."""
         return replace(self, law=law)

@@ -10,8 +10,8 @@ t, so L̃ is a parabola of t there; where two of them cross (a Maxwell point) th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,15 +51,29 @@ def turn_sizes(t: Array, turns: Index) -> tuple[Array, Index]:
     return size[1:-1], partner[1:-1]
 
 
-def real_turns(path: Path) -> tuple[Index, Array]:
-    """(vertices, sizes) of the turns of t that are more than rounding."""
-    turns = path.folds
-    size, partner = turn_sizes(path.t, turns)
+class Folds(NamedTuple):
+    """Turns of t, all (f,): vertices of the path, how far t steps back (`turn_sizes`), whether t is largest there.
+
+    stable: (2, f) whether the pieces before and after are
+    """
+
+    vertex: Index
+    size: Array
+    maximum: NDArray[np.bool_]
+    stable: NDArray[np.bool_]
+
+
+def folds(path: Path) -> Folds:
+    """All turns of t that are more than rounding."""
+    turns, t = path.folds, path.t
+    size, partner = turn_sizes(t, turns)
     real = np.ones(len(turns), dtype=bool)
-    small = size <= 1e-6 * float(np.ptp(path.t)) if len(turns) else real  # rounding is never larger than that
+    small = size <= 1e-6 * float(np.ptp(t)) if len(turns) else real  # rounding is never larger than that
     for i in np.flatnonzero(small & (partner >= 0)):
         real[i] = size[i] > _rounding(path, int(turns[i]), int(turns[partner[i]]))
-    return turns[real], size[real]
+    at = turns[real]
+    maximum = (t[at] > t[at - 1]) | (t[at] > t[np.minimum(at + 1, path.pieces)])
+    return Folds(at, size[real], maximum, path.stable[np.array([at - 1, at])])
 
 
 def _rounding(path: Path, one: int, other: int) -> float:
@@ -75,8 +89,7 @@ def _rounding(path: Path, one: int, other: int) -> float:
     return blur / work if work > 0.0 else float("inf")
 
 
-@dataclass(frozen=True)
-class PathSolution:
+class PathSolution(NamedTuple):
     """One solution on a path.
 
     v:        (m,) displacements [m]
@@ -91,23 +104,6 @@ class PathSolution:
     stable: bool
     piece: int
     residual: float
-
-
-@dataclass(frozen=True)
-class Fold:
-    """A turning point of t.
-
-    vertex: index into the path;  t: the parameter there
-    size:   how far t steps back there, see turn_sizes
-    limit:  True where t has a local maximum along the path, False at a minimum
-    stable: the branch is stable on one side (before, after: on which)
-    """
-
-    vertex: int
-    t: float
-    size: float
-    limit: bool
-    stable: tuple[bool, bool]
 
 
 def solutions_at(path: Path, t: float) -> list[PathSolution]:
@@ -126,20 +122,6 @@ def solutions_at(path: Path, t: float) -> list[PathSolution]:
             stable = before and bool(path.stable[piece])
             found.append(PathSolution(v, problem.energy(v), stable, piece, problem.inclusion_residual(v)))
     return found
-
-
-def folds(path: Path) -> list[Fold]:
-    """All turns of t that are more than rounding, with both sides' stability."""
-    return [
-        Fold(
-            int(k),
-            float(path.t[k]),
-            float(size),
-            bool(path.t[k] > path.t[k - 1] or path.t[k] > path.t[min(k + 1, path.pieces)]),
-            (bool(path.stable[k - 1]), bool(path.stable[k])),
-        )
-        for k, size in zip(*real_turns(path), strict=True)
-    ]
 
 
 def solutions_of(law: Laws, path: Path, t: float) -> list[PathSolution]:
@@ -167,8 +149,7 @@ SHORT = 1e-13
 """Intervals below this part of the range of t are vertices that differ by rounding."""
 
 
-@dataclass(frozen=True)
-class Lowest:
+class Lowest(NamedTuple):
     """The lowest solutions of a path, by growing t: piece[i] is lowest for begin[i] ≤ t ≤ end[i], all (n,)."""
 
     begin: Array

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,8 +56,7 @@ REASONS = {
 }
 
 
-@dataclass(frozen=True)
-class Events:
+class Events(NamedTuple):
     """Changes of piece in the order of the path, all (e,): vertex, node, code before and code after.
 
     Codes are those of tcstudy.contact.path.problem: 2k a segment (slip), 2k+1 the vertical side at kink k (stick),
@@ -98,20 +98,16 @@ class Path:
     factorisations: int
 
     @classmethod
-    def through(
-        cls, problem: ParametricProblem, t: Array, u: Array, stable: NDArray[np.bool_], codes: Codes, end: PathStatus
-    ) -> Path:
-        """The path of these solutions, forces on the graph of b̂ as near to balance as they can be; both ends alike."""
-        force = (problem.l_0 + t[:, None] * problem.l_1 - u @ problem.A_tilde) / problem.c
-        traction = np.clip(force, *problem.law.interval(u))
-        residual = np.max(np.abs(force - traction), axis=1) / problem.traction_scale
-        return cls(problem, t, u, traction, residual, stable, codes, 0, end, end, 0)
-
-    @classmethod
     def standing(cls, problem: ParametricProblem, t: float, u: Array, end: PathStatus) -> Path:
         """A solution from which no straight piece leads on, as the path that ends there."""
-        none, codes = np.zeros(0, dtype=bool), np.zeros((0, len(u)), dtype=np.int32)
-        return cls.through(problem, np.array([t]), u[None, :], none, codes, end)
+        force = (problem.load(t) - problem.A_tilde @ u) / problem.c
+        traction = np.clip(force, *problem.law.interval(u))
+        residual = np.max(np.abs(force - traction)) / problem.traction_scale
+        rows, none = (
+            (np.array([t]), u[None], traction[None], np.array([residual])),
+            np.zeros((0, len(u)), dtype=np.int32),
+        )
+        return cls(problem, *rows, np.zeros(0, dtype=bool), none, 0, end, end, 0)
 
     @property
     def pieces(self) -> int:
@@ -136,11 +132,8 @@ class Path:
 
     @cached_property
     def energy(self) -> Array:
-        """(k,) L̃ at the vertices [J/m], from the displacements themselves."""
-        p = self.problem
-        load = p.l_0[None, :] + self.t[:, None] * p.l_1[None, :]
-        force = load - self.traction * p.c  # = Ãu up to the residual
-        return np.asarray(np.sum((0.5 * force - load) * self.u, axis=1) + p.law.j(self.u) @ p.c)
+        """(k,) L̃ at the vertices [J/m]."""
+        return self.problem.energy(self.t, self.u, self.traction)
 
     @cached_property
     def curve(self) -> Array:

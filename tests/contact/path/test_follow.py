@@ -20,10 +20,10 @@ def test_one_softening_node_in_closed_form() -> None:
     assert path.t == pytest.approx([-2.0, -0.6, -1.0, 0.0, 1.0, 0.6, 2.0], abs=1e-15)
     assert path.u[:, 0] == pytest.approx([-1.8, -0.4, 0.0, 0.0, 0.0, 0.4, 1.8], abs=1e-15)
     assert list(path.stable) == [True, False, True, True, False, True]
-    assert [(f.t, f.limit, f.stable) for f in folds(path)[2:]] == [
-        (pytest.approx(1.0, abs=1e-15), True, (True, False)),
-        (pytest.approx(0.6, abs=1e-15), False, (False, True)),
-    ]
+    fold = folds(path)
+    assert path.t[fold.vertex[2:]] == pytest.approx([1.0, 0.6], abs=1e-15)
+    assert fold.maximum[2:].tolist() == [True, False]
+    assert fold.stable[:, 2:].T.tolist() == [[True, False], [False, True]]
     found = solutions_at(path, 0.8)
     assert [s.v[0] for s in found] == pytest.approx([0.0, 0.2, 0.6], abs=1e-15)
     assert [s.energy + 0.32 for s in found] == pytest.approx([0.32, 0.34, 0.30], abs=1e-15)
