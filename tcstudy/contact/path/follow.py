@@ -212,7 +212,10 @@ class _Half:
         self.keys.append(key)
         if key == self.keys[0]:
             gap = np.abs(walk.x - self.start.x)[:-1]
-            return PathStatus.CLOSED_LOOP if np.all(gap <= walk.tie * walk.scale) else None
+            if not np.all(gap <= walk.tie * walk.scale):
+                return None
+            points[-1] = self.start.x, self.start.codes
+            return PathStatus.CLOSED_LOOP
         if key in self.known:
             return PathStatus.TURNED_BACK
         self.known.add(key)
