@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import lru_cache
 
 from tcstudy.read.fields import Context, Fields, only_key
 from tcstudy.read.node import Node, put, split_path
@@ -82,12 +83,18 @@ def with_named_region(root: Node) -> Node:
 
 def check_shape(ctx: Context, body: Body, root: Node) -> bool:
     """Record what is wrong with the shape of the body where the study gives it; True if it is sound."""
-    faults = _oversized(body) or body_faults.check_body(body)
+    faults = _faults(body)
     for fault in faults:
         node = root.nearest(*(split_path(fault.where) or ("body",)))
         where = node.path if node.path == "heat.omega" else fault.where
         ctx.errors.unfit(node, where, fault.what, fault.remedy)
     return not faults
+
+
+@lru_cache(maxsize=4096)
+def _faults(body: Body) -> list[body_faults.Fault]:
+    """What is wrong with the shape of a body, which many geometries may share."""
+    return _oversized(body) or body_faults.check_body(body)
 
 
 def _oversized(body: Body) -> list[body_faults.Fault]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from tcstudy.expressions.expression import CONSTANTS, FUNCTIONS, VARIABLES, ExpressionError, parse
@@ -72,13 +73,27 @@ def _number(ctx: Context, node: Node) -> Named:
     if parts is None or ctx.units == "none":
         dimension = _dimension(ctx, node.value) if isinstance(node.value, str) and parts is None else NONE
         return Named(ctx.quantity(node, dimension), dimension)
+    dimension, remedy = _of_unit(parts[1])
+    try:
+        if remedy:
+            raise UnitError(f"{parts[1]!r} is not a unit of any number of a study", remedy)
+        return Named(to_si(*parts, dimension), dimension)
+    except UnitError as error:
+        ctx.errors.at(node, *error.args)
+        return Named(float("nan"), NONE)
+
+
+@lru_cache(maxsize=256)
+def _of_unit(unit: str) -> tuple[Dimension, str]:
+    """The first dimension that has a unit; if none has, what to write instead."""
+    remedy = ""
     for dimension in DIMENSIONS:
         try:
-            return Named(to_si(*parts, dimension), dimension)
+            to_si("1", unit, dimension)
+            return dimension, ""
         except UnitError as error:
-            fault = error
-    ctx.errors.at(node, f"{parts[1]!r} is not a unit of any number of a study", fault.args[1])
-    return Named(float("nan"), NONE)
+            remedy = error.args[1]
+    return NONE, remedy
 
 
 def _dimension(ctx: Context, text: str) -> Dimension:
@@ -92,12 +107,18 @@ def _dimension(ctx: Context, text: str) -> Dimension:
     return next((one for one in DIMENSIONS if dimensions_of(one.si) == found), NONE)
 
 
-def words_in(node: Node, names: Iterable[str]) -> set[str]:
+def words_in(node: Node, names: Iterable[str]) -> frozenset[str]:
     """The names that occur in the texts below a node."""
+    return _words(node) & {*names}
+
+
+@lru_cache(maxsize=65536)
+def _words(node: Node) -> frozenset[str]:
+    """All words of the texts below a node."""
     if isinstance(node.value, str):
-        return {*WORD.findall(node.value)} & {*names}
-    inner = node.value.values() if isinstance(node.value, Mapping) else node.value
-    return set().union(*(words_in(item, names) for item in inner)) if isinstance(inner, Iterable) else set()
+        return frozenset(WORD.findall(node.value))
+    inner = node.children.values() if node.children else node.value if isinstance(node.value, tuple) else ()
+    return frozenset().union(*map(_words, inner))
 
 
 def users(root: Node, name: str) -> set[str]:

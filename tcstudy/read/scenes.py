@@ -70,7 +70,7 @@ class SceneReader:
 
     def read(self) -> Sequence[Scene]:
         """One scene for each point, in C order of the axes; after a fault the base study's, if it has none."""
-        base = {s: self._read(s, self.root) for s in SECTIONS}
+        base = {s: self._base(s) for s in SECTIONS}
         self._compare(self.root, base)
         if self.body is not None and None not in base.values():
             self.base = Scene(self.body, **{_FIELD.get(s, s): value for s, value in base.items()})
@@ -149,6 +149,23 @@ class SceneReader:
             shown = str(axis.labels[at]) if axis.parameter.is_whole else axis.values[at].brief()
             words.append(f"{axis.key} = {shown}")
         return f"drawn point {key[0]}: {', '.join(words)}" if drawn else ", ".join(words)
+
+    def _base(self, section: str) -> Any:
+        """The record of a section of the base study; of many geometries that of the last one with the same text."""
+        nodes = [node for key in KEYS.get(section, (section,)) if (node := self.root.child(key))]
+        words = [name for node in nodes for name in sorted(words_in(node, self.named))] if self.named else []
+        named = tuple((name, self.named[name]) for name in words)
+        body = (self.body, self.loose) if section == "boundary" else None
+        key, before = (
+            (section, *nodes, named, self.names, self.regions, self.needed_of_heat, body),
+            len(self.ctx.errors),
+        )
+        if key in self.ctx.known:
+            return self.ctx.known[key]
+        record = self._read(section, self.root)
+        if len(self.ctx.errors) == before:
+            self.ctx.known[key] = record
+        return record
 
     def _read(self, section: str, root: Node | None) -> Any:
         """The record of a section of a study; None after a fault."""
