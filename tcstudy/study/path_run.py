@@ -219,7 +219,7 @@ def _solutions(setting: _Setting, path: Path, every: Branches | None) -> Values:
     proved, alone = least_one & known[i], count[i] == 1
     return {
         "at": at,
-        "solution_count": count,
+        "solution_count": count.tolist(),
         "solution_at": i,
         "solution_parameter": at[i],
         "solution_piece": [s.piece for s in rows],

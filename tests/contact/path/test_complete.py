@@ -105,8 +105,7 @@ def test_a_branch_that_is_lost_is_missed() -> None:
     problem = ParametricProblem(np.eye(1), np.zeros(1), np.ones(1), np.ones(1), spring())
 
     def way(*t: float) -> Path:
-        codes = np.zeros((1, 1), np.int32)
-        return Path.through(problem, np.array(t), np.zeros((2, 1)), np.ones(1, bool), codes, PathStatus.RANGE_END)
+        return replace(Path.standing(problem, 0.0, np.zeros(1), PathStatus.RANGE_END), t=np.array(t))
 
     first, second = way(0.0, 0.5), way(0.5 + 1e-15, 1.0)
     assert _even([first, second], (0.0, 1.0)) == ""
