@@ -1,7 +1,7 @@
 """The JSON Schema of a study file, made from the table of keys: editors complete and check studies with it.
 
 What the schema refuses the reader refuses as well; the reader finds much more (units, expressions, geometry, what
-contradicts what). A key that a sweep or derived loads may supply is asked for only in studies without them.
+contradicts what, keys that a sweep or derived loads could supply, names of what is swept).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from tcstudy.read.fields import LISTS, PAIRS, SOME
 from tcstudy.read.plans import IN_SWEEP
 from tcstudy.scene.key import Key
 from tcstudy.scene.keys import law_rows, of_role, row, rows
-from tcstudy.scene.parameters import EDGE, SHORT, WHOLE, sweepable
+from tcstudy.scene.parameters import SHORT, WHOLE, sweepable
 from tcstudy.scene.study import Quantity
 from tcstudy.scene.units import NONE
 
@@ -69,25 +69,20 @@ def schema() -> Schema:
     made["body"] |= {"oneOf": [{"required": [name]} for name in ("outline", "rectangle", "file")]}
     for shape in ("circle", "rectangle"):  # of a region they have no edge
         made["hole"]["properties"][shape] |= {"required": ["edge"]}
-    made["sweep"] = _sweep(_swept, ("mode", "points", "seed", "h"))
-    made["point"] = _sweep(_at_point, ()) | {"minProperties": 1}
-    made["named_point"] = made["point"] | {"additionalProperties": VALUE}
-    points = _described(replace(row("sweep", "points"), of=("named_point",)))
-    properties = made["sweep"]["properties"] | {"points": points}
-    made["named_sweep"] = made["sweep"] | {"properties": properties, "additionalProperties": _swept(NAMED)}
+    for named in ("", "named_"):  # which keys a sweep knows depends on the section `parameters`
+        made[f"{named}point"] = _sweep(_at_point, ()) | {"additionalProperties": VALUE if named else False}
+        points = replace(row("sweep", "points"), of=(f"{named}point",))
+        made[f"{named}sweep"] = _sweep(_swept, (row("sweep", "mode"), points, row("sweep", "seed"), row("sweep", "h")))
+        made[f"{named}sweep"] |= {"additionalProperties": _swept(NAMED) if named else False}
     made["step"] |= {"additionalProperties": VALUE, "minProperties": 1}
     whole = _section("", ("body", "boundary"))
-    named, plain = ({"properties": {"sweep": _ref(section)}} for section in ("named_sweep", "sweep"))
-    del whole["properties"]["sweep"]["$ref"]  # which names it knows depends on the section `parameters`
-    return {
-        "$schema": DRAFT,
-        "title": TITLE,
-        **whole,
-        "allOf": [{"if": {"required": ["parameters"]}, "then": named, "else": plain}],
-        "if": {"anyOf": [{"required": ["sweep"]}, {"required": ["exact"]}]},
-        "else": _complete(),
-        "$defs": made | TEXTS,
-    }
+    swept = {"anyOf": [{"required": ["sweep"]}, {"required": ["exact"]}]}  # which may supply the other sections
+    needed = {"required": [one.name for one in rows("").values() if one.required]}
+    del whole["properties"]["sweep"]["$ref"]
+    sweeps = [{"properties": {"sweep": _ref(section)}} for section in ("named_sweep", "sweep")]
+    by_names = {"if": {"required": ["parameters"]}, "then": sweeps[0], "else": sweeps[1]}
+    whole |= {"allOf": [by_names, {"if": swept, "else": needed}]}
+    return {"$schema": DRAFT, "title": TITLE, **whole, "$defs": made | TEXTS}
 
 
 def _section(section: str, required: tuple[str, ...] | None = None) -> Schema:
@@ -100,48 +95,23 @@ def _section(section: str, required: tuple[str, ...] | None = None) -> Schema:
     return made | ({"minProperties": 1, "maxProperties": 1} if section in ONE_OF else {})
 
 
-def _complete() -> Schema:
-    """What a study needs that neither sweeps nor derives anything."""
-    either = {
-        "material": [["E", "nu"], ["lambda", "mu"]],
-        "heat": [["theta"], ["alpha", "theta_bar"]],
-        "loads": [["f"]],
-        "mesh": [["maxh"]],
-    }
-    needed: Schema = {name: {"anyOf": [{"required": keys} for keys in ways]} for name, ways in either.items()}
-    laws = {law: [p.name for p in shape.parameters if p.required] for law, shape in SHAPES.items()}
-    needed["friction"] = {"allOf": [_if("law", law, {"required": names}) for law, names in laws.items()]}
-    return {"required": [one.name for one in rows("").values() if one.required], "properties": needed}
-
-
-def _if(key: str, word: str, then: Schema) -> Schema:
-    return {"if": {"properties": {key: {"const": word}}, "required": [key]}, "then": then}
-
-
 def _takes(key: str, word: str, names: tuple[str, ...]) -> Schema:
     """The keys beside `key` that go with one of its words."""
-    return _if(key, word, {"propertyNames": {"enum": [key, *names]}})
+    given = {"properties": {key: {"const": word}}, "required": [key]}
+    return {"if": given, "then": {"propertyNames": {"enum": [key, *names]}}}
 
 
-def _sweep(made: Callable[[Key], Schema], beside: tuple[str, ...]) -> Schema:
-    """A mapping of parameters, by path or short name, to what `made` says of each."""
+def _sweep(made: Callable[[Key], Schema], beside: tuple[Key, ...]) -> Schema:
+    """A mapping of parameters to what `made` says of each; of an edge, a region or a number of the body any."""
     named = {".".join(path): row(path[0] if path[1:] else "", path[-1]) for path in sweepable({}, None)}
-    properties = {path: made(one) for path, one in named.items()} | {name: made(named[SHORT[name]]) for name in SHORT}
-    laws = {path[1]: one for path, one in sweepable({}, None).items() if path[0] == "friction" and path[1:]}
-    by_edge = {rf"^friction\.[^.]+\.{name}$": made(one.row) for name, one in laws.items()}
-    by_edge[r"^friction\.(?!(" + "|".join(laws) + r")$)[^.]+$"] = made(row("", "friction"))
-    regions = {path[2:]: one.row for path, one in sweepable({}, None, ("REGION",)).items() if path[0] == "materials"}
-    by_region = {
-        "^materials\\.[^.]+" + "".join(f"\\.{name}" for name in own) + "$": made(one) for own, one in regions.items()
-    }
+    named |= {name: named[path] for name, path in SHORT.items()}
+    properties = {one.name: _described(one) for one in beside}
+    own = rf"^({'|'.join(('boundary', 'friction', 'materials', 'parameters', 'body', 'mesh'))})\..+$"
     return {
         "type": "object",
-        "properties": {name: _described(row("sweep", name)) for name in beside} | properties,
-        "patternProperties": by_edge
-        | by_region
-        | {r"^boundary\.[^.]+\." + r"\.".join(inner) + "$": made(one) for inner, one in EDGE.items()}
-        | {r"^parameters\.[A-Za-z_0-9]+$": made(NAMED), r"^(body|mesh)\..+$": made(NAMED)},
-        "additionalProperties": False,
+        "properties": properties | {path: made(one) for path, one in named.items()},
+        "patternProperties": {own: {"type": ["array", "object", "number", "string"]}},
+        "minProperties": 0 if beside else 1,
     }
 
 
