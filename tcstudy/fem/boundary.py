@@ -207,33 +207,29 @@ def contact_line(mesh: PlaneMesh, frames: Frames, names: tuple[str, ...]) -> Con
     curves = mesh.geometry.curves
     edge_of_curve = np.array([names.index(c.name) if c.name in names else -1 for c in curves])
     which = np.flatnonzero(edge_of_curve[mesh.segment_curve] >= 0)
-    order, start = _chain(mesh.segments[which], mesh.segment_curve[which])
-    which = which[order]
+    parts = _parts(mesh.segments[which], mesh.segment_curve[which])
+    which = which[np.concatenate(parts)]
     segments, edge = mesh.segments[which], edge_of_curve[mesh.segment_curve[which]]
     lengths = np.linalg.norm(mesh.points[segments[:, 1]] - mesh.points[segments[:, 0]], axis=1)
-    free = ~frames.fixed[segments]
-    halves = _halves(mesh, segments, lengths, free)
+    halves = _halves(mesh, segments, lengths, ~frames.fixed[segments])
     c = np.zeros(mesh.n_points)
     np.add.at(c, segments.T, halves.T)
-    before = np.cumsum(lengths) - lengths
-    # Each node once: as the start of its outgoing segment, or as the end of the last one of an open part.
-    last = np.ones(len(segments), dtype=bool)
-    last[:-1] = start[1:]
-    final = np.flatnonzero(last & (segments[:, 1] != segments[start, 0][np.cumsum(start) - 1]))
-    nodes = np.concatenate([segments[:, 0], segments[final, 1]])
-    at = np.concatenate([before, before[final] + lengths[final]])
-    position = np.concatenate([np.arange(len(segments)), final + 0.5])
-    edges = np.concatenate([edge, edge[final]])
-    sort = np.argsort(position, kind="stable")
-    sort = sort[~frames.fixed[nodes[sort]]]
-    nodes, ends = nodes[sort], mesh.points[segments]
-    on = edges[sort].astype(np.int8)
+    before, stops = np.cumsum(lengths) - lengths, np.cumsum([len(part) for part in parts])
+    found: list[tuple[Indices, Array, Indices]] = []
+    for first, stop in zip([0, *stops[:-1]], stops, strict=True):  # each node once: as the start of its segment, or as
+        found.append((segments[first:stop, 0], before[first:stop], edge[first:stop]))
+        if segments[stop - 1, 1] != segments[first, 0]:  # the end of an open part
+            last = slice(stop - 1, stop)
+            found.append((segments[last, 1], before[last] + lengths[last], edge[last]))
+    nodes, at, edges = (np.concatenate(column) for column in zip(*found, strict=True))
+    free, ends = ~frames.fixed[nodes], mesh.points[segments]
+    nodes, at, on = nodes[free], at[free], edges[free].astype(np.int8)
     own = np.full(mesh.n_points, -1)
     own[nodes] = np.arange(len(nodes))
     into = own[segments[:, 1]]
     meets = np.flatnonzero((into >= 0) & (on[into] != edge))
     joints = Joints(into[meets], edge[meets], halves[meets, 1] / c[segments[meets, 1]])
-    return ContactLine(nodes, at[sort], mesh.points[nodes], c[nodes], on, names, segments, ends, which, joints)
+    return ContactLine(nodes, at, mesh.points[nodes], c[nodes], on, names, segments, ends, which, joints)
 
 
 def _halves(mesh: PlaneMesh, segments: Indices, lengths: Array, free: NDArray[np.bool_]) -> Array:
@@ -248,28 +244,22 @@ def _halves(mesh: PlaneMesh, segments: Indices, lengths: Array, free: NDArray[np
     return np.where((free[:, 0] & free[:, 1])[:, None], 0.5, free) * lengths[:, None]
 
 
-def _chain(segments: Indices, rank: Indices) -> tuple[Indices, NDArray[np.bool_]]:
-    """Order of directed segments along their chains, and which of them start a part.
+def _parts(segments: Indices, rank: Indices) -> list[list[int]]:
+    """The directed segments in order along their chains.
 
     Open parts start at the node that no segment ends in; closed ones at their first segment by rank.
     """
-    outgoing = {int(a): i for i, a in enumerate(segments[:, 0])}
-    ends = set(segments[:, 1].tolist())
-    by_rank = np.argsort(rank, kind="stable")
-    heads = [int(i) for i in by_rank if int(segments[i, 0]) not in ends] + by_rank.tolist()
-    seen = np.zeros(len(segments), dtype=bool)
-    order: list[int] = []
-    starts: list[bool] = []
-    for head in heads:
-        i: int | None = head
-        first = True
-        while i is not None and not seen[i]:
-            seen[i] = True
-            order.append(i)
-            starts.append(first)
-            first = False
+    outgoing = {a: i for i, a in enumerate(segments[:, 0].tolist())}
+    ends, by_rank = set(segments[:, 1].tolist()), np.argsort(rank, kind="stable").tolist()
+    seen, parts = set[int](), list[list[int]]()
+    for head in [*(i for i in by_rank if int(segments[i, 0]) not in ends), *by_rank]:
+        part, i = list[int](), head
+        while i is not None and i not in seen:
+            seen.add(i)
+            part.append(i)
             i = outgoing.get(int(segments[i, 1]))
-    return np.array(order, dtype=np.intp), np.array(starts, dtype=bool)
+        parts += [part] if part else []
+    return parts
 
 
 def held_ends(mesh: PlaneMesh, line: ContactLine, boundary: tuple[tuple[str, Role], ...]) -> dict[str, NDArray[Any]]:
