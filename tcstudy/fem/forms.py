@@ -17,7 +17,7 @@ Use:        ∫∇θ·∇φ has the entries G_xx + G_yy; ∫div u div v has the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -67,20 +67,6 @@ def bonus(*scalars: Scalar) -> int:
     return BONUS_ORDER if any(isinstance(s, Expression) for s in scalars) else 0
 
 
-def csr(form: Any) -> sp.csr_array:
-    """Copy the matrix of an assembled form (views into NGSolve dangle when the form dies)."""
-    values, columns, starts = form.mat.CSR()
-    shape = (form.mat.height, form.mat.width)
-    return sp.csr_array(
-        (
-            np.array(values),
-            np.array(columns, dtype=np.int32),
-            np.array(np.asarray(starts).view(np.int64), dtype=np.int32),
-        ),
-        shape=shape,
-    )
-
-
 def vector(form: Any) -> Array:
     """Copy the vector of an assembled linear form."""
     return np.array(form.vec.FV().NumPy())
@@ -104,10 +90,10 @@ class NodeGraph:
 
     @classmethod
     def of(cls, form: Any) -> tuple[NodeGraph, Array]:
-        """The pattern, and the blocks (nnz, 2, 2) of an assembled form of vectors: a view, which dies with the form."""
+        """The pattern and the entries (nnz,) or (nnz, …) of an assembled form: a view, which dies with the form."""
         values, columns, starts = form.mat.CSR()
-        pattern = (np.array(np.asarray(starts).view(np.int64), dtype=np.int32), np.array(columns, dtype=np.int32))
-        return cls(*pattern), np.asarray(values).reshape(-1, 2, 2)
+        starts = np.array(np.asarray(starts).view(np.int64), dtype=np.int32)
+        return cls(starts, np.array(columns, dtype=np.int32)), np.asarray(values)
 
     @cached_property
     def rows(self) -> Indices:
@@ -115,58 +101,51 @@ class NodeGraph:
         return np.repeat(np.arange(len(self.starts) - 1, dtype=np.int32), np.diff(self.starts))
 
 
+def csr(form: Any) -> sp.csr_array:
+    """Copy the matrix of an assembled form (views into NGSolve dangle when the form dies)."""
+    graph, values = NodeGraph.of(form)
+    return sp.csr_array((values.copy(), graph.columns, graph.starts), shape=(form.mat.height, form.mat.width))
+
+
 @dataclass(frozen=True)
-class GradientProducts:
-    """G and D of one mesh."""
+class ElasticForms:
+    """The matrices and loads of the elastic problem on one mesh, in x and y (2n rows), and products of gradients."""
 
     mesh: PlaneMesh
+    _products: dict[Where, tuple[NodeGraph, Array]] = field(default_factory=dict, repr=False, compare=False)
+
+    def products(self, where: Where = ()) -> tuple[NodeGraph, Array]:
+        """The graph of the nodes and G on it, (2, 2, nnz): [c, d, entry], with integrals over some regions."""
+        if where not in self._products:
+            u, v = self._space.TnT()
+            divergences = ngs.Trace(ngs.grad(u)) * ngs.Trace(ngs.grad(v))
+            if where:  # a factor 0 elsewhere, since a form that is not defined there has no entries there either
+                divergences = self.mesh.mesh.MaterialCF(dict.fromkeys(where, 1.0), default=0.0) * divergences
+            if not where or self.mesh.inside(where).any():
+                graph, G = _blocks(ngs.BilinearForm(divergences * ngs.dx).Assemble())
+            else:  # of a factor that is 0 everywhere NGSolve makes no form
+                graph, G = self.products()
+                G = np.zeros_like(G)
+            self._products[where] = graph, G
+        return self._products[where]
 
     @cached_property
-    def _assembled(self) -> tuple[NodeGraph, Array]:
-        """The node graph and G as (2, 2, nnz): [c, d, entry]."""
-        return self._assemble(())
-
-    @cached_property
-    def _parts(self) -> dict[Where, Array]:
-        """G of those regions that were asked for."""
-        return {}
-
-    def _on(self, where: Where) -> Array:
-        """G with integrals over some regions, on the graph of the whole body."""
-        if not where:
-            return self._assembled[1]
-        if where not in self._parts:
-            inside = bool(self.mesh.inside(where).any())  # of a factor that is 0 everywhere NGSolve makes no form
-            self._parts[where] = self._assemble(where)[1] if inside else np.zeros_like(self._assembled[1])
-        return self._parts[where]
-
-    def _assemble(self, where: Where) -> tuple[NodeGraph, Array]:
-        space = ngs.H1(self.mesh.mesh, order=1, dim=2)
-        u, v = space.TnT()
-        divergences = ngs.Trace(ngs.grad(u)) * ngs.Trace(ngs.grad(v))
-        if where:  # a factor 0 elsewhere, since a form that is not defined there has no entries there either
-            divergences = self.mesh.mesh.MaterialCF(dict.fromkeys(where, 1.0), default=0.0) * divergences
-        form = ngs.BilinearForm(divergences * ngs.dx).Assemble()
-        graph, blocks = NodeGraph.of(form)
-        return graph, np.array(blocks.transpose(1, 2, 0), order="C")
-
-    def assemble(self) -> None:
-        """Assemble G now, not when it is first needed."""
-        _ = self._assembled
+    def _space(self) -> Any:
+        return ngs.H1(self.mesh.mesh, order=1, dim=2)  # one vector a node: cheaper than the compound VectorH1
 
     def conduction(self, k: Conductivity = ()) -> sp.csr_array:
         """∫k∇φ_i·∇φ_j, (n, n), dimensionless; k = 1 if none is given."""
-        graph, n = self._assembled[0], self.mesh.n_points
-        pairs = [(1.0, self._on(()))] if not k else [(value, self._on(where)) for where, value in k]
+        graph, n = self.products()[0], self.mesh.n_points
+        pairs = ((value, self.products(where)[1]) for where, value in k or (((), 1.0),))
         entries = sum(value * (G[0, 0] + G[1, 1]) for value, G in pairs)
         return sp.csr_array((entries, graph.columns, graph.starts), shape=(n, n))
 
     def stiffness_of(self, moduli: Moduli, frames: Frames | None = None) -> sp.csr_array:
         """a(φ_i, φ_j) = ∫λ div φ_i div φ_j + 2μ ε(φ_i):ε(φ_j), (2n, 2n) [Pa], in x and y, or RᵀAR in local rows."""
-        graph, whole = self._assembled
+        graph, whole = self.products()
         A = np.empty_like(whole)
         for number, (where, lam, mu) in enumerate(moduli):
-            G, part = self._on(where), A if number == 0 else np.empty_like(A)
+            G, part = self.products(where)[1], A if number == 0 else np.empty_like(A)
             for c, d in ((0, 1), (1, 0)):
                 part[c, c] = (lam + 2.0 * mu) * G[c, c] + mu * G[d, d]
                 part[c, d] = lam * G[c, d] + mu * G[d, c]
@@ -194,6 +173,56 @@ class GradientProducts:
         if where:
             mean = mean * self.mesh.inside(where)
         return np.concatenate([D.T @ mean for D in self.element_gradients])
+
+    def body_force(self, f: tuple[Scalar, Scalar]) -> Array:
+        """∫f·φ_i, (2n,) [N/m] for f in N/m³."""
+        v = self._space.TestFunction()
+        density = ngs.CF((coefficient(f[0]), coefficient(f[1])))
+        return _blocked(ngs.LinearForm(density * v * ngs.dx(bonus_intorder=bonus(*f))).Assemble())
+
+    def force(self, name: str, axis: int) -> Array:
+        """A resultant of 1 along an axis, spread evenly over the study edge `name`, (2n,): its sum is 1."""
+        spread = self.traction(name, Traction(g=(1.0, 0.0) if axis == 0 else (0.0, 1.0)))
+        return spread / spread.sum()
+
+    def springs(self, springs: Springs, frames: Frames) -> sp.csr_array:
+        """Σ_Γ ∫k_N u_N v_N + k_T u_T v_T over study edges, (2n, 2n) in local rows [Pa]."""
+        u, v = self._space.TnT()
+        n = ngs.specialcf.normal(2)
+        t = ngs.CF((-n[1], n[0]))
+        form = ngs.BilinearForm(self._space, check_unused=False)
+        for name, normal, tangential in springs:
+            energy = normal * (u * n) * (v * n) + tangential * (u * t) * (v * t)
+            form += energy * ngs.ds(self.mesh.region(name))
+        form.Assemble()
+        graph, S = _blocks(form)
+        _turn(S, graph, frames)
+        return _component_blocked(S, graph)
+
+    def traction(self, name: str, role: Traction | Convection) -> Array:
+        """∫_{Γ}(g − p n)·φ_i over the study edge `name`, (2n,) [N/m]."""
+        v = self._space.TestFunction()
+        order, region = bonus(*role.g, role.pressure), self.mesh.region(name)
+        form = ngs.LinearForm(self._space)
+        if not all(map(is_zero, role.g)):
+            stress = ngs.CF((coefficient(role.g[0]), coefficient(role.g[1])))
+            form += stress * v * ngs.ds(region, bonus_intorder=order)
+        if not is_zero(role.pressure):
+            # the normal of a curve by itself points to either side, into the body at holes; that of a triangle does not
+            push = -coefficient(role.pressure) * ngs.specialcf.normal(2)
+            form += push * v * ngs.ds(region, skeleton=True, bonus_intorder=order)
+        return _blocked(form.Assemble())
+
+
+def _blocked(form: Any) -> Array:
+    """(2n,) the vector of a form, x of all nodes, then y."""
+    return np.array(vector(form).reshape(-1, 2).T, order="C").ravel()
+
+
+def _blocks(form: Any) -> tuple[NodeGraph, Array]:
+    """The pattern and the blocks (2, 2, nnz) of an assembled form of vectors."""
+    graph, values = NodeGraph.of(form)
+    return graph, np.array(values.reshape(-1, 2, 2).transpose(1, 2, 0), order="C")
 
 
 def _turn(A: Array, graph: NodeGraph, frames: Frames) -> None:
@@ -223,57 +252,3 @@ def _component_blocked(A: Array, graph: NodeGraph) -> sp.csr_array:
     columns[2 * nnz :] = columns[: 2 * nnz]
     starts = np.concatenate([2 * graph.starts, 2 * nnz + 2 * graph.starts[1:]])
     return sp.csr_array((data.ravel(), columns, starts), shape=(2 * n, 2 * n))
-
-
-@dataclass(frozen=True)
-class ElasticForms(GradientProducts):
-    """The matrices and loads of the elastic problem on one mesh, in x and y (2n rows)."""
-
-    @cached_property
-    def _space(self) -> Any:
-        return ngs.H1(self.mesh.mesh, order=1, dim=2)  # one vector a node: cheaper than the compound VectorH1
-
-    def body_force(self, f: tuple[Scalar, Scalar]) -> Array:
-        """∫f·φ_i, (2n,) [N/m] for f in N/m³."""
-        v = self._space.TestFunction()
-        density = ngs.CF((coefficient(f[0]), coefficient(f[1])))
-        return _blocked(ngs.LinearForm(density * v * ngs.dx(bonus_intorder=bonus(*f))).Assemble())
-
-    def force(self, name: str, axis: int) -> Array:
-        """A resultant of 1 along an axis, spread evenly over the study edge `name`, (2n,): its sum is 1."""
-        spread = self.traction(name, Traction(g=(1.0, 0.0) if axis == 0 else (0.0, 1.0)))
-        return spread / spread.sum()
-
-    def springs(self, springs: Springs, frames: Frames) -> sp.csr_array:
-        """Σ_Γ ∫k_N u_N v_N + k_T u_T v_T over study edges, (2n, 2n) in local rows [Pa]."""
-        u, v = self._space.TnT()
-        n = ngs.specialcf.normal(2)
-        t = ngs.CF((-n[1], n[0]))
-        form = ngs.BilinearForm(self._space, check_unused=False)
-        for name, normal, tangential in springs:
-            energy = normal * (u * n) * (v * n) + tangential * (u * t) * (v * t)
-            form += energy * ngs.ds(self.mesh.region(name))
-        form.Assemble()
-        graph, blocks = NodeGraph.of(form)
-        S = np.array(blocks.transpose(1, 2, 0), order="C")
-        _turn(S, graph, frames)
-        return _component_blocked(S, graph)
-
-    def traction(self, name: str, role: Traction | Convection) -> Array:
-        """∫_{Γ}(g − p n)·φ_i over the study edge `name`, (2n,) [N/m]."""
-        v = self._space.TestFunction()
-        order, region = bonus(*role.g, role.pressure), self.mesh.region(name)
-        form = ngs.LinearForm(self._space)
-        if not all(map(is_zero, role.g)):
-            stress = ngs.CF((coefficient(role.g[0]), coefficient(role.g[1])))
-            form += stress * v * ngs.ds(region, bonus_intorder=order)
-        if not is_zero(role.pressure):
-            # the normal of a curve by itself points to either side, into the body at holes; that of a triangle does not
-            push = -coefficient(role.pressure) * ngs.specialcf.normal(2)
-            form += push * v * ngs.ds(region, skeleton=True, bonus_intorder=order)
-        return _blocked(form.Assemble())
-
-
-def _blocked(form: Any) -> Array:
-    """(2n,) the vector of a form, x of all nodes, then y."""
-    return np.array(vector(form).reshape(-1, 2).T, order="C").ravel()

@@ -20,7 +20,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from tcstudy.fem.forms import Conductivity, GradientProducts, bonus, coefficient, csr, is_zero, vector
+from tcstudy.fem.forms import Conductivity, ElasticForms, bonus, coefficient, csr, is_zero, vector
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.scene.records import Scalar
 
@@ -36,7 +36,7 @@ class HeatForms:
     held:      study names of the edges whose temperature is given
     """
 
-    gradients: GradientProducts
+    gradients: ElasticForms
     convection: tuple[str, ...]
     k: Conductivity = ()
     held: tuple[str, ...] = ()

@@ -295,7 +295,7 @@ class Level:
         self._rows: Recent[tuple[Array, float, float, float]] = Recent(MEMORY / 8, lambda row: row[0].nbytes + 1000)
         self.frames = self.frames_of(scene.boundary)
         self.line = contact_line(mesh, self.frames, scene.edges(Contact))
-        self.elastic.assemble()
+        self.elastic.products()
         self.time_assemble = time.perf_counter() - start
 
     def _changing_rows(self, scenes: Sequence[Scene]) -> NDArray[np.bool_] | None:

@@ -22,7 +22,7 @@ from tcstudy.condense import condense
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.problem import least_eigenvalue
-from tcstudy.fem.forms import GradientProducts
+from tcstudy.fem.forms import ElasticForms
 from tcstudy.fem.geometry import build
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.level import Level
@@ -125,7 +125,7 @@ def _factors(mesh: PlaneMesh, scene: Scene, n_dof: int) -> Iterator[float]:
     """CPU times of the factorisations of one stiffness matrix, Γ_D and u_N on Γ_C held."""
     level = Level(mesh, scene)
     frames, line = level.frames, level.line
-    matrix = GradientProducts(mesh).stiffness_of((((), scene.material.lam, scene.material.mu),), frames)
+    matrix = ElasticForms(mesh).stiffness_of((((), scene.material.lam, scene.material.mu),), frames)
     eliminate = ~frames.fixed
     eliminate[line.nodes] = False
     clock = Clock()

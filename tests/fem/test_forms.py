@@ -8,7 +8,7 @@ import pytest
 
 from tcstudy.expressions.expression import parse
 from tcstudy.fem.boundary import constrain
-from tcstudy.fem.forms import ElasticForms, GradientProducts, csr
+from tcstudy.fem.forms import ElasticForms, csr
 from tcstudy.fem.geometry import build
 from tcstudy.fem.meshes import Frames, PlaneMesh
 from tcstudy.scene.records import Scalar, Traction
@@ -34,13 +34,13 @@ def test_data_that_vanish_as_a_formula_count_as_nothing(nothing: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def bracket() -> tuple[PlaneMesh, Frames, GradientProducts]:
+def bracket() -> tuple[PlaneMesh, Frames, ElasticForms]:
     scene = (study := study_of(HEATED_BRACKET)).scenes[0]
     mesh = list(mesh_family(build(scene.body), study.mesh))[-1]
-    return mesh, constrain(mesh, scene.boundary), GradientProducts(mesh)
+    return mesh, constrain(mesh, scene.boundary), ElasticForms(mesh)
 
 
-def test_stiffness_is_that_of_the_weak_form(bracket: tuple[PlaneMesh, Frames, GradientProducts]) -> None:
+def test_stiffness_is_that_of_the_weak_form(bracket: tuple[PlaneMesh, Frames, ElasticForms]) -> None:
     mesh, frames, gradients = bracket
     u, v = ngs.VectorH1(mesh.mesh, order=1).TnT()
     strain = ngs.InnerProduct(ngs.Sym(ngs.Grad(u)), ngs.Sym(ngs.Grad(v)))
@@ -54,14 +54,14 @@ def test_stiffness_is_that_of_the_weak_form(bracket: tuple[PlaneMesh, Frames, Gr
     assert abs(local - direct).max() > 0.1 * scale
 
 
-def test_conduction_is_that_of_the_weak_form(bracket: tuple[PlaneMesh, Frames, GradientProducts]) -> None:
+def test_conduction_is_that_of_the_weak_form(bracket: tuple[PlaneMesh, Frames, ElasticForms]) -> None:
     mesh, _, gradients = bracket
     theta, phi = ngs.H1(mesh.mesh, order=1).TnT()
     direct = csr(ngs.BilinearForm(ngs.grad(theta) * ngs.grad(phi) * ngs.dx).Assemble())
     assert abs(gradients.conduction() - direct).max() < 1e-14 * abs(direct).max()
 
 
-def test_thermal_load_is_that_of_the_weak_form(bracket: tuple[PlaneMesh, Frames, GradientProducts]) -> None:
+def test_thermal_load_is_that_of_the_weak_form(bracket: tuple[PlaneMesh, Frames, ElasticForms]) -> None:
     mesh, _, gradients = bracket
     theta = ngs.H1(mesh.mesh, order=1).TrialFunction()
     v = ngs.VectorH1(mesh.mesh, order=1).TestFunction()
