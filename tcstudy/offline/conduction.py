@@ -173,9 +173,6 @@ def basis_of(rows: Array) -> Array:
 
 # -- parts and families ----------------------------------------------------------------------------
 
-BATCH = 16
-"""Columns that are carried through a factor together: more cost memory and gain nothing."""
-
 
 @dataclass(frozen=True)
 class Part:
@@ -358,30 +355,23 @@ class Conduction:
                 missed = np.linalg.norm(wanted - family.basis @ factors)
                 if missed <= 2.0 * ROUNDING * np.linalg.norm(wanted):
                     whole = [1.0] if family.listed > s else []
-                    return [(Column(key, i), f) for i, f in enumerate([*whole, *factors.tolist()])]
+                    return [(Column(key, i, family.listed), f) for i, f in enumerate([*whole, *factors.tolist()])]
             family.at[a] = len(family.columns)
             family.columns.append((wanted, float(family.carries)))
-        return [(Column(key, family.at[a]), 1.0)]
+        return [(Column(key, family.at[a], family.listed), 1.0)]
 
     # -- columns on the body -----------------------------------------------------------------------
 
     def listed(self) -> list[Column]:
         """The columns that the scenes to come need."""
-        return [Column(key, i) for key in self._wanted for i in range(self._family(key).listed)]
-
-    def together(self, column: Column) -> tuple[Column, ...]:
-        """The columns that are computed with this one."""
-        listed = self._family(column.family).listed
-        if column.number >= listed:
-            return (column,)
-        first = column.number - column.number % BATCH
-        return tuple(Column(column.family, i) for i in range(first, min(first + BATCH, listed)))
+        sizes = ((key, self._family(key).listed) for key in self._wanted)
+        return [Column(key, i, listed) for key, listed in sizes for i in range(listed)]
 
     def field(self, column: Column) -> Array:
         """Nodal values of a column (n,)."""
         if (found := self._fields.find(column)) is not None:
             return found
-        batch, family = self.together(column), self._family(column.family)
+        batch, family = column.together, self._family(column.family)
         modal, carries = (np.array(x) for x in zip(*(family.columns[c.number] for c in batch), strict=True))
         on_line = np.zeros((len(self._free), len(batch)))
         on_line[self._free] = self._modes[3] @ modal.T

@@ -27,10 +27,10 @@ from tcstudy.fem.meshes import Frames, PlaneMesh
 from tcstudy.fem.rigid import couple
 from tcstudy.laws.composed import EdgeLaws, law_along
 from tcstudy.laws.laws import Laws
-from tcstudy.offline.conduction import BATCH
 from tcstudy.offline.equilibrium import EquilibriumBody
 from tcstudy.offline.guaranteed import Band, dual_body, lambda_1_band, require_straight
 from tcstudy.offline.loads import (
+    BATCH,
     BasisLoad,
     Column,
     LoadTerm,
@@ -174,7 +174,6 @@ class ElasticBody:
         self._reactions = A[self._fixed]  # all that is needed of the matrix from here on
         self._basis: Recent[_Basis] = Recent(MEMORY, lambda b: b.rows.nbytes)
         self._spans: Recent[tuple[Array, ...]] = Recent(MEMORY, lambda s: s[0].nbytes)
-        self._products: dict[tuple[BasisLoad, BasisLoad], float] = {}
         self._scaled: Recent[Array] = Recent(1, lambda _: 1)
         self._inverses: Recent[Array] = Recent(1, lambda _: 1)
 
@@ -219,17 +218,10 @@ class ElasticBody:
     def _span(self, loads: Sequence[BasisLoad]) -> tuple[Array, Array, Array]:
         """Of t basis loads: l̃ (m, t), ⟨l_a, A₂₂⁻¹ l_b⟩ (t, t), and what they are at the rows that are held (t, h)."""
         bases, t, m = self._bases(loads), len(loads), self.condensation.m
-        gram = np.empty((t, t))
-        for i in range(t):
-            for j in range(i + 1):
-                if (key := (loads[i], loads[j])) not in self._products:
-                    # the kept unknowns come last in the elimination, the rows before them are L⁻¹l₂
-                    inner = len(bases[i].rows) - m
-                    product = float(bases[i].rows[:inner] @ bases[j].rows[:inner])
-                    self._products[key] = self._products[key[::-1]] = product
-                gram[i, j] = gram[j, i] = self._products[key]
-        l_tilde = np.column_stack([b.l_tilde for b in bases]) if t else np.zeros((m, 0))
-        return l_tilde, gram, np.array([b.held for b in bases]).reshape(t, len(self._fixed))
+        rows = [basis.rows[: len(basis.rows) - m] for basis in bases]  # L⁻¹l₂: the kept unknowns come last
+        gram = np.array([[a @ b for b in rows] for a in rows]).reshape(t, t)
+        l_tilde = np.column_stack([basis.l_tilde for basis in bases]) if t else np.zeros((m, 0))
+        return l_tilde, gram, np.array([basis.held for basis in bases]).reshape(t, len(self._fixed))
 
     def _bases(self, loads: Sequence[BasisLoad]) -> list[_Basis]:
         """Basis loads condensed, from the cache or eliminated at once with their companions.
@@ -480,7 +472,7 @@ class Level:
     def together(self, load: BasisLoad) -> Sequence[BasisLoad]:
         """The loads that go through a factor with one."""
         if isinstance(load.data, Column):
-            return [replace(load, data=column) for column in self.temperatures.together(load.data)]
+            return [replace(load, data=column) for column in load.data.together]
         return self._batches.get(load, [load])
 
     def vector(self, load: BasisLoad) -> Array:

@@ -44,12 +44,25 @@ class FamilyKey:
         return self.kind in ("source", "flux")
 
 
+BATCH = 16
+"""Columns that are carried through a factor together: more cost memory and gain nothing."""
+
+
 @dataclass(frozen=True)
 class Column:
-    """Names one column of a family."""
+    """Names one column of a family; listed: how many of the family were made at the start."""
 
     family: FamilyKey
     number: int
+    listed: int
+
+    @property
+    def together(self) -> tuple[Column, ...]:
+        """The columns that are computed with this one."""
+        if self.number >= self.listed:
+            return (self,)
+        first = self.number - self.number % BATCH
+        return tuple(replace(self, number=i) for i in range(first, min(first + BATCH, self.listed)))
 
 
 Field = Expression | Column

@@ -118,10 +118,6 @@ class Temperatures:
                 self.field(column)
             self._factors.pop(k, None)
 
-    def together(self, column: Column) -> tuple[Column, ...]:
-        """The columns that are computed with this one."""
-        return self.conduction(column.family.k, column.family.ratios).together(column)
-
     def field(self, name: Field) -> Array:
         """Nodal values (n,) of a field."""
         if isinstance(name, Column):

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.data.schema import BALANCED, HEAT_BOUND, NOT_JUDGED, UNBALANCED
+from tcstudy.data.schema import HEAT_BOUND
 from tcstudy.fem.geometry import build
 from tcstudy.offline import conduction as heat_factor
 from tcstudy.offline.level import Level
 from tcstudy.scene.records import Scene
-from tcstudy.study.point import heat_status
 from tests.benchmarks.stability_chain import layered
 from tests.verification.scenes import study_of
 
@@ -100,12 +99,11 @@ def test_refinement_gives_slivers_their_digits_back(
     balance, off = level.temperature(scene).heat_balance, error(scene, level)
     assert off < reached
     assert balance < 1e-13
-    assert heat_status(balance) == BALANCED
     monkeypatch.setattr(heat_factor, "UNSOUND", np.inf)
     scene, plain = sliver_level(width, thinner)
     assert plain.temperature(scene).heat_balance > 1e2 * max(balance, 1e-14)
     assert error(scene, plain) > 1e2 * off
-    assert heat_status(plain.temperature(scene).heat_balance) == UNBALANCED
+    assert plain.temperature(scene).heat_balance > HEAT_BOUND > balance
 
 
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
@@ -115,9 +113,3 @@ def test_the_balance_is_relative_to_the_heat_that_moves(scale: float) -> None:
     assert cancelling[1].temperature(cancelling[0]).heat_balance < 1e-13
     little = sliver_level(2.0, 1.0, f"heat.q={1e-12 * scale}", f'heat.theta_bar="{scale}*y"', "heat.alpha=1e6")
     assert little[1].temperature(little[0]).heat_balance < 1e-13
-
-
-def test_what_is_judged() -> None:
-    assert heat_status(float("nan")) == NOT_JUDGED
-    assert heat_status(HEAT_BOUND) == BALANCED
-    assert heat_status(1.01 * HEAT_BOUND) == UNBALANCED
