@@ -55,7 +55,7 @@ class LevelRecord:
 class BlockRecord:
     """P sweep points on one level, kept together.
 
-    number: which block of its level;  shape: extent of the sweep
+    shape:  extent of the sweep
     points: (P,) places of the points in the sweep, counted in C order
     status: (P,) PointStatus;  reasons: row → words, of those that are not OK
     numbers: (P,) by variable name (see data.schema), (P, k) where there is one for each start or solver; NaN is missing
@@ -67,7 +67,6 @@ class BlockRecord:
             (S,), "u_T", "piece" (S, m), as in data.schema.SOLUTION
     """
 
-    number: int
     level: int
     shape: tuple[int, ...]
     points: NDArray[np.intp]
@@ -114,7 +113,7 @@ def encode(record: BlockRecord | LevelRecord) -> Row:
     arrays = {name: v for name, v in values.items() if isinstance(v, np.ndarray)}
     arrays |= {f"{group}.{name}": array for group, named in groups.items() for name, array in named.items()}
     scalars = {name: v for name, v in values.items() if name not in arrays and name not in groups and v is not None}
-    kind, place = ("level", "") if isinstance(record, LevelRecord) else ("block", str(record.number))
+    kind, place = ("level", "") if isinstance(record, LevelRecord) else ("block", str(record.points[0]))
     return row_of(kind, place, record.level, scalars, arrays)
 
 

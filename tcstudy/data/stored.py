@@ -95,7 +95,6 @@ def read_blocks(path: Path, study: Study, places: Places, wanted: NDArray[np.boo
     with opened(path) as nc:
         shape = nc["status"].shape[:-1]
         own = [v for v in numbers(study) if v.name in nc.variables]
-        number = 0
         for level in range(nc["status"].shape[-1]):
             group = nc.groups.get(f"level_{level}")
             for cut, start, stop in tiles(shape, tile_shape(shape, _points(group))):
@@ -107,7 +106,6 @@ def read_blocks(path: Path, study: Study, places: Places, wanted: NDArray[np.boo
                 more = {v.name: _number(nc[v.name], cut, level)[rows] for v in own}
                 more |= {v.name: _flat(group[v.name][cut], 1)[rows] for v in line_variables(study) if group is not None}
                 yield BlockRecord(
-                    number=number,
                     level=level,
                     shape=study.shape,
                     points=at[rows],
@@ -117,7 +115,6 @@ def read_blocks(path: Path, study: Study, places: Places, wanted: NDArray[np.boo
                     **_on_line(group, cut, rows),
                     solutions=_every(group, start + rows),
                 )
-                number += 1
 
 
 def _every(group: netCDF4.Group | None, places: Places) -> dict[str, Values]:

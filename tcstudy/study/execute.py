@@ -114,7 +114,7 @@ def _into_file(
     ):
         # what broke down unexpectedly is tried again; what failed by its own numbers would fail again
         known = (block for block in journal.blocks() if not np.any(block.status == PointStatus.ERROR))
-        finished = {(block.level, block.number): as_start(study, block) for block in known}
+        finished = [as_start(study, block) for block in known]
         remarks = warnings(study, alone)
         tell([*journal.warnings, *(remarks if alone else ())])
         watcher.begin(work_of(study, finished, kept))
@@ -136,7 +136,7 @@ def _into_file(
             study = replace(study, mesh=replace(study.mesh, levels=levels[-1].level + 1))
         points, failed = write(output, study, levels, records, provenance)
         journal.discard()
-    return Summary(output, points, failed, sum(len(block) for block in finished.values()))
+    return Summary(output, points, failed, sum(map(len, finished)))
 
 
 def _show(watcher: Watcher, record: LevelRecord | BlockRecord) -> None:
@@ -173,7 +173,7 @@ def _geometries(
         answers = in_order(
             who, (submit(who, solve_geometry, studies[i], name=names[i], seconds=sent[i].seconds) for i in sent)
         )
-    watcher.begin(work_of(study, {}, kept))
+    watcher.begin(work_of(study, (), kept))
     for i, (variant, own, file) in enumerate(zip(study.variants, before, targets, strict=True)):
         status, reason = PointStatus.MESH_FAILED, variant.reason
         try:

@@ -10,12 +10,10 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import chain
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,22 +78,26 @@ class LevelSolver:
         exact = self.study.exact
         return None if exact is None else exact_at(exact, contact_line(self.study, self.level))
 
-    def solve(self, finished: Mapping[int, BlockRecord]) -> Iterator[BlockRecord]:
-        """Solve the blocks of the level of which an earlier run left nothing, and give them in their order.
+    def solve(self, finished: Sequence[BlockRecord] = ()) -> Iterator[BlockRecord]:
+        """Solve the points of the level of which an earlier run left nothing, block by block in their order.
 
-        finished: what it left, by number; its solutions start neighbours, and their errors are estimated again,
-                  since the next mesh depends on them
+        finished: what it left; its solutions start neighbours, and their errors are estimated again, since the next
+                  mesh depends on them
         A few blocks are prepared ahead, so that whoever solves them need not wait for loads.
         """
         waiting: deque[tuple[Block, BlockRecord | Pending]] = deque()
-        for block in blocks_of(self.study, self.level.line.m, self.level.mesh.n_points, self.todo):
+        blocks = blocks_of(self.study, self.level.line.m, self.level.mesh.n_points, self.todo)
+        firsts = np.array([one.points[0] for one in finished], dtype=np.intp)
+        for block in blocks:
             while waiting and (len(waiting) > self.executor.ahead or self._must_wait(waiting[-1][0], block)):
                 yield from self._finish(*waiting.popleft())
-            known = finished.get(block.number)
-            if known is None or not np.array_equal(known.points, block.points):
+            known = [finished[i] for i in np.flatnonzero(np.isin(firsts, block.points)).tolist()]
+            waiting += [(block, one) for one in known]
+            there = np.concatenate([one.points for one in known]) if known else ()
+            left = block.points[~np.isin(block.points, there)]
+            if len(left):
+                block = replace(block, points=left)
                 waiting.append((block, self._started(block)))
-            else:
-                waiting.append((block, known))
         while waiting:
             yield from self._finish(*waiting.popleft())
 
@@ -106,33 +108,39 @@ class LevelSolver:
         return (self.solutions is not None and block.wave != last.wave) or (more and block.ratio != last.ratio)
 
     def _finish(self, block: Block, pending: BlockRecord | Pending) -> Iterator[BlockRecord]:
-        """The block's record, unless it was there before; solutions are kept where others begin from them."""
-        record = pending if isinstance(pending, BlockRecord) else self._record(block, pending)
-        if self.solutions is not None:
-            self.solutions.take(record)
-        if pending is not record:
-            yield record
-        elif self.estimator is not None:
-            self._completed(record)
+        """The records of a block that were not there before; solutions are kept where others begin from them."""
+        there = isinstance(pending, BlockRecord)
+        for record in (pending,) if isinstance(pending, BlockRecord) else self._records(block, pending):
+            if self.solutions is not None:
+                self.solutions.take(record)
+            if not there:
+                yield record
+            elif self.estimator is not None:
+                self._completed(record)
 
-    def _record(self, block: Block, pending: Pending) -> BlockRecord:
+    def _records(self, block: Block, pending: Pending) -> Iterator[BlockRecord]:
         """All points at once; where that breaks down, half of them at a time, to find the one that does it.
 
         Every failure becomes a status with its reason: one point must not end a sweep.
         """
         try:
-            return replace(self._completed(pending()), number=block.number)
+            record = self._completed(pending())
         except WorkersFailed:
             raise
         except NotPositiveDefinite as error:
             status, reason = PointStatus.SINGULAR, str(error)
         except Exception as error:  # what it was stands in the data
             status, reason = PointStatus.ERROR, f"{type(error).__name__}: {error}"
+        else:
+            yield record
+            return
         if len(block.points) == 1:
-            return all_failed(self.study, self.level.mesh.level, block.points, status, reason, block.number)
+            yield all_failed(self.study, self.level.mesh.level, block.points, status, reason)
+            return
         halves = [replace(block, points=part) for part in np.array_split(block.points, 2)]
         started = [self._started(half) for half in halves]
-        return joined([self._record(half, one) for half, one in zip(halves, started, strict=True)])
+        for half, one in zip(halves, started, strict=True):
+            yield from self._records(half, one)
 
     def _started(self, block: Block) -> Pending:
         """The block on its way; what breaks down before it is handed over is told where its record is due."""
@@ -222,43 +230,6 @@ class LevelSolver:
         return replace(record, status=status, reasons=reasons, numbers=numbers, fields=fields)
 
 
-def joined(parts: Sequence[BlockRecord]) -> BlockRecord:
-    """Blocks of one level as one; what only some have is missing in the rows of the others."""
-    ends = np.cumsum([len(part) for part in parts])
-    begins = [int(end) - len(part) for end, part in zip(ends, parts, strict=True)]
-
-    def rows(found: Sequence[NDArray[Any] | None], missing: float = np.nan) -> NDArray[Any] | None:
-        like = next((values for values in found if values is not None), None)
-        if like is None:
-            return None
-        whole = np.full((int(ends[-1]), *like.shape[1:]), missing, dtype=like.dtype)
-        for begin, values in zip(begins, found, strict=True):
-            if values is not None:
-                whole[begin : begin + len(values)] = values
-        return whole
-
-    def named(group: str) -> dict[str, Any]:
-        own = [getattr(part, group) for part in parts]
-        return {name: rows([one.get(name) for one in own]) for name in dict.fromkeys(chain(*own))}
-
-    every = [(begin, part.solutions) for begin, part in zip(begins, parts, strict=True) if part.solutions]
-    solutions = {name: np.concatenate([own[name] for _, own in every]) for name in every[0][1]} if every else {}
-    if every:
-        solutions["row"] = np.concatenate([begin + own["row"] for begin, own in every])
-    return replace(
-        parts[0],
-        points=np.concatenate([part.points for part in parts]),
-        status=np.concatenate([part.status for part in parts]),
-        reasons={b + row: words for b, part in zip(begins, parts, strict=True) for row, words in part.reasons.items()},
-        numbers=named("numbers"),
-        u_T=rows([part.u_T for part in parts]),
-        xi=rows([part.xi for part in parts]),
-        sticks=rows([part.sticks for part in parts], -1),
-        fields=named("fields"),
-        solutions=solutions,
-    )
-
-
 Places = NDArray[np.intp]
 
 POINTS, ENTRIES = 1024, 2**17
@@ -279,11 +250,10 @@ FIELDS = 2**22
 class Block:
     """Points that are solved together.
 
-    number: which block of its level;  points: their places in the sweep in C order
+    points: their places in the sweep in C order
     wave:   blocks that begin from solutions of other waves follow these;  ratio: which λ/μ, which all points share
     """
 
-    number: int
     points: Places
     wave: int = 0
     ratio: int = 0
@@ -314,7 +284,7 @@ def blocks_of(study: Study, m: int, n_points: int, todo: Places | None = None) -
     kind = wave[order] * (ratio.max(initial=0) + 1) + ratio[order]
     cuts = np.flatnonzero(np.diff(kind)) + 1
     parts = [part for whole in np.split(order, cuts) for part in np.array_split(whole, -(-len(whole) // size))]
-    return [Block(number, p, int(wave[p[0]]), int(ratio[p[0]])) for number, p in enumerate(parts)]
+    return [Block(part, int(wave[part[0]]), int(ratio[part[0]])) for part in parts]
 
 
 def _size(study: Study, m: int, n_points: int) -> int:

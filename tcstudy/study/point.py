@@ -79,13 +79,11 @@ def solve_point(
     return all_failed(study, level.mesh.level, points, status, reason)
 
 
-def all_failed(
-    study: Study, level: int, points: NDArray[np.intp], status: PointStatus, reason: str, number: int = 0
-) -> BlockRecord:
+def all_failed(study: Study, level: int, points: NDArray[np.intp], status: PointStatus, reason: str) -> BlockRecord:
     """Points of a level without results."""
     count = len(points)
     failed = np.full(count, int(status), dtype=np.int8)
-    return BlockRecord(number, level, study.shape, points, failed, dict.fromkeys(range(count), reason), {})
+    return BlockRecord(level, study.shape, points, failed, dict.fromkeys(range(count), reason), {})
 
 
 def _one_row(values: Mapping[str, Any]) -> dict[str, Array]:
@@ -151,7 +149,6 @@ def block_record(
         more, solutions = _every(answers.solutions, factor, condensed)
         values |= more
     return BlockRecord(
-        number=0,
         level=level.mesh.level,
         shape=study.shape,
         points=points,

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Protocol
@@ -28,9 +28,6 @@ from tcstudy.scene.study import Study
 from tcstudy.study.append import ExistingResults
 from tcstudy.study.level_solver import LevelSolver, Times, all_failed, keeps_solutions
 from tcstudy.study.workers import BlockExecutor
-
-Key = tuple[int, int]
-"""A block: (level, number)."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +84,7 @@ class Stage:
 
 def run(
     study: Study,
-    finished: Mapping[Key, BlockRecord] | None = None,
+    finished: Sequence[BlockRecord] = (),
     executor: BlockExecutor | None = None,
     kept: ExistingResults | None = None,
 ) -> Iterator[LevelRecord | BlockRecord]:
@@ -111,7 +108,7 @@ def run(
 
 def stages(
     study: Study,
-    finished: Mapping[Key, BlockRecord] | None = None,
+    finished: Sequence[BlockRecord] = (),
     executor: BlockExecutor | None = None,
     kept: ExistingResults | None = None,
     first: int = 0,
@@ -126,7 +123,7 @@ def stages(
     meshes = meshes_of(study)
     geometry = time.perf_counter() - clock
     for i in range(study.mesh.levels):
-        known = {number: block for (level, number), block in (finished or {}).items() if level == i}
+        known = [block for block in finished if block.level == i]
         times = Times(geometry)
         todo = np.arange(len(study.scenes)) if kept is None else np.flatnonzero(kept.todo[:, i])
         try:
@@ -135,7 +132,7 @@ def stages(
             times.mesh = time.perf_counter() - clock
             if i < first:
                 continue
-            whole = sum(len(block) for block in known.values()) == len(todo)
+            whole = sum(map(len, known)) == len(todo)
             if whole and not study.mesh.estimates and (kept is None or not study.output.live):
                 continue
             clock = time.perf_counter()
@@ -145,7 +142,7 @@ def stages(
             if i == 0 or not study.mesh.listed:
                 raise
             failed = all_failed(study, i, todo, PointStatus.MESH_FAILED, str(error))
-            yield Stage(None, None, iter(() if 0 in known else (failed,)), str)
+            yield Stage(None, None, iter(() if known else (failed,)), str)
             continue
         clock = time.perf_counter()
         estimator = meshes.estimator(level) if isinstance(meshes, Family) else None
@@ -236,10 +233,10 @@ def as_start(study: Study, block: BlockRecord) -> BlockRecord:
     )
 
 
-def work_of(study: Study, finished: Mapping[Key, BlockRecord], kept: ExistingResults | None) -> list[LevelWork]:
+def work_of(study: Study, finished: Sequence[BlockRecord], kept: ExistingResults | None) -> list[LevelWork]:
     """Points of every level; a point costs about as much as its mesh has nodes."""
     mesh, growth = study.mesh, study.mesh.strategy.growth
     points = [len(study.scenes)] * mesh.levels if kept is None else kept.todo.sum(axis=0).tolist()
-    done = [sum(len(block) for block in finished.values() if block.level == i) for i in range(mesh.levels)]
+    done = [sum(len(block) for block in finished if block.level == i) for i in range(mesh.levels)]
     finer = [(mesh.maxh[0] / mesh.maxh[i]) ** 2 if mesh.listed else growth**i for i in range(mesh.levels)]
     return [LevelWork(points[i], done[i], finer[i], not mesh.open_ended) for i in range(mesh.levels)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +68,7 @@ def one_by_one(block: BlockRecord) -> Iterator[PointRecord]:
         )
 
 
-def block_of(points: Sequence[PointRecord], shape: tuple[int, ...], number: int = 0) -> BlockRecord:
+def block_of(points: Sequence[PointRecord], shape: tuple[int, ...]) -> BlockRecord:
     """Points of one level as a block; shape: extent of the sweep. Raises ValueError for a point outside it."""
     for p in points:
         if len(p.index) != len(shape) or not all(0 <= i < n for i, n in zip(p.index, shape, strict=True)):
@@ -96,7 +96,6 @@ def block_of(points: Sequence[PointRecord], shape: tuple[int, ...], number: int 
         solutions["row"] = np.repeat([row for row, _ in every], [len(own["energy"]) for _, own in every])
 
     return BlockRecord(
-        number=number,
         level=points[0].level,
         shape=shape,
         points=np.array([np.ravel_multi_index(p.index, shape) if shape else 0 for p in points], dtype=np.intp),
@@ -121,8 +120,7 @@ def alone(record: Record, shape: tuple[int, ...]) -> BlockRecord | LevelRecord:
     """A point as the block that has its place in the sweep for a number; other records as they are."""
     if not isinstance(record, PointRecord):
         return record
-    block = block_of((record,), shape)
-    return replace(block, number=int(block.points[0]))
+    return block_of((record,), shape)
 
 
 def write(

@@ -60,7 +60,7 @@ def long_sweep(study: Study) -> tuple[Study, list[BlockRecord]]:
         line = np.where(failed, np.nan, points.astype(float))[:, None] + np.arange(3.0)
         numbers = {"energy": points / 7.0, "iterations": points % 13 + 0.0, "start_energy": line[:, STARTS]}
         sticks = (line > 5.0).astype(np.int8)
-        blocks.append(BlockRecord(number, 0, long.shape, points, status, reasons, numbers, line, -line, sticks))
+        blocks.append(BlockRecord(0, long.shape, points, status, reasons, numbers, line, -line, sticks))
     return long, blocks
 
 

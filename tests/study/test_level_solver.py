@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ import pytest
 import tcstudy
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.scene.study import Study
-from tcstudy.study.level_solver import Solutions, blocks_of, joined
+from tcstudy.study.level_solver import Solutions, blocks_of
 from tests.verification.patch import CASES, LENGTH, SOFTENING, patch_study
 from tests.verification.scenes import RECTANGLE, study_of
 
@@ -70,14 +69,13 @@ def test_neighbour_is_one_step_back_along_the_last_dimension() -> None:
 def solved(study: Study, slips: dict[int, np.ndarray], status: PointStatus) -> BlockRecord:
     values = np.array(list(slips.values()))
     places, statuses = np.array(list(slips), dtype=np.intp), np.full(len(slips), status, dtype=np.int8)
-    return BlockRecord(0, 0, study.shape, places, statuses, {}, {}, values, values)
+    return BlockRecord(0, study.shape, places, statuses, {}, {}, values, values)
 
 
 def test_blocks_depend_on_the_study_alone_and_hold_every_point_once() -> None:
     study = study_of(RECTANGLE, "sweep={E: [1, 2], nu: [0.2, 0.3], friction.tau: {linspace: [1, 2, 700]}}")
     blocks = blocks_of(study, 11, 100)
     assert np.array_equal(np.sort(np.concatenate([b.points for b in blocks])), np.arange(2800))
-    assert [b.number for b in blocks] == list(range(len(blocks)))
     assert [len(b.points) for b in blocks] == [700] * 4
     for block in blocks:  # of one factor each
         assert len({study.scenes[int(i)].material.nu for i in block.points}) == 1
@@ -107,16 +105,3 @@ def test_several_solvers_are_compared(tmp_path: Path) -> None:
     energies = tree["solver_energy"].values
     assert energies[:, 0] == pytest.approx(energies[:, 1], rel=1e-10)
     assert energies[:, 0] == pytest.approx(tree["energy"].values, rel=1e-14)
-
-
-def test_halves_of_a_block_are_joined_as_one() -> None:
-    """What only some have is missing in the others; rows of reasons and of solutions are those of the whole."""
-    one = solved(study_of(RECTANGLE), {2: np.ones(3)}, PointStatus.OK)
-    one = replace(one, numbers={"energy": np.array([1.0])}, solutions={"row": np.array([0, 0])})
-    none = replace(one, points=np.array([4, 5]), status=np.zeros(2, np.int8), reasons={1: "why"}, numbers={}, u_T=None)
-    whole = joined([replace(none, solutions={}, xi=None), one])
-    assert whole.points.tolist() == [4, 5, 2]
-    assert whole.reasons == {1: "why"}
-    assert whole.solutions["row"].tolist() == [2, 2]
-    np.testing.assert_array_equal(whole.numbers["energy"], [np.nan, np.nan, 1.0])
-    np.testing.assert_array_equal(whole.u_T, [[np.nan] * 3, [np.nan] * 3, [1.0] * 3])

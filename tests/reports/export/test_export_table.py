@@ -98,7 +98,7 @@ def test_a_long_table_takes_little_memory(tmp_path: Path, monkeypatch: pytest.Mo
     plan = study("grid", (axis,))
     numbers = {"u_T_max": np.arange(n) / 7.0, "energy": -np.arange(n) / 3.0}
     none = {"u_T": None, "xi": None, "sticks": None}
-    block = BlockRecord(0, 0, plan.shape, np.arange(n), np.full(n, PointStatus.OK, dtype=np.int8), {}, numbers, **none)
+    block = BlockRecord(0, plan.shape, np.arange(n), np.full(n, PointStatus.OK, dtype=np.int8), {}, numbers, **none)
     write(tmp_path / "long.nc", plan, (), [block], Provenance("now", (), "abc"))
     tracemalloc.start()
     assert write_csv(tmp_path / "long.nc", tmp_path / "long.csv") == 2 * n
