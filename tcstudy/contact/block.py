@@ -22,7 +22,7 @@ from tcstudy.contact.active_set import finish, judge
 from tcstudy.contact.all_solutions import Equilibria, of_rows
 from tcstudy.contact.boxes import Limits
 from tcstudy.contact.certificates import Certificate, Proofs, row_of
-from tcstudy.contact.descent import TOLERANCE, Descended, descend, descend_nested, hull_starts, move_starts
+from tcstudy.contact.descent import TOLERANCE, Descended, descend, descend_nested, envelope_starts, move_starts
 from tcstudy.contact.problem import CondensedBody, ContactProblem, kept
 from tcstudy.contact.status import Status
 from tcstudy.laws.laws import Laws
@@ -210,7 +210,7 @@ class SolutionBlock:
         frictionless = rows.l_tilde @ rows.body.inverse
         points = self.improve(points, descend_nested(rows, frictionless, self.aim, minima=True), FRICTIONLESS)
         rows = self.smooth.take(points)
-        starts, done = hull_starts(rows, self.v[points])
+        starts, done = envelope_starts(rows, self.v[points])
         left = self.improve(points, descend(rows, starts, self.aim, minima=True), ESCAPE)
         self.move(np.setdiff1d(left, points[done]))
 

@@ -31,8 +31,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.contact.convex_step import convex_step
+from tcstudy.contact.envelopes import moreau_envelopes, on_tangent
 from tcstudy.contact.factors import factor_free
-from tcstudy.contact.hulls import PASSES, proximal_hulls
 from tcstudy.contact.moves import best_places, follow, relaxed_stiffness
 from tcstudy.contact.newton import ROUNDINGS, Slopes, directions, leave_saddles, slopes
 from tcstudy.contact.problem import ContactProblem
@@ -71,8 +71,8 @@ LOOSE = 1e-3
 GROWTH = 4.0
 """Factor from one κ to the next. Of 486 problems 2, 4, 8 left 9, 11, 22 above the lowest energy known, before moves
 of single nodes; 92 were above it before."""
-PROMISES, FEW_LAWS = 2, 8
-"""How many promises of a move are put to the test; laws up to which their envelopes are looked at more than once."""
+PROMISES = 2
+"""How many promises of a move are put to the test."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -351,7 +351,7 @@ def node_rest(law: Laws, s_0: float, traction: float, stiffness: float) -> float
 # -- starts of the search for less energy ----------------------------------------------------------
 
 
-def hull_starts(rows: ContactProblem, v: Array) -> tuple[Array, Flags]:
+def envelope_starts(rows: ContactProblem, v: Array) -> tuple[Array, Flags]:
     """(starts (R, m), whether the first, convex problem is the original one at its solution, which then is the lowest).
 
     v: (R, m) where the first problem begins
@@ -361,14 +361,13 @@ def hull_starts(rows: ContactProblem, v: Array) -> tuple[Array, Flags]:
     stiffest = float(np.max(np.diagonal(rows.body.A_tilde) / rows.body.c))
     ceiling = np.minimum(rows.law.omega_by_row, stiffest)
     while len(at):
-        laws = rows.law.in_use()
-        hulls, bridges = proximal_hulls(laws, kappa, passes=1 if len(laws.q) > FEW_LAWS else PASSES)
-        smooth = ContactProblem.on(rows.body, rows.l_tilde, hulls.at(laws.index))
+        laws = moreau_envelopes(rows.law.in_use(), kappa)
+        smooth = ContactProblem.on(rows.body, rows.l_tilde, laws)
         nested = first and rows.body.shared
         ended = (
             descend_nested(smooth, v, LOOSE, coarse=LOOSE) if nested else descend(smooth, v, LOOSE, minima=not first)
         )
-        on_bridge = np.any(bridges.cover(laws.index, ended.v), axis=1)
+        on_bridge = np.any(on_tangent(laws, kappa, ended.v), axis=1)
         found[at] = ended.v
         if first:
             lowest[at] = ~on_bridge & (ended.residual <= LOOSE)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tcstudy.contact.bounds import bends_below_tangent, largest_push, least_slopes, value_range
-from tcstudy.contact.hulls import proximal_hulls
+from tcstudy.contact.envelopes import moreau_envelopes
 from tcstudy.laws.laws import Laws
 from tests.contact.rows import some_laws
 
@@ -91,15 +91,10 @@ def test_bends_are_those_of_the_laws_and_few_parts_never_less() -> None:
 
 
 @pytest.mark.parametrize("kappa", [0.5, 3.0, 20.0])
-def test_hulls_of_many_laws_are_those_of_each_alone(kappa: float) -> None:
-    hulls, bridges = proximal_hulls(TABLES, kappa)
+def test_envelopes_of_many_laws_are_those_of_each_alone(kappa: float) -> None:
+    envelopes = moreau_envelopes(TABLES, kappa)
     s = np.linspace(-1.2, 1.2, 501)
     for k, law in enumerate(LAWS):
-        alone, own = proximal_hulls(Laws.of([law]), kappa)
-        expected, ends = alone.laws[0], np.column_stack([own.left, own.right])
-        np.testing.assert_allclose(np.column_stack([bridges.left, bridges.right])[bridges.law == k], ends, rtol=1e-6)
-        index = np.full(s.shape, k)
-        at = hulls.locate(s, index)
-        np.testing.assert_allclose(hulls.value(s, at.piece), expected.b(s, -1), rtol=1e-6, atol=1e-6)
-        inside = np.any((ends[:, :1] < s) & (s < ends[:, 1:]), axis=0) if len(ends) else np.zeros(s.shape, dtype=bool)
-        assert np.array_equal(bridges.cover(index[:, None], s[:, None])[:, 0], inside)
+        alone = moreau_envelopes(law, kappa).laws[0]
+        at = envelopes.locate(s, np.full(s.shape, k))
+        np.testing.assert_array_equal(envelopes.value(s, at.piece), alone.b(s, -1))
