@@ -1,13 +1,11 @@
-"""All solutions of a small contact problem with a piecewise-linear law, by trying every place of every node.
+"""Small contact problems with piecewise-linear laws, their energies from the numbers of the pieces, their least energy.
 
-Each node is on one of the K + 1 pieces or on one of the K kinks: (2K + 1)^m linear systems. Shares no code with
-the solvers: values and energies are computed here from the numbers of the pieces alone.
+All solutions are those of `random_polygons`: every piece and kink of every node is tried.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +17,7 @@ from tcstudy.laws.laws import Laws
 from tcstudy.scene.study import ESCAPE
 from tests.benchmarks.stability_maps import down_jumps, up_jumps
 from tests.contact import contact_cases as cases
+from tests.contact.random_polygons import by_brute_force
 
 Array = NDArray[np.float64]
 
@@ -37,36 +36,18 @@ def primitive(law: Laws, s: Array) -> Array:
 def energy(problem: ContactProblem, v: Array) -> Array:
     """L̃ from `primitive` at the points v (…, m)."""
     quadratic = 0.5 * np.sum(v * (v @ problem.A_tilde), axis=-1) - np.sum(v * problem.l_tilde, axis=-1)
-    return np.asarray(quadratic + np.sum(primitive(problem.law, v) * problem.c, axis=-1))
+    laws = (problem.law.single(i) for i in range(problem.m))
+    friction = [c * primitive(law, x) for law, x, c in zip(laws, np.moveaxis(v, -1, 0), problem.c, strict=True)]
+    return np.asarray(quadratic + np.sum(friction, axis=0))
 
 
-def all_solutions(problem: ContactProblem) -> list[Array]:
-    """Every v that satisfies the inclusion (regular ones: each linear system must be nonsingular)."""
-    law, m = problem.law, problem.m
-    count = len(law.kinks)
-    ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
-    size = 1e-11 * float(np.max(np.abs(problem.l_tilde / problem.c)) + law.b_scale)
-    length = 1e-11 * float(np.max(np.abs(law.kinks)) + 1.0)
-    found: list[Array] = []
-    for places in product(range(2 * count + 1), repeat=m):
-        place = np.array(places)
-        fixed = place > count
-        piece = np.where(fixed, 0, place)
-        kink = law.kinks[np.where(fixed, place - count - 1, 0)]
-        matrix = np.where(fixed[:, None], np.eye(m), problem.A_tilde + np.diag(problem.c * law.q[piece]))
-        if abs(np.linalg.det(matrix)) < 1e-14:
-            continue
-        at_0 = law.b_0[piece] - law.q[piece] * law.s_0[piece]
-        v = np.linalg.solve(matrix, np.where(fixed, kink, problem.l_tilde - problem.c * at_0))
-        v = np.where(fixed, kink, v)
-        traction = (problem.l_tilde - problem.A_tilde @ v) / problem.c
-        at = np.where(fixed, place - count - 1, 0)
-        sides = np.stack([law.b_0[k] + law.q[k] * (kink - law.s_0[k]) for k in (at, at + 1)])
-        inside = (ends[piece] - length <= v) & (v <= ends[piece + 1] + length)
-        filled = (sides.min(0) - size <= traction) & (traction <= sides.max(0) + size)
-        if np.all(np.where(fixed, filled, inside)) and not any(np.max(np.abs(v - w)) < 100 * length for w in found):
-            found.append(v)
-    return found
+def least_energy(problem: ContactProblem) -> float:
+    """The least energy of all: that of the lowest stationary point that is on pieces and up-jumps alone.
+
+    A minimum never sits on a down-jump, and a kink without a jump belongs to its pieces.
+    """
+    v, _, _ = by_brute_force(problem, minima=True)
+    return float(np.min(energy(problem, v)))
 
 
 def is_strict_minimum(problem: ContactProblem, v: Array, rng: np.random.Generator) -> bool:
@@ -196,7 +177,7 @@ def compare(seed: int, m: int, max_kinks: int) -> list[Comparison]:
         law = cases.slip_weakening(1.0, 0.5, 10.0 ** rng.uniform(-1.5, 0.0))
     load = c * law.b_scale * (rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 1.3) + 0.2 * rng.normal(size=m))
     problem = ContactProblem(A_tilde, load, c, law)
-    solutions = all_solutions(problem)
+    solutions, _, _ = by_brute_force(problem)
     energies = [float(energy(problem, v)) for v in solutions]
     return [
         Comparison(certify(problem, v), len(solutions), e - min(energies), is_strict_minimum(problem, v, rng))
@@ -215,37 +196,3 @@ def hit_rates(comparisons: list[Comparison]) -> dict[str, float]:
         "global_minimum": share([x.certificate.global_minimum for x in comparisons if x.above_least <= 1e-12]),
         "strict_minimum": share([x.certificate.strict_minimum for x in comparisons if x.strict]),
     }
-
-
-def least_energy(problem: ContactProblem, batch: int = 20_000) -> float:
-    """The least energy of all, by the stationary point on every choice of pieces and up-jumps that keeps to its pieces.
-
-    A minimum never sits on a down-jump, and a kink without a jump belongs to its pieces, so that fewer places are tried
-    than in `all_solutions`; whatever is left out or is no solution can only be too high.
-    """
-    law, m = problem.law, problem.m
-    ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
-    before, after = np.arange(len(law.kinks)), np.arange(len(law.kinks)) + 1
-    left, right = (law.b_0[k] + law.q[k] * (law.kinks - law.s_0[k]) for k in (before, after))
-    jumps = right - left
-    ups = law.kinks[jumps > 0.0]
-    at_0 = law.b_0 - law.q * law.s_0
-    count, length = len(law.q), 1e-11 * float(np.max(np.abs(law.kinks)) + 1.0)
-    total, least = (count + len(ups)) ** m, np.inf
-    for begin in range(0, total, batch):
-        number = np.arange(begin, min(begin + batch, total))
-        place = number[:, None] // (count + len(ups)) ** np.arange(m) % (count + len(ups))
-        fixed = place >= count
-        piece = np.where(fixed, 0, place)
-        kink = np.append(ups, 0.0)[np.where(fixed, place - count, 0)]
-        diagonal = np.eye(m) * (problem.c * law.q[piece])[:, None, :]
-        matrix = np.where(fixed[:, :, None], np.eye(m), problem.A_tilde + diagonal)
-        size = np.where(fixed, 1.0, np.sqrt(np.diagonal(problem.A_tilde)))
-        regular = np.abs(np.linalg.det(matrix / size[:, :, None] / size[:, None, :])) > 1e-14
-        rhs = np.where(fixed, kink, problem.l_tilde - problem.c * at_0[piece])[regular]
-        v = np.linalg.solve(matrix[regular], rhs[:, :, None])[:, :, 0]
-        low, high = ends[piece[regular]] - length, ends[piece[regular] + 1] + length
-        inside = np.all(fixed[regular] | ((low <= v) & (v <= high)), axis=1)
-        if np.any(inside):
-            least = min(least, float(np.min(energy(problem, v[inside]))))
-    return least

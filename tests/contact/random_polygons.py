@@ -44,21 +44,27 @@ def random_problem(seed: int, m: int) -> tuple[ContactProblem, Array]:
     return ContactProblem(A, load, c, laws), per_s
 
 
-def by_brute_force(problem: ContactProblem, per_s: Array | None = None) -> tuple[Array, Array, float]:
+def by_brute_force(
+    problem: ContactProblem, per_s: Array | None = None, minima: bool = False
+) -> tuple[Array, Array, float]:
     """(v, rows, nearest): all solutions (S, m) at the load; or at the ends of all segments (S, 2, m) for s in [0, 1].
 
     per_s:   (m,) load per s; then `rows` are the (S, 2) parameters of the ends of every segment
+    minima:  leave out down-jumps and bends, where no minimum is but as one of a piece, to rounding
     nearest: least distance of a solution from the end of a piece, below NEAR if one is degenerate
     """
     m, laws = problem.m, [problem.law.single(i) for i in range(problem.m)]
-    places = [[(k, False) for k in range(len(x.q))] + [(k, True) for k in range(len(x.kinks))] for x in laws]
+    places = [
+        [*range(len(x.q)), *(len(x.q) + k for k in range(len(x.kinks)) if not minima or x.b_right[k] > x.b_left[k])]
+        for x in laws
+    ]
     ends: list[list[tuple[float, float]]] = []  # of the unknown of every place: v on a piece, ζ on a kink
     for x in laws:
         edge = np.concatenate([[-1e9], x.kinks, [1e9]])
         jumps = np.sort(np.stack([x.b_left, x.b_right]), axis=0)
         ends.append([(edge[k], edge[k + 1]) for k in range(len(x.q))] + [tuple(j) for j in jumps.T])
     found, rows, nearest = [], [], np.inf
-    choices = np.array(list(product(*(range(len(p)) for p in places))))
+    choices = np.array(list(product(*places)))
     for some in np.array_split(choices, max(1, len(choices) // 50_000)):
         M, rhs = np.empty((len(some), m, m)), np.tile(problem.l_tilde, (len(some), 1))
         low, high = (np.array([[e[k][side] for k in range(len(e))] for e in _padded(ends)]) for side in (0, 1))
@@ -72,13 +78,14 @@ def by_brute_force(problem: ContactProblem, per_s: Array | None = None) -> tuple
                 kink[:, None], at[:, None] * problem.A_tilde[:, i], (x.b_0 - x.q * x.s_0)[piece, None] * unit
             )
         low, high = (np.stack([side[i, some[:, i]] for i in range(m)], axis=-1) for side in (low, high))
-        regular = np.abs(np.linalg.det(M)) > 1e-13
+        regular = np.abs(np.linalg.det(M / np.max(np.abs(M), axis=1, keepdims=True))) > 1e-13
         M, rhs, low, high, some = M[regular], rhs[regular], low[regular], high[regular], some[regular]
         x_0 = np.linalg.solve(M, rhs[..., None])[..., 0]
         if per_s is None:
             room = np.minimum((x_0 - low), (high - x_0)).min(-1)
             nearest = min(nearest, float(np.abs(room).min(initial=np.inf)))
-            for x, k in zip(x_0[room > 0.0], some[room > 0.0], strict=True):
+            inside = room > (-1e-11 if minima else 0.0)
+            for x, k in zip(x_0[inside], some[inside], strict=True):
                 found.append([x[i] if k[i] < len(a.q) else a.kinks[k[i] - len(a.q)] for i, a in enumerate(laws)])
             continue
         way = np.linalg.solve(M, np.broadcast_to(per_s[:, None], (*rhs.shape, 1)))[..., 0]

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from tcstudy.contact.active_set import ActivePieces, finish, identify, solve_on
+from tcstudy.contact.active_set import ActivePieces, finish, solve_on
 from tcstudy.contact.contact import nearest_minimum
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.laws import Laws
-from tcstudy.laws.pieces import UP
 from tests.contact import contact_cases as cases
 
 
@@ -69,31 +68,6 @@ def test_a_point_is_never_made_worse() -> None:
         point, residual = finish(problem, v, newton_steps=int(rng.integers(1, 4)))
         assert residual <= before
         assert residual == problem.inclusion_residual(point)
-
-
-def test_an_exact_solution_is_returned_as_it_is() -> None:
-    problem = one_node(cases.slip_weakening(), 0.3)
-    v, residual = finish(problem, np.zeros(1))
-    assert v[0] == 0.0
-    assert residual == 0.0
-
-
-def test_identification_names_kink_and_piece() -> None:
-    law = cases.slip_weakening()
-    assert law.kinds[1] == UP
-    problem = ContactProblem(np.eye(2), np.array([0.2, 2.0]), np.ones(2), law)
-    active = identify(problem, np.array([1e-3, 1.5]))
-    assert list(active.kink) == [1, -1]
-    assert active.piece[1] == 3
-
-
-def test_laws_without_kinks_and_empty_problems() -> None:
-    problem = ContactProblem(np.diag([1.0, 2.0]), np.array([1.0, -3.0]), np.ones(2), cases.spring(0.5))
-    v, residual = finish(problem, np.zeros(2))
-    assert np.allclose(v, [1.0 / 1.5, -3.0 / 2.5], rtol=1e-15)
-    assert residual <= 1e-15
-    empty = ContactProblem(np.zeros((0, 0)), np.zeros(0), np.zeros(0), cases.spring())
-    assert finish(empty, np.zeros(0))[1] == 0.0
 
 
 def test_singular_pieces_return_the_start() -> None:

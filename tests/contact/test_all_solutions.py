@@ -117,13 +117,6 @@ def test_singular_pieces_are_undecided() -> None:
     assert not found.complete
 
 
-def test_a_law_without_kinks_has_one_solution() -> None:
-    problem = ContactProblem(*half_laplacian(5)[:1], np.arange(5.0), np.ones(5), tcstudy.law("linear", k=2.0))
-    found = all_solutions(problem)
-    assert (found.complete, len(found), found.boxes) == (True, 1, 1)
-    np.testing.assert_allclose(found.v[0], np.linalg.solve(problem.A_tilde + 2.0 * np.eye(5), problem.l_tilde))
-
-
 def test_an_exponential_law_is_answered_by_its_polygon() -> None:
     law = tcstudy.law("exponential", a=4.0, b=0.5, delta=1.0)
     problem = saw_tooth(6.0, 4)

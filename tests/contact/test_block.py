@@ -8,13 +8,9 @@ import pytest
 from tcstudy.contact.block import Answer, solve_block
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.problem import CondensedBody, ContactProblem
 from tcstudy.contact.status import Status
-from tcstudy.laws.composed import nodal, row_laws
-from tcstudy.laws.laws import NONE, Laws
 from tcstudy.scene.study import NEIGHBOUR
 from tests.contact import contact_cases as cases
-from tests.contact.exhaustive import least_energy, small_problem
 from tests.contact.rows import block, reordered, single, solve_points, some_laws
 
 FLAGS = ("convex", "unique", "strict_minimum", "global_minimum")
@@ -36,21 +32,6 @@ def test_no_energy_is_higher_and_no_certificate_lost(m: int, points: int) -> Non
         proved = certify(problem, answers.v[p], body.lambda_1, inverse=body.inverse)
         for flag in FLAGS:
             assert getattr(answers.certificate, flag)[p] == getattr(proved, flag), flag
-
-
-@pytest.mark.parametrize(("m", "by_node"), [(2, False), (3, False), (3, True)])
-def test_the_least_energy_of_all_is_found(m: int, by_node: bool) -> None:
-    found = 0
-    for seed in range(40):
-        problem = small_problem(seed, m)
-        body = CondensedBody.of(problem.A_tilde, problem.c)
-        law = np.arange(m)[None] % 2 if by_node else np.zeros((1, 1), dtype=np.intp)  # the same law twice
-        answers = solve_block(body, problem.l_tilde[None], Laws.of([problem.law] * 2, law))
-        least = least_energy(problem)
-        slack = 1e-10 * (abs(least) + float(problem.c @ np.abs(problem.law.j(answers.v[0]))))
-        found += answers.energy[0] <= least + slack
-        assert not answers.certificate.global_minimum[0] or answers.energy[0] <= least + slack
-    assert found >= 39
 
 
 def same_bits(one: Answer, other: Answer) -> bool:
@@ -103,42 +84,3 @@ def test_what_rounding_hides_is_judged_and_reported() -> None:
     for p in range(4):
         assert bool(answers.reason[p]) == bool(failed[p])
         assert not failed[p] or not answers.certificate.global_minimum[p]
-
-
-def test_a_body_without_load_or_friction_is_at_rest() -> None:
-    body, loads, _, _ = block(5, [cases.spring()], 2)
-    nothing = cases.spring(0.0)
-    answers = solve_points(body, 0.0 * loads, Laws.of([nothing]), np.zeros(2, dtype=np.intp))
-    assert np.all(answers.v == 0.0)
-    assert np.all(answers.status == Status.CONVERGED)
-    assert np.all(answers.certificate.unique)
-
-
-def test_where_double_precision_is_not_enough_the_answer_has_a_low_part() -> None:
-    """Friction 1e-8 of the load: v is kept as a sum of two doubles."""
-    laws = [cases.slip_weakening(1e-8, 0.5e-8, 0.1)]
-    body, loads, tables, law = block(20, laws, 3)
-    loads = loads / np.max(np.abs(loads)) * np.max(body.c)
-    answers = solve_points(body, loads, tables, law, 1e-10)
-    assert np.all(answers.status == Status.CONVERGED)
-    assert np.any(answers.v_low != 0.0)
-    assert np.all(answers.inclusion_residual <= 1e-10)
-
-
-def test_strengths_and_gaps_by_node_agree_with_the_single_solve() -> None:
-    """Two laws of the table, strengths from 0.5 to 2 and a gap: answers, flags and margins of the nodes' laws."""
-    laws = [*some_laws(), NONE]
-    body, loads, _, law = block(20, laws[:-1], 12)
-    index = np.repeat(law[:, None], body.m, axis=1)
-    index[:, 8:14], index[:, 14:17] = (index[:, 8:14] + 1) % len(laws[:-1]), len(laws) - 1
-    own = [nodal(laws, row, np.linspace(0.5, 2.0, body.m)) for row in index]
-    answers = solve_block(body, loads, row_laws(own, np.ones(len(loads))))
-    assert np.all(answers.status == Status.CONVERGED)
-    for p in range(len(loads)):
-        problem = ContactProblem(body.A_tilde, loads[p], body.c, own[p])
-        expected = solve_contact(problem)
-        proved = certify(problem, answers.v[p], body.lambda_1, inverse=body.inverse)
-        assert answers.energy[p] <= expected.energy + TIE * abs(expected.energy)
-        for flag in FLAGS:
-            assert getattr(answers.certificate, flag)[p] == getattr(proved, flag), flag
-        np.testing.assert_allclose(answers.certificate.margin[p], proved.margin, rtol=1e-9)

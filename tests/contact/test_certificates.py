@@ -11,6 +11,7 @@ from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.laws import Laws
 from tests.contact import contact_cases as cases
 from tests.contact import exhaustive
+from tests.contact.random_polygons import by_brute_force
 
 
 def one_node(law: Laws, load: float) -> ContactProblem:
@@ -87,14 +88,6 @@ def test_integral_of_the_law(smooth: bool) -> None:
         assert np.allclose(law.integral(points[x], points[y]), j[y] - j[x], rtol=0.0, atol=1e-9)
 
 
-def test_mirrored_law() -> None:
-    law = cases.random_law(np.random.default_rng(4), 1.0, 9, True)
-    s = np.linspace(-2.0, 2.0, 101)
-    index = np.zeros(len(s), dtype=np.intp)
-    mirrored = law.tables.mirrored
-    assert np.allclose(mirrored.value(s, mirrored.locate(s, index).piece), -law.b(-s, +1), rtol=1e-12, atol=1e-12)
-
-
 def quadrature(law: Laws, points: np.ndarray) -> np.ndarray:
     """∫₀ˢ b at increasing points by Gauss–Legendre between neighbours, cut at the kinks."""
     cuts = np.unique(np.concatenate([points, law.kinks, [0.0]]))
@@ -145,7 +138,7 @@ def test_box_holds_every_solution() -> None:
         law = cases.random_law(rng, 1.0, 5)
         problem = ContactProblem(A_tilde, c * rng.normal(size=2) * law.b_scale, c, law)
         [low], [high] = solution_boxes(problem.rows)
-        for v in exhaustive.all_solutions(problem):
+        for v in by_brute_force(problem)[0]:
             assert np.all(low - 1e-10 <= v)
             assert np.all(v <= high + 1e-10)
 
@@ -197,15 +190,6 @@ def test_what_is_no_solution_gets_no_flag() -> None:
     assert not certificate.strict_minimum
     assert not certificate.global_minimum
     assert np.isnan(certificate.energy_gap)
-
-
-def test_spring_and_empty_problem() -> None:
-    spring = certify(one_node(cases.spring(), 1.0), np.array([0.5]))
-    assert spring.convex
-    assert spring.unique
-    assert spring.global_minimum
-    empty = ContactProblem(np.zeros((0, 0)), np.zeros(0), np.zeros(0), cases.slip_weakening())
-    assert certify(empty, np.zeros(0)).unique
 
 
 def test_a_quotient_whose_vertex_is_too_far_away_for_a_double_is_bounded_by_its_ends() -> None:

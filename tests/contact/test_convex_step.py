@@ -36,12 +36,6 @@ def test_random_laws(family: Family) -> None:
             assert not answer.limited
 
 
-def test_five_hundred_nodes() -> None:
-    rng = np.random.default_rng([0, 500])
-    problem = next(f for f in FAMILIES if f.name == "one-sided-any-driven").problem(rng, 500, 1e5)
-    assert solve_contact(problem, branch="from-zero").status == Status.CONVERGED
-
-
 def test_convex_model_of_a_convex_law_is_the_problem() -> None:
     """Slopes that rise and fall but stay positive, and jumps, seen from anywhere: one step is the solution."""
     law = piecewise_linear(

@@ -6,7 +6,7 @@ import pytest
 from tcstudy.contact.contact import nearest_minimum, solve_contact
 from tcstudy.contact.descent import Descended, descend, descend_nested, descend_nodes
 from tcstudy.contact.newton import slopes
-from tcstudy.contact.problem import ContactProblem, interpolation
+from tcstudy.contact.problem import ContactProblem
 from tcstudy.contact.status import Status
 from tcstudy.laws.laws import Laws
 from tests.contact import contact_cases as cases
@@ -27,22 +27,6 @@ def nested(problem: ContactProblem, x0: Array) -> Descended:
 
 def one_node(law: Laws, load: float) -> ContactProblem:
     return ContactProblem(np.eye(1), np.array([load]), np.ones(1), law)
-
-
-def test_published_style_one_node_problem() -> None:
-    """b = 1 − 2s up to 0.4, then 0.2, Ã = 1, l̃ = 0.8: slips 0 (L = 0), 0.6 (L = 0.30 − 0.32) and the maximum 0.2."""
-    problem = one_node(cases.slip_weakening(1.0, 0.2, 0.4), 0.8)
-    stick, slip = solve(problem), solve(problem, np.array([1.0]))
-    assert stick[0] == 0.0
-    assert slip[0] == pytest.approx(0.6, abs=1e-15)
-    assert problem.energy(slip) == pytest.approx(-0.02, abs=1e-15)
-
-
-def test_leaves_the_maximum_between_two_minima() -> None:
-    """The start 0.2 satisfies the inclusion exactly but is a maximum of L̃."""
-    problem = one_node(cases.slip_weakening(1.0, 0.2, 0.4), 0.8)
-    assert problem.inclusion_residual(np.array([0.2])) <= 1e-15
-    assert min(abs(solve(problem, np.array([0.2]))[0] - s) for s in (0.0, 0.6)) <= 1e-15
 
 
 def test_leaves_a_down_jump() -> None:
@@ -68,18 +52,6 @@ def test_random_problems_are_solved(m: int, smooth: bool) -> None:
         noise = 1e-11 * problem.traction_scale * problem.c
         assert np.all(s.left <= noise)
         assert np.all(s.right >= -noise)
-
-
-def test_convex_problems_have_one_answer_from_every_start() -> None:
-    A_tilde, c = cases.half_laplacian(60)
-    law = cases.slip_weakening(1.0, 0.5, 0.5 / (0.9 * np.pi))
-    x = np.linspace(0.0, 1.0, 60)
-    problem = ContactProblem(A_tilde, c * (1.1 + 0.6 * np.sin(7 * x)), c, law)
-    assert law.omega < problem.lambda_1
-    rng = np.random.default_rng(1)
-    answers = [solve(problem, x0) for x0 in (np.zeros(60), problem.frictionless(), rng.normal(size=60))]
-    for v in answers[1:]:
-        assert np.max(np.abs(v - answers[0])) <= 1e-12
 
 
 @pytest.mark.parametrize("load", [0.5, 0.99, 1.0, 1.01, 2.0])
@@ -113,32 +85,6 @@ def test_coarse_start_saves_steps_on_the_body_itself() -> None:
     assert found.steps[0] < flat.steps[0]
     again = nested(problem, found.v[0])
     assert np.array_equal(again.v, found.v)
-
-
-def test_coarse_start_never_replaces_a_better_start() -> None:
-    """From close to a solution that is not the one the coarse copies find, the start must not rise."""
-    A_tilde, c = cases.half_laplacian(60)
-    problem = ContactProblem(A_tilde, 1.05 * c, c, cases.slip_weakening(1.0, 0.5, 0.02))
-    starts = (np.zeros(60), problem.frictionless(), np.full(60, 0.1))
-    least = min((solve(problem, x0) for x0 in starts), key=problem.energy)
-    x0 = least + 1e-9 * np.random.default_rng(0).normal(size=60)
-    assert problem.energy(nested(problem, x0).v[0]) <= problem.energy(x0) + 1e-15
-
-
-def test_interpolation_is_linear() -> None:
-    for m in (7, 8):
-        line = np.arange(float(m))
-        assert np.allclose((interpolation(m) @ line[::2])[: m - 1], line[: m - 1])
-        assert np.allclose(interpolation(m) @ np.ones((m + 1) // 2), 1.0)
-
-
-def test_nodes_come_to_rest_together() -> None:
-    """Below the kinetic limit, from the frictionless slips: all nodes stop on the up-jump they would cross, at once."""
-    A_tilde, c = cases.half_laplacian(30)
-    problem = ContactProblem(A_tilde, 0.4 * c, c, cases.slip_weakening())
-    ended = descend(problem.rows, problem.frictionless()[None])
-    assert not np.any(ended.v)
-    assert ended.steps[0] <= 4
 
 
 def test_failures_are_statuses_with_a_reason() -> None:

@@ -34,27 +34,6 @@ def by_law(law: np.ndarray, *arguments: np.ndarray, of) -> np.ndarray:
     return result
 
 
-def test_values_slopes_and_primitives_are_those_of_the_laws() -> None:
-    rng = np.random.default_rng(1)
-    law, x = slips(rng, (8, 40))
-    _, y = slips(rng, (8, 40))
-    at, end = TABLES.locate(x, law), TABLES.locate(y, law)
-    for side, piece in ((-1, at.piece), (1, at.piece + at.on)):
-        assert np.array_equal(TABLES.value(x, piece), by_law(law, x, of=lambda b, s, side=side: b.b(s, side)))
-        slope = by_law(law, x, of=lambda b, s, side=side: b.slope(s, b.piece(s, side)))
-        np.testing.assert_allclose(TABLES.slope(x, piece), slope, rtol=1e-14)
-    expected = by_law(law, x, y, of=Laws.integral)
-    np.testing.assert_allclose(TABLES.integral(x, y, at, end), expected, rtol=1e-12, atol=1e-14)
-    for row, own in enumerate(LAWS):
-        count = len(own.kinks)
-        for name in ("kinks", "kinds", "b_left", "b_right"):
-            assert np.array_equal(getattr(TABLES, name)[row, :count], getattr(own, name))
-        assert (TABLES.falls[row], TABLES.scales[row]) == (own.omega, own.b_scale)
-    towards = rng.normal(size=x.shape)
-    jumps = by_law(law, x, towards, of=lambda b, s, way: b.next_up_jump(b.locate(s), way))
-    assert np.array_equal(TABLES.next_up_jump(at, towards), jumps)
-
-
 def test_ranges_and_least_slopes_are_those_of_the_laws() -> None:
     rng = np.random.default_rng(2)
     law, low = slips(rng, (8, 60))

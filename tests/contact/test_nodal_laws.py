@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 import pytest
@@ -20,7 +18,8 @@ from tcstudy.laws.laws import NONE, Laws
 from tcstudy.laws.shapes import tresca
 from tcstudy.scene.study import SOLVERS
 from tests.contact import contact_cases as cases
-from tests.contact.exhaustive import primitive, small_problem
+from tests.contact.exhaustive import energy, small_problem
+from tests.contact.random_polygons import by_brute_force
 
 Array = NDArray[np.float64]
 
@@ -46,15 +45,6 @@ def test_one_law_given_by_node_is_that_law(solver: str, smooth: bool) -> None:
         np.testing.assert_allclose(again.margin, proved.margin, rtol=1e-9)
 
 
-def test_the_convex_model_is_the_same_to_the_bit() -> None:
-    problem = cases.random_problem(np.random.default_rng(5), 30, 5)
-    v = problem.frictionless()
-    one, two = convex_step(problem, v), convex_step(in_two_rows(problem), v)
-    assert one is not None
-    assert two is not None
-    assert np.array_equal(one, two)
-
-
 def test_the_convex_model_of_laws_that_rise_is_the_problem_itself() -> None:
     A_tilde, c = cases.half_laplacian(30)
     laws = [tresca(1.0), cases.spring(2.0), NONE, cases.linear_law("bed", [-1.0, 1.0], [-1, 2], [-1, 2], (0.5, 3.0))]
@@ -76,42 +66,6 @@ def test_all_nodes_alike_are_one_law() -> None:
         nodal([law], [0, 0], [1.0, -1.0])
 
 
-def least_energy(problem: ContactProblem, laws: Sequence[Laws]) -> tuple[float, int]:
-    """(least energy, number of solutions) by trying every piece and kink of every node's own law."""
-    m, least, found = problem.m, np.inf, []
-    for places in product(*(range(2 * len(law.kinks) + 1) for law in laws)):
-        rows, rhs, fixed = problem.A_tilde.copy(), problem.l_tilde.copy(), []
-        for i, (law, place) in enumerate(zip(laws, places, strict=True)):
-            count = len(law.q)
-            if place >= count:
-                rows[i], rhs[i] = np.eye(m)[i], law.kinks[place - count]
-                fixed.append(i)
-            else:
-                rows[i, i] += problem.c[i] * law.q[place]
-                rhs[i] -= problem.c[i] * (law.b_0[place] - law.q[place] * law.s_0[place])
-        if abs(np.linalg.det(rows)) < 1e-14:
-            continue
-        v = np.linalg.solve(rows, rhs)
-        traction = (problem.l_tilde - problem.A_tilde @ v) / problem.c
-        good = True
-        for i, (law, place) in enumerate(zip(laws, places, strict=True)):
-            ends, count = [-np.inf, *law.kinks, np.inf], len(law.q)
-            if i in fixed:
-                at = place - count
-                sides = [law.b_0[k] + law.q[k] * (law.kinks[at] - law.s_0[k]) for k in (at, at + 1)]
-                good &= min(sides) - 1e-10 <= traction[i] <= max(sides) + 1e-10
-            else:
-                good &= bool(ends[place] - 1e-10 <= v[i] <= ends[place + 1] + 1e-10)
-        if good and not any(np.max(np.abs(v - w)) < 1e-8 for w in found):
-            found.append(v)
-            friction = sum(
-                c * float(primitive(law, v[i : i + 1])[0])
-                for i, (c, law) in enumerate(zip(problem.c, laws, strict=True))
-            )
-            least = min(least, float(0.5 * v @ problem.A_tilde @ v - problem.l_tilde @ v) + friction)
-    return least, len(found)
-
-
 @pytest.mark.parametrize("m", [2, 3])
 def test_the_least_energy_of_all_is_found_with_a_law_of_its_own_at_every_node(m: int) -> None:
     found, convex = 0, 0
@@ -123,7 +77,8 @@ def test_the_least_energy_of_all_is_found_with_a_law_of_its_own_at_every_node(m:
         sigma, a = rng.uniform(0.5, 2.0, m), np.where(rng.random(m) < 0.5, 0.0, 0.1 * rng.normal(size=m))
         law = nodal(shared, index, beta, sigma, a)
         problem = replace(problem, law=law)
-        least, solutions = least_energy(problem, [law.single(i) for i in range(m)])
+        solutions = by_brute_force(problem)[0]
+        least = float(np.min(energy(problem, solutions)))
         answer = solve_contact(problem)
         assert answer.status == Status.CONVERGED
         proved = certify(problem, answer.v)
@@ -131,7 +86,7 @@ def test_the_least_energy_of_all_is_found_with_a_law_of_its_own_at_every_node(m:
         # j counts from 0 here and there, so that both energies have one zero
         assert answer.energy >= least - 1e-9 * (abs(least) + 1.0)
         found += answer.energy <= above
-        assert not proved.unique or solutions == 1
+        assert not proved.unique or len(solutions) == 1
         assert not proved.global_minimum or answer.energy <= above
         convex += proved.convex
     assert found >= 29
@@ -180,16 +135,3 @@ def test_two_films_and_a_gap_have_the_closed_form() -> None:
     gone = 2.0 - front
     end = (0.5 * gone**2 * 1.0 + gone * 1.0 * 1.0 + (gone * 1.0 + 0.5 * 2.0)) / D
     assert answer.v[-1] == pytest.approx(end, rel=0.02)
-
-
-def test_strength_two_is_the_law_times_two() -> None:
-    for seed in range(3):
-        problem = cases.random_problem(np.random.default_rng(seed), 20, 5, smooth=True)
-        index = np.arange(20) // 10
-        strength = np.where(index == 1, 2.0, 1.0)
-        laws = [problem.law, problem.law.scaled(1.0, 0.5)]
-        one = replace(problem, law=nodal([problem.law], np.zeros(20), strength))
-        two = replace(problem, law=nodal(laws, index))
-        v, w = solve_contact(one), solve_contact(two)
-        np.testing.assert_allclose(v.v, w.v, rtol=1e-12, atol=1e-14)
-        assert v.status == w.status == Status.CONVERGED

@@ -8,13 +8,11 @@ import pytest
 from tcstudy.contact.active_set import extended, refined
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.problem import CondensedBody, ContactProblem
+from tcstudy.contact.problem import ContactProblem
 from tcstudy.contact.status import Status
-from tcstudy.laws.laws import Laws
-from tcstudy.laws.shapes import slip_weakening, tresca
+from tcstudy.laws.shapes import tresca
 from tcstudy.scene.study import TOLERANCE, Acceptance
 from tests.contact.ill_conditioned import body
-from tests.contact.rows import solve_points
 
 
 def rail(m: int, strain: float = 7.2e-4) -> ContactProblem:
@@ -71,14 +69,6 @@ def test_one_policy_for_both_solvers(solver: str) -> None:
     assert Acceptance().accepts(answer.inclusion_residual, answer.rounding)
 
 
-def test_softening_keeps_its_low_part_off_the_kinks() -> None:
-    problem = rail(200)
-    softening = ContactProblem(problem.A_tilde, problem.l_tilde, problem.c, slip_weakening(2e-3, 1e-3, 1e-5))
-    answer = solve_contact(softening, tolerance=1e-13)
-    assert answer.status == Status.CONVERGED
-    assert np.all(answer.v_low[np.isin(answer.v, softening.law.kinks)] == 0.0)
-
-
 def test_what_rounding_limits_is_a_solution_by_default_only() -> None:
     """A body of condition 1e16 leaves refinement no factor to work with; that is said; a written tolerance refuses."""
     rng = np.random.default_rng(5)
@@ -91,13 +81,3 @@ def test_what_rounding_limits_is_a_solution_by_default_only() -> None:
     strict = solve_contact(problem, tolerance=TOLERANCE)
     assert strict.status == Status.INCLUSION_VIOLATED
     assert "rounding alone leaves" in strict.reason
-
-
-def test_blocks_refine_as_single_solves_do() -> None:
-    problem = rail(400, 9.137e-2)
-    tables, law = Laws.of([problem.law]), np.zeros(1, dtype=np.intp)
-    answers = solve_points(CondensedBody.of(problem.A_tilde, problem.c), problem.l_tilde[None], tables, law)
-    assert answers.status[0] == Status.CONVERGED
-    assert not answers.limited[0]
-    assert answers.inclusion_residual[0] <= TOLERANCE
-    assert extended(problem, answers.v[0], answers.v_low[0]).xi == pytest.approx(answers.xi[0], abs=0.0)
