@@ -2,11 +2,11 @@
 
 problem             the problem, one or rows of them on one body, and the test of its solutions
 extended, active_set  that test in two doubles; from an approximate solution to an exact one
-contact             the door: a solver by name, all starts, the judgement
-block               many problems of one body at once: descent, convex_step and newton; bundle/ the general method
-hulls, moves        starts from which descent finds less energy
+contact, block      the doors for one problem and for many of one body: all starts, the judgement
+descent, newton, convex_step  from a start to a minimum; bundle/ the general method
+search, envelopes   starts from which descent finds less energy
 bounds, certificates  what is proved of a solution
-all_solutions, every  all solutions of small problems
+all_solutions, boxes  all solutions of small problems
 path/               equilibria on one branch along a parameter
 history/            steps of a load history with memory
 

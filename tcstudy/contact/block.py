@@ -22,8 +22,9 @@ from tcstudy.contact.active_set import finish, judge
 from tcstudy.contact.all_solutions import Equilibria, of_rows
 from tcstudy.contact.boxes import Limits
 from tcstudy.contact.certificates import Certificate, Proofs, row_of
-from tcstudy.contact.descent import TOLERANCE, Descended, descend, descend_nested, envelope_starts, move_starts
+from tcstudy.contact.descent import TOLERANCE, Descended, descend, descend_nested
 from tcstudy.contact.problem import CondensedBody, ContactProblem, kept
+from tcstudy.contact.search import envelope_starts, move_starts
 from tcstudy.contact.status import Status
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.study import ESCAPE, EXACT, FRICTIONLESS, NEIGHBOUR, START_NAMES, ZERO, Acceptance, Branch

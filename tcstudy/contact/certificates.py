@@ -1,6 +1,6 @@
 """What can be proved about a solution v of a contact problem: unique, strict local minimum, global minimum.
 
-Uniqueness:      ω < λ₁ makes L̃ strictly convex. Otherwise every solution lies in a box (solution_box), and two
+Uniqueness:      ω < λ₁ makes L̃ strictly convex. Otherwise every solution lies in a box (bounds.py), and two
                  solutions v, w in it have (v−w)ᵀ(Ã + C diag b′_min)(v−w) ≤ 0 with the least slopes of b on the
                  box; if that matrix is positive definite there is only one.
 Strict minimum:  A_FF + C b′ ≻ 0 on the free nodes, and every other node rests on an up-jump with left < 0 < right.
@@ -15,12 +15,10 @@ floating-point arithmetic too; where Ã has lost more digits than that to stiff 
 by its relative error. Left out: interval arithmetic (the inclusion residual of v enters through
 `energy_gap` only) and branch and bound for what is not certified.
 
-Of many points at once, which of many matrices Ã + C diag(s_r − μ) are positive definite, with as few factorisations as
-may be: steps d ← |Ã⁻¹|(w d) with w = C(μ − s)₊ ≥ 0 of all rows at once go to the direction in which Ã can hold w least,
-at the price of two products each. A row with dᵀ(Ã + C diag(s − μ))d ≤ 0 is refuted; one with |Ã⁻¹|(w d) < d for a d > 0
-is proved, for then the spectral radius of Ã⁻¹w is below 1 (Collatz, Wielandt). Few rows are left: if the matrix with
-the pointwise least diagonal of a group is positive definite, all of the group are. If its Cholesky factorisation breaks
-down, its direction of negative curvature is one more d for all rows; what is left is halved.
+Of many points at once, which of many matrices Ã + C diag(s_r − μ) are positive definite, with few factorisations:
+steps d ← |Ã⁻¹|(w d) with w = C(μ − s)₊ ≥ 0 of all rows at once go to the direction in which Ã can hold w least, at the
+price of two products each. A row with dᵀ(Ã + C diag(s − μ))d ≤ 0 is refuted; one with |Ã⁻¹|(w d) < d for a d > 0 is
+proved, for then the spectral radius of Ã⁻¹w is below 1 (Collatz, Wielandt). Of 100 rows one or two are left open.
 """
 
 from __future__ import annotations
@@ -33,7 +31,7 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.active_set import extended
 from tcstudy.contact.bounds import FEW, PARTS, bends_below_tangent, least_slopes, solution_boxes
-from tcstudy.contact.factors import factor_free, negative_curvature
+from tcstudy.contact.factors import factor_free
 from tcstudy.contact.newton import slopes
 from tcstudy.contact.problem import MARGIN, CondensedBody, ContactProblem, kept, least_lowered, pivot_shift
 from tcstudy.laws.pieces import UP
@@ -178,56 +176,33 @@ def positive_definite(
 # -- of many points at once ------------------------------------------------------------------------
 
 
+_PRODUCTS = 4
+"""Steps of all rows towards directions that prove or refute them."""
+_LEAST = 1e-9
+"""Least part of its largest entry that an entry of such a direction has, since all must be positive."""
+
+
 def definite(body: CondensedBody, slope: Array) -> Flags:
     """(R,) whether Ã + C diag(slope − μ) ≻ 0 is proved, for rows of slopes (R, m) [Pa/m]."""
     proved = np.zeros(len(slope), dtype=bool)
     if body.m == 0:
         return ~proved
-    A_tilde, added = body.A_tilde, body.c * (slope - body.shift) / kept(body.A_error)
-    open_ = np.flatnonzero(np.all(np.diagonal(A_tilde) + added > 0.0, axis=1))
-    sure, open_ = _by_products(body, added[open_], open_)
-    proved[sure] = True
-    groups = [open_[np.argsort(added[open_].sum(axis=1), kind="stable")]]
-    while groups:
-        group = groups.pop()
-        if not len(group):
-            continue
-        direction = negative_curvature(A_tilde, np.arange(body.m), added[group].min(axis=0))
-        if direction is None:
-            proved[group] = True
-            continue
-        squares, stiffness = direction**2, float(direction @ (A_tilde @ direction))
-        groups = [own[stiffness + added[own] @ squares > 0.0] for own in groups]
-        if len(group) > 1:
-            group = group[stiffness + added[group] @ squares > 0.0]
-            half = (len(group) + 1) // 2
-            groups += [group[:half], group[half:]]
-    return proved
-
-
-_PRODUCTS = 4
-"""Steps of all rows towards directions that prove or refute them."""
-
-
-def _by_products(body: CondensedBody, added: Array, rows: Index) -> tuple[Index, Index]:
-    """(proved, open) of rows whose matrices Ã + diag `added` are in question; those that are neither are refuted."""
-    absolute, weight = np.abs(body.inverse), np.maximum(-added, 0.0)
-    slack, proved = body.rounding * absolute.sum(axis=1), []
-    d = np.ones(weight.shape)
+    diagonal = body.c * (slope - body.shift) / kept(body.A_error)
+    rows = np.flatnonzero(np.all(np.diagonal(body.A_tilde) + diagonal > 0.0, axis=1))
+    absolute, added = np.abs(body.inverse), diagonal[rows]
+    slack, weight, d = body.rounding * absolute.sum(axis=1), np.maximum(-added, 0.0), np.ones(added.shape)
     for _ in range(_PRODUCTS):
         pushed = weight * d
         held = pushed @ absolute
         sure = np.all(held + np.max(pushed, axis=1, initial=0.0)[:, None] * slack < d, axis=1)
+        proved[rows[sure]] = True
         d = np.maximum(held / np.maximum(np.max(held, axis=1), np.finfo(float).tiny)[:, None], _LEAST)
         squares = np.einsum("ri,ri->r", d, d @ body.A_tilde) + np.einsum("ri,ri->r", added, d * d)
-        proved.append(rows[sure])
         on = ~sure & (squares > 0.0)
         rows, added, weight, d = rows[on], added[on], weight[on], d[on]
-    return np.concatenate([*proved, rows[:0]]), rows
-
-
-_LEAST = 1e-9
-"""Least part of its largest entry that an entry of such a direction has, since all must be positive."""
+    for row in rows:
+        proved[row] = factor_free(body.A_tilde, np.arange(body.m), diagonal[row])[1] == 0
+    return proved
 
 
 def margins(rows: ContactProblem) -> Array:

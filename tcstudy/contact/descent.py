@@ -31,9 +31,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.contact.convex_step import convex_step
-from tcstudy.contact.envelopes import moreau_envelopes, on_tangent
-from tcstudy.contact.factors import factor_free
-from tcstudy.contact.moves import best_places, follow, relaxed_stiffness
 from tcstudy.contact.newton import ROUNDINGS, Slopes, directions, leave_saddles, slopes
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.laws import Laws
@@ -64,15 +61,6 @@ _CREEPS, _LONGER = 20, 4
 """Steps of a descent over no barrier after which it is helped out of flat places, and how much longer it may take."""
 _MAJORANT_STEPS = 8
 """With a curvature majorant inside an exponential piece, where each descends."""
-_BELOW = 0.9
-"""First κ over λ₁."""
-LOOSE = 1e-3
-"""Tolerance of the convexified problems; 1e-6 led to the same energies in trials, 1e-2 to higher ones."""
-GROWTH = 4.0
-"""Factor from one κ to the next. Of 486 problems 2, 4, 8 left 9, 11, 22 above the lowest energy known, before moves
-of single nodes; 92 were above it before."""
-PROMISES = 2
-"""How many promises of a move are put to the test."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -346,64 +334,3 @@ def node_rest(law: Laws, s_0: float, traction: float, stiffness: float) -> float
         if s != end or sign * climb(s, piece + sign) >= 0.0:
             return s
         piece += sign
-
-
-# -- starts of the search for less energy ----------------------------------------------------------
-
-
-def envelope_starts(rows: ContactProblem, v: Array) -> tuple[Array, Flags]:
-    """(starts (R, m), whether the first, convex problem is the original one at its solution, which then is the lowest).
-
-    v: (R, m) where the first problem begins
-    """
-    lowest = np.zeros(len(v), dtype=bool)
-    found, at, kappa, first = v.copy(), np.arange(len(v)), _BELOW * rows.body.lambda_1, True
-    stiffest = float(np.max(np.diagonal(rows.body.A_tilde) / rows.body.c))
-    ceiling = np.minimum(rows.law.omega_by_row, stiffest)
-    while len(at):
-        laws = moreau_envelopes(rows.law.in_use(), kappa)
-        smooth = ContactProblem.on(rows.body, rows.l_tilde, laws)
-        nested = first and rows.body.shared
-        ended = (
-            descend_nested(smooth, v, LOOSE, coarse=LOOSE) if nested else descend(smooth, v, LOOSE, minima=not first)
-        )
-        on_bridge = np.any(on_tangent(laws, kappa, ended.v), axis=1)
-        found[at] = ended.v
-        if first:
-            lowest[at] = ~on_bridge & (ended.residual <= LOOSE)
-        kappa, first = GROWTH * kappa, False
-        on = np.flatnonzero(on_bridge & (kappa < ceiling[at]))
-        rows, at, v = rows.take(on), at[on], ended.v[on]
-    return found, lowest
-
-
-def move_starts(rows: ContactProblem, v: Array) -> tuple[Array, Index, Index]:
-    """(starts (n, m), the rows they belong to (n,), which promise of its row each is (n,)), the best promise first.
-
-    None for rows whose free nodes have no positive definite matrix, or where no move promises less energy.
-    """
-    body, xi = rows.body, rows.xi(v)
-    s = slopes(rows, v, xi)
-    free, added = s.free, body.c * rows.law.slope(v, s.piece)
-    stiffness, factors = np.full(v.shape, np.nan), {}
-    for i in range(len(v)):
-        nodes = np.flatnonzero(free[i])
-        factor, info = factor_free(body.A_tilde, nodes, added[i, nodes])
-        if info == 0:
-            stiffness[i] = relaxed_stiffness(body.A_tilde, nodes, np.flatnonzero(~free[i]), factor, added[i, nodes])
-            factors[i] = nodes, factor
-    known = np.array(sorted(factors), dtype=np.intp)
-    c = body.c
-    laws = rows.law.of_nodes(known)
-    gain, place = best_places(laws, laws.index, v[known], xi[known] / c, stiffness[known] / c)
-    gain = gain * c
-    starts, owners, promises = [], [], []
-    for i, own_gain, own_place in zip(known, gain, place, strict=True):
-        order = np.argsort(own_gain, kind="stable")[: min(PROMISES, np.count_nonzero(own_gain))]
-        for promise, node in enumerate(order):
-            step = follow(body.A_tilde, *factors[int(i)], int(node), float(own_place[node] - v[i, node]))
-            starts.append(v[i] + step)
-            owners.append(i)
-            promises.append(promise)
-    shape = len(starts), v.shape[1]
-    return np.array(starts).reshape(shape), np.array(owners, dtype=np.intp), np.array(promises, dtype=np.intp)

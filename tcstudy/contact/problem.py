@@ -100,7 +100,8 @@ class CondensedBody:
         """Its Galerkin copy on every second node, None for a small body."""
         if self.m <= COARSEST or self.loose:
             return None
-        return CondensedBody(*galerkin(self.A_tilde, self.c, self.P), shared=self.shared)
+        coarse = self.P.T @ (self.P.T @ self.A_tilde).T
+        return CondensedBody(np.ascontiguousarray(0.5 * (coarse + coarse.T)), self.P.T @ self.c, shared=self.shared)
 
     @cached_property
     def shift(self) -> float:
@@ -109,13 +110,17 @@ class CondensedBody:
 
     @cached_property
     def P(self) -> scipy.sparse.csr_matrix:
-        """(m, ⌈m/2⌉) interpolation from the nodes of the coarse copy."""
-        return interpolation(self.m)
+        """(m, ⌈m/2⌉) linear interpolation from the nodes 0, 2, 4, … of the coarse copy."""
+        count, node = (self.m + 1) // 2, np.arange(self.m)
+        columns = np.concatenate([node // 2, np.minimum((node + 1) // 2, count - 1)])
+        shape = self.m, count
+        return scipy.sparse.csr_matrix((np.full(2 * self.m, 0.5), (np.tile(node, 2), columns)), shape=shape)
 
     @cached_property
     def rounding(self) -> float:
-        """Relative rounding of products with Ã⁻¹."""
-        return inverse_rounding(self.A_tilde, self.inverse, self.A_error)
+        """Relative error of products with Ã⁻¹: rounding, and what Ã itself has lost."""
+        condition = float(np.linalg.norm(self.A_tilde, 1) * np.linalg.norm(self.inverse, 1))
+        return 8.0 * self.m * float(np.finfo(float).eps) * condition + (1.0 - kept(self.A_error))
 
 
 @dataclass(frozen=True)
@@ -300,12 +305,6 @@ def pivot_shift(A_tilde: Array, c: Array, lambda_1: float, margin: float = MARGI
     return max(margin * lambda_1, 8.0 * len(c) * float(np.finfo(float).eps) * largest)
 
 
-def inverse_rounding(A_tilde: Array, inverse: Array, A_error: float) -> float:
-    """Relative error of products with Ã⁻¹: rounding, and what Ã itself has lost."""
-    condition = float(np.linalg.norm(A_tilde, 1) * np.linalg.norm(inverse, 1))
-    return 8.0 * len(A_tilde) * float(np.finfo(float).eps) * condition + (1.0 - kept(A_error))
-
-
 def least_eigenvalue(A_tilde: Array, c: Array) -> float:
     """Smallest eigenvalue of Ãw = λCw with C = diag(c); inf for an empty matrix."""
     if len(c) == 0:
@@ -334,18 +333,3 @@ def least_lowered(A_tilde: Array, c: Array, omega: Array) -> float:
     if not np.all(np.isfinite(omega)):
         return -float("inf")
     return least_eigenvalue(A_tilde - np.diag(c * omega), c)
-
-
-def interpolation(m: int) -> scipy.sparse.csr_matrix:
-    """(m, ⌈m/2⌉) linear interpolation from the nodes 0, 2, 4, …"""
-    coarse = (m + 1) // 2
-    node = np.arange(m)
-    columns = np.concatenate([node // 2, np.minimum((node + 1) // 2, coarse - 1)])
-    rows = np.concatenate([node, node])
-    return scipy.sparse.csr_matrix((np.full(2 * m, 0.5), (rows, columns)), shape=(m, coarse))
-
-
-def galerkin(A_tilde: Array, c: Array, P: scipy.sparse.csr_matrix) -> tuple[Array, Array]:
-    """(PᵀÃP, Pᵀc), the Galerkin restriction of a body to the columns of P."""
-    coarse = P.T @ (P.T @ A_tilde).T
-    return np.ascontiguousarray(0.5 * (coarse + coarse.T)), P.T @ c

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from tcstudy.contact.contact import nearest_minimum
-from tcstudy.contact.descent import move_starts
 from tcstudy.contact.factors import factor_free
-from tcstudy.contact.moves import best_places, follow, relaxed_stiffness
 from tcstudy.contact.newton import slopes
 from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.search import best_places, follow, move_starts, relaxed_stiffness
 from tests.contact import contact_cases as cases
 
 Array = np.ndarray

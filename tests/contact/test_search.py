@@ -114,7 +114,7 @@ def test_convexified_start_knows_when_it_is_the_lowest() -> None:
 
     def lowest(law: Laws) -> bool:
         problem = ContactProblem(A_tilde, c * (1.4 + 0.6 * np.sin(7 * x)), c, law)
-        return bool(descent.envelope_starts(problem.rows, np.zeros((1, 30)))[1][0])
+        return bool(search.envelope_starts(problem.rows, np.zeros((1, 30)))[1][0])
 
     assert lowest(cases.slip_weakening(1.0, 0.1, 0.01))
     assert not lowest(down_jumps(0.6, 10))
@@ -125,14 +125,14 @@ def test_nonconvexity_is_let_in_step_by_step(monkeypatch: pytest.MonkeyPatch) ->
     A_tilde, c = cases.half_laplacian(30)
     problem = ContactProblem(A_tilde, c * 1.4, c, down_jumps(0.6, 10))
     falls: list[float] = []
-    original = descent.moreau_envelopes
+    original = search.moreau_envelopes
 
     def envelopes(laws: Laws, kappa: float) -> object:
         falls.append(kappa)
         return original(laws, kappa)
 
     monkeypatch.setattr(descent, "moreau_envelopes", envelopes)
-    descent.envelope_starts(problem.rows, np.zeros((1, 30)))
+    search.envelope_starts(problem.rows, np.zeros((1, 30)))
     assert len(falls) >= 2
     assert falls[0] < problem.lambda_1
     assert np.array(falls[1:]) == pytest.approx(4.0 * np.array(falls[:-1]), rel=1e-9)
