@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tcstudy.contact import descent
+from tcstudy.contact import search
 from tcstudy.contact.block import Answer
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.problem import ContactProblem
@@ -131,7 +131,7 @@ def test_nonconvexity_is_let_in_step_by_step(monkeypatch: pytest.MonkeyPatch) ->
         falls.append(kappa)
         return original(laws, kappa)
 
-    monkeypatch.setattr(descent, "moreau_envelopes", envelopes)
+    monkeypatch.setattr(search, "moreau_envelopes", envelopes)
     search.envelope_starts(problem.rows, np.zeros((1, 30)))
     assert len(falls) >= 2
     assert falls[0] < problem.lambda_1
