@@ -114,33 +114,29 @@ def check_together(
 
     mesh … exact: what it asks for beside its scenes; None for what it does not, or has faults in
     """
-    live = root.child("output") if output is not None and output.live else None
-    derived = root.child("exact") if exact is not None and exact.derived else None
     roles = dict(scenes[0].boundary).values() if scenes else ()
-    no_edge = "an exact solution has no such edge; remove exact"
-
-    def refuse(asked: Node | None, has: bool, feature: str, why: str) -> None:
-        if has and asked is not None:
-            ctx.errors.at(asked, f"{feature}, and {why}")
-
     laws = any(isinstance(scene.friction, EdgeLaws) for scene in distinct(scenes, "friction"))
-    refuse(live, laws, "friction differs along the contact line", "a live page takes one law; remove live: true")
-    by_region, several = root.child("materials") is not None, "materials differ by region, where stresses jump"
-    edges = {
-        "an edge is rigid": any(isinstance(role, Rigid) for role in roles),
-        "an edge rests on springs": any(scene.springs for scene in distinct(scenes, "boundary")),
+    rigid = any(isinstance(role, Rigid) for role in roles)
+    springs = any(scene.springs for scene in distinct(scenes, "boundary"))
+    own, no_edge = any(role.heat is not None for role in roles), "an exact solution has no such edge; remove exact"
+    one_material = "an exact solution takes one material; remove exact, or write one material"
+    derived = "loads are derived for the section heat only; give the loads, or loads: given"
+    features = {  # whether the scenes have it, what a live page takes in its place, why an exact solution has it not
+        "friction differs along the contact line": (laws, "one law", ""),
+        "materials differ by region, where stresses jump": (
+            bool(root.child("materials")),
+            "one material",
+            one_material,
+        ),
+        "an edge is rigid": (rigid, "none", no_edge),
+        "an edge rests on springs": (springs, "none", no_edge),
+        "an edge has heat of its own": (own, "one alpha and one theta_bar", derived if exact and exact.derived else ""),
     }
-    own, heated = any(role.heat is not None for role in roles), "an edge has heat of its own"
-    if exact is not None:
-        asked = root.child("exact")
-        refuse(asked, by_region, several, "an exact solution takes one material; remove exact, or write one material")
-        for feature, has in edges.items():
-            refuse(asked, has, feature, no_edge)
-        refuse(derived, own, heated, "loads are derived for the section heat only; give the loads, or loads: given")
-    refuse(live, by_region, several, "a live page takes one material; remove live: true")
-    for feature, has in edges.items():
-        refuse(live, has, feature, "a live page takes none; remove live: true")
-    refuse(live, own, heated, "a live page takes one alpha and one theta_bar; remove live: true")
+    for feature, (has, page, why) in features.items():
+        if has and output and output.live:
+            ctx.errors.at(root.nearest("output"), f"{feature}, and a live page takes {page}; remove live: true")
+        if has and exact and why:
+            ctx.errors.at(root.nearest("exact"), f"{feature}, and {why}")
     for key in ("path", "history", "fit"):
         if root.child(key) and mesh and mesh.guarantee:
             ctx.errors.at(root.nearest("mesh", "guarantee"), f"is of single points, not of a {key}; remove it")

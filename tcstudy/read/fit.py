@@ -73,17 +73,15 @@ def read_fit(
 
 def _check(fields: Fields, plan: FitPlan) -> None:
     """What goes together: columns with the comparison, data with the numbers to find."""
+    names, n, k = [one.name for one in plan.measured], plan.count, len(plan.parameters)
     if not plan.measured:
-        fields.fault(
-            "data", "no column is a result, so there is nothing to compare", f"add one of {', '.join(RESULTS)}"
-        )
+        results = ", ".join(RESULTS)
+        fields.fault("data", f"no column is a result, so there is nothing to compare; add one of {results}")
         return
-    names = [one.name for one in plan.measured]
     if (plan.place is None) != ("u_T" not in names):
-        fields.fault("data", "a profile of u_T needs the columns x and u_T", 'write {x: "x [mm]", u_T: "u [um]"}')
-    n, k = plan.count, len(plan.parameters)
+        fields.fault("data", 'a profile of u_T needs the columns x and u_T; write {x: "x [mm]", u_T: "u [um]"}')
     if n <= k:
-        fields.fault("data", f"{n} data cannot decide {k} numbers", "measure more, or fit fewer numbers")
+        fields.fault("data", f"{n} data cannot decide {k} numbers; measure more, or fit fewer numbers")
     if plan.smooth and sum(one.number.path[-2:-1] == (POINTS,) for one in plan.parameters) < 3:
         remedy = "fit friction.points.0, friction.points.1 and so on, or remove smooth"
         fields.fault("smooth", "a smooth law has at least three of its points fitted", remedy)
@@ -92,21 +90,21 @@ def _check(fields: Fields, plan: FitPlan) -> None:
         fields.fault("noise" if fields["noise"] else "data", what, "give the noise of every column")
     for one in plan.parameters:
         if one.number.path in [column.path for column in plan.given]:
-            what = f"{one.number.name} is a column of the data, so it is known"
-            fields.fault("parameters", what, "remove it from the parameters")
+            said = f"{one.number.name} is a column of the data, so it is known; remove it from the parameters"
+            fields.fault("parameters", said)
     orthogonal = plan.compare == "orthogonal"
     if not orthogonal and not plan.marks:
         return
     here, instead = ("compare", "use compare: vertical") if orthogonal else (plan.marks[0].name, "leave it out")
     if len(plan.given) != 1 or plan.place is not None or (orthogonal and names != ["friction_resultant"]):
         need = "distances to a path need two columns" if orthogonal else "a path needs one parameter of the load"
-        fields.fault(here, need, f"give one parameter of the load and friction_resultant, or {instead}")
+        fields.fault(here, f"{need}; give one parameter of the load and friction_resultant, or {instead}")
     elif len(plan.scene.laws) > 1:
-        fields.fault(here, "a path takes one law", instead)
+        fields.fault(here, f"a path takes one law; {instead}")
     elif orthogonal and _to_and_fro(plan) > SHUFFLED:
-        what = "the data jump to and fro, but feet on a path need them in the order of the test"
+        said = "the data jump to and fro, but feet on a path need them in the order of the test; "
         file = fields.values["data"].child("file") or fields.node
-        fields.ctx.errors.at(file, what, "sort the lines by time, or compare: vertical")
+        fields.ctx.errors.at(file, said + "sort the lines by time, or compare: vertical")
 
 
 def _to_and_fro(plan: FitPlan) -> float:
@@ -140,27 +138,21 @@ def _columns(
     ctx: Context, fields: Fields, scene: Scene, history: HistoryPlan | None
 ) -> tuple[list[FitColumn], str, str]:
     """The columns of the table, its name and its checksum; none after a fault."""
-    data = Fields(ctx, fields.values["data"], "fit_data")
-    nothing: tuple[list[FitColumn], str, str] = [], "", ""
-    wanted, file = data["columns"], data["file"]
-    if wanted is None or file is None:
-        return nothing
+    data, lines, text = Fields(ctx, fields.values["data"], "fit_data"), list[tuple[Node, ...]](), ""
+    wanted, file, noise = data["columns"], data["file"], dict[str, Node]()
     remedy = 'write {boundary.grip.u_x: "Delta [mm]", friction_resultant: "P [N/mm]"}'
-    if not (headings := ctx.mapping(wanted, "names to headings", remedy)):
-        return nothing
-    text, lines = table_lines(ctx, file)
-    if not lines:
-        return nothing
-    noise: Mapping[str, Node] = {}
+    headings = ctx.mapping(wanted, "names to headings", remedy) if wanted and file else {}
+    if headings and file:
+        text, lines = table_lines(ctx, file)
+    if file is None or not lines:
+        return [], "", ""
     if (given := fields["noise"]) and given.value != "estimate":
         remedy = "write {friction_resultant: 2 N/mm}, or leave it out"
         noise = ctx.mapping(given, "columns to numbers", remedy, least=0)
-    for name in noise:
-        if name not in headings:
-            what = f"there is no column {name!r}"
-            ctx.errors.at(noise[name], what, f"use {', '.join(headings)}", on_key=True)
+    for name in noise.keys() - headings.keys():
+        ctx.errors.at(noise[name], f"there is no column {name!r}; use {', '.join(headings)}", on_key=True)
     found = [_column(ctx, name, item, lines, scene, noise, history is not None) for name, item in headings.items()]
-    return [one for one in found if one], str(file.text()), hashlib.sha256(text.encode()).hexdigest()
+    return [one for one in found if one], file.text(), hashlib.sha256(text.encode()).hexdigest()
 
 
 @none_after_fault
@@ -180,8 +172,7 @@ def _column(
         what = "the step of the history" if stepwise else "a parameter of the load"
         ctx.errors.at(node, f"{name!r} is neither a result nor {what}", remedy, on_key=True)
     elif heading not in heads:
-        what = f"the table has no column {heading!r}"
-        ctx.errors.at(node, what, f"it has {', '.join(map(repr, heads))}")
+        ctx.errors.at(node, f"the table has no column {heading!r}; it has {', '.join(map(repr, heads))}")
     ctx.sound()
     at, dimension = heads.index(heading), known[path]
     cell, match = lines[0][at], re.fullmatch(r".*?\[([^\]]*)\]\s*", heading)
@@ -213,12 +204,12 @@ def _parameter(
     start, (low, high) = fields.value("start", row.dimension), fields.value("within", row.dimension)
     ctx.sound()
     if not low < high:
-        fields.fault("within", "does not grow", "give the lower end first")
+        fields.fault("within", "does not grow; give the lower end first")
     elif not low <= start <= high:
-        fields.fault("start", "lies outside within", "begin between the two ends")
+        fields.fault("start", "lies outside within; begin between the two ends")
     scale = fields.value("scale") or ("log" if low > 0.0 else "linear")
     if scale == "log" and low <= 0.0:
-        fields.fault("within", "begins at 0 or below, which has no logarithm", "write scale: linear")
+        fields.fault("within", "begins at 0 or below, which has no logarithm; write scale: linear")
     ctx.sound()
     for end in (low, high):
         why = f"must {must}" if (must := out_of_bounds(row, end)) else ""
@@ -233,5 +224,5 @@ def _parameter(
         except (LawError, GrowthError, UnfitLaw) as error:
             why = str(error).partition("; ")[0]
         if why:
-            fields.fault("within", f"{number.name} = {end:g}: {why}", "narrow the bounds")
+            fields.fault("within", f"{number.name} = {end:g}: {why}; narrow the bounds")
     return FitParameter(number, start, low, high, scale == "log")

@@ -132,31 +132,35 @@ def _load(ctx: Context, word: str, node: Node, known: Mapping[Keys, Number], swe
 
 def _refuse(ctx: Context, root: Node, mesh: MeshPlan | None) -> None:
     """What a history does not do."""
-    if node := root.child("exact"):
-        what = "an exact solution is of one scene without a past, and the study has a history"
-        ctx.errors.at(node, what, "remove one of them", on_key=True)
-    if mesh and mesh.estimates and not mesh.strategy.adapts and (node := root.child("mesh")):
-        remedy = "remove estimate and tolerance, and compare histories on meshes of your own"
-        ctx.errors.at(node, "errors are not estimated in a history", remedy, on_key=True)
-    for keys in (("output", "fields"), ("output", "live")):
-        if root.at(*keys) and (asked := root.nearest(*keys)).value is not False:
-            ctx.errors.at(asked, "is not kept of a history", "remove it", on_key=True)
-    words = root.nearest("solver", "name")
-    if words.path and not isinstance(words.value, Mapping) and words.value != SEPARABLE:
-        ctx.errors.at(words, f"a history is solved by {SEPARABLE} alone", f"write solver: {SEPARABLE}", on_key=True)
-    if root.at("solver", "branch"):
-        remedy = "write history.branch: continued or lowest"
-        ctx.errors.at(root.nearest("solver", "branch"), "is of single points", remedy, on_key=True)
+    solver = root.at("solver", "name") or root.child("solver")
+    named = solver is not None and not isinstance(solver.value, Mapping) and solver.value != SEPARABLE
+    errors = bool(mesh and mesh.estimates and not mesh.strategy.adapts)
+    past = "an exact solution is of one scene without a past, and the study has a history; remove one of them"
+    estimates = (
+        "errors are not estimated in a history; remove estimate and tolerance, and compare histories on meshes of "
+    )
+    asked = {
+        ("exact",): past,
+        ("mesh",): estimates + "your own" if errors else "",
+        ("output", "fields"): "is not kept of a history; remove it",
+        ("output", "live"): "is not kept of a history; remove it",
+        ("solver", "name"): f"a history is solved by {SEPARABLE} alone; write solver: {SEPARABLE}" if named else "",
+        ("solver", "branch"): "is of single points; write history.branch: continued or lowest",
+    }
+    for keys, said in asked.items():
+        node = solver if keys == ("solver", "name") else root.at(*keys)
+        if said and node and node.value is not False:
+            ctx.errors.at(node, said, on_key=True)
 
 
 def check_fit(ctx: Context, fields: Fields, plan: FitPlan, history: HistoryPlan) -> None:
     """What a fit at the steps of a history needs and does not take."""
     for key in ("fold", "peak"):
         if fields[key]:
-            fields.fault(key, "belongs to a path, but the study has a history", "leave it out", on_key=True)
+            fields.fault(key, "belongs to a path, but the study has a history; leave it out", on_key=True)
     if plan.compare == "orthogonal":
-        what = "distances to a path are of one monotone load, but the study has a history"
-        fields.fault("compare", what, "use compare: vertical")
+        said = "distances to a path are of one monotone load, but the study has a history; use compare: vertical"
+        fields.fault("compare", said)
     steps = [value for column in plan.given if column.path == STEP for value in column.values]
     if not steps:
         remedy = 'add {step: "step"}, the number of the step at every line, 0 for the study as it is written'

@@ -71,18 +71,19 @@ def table_lines(ctx: Context, node: Node) -> tuple[str, list[tuple[Node, ...]]]:
     lines = list(_csv_lines(ctx, text.removeprefix("\N{BYTE ORDER MARK}"), str(path)))
     heads = lines[0] if lines else ()
     words, wrong = [str(cell.value) for cell in heads], [line for line in lines if len(line) != len(heads)]
-    marks = {"semicolons": ";", "tabs": "\t"}
+    twice = [k for k, word in enumerate(words) if word and word in words[:k]]
+    other = [name for name, mark in {"semicolons": ";", "tabs": "\t"}.items() if len(words) == 1 and mark in words[0]]
     if len(ctx.errors) > before:
         return "", []
-    if len(words) == 1 and (other := [name for name, mark in marks.items() if mark in words[0]]):
-        ctx.errors.at(heads[0], f"columns are separated by {other[0]}", "write commas, and a point in decimals")
+    if other:
+        ctx.errors.at(heads[0], f"columns are separated by {other[0]}; write commas, and a point in decimals")
     elif words and all(re.fullmatch(NUMBER, word) for word in words):
-        ctx.errors.at(heads[0], "the table has no headings", "write a name and its unit over each column, as u_x [mm]")
+        ctx.errors.at(heads[0], "the table has no headings; write a name and its unit over each column, as u_x [mm]")
     elif len(lines) < 2:
         ctx.errors.at(node, f"{path} has no data", "write a heading for each column and a line for each point")
-    elif twice := [k for k, word in enumerate(words) if word and word in words[:k]]:
-        what = f"the heading {words[twice[0]]!r} stands twice"
-        ctx.errors.at(heads[twice[0]], what, "give every column its own heading")
+    elif twice:
+        said = f"the heading {words[twice[0]]!r} stands twice; give every column its own heading"
+        ctx.errors.at(heads[twice[0]], said)
     elif wrong:
         others = f", and {len(wrong) - 1} other lines likewise" if len(wrong) > 1 else ""
         what = f"has {len(wrong[0])} entries, but the header {len(heads)}{others}"
