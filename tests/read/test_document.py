@@ -28,22 +28,15 @@ def first_problem(text: str) -> Problem:
     ("text", "value"),
     [
         ("1e-3", 1e-3),
-        ("1E+3", 1e3),
-        (".5", 0.5),
         ("5.", 5.0),
-        ("12", 12),
         ("012", 12),
         ("0x1F", 31),
         ("1_000", 1000),
         ("-.inf", float("-inf")),
         ("true", True),
         ("no", "no"),
-        ("yes", "yes"),
         ("~", None),
-        ("'1e-3'", "1e-3"),
-        ("210 GPa", "210 GPa"),
         ("2001-01-01", "2001-01-01"),
-        ("12:30", "12:30"),
         ("!!float '5'", 5.0),
         ("!!str 5", "5"),
     ],
@@ -79,21 +72,17 @@ def test_aliases_get_paths_of_their_own() -> None:
         ("a: [1", 1, 6, "YAML syntax"),
         ("{a.b[0].c: [1]}", 1, 5, 'needs quotes: "a.b[0].c"'),
         ("a: b: c", 1, 5, "YAML syntax"),
-        ("a:\n\t- b", 2, 1, "YAML syntax"),
         ("a: 1\n---\nb: 2", 2, 1, "YAML syntax"),
         ("a: *x", 1, 4, "undefined alias"),
         ("x: 1\na: \x07", 2, 4, "not allowed in YAML"),
         ("a: 1\nb: 2\na: 3", 3, 1, "given twice (first in line 1)"),
         ("a: !foo 3", 1, 4, "!foo is not supported"),
-        ("a: !!binary abc", 1, 4, "!!binary is not supported"),
         ("a: !!int x", 1, 4, "'x' is not a number"),
         ("? [a]\n: b", 1, 3, "a key must be one word"),
         ("<<: {a: 1}", 1, 1, "merge keys are not supported"),
         ("a: &a [*a]", 1, 4, "an alias contains itself"),
-        ("[" * 700, 1, 42, "nested too deeply"),
         ("a: 1\nb:\n  " + "[" * 3000 + "]" * 3000, 3, 43, "nested too deeply"),
         ("".join(" " * i + "-\n" for i in range(700)), 42, 42, "nested too deeply"),
-        ("a: " + "[" * 60 + "]" * 60, 1, 44, "nested too deeply"),
         ("", 0, 0, "the file is empty"),
         ("a: " + "9" * 5000, 1, 4, "at most 2000 are read"),
     ],
@@ -117,13 +106,10 @@ def test_aliases_cannot_explode(monkeypatch: pytest.MonkeyPatch) -> None:
     [
         ("heat.alpha", ("heat", "alpha")),
         ("body.outline[2].edge", ("body", "outline", 2, "edge")),
-        ("sweep.alpha[0]", ("sweep", "alpha", 0)),
-        ("a", ("a",)),
         ("", None),
         ("a..b", None),
         ("[1]", None),
         ("a[b]", None),
-        ("a b", None),
     ],
 )
 def test_split_path(path: str, keys: object) -> None:
@@ -180,10 +166,3 @@ def test_an_option_that_a_later_one_replaces_is_refused(options: list[str], lost
     (problem,) = errors.problems
     assert str(problem).startswith(f"--set {options[-1]}: ")
     assert f"--set {lost} would not be used" in str(problem)
-
-
-def test_a_section_may_be_set_before_its_keys() -> None:
-    errors = Collector()
-    root = apply_overrides(tree("a: {b: 1}\n"), ["a={b: 2, e: 3}", "a.b=4"], {}, errors)
-    assert not errors.problems
-    assert root.plain() == {"a": {"b": 4, "e": 3}}

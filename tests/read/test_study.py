@@ -124,27 +124,6 @@ def test_a_region_in_place_is_called_omega() -> None:
     assert scene.body.regions[0].loop.edges[1].start == (1.5, 0.2)
 
 
-def test_a_body_with_arcs_and_holes() -> None:
-    body = """\
-body:
-  outline:
-    - {from: [0, 0], edge: bottom}
-    - {from: [2, 0], edge: right, through: [3, 1]}
-    - {from: [2, 2], edge: top}
-    - {from: [0, 2], edge: left}
-  holes:
-    - rectangle: {corner: [0.2, 0.2], width: 0.1, height: 0.1, edge: a}
-    - outline: [{from: [1, 1], edge: b}, {from: [1.2, 1], edge: b}, {from: [1, 1.2], edge: c}]
-"""
-    study = plain(
-        ("body: {rectangle: {width: 2, height: 1}}\n", body), ("top: free,", "top: free, a: free, b: free, c: free,")
-    )
-    loops = study.scenes[0].body
-    assert loops.outline is not None
-    assert loops.outline.edges[1].through == (3.0, 1.0)
-    assert [len(hole.edges) for hole in loops.holes] == [4, 3]
-
-
 def test_names_of_the_sides_of_a_rectangle() -> None:
     study = plain(
         ("height: 1}", "height: 1, corner: [1, 1], edges: {bottom: film}}"), ("bottom: contact", "film: contact")

@@ -1,6 +1,5 @@
 """Texts with units: the SI value, rounded once, and what is refused."""
 
-import pickle
 import subprocess
 import sys
 
@@ -70,11 +69,6 @@ def test_refused(text: str, dimension: units.Dimension, message: str, remedy: st
         to_si(*parts, dimension)
     assert message in str(info.value)
     assert remedy in info.value.args[1]
-
-
-def test_a_unit_error_survives_a_process_boundary() -> None:
-    error = pickle.loads(pickle.dumps(UnitError("what", "remedy")))
-    assert error.args == ("what", "remedy")
 
 
 def test_reading_imports_no_mesher_and_no_units_without_need() -> None:
