@@ -31,6 +31,14 @@ PROVED = {
     "failed": "no solution",
 }
 """By `text.PROOFS`: what the flag of a solution, the strongest that it has, says of it."""
+PROVED_STEPS = {
+    "unique": "every step proved to be the only solution",
+    "global": "every step proved to have the least energy",
+    "local": "every step proved to be a local minimum",
+    "nothing": "steps of which nothing is proved",
+    "failed": "ended before its last step",
+}
+"""The same of the steps of a history."""
 VERDICTS = {
     "unknown": "not judged",
     "exact": "exact (rounding)",

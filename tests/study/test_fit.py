@@ -11,7 +11,7 @@ import tcstudy
 from tcstudy.errors import StudyError
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.export.brief import brief
-from tcstudy.reports.terminal.fit import fit_summary
+from tcstudy.reports.terminal.summary import text_of
 from tcstudy.scene.study import Study
 from tcstudy.study.fit import fit, model_of
 from tcstudy.study.fit_models import FitModel
@@ -97,8 +97,8 @@ def test_what_the_mesh_does_to_the_numbers_is_said(tmp_path: Path) -> None:
     assert -shift / bias == pytest.approx([0.5, 0.5], abs=0.1)
     study = study_of(tmp_path, pulled(45), {"maxh: 5 mm": "maxh: 2 mm"})
     tcstudy.run(study, tmp_path / "fine.nc")
-    assert "half its size would move" in fit_summary(tmp_path / "fine.nc")
-    assert "fine enough" in fit_summary(tmp_path / "fine.nc")
+    assert "half its size would move" in text_of(tmp_path / "fine.nc")
+    assert "fine enough" in text_of(tmp_path / "fine.nc")
 
 
 def test_a_law_by_points_and_one_of_the_wrong_shape(tmp_path: Path) -> None:
@@ -200,7 +200,7 @@ def test_two_numbers_of_which_only_the_product_acts_are_named(tmp_path: Path) ->
         assert told["determined"] == "E·alpha_T"
         assert told["not_determined"] in ("E^-1·alpha_T", "E·alpha_T^-1")
         assert np.isnan(told["parameters"]["E"]["standard_error"])
-        assert "not determined" in fit_summary(tmp_path / "a.nc")
+        assert "not determined" in text_of(tmp_path / "a.nc")
 
 
 def test_a_slip_profile_finds_the_film(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 import tcstudy
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.export.brief import brief
-from tcstudy.reports.terminal.fit import fit_summary
+from tcstudy.reports.terminal.summary import text_of
 from tcstudy.scene.study import Study
 from tcstudy.study.fit import model_of
 from tests.study.test_fit import HEATED, heated
@@ -53,7 +53,7 @@ def test_one_solution_for_every_load_does_not_end_the_search(tmp_path: Path) -> 
     assert 1 < tried <= int(found.attrs["starts"]) == 5
     assert found["start_count"].values.sum() == tried - failed
     assert np.all(np.diff(found["start_cost"].values) > 100.0)  # distinct minima
-    text = fit_summary(tmp_path / "a.nc")
+    text = text_of(tmp_path / "a.nc")
     assert f"starts: {tried} of 5 tried, the last has a probable χ² and every number determined" in text
     assert "Distinct minima that starts end in" in text
     assert brief(tmp_path / "a.nc")["start_count"] == found["start_count"].values.tolist()
@@ -66,7 +66,7 @@ def test_a_start_that_the_noise_explains_ends_the_search_and_an_assumed_noise_do
     assert found["start_count"].values.tolist() == [5]  # all agree
     words = "u_T_max and friction_resultant are measured equally well, in parts of their ranges"
     assert found.attrs["noise_assumed"] == words
-    text = fit_summary(tmp_path / "b.nc")
+    text = text_of(tmp_path / "b.nc")
     assert "starts: 5 of 5 tried; 5 of 5 end in this minimum" in text
     assert f"the 95 % intervals assume that {words}" in text
     assert words in brief(tmp_path / "b.nc")["verdict"]

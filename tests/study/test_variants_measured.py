@@ -12,7 +12,7 @@ from tcstudy.cli import main
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import GeometryFailed
 from tcstudy.read.study import read_study_text
-from tcstudy.reports.terminal.convergence import convergence_report
+from tcstudy.reports.terminal.summary import text_of
 from tests.study.test_variants import BAR, HOLED
 
 CHOSEN = """
@@ -39,7 +39,7 @@ def test_convergence_of_every_geometry_is_that_of_its_own_study(tmp_path: Path) 
         one = tcstudy.converge(read_study_text(CHOSEN, "s", changes), tmp_path / f"{height}.nc").to_dataset()
         for name in ("h_max", "n_dof", "error_u_energy", "rate_xi_L2", "limit_energy"):
             assert np.array_equal(data[name].sel(H=height), one[name], equal_nan=True), (name, height)
-    told = convergence_report(tmp_path / "all.nc", full=False)
+    told = text_of(tmp_path / "all.nc")
     rows = [line.split() for line in told.splitlines()]
     sizes = [int(data["n_dof"].sel(H=height, level=2)) for height in (1.0, 0.5)]
     assert [int(row[3]) for row in rows if len(row) == 5 and row[1] == "2"] == sizes

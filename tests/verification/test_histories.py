@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from tcstudy.read.study import read_study
-from tcstudy.reports.terminal.history_summary import history_summary
+from tcstudy.reports.terminal.summary import text_of
 from tcstudy.study.history_run import execute_history
 from tests.commands import CONFIGS
 
@@ -22,7 +22,7 @@ def followed(folder: Path, name: str, *overrides: str) -> tuple[xr.Dataset, str]
         data = opened.load()
     assert np.all(data["status"].values == 1)
     assert np.all(data["identity"].values <= 1e-14)
-    return data, history_summary(folder / "a.nc")
+    return data, text_of(folder / "a.nc")
 
 
 def test_rail_through_a_year(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""What the page has of friction laws: curves to draw, and the shape with its parameters, which sliders move."""
+"""What the page has of friction laws: curves to draw, and the pieces by which it solves; it knows no law by name."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import DOWN, UP
-from tcstudy.laws.shapes import SHAPES, STIFFNESS, TRACTION
 from tcstudy.reports.figures.law import curves, slip_range
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.picture import LineFields
@@ -18,10 +17,6 @@ from tcstudy.scene.study import Study
 
 SAMPLES, DECAYS = 60, 6.0
 """Points on a curved piece, and how many decay lengths of a law are drawn."""
-
-
-INTERFACES = ("elastic-plastic", "bilinear", "trapezoidal", "trilinear")
-"""Shapes that the page moves by their points."""
 
 
 def law_part(study: Study | None) -> Json | None:
@@ -73,7 +68,7 @@ def node_part(study: Study | None, line: LineFields, box: Container) -> Json:
 
 
 def drawn(law: Laws) -> Json:
-    """A law as polylines and jumps; `spec` has its parameters, None if they cannot be told."""
+    """A law as polylines and jumps, and as the pieces that it is made of, by which the page solves."""
     reach = slip_range(law, DECAYS)
     # a law without a length of its own is straight as far as one looks
     drawn = [[s.tolist(), b.tolist()] for s, b in curves(law, reach or 1.0, SAMPLES)]
@@ -82,23 +77,7 @@ def drawn(law: Laws) -> Json:
         for k in range(len(law.kinks))
         if law.kinds[k] in (UP, DOWN)
     ]
-    return {"name": law.name, "omega": law.omega, "reach": reach, "curves": drawn, "jumps": jumps, "spec": spec(law)}
-
-
-def spec(law: Laws) -> Json | None:
-    """{"law": shape, parameters} as `lawOf` in laws.js takes them; None for what it cannot build."""
-    made = law.made
-    if made is None:
-        return None
-    if made.shape in INTERFACES:  # through 0, without a jump
-        points = [(s, b) for s, b in zip(law.kinks.tolist(), law.b_right.tolist(), strict=True) if s > 0.0]
-        return {"law": "piecewise-linear", "points": [[0.0, 0.0], *map(list, points)], "slope": float(law.q[-1])}
-    tractions = {key.name for key in SHAPES[made.shape].parameters if key.dimension in (TRACTION, STIFFNESS)}
-    values = {name: value * made.strength if name in tractions else value for name, value in made.values.items()
-              if value is not None}  # fmt: skip
-    if "points" in values:
-        if not values.pop("odd"):
-            return None
-        values["points"] = [[s, b * made.strength] for s, b in values["points"]]
-        values.setdefault("slope", 0.0)
-    return {"law": made.shape, **values}
+    numbers = (law.kinks, law.kinds, law.s_0, law.b_0, law.q, law.a, law.r)
+    pieces = dict(zip(("kinks", "kinds", "s0", "b0", "q", "a", "r"), (one.tolist() for one in numbers), strict=True))
+    return {"name": law.name, "omega": law.omega, "reach": reach, "curves": drawn, "jumps": jumps,
+            "pieces": pieces if law.a_2 is None else None}  # fmt: skip

@@ -1,4 +1,4 @@
-"""What the page has of a run: axes, numbers of every point and level, reasons."""
+"""What the page has of a run: axes, numbers of every point and level, reasons; of a history totals of its points."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from tcstudy.data.records import PointStatus
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.stored import Stored
 from tcstudy.reports.text import named, study_unit
-from tcstudy.reports.verdict import verdict
 
 ROOM_FOR_DOUBLES = 300_000
 """Bytes of numbers up to which the page has all digits; beyond it has seven (the energy always has all)."""
@@ -25,6 +24,8 @@ QUANTITIES = (
 )  # fmt: skip
 """Numbers by sweep point and level in the order in which they are offered; after the first come those asked for."""
 
+SUMS = ("dissipated", "released", "work", "jumps")
+"""Numbers of which a point of a history has the sum over its steps."""
 FLAGS = ("status", "unique", "strict_minimum", "global_minimum", "heat_status", "start_used", "complete")
 LEVEL_NUMBERS = ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble")
 
@@ -41,8 +42,6 @@ def run_part(stored: Stored, box: Container) -> Json:
         name for name in (QUANTITIES[0], *requested, *QUANTITIES[1:]) if name in data and np.isfinite(flat(name)).any()
     ]
     kind = "f8" if data["status"].size * len(names) * 8 <= ROOM_FOR_DOUBLES else "f4"
-    told = verdict(stored.path)
-    geometries = f"{len(stored.homes)} geometries: " if stored.homes else ""
     return {
         **sweep_of(data),
         "levels": level_numbers(data),
@@ -60,7 +59,36 @@ def run_part(stored: Stored, box: Container) -> Json:
         **reasons(flat("reason"), box),
         "starts": [str(one) for one in data["start"].values],
         "start_energy": box.array(flat("start_energy"), "f8"),
-        "verdict": told | {"text": geometries + told["text"]},
+    }
+
+
+def history_run(data: Any, box: Container) -> Json:
+    """Totals of every point of a history in the form of a run of one level."""
+
+    def flat(name: str) -> Any:
+        return by_point(data[name], data)
+
+    solved = flat("status") == int(PointStatus.OK)
+    done, whole = solved.any(axis=1), solved.all(axis=1)
+    totals = {name: np.where(done, np.where(solved, flat(name), 0).sum(axis=1), np.nan) for name in SUMS}
+    totals["u_T_max"] = np.where(done, np.where(solved, flat("u_T_max"), 0.0).max(axis=1), np.nan)
+    about = {name: data[name].attrs for name in totals} | {"steps": {"long_name": "steps solved", "units": "1"}}
+    totals["steps"] = np.count_nonzero(solved, axis=1) - 1.0
+    judged = solved[:, 1:]  # nothing is proved of step 0, from which the others go on
+    flags = {name: np.where(judged, flat(name)[:, 1:], 1).min(axis=1) for name in FLAGS[1:] if name in data}
+    flags["status"] = np.where(whole, int(PointStatus.OK), int(PointStatus.NOT_CONVERGED))
+    return {
+        **sweep_of(data),
+        "levels": {name: [values] for name, values in level_numbers(data).items()},
+        "stop": [],
+        "numbers": {
+            name: {"long_name": about[name]["long_name"], "units": about[name]["units"], "v": box.array(values)}
+            for name, values in totals.items()
+        },
+        "flags": {name: box.array(values, "i1") for name, values in flags.items()},
+        **reasons(flat("reason")[:, None], box),
+        "starts": [],
+        "start_energy": None,
     }
 
 

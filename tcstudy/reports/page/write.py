@@ -4,29 +4,28 @@ from __future__ import annotations
 
 import html
 import json
-from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
 from tcstudy.data.files import check_writable, replace_file
 from tcstudy.data.provenance import remarks_of
-from tcstudy.data.reading import asked, reading
+from tcstudy.data.reading import asked, each_point, reading
 from tcstudy.errors import PageError, tell
 from tcstudy.reports import sentences
 from tcstudy.reports.page.container import Container, Json
-from tcstudy.reports.page.history_part import history_content
+from tcstudy.reports.page.kinds import convergence_parts, cost_parts, fit_sections, history_parts, path_sections
 from tcstudy.reports.page.law_part import law_part
-from tcstudy.reports.page.other_part import convergence_part, cost_part, fit_part, path_part
+from tcstudy.reports.page.parts import section
 from tcstudy.reports.page.point_part import body_part, drawn_level, line_part, live_part, shape
-from tcstudy.reports.page.run_part import level_numbers, run_part, time_of_levels
+from tcstudy.reports.page.run_part import history_run, level_numbers, run_part, time_of_levels
 from tcstudy.reports.page.stored import Stored, read
 from tcstudy.reports.terminal.path_summary import STATES
+from tcstudy.reports.terminal.summary import verdict_of
 from tcstudy.scene.key import GREEK, symbol
 from tcstudy.scene.keys import ROWS
 
-SCRIPTS = ("format.js", "charts.js", "laws.js", "solver.js", "parts.js", "run.js", "point.js", "live.js", "others.js",
-           "history.js", "fit.js", "main.js")  # fmt: skip
+SCRIPTS = ("format", "charts", "controls", "parts", "run", "point", "laws", "solver", "live", "main")
 
 AIM = 1_900_000
 """Bytes that a page should not exceed: it still travels by mail and opens at once on a phone."""
@@ -114,11 +113,14 @@ def _has(stored: Stored, part: str) -> bool:
 def page(stored: Stored, without: tuple[str, ...] = ()) -> str:
     """The whole page as text."""
     box = Container()
+    verdict, how, ok = verdict_of(stored.data, stored.kind, stored.path)
+    verdict = f"{len(stored.homes)} geometries: {verdict}" if stored.homes else verdict
     header = {**_about(stored), **_content(stored, without, box), "without": list(without)}
+    header["verdict"] = {"text": verdict, "how": how, "ok": ok}
     assets = resources.files("tcstudy.reports.page") / "assets"
     shell = (assets / "shell.html").read_text(encoding="utf-8")
-    scripts = "\n".join((assets / name).read_text(encoding="utf-8") for name in SCRIPTS)
-    verdict, told = header[stored.kind]["verdict"]["text"], map(str, remarks_of(stored.data.attrs))
+    scripts = "\n".join((assets / f"{name}.js").read_text(encoding="utf-8") for name in SCRIPTS)
+    told = map(str, remarks_of(stored.data.attrs))
     for mark, text in (
         ("<!--title-->", html.escape(str(header["title"]))),
         ("<!--verdict-->", html.escape(verdict)),
@@ -141,7 +143,7 @@ def _about(stored: Stored) -> Json:
         "unit_system": str(attrs["unit_system"]),
         "solver": str(attrs["solver"]),
         "states": STATES,
-        "proofs": sentences.PROVED,
+        "proofs": sentences.PROVED_STEPS if stored.kind == "history" else sentences.PROVED,
         "symbols": {name: symbol(name) for name in names if name.partition("_")[0] in GREEK}
         | {name: name for name in asked(stored.data)},
         "tolerance": float(attrs["solver_tolerance"]),
@@ -153,15 +155,22 @@ def _about(stored: Stored) -> Json:
 
 
 def _content(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
-    parts: dict[str, Callable[[], Json]] = {
-        "convergence": lambda: {"convergence": convergence_part(stored, box)},
-        "cost": lambda: {"cost": cost_part(stored)},
-        "path": lambda: {"path": path_part(stored, box), "laws": law_part(stored.study)},
-        "history": lambda: history_content(stored, without, box),
-        "fit": lambda: {"fit": fit_part(stored.data, box)},
-        "run": lambda: _run_content(stored, without, box),
-    }
-    return parts[stored.kind]()
+    match stored.kind:
+        case "convergence":
+            return {
+                "sections": [section("Convergence over the levels", "main-part", *convergence_parts(stored.data, box))]
+            }
+        case "cost":
+            return {"sections": [section("Accuracy against cost", "errors", *cost_parts(stored.data, box))]}
+        case "path":
+            return {"sections": path_sections(stored, box)}
+        case "fit":
+            return {"sections": fit_sections(stored.data, box)}
+        case "history":
+            data = stored.data
+            steps = [history_parts(stored, data.isel(where), without, box) for where in each_point(data)]
+            return {"run": history_run(data, box), "steps": steps, **shape(stored.study)}
+    return _run_content(stored, without, box)
 
 
 def _run_content(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
@@ -178,8 +187,12 @@ def _run_content(stored: Stored, without: tuple[str, ...], box: Container) -> Js
         level = str(live["level"])
         if level not in content["lines"]:
             content["lines"][level] = line_part(stored, live["level"], box)
+    measured = {"convergence": ("Measured convergence (tcstudy converge)", convergence_parts),
+                "cost": ("Accuracy against cost (tcstudy cost)", cost_parts)}  # fmt: skip
+    content["beside"] = []
     for other in stored.beside:
-        content[other.kind] = convergence_part(other, box) if other.kind == "convergence" else cost_part(other)
+        title, parts = measured[other.kind]
+        content["beside"].append(section(title, other.kind, *parts(other.data, box)))
     return content
 
 

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tcstudy.data.measured import ERRORS, NUMBERS, VERDICTS, Measure
-from tcstudy.data.reading import axis_names, each_point
+from tcstudy.data.reading import axis_names, by_point, each_point
 from tcstudy.data.records import PointStatus
-from tcstudy.data.store import load_root
 from tcstudy.reports import sentences
 from tcstudy.reports.select_point import Value, axis_labels, describe, locate
-from tcstudy.reports.terminal.tables import Heading, Part, Table, render
+from tcstudy.reports.terminal.tables import Heading, Part, Table
 from tcstudy.reports.text import headed, number, prefix
 
 GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
@@ -44,21 +42,12 @@ STEADY = 1e-12
 """Relative uncertainty that is rounding and not worth a word."""
 
 
-def convergence_report(
-    path: Path, form: str = "text", point: Mapping[str, Value] | None = None, full: bool = True
-) -> str:
-    """The report in one of tables.FORMATS, from the file alone.
+def parts(data: Any, point: Mapping[str, Value] | None = None, full: bool = True) -> Iterator[Part]:
+    """Everything the report says, in order. Raises DrawError if there is no such point.
 
     point: the sweep point whose tables to show;  full: the tables of every point where none is named, else of a sweep
            the orders alone
-
-    Raises StoreError if it is no such file, DrawError if it has no such point.
     """
-    return render(list(parts(load_root(path), point, full)), form)
-
-
-def parts(data: Any, point: Mapping[str, Value] | None = None, full: bool = True) -> Iterator[Part]:
-    """Everything the report says, in order."""
     yield Heading(f"Convergence: {data.attrs['title']}", 1)
     yield f"Reference: {data.attrs['reference']}."
     yield _levels(data)
@@ -67,17 +56,33 @@ def parts(data: Any, point: Mapping[str, Value] | None = None, full: bool = True
         yield from _overview(data, points)
         points = []
     for where in points:
-        at = data.isel(where)
         if where:
             yield Heading(describe(data, where))
-        if names := _shown(at):
-            yield _errors(at, names, str(data.attrs["reference"]).split(" (")[0])
-        if measures := [m for m in NUMBERS if f"value_{m.name}" in at and np.isfinite(at[f"value_{m.name}"]).any()]:
-            yield _numbers(at, measures)
+        yield from tables(data.isel(where))
     if points:
         yield LEGEND
-    for note in filter(None, str(data.attrs["notes"]).split("\n")):
-        yield f"Note: {note}"
+    yield from notes(data)
+
+
+def notes(data: Any) -> list[str]:
+    """What the file notes of how it was measured."""
+    return [f"Note: {note}" for note in str(data.attrs["notes"]).split("\n") if note]
+
+
+def tables(at: Any) -> Iterator[Table]:
+    """The tables of a sweep point."""
+    if names := _shown(at):
+        yield _errors(at, names, str(at.attrs["reference"]).split(" (")[0])
+    if measures := [m for m in NUMBERS if f"value_{m.name}" in at and np.isfinite(at[f"value_{m.name}"]).any()]:
+        yield _numbers(at, measures)
+
+
+def verdict(data: Any) -> tuple[str, str, bool]:
+    """How many orders are as expected, how that is known, and whether all is well."""
+    found = [(m.symbol, VERDICTS[int(v)]) for m in ERRORS if shown(data, m.name)
+             for v in by_point(data[f"verdict_{m.name}"], data)]  # fmt: skip
+    solved = bool(np.all(data["status"].values == int(PointStatus.OK)))
+    return sentences.orders(found, solved) + ".", "", solved and all(verdict != "slower" for _, verdict in found)
 
 
 def shown(at: Any, name: str) -> bool:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,10 +12,10 @@ import numpy as np
 from tcstudy.accuracy.rates import dominated
 from tcstudy.data.measured import MEASURES, STAGES
 from tcstudy.data.records import PointStatus
-from tcstudy.data.store import load_root
 from tcstudy.errors import DrawError
 from tcstudy.reports.sentences import percent
-from tcstudy.reports.terminal.tables import Heading, Part, Table, render
+from tcstudy.reports.terminal.convergence import notes
+from tcstudy.reports.terminal.tables import Heading, Part, Table
 from tcstudy.reports.text import counted
 
 SYMBOLS = {measure.name: measure.symbol for measure in MEASURES}
@@ -221,18 +220,9 @@ def seconds(time: float) -> str:
     return f"{time:.2g} s" if time < 99.5 else f"{time:.0f} s"
 
 
-def cost_report(path: Path, form: str = "text", measure: str | None = None) -> str:
-    """The report in one of tables.FORMATS, from the file alone.
-
-    measure: name of the error, by default that of u in energy. Raises StoreError if `path` is no such file, DrawError
-    if it has no such error.
-    """
-    data = load_root(path, "cost")
-    return render(list(parts(data, measure_of(data, measure))), form)
-
-
-def parts(data: Any, measure: str) -> Iterator[Part]:
-    """Everything the report says, in order."""
+def parts(data: Any, wanted: str | None = None) -> Iterator[Part]:
+    """Everything the report says, in order, of an error as of `measure_of`. Raises DrawError."""
+    measure = measure_of(data, wanted)
     found = settings(data, measure)
     yield Heading(f"Accuracy against cost: {data.attrs['title']}", 1)
     where = f"Scene: {data.attrs['point']}. " if data.attrs["point"] else ""
@@ -249,8 +239,14 @@ def parts(data: Any, measure: str) -> Iterator[Part]:
     header = ("meshes", "level", "solver", "error", "time [s]", *(f"{stage} [s]" for stage in STAGES))
     yield Table("Worth their cost: nothing measured is both faster and more accurate", header, tuple(rows))
     yield from advice(found)
-    for note in filter(None, str(data.attrs["notes"]).split("\n")):
-        yield f"Note: {note}"
+    yield from notes(data)
+
+
+def verdict(data: Any) -> tuple[str, str, bool]:
+    """What to take of the settings measured."""
+    held = [m.name for m in MEASURES if f"error_{m.name}" in data]
+    told = advice(settings(data, measure_of(data, None))) if held else ["Nothing was measured."]
+    return " ".join(told), "", True
 
 
 def _measured(found: Sequence[Setting], solvers: Sequence[str], symbol: str) -> Table:

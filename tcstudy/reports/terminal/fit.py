@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.store import load_root
-from tcstudy.reports.terminal.tables import plain_table
+from tcstudy.reports.terminal.tables import Heading, Part, Table
 from tcstudy.reports.text import counted, number, prefix, with_unit
 
 WIDE = 1.0
@@ -22,48 +21,31 @@ of one number."""
 COARSE = 0.15
 """Change on a mesh of half the size, in standard errors, above which the mesh is too coarse: as much again may be left,
 and intervals of 95 % that lie 0.3 standard errors off hold the truth in 94 %, beyond it in fewer and fewer."""
-ABOUT = (
-    *("compare", "loss", "data_file", "data_sha256", "known_noise", "chi_square", "degrees_of_freedom"),
-    *("fit_probability", "runs", "runs_probability", "information_criterion", "not_determined", "determined"),
-    *("solves", "evaluations", "message", "starts", "starts_tried", "starts_failed", "start_failure", "noise_assumed"),
-)
-"""Attributes of a file that are told of it as they are."""
 BAND = 1.96
 """Half width of a band of 95 % in standard errors."""
 
 
-def fit_summary(path: Path) -> str:
-    """What a fit found; raises StoreError."""
-    data = load_root(path, "fit")
-    parts = [data.attrs["title"], _estimates(data), *_said(data), _starts(data)]
-    return "\n\n".join(part for part in parts if part)
+def parts(data: Any) -> Iterator[Part]:
+    """What a fit found: its numbers, what speaks for and against them, where other starts end."""
+    yield Heading(str(data.attrs["title"]), 1)
+    yield _estimates(data)
+    yield "\n".join(f"  {line}" for line in [*(told for told, _ in fit_doubts(data)), _work(data)])
+    yield from _starts(data)
 
 
-def fit_brief(path: Path) -> dict[str, Any]:
-    """The object of --json, in SI units, with the sentence of --quiet as its `verdict`. Raises StoreError."""
-    data = load_root(path, "fit")
-    names, units = ([str(x) for x in data[key].values] for key in ("parameter", "parameter_units"))
-    told, words = {}, []
-    for i, name in enumerate(names):
-        told[name] = {"units": units[i]} | {
-            key: data[key].values[i].tolist()
-            for key in ("estimate", "standard_error", "interval", "mesh_shift", "at_bound", "parameter_within")
-            if key in data
-        }
-        estimate, error = float(data["estimate"][i]), float(data["standard_error"][i])
-        divisor, unit = prefix([estimate], units[i])
-        spread = f" ± {number(error / divisor, 2)}" if np.isfinite(error) else ""
-        words.append(f"{name} = {number(estimate / divisor)}{spread} {unit}".removesuffix(" 1"))
+def verdict(data: Any) -> tuple[str, str, bool]:
+    """The numbers with their standard errors, and what speaks against them."""
+    found = []
+    columns = (data[key].values for key in ("parameter", "parameter_units", "estimate", "standard_error"))
+    for name, units, estimate, error in zip(*columns, strict=True):
+        divisor, unit = prefix([float(estimate)], str(units))
+        spread = f" ± {number(float(error) / divisor, 2)}" if np.isfinite(error) else ""
+        found.append(f"{name} = {number(float(estimate) / divisor)}{spread} {unit}".removesuffix(" 1"))
     doubts = [said for said, doubt in fit_doubts(data) if doubt]
-    about = {key: data.attrs[key] for key in ABOUT if key in data.attrs}
-    found = {"title": str(data.attrs["title"]), "verdict": "; ".join([", ".join(words), *doubts]), "parameters": told}
-    lists = {key: data[key].values.tolist() for key in ("covariance", "singular_value", "singular_vector")}
-    kept = ("start_cost", "start_count", "start_estimate", "start_evaluations")
-    starts = {key: data[key].values.tolist() for key in kept if key in data}
-    return found | lists | starts | about
+    return "; ".join([", ".join(found), *doubts]), "", not doubts
 
 
-def _estimates(data: Any) -> str:
+def _estimates(data: Any) -> Table:
     """A row for each number, with its correlations."""
     names = [str(name) for name in data["parameter"].values]
     correlations, lost = correlation(data), ("not determined", "on its bound")
@@ -79,7 +61,7 @@ def _estimates(data: Any) -> str:
     header = ["number", "estimate", "standard error", "95 % interval", "unit"]
     header += [f"corr. {k + 1}" for k in range(len(names))]
     last = len(header) - 1  # nothing stands above the diagonal
-    return plain_table(header[:last], [row[:last] for row in rows])
+    return Table("", tuple(header[:last]), tuple(tuple(row[:last]) for row in rows))
 
 
 def columns(data: Any) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
@@ -144,16 +126,15 @@ def fit_doubts(data: Any) -> list[tuple[str, bool]]:
     return [*found, (told, p < DOUBT)]
 
 
-def _said(data: Any) -> list[str]:
-    """The same as lines, and how much work the fit was."""
+def _work(data: Any) -> str:
+    """How much work the fit was."""
     about, n = data.attrs, data.sizes["row"]
     evaluations, solves = int(about["evaluations"]), int(about["solves"])
     what = "paths followed" if about["compare"] == "orthogonal" else "contact problems solved"
-    work = (
+    return (
         f"{n} data ({about['data_file']}), {about['compare']}, {counted(evaluations, 'evaluation')}, {solves} {what} "
         f"in all; AICc {number(float(about['information_criterion']), 5)}"
     )
-    return ["\n".join(f"  {line}" for line in [*(told for told, _ in fit_doubts(data)), work])]
 
 
 def _mesh(data: Any) -> list[tuple[str, bool]]:
@@ -189,16 +170,15 @@ def _tried(data: Any) -> list[tuple[str, bool]]:
     return [(told, False), (f"{names} with the data about as well as the lowest", True)]
 
 
-def _starts(data: Any) -> str:
+def _starts(data: Any) -> Iterator[Table]:
     """Other minima, if several starts found any."""
     if data.sizes.get("start", 1) < 2:
-        return ""
+        return
     rows = []
     for k in range(data.sizes["start"]):
         found = zip(data["start_estimate"].values[k], data["parameter_units"].values, strict=True)
         count = [str(int(data["start_count"][k]))] if "start_count" in data else []
         cost = number(2.0 * float(data["start_cost"][k]), 4)
-        rows.append([*count, cost, *(with_unit(x, str(units)) for x, units in found)])
-    title = "  Distinct minima that starts end in; the first is the lowest:"
-    header = [*(["starts"] if "start_count" in data else []), "Σ r²", *map(str, data["parameter"].values)]
-    return f"{title}\n\n" + plain_table(header, rows)
+        rows.append((*count, cost, *(with_unit(x, str(units)) for x, units in found)))
+    header = (*(["starts"] if "start_count" in data else []), "Σ r²", *map(str, data["parameter"].values))
+    yield Table("Distinct minima that starts end in; the first is the lowest:", header, tuple(rows))

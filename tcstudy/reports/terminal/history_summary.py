@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.reading import asked, each_point
+from tcstudy.data.reading import asked, by_point, each_point
 from tcstudy.data.records import PointStatus
-from tcstudy.data.store import load_root
 from tcstudy.reports.select_point import describe
-from tcstudy.reports.sentences import SAME, CycleChange, cycle_change
-from tcstudy.reports.terminal.tables import plain_table
+from tcstudy.reports.sentences import KINDS, SAME, CycleChange, cycle_change
+from tcstudy.reports.terminal.tables import Heading, Part, plain_table
 from tcstudy.reports.text import counted, digits_lost, headed, number, prefix, proved
 
 Array = NDArray[np.float64]
@@ -41,24 +40,41 @@ ROUNDING = 1e-10
 """What is smaller than this part of what the history reaches is rounding, and reads 0."""
 
 
-def history_summary(path: Path, every_row: bool = False) -> str:
-    """What a history's file holds. Raises StoreError.
-
-    every_row: all steps of all cycles and points
-    """
-    data = load_root(path, "history")
+def parts(data: Any, every_row: bool = False) -> Iterator[Part]:
+    """What a history's file holds; every_row: all steps of all cycles and points."""
     points = each_point(data)
     shown = points if every_row else points[:MOST_POINTS]
-    parts = [str(data.attrs["title"]), _head(data)]
+    yield Heading(str(data.attrs["title"]), 1)
+    yield _head(data)
     for where in shown:
-        name = describe(data, where)
-        lines = _of_point(data.isel(where), every_row or len(points) == 1, every_row)
-        parts.append("\n".join([f"  {name}", *lines] if name else lines))
+        name, part = describe(data, where), data.isel(where)
+        table = [_table(part, every_row)] if every_row or len(points) == 1 else []
+        yield "\n".join([*([f"  {name}"] if name else []), *table, *(f"  {one}" for one in sentences_of(part))])
     if ended := int(np.count_nonzero(data["reason"].values != "")):
-        parts.append(f"  {ended} of {len(points)} histories ended early")
+        yield f"  {ended} of {len(points)} histories ended early"
     if len(shown) < len(points):
-        parts.append(f"  … {len(points) - len(shown)} more points; --verbose shows all")
-    return "\n\n".join(parts)
+        yield f"  … {len(points) - len(shown)} more points; --verbose shows all"
+
+
+def verdict(data: Any) -> tuple[str, str, bool]:
+    """How far the histories were followed, what jumps, what a cycle changes, how exact it is."""
+    solved = by_point(data["status"], data) == int(PointStatus.OK)
+    points, steps = solved.shape
+    whole, changes = int(np.count_nonzero(solved.all(axis=1))), [last_change(data.isel(w)) for w in each_point(data)]
+    what = f"{counted(steps - 1, 'step')} in {counted(int(data['cycle'].max()), 'cycle')}"
+    if points == 1:
+        done, reason = int(np.count_nonzero(solved)) - 1, data["reason"].values.item()
+        parts = [f"All {what} solved" if whole else f"{max(done, 0)} of {what} solved, then: {reason}"]
+        parts += [changes[0].words] if changes[0].words else []
+    else:
+        parts = [f"{whole} of {points} histories of {what} followed to their end"]
+        kinds = [change.kind for change in changes if change.kind]
+        parts += [", ".join(f"{kinds.count(kind)} {KINDS[kind]}" for kind in dict.fromkeys(kinds))] if kinds else []
+    jumps = int(np.where(solved, by_point(data["jumps"], data), 0).sum())
+    parts.append(counted(jumps, "jump") if jumps else "no jumps")
+    worst = by_point(data["inclusion_residual"], data)[solved]
+    parts += [f"worst residual {number(float(worst.max()), 2)}"] if len(worst) else []
+    return "; ".join(parts) + ".", "", whole == points
 
 
 def _head(data: Any) -> str:
@@ -77,11 +93,6 @@ def _head(data: Any) -> str:
 def _loads(data: Any) -> list[str]:
     """Names of the loads that change."""
     return str(data.attrs["loads"]).split()
-
-
-def _of_point(part: Any, table: bool, all_cycles: bool) -> list[str]:
-    """The lines of one point."""
-    return [*([_table(part, all_cycles)] if table else []), *(f"  {sentence}" for sentence in _sentences(part))]
 
 
 def _table(part: Any, all_cycles: bool) -> str:
@@ -141,7 +152,7 @@ def _slip_rounding(part: Any) -> float:
     return float(np.nanmax(part["inclusion_rounding"].values)) * traction / margin
 
 
-def _sentences(part: Any) -> list[str]:
+def sentences_of(part: Any) -> list[str]:
     """Change from cycle to cycle, energies, and why the history ended early."""
     found = []
     status = part["status"].values

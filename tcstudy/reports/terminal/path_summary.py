@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.store import load_root
+from tcstudy.reports import sentences
 from tcstudy.reports.sentences import closed_loop, equilibria_at, state_taken
-from tcstudy.reports.terminal.tables import plain_table
+from tcstudy.reports.terminal.tables import Heading, Part, Table
 from tcstudy.reports.text import counted, digits_lost, headed, number, prefix, proved, with_unit
 
 MOST_ROWS = 60
@@ -33,11 +33,24 @@ def seen_folds(data: Any) -> tuple[NDArray[np.intp], int]:
     return vertices[large], int(np.count_nonzero(~large))
 
 
-def path_summary(path: Path) -> str:
-    """What a path's file holds: its extent and ends, the requested solutions, the loop; raises StoreError."""
-    data = load_root(path, "path")
-    parts = [data.attrs["title"], _path(data), _branches(data), _solutions(data), _loop(data)]
-    return "\n\n".join(part for part in parts if part)
+def parts(data: Any) -> Iterator[Part]:
+    """What a path's file holds: its extent and ends, the branches, the requested solutions, the loop."""
+    yield Heading(str(data.attrs["title"]), 1)
+    yield from filter(None, (_path(data), _branches(data)))
+    yield from _solutions(data)
+    yield from filter(None, (_loop(data),))
+
+
+def verdict(data: Any) -> tuple[str, str, bool]:
+    """Counts of what is on the path, and whether other branches may exist."""
+    low, high = sorted(float(x) for x in data.attrs["parameter_range"])
+    vertices, turns = seen_folds(data)
+    t = data["parameter"].values[vertices]
+    most = int(data["solution_count"].max()) if data.sizes.get("at", 0) else None
+    loops = int(data["branch_loop"].sum()) if "branch_loop" in data else None
+    counts = int(data.sizes["piece"]), int(data["stable"].sum()), int(np.count_nonzero((t >= low) & (t <= high))), turns
+    text = sentences.path(*counts, most, int(data.sizes.get("jump", 0)), float(data["residual"].max()), loops)
+    return text, sentences.WHOLE if int(data.get("complete", 0)) else sentences.CONNECTED, True
 
 
 def _path(data: Any) -> str:
@@ -99,10 +112,10 @@ def _branches(data: Any) -> str:
     return "\n".join(lines)
 
 
-def _solutions(data: Any) -> str:
+def _solutions(data: Any) -> Iterator[Table]:
     """One row per solution at the requested values."""
     if not data.sizes.get("at", 0):
-        return ""
+        return
     c = data["c"].values
     names = ("solution_parameter", "solution_energy", "solution_stable", "solution_lowest", "solution_residual")
     t, energy, stable, least, residual = (data[name].values if name in data else np.zeros(0) for name in names)
@@ -121,10 +134,9 @@ def _solutions(data: Any) -> str:
         rows.append(row)
     counts = zip(data["at"].values, data["solution_count"].values, strict=True)
     missing = [number(value / scales[0][0]) for value, count in counts if not count]
-    text = plain_table(header, rows)
-    if len(t) > MOST_ROWS:
-        text += f"\n  … {len(t) - MOST_ROWS} more solutions in the file"
-    return text + (f"\n  no solution on the path at {', '.join(missing)}" if missing else "")
+    notes = [f"… {len(t) - MOST_ROWS} more solutions in the file"] if len(t) > MOST_ROWS else []
+    notes += [f"no solution on the path at {', '.join(missing)}"] if missing else []
+    yield Table("", tuple(header), tuple(map(tuple, rows)), tuple(notes))
 
 
 def taken_state(data: Any) -> str:

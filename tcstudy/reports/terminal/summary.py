@@ -17,11 +17,22 @@ from tcstudy.data.provenance import kind_of
 from tcstudy.data.reading import GEOMETRIES, Unreadable, asked, axis_names, by_point, of_largest, probe, sweep_dims
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import LIMITED, OF_POLYGON, UNBALANCED
-from tcstudy.data.store import open_results
+from tcstudy.data.store import load_root, open_results
 from tcstudy.reports.select_point import Value, axis_labels, describe
 from tcstudy.reports.sentences import equilibria, locks, of_the_body
-from tcstudy.reports.terminal.tables import TextColumn, columns_table, fits, plain_table, split_table, wrapped
+from tcstudy.reports.terminal import convergence, cost, fit, history_summary, path_summary
+from tcstudy.reports.terminal.tables import (
+    Part,
+    TextColumn,
+    columns_table,
+    fits,
+    plain_table,
+    render,
+    split_table,
+    wrapped,
+)
 from tcstudy.reports.text import PROOFS, Failure, counted, digits_lost, failure_lines, headed, number, prefix, proved
+from tcstudy.reports.verdict import verdict as run_verdict
 
 NOT_SAID = ("start_energy", "start_used", "iterations", "evaluations", "omega", "uniqueness_margin")
 """Variables of which a summary says nothing: of a long sweep they need not be in memory."""
@@ -45,33 +56,39 @@ def text_of(
     full:  all rows, steps and tables;  form: one of tables.FORMATS, of a convergence or cost file
     point: of a convergence file, whose tables to show;  of: of a design, the number whose indices to show
     """
-    match kind_of(file):
-        case "convergence":
-            from tcstudy.reports.terminal.convergence import convergence_report
-
-            return convergence_report(file, form, point, full)
-        case "cost":
-            from tcstudy.reports.terminal.cost import cost_report
-
-            return cost_report(file, form)
-        case "path":
-            from tcstudy.reports.terminal.path_summary import path_summary
-
-            return wrapped(path_summary(file))
-        case "history":
-            from tcstudy.reports.terminal.history_summary import history_summary
-
-            return wrapped(history_summary(file, full))
-        case "fit":
-            from tcstudy.reports.terminal.fit import fit_summary
-
-            return wrapped(fit_summary(file))
+    kind = kind_of(file)
+    if kind != "run":
+        return render(list(parts_of(load_root(file), kind, full, point)), form)
     text = summary(file, None if full else MOST_ROWS)
     if of:
         from tcstudy.reports.terminal.indices import indices_text
 
         text += f"\n\n{indices_text(file, of)}"
     return text
+
+
+def verdict_of(data: Any, kind: str, path: Path) -> tuple[str, str, bool]:
+    """The sentence of a file of any kind, how what it says is known, and whether all is well."""
+    if kind == "run":
+        told = run_verdict(path)
+        return str(told["text"]), str(told["how"]), bool(told["ok"])
+    kinds = {"convergence": convergence, "cost": cost, "path": path_summary, "history": history_summary, "fit": fit}
+    found: tuple[str, str, bool] = kinds[kind].verdict(data)
+    return found
+
+
+def parts_of(data: Any, kind: str, full: bool = False, point: Mapping[str, Value] | None = None) -> Iterator[Part]:
+    """What is said of a file of any other kind than a run, whose root dataset is `data`."""
+    match kind:
+        case "convergence":
+            return convergence.parts(data, point, full)
+        case "cost":
+            return cost.parts(data)
+        case "path":
+            return path_summary.parts(data)
+        case "history":
+            return history_summary.parts(data, full)
+    return fit.parts(data)
 
 
 def summary(path: Path, most: int | None = MOST_ROWS) -> str:

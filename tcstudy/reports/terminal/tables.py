@@ -17,7 +17,8 @@ WIDTH = 110
 
 @dataclass(frozen=True)
 class Table:
-    """A table: caption, header and rows of equal length; `notes` stand below it.
+    """A table: caption, header and rows of equal length; `notes` stand below it. A text that is indented is a block
+    of lines.
 
     ranks: as of `plain_table`
     """
@@ -66,9 +67,11 @@ def _text(part: Part) -> str:
     if isinstance(part, Heading):
         return part.text if part.level == 1 else f"{part.text}\n{'─' * len(part.text)}"
     if isinstance(part, str):
-        return _filled(part, min(WIDTH, _width.get() or WIDTH), "  ")
+        block = part.startswith("  ")
+        return wrapped(part) if block else _filled(part, min(WIDTH, _width.get() or WIDTH), "  ")
     table = plain_table(part.header, part.rows, part.ranks)
-    return "\n".join([wrapped(f"  {part.caption}"), "", table, *(wrapped(f"  {note}") for note in part.notes)])
+    head = [wrapped(f"  {part.caption}"), ""] if part.caption else []
+    return "\n".join([*head, table, *(wrapped(f"  {note}") for note in part.notes)])
 
 
 def _filled(text: str, width: int, indent: str) -> str:

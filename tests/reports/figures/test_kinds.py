@@ -26,7 +26,8 @@ from tcstudy.reports.figures.sweep import SweepPicture, curves_figure, map_figur
 from tcstudy.reports.picture import read_picture
 from tcstudy.reports.sentences import different_energies
 from tcstudy.reports.stored_study import law_of_nodes
-from tcstudy.reports.terminal.path_summary import path_summary, seen_folds
+from tcstudy.reports.terminal.path_summary import seen_folds
+from tcstudy.reports.terminal.summary import text_of
 from tcstudy.scene.contact_states import ContactState, node_states
 from tcstudy.study.execute import execute
 from tcstudy.study.history_run import execute_history
@@ -282,7 +283,7 @@ def test_a_path_without_folds_loop_and_requests(pad: Path, tmp_path: Path) -> No
     execute_path(read_study_text(PLAIN), tmp_path / "plain.nc")
     picture(tmp_path / "plain.nc", tmp_path / "plain.png")
     assert (tmp_path / "plain.png").stat().st_size > 5_000
-    text, other = path_summary(pad), path_summary(tmp_path / "plain.nc")
+    text, other = text_of(pad), text_of(tmp_path / "plain.nc")
     rows = [line.split() for line in text.splitlines() if line.split()[3:4] in (["yes"], ["no"])]
     assert [row[0] for row in rows] == ["0.8"] * 3 + ["0.9"] * 5 + ["1"] * 3
     assert [row[4] for row in rows].count("yes") == 3

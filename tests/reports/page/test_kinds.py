@@ -9,40 +9,34 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from tcstudy.data.reading import by_point
 from tcstudy.reports.page import write
+from tcstudy.reports.page.parts import words
 from tcstudy.reports.page.stored import read
 from tcstudy.reports.page.write import write_page
-from tcstudy.reports.terminal.fit import prediction_error
 from tcstudy.reports.terminal.path_summary import STATES
 from tcstudy.scene.contact_states import ContactState
 from tests.reports.page.unpacked import data_of
 
 
 def test_a_history_has_its_steps_and_a_sweep_of_totals(history: Path) -> None:
-    found, data = data_of(write_page(history, history.with_suffix(".html")).path), xr.open_dataset(history)
-    steps, points = data.sizes["step"], 6
-    spent = next(one for one in found["history"]["numbers"] if one["name"] == "dissipated")
-    np.testing.assert_array_equal(spent["v"], data["dissipated"].values.reshape(points, steps))
+    found, data = data_of(write_page(history, history.with_suffix(".html")).path), read(history).data
+    u = by_point(data["u_T"], data)
     total = data["dissipated"].sum("step").values.ravel()
     np.testing.assert_allclose(found["run"]["numbers"]["dissipated"]["v"], total, rtol=1e-12)
     assert [axis["name"] for axis in found["run"]["axes"]] == ["tau", "E"]
-    line = found["history"]["line"]
-    slip = data["u_T"].values.reshape(points * steps, -1)
-    shown = line["u_T"]["rows"] * line["u_T"]["scale"][:, None]
-    assert np.max(np.abs(shown - slip)) <= 1e-4 * np.max(np.abs(slip))
-    assert found["history"]["verdict"]["text"].startswith("6 of 6 histories of 16 steps in 2 cycles followed")
-    data.close()
-
-
-def test_moves_of_a_history_are_those_of_its_slips(history: Path) -> None:
-    line, data = data_of(write_page(history, history.with_suffix(".html")).path)["history"]["line"], read(history).data
-    u = data["u_T"].values.reshape(6, data.sizes["step"], -1)
-    moved = np.diff(u, axis=1)
-    state = line["state"].reshape(u.shape)[:, 1:]
-    largest = np.abs(u).max(axis=(1, 2), keepdims=True)
-    assert np.all(state[moved > 1e-8 * largest] == 1)
-    assert np.all(state[moved < -1e-8 * largest] == 2)
-    assert np.all(state[np.abs(moved) < 1e-10 * largest] == 0)
+    for p, own in enumerate(found["steps"]):
+        (sheet,) = own["table"]
+        spent = next(one["v"] for one in sheet["columns"] if one["name"] == "dissipated")
+        np.testing.assert_array_equal(spent, by_point(data["dissipated"], data)[p])
+        line = own["point"][-1]["parts"][0]
+        shown = line["u_T"]["rows"] * line["u_T"]["scale"][:, None]
+        assert np.max(np.abs(shown - u[p])) <= 1e-4 * np.max(np.abs(u[p]))
+        moved, largest = np.diff(u[p], axis=0), np.abs(u[p]).max()
+        assert np.all(line["state"][1:][moved > 1e-8 * largest] == 1)
+        assert np.all(line["state"][1:][moved < -1e-8 * largest] == 2)
+        assert np.all(line["state"][1:][np.abs(moved) < 1e-10 * largest] == 0)
+    assert found["verdict"]["text"].startswith("6 of 6 histories of 16 steps in 2 cycles followed")
 
 
 def test_a_stopped_history_says_how_far_it_came(history: Path) -> None:
@@ -79,7 +73,7 @@ def test_every_geometry_has_its_own_line_and_body(pads: Path) -> None:
         largest = np.abs(own["lines"]["1"]["u_T"]["rows"] * own["lines"]["1"]["u_T"]["scale"][:, None]).max(axis=1)
         place = [q for q, other in enumerate(found["run"]["home"]) if other == home].index(p)
         assert largest[place] == pytest.approx(found["run"]["numbers"]["u_T_max"]["v"][p, 1], rel=1e-4)
-    assert "3 geometries: 6 of 6 solved" in found["run"]["verdict"]["text"]
+    assert "3 geometries: 6 of 6 solved" in found["verdict"]["text"]
 
 
 def test_states_of_nodes_stand_in_the_data(result: Path) -> None:
@@ -97,11 +91,16 @@ def test_states_of_nodes_stand_in_the_data(result: Path) -> None:
     tree.close()
 
 
-def test_a_fit_has_its_data_doubts_and_correlations(fitted: Path) -> None:
-    found, stored = data_of(write_page(fitted, fitted.with_suffix(".html")).path)["fit"], read(fitted).data
-    np.testing.assert_array_equal(found["data"]["residual"], stored["residual"].values)
-    np.testing.assert_array_equal(found["data"]["error"], prediction_error(stored))
-    assert [one["name"] for one in found["parameters"]] == ["friction.tau_s", "friction.delta"]
-    assert np.diag(found["correlation"]) == pytest.approx([1.0, 1.0])
-    assert [words.split()[0] for words, doubt in found["doubts"] if doubt] == ["mesh:"]  # one that is too coarse
-    assert found["verdict"]["text"].startswith("τ_s = 7.")
+def test_a_fit_has_its_data_and_doubts(fitted: Path) -> None:
+    found, stored = data_of(write_page(fitted, fitted.with_suffix(".html")).path), read(fitted).data
+    columns = {one["name"]: one["v"] for one in found["sections"][2]["parts"][0]["columns"]}
+    np.testing.assert_array_equal(columns["residual"], stored["residual"].values)
+    table, said = found["sections"][1]["parts"][:2]
+    assert [row[0] for row in table["rows"]] == ["friction.tau_s", "friction.delta"]
+    assert any(line.startswith("mesh:") for line in said["lines"])
+    assert found["verdict"]["text"].startswith("friction.tau_s = 7.")
+
+
+def test_labels_of_pictures_are_plain_text() -> None:
+    assert words(r"max $|u_T|$ of $\\bar\\theta$ [K]".replace("\\\\", "\\")) == "max |u_T| of θ̄ [K]"
+    assert words(r"$\int\xi\,$ds for \$5, $N^{-0.35}$") == "∫ξds for $5, N^-0.35"

@@ -1,4 +1,4 @@
-"""What a law was made of is told in the page, and every law is drawn."""
+"""The pieces of a law, by which the page solves, and its curves."""
 
 from pathlib import Path
 
@@ -9,61 +9,19 @@ import tcstudy
 from tcstudy.laws import composed
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.study import read_study_text
-from tcstudy.reports.page import law_part
 from tcstudy.reports.page.container import Container
-from tcstudy.reports.page.law_part import drawn, node_part, spec
+from tcstudy.reports.page.law_part import drawn, node_part
 from tcstudy.reports.picture import read_picture
-
-LAWS = [
-    {"law": "tresca", "tau": 4e7},
-    {"law": "slip-weakening", "tau_s": 4e7, "tau_k": 1e7, "delta": 4e-5},
-    {"law": "exponential", "a": 4e7, "b": 1e7, "delta": 1.5e-5},
-    {"law": "saw-tooth", "tau": 3.0, "delta": 0.1, "teeth": 4, "drop": 0.6, "decay": 0.8},
-    {"law": "saw-tooth", "tau": 3.0, "delta": 0.1, "teeth": 1, "drop": 0.6, "decay": 1.0},
-    {"law": "linear", "k": 5e9},
-]
+from tests.reports.figures.draw_cases import example_laws
 
 
-@pytest.mark.parametrize("wanted", LAWS, ids=lambda one: one["law"])
-def test_parameters_of_a_law_are_told(wanted: dict[str, object]) -> None:
-    law = SHAPES[str(wanted["law"])].build(**{k: v for k, v in wanted.items() if k != "law"})
-    found = spec(law)
-    assert found is not None
-    assert found["law"] == wanted["law"]
-    assert {k: pytest.approx(v, rel=1e-12) for k, v in wanted.items() if k != "law"} == {
-        k: v for k, v in found.items() if k != "law"
-    }
-
-
-def test_points_with_a_jump_are_told() -> None:
-    points = [[0.0, 4.0], [1.0, 4.0], [1.0, 1.0], [2.0, 3.0]]
-    found = spec(SHAPES["piecewise-linear"].build(points=points, slope=0.5))
-    assert found == {"law": "piecewise-linear", "points": points, "slope": 0.5}
-
-
-def test_laws_of_interfaces_are_told_by_their_points() -> None:
-    """Those that `lawOf` does not know by name, as every shape is known by it or told so."""
-    found = spec(SHAPES["bilinear"].build(tau=7e6, s0=4e-5, G_f=700.0).times(2.0))
-    assert found is not None
-    assert found["law"] == "piecewise-linear"
-    assert found["slope"] == 0.0
-    np.testing.assert_allclose(found["points"], [[0.0, 0.0], [4e-5, 1.4e7], [2e-4, 0.0]], rtol=1e-14)
-    script = (Path(law_part.__file__).parent / "assets" / "laws.js").read_text(encoding="utf-8")
-    known = script[script.index("const shapes = {") :]
-    assert [name for name in SHAPES if f'{name}"(' not in known and f"    {name}(" not in known] == [
-        *law_part.INTERFACES
-    ]
-
-
-def test_a_strength_scales_tractions_alone() -> None:
-    law = SHAPES["slip-weakening"].build(tau_s=4e7, tau_k=1e7, delta=4e-5).times(0.5)
-    assert spec(law) == {"law": "slip-weakening", "tau_s": 2e7, "tau_k": 5e6, "delta": 4e-5}
-
-
-def test_a_law_that_is_not_odd_has_no_parameters_but_is_drawn() -> None:
-    law = SHAPES["piecewise-linear"].build(points=[[-1.0, -2.0], [1.0, 5.0]], odd=False)
-    assert spec(law) is None
-    assert len(drawn(law)["curves"]) == len(law.kinks) + 1
+def test_its_pieces_are_the_law() -> None:
+    for law in example_laws():
+        found = drawn(law)["pieces"]
+        s = np.linspace(-3.0, 3.0, 61) * (law.s_scale or 1.0) + 1e-9 * (law.s_scale or 1.0)
+        k = np.searchsorted(found["kinks"], s)
+        s_0, b_0, q, a, r = (np.array(found[name])[k] for name in ("s0", "b0", "q", "a", "r"))
+        np.testing.assert_allclose(b_0 + q * (s - s_0) + a * np.exp(-r * (s - s_0)), law.b(s), rtol=1e-12)
 
 
 @pytest.mark.parametrize(("name", "parameters"), [("tresca", {"tau": 4e7}), ("linear", {"k": 5e9})])

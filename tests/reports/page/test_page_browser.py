@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 
 from tcstudy.cli import main
-from tcstudy.read.study import read_study_text
+from tcstudy.data.provenance import collect
+from tcstudy.data.store import write_record
+from tcstudy.read.study import read_study, read_study_text
 from tcstudy.reports.page.write import write_page
 from tcstudy.study.execute import execute
 from tests.reports.figures import draw_cases
 from tests.reports.page.browser import Browser, fragment, missing, text_of
 from tests.reports.page.conftest import STUDY
+from tests.reports.terminal.test_cost import made
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 LEVEL = ("mesh.levels=1", "output.fields=false")
@@ -148,43 +151,37 @@ path: {parameter: boundary.top.u_x, from: 0, to: 0.2, at: [0.1]}
 def test_files_of_converge_cost_and_path_and_those_beside_a_run(shown: Browser, tmp_path: Path) -> None:
     study = tmp_path / "strip.yaml"
     study.write_text(SMALL, encoding="utf-8")
+    write_record(tmp_path / "strip.cost.nc", read_study(study), made(), collect(read_study(study), ["tcstudy"]))
     names = {"run": "strip.nc", "converge": "strip.convergence.nc", "path": "strip-path.nc", "cost": "strip.cost.nc"}
-    for command, name in names.items():
+    for command, name in list(names.items())[:3]:
         word, more = ("run", []) if command == "path" else (command, ["--set=path=null"])
         assert main([word, str(study), "--output", str(tmp_path / name), *more]) == 0
     for command, name in names.items():
         shown.open(write_page(tmp_path / name, tmp_path / f"{name}.html").path)
         assert shown.run("return document.querySelectorAll('main svg').length") > 1
         if command == "run":
-            assert "Orders of convergence" in text_of(shown, "#accuracy")
-            assert "Error against wall time" in text_of(shown, "#accuracy")
+            assert "Measured convergence" in text_of(shown, "#accuracy")
+            assert "Accuracy against cost" in text_of(shown, "#accuracy")
     assert shown.complaints() == []
 
 
-def test_sliders_and_dragged_points_solve_again(shown: Browser, live_page: Path) -> None:
+def test_sliders_solve_again(shown: Browser, live_page: Path) -> None:
+    move = (
+        "const slider = document.querySelector(`input[aria-label='${arguments[0]}']`); slider.value = arguments[1];"
+        "slider.dispatchEvent(new Event('input')); TC.live.show(TC.live.point);"
+        "return TC.live.answer && Math.max(...TC.live.answer.v);"
+    )
     shown.open(live_page, "#mode=live&at=0,0")
     assert "only solution" in text_of(shown, "main")
     before = shown.run("return Math.max(...TC.live.answer.v)")
-    shown.run(
-        "const slider = document.querySelector('input[aria-label=\"load factor\"]'); slider.value = 400;"
-        "slider.dispatchEvent(new Event('input')); TC.live.show(TC.live.point);"
-    )
-    pulled = shown.run("return Math.max(...TC.live.answer.v)")
+    pulled = shown.run(move, "loads ×", 400)
     assert pulled > before
     shown.run("return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")  # the address
-    assert '"factor":3' in fragment(shown)["set"]
-    shown.run("document.querySelector('[aria-label=points]').click(); TC.live.show(TC.live.point);")
-    assert shown.run("return Math.max(...TC.live.answer.v)") == pytest.approx(pulled, rel=1e-9)
-    shown.run(
-        "const box = document.querySelector('[data-handle]'), at = box.getBoundingClientRect();"
-        "box.dispatchEvent(new PointerEvent('pointerdown', {clientX: at.x, clientY: at.y, bubbles: true}));"
-        "window.dispatchEvent(new PointerEvent('pointermove', {clientX: at.x, clientY: at.y + 60}));"
-        "window.dispatchEvent(new PointerEvent('pointerup', {})); TC.live.show(TC.live.point);"
-    )
-    assert shown.run("return TC.live.set.law.points[0][1]") < 4e7
+    assert fragment(shown)["set"] == "3,1,1"
+    assert shown.run(move, "friction ×", 400) < pulled
     assert shown.run("return TC.live.answer.residual") < 1e-10
-    shown.run("TC.live.set.law.points = [[0, 4e7], [1e-6, 4e7], [1e-6, 1e7]]; TC.live.show(TC.live.point);")
-    assert "not solved here: ω is not below λ₁" in text_of(shown, "main")
+    shown.open(live_page, "#mode=live&at=0,1&set=1,1,0.125")
+    assert "not solved here" in text_of(shown, "main")
     assert shown.run("return TC.live.answer") is None
     assert shown.complaints() == []
 

@@ -14,7 +14,8 @@ from tcstudy.errors import DrawError
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.draw import Wanted, picture
-from tcstudy.reports.terminal.convergence import _fixed, _uncertain, convergence_report
+from tcstudy.reports.terminal.convergence import _fixed, _uncertain
+from tcstudy.reports.terminal.summary import text_of
 from tests.reports.figures.draw_cases import LOOKS, off_the_page
 
 STUDY = read_study_text("""\
@@ -87,7 +88,7 @@ def test_the_file(file):
 
 
 def test_the_tables(file):
-    text = convergence_report(file)
+    text = text_of(file, True)
     assert "reference: level 9, the finest" in text
     assert "3.000e-01" in text
     assert "(1.500e-01)" in text  # did not converge
@@ -98,7 +99,7 @@ def test_the_tables(file):
     assert "5.000 ± 0.01" in text
     assert "Note: Mind it." in text
     assert "tau = 1 MPa" in text
-    assert convergence_report(file, "markdown").count("0.50") == text.count("0.50")
+    assert text_of(file, True, "markdown").count("0.50") == text.count("0.50")
 
 
 def test_the_plot(file, tmp_path, monkeypatch):
@@ -124,7 +125,7 @@ def test_the_plot(file, tmp_path, monkeypatch):
 
 def test_nothing_to_draw(tmp_path):
     write(tmp_path / "a.nc", [numbers((OK,) * 4)] * 2)
-    assert "energy" in convergence_report(tmp_path / "a.nc")
+    assert "energy" in text_of(tmp_path / "a.nc", True)
     with pytest.raises(DrawError, match="no errors"):
         picture(tmp_path / "a.nc", tmp_path / "a.png")
 

@@ -26,12 +26,14 @@ from tcstudy.reports.figures.draw import picture
 from tcstudy.reports.terminal.cost import (
     advice,
     best,
-    cost_report,
     front,
     measure_of,
+    parts,
     settings,
     stretches,
 )
+from tcstudy.reports.terminal.summary import text_of
+from tcstudy.reports.terminal.tables import render
 from tests.data.compliance import cf_faults
 from tests.reports.figures.draw_cases import LOOKS, off_the_page
 from tests.verification.scenes import RECTANGLE, study_of
@@ -150,7 +152,7 @@ def test_one_mesh_of_two_families_is_once_on_the_front(file: Path) -> None:
         write_record(file, study_of(RECTANGLE), made(**fields), collect(study_of(RECTANGLE), ["tcstudy"]))
         found = front(settings(load_root(file, "cost"), "u_energy"))
         assert [(s.family, s.solver) for s in found if s.level == 0] == [("uniform", SOLVERS[0])]
-        report = cost_report(file)
+        report = text_of(file)
         assert report.count("0.05*" if factor == 0.5 else "0.1*") == (factor != 0.5)
 
 
@@ -176,7 +178,7 @@ def test_own_settings_that_failed_are_said_to_have_failed(file: Path) -> None:
 
 @pytest.mark.parametrize("form", ["text", "markdown"])
 def test_the_report_says_it_all(file: Path, form: str) -> None:
-    text = cost_report(file, form)
+    text = text_of(file, form=form)
     assert text.count("Wall time from the body") == 1
     for words in ("tau = 0.01", "exact solution", "Look twice.", "9600", "least of 3 runs"):
         assert words in text
@@ -184,7 +186,7 @@ def test_the_report_says_it_all(file: Path, form: str) -> None:
         assert "6.4†" in text
         assert "(2.000e-02)" not in text  # the first solver was solved there
         assert "1.6*" in text
-    other = cost_report(file, form, "xi_L2")
+    other = render(list(parts(load_root(file, "cost"), "xi_L2")), form)
     assert "3.200e-01" in other
 
 

@@ -108,8 +108,8 @@ TC.axisLabel = function (axis, i) {
 TC.axisText = (axis, i) => `${TC.axisLabel(axis, i)} ${TC.axisScale(axis).unit}`.trim();
 TC.axisTitle = (axis) => TC.titled(TC.symbol(axis.name), TC.axisScale(axis));
 TC.percent = (x) => (x >= 1e-5 ? `${Number((100 * x).toPrecision(2))} %` : TC.number(x, 2));
-TC.range = (values) => {
+TC.range = (values, none = [0, 1]) => {
   let lo = Infinity, hi = -Infinity;
   for (const v of values) if (Number.isFinite(v)) { if (v < lo) lo = v; if (v > hi) hi = v; }
-  return lo <= hi ? [lo, hi] : [0, 1];
+  return lo <= hi ? [lo, hi] : none;
 };

@@ -1,89 +1,135 @@
-// What all parts share: the state (kept in the address), controls, tables.
-TC.state = {};
-TC.readState = function () {
-  const found = {};
-  for (const [key, value] of new URLSearchParams(location.hash.slice(1))) found[key] = value;
-  return found;
+// Parts of a page as the data have them: panels, tables, sheets of columns, states of the contact line.
+// Puts parts into a host; lists that scroll stay where they are.
+TC.show = function (host, parts, ...before) {
+  const width = TC.width(host), tops = [...host.querySelectorAll(".scroll")].map((box) => box.scrollTop);
+  TC.fill(host, ...before, parts.map((one) => TC.part[one.part](one, width)));
+  host.querySelectorAll(".scroll").forEach((box, k) => { box.scrollTop = tops[k] || 0; });
 };
-TC.writeState = function () {
-  const words = new URLSearchParams();
-  for (const key in TC.state) if (TC.state[key] !== undefined && TC.state[key] !== null && TC.state[key] !== "") words.set(key, Array.isArray(TC.state[key]) ? TC.state[key].join(",") : TC.state[key]);
-  const hash = "#" + words.toString().replace(/%2C/g, ",");
-  if (hash !== location.hash) history.replaceState(null, "", hash);
-};
-TC.set = function (changes) {
-  Object.assign(TC.state, changes.at ? { eq: 0 } : {}, changes);
-  TC.writeState();
-  TC.draw();
-};
-TC.width = (node, most = 1200) => Math.max(260, Math.min(most, Math.floor(node.getBoundingClientRect().width) || 600));
+TC.count = 0; // of the states that a slider counts
 
-TC.choice = function (label, options, value, change, title) {
-  const select = TC.el("select", { onchange: (e) => change(e.target.value) }, options.map(([key, text]) => TC.el("option", { value: key, selected: String(key) === String(value) }, text)));
-  return TC.el("label", { title }, label, select);
-};
-// options: an array of texts, or its length and at(i).
-TC.slider = function (label, options, value, change) {
-  const range = TC.el("input", { type: "range", min: 0, max: options.length - 1, step: 1, value, "aria-label": label, oninput: (e) => change(Number(e.target.value)) });
-  return TC.el("label", {}, TC.el("span", {}, `${label}: `, TC.el("output", {}, options.at(value))), range);
-};
-TC.panel = (...children) => TC.el("div", { class: "panel" }, ...children);
-TC.h3 = (text) => TC.el("h3", {}, text);
-TC.note = (...words) => TC.el("p", { class: "note" }, ...words);
-TC.legend = (...words) => TC.el("p", { class: "legend" }, ...words);
-TC.titled = (words, scale) => words + (scale.unit ? ` [${scale.unit}]` : "");
-// A part of a page under its heading.
-TC.section = function (title, id) { const body = TC.el("div", { id }); document.getElementById("main").append(TC.el("h2", {}, title), body); return body; };
-// A key's entry: a small picture of shapes, and what they stand for.
-TC.entry = (width, height, shapes, text, style = "margin-right:5px") => TC.el("span", { style: "display:inline-block;margin-right:14px" }, TC.svgNode("svg", { width, height, style: `display:inline-block;${style}` }, ...shapes), text);
-TC.dash = (width, y, look) => TC.svgNode("line", { x1: 0, x2: width, y1: y, y2: y, "stroke-width": 2, ...look });
-TC.swatch = (fill, text) => TC.entry(20, 10, [TC.svgNode("rect", { width: 20, height: 10, fill })], text);
-TC.stroke = (k, text) => TC.entry(28, 10, [TC.dash(28, 5, TC.series(k))], text);
-// Put children into a host without losing the focus of the control that was used.
-TC.fill = function (host, ...children) {
-  const active = document.activeElement, inside = host.contains(active) ? active.getAttribute("aria-label") : null;
-  host.replaceChildren(...children.flat().filter((c) => c !== null && c !== undefined));
-  if (inside) host.querySelector(`[aria-label="${CSS.escape(inside)}"]`)?.focus();
+TC.part = {
+  text(p) {
+    const notes = p.lines.map((line) => TC.note(line)), rest = notes.length > 12 ? TC.el("details", {}, TC.el("summary", {}, `${notes.length - 8} more`), notes.splice(8)) : null;
+    return TC.el("div", {}, notes, rest);
+  },
+  table(p) {
+    const left = p.head.map((_, k) => !p.rows.every((row) => /^$|^[-+–∞−(\d]/.test(row[k])));
+    return TC.el("div", {}, p.caption ? TC.h3(p.caption) : null, TC.wide(p.head, p.rows, (k) => left[k] && "text"), p.notes.map((note) => TC.note(note)));
+  },
+  beside(p, width) {
+    const two = width > 760 && p.parts.length > 1;
+    return TC.el("div", { class: two ? "columns" : "" }, p.parts.map((one) => TC.panel(TC.part[one.part](one, two ? Math.floor(width / 2 - 14) : width))));
+  },
+  // One of several lists of parts; of as many as a run has points, that of the point.
+  choice(p, width) {
+    const run = TC.data.run, own = run && p.key === "p" && p.options.length === run.points;
+    const k = own ? TC.run.flat(TC.state.at) : Math.max(0, p.options.indexOf(TC.state[p.key])), many = p.options.length > 1 && !own;
+    return TC.el("div", {}, many ? TC.el("div", { class: "controls noprint" }, TC.choice(p.label, p.options.map((one) => [one, one]), p.options[k], (one) => TC.set({ [p.key]: one }))) : null,
+      p.parts[k].map((one) => TC.part[one.part](one, width)));
+  },
+  states(p) {
+    TC.count = p.texts.length;
+    TC.state.step = TC.whole(TC.state.step, TC.count, p.first);
+    return TC.el("div", { class: "controls noprint" }, TC.slider(p.label, p.texts, TC.state.step, (step) => TC.set({ step })));
+  },
+  facts: (p) => TC.facts(p.columns.map((c) => [c.title, typeof c.v[TC.state.step] === "number" ? TC.quantity(c.v[TC.state.step], c.units) : c.v[TC.state.step]])),
+
+  panel(p, width) {
+    const range = (k) => {
+      const axis = "xy"[k], plain = ["line", "fill", "cells", "arrow"], values = p.items.filter((i) => plain.includes(i.kind) || (k && i.kind === "across")).flatMap((i) => TC.range(Array.from(i[axis]).filter((v) => !p.log[k] || v > 0), []));
+      const found = TC.pad(TC.range(values, p.log[k] ? [1, 10] : [0, 1]), p.items.some((i) => i.kind === "cells") ? 0 : 0.06, p.log[k]), given = p.limits[k] || [null, null];
+      return found.map((v, e) => given[e] ?? v);
+    };
+    const ticks = p.ticks ? p.ticks[0].map((at, i) => [at, p.ticks[1][i]]).sort((a, b) => a[0] - b[0]) : null;
+    const plot = new TC.Plot({ width, height: p.high, x: range(0), y: range(1), xlog: p.log[0], ylog: p.log[1], xlabel: p.labels[0], ylabel: p.labels[1], label: p.title || p.labels[1], margin: { left: 70, right: 16, top: 12, bottom: 46 },
+      xticks: ticks && ticks.map((t) => t[0]), xtext: ticks && ((v) => ticks.find((t) => t[0] === v)[1]) });
+    const key = new Map();
+    for (const item of p.items) TC.draw_item[item.kind](plot, item, key);
+    if (p.at) {
+      const [x, y] = p.at, s = TC.state.step, places = [...x.keys()].filter((i) => Number.isFinite(x[i]) && Number.isFinite(y[i]));
+      if (places.includes(s)) plot.dot(x[s], y[s], { r: 9, fill: "none", stroke: "var(--ink)", "stroke-width": 2.2 }, "the state that is chosen");
+      plot.svg.style.cursor = "pointer";
+      plot.svg.addEventListener("click", (e) => {
+        const box = plot.svg.getBoundingClientRect(), far = (i) => Math.hypot(plot.px(x[i]) - e.clientX + box.left, plot.py(y[i]) - e.clientY + box.top);
+        TC.set({ step: places.reduce((best, i) => (far(i) < far(best) ? i : best), places[0]) });
+      });
+    }
+    return TC.el("div", {}, p.title ? TC.h3(p.title) : null, plot.svg, key.size ? TC.el("div", { class: "legend" }, [...key.values()], p.at ? "ring: the state that is chosen" : "") : null);
+  },
+
+  sheet(p, width) {
+    const s = TC.state, rows = [...p.columns[0].v.keys()], numeric = p.columns.filter((c) => typeof c.v[0] === "number");
+    const columns = p.columns.map((c, k) => { // more than seven do not fit on paper
+      const number = numeric.includes(c), scale = number ? TC.scale(c.v, c.units) : { by: 1, unit: "" };
+      return { minor: k > 6, title: TC.titled(c.title, scale), csv: c.name + (c.units !== "1" ? ` [${c.units}]` : ""), left: !number, get: (i) => c.v[i], text: (i) => (number ? TC.number(c.v[i] / scale.by, 5) : c.v[i]), name: c.name, scale };
+    });
+    const states = p.states ? { chosen: (i) => i === s.step, pick: (step) => TC.set({ step }) } : {}, t = TC.table({ columns, rows, ...TC.sorting(`${p.file}_by`, `${p.file}_down`), ...states });
+    const button = TC.el("button", { "aria-label": "csv", onclick: () => TC.saveTable(`${TC.fileName()}-${p.file}.csv`, columns, t.order) }, "Download as CSV");
+    return TC.el("div", {}, p.chart ? TC.part.chart(p, numeric, columns, width) : null, TC.el("div", { class: "controls noprint" }, button, p.states ? TC.el("span", { class: "note" }, "a click on a row chooses it") : null), TC.el("div", { class: "scroll" }, t.node));
+  },
+  // Any column of a sheet over any other.
+  chart(p, numeric, columns, width) {
+    const [x, y] = [0, 1].map((k) => numeric.find((c) => c.name === TC.state["xy"[k] + "of"]) || numeric.find((c) => c.name === p.chart[k]));
+    const scales = [x, y].map((c) => columns.find((o) => o.name === c.name).scale), drawn = [x, y].map((c, k) => Array.from(c.v, (v) => v / scales[k].by)), options = numeric.map((c) => [c.name, c.title]);
+    const items = [{ kind: "line", x: drawn[0], y: drawn[1], colour: "var(--c1)", width: 1.8 }], labels = [x, y].map((c, k) => TC.titled(c.title, scales[k]));
+    return TC.el("div", {}, TC.el("div", { class: "controls noprint" }, TC.choice("draw", options, y.name, (yof) => TC.set({ yof })), TC.choice("over", options, x.name, (xof) => TC.set({ xof }))),
+      TC.part.panel({ title: `${y.title} over ${x.title}`, labels, log: [false, false], limits: [null, null], items, high: 260, at: p.states ? drawn : null }, Math.min(width, 760)));
+  },
+
+  line(p, width) {
+    const line = { ...p.line, moves: p.moves }, m = line.x.length, k = TC.state.step, host = TC.el("div"), one = { line, u: TC.row(p.u_T, k), xi: TC.row(p.xi, k), state: p.state.subarray(k * m, (k + 1) * m) };
+    TC.point.profiles(host, line, [one], { ...TC.point.frame(line, width), shape: false }, "");
+    const by = TC.scale(TC.range(line.arclength), line.u_T_units);
+    for (const own of p.memory || []) {
+      const v = TC.row(own.v, k), scale = TC.scale(v, own.units), items = line.parts.map((part) => ({ kind: "line", x: line.arclength.slice(part.a, part.b).map((s) => s / by.by), y: v.slice(part.a, part.b).map((q) => q / scale.by), colour: "var(--c3)", width: 1.8 }));
+      if (v.some((q) => q !== 0)) host.append(TC.part.panel({ title: `What the nodes remember: ${own.title}`, labels: [TC.titled("arc length", by), TC.titled(own.name, scale)], log: [false, false], limits: [null, null], items, high: 170 }, width));
+    }
+    if (p.law) host.append(TC.h3(`Friction law (${p.law.name})`), TC.point.lawPlot(Math.min(width, 560), p.law, [one], line).plot.svg);
+    return host;
+  },
 };
 
-TC.MOST_ROWS = 300; // that a table shows; what is saved has all
-// A table that sorts by its columns; columns: {title, get(row), text(row), left, minor}; minor ones are not printed.
-TC.table = function ({ columns, rows, sort, down, onsort, chosen, pick }) {
-  const order = rows.slice(), cls = (c) => (c.left ? "text" : "") + (c.minor ? " noprint" : "");
-  if (columns[sort]) {
-    const key = columns[sort].get;
-    const rank = (v) => (typeof v === "number" && Number.isNaN(v) ? -Infinity : v);
-    order.sort((a, b) => { const u = rank(key(a)), v = rank(key(b)); return (u < v ? -1 : u > v ? 1 : 0) * (down ? -1 : 1); });
-  }
-  const head = columns.map((c, i) => TC.el("th", { class: cls(c), "aria-sort": i === sort ? (down ? "descending" : "ascending") : undefined },
-    TC.el("button", { title: "sort", "aria-label": `sort by ${c.title}`, onclick: () => onsort(i) }, c.title + (i === sort ? (down ? " ▼" : " ▲") : ""))));
-  const body = order.slice(0, TC.MOST_ROWS).map((row) => TC.el("tr", { "data-row": typeof row === "number" ? row : undefined, class: [chosen && chosen(row) ? "chosen" : "", pick ? "link" : ""].join(" "), onclick: pick ? () => pick(row) : undefined },
-    columns.map((c) => TC.el("td", { class: cls(c) }, c.text ? c.text(row) : TC.number(c.get(row))))));
-  return { node: TC.el("table", {}, TC.el("thead", {}, TC.el("tr", {}, head)), TC.el("tbody", {}, body)), order };
-};
-// A table as it is; look(column, text, row): class of a cell, without a row that of the head.
-TC.plain = function (head, rows, look = () => null) {
-  const line = (tag, row, i) => TC.el("tr", {}, row.map((t, k) => TC.el(tag, { class: look(k, t, i) || undefined }, typeof t === "number" ? String(t) : t)));
-  return TC.el("table", {}, TC.el("thead", {}, line("th", head)), TC.el("tbody", {}, rows.map((row, i) => line("td", row, i))));
-};
-TC.wide = (...table) => TC.el("div", { class: "wide-table" }, TC.plain(...table));
-// What TC.table needs to sort by the state's values of two names; a click on the sorted column turns it round.
-TC.sorting = function (by = "sort", down = "down", first = -1) {
-  const s = TC.state, sort = s[by] === undefined ? first : Number(s[by]), turned = Number(s[down]) === 1;
-  return { sort, down: turned, onsort: (i) => TC.set({ [by]: i, [down]: i === sort && !turned ? 1 : 0 }) };
-};
-TC.saveTable = (name, columns, rows) => TC.save(name, TC.CSV(columns.map((c) => c.csv || c.title), rows.map((row) => columns.map((c) => c.get(row)))));
-TC.fileName = () => TC.data.file.replace(/\.nc$/, "");
-TC.facts = (pairs) => TC.el("table", { class: "facts" }, TC.el("tbody", {}, pairs.filter((p) => p[1] !== undefined && p[1] !== "").map(([k, v]) => TC.el("tr", {}, TC.el("th", {}, k), TC.el("td", {}, v)))));
-
-TC.provenance = function (host) {
-  const d = TC.data, words = { history: "made by", source: "program", git_commit: "commit of the study", study_sha256: "checksum of the study", references: "method", institution: "institution", Conventions: "conventions" };
-  const pairs = Object.entries(words).filter(([k]) => d.provenance[k] && d.provenance[k] !== "unspecified").map(([k, t]) => [t, d.provenance[k]]);
-  pairs.unshift(["file", d.file]);
-  pairs.push(["solver", `${d.solver}, tolerance ${TC.number(d.tolerance)}`], ["versions", Object.entries(d.versions).map((p) => p.join(" ")).join(", ")]);
-  if (d.overrides.length) pairs.push(["set on the command line", d.overrides.join("  ")]);
-  const left = { levels: "contact lines of the coarser levels", live: "the data of the live mode", body: "temperature and displacement of the body", memory: "what the nodes remember", lines: "all contact lines" };
-  if (d.without.length) pairs.push(["left out of this page", d.without.map((k) => left[k]).join(", ") + "; the file has it"]);
-  host.append(TC.h3("Where it comes from"), TC.facts(pairs));
-  host.append(TC.el("details", { open: false }, TC.el("summary", {}, "The study (YAML)"), TC.el("button", { class: "noprint", onclick: () => TC.save("study.yaml", d.yaml, "text/yaml") }, "download"), TC.el("pre", {}, d.yaml)));
+TC.MARKS = { o: "circle", s: "square", "^": "triangle", D: "diamond", x: "cross", X: "cross", P: "cross", "*": "diamond", ">": "triangle", v: "triangle" };
+TC.look = (i) => ({ stroke: i.colour, "stroke-width": i.width || 1.5, "stroke-dasharray": i.dash, opacity: i.alpha });
+// What a panel has, each kind in its own way; key: entries by label.
+TC.draw_item = {
+  line(plot, i, key) {
+    const joined = i.dash !== "none", mark = i.mark && ((x, y) => TC.marker(TC.MARKS[i.mark], x, y, i.size, { fill: i.open ? "var(--bg)" : i.colour, stroke: i.colour, "stroke-width": 1.4, opacity: i.alpha, class: "mark" }));
+    if (joined) plot.line(i.x, i.y, TC.look(i));
+    const every = Math.ceil(i.x.length / 2000);
+    if (mark) for (let k = 0; k < i.x.length; k += every) if (Number.isFinite(i.x[k]) && Number.isFinite(i.y[k])) plot.inner.append(mark(plot.px(i.x[k]), plot.py(i.y[k])));
+    if (i.label) key.set(i.label, TC.entry(28, 12, [joined ? TC.dash(28, 6, TC.look(i)) : "", mark ? mark(14, 6) : ""], i.label));
+  },
+  fill(plot, i, key) {
+    const d = Array.from(i.x, (x, k) => `${k ? "L" : "M"}${plot.px(x).toFixed(1)},${plot.py(i.y[k]).toFixed(1)}`).join("");
+    if (i.x.length) plot.inner.append(TC.svgNode("path", { d: `${d}Z`, fill: i.colour, opacity: i.alpha, stroke: "none" }));
+    if (i.label) key.set(i.label, TC.swatch(`color-mix(in srgb, ${i.colour} ${100 * i.alpha}%, transparent)`, i.label));
+  },
+  up: (plot, i) => plot.vertical(i.x[0], TC.look(i)),
+  across: (plot, i) => plot.inner.append(TC.svgNode("line", { x1: plot.left, x2: plot.right, y1: plot.py(i.y[0]), y2: plot.py(i.y[0]), ...TC.look(i) })),
+  rows: (plot, i) => plot.back.prepend(TC.svgNode("rect", { x: plot.left, width: plot.right - plot.left, y: plot.py(i.y[1]), height: Math.max(0, plot.py(i.y[0]) - plot.py(i.y[1])), fill: "var(--shade)" })),
+  note: (plot, i) => plot.text(plot.px(i.x[0]) + i.shift[0], plot.py(i.y[0]) - i.shift[1] + 4, i.text, { "text-anchor": i.anchor, style: i.colour ? `fill:${i.colour}` : "" }),
+  arrow(plot, i) {
+    const [a, b] = [0, 1].map((k) => [plot.px(i.x[k]), plot.py(i.y[k])]), far = Math.hypot(b[0] - a[0], b[1] - a[1]) || 1, [c, s] = [(b[0] - a[0]) / far, (b[1] - a[1]) / far], at = (back, side) => `${b[0] - back * c - side * s},${b[1] - back * s + side * c}`;
+    plot.inner.append(TC.svgNode("line", { x1: a[0], y1: a[1], x2: b[0], y2: b[1], stroke: i.colour, "stroke-width": i.width || 0 }), TC.svgNode("path", { d: `M${at(9, 4)}L${at(0, 0)}L${at(9, -4)}Z`, fill: i.colour }));
+  },
+  names(plot, i) {
+    const taken = [];
+    i.texts.slice(0, 60).forEach((name, k) => {
+      const px = plot.px(i.x[k]), py = plot.py(i.y[k]), wide = 7 * name.length, end = px + 8 + wide > plot.right, a = end ? px - 8 - wide : px + 8;
+      if (taken.some((t) => t.name === name || (a < t.b && a + wide > t.a && Math.abs(py - t.y) < 15))) return;
+      taken.push({ name, a, b: a + wide, y: py });
+      plot.text(px + (end ? -8 : 8), py - 6, name, { "text-anchor": end ? "end" : "start" });
+    });
+  },
+  // Neighbours of one kind in a column are one shape, and all of a kind one path.
+  cells(plot, i, key) {
+    const [n, m] = i.kinds.shape, paths = i.colours.map(() => "");
+    for (let c = 0; c < n; c++) for (let r = 0; r < m; ) {
+      const kind = i.kinds[c * m + r], from = r;
+      while (r < m && i.kinds[c * m + r] === kind) r++;
+      if (kind >= 0) paths[kind] += `M${plot.px(i.x[c]).toFixed(1)},${plot.py(i.y[from]).toFixed(1)}H${(plot.px(i.x[c + 1]) + 0.3).toFixed(1)}V${(plot.py(i.y[r]) - 0.3).toFixed(1)}H${plot.px(i.x[c]).toFixed(1)}Z`;
+    }
+    paths.forEach((d, k) => { if (d) { plot.inner.append(TC.svgNode("path", { d, fill: i.colours[k], stroke: "none" })); key.set(i.names[k], TC.swatch(i.colours[k], i.names[k])); } });
+  },
 };

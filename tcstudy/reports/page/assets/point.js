@@ -1,11 +1,12 @@
 // One point: body, slip and friction along the contact line, law with operating points, energies.
 // What a contact node does, by the number that the data have; the words are those of the data.
-TC.STATES = ["--c1", "--c2", "--c5", "--c3", "--c4"];
+TC.STATES = ["--body", "--c6", "--c5", "--c2", "--c4"];
+TC.MOVES = ["--body", "--c6", "--c5", "--c2"]; // of a step of a history
 TC.stateOf = (line, k) => { const words = line.moves || TC.data.states, colours = line.moves ? TC.MOVES : TC.STATES; return { name: words[k] || "not known", colour: k >= 0 ? `var(${colours[k]})` : "none" }; };
 TC.ROLES = {
   contact: { words: "contact", stroke: "var(--c1)", "stroke-width": 4 }, clamped: { words: "held", stroke: "var(--ink)", "stroke-width": 4 },
   symmetry: { words: "symmetry", stroke: "var(--ink)", "stroke-width": 2, "stroke-dasharray": "9 3 2 3" }, rigid: { words: "rigid", stroke: "var(--soft)", "stroke-width": 5 },
-  convection: { words: "convection", stroke: "var(--c2)", "stroke-width": 2.5, "stroke-dasharray": "7 4" }, traction: { words: "traction", stroke: "var(--c3)", "stroke-width": 2.5, "stroke-dasharray": "2 3" },
+  convection: { words: "convection", stroke: "var(--c3)", "stroke-width": 2.5, "stroke-dasharray": "7 4" }, traction: { words: "traction", stroke: "var(--c4)", "stroke-width": 2.5, "stroke-dasharray": "2 3" },
   free: { words: "free", stroke: "var(--soft)", "stroke-width": 1.2 },
 };
 TC.point = {

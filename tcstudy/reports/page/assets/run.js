@@ -1,7 +1,7 @@
 // The page of a run: the sweep as a map and curves, accuracy and cost, the data.
 TC.run = {
-  setup() {
-    const r = TC.data.run, s = TC.state, given = TC.readState();
+  setup(given) {
+    const r = TC.data.run, s = TC.state;
     r.points = r.shape.reduce((a, b) => a * b, 1);
     r.nlevels = r.levels.h_max.length;
     r.grid = r.mode === "grid";
@@ -15,17 +15,17 @@ TC.run = {
     s.by = (by.find((a) => a.name === given.by) || by[0] || {}).name;
     const names = Object.keys(r.numbers);
     s.q = names.includes(given.q) ? given.q : names[0];
-    s.level = TC.run.whole(given.level, r.nlevels, r.nlevels - 1);
+    s.level = TC.whole(given.level, r.nlevels, r.nlevels - 1);
     s.at = TC.run.place(given.at) || TC.run.worst();
     s.vs = TC.run.place(given.vs) || null;
-    s.eq = TC.run.whole(given.eq, 1e6, 0);
+    s.eq = TC.whole(given.eq, 1e6, 0);
     s.deform = given.deform !== undefined && Number.isFinite(Number(given.deform)) ? Number(given.deform) : 1;
     s.sort = given.sort !== undefined ? Number(given.sort) : -1;
     s.down = given.down === "1" ? 1 : 0;
-    if (TC.data.history) TC.history.setup(given);
+    s.step = given.step;
+    for (const key of ["xof", "yof"]) if (given[key]) s[key] = given[key];
     s.mode = given.mode === "live" && TC.data.live ? "live" : "";
   },
-  whole(text, count, other) { const n = Number(text); return text !== undefined && Number.isInteger(n) && n >= 0 && n < count ? n : other; },
   place(text) {
     if (text === undefined) return null;
     const at = String(text).split(",").map(Number), shape = TC.data.run.shape;
@@ -71,18 +71,20 @@ TC.run = {
     for (const [flag, word] of [["unique", "unique"], ["global_minimum", "global"], ["strict_minimum", "local"]]) if (TC.run.flag(flag, p, level) === 1) return word;
     return "nothing";
   },
-  // What is said of a point: of a history of all its steps.
-  proofs: () => (TC.data.history ? TC.history.PROOFS : TC.data.proofs),
-
   draw() {
     const host = TC.run.host || (TC.run.host = TC.run.layout());
     TC.run.controls(host.controls);
     TC.run.map(host.map);
     TC.run.curves(host.curves);
-    const steps = TC.data.history && TC.history;
-    (steps || TC.point).draw(host.point);
-    (steps || TC.run).accuracy(host.accuracy);
-    if (host.steps) steps.rows(host.steps);
+    if (TC.data.steps) {
+      const p = TC.run.flat(TC.state.at), own = TC.data.steps[p];
+      TC.show(host.point, own.point, TC.data.run.points > 1 ? TC.el("p", {}, TC.el("b", {}, TC.run.words(TC.state.at))) : null);
+      TC.show(host.accuracy, own.accuracy);
+      TC.show(host.steps, own.table);
+    } else {
+      TC.point.draw(host.point);
+      TC.run.accuracy(host.accuracy);
+    }
     if (host.rows) TC.run.rows(host.rows);
   },
   layout() {
@@ -91,7 +93,7 @@ TC.run = {
     const controls = TC.el("div", { class: "controls noprint" }), map = TC.panel(), curves = TC.panel();
     const two = TC.data.run.varied.length > 1;
     sweep.append(controls, two ? TC.el("div", { class: "columns" }, map, curves) : curves);
-    const swept = TC.data.run.varied.length > 0, steps = Boolean(TC.data.history), n = (k) => `${swept ? k : k - 1}  `;
+    const swept = TC.data.run.varied.length > 0, steps = Boolean(TC.data.steps), n = (k) => `${swept ? k : k - 1}  `;
     const point = TC.section(steps ? n(2) + "Loop and steps" : swept ? "2  The point" : "The solution", "point"), accuracy = TC.section(steps ? n(3) + "Energies and cycles" : "3  How accurate, at what cost", "accuracy"), data = TC.section((steps ? n(4) : "4  ") + "The data", "table");
     const rows = steps && !swept ? null : TC.el("div"), stepRows = steps ? TC.el("div", { id: "steps" }) : null;
     data.append(...[stepRows, rows].filter(Boolean));
@@ -148,7 +150,7 @@ TC.run = {
     const all = points.filter((_, i) => known[i] > 0).map((k) => TC.run.value(s.q, k, s.level)).sort((a, b) => a - b), v = all.length ? all[all.length >> 1] : NaN, rgb = shade.of(v), tone = TC.dark(rgb) ? "l" : "d";
     const several = points.reduce((most, k) => Math.max(most, TC.run.several(k, s.level)), 0), units = TC.data.run.numbers[s.q].units;
     const g = TC.svgNode("g", { class: "cell", "data-point": p });
-    const tip = `${points.length > 1 ? `${points.length} points about ` : ""}${TC.run.words(TC.run.index(p))}\n${TC.symbol(s.q)} = ${TC.quantity(v, units)}${points.length > 1 ? ` (median; ${TC.quantity(all[0], units)} to ${TC.quantity(all[all.length - 1], units)})` : ""}\n${TC.run.proofs()[proof]}`;
+    const tip = `${points.length > 1 ? `${points.length} points about ` : ""}${TC.run.words(TC.run.index(p))}\n${TC.symbol(s.q)} = ${TC.quantity(v, units)}${points.length > 1 ? ` (median; ${TC.quantity(all[0], units)} to ${TC.quantity(all[all.length - 1], units)})` : ""}\n${TC.data.proofs[proof]}`;
     g.append(TC.svgNode("title", {}, tip + (several > 1 ? `\n${several} different energies found` : "")));
     if (proof === "failed") {
       g.append(TC.svgNode("rect", { x, y, width: w, height: h, fill: "var(--shade)", stroke: "var(--bad)" }), TC.svgNode("path", { d: `M${x + 4},${y + 4}L${x + w - 4},${y + h - 4}M${x + w - 4},${y + 4}L${x + 4},${y + h - 4}`, stroke: "var(--bad)", "stroke-width": 2 }));
@@ -228,7 +230,7 @@ TC.run = {
       const svg = TC.svgNode("svg", { width: 26, height: 16, style: "display:inline-block;vertical-align:-3px;margin:0 5px 0 0", role: "img", "aria-label": proof });
       const box = (fill, extra = {}) => svg.append(TC.svgNode("rect", { x: 0.5, y: 0.5, width: 25, height: 15, fill, stroke: "var(--soft)", ...extra }));
       if (proof === "failed") { box("var(--shade)"); svg.append(TC.svgNode("path", { d: "M3,3L23,13M23,3L3,13", stroke: "var(--bad)", "stroke-width": 2 })); } else { box("#9aa"); if (proof !== "unique") box(`url(#${proof}-d)`); }
-      out.append(TC.el("span", { style: "display:inline-block;margin-right:16px" }, svg, TC.run.proofs()[proof]));
+      out.append(TC.el("span", { style: "display:inline-block;margin-right:16px" }, svg, TC.data.proofs[proof]));
     }
     if (several) {
       const svg = TC.svgNode("svg", { width: 26, height: 16, style: "display:inline-block;vertical-align:-3px;margin:0 5px 0 0", role: "img", "aria-label": "several" });
@@ -299,8 +301,7 @@ TC.run = {
     else out.push(TC.note("The study has one mesh; add levels to see how the numbers converge."));
     out.push(TC.h3("What would be better"), TC.el("ul", {}, TC.run.advice(p).map((t) => TC.el("li", {}, t))));
     TC.fill(host, out);
-    if (TC.data.convergence) { const box = TC.el("div"); host.append(TC.h3("Measured convergence (tcstudy converge)"), box); TC.others.convergence(box, TC.data.convergence, true); }
-    if (TC.data.cost) { const box = TC.el("div"); host.append(TC.h3("Accuracy against cost (tcstudy cost)"), box); TC.others.cost(box, TC.data.cost); }
+    for (const one of TC.data.beside || []) { const box = TC.el("div"); host.append(TC.h3(one.title), box); TC.show(box, one.parts); }
   },
   // Whether ∫ξ all but cancels, so that a change relative to it says nothing.
   cancels(name, a, p, level) {
@@ -374,7 +375,7 @@ TC.run = {
     if (!TC.point.home(p).body) out.push("With output: {fields: true} the page also shows the body's temperature and deformation.");
     if (TC.data.homes) out.push("A page of one geometry can solve in the browser: tcstudy export FILE.nc --geometry --at NAME=VALUE -o ONE.nc, then tcstudy report ONE.nc, of a run with output: {live: true}.");
     else if (!TC.data.live) out.push("With output: {live: true} the contact problem can be solved here, in the browser, while sliders move.");
-    if (!TC.data.convergence && last > 1) out.push("tcstudy converge measures errors and compares them with the orders to expect; its file beside this one is shown here, too.");
+    if (!TC.data.beside.some((one) => one.id === "convergence") && last > 1) out.push("tcstudy converge measures errors and compares them with the orders to expect; its file beside this one is shown here, too.");
     return out;
   },
   rows(host) {

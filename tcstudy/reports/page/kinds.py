@@ -1,0 +1,254 @@
+"""The pages of converge, cost, path and fit, and of every point of a history: their sections and parts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tcstudy.data.measured import MEASURES
+from tcstudy.data.reading import asked, each_point
+from tcstudy.reports.figures import style
+from tcstudy.reports.figures.accuracy import convergence_panels, cost_panels
+from tcstudy.reports.figures.fit import fit_panels
+from tcstudy.reports.figures.history import history_panels, loop_names, solved_steps
+from tcstudy.reports.figures.panels import Panel, Scale, scale
+from tcstudy.reports.figures.path import RESPONSES, path_panels
+from tcstudy.reports.page.container import Container, Json
+from tcstudy.reports.page.law_part import law_part
+from tcstudy.reports.page.parts import (
+    beside,
+    choice,
+    column,
+    panel_part,
+    section,
+    sheet_part,
+    states,
+    text_parts,
+    words,
+)
+from tcstudy.reports.page.point_part import geometry
+from tcstudy.reports.page.stored import Stored
+from tcstudy.reports.select_point import describe
+from tcstudy.reports.stored_study import at_rest
+from tcstudy.reports.terminal import convergence, cost, fit, history_summary, path_summary
+from tcstudy.reports.text import proved
+from tcstudy.scene.key import symbol
+
+STATES_BYTES = 4_000_000
+"""Room for slip and traction along a path; of a longer one some vertices are shown."""
+MOST_POINTS = 200
+"""Points whose errors a page shows; the file has all."""
+
+
+def convergence_parts(data: Any, box: Container) -> list[Json]:
+    """Errors over h and the tables of every sweep point."""
+    points = each_point(data)
+    shown = {}
+    for where in points[:MOST_POINTS]:
+        at = data.isel(where)
+        panels = [panel_part(one, box, high=300) for one in convergence_panels(at).values()]
+        shown[describe(data, where) or "the point"] = [beside(*panels), *text_parts(convergence.tables(at))]
+    told = [f"Reference: {data.attrs['reference']}.", convergence.LEGEND, *convergence.notes(data)]
+    told += [f"The first {MOST_POINTS} of {len(points)} points; the file has all."] if len(points) > MOST_POINTS else []
+    return [choice("point", "p", shown), {"part": "text", "lines": told}]
+
+
+def cost_parts(data: Any, box: Container) -> list[Json]:
+    """Every measured setting by error, and what the file advises."""
+    shown: dict[str, list[Json]] = {}
+    held = [m for m in MEASURES if f"error_{m.name}" in data]
+    for m in sorted(held, key=lambda m: m.name != cost.DEFAULT):
+        panels = [panel_part(one, box, high=330) for one in cost_panels(data, m.name).values()]
+        found = cost.settings(data, m.name)
+        names = ("family", "solver", "level", "n_dof", "n_contact", "error", "time", "upper")
+        units = {"time": "s", "upper": "s"}
+        columns = [
+            column(n, n.replace("_", " "), units.get(n, "1"), [getattr(s, n) for s in found], box) for n in names
+        ]
+        shown[m.symbol] = [beside(*panels), *text_parts(cost.parts(data, m.name)), sheet_part(columns, "cost")]
+    return [choice("error of", "error", shown)] if shown else [{"part": "text", "lines": ["Nothing was measured."]}]
+
+
+def path_sections(stored: Stored, box: Container) -> list[Json]:
+    """The response curve with the states along it, one state, solutions, and all vertices."""
+    data = stored.data
+    m, vertices, pieces = (int(data.sizes[name]) for name in ("node", "vertex", "piece"))
+    keep = np.unique(np.append(np.arange(0, vertices, max(1, -(-4 * m * vertices // STATES_BYTES))), vertices - 1))
+    c, t = data["c"].values, data["parameter"].values
+    name, units = str(data.attrs["parameter"]), str(data["parameter"].attrs["units"])
+    friction = "1" if str(data["xi"].attrs["units"]) == "1" else "N m-1"
+
+    def columns(kind: str, names: tuple[str, ...]) -> list[Json]:
+        u, xi = data[f"{kind}u_T"].values, data[f"{kind}xi"].values
+        found = [column(one, symbol(name) if one == "parameter" else one, str(data[f"{kind}{one}"].attrs["units"]),
+                        data[f"{kind}{one}"].values, box) for one in names]  # fmt: skip
+        for key, (title, source, formula) in RESPONSES.items():
+            unit = friction if source == "xi" else str(data["u_T"].attrs["units"])
+            found.append(column(key.replace("-", "_"), words(title), unit, formula(u, xi, c), box))
+        return found
+
+    shown = {}
+    for key, (title, _, formula) in RESPONSES.items():
+        curve, *strips = path_panels(data, key).values()
+        at = t[keep], formula(data["u_T"].values[keep], data["xi"].values[keep], c)
+        shown[words(title)] = [
+            panel_part(curve, box, at, 400),
+            beside(*(panel_part(one, box, high=190) for one in strips)),
+        ]
+    low, high = sorted(float(x) for x in data.attrs["parameter_range"])
+    inside = [int(v) for v in path_summary.seen_folds(data)[0] if low <= t[v] <= high]
+    first, scaled = inside[0] if inside else vertices // 2, scale("", t, units)
+    unit = scaled.label.strip(" []")
+    texts = [f"{symbol(name)} = {value:.4g} {unit}".rstrip() for value in scaled(t[keep])]
+    line = line_part_of(stored, data, np.minimum(keep, pieces - 1), keep, box)
+    told = [one for one in path_summary.parts(data) if isinstance(one, str)]
+    title = "1  All equilibria of the range" if int(data.get("complete", 0)) else "1  Equilibria on this path"
+    slider = states("along the path", texts, int(np.argmin(np.abs(keep - first))))
+    curves = choice("response", "response", shown)
+    found = [section(title, "path", slider, curves, *text_parts(told))]
+    found.append(section("2  One state on the path", "point", line))
+    if data.sizes.get("solution", 0):
+        solutions = columns("solution_", ("parameter", "energy", "residual", "stable", "lowest"))
+        proofs = [proved(data.isel(solution=i), "solution_") for i in range(data.sizes["solution"])]
+        solutions.append(column("certified", "certified", "1", proofs, box))
+        found.append(section("3  Solutions at the values asked for", "solutions", sheet_part(solutions, "solutions")))
+    vertex = columns("", ("parameter", "energy", "residual"))
+    if len(keep) == vertices:
+        chart = ("parameter", "energy")
+        found.append(
+            section(f"{len(found) + 1}  All vertices", "table", sheet_part(vertex, "path", states=True, chart=chart))
+        )
+    return found
+
+
+def line_part_of(stored: Stored, data: Any, pieces: Any, kept: Any, box: Container) -> Json:
+    """The contact line at the kept vertices of a path, with the one law that all nodes have."""
+    laws = law_part(stored.study)
+    law = laws["laws"][0] if laws is not None and "edges" not in laws else None
+    return {
+        "part": "line",
+        "line": geometry(data, box) | _units(data) | {"rest": False},
+        "u_T": box.rows(data["u_T"].values[kept]),
+        "xi": box.rows(data["xi"].values[kept]),
+        "state": box.array(data["state"].values[pieces], "i1"),
+        "law": law,
+    }
+
+
+def _units(data: Any) -> Json:
+    return {f"{name}_units": str(data[name].attrs["units"]) for name in ("u_T", "xi")}
+
+
+NUMBERS = (
+    "friction_resultant", "u_T_max", "slip_length", "breathing_length", "debonded_length", "softening_length",
+    "yielded_length", "elastic_length", "stored", "dissipated", "work", "released", "closure", "energy",
+    "jumps", "inclusion_residual", "identity", "parts", "iterations",
+)  # fmt: skip
+"""Numbers of a step in the order in which they are shown."""
+FACTS = ("friction_resultant", "u_T_max", "slip_length", "dissipated", "jumps", "inclusion_residual", "proved")
+"""Those of the step that is looked at."""
+MEMORY = ("kappa", "plastic")
+
+
+def history_parts(stored: Stored, part: Any, without: tuple[str, ...], box: Container) -> Json:
+    """One point of a history: loop, steps, what nodes do, energies, cycles and the table of all steps."""
+    data = solved_steps(part)
+    told = [{"part": "text", "lines": history_summary.sentences_of(part)}]
+    if not data.sizes["step"]:
+        return {"point": told, "accuracy": [], "table": []}
+    names, loads = loop_names(data), str(data.attrs["loads"]).split()
+    steps = np.arange(data.sizes["step"])
+    panels = history_panels(data, *names)
+    step_names = [str(one) for one in data["step_name"].values]
+    columns = [column("step", "step", "1", steps, box), column("name", "name", "1", step_names, box)]
+    columns += [column("cycle", "cycle", "1", data["cycle"].values, box)]
+    for name in (*loads, *(one for one in (*NUMBERS, *asked(data)) if one in data)):
+        title = symbol(name) if name in loads else str(data[name].attrs["long_name"])
+        columns.append(column(name, title, str(data[name].attrs["units"]), data[name].values, box))
+    columns.append(column("proved", "proved", "1", [proved(data.isel(step=i)) for i in steps], box))
+    facts = {"part": "facts", "columns": [one for one in columns if one["name"] in ("cycle", *loads, *FACTS)]}
+    loop = panel_part(panels.pop("loop"), box, (data[names[0]].values, data[names[1]].values), 380)
+    texts = [f"{i}, {name}" if name else str(i) for i, name in enumerate(step_names)]
+    point = [*told, states("step", texts, len(texts) - 1), beside(loop, facts)]
+    if "lines" not in without:
+        middle = np.full(len(steps), 0.5 * float(data["c"].sum()))
+        motion = panel_part(panels.pop("motion"), box, (steps, middle), 250)
+        held = any(name.startswith("u_") for name in loads)
+        moved = history_summary.motion(data["u_T"].values, data["jumped"].values if "jumped" in data else None)
+        line = {
+            "part": "line",
+            "line": geometry(data, box) | _units(data) | {"rest": at_rest(stored.study) and not held},
+            "u_T": box.rows(data["u_T"].values),
+            "xi": box.rows(data["xi"].values),
+            "state": box.array(moved, "i1"),
+            "moves": list(history_summary.MOVES),
+            "memory": [
+                column(name, str(data[name].attrs["long_name"]), str(data[name].attrs["units"]), [], box)
+                | {"v": box.rows(data[name].values)}
+                for name in MEMORY
+                if name in data and "memory" not in without
+            ],
+        }
+        point.append(beside(line, motion))
+    else:
+        panels.pop("motion")
+        point.append({"part": "text", "lines": ["The page was made without contact lines; the file has them."]})
+    energies = [panel_part(one, box, high=220) for one in (*_energies(data), *panels.values())]
+    sheet = sheet_part(columns, "steps", states=True, chart=(names[0], "friction_resultant"))
+    return {"point": point, "accuracy": [beside(*energies)], "table": [sheet]}
+
+
+def _energies(data: Any) -> list[Panel]:
+    """Energies of the bond, and work and energy of body and loads, over the steps; sums are since the beginning."""
+    steps, sums = np.arange(data.sizes["step"]), ("dissipated", "released", "work")
+    found = []
+    for title, names in (
+        ("Energies of the bond", ("dissipated", "released", "stored")),
+        ("Body and loads", ("work", "energy")),
+    ):
+        curves = {name: np.cumsum(data[name].values) if name in sums else data[name].values for name in names}
+        curves = {name: v for name, v in curves.items() if np.nanmax(np.abs(v), initial=0.0) > 0.0}
+        if not curves:
+            continue
+        up = scale("energy", list(curves.values()), str(data["dissipated"].attrs["units"]))
+        panel = Panel(Scale("step"), up, title)
+        panel.across(0.0)
+        for name, colour in zip(curves, style.SERIES, strict=False):
+            panel.line(steps, curves[name], color=colour, linewidth=1.3, label=name + ", sum" * (name in sums))
+        found.append(panel)
+    return found
+
+
+def fit_sections(data: Any, box: Container) -> list[Json]:
+    """Data and curve, what was found, and all data; a state is a datum."""
+    given, measured = fit.columns(data)
+    of, panels, rows = data["measured_column"].values, fit_panels(data), np.arange(data.sizes["row"])
+    first = of == 0
+    places = data["datum_given"].values if given else rows + 1.0
+    at = np.where(first, places, np.nan), np.where(first, data["datum"].values, np.nan)
+    number = np.concatenate([1 + np.arange(np.count_nonzero(of == i)) for i in np.unique(of)])
+    number = np.where(np.isin(of, [i for i in np.unique(of) if np.count_nonzero(of == i) == 1]), rows + 1, number)
+    curve = panel_part(panels.pop("curve"), box, at, 400)
+    residuals = panel_part(panels.pop("residuals"), box, (number, data["residual"].values), 240)
+    one = {str(i): measured[i] for i in np.unique(of)}
+    units = measured[0][1] if len(one) == 1 else "1"
+    columns = [column("datum", "datum", "1", rows + 1, box)]
+    columns += [column("measured", "measured", "1", [measured[i][0] for i in of], box)] if len(one) > 1 else []
+    columns += [column(given[0][0], symbol(given[0][0]), given[0][1], places, box)] if given else []
+    for key, title, variable in (
+        ("value", "value", "datum"),
+        ("predicted", "of the study", "predicted"),
+        ("noise", "noise", "noise"),
+    ):
+        columns.append(column(key, title, units, data[variable].values, box))
+    columns.append(column("residual", "residual / noise", "1", data["residual"].values, box))
+    rest = [panel_part(panel, box, high=260) for panel in panels.values()]
+    facts = {"part": "facts", "columns": columns}
+    worst = int(np.nanargmax(np.abs(data["residual"].values)))
+    slider = states("datum", [f"{i + 1} of {len(rows)}" for i in rows], worst)
+    return [
+        section("1  Data and fit", "fit", slider, beside(curve, facts), residuals),
+        section("2  What was found", "found", *text_parts(fit.parts(data)), beside(*rest)),
+        section("3  The data", "table", sheet_part(columns, "fit", states=True)),
+    ]

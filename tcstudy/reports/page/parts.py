@@ -1,0 +1,145 @@
+"""Parts of a page: panels, tables, sheets of columns and states of the contact line, as JSON that the scripts draw.
+
+A page of any other kind of file than a run is a list of sections, each a title, a name and a list of parts. A part says
+what it is by its `part`. States (steps, vertices of a path, data of a fit) are counted by one slider; a panel, a sheet
+and a line show the one that it is at.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tcstudy.reports.figures import style
+from tcstudy.reports.figures.panels import Panel
+from tcstudy.reports.page.container import Container, Json
+from tcstudy.reports.terminal.tables import Heading, Part, Table
+from tcstudy.scene.key import GREEK
+
+COLOURS = {
+    style.INK: "var(--ink)",
+    style.PALE: "var(--soft)",
+    style.SHADE: "var(--body)",
+    "white": "var(--bg)",
+    **{colour: f"var(--c{i})" for i, colour in enumerate(style.SERIES[:-1], 1)},
+}
+"""Colours of the pictures that follow the page's theme."""
+
+
+def words(text: str) -> str:
+    """A label of a picture as plain text: u_T of $u_T$, θ̄ of $\\bar\\theta$."""
+    text = re.sub(r"(?<!\\)\$", "", text).replace(r"\$", "$").replace(r"\,", "")
+    text = re.sub(r"\\bar\\(\w+)", lambda one: GREEK[one[1]] + "\N{COMBINING MACRON}", text)
+    text = text.replace(r"\int", "∫").replace(r"\xi", "ξ").replace(r"\Gamma", "Γ").replace("|", "|")
+    text = re.sub(r"\\([a-z]+)", lambda one: GREEK.get(one[1], one[1]), text)
+    return re.sub(r"([_^])\{(.*?)\}", r"\1\2", text)
+
+
+def panel_part(panel: Panel, box: Container, at: tuple[ArrayLike, ArrayLike] | None = None, high: int = 320) -> Json:
+    """A panel; at: places of the states in it [units of the file], which a ring marks and a click chooses."""
+    places = None if at is None else [box.array(axis(values), "f4") for axis, values in zip((panel.x, panel.y), at)]  # noqa: B905
+    return {
+        "part": "panel",
+        "title": words(panel.title),
+        "labels": [words(panel.x.label), words(panel.y.label)],
+        "log": list(panel.log),
+        "limits": [None if one is None else list(one) for one in panel.limits],
+        "ticks": panel.ticks and [np.asarray(panel.ticks[0], dtype=float).tolist(), list(panel.ticks[1])],
+        "items": [_item(*one, box) for one in panel.items],
+        "high": high,
+        "at": places,
+    }
+
+
+def _item(kind: str, x: Any, y: Any, how: Mapping[str, Any], box: Container) -> Json:
+    """What is drawn, its look as attributes of SVG."""
+    found: Json = {"kind": kind, "x": box.array(x, "f4"), "y": box.array(y, "f4")}
+    if kind == "cells":
+        return found | {
+            "kinds": box.array(how["kinds"], "i1"),
+            "colours": _colours(how["colours"]),
+            "names": how["names"],
+        }
+    colour, dash = COLOURS.get(how.get("color", ""), how.get("color")), how.get("linestyle", "-")
+    open_ = how.get("fillstyle") == "none" or how.get("markerfacecolor") in ("white", "none")
+    drawn = {
+        "colour": colour,
+        "width": 1.5 * how["linewidth"] if "linewidth" in how else None,
+        "dash": {"-": None, "--": "7 4", ":": "1 3", "none": "none"}.get(dash) if isinstance(dash, str)
+        else " ".join(f"{2 * part:g}" for part in dash[1]),
+        "mark": how.get("marker") or None,
+        "size": 0.7 * how.get("markersize", 4),
+        "open": open_,
+        "alpha": how.get("alpha"),
+        "label": words(how.get("label", "")),
+        "text": words(how["text"]) if "text" in how else None,
+        "shift": list(how["shift"]) if "shift" in how else None,
+        "anchor": {"right": "end", "center": "middle"}.get(how.get("ha", "")),
+        "texts": how.get("texts"),
+    }  # fmt: skip
+    return found | {key: value for key, value in drawn.items() if value not in (None, "", False)}
+
+
+def _colours(colours: Iterable[str]) -> list[str]:
+    return [COLOURS.get(one, one) for one in colours]
+
+
+def text_parts(parts: Iterable[Part]) -> list[Json]:
+    """What the terminal says, but for titles."""
+    found: list[Json] = []
+    for part in parts:
+        if isinstance(part, Table):
+            rows, notes = [list(row) for row in part.rows], list(part.notes)
+            found.append(
+                {"part": "table", "caption": part.caption, "head": list(part.header), "rows": rows, "notes": notes}
+            )
+        elif isinstance(part, str):
+            found.append({"part": "text", "lines": [line.strip() for line in part.split("\n") if line.strip()]})
+        elif isinstance(part, Heading) and part.level > 1:
+            found.append({"part": "text", "lines": [part.text]})
+    return found
+
+
+def column(name: str, title: str, units: str, values: Any, box: Container) -> Json:
+    """A column of a sheet: numbers in the units of the file, or texts."""
+    numbers = np.asarray(values).dtype.kind in "fiub"
+    return {
+        "name": name,
+        "title": title,
+        "units": units,
+        "v": box.array(values) if numbers else [str(one) for one in values],
+    }
+
+
+def sheet_part(
+    columns: Sequence[Json], file: str, *, states: bool = False, chart: tuple[str, str] | None = None
+) -> Json:
+    """A table that sorts, is saved as CSV, and, with a chart, is drawn: any column over any other.
+
+    states: whether its rows are the states;  chart: names of x and y to begin with
+    """
+    return {"part": "sheet", "columns": list(columns), "file": file, "states": states, "chart": chart and list(chart)}
+
+
+def beside(*parts: Json) -> Json:
+    """Parts side by side where there is room."""
+    return {"part": "beside", "parts": list(parts)}
+
+
+def choice(label: str, key: str, options: Mapping[str, list[Json]]) -> Json:
+    """One of several lists of parts."""
+    return {"part": "choice", "label": label, "key": key, "options": list(options), "parts": list(options.values())}
+
+
+def states(label: str, texts: Sequence[str], first: int) -> Json:
+    """The slider of the states; first: where it is to begin with."""
+    return {"part": "states", "label": label, "texts": list(texts), "first": first}
+
+
+def section(title: str, name: str, *parts: Json) -> Json:
+    """A part of the page under its heading."""
+    return {"title": title, "id": name, "parts": list(parts)}
