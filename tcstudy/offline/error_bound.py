@@ -81,7 +81,7 @@ class ErrorBounds:
         M, k = consistency(law, line.lengths, xi, slip, w), 1.0 - w / low
         bound = float(np.min((eta + np.sqrt(eta**2 + 4.0 * k * M)) / (2.0 * k)))
         left = self._norm(scene, u) - bound  # of ‖u‖, no more
-        return {"error_bound": bound, "error_bound_relative": bound / left if left > 0.0 else np.inf}
+        return {"error_bound": bound, "error_bound_relative": bound / left if left > 0.0 else float("nan")}
 
     def equilibrated(self, scene: Scene, law: Laws, u: Array) -> tuple[float, Array]:
         """η [√(J/m)] of a displacement u (n, 2), and (s, 2) ξ* at the ends of the segments of Γ_C [Pa]."""

@@ -17,7 +17,8 @@ from tcstudy.laws.composed import EdgeLaws
 from tcstudy.read.fields import Context
 from tcstudy.read.heat import Boundary
 from tcstudy.read.node import Node
-from tcstudy.scene.records import Body, Clamped, Contact, Edge, Point, Rigid, Role, Scalar, Symmetry
+from tcstudy.scene.provable import why_no_bound
+from tcstudy.scene.records import Body, Clamped, Contact, Edge, Point, Rigid, Role, Scalar, Scene, Symmetry
 from tcstudy.scene.study import Goal, MeshPlan
 from tcstudy.shapes.edges import body_area, body_size, edge_distance, edge_normal, edge_points, loop_size
 from tcstudy.shapes.faults import loop_polygon
@@ -100,11 +101,13 @@ def _motion(motions: Array, centre: Point, size: float) -> str:
     return f"turn about ({x:.3g}, {y:.3g})"
 
 
-def check_goal(ctx: Context, node: Node, goal: Goal, body: Body, boundary: Boundary) -> None:
-    """The point of u_T must lie on a contact edge (a body from a file is checked on its mesh)."""
+def check_goal(ctx: Context, node: Node, goal: Goal, body: Body, scenes: Sequence[Scene]) -> None:
+    """A bound must be proved; the point of u_T must lie on a contact edge (of a body from a file, see its mesh)."""
+    if goal.proved and (why := next(filter(None, map(why_no_bound, scenes)), "")):
+        ctx.errors.at(node, f"no bound is proved of this study: {why}")
     if goal.at is None or body.outline is None:
         return
-    contact = [name for name, role in boundary if isinstance(role, Contact)]
+    contact = [name for name, role in scenes[0].boundary if isinstance(role, Contact)]
     edges = [edge for edge in body.edges if edge.name in contact]
     away = min(float(edge_distance(edge, np.array([goal.at]))[0]) for edge in edges) if edges else math.inf
     if away > 1e-6 * body_size(body):

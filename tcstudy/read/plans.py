@@ -22,6 +22,7 @@ from tcstudy.scene.records import Body, Contact, Scene
 from tcstudy.scene.study import (
     ALL,
     BUNDLE,
+    PROVED,
     SEPARABLE,
     Goal,
     MeshPlan,
@@ -75,7 +76,7 @@ def read_mesh(ctx: Context, root: Node, body: Body | None, scenes: Sequence[Scen
         check_mesh(ctx, root.nearest("mesh", "maxh"), plan, body)
         check_guarantee(ctx, root, plan, body)
         if scenes and (goal := section.child("of") or section.child("goal")):
-            check_goal(ctx, goal, plan.goal, body, scenes[0].boundary)
+            check_goal(ctx, goal, plan.goal, body, scenes)
     return plan
 
 
@@ -95,8 +96,9 @@ def _mesh(ctx: Context, section: Node) -> MeshPlan:
             fields.fault(key, said, on_key=True)
     key, most = "max_levels" if to_tolerance else "levels", FAMILIES[family].max_levels
     levels = ctx.integer(node, 1, most) if (node := fields[key]) else min(fields.value(key), most)
-    options = fields.given(name for name in fields.rows if name not in OF_MESH)
-    return MeshPlan(sizes, len(sizes) if len(sizes) > 1 else levels, family, goal=_goal(ctx, fields), **options)
+    options, goal = fields.given(name for name in fields.rows if name not in OF_MESH), _goal(ctx, fields)
+    options |= {"guarantee": True} if goal.proved else {}
+    return MeshPlan(sizes, len(sizes) if len(sizes) > 1 else levels, family, goal=goal, **options)
 
 
 def _contradictions(fields: Fields, family: FamilyName, listed: bool) -> dict[str, str]:
@@ -129,7 +131,8 @@ def _goal(ctx: Context, fields: Fields) -> Goal:
     if node and isinstance(node.value, Mapping):
         goal = Goal("u_T", Fields(ctx, node, "goal").value("u_T"))
     elif node:
-        goal = Goal(ctx.choice(node, QUANTITIES))
+        word: Any = ctx.choice(node, (*QUANTITIES, PROVED))
+        goal = Goal(proved=True) if word == PROVED else Goal(word)
         if goal.quantity == "u_T":
             ctx.errors.at(node, "u_T needs its point on a contact edge", "write {u_T: [20 mm, 0 mm]}")
     if fields["known"] and goal.quantity == "energy":

@@ -17,7 +17,7 @@ from tcstudy.read.plans import IN_SWEEP
 from tcstudy.scene.key import Key
 from tcstudy.scene.keys import law_rows, of_role, row, rows
 from tcstudy.scene.parameters import SHORT, WHOLE, sweepable
-from tcstudy.scene.study import Quantity
+from tcstudy.scene.study import PROVED, Quantity
 from tcstudy.scene.units import NONE
 
 Schema = dict[str, Any]
@@ -210,7 +210,9 @@ FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     "named sections": lambda one: _named(_sub_section(one)),
     "names": lambda one: {"anyOf": [SOME_TEXT, _list(SOME_TEXT, 1), _ref("region")]},
     "sizes or tolerance": _sizes_or_tolerance,
-    "goal": lambda one: {"anyOf": [{"enum": [word for word in get_args(Quantity) if word != "u_T"]}, _ref("goal")]},
+    "goal": lambda one: {
+        "anyOf": [{"enum": [*(word for word in get_args(Quantity) if word != "u_T"), PROVED]}, _ref("goal")]
+    },
     "law": lambda one: {"anyOf": [_ref("friction"), LAW_BY_EDGE]},
     "material": lambda one: _ref("material"),
     "sweep points": lambda one: {"anyOf": [_list(_sub_section(one), 1), {"type": "integer", "minimum": 1}, SOME_TEXT]},

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,10 +93,15 @@ class ErrorEstimator:
     def __post_init__(self) -> None:
         self.triangles = ElementGeometry(self.level.mesh)
 
-    def look(self, index: Index, scene: Scene, v: Array) -> dict[str, float]:
-        """Estimate the error of a solution v (m,); what is stored of it, by variable name."""
+    def look(self, index: Index, scene: Scene, v: Array, bound: float | None = None) -> dict[str, float]:
+        """Estimate the error of a solution v (m,); what is stored of it, by variable name.
+
+        bound: of the relative error in the energy norm, NaN for none, which the tolerance of a proved goal is of
+        """
         goal = self.plan.goal
         estimate = self._estimate(index, scene, v)
+        if goal.proved:
+            estimate = replace(estimate, error=math.inf if bound is None or math.isnan(bound) else bound)
         self.estimates[index] = estimate
         stored = {"error_estimate": estimate.energy}
         if goal.quantity != "energy":
@@ -154,7 +159,7 @@ class ErrorEstimator:
         plan, error = self.plan, self.error
         if math.isnan(error):
             return "no point was solved, so nothing says what to refine"
-        reached = f"estimated relative error {error:.2g} of {plan.goal.quantity}"
+        reached = f"{plan.goal.kind} relative error {error:.2g} of {plan.goal.quantity}"
         compared = plan.goal.quantity == "energy" or (bool(self.before) and self.level.mesh.level >= COMPARED)
         if plan.tolerance is not None and error <= plan.tolerance and (compared or last):
             return f"tolerance {plan.tolerance:g} met: {reached}"

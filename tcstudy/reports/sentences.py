@@ -123,6 +123,12 @@ def mesh_error(error: float | None, estimated: bool, no_larger: int = 0) -> str:
     return ", ".join(said)
 
 
+def bounded(bounds: Array) -> str:
+    """The proved bound of all relative errors (P,), empty where that of one is not known."""
+    most = float(np.max(bounds, initial=0.0))
+    return f"error of u proved to be at most {percent(most)}" if 0.0 < most < 1.0 else ""
+
+
 LOCKS = 1.1
 """λ₁ of a P1 mesh over that of equilibrium elements, beyond which the mesh is said to lock."""
 

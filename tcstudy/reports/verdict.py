@@ -102,10 +102,12 @@ def _told(run: RunSeen) -> dict[str, Any]:
     heat = [run.take("heat_status", i - run.levels) for i in range(run.levels)]
     bad = sum(int(np.count_nonzero(one == UNBALANCED)) for one in heat if one is not None)
     body, count, complete = (run.take(name, -1) for name in ("proved_unique", "solutions", "complete"))
+    bound = run.take("error_bound_relative", -1)
     parts = [
         f"{solved} of {total} solved",
         sentences.proved(int(unique.sum()), int(run.flag("global_minimum", ok).sum())),
         f"{int((ok & (body == 1)).sum())} of them for the body itself" if body is not None else "",
+        sentences.bounded(bound[ok]) if bound is not None else "",
         sentences.all_equilibria(count[ok], complete[ok]) if count is not None and complete is not None else "",
         f"{int(several.sum())} with more than one solution found" if several.any() else "",
         sentences.mesh_error(error, estimated, no_larger),

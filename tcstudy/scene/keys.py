@@ -179,7 +179,7 @@ ROWS: tuple[Key, ...] = (
     key("mesh.max_dofs", "integer", "unknowns at which refinement ends", default=_MESH.max_dofs, least=1),
     key("mesh.known", "quantity", "the goal's exact value"),
     key("mesh.estimate", "flag", "estimate errors on uniform and graded meshes too", default=_MESH.estimate),
-    key("mesh.guarantee", "flag", "enclose λ₁ of the body itself, not of the mesh", default=_MESH.guarantee),
+    key("mesh.guarantee", "flag", "enclose λ₁ of the body itself, and bound errors", default=_MESH.guarantee),
     key("goal.u_T", "point", "slip at a point of a contact edge", u.LENGTH, "[20 mm, 0 mm]", required=True),
     key("solver.name", "one or more", "of the solver", words=SOLVERS, example=SOLVERS[0], default=_SOLVER.names[0]),
     key("solver.tolerance", "number", "largest inclusion residual, strict", example="1e-10", above=0.0, below=1.0),

@@ -22,6 +22,8 @@ def why_no_bound(scene: Scene) -> str:
         return "the temperature is computed on the mesh; give theta, or the same theta_bar everywhere and no q"
     if scene.material.expands and scene.heat.theta is not None and not is_linear(scene.heat.theta):
         return "theta is not linear in x and y; write it so"
+    if any(law.omega == float("inf") for law in scene.laws):
+        return "the friction law jumps down; let it fall over a slip"
     if not all(law.piecewise_linear for law in scene.laws):
         return "the friction law has exponential pieces; give its points"
     strengths = () if isinstance(scene.friction, Laws) else [factor for _, _, factor in scene.friction.laws]

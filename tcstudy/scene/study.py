@@ -62,7 +62,9 @@ class Acceptance:
         return self.aim < residual <= self.limit(rounding)
 
 
-Quantity = Literal["energy", "friction_resultant", "slip_length", "u_T"]
+Quantity = Literal["energy", "friction_resultant", "slip_length", "u_T"]  # u_T comes last, with its point
+PROVED = "error_bound"
+"""What a study calls the proved bound of the error in the energy norm."""
 
 
 @dataclass(frozen=True)
@@ -72,11 +74,18 @@ class Goal:
     quantity: "energy": the displacement in the energy norm √a(u, u); "friction_resultant": ∫_{Γ_C} ξ [N/m];
               "u_T": tangential displacement at the point `at` of Γ_C [m]; "slip_length": length that does not stick [m]
     known:    the exact value, if the study knows it; then the true error is stored beside the estimated one
+    proved:   whether a tolerance is of the proved bound of the error in the energy norm, not of an estimate
     """
 
     quantity: Quantity = "energy"
     at: Point | None = None
     known: float | None = None
+    proved: bool = False
+
+    @property
+    def kind(self) -> str:
+        """What a tolerance compares, in words."""
+        return "bound of the" if self.proved else "estimated"
 
 
 MOST_REFINE = 10
@@ -97,7 +106,7 @@ class MeshPlan:
     tolerance: relative error at which refinement stops, None for all levels
     max_dofs:  displacement unknowns beyond which an adaptive family or one with a tolerance is not refined
     estimate:  whether errors are estimated on meshes that do not need it
-    guarantee: whether λ₁ of the body, not of the mesh, is enclosed
+    guarantee: whether λ₁ of the body, not of the mesh, is enclosed, and errors are bounded
     refine:    uniform refinements, of a mesh of size maxh·2^refine, that make the mesh of size maxh: many times as
                fast as meshing at maxh
     """

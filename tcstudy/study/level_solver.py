@@ -210,12 +210,12 @@ class LevelSolver:
         fields, status, reasons = dict(record.fields), record.status.copy(), dict(record.reasons)
         for row in np.flatnonzero(record.status == PointStatus.OK).tolist():
             scene, v, found = self.study.scenes[int(record.points[row])], record.u_T[row], dict[str, Any]()
-            if self.estimator is not None:
-                clock = time.perf_counter()
-                found = self.estimator.look(record.index(row), scene, v)
-                self.times.estimate += time.perf_counter() - clock
+            clock = time.perf_counter()
             if guarantee:
-                found |= self._bounds.look(scene, v)
+                found = self._bounds.look(scene, v)
+            if self.estimator is not None:
+                found |= self.estimator.look(record.index(row), scene, v, found.get("error_bound_relative"))
+            self.times.estimate += time.perf_counter() - clock
             if output.fields and not record.fields:
                 for name, values in self.level.fields(scene, v).items():
                     fields.setdefault(name, np.full((len(record), len(values)), np.nan))[row] = values

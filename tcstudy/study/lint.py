@@ -34,6 +34,7 @@ from tcstudy.read.document import Found, located, tree_of
 from tcstudy.read.node import Collector
 from tcstudy.read.parameters import users, words_in
 from tcstudy.scene.points import combinations, distinct, idle_notes
+from tcstudy.scene.provable import why_no_bound
 from tcstudy.scene.records import Body, Clamped, Contact, Convection, Scene, Traction, exchanges
 from tcstudy.scene.study import Study
 from tcstudy.shapes.edges import edge_length, edge_normal, loop_area
@@ -62,6 +63,8 @@ def lint(study: Study) -> list[str]:
     if idle and study.history is None and study.fit is None:  # whose steps and data are its loads
         where = "nothing loads this scene" if len(scenes) == 1 else f"nothing loads {idle} of {len(scenes)} points"
         notes.append(f"{where}: u = 0 is a solution; give f, g, a pressure, a displacement or a temperature")
+    if study.mesh.guarantee and (why := dict.fromkeys(filter(None, map(why_no_bound, scenes)))):
+        notes.append(f"no error is bounded where {'; or where '.join(why)}")
     if study.units == "SI":
         notes += [*_absolute(scenes), *_soft(scenes)]
     return [*notes, *_turned(body), *_moved(body), *_idle_alpha(scenes), *unused(study)]

@@ -157,9 +157,9 @@ def _left_out(study: Study, heat_solved: bool) -> list[str]:
     if study.mesh.tolerance is not None:
         mesh, unit = study.mesh, "" if study.units == "none" else " m"
         out.append(
-            f"meshes finer than needed: {mesh.strategy.how} from maxh = {mesh.maxh[0]:g}{unit} until the estimated "
-            f"relative error of {mesh.goal.quantity} is at most {mesh.tolerance:g} at every point, {mesh.max_dofs} "
-            f"dofs are passed or there are {mesh.levels} levels"
+            f"meshes finer than needed: {mesh.strategy.how} from maxh = {mesh.maxh[0]:g}{unit} until the "
+            f"{mesh.goal.kind} relative error of {mesh.goal.quantity} is at most {mesh.tolerance:g} at every point, "
+            f"{mesh.max_dofs} dofs are passed or there are {mesh.levels} levels"
         )
     if not study.output.fields and study.history is None:
         out.append("whole-body fields u₂ and θ in the data: not asked for (output.fields: true keeps them)")

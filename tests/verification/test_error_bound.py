@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import json
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 from numpy.typing import NDArray
 
+import tcstudy
 from tcstudy.accuracy.transfer import prolongation
 from tcstudy.contact.contact import solve_contact
+from tcstudy.errors import StudyError
 from tcstudy.fem.estimators import own_strain, stress_of
 from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.error_bound import ErrorBounds
 from tcstudy.offline.level import Level
+from tcstudy.reports.verdict import verdict
 from tcstudy.scene.provable import why_no_bound
 from tcstudy.scene.records import Scene
 from tests.verification.scenes import levels_of, study_of
@@ -149,3 +153,17 @@ mesh: {maxh: 0.5}
 def test_what_cannot_be_bounded_says_why(change: str, why: str) -> None:
     found = why_no_bound(study_of(REFUSED, *change.split("; ")).scenes[0])
     assert why in found if why else not found
+
+
+def test_a_tolerance_may_be_of_the_bound(tmp_path: Path) -> None:
+    """It is met at all points with a proof; what has none is refused with its place and a remedy."""
+    text = REFUSED.replace("{maxh: 0.5}", "{maxh: 0.3, tolerance: 0.15, of: error_bound}").replace('"x"', "0")
+    (tmp_path / "s.yaml").write_text(text + "sweep: {friction.delta: [0.2, 0.6]}\n")
+    data = tcstudy.run(tmp_path / "s.yaml", tmp_path / "s.nc").to_dataset()
+    bound = data["error_bound_relative"].values
+    assert (bound[:, -1] <= 0.15).all()
+    assert not (bound[:, :-1] <= 0.15).all(axis=0).any()
+    assert "tolerance 0.15 met: bound of the relative error" in str(data["stop"].values[-1])
+    assert "error of u proved to be at most 1" in verdict(tmp_path / "s.nc")["text"]
+    with pytest.raises(StudyError, match=r"mesh.of: no bound is proved of this study: f varies in the body; give num"):
+        study_of(text, "loads={f: [x, 0]}")

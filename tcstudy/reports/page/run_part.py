@@ -19,7 +19,8 @@ QUANTITIES = (
     "u_T_max", "solutions", "stable_solutions", "slip_length", "breathing_length", "debonded_length",
     "softening_length", "yielded_length", "elastic_length", "friction_resultant", "shear_max", "shear_max_at", "energy",
     "theta_mean",
-    "uniqueness_margin", "inclusion_residual", "error_estimate", "goal", "goal_estimate", "goal_error", "iterations",
+    "uniqueness_margin", "inclusion_residual", "error_estimate", "error_bound_relative", "goal", "goal_estimate",
+    "goal_error", "iterations",
     "lambda_1", "omega", "time_solve", "time_condense", "heat_balance", "evaluations",
 )  # fmt: skip
 """Numbers by sweep point and level in the order in which they are offered; after the first come those asked for."""

@@ -134,6 +134,7 @@ def _levels(data: Any) -> str:
 
 _ESTIMATED = (
     ("error_estimate", "est. rel. error"),
+    ("error_bound_relative", "bound of it"),
     ("goal_estimate", "est. error of goal"),
     ("goal_error", "its true error"),
     ("goal_effectivity", "est./true"),

@@ -52,7 +52,7 @@ TC.field = function (fields, p) {
 // Results in words; parameters have their symbols from the page's data.
 TC.WORDS = {
   lambda_1: "λ₁", u_T_max: "largest |u_T|", solutions: "number of equilibria", stable_solutions: "stable equilibria", slip_length: "slip length", friction_resultant: "friction resultant ∫ξ",
-  energy: "energy", theta_mean: "mean θ", uniqueness_margin: "λ₁ − ω", inclusion_residual: "inclusion residual", error_estimate: "estimated error",
+  energy: "energy", theta_mean: "mean θ", uniqueness_margin: "λ₁ − ω", inclusion_residual: "inclusion residual", error_estimate: "estimated error", error_bound_relative: "bound of the error",
   iterations: "solver steps", time_solve: "time to solve", time_condense: "time to condense", heat_balance: "heat balance defect", goal: "goal",
   goal_estimate: "estimated error of goal", goal_error: "error of goal", evaluations: "evaluations", h_max: "longest edge h",
 };

@@ -309,15 +309,15 @@ TC.run = {
     return line && Math.abs(a) <= 1e-3 * TC.point.contact(line, p).xi.reduce((t, x, i) => t + Math.abs(x) * line.c[i], 0);
   },
   ROUNDING: 1e-12, // relative changes below it are none
-  CONVERGED: ["u_T_max", "slip_length", "friction_resultant", "energy", "error_estimate"],
+  CONVERGED: ["u_T_max", "slip_length", "friction_resultant", "energy", "error_estimate", "error_bound_relative"],
   changes(width, p) {
     // The longest edge tells a mesh only where every edge is halved.
     const r = TC.data.run, own = TC.run.levels(p), halved = own.h_max.every((x, l) => l === 0 || x < 0.9 * own.h_max[l - 1]), h = halved ? own.h_max : Array.from(own.n_dof, (n) => 1 / Math.sqrt(n)), scale = TC.scale(h, halved ? r.units.h_max : "1"), series = [];
     for (const name of TC.run.CONVERGED.filter((n) => r.numbers[n])) {
       const v = h.map((_, l) => (TC.run.flag("status", p, l) === 1 ? TC.run.value(name, p, l) : NaN));
       const last = Math.abs(v[v.length - 1]) || 1;
-      const e = name === "error_estimate" ? v : v.map((x, l) => (l === 0 ? NaN : Math.abs(x - v[l - 1]) / last));
-      series.push({ name, xs: h.map((x) => x / scale.by), ys: e.map((x) => (x > TC.run.ROUNDING ? x : NaN)), what: name === "error_estimate" ? "estimated error" : TC.symbol(name) });
+      const e = name.startsWith("error_") ? v : v.map((x, l) => (l === 0 ? NaN : Math.abs(x - v[l - 1]) / last));
+      series.push({ name, xs: h.map((x) => x / scale.by), ys: e.map((x) => (x > TC.run.ROUNDING ? x : NaN)), what: TC.symbol(name) });
     }
     const ys = series.flatMap((g) => g.ys).filter((v) => v > 0), xs = series[0].xs;
     if (!ys.length) return [TC.h3("Convergence over the levels"), TC.note("The numbers do not change from level to level.")];
@@ -334,7 +334,7 @@ TC.run = {
       if (!g.ys.some((v) => v > 0)) { legend.append(TC.el("span", { style: "display:inline-block;margin-right:14px" }, `${g.what}: does not change`)); return; }
       plot.line(g.xs, g.ys, look);
       g.xs.forEach((x, i) => { if (g.ys[i] > 0) plot.over.append(TC.marker(TC.SHAPES[k % 4], plot.px(x), plot.py(g.ys[i]), 4, { fill: look.stroke })); });
-      const n = g.ys.length, rate = n > 2 && (halved || g.name === "error_estimate") ? Math.log(g.ys[n - 2] / g.ys[n - 1]) / Math.log(g.xs[n - 2] / g.xs[n - 1]) : NaN;
+      const n = g.ys.length, rate = n > 2 && (halved || g.name.startsWith("error_")) ? Math.log(g.ys[n - 2] / g.ys[n - 1]) / Math.log(g.xs[n - 2] / g.xs[n - 1]) : NaN;
       const shapes = [TC.dash(26, 6, look), TC.marker(TC.SHAPES[k % 4], 13, 6, 4, { fill: look.stroke })];
       legend.append(TC.entry(26, 12, shapes, `${g.what}${Number.isFinite(rate) ? `: last order ${rate.toFixed(1).replace("-", "−")}?` : ""}`, "vertical-align:-1px;margin-right:5px"));
     });
