@@ -173,7 +173,7 @@ def open_results(path: str | FilePath) -> xarray.DataTree:
 
 
 def draw(
-    file: Result | str | FilePath,
+    file: Result | Study | str | FilePath,
     target: str | FilePath | None = None,
     *,
     at: Mapping[str, Any] | None = None,
@@ -186,8 +186,8 @@ def draw(
     law: bool = False,
     size: str | tuple[float, float] | None = None,
 ) -> FilePath | Figure:
-    """Draw a result file of any kind into a .png, .svg or .pdf file and return its name, or without a name return the
-    figure, which a notebook shows. Needs matplotlib.
+    """Draw a result file of any kind, or the scene of a study before any work, into a .png, .svg or .pdf file and
+    return its name, or without a name return the figure, which a notebook shows. Needs matplotlib.
 
     at:       of a run or its convergence: the point by its labels, {"alpha": 100}; the first unless named
     level:    of a run: mesh level, −1 or nothing for the finest
@@ -205,6 +205,12 @@ def draw(
     from tcstudy.reports.figures.draw import Wanted, figure_of, picture
 
     wanted = Wanted(at, level, x, y, by, map, of, law, size)
+    if not isinstance(file, Result | str | FilePath) or str(file).lower().endswith((".yaml", ".yml")):
+        from tcstudy.commands.scene import draw_study
+
+        path = None if target is None else FilePath(target)
+        study = FilePath(file) if isinstance(file, str) else file
+        return draw_study(study, path, size=size) or FilePath(str(target))
     if target is None:
         return figure_of(_file(file), wanted)
     picture(_file(file), FilePath(target), wanted)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -10,11 +11,12 @@ from typing import Any
 
 from tcstudy.commands import shared
 from tcstudy.commands.shared import FILE, MANNER, OK, Option, at, check_manner, command, fail, point_of
-from tcstudy.errors import StoreError, UsageError
+from tcstudy.errors import StoreError, StudyError, UsageError
 
 _OUTPUT = "folder of the fields (default: FILE), or the table (default: FILE.csv, FILE.json)"
 _TABLES = "of a convergence file: the point whose tables to show"
 _Y = "what the curves are of, e.g. slip_length; of a path mean-slip, max-slip or friction; of costs an error, e.g. u_L2"
+_PICTURE = "a .png, .svg or .pdf file (default of a study: results/<study>.scene.png)"
 _INDICES = "of a run with mode: saltelli: the number whose Sobol indices to show (default: slip_length)"
 
 
@@ -57,9 +59,10 @@ def _show(options: argparse.Namespace, file: Path) -> None:
 
 
 @command(
-    "draw a result file: a point, curves, a map, a law, a path, errors, costs",
-    FILE,
-    Option("picture", type=shared.file_name, metavar="PICTURE", help="a .png, .svg or .pdf file"),
+    "draw a study before any work, or a result file: a point, curves, a map, a law, a path, errors, costs",
+    Option("file", type=shared.named, metavar="FILE", help="a study (its scene as it is understood) or a result file"),
+    Option("picture", type=shared.file_name, nargs="?", metavar="PICTURE", help=_PICTURE),
+    shared.STUDY[1],
     at("which point (may be repeated)"),
     Option("--level", type=int, metavar="N", help="mesh level (default: the finest)"),
     Option("--x", metavar="NAME", help="curves of a whole run over this swept parameter"),
@@ -72,8 +75,15 @@ def _show(options: argparse.Namespace, file: Path) -> None:
 )
 def draw(options: argparse.Namespace) -> int:
     """Draw a file of any kind."""
+    from tcstudy.commands.scene import SUFFIXES
     from tcstudy.reports.figures.draw import Wanted, picture
 
+    if options.file.suffix.lower() in SUFFIXES:
+        return _draw_study(options)
+    if options.overrides:
+        fail("--set: a result file keeps its study; leave it out")
+    if options.picture is None:
+        fail("PICTURE: name a .png, .svg or .pdf file")
     given = {one.name: getattr(options, one.name) for one in fields(Wanted) if one.name != "at"}
     if options.map is not None:
         names = tuple(name.strip() for name in options.map.split(","))
@@ -84,6 +94,23 @@ def draw(options: argparse.Namespace) -> int:
         print(picture(options.file, options.picture, Wanted(at=point_of(options), **given)))
     except UsageError as fault:
         fail(f"--{fault}")
+    return OK
+
+
+def _draw_study(options: argparse.Namespace) -> int:
+    """Draw the scene of a study."""
+    from tcstudy.commands.scene import draw_study
+
+    if given := [one for one in ("level", "x", "y", "by", "map", "of", "law") if getattr(options, one)]:
+        fail(f"--{given[0]}: a study that was not run has no results to draw; leave it out")
+    target = options.picture or Path("results") / f"{options.file.stem}.scene.png"
+    try:
+        draw_study(options.file, target, options.overrides, options.size)
+    except StudyError:
+        if target.exists():
+            print(f"{target}: what could be read, with faults of edges marked", file=sys.stderr)
+        raise
+    print(f"{target}: the scene of {options.file}")
     return OK
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from tcstudy.errors import StudyError
 from tcstudy.read.asked import check_together, read_sensitivity
-from tcstudy.read.body import with_named_region
+from tcstudy.read.body import read_body, with_named_region
 from tcstudy.read.document import apply_overrides, compose, load_text, with_sweep
 from tcstudy.read.exact import derived_scenes, read_exact, without_loads
 from tcstudy.read.fields import Context, Fields
@@ -24,6 +24,7 @@ from tcstudy.read.sweep import Sweep, read_sweep, records, with_swept_keys
 from tcstudy.read.variants import geometric, read_variants
 from tcstudy.scene.keys import row, rows
 from tcstudy.scene.parameters import SHORT
+from tcstudy.scene.records import Body
 from tcstudy.scene.study import Study
 
 REQUIRED = tuple(row.name for row in rows("").values() if row.required)
@@ -37,6 +38,18 @@ def read_study(path: str | Path, overrides: Sequence[str] = (), *, swept: bool |
     """
     path = Path(path)
     return read_study_text(load_text(path), str(path), overrides, path, swept=swept)
+
+
+def body_as_given(path: Path, overrides: Sequence[str] = ()) -> Body | None:
+    """The body of a study that has faults, unjudged; None where it cannot be read either."""
+    ctx = Context(Collector(), folder=path.parent)
+    root = apply_overrides(compose(load_text(path), str(path), ctx.errors), tuple(overrides), SHORT, ctx.errors)
+    if not isinstance(root.value, Mapping) or (node := root.child("body")) is None:
+        return None
+    if (units := root.child("units")) and units.value == "none":
+        ctx.units = "none"
+    ctx.named = read_parameters(ctx, names) if (names := root.child("parameters")) else {}
+    return read_body(ctx, node)[0]
 
 
 def read_study_text(

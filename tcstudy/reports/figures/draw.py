@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -90,10 +89,7 @@ def picture(file: Path, target: Path, wanted: Wanted | None = None) -> str:
 def figure_of(file: Path, wanted: Wanted) -> Figure:
     """The same as a figure, which a notebook shows (`_repr_png_`). Raises as `picture` does."""
     with _figure(file, wanted) as (figure, _, dpi):
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="png", dpi=dpi)
-        figure._repr_png_ = buffer.getvalue  # type: ignore[attr-defined]  # what IPython asks an object for
-        return figure
+        return style.shown(figure, dpi)
 
 
 @contextmanager

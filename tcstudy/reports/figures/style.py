@@ -185,6 +185,14 @@ def save(figure: Figure, target: Path, dpi: int = DPI) -> None:
         raise DrawError(str(error)) from error
 
 
+def shown(figure: Figure, dpi: int = DPI) -> Figure:
+    """The figure with its picture, which a notebook asks it for; made while its style holds."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=dpi)
+    figure._repr_png_ = buffer.getvalue  # type: ignore[attr-defined]  # what IPython asks an object for
+    return figure
+
+
 NARROW = 100.0
 """Ratio of the ends of a logarithmic axis up to which powers of ten would leave it with one tick or none."""
 

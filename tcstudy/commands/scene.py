@@ -1,0 +1,139 @@
+"""The picture of a scene before any work, of a study or of what can be read of one with faults."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tcstudy.errors import DrawError, GeometryFailed, StudyError
+from tcstudy.read.study import body_as_given, read_study
+from tcstudy.scene.records import Body
+from tcstudy.scene.study import Study
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from tcstudy.reports.figures.scene import SceneShape
+
+SUFFIXES = (".yaml", ".yml")
+"""Of studies."""
+
+
+def draw_study(
+    study: Any,
+    target: Path | None,
+    overrides: Sequence[str] = (),
+    size: str | tuple[float, float] | None = None,
+) -> Figure | None:
+    """Draw the scene of a study, or of its file, into a file, or without one return the figure.
+
+    Raises StudyError for a file with faults, which are marked in the picture where they are of an edge.
+    """
+    from tcstudy.reports.figures import style
+
+    if target is not None:
+        style.check_target(target)
+    look = style.Look(style.size_in_inches(size) if isinstance(size, str) else size)
+    with style.styled(look):
+        fault: StudyError | None = None
+        figure: Figure | None = None
+        try:
+            figure = scene_figure(read_study(study, overrides, swept=None) if isinstance(study, Path) else study, look)
+        except StudyError as error:
+            fault = error
+            if (body := body_as_given(study, overrides)) and body.outline:
+                figure = _of_faults(study.stem, body, error, look)
+        if figure is not None and target is not None:
+            style.save(figure, target, look.dpi)
+        if fault is not None:
+            raise fault
+        return style.shown(figure, look.dpi) if target is None and figure is not None else None
+
+
+def scene_figure(study: Study, look: Any) -> Figure:
+    """The figure of a study that was read."""
+    from tcstudy.reports.figures import scene
+
+    if study.variants:
+        own = next((one for one in study.variants if one.study is not None), None)
+        if own is None or own.study is None:
+            raise DrawError(f"no geometry of the sweep can be made: {study.variants[0].reason}")
+        first = own.study
+    else:
+        first = study
+    try:
+        shape = _coarsest(first)
+    except GeometryFailed as error:
+        if first.scenes[0].body.outline is None:
+            raise
+        shape = scene.SceneShape(_outline(first.scenes[0].body), facts=(f"no mesh: {error}",))
+    return scene.scene_figure(study.title, study, shape, look)
+
+
+def _coarsest(study: Study) -> SceneShape:
+    """The mesh of level 0, its sizes and its λ₁. Raises GeometryFailed."""
+    from tcstudy.condense import NotPositiveDefinite
+    from tcstudy.fem.study_meshes import Meshes
+    from tcstudy.offline.level import Level
+    from tcstudy.reports.figures.scene import SceneShape
+    from tcstudy.reports.text import with_unit
+
+    mesh, scene = Meshes(study).next(0), study.scenes[0]
+    names = tuple(dict.fromkeys(curve.name for curve in mesh.geometry.curves))
+    lambda_1, loose = None, study.history is not None and study.history.loose
+    try:
+        level = Level(mesh, scene, held=not loose)
+        lambda_1 = None if loose else level.lambda_1(scene)
+        counts = f"{level.frames.n_dof} unknowns, {level.line.m} on the contact line"
+    except NotPositiveDefinite as error:
+        counts = str(error)
+    size = with_unit(mesh.h_max, "1" if study.units == "none" else "m", 3)
+    levels = f" of {study.mesh.levels}" if study.mesh.levels > 1 else ""
+    regions = tuple(region.name for region in scene.body.regions)
+    return SceneShape(
+        {name: mesh.points[mesh.segments[mesh.on(name)]] for name in names},
+        mesh.points,
+        mesh.triangles,
+        mesh.numbered(regions),
+        regions,
+        lambda_1,
+        (f"coarsest mesh{levels}: {counts}, longest edge {size}",),
+    )
+
+
+def _outline(body: Body) -> dict[str, Any]:
+    """(k, 2, 2) fine straight pieces of every edge [m]."""
+    from tcstudy.shapes.edges import edge_line, loop_size
+
+    found: dict[str, list[Any]] = {}
+    for loop in body.loops:
+        for edge in loop.edges:
+            points = np.array(edge_line(edge, loop_size(loop)).coords)
+            found.setdefault(edge.name, []).append(np.stack([points[:-1], points[1:]], axis=1))
+    return {name: np.concatenate(parts) for name, parts in found.items()}
+
+
+def _of_faults(title: str, body: Body, error: StudyError, look: Any) -> Figure:
+    """The outline of a study that cannot be run, with the faults of its edges."""
+    from tcstudy.reports.figures.scene import SceneShape, scene_figure
+
+    assert body.outline is not None
+    faults, others = dict[str, str](), list[str]()
+    for problem in error.problems:
+        edge = re.match(r"boundary\.(\w+)", problem.key)
+        number = re.match(r"body\.outline\[(\d+)\]", problem.key)
+        name = edge[1] if edge else ""
+        if number and int(number[1]) < len(body.outline.edges):
+            edges = body.outline.edges
+            name = edges[-1 - int(number[1]) if body.outline.turned else int(number[1])].name
+        where = f"line {problem.line}: " if problem.line else ""
+        if name in {one.name for one in body.edges}:
+            faults.setdefault(name, f"{where}{problem.what}")
+        others.append(f"{where}{problem.key}: {problem.what}; {problem.remedy}")
+    return scene_figure(
+        f"{title}: cannot be run", None, SceneShape(_outline(body), facts=tuple(others), faults=faults), look
+    )

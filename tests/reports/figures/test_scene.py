@@ -1,0 +1,59 @@
+"""The picture of a scene before any work: everything has its label, no label lies on another, faults are marked."""
+
+from __future__ import annotations
+
+import re
+from itertools import combinations
+from pathlib import Path
+
+import pytest
+
+import tcstudy
+from tcstudy.commands.scene import draw_study
+from tcstudy.errors import StudyError
+from tests.commands import CONFIGS
+
+pytest.importorskip("matplotlib")
+
+
+@pytest.mark.parametrize("name", ["quickstart", "two_films", "ring", "friction_pad", "coated_block"])
+def test_labels_stand_apart_and_say_what_edges_do(name: str) -> None:
+    """The boxes of labels as they are drawn; all edges and roles are told."""
+    study = tcstudy.load(CONFIGS / f"{name}.yaml")
+    figure = draw_study(study, None)
+    assert figure is not None
+    texts = [text for text in figure.axes[0].texts if text.get_text()]
+    boxes = [text.get_window_extent() for text in texts]
+    for (one, a), (two, b) in combinations(zip(texts, boxes, strict=True), 2):
+        across = min(a.x1, b.x1) - max(a.x0, b.x0), min(a.y1, b.y1) - max(a.y0, b.y0)
+        assert min(across) < 3.0, (one.get_text(), two.get_text())
+    told = [text.get_text().split("\n") for text in texts]
+    for edge, role in study.scenes[0].boundary:
+        assert any(lines[:2] == [edge, role.word] for lines in told), edge
+    facts = " ".join(text.get_text() for text in figure.texts)
+    assert "λ₁ ≈" in facts
+    assert "Sweep" in facts or "Path" in facts
+
+
+CROSSED = """
+body:
+  outline:
+    - {from: [0 mm, 0 mm], edge: bottom}
+    - {from: [200 mm, 0 mm], edge: end}
+    - {from: [200 mm, 60 mm], edge: top}
+    - {from: [-20 mm, -30 mm], edge: left}
+boundary: {bottom: contact, end: free, top: free, left: clampd}
+material: {E: 1 GPa, nu: 0.3}
+friction: {law: tresca, tau: 1 MPa}
+mesh: {maxh: 20 mm}
+"""
+
+
+def test_edges_with_faults_are_marked(tmp_path: Path) -> None:
+    file, target = tmp_path / "crossed.yaml", tmp_path / "crossed.svg"
+    file.write_text(CROSSED, encoding="utf-8")
+    with pytest.raises(StudyError, match="cross or touch"):
+        draw_study(file, target)
+    drawn = re.sub(r"\s+", " ", target.read_text(encoding="utf-8"))
+    assert "line 4: edge 1" in drawn
+    assert "did you mean" in drawn
