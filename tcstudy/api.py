@@ -272,7 +272,7 @@ def converge(
     output, progress, force: as of `run`. Raises StudyError, ConvergenceError (levels that do not suit), GeometryFailed,
     StoreError.
     """
-    from tcstudy.study.convergence_run import converge_to_file
+    from tcstudy.study.convergence import converge_to_file
 
     asked = _study(study)
 

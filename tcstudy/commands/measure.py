@@ -27,8 +27,7 @@ def converge(options: argparse.Namespace) -> int:
     from tcstudy.data.writer import sweep_points
     from tcstudy.reports.select_point import locate
     from tcstudy.reports.text import with_unit
-    from tcstudy.study.convergence import without_errors
-    from tcstudy.study.convergence_run import converge_to_file
+    from tcstudy.study.convergence import converge_to_file, without_errors
 
     locate(sweep_points(study), point, "study")
     if options.plot is not None and (lack := without_errors(study)):

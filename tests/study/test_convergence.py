@@ -9,7 +9,7 @@ import numpy as np
 import tcstudy
 from tcstudy.accuracy.expected import HeldEnds, expected_orders, smooth_up_to
 from tcstudy.read.study import read_study_text
-from tcstudy.study.convergence_run import converge
+from tcstudy.study.convergence import converge
 from tests.verification.series import errors, series
 
 FALLING_FILM = """\

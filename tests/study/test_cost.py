@@ -17,7 +17,7 @@ from tcstudy.data.store import Record
 from tcstudy.errors import CostError
 from tcstudy.scene.study import Study
 from tcstudy.study import point as point_module
-from tcstudy.study.convergence_run import converge
+from tcstudy.study.convergence import converge
 from tcstudy.study.cost import cost_to_file, measure
 from tests.verification.scenes import RECTANGLE, study_of
 from tests.verification.series import errors, series

@@ -11,7 +11,7 @@ import tcstudy
 from tcstudy.data.measured import Measured
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
-from tcstudy.study.convergence_run import converge
+from tcstudy.study.convergence import converge
 from tcstudy.study.lint import MEASURED, warnings
 from tests.verification import closed_forms
 from tests.verification import manufactured as smooth

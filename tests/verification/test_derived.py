@@ -12,7 +12,7 @@ from tcstudy.fem.geometry import build
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
-from tcstudy.study.convergence_run import converge
+from tcstudy.study.convergence import converge
 from tests.verification import closed_forms, derived
 from tests.verification.scenes import mesh_family
 from tests.verification.series import errors, series
