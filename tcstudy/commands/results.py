@@ -166,7 +166,7 @@ def _geometry(options: argparse.Namespace) -> int:
 
     if options.output is None or options.output.exists():
         fail(f"{options.output} exists; name another file" if options.output else "--geometry: name the file with -o")
-    extract(options.file, {geometry_of(options.file, point_of(options)): options.output})
+    extract(options.file, geometry_of(options.file, point_of(options)), options.output)
     print(f"{options.output}: the run of one geometry")
     return OK
 

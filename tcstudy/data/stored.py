@@ -40,13 +40,13 @@ def digest(path: Path) -> str:
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[netCDF4.Dataset]:
-    """A finished file, nothing of which is masked. Raises StoreError."""
+def opened(path: Path, group: str = "") -> Iterator[netCDF4.Dataset]:
+    """A finished file, or a group of it, nothing of which is masked. Raises StoreError."""
     import netCDF4
 
     with reading(path), netCDF4.Dataset(path) as nc:
         nc.set_auto_mask(False)
-        yield nc
+        yield nc[group] if group else nc
 
 
 def read_status(path: Path) -> NDArray[np.int8]:
@@ -62,9 +62,9 @@ def read_geometries(path: Path) -> Places:
         return np.asarray(nc["geometry"][...], dtype=np.intp).ravel()
 
 
-def read_levels(path: Path) -> dict[int, LevelRecord]:
+def read_levels(path: Path, group: str = "") -> dict[int, LevelRecord]:
     """The records of the levels that have a mesh, without what a page needs to solve by itself. Raises StoreError."""
-    with opened(path) as nc:
+    with opened(path, group) as nc:
         return {int(group.level): _level(nc, group) for group in nc.groups.values()}
 
 
@@ -86,25 +86,28 @@ def _level(nc: netCDF4.Dataset, group: netCDF4.Group) -> LevelRecord:
     )
 
 
-def read_blocks(path: Path, study: Study, places: Places, wanted: NDArray[np.bool_]) -> Iterator[BlockRecord]:
+def read_blocks(
+    path: Path, study: Study, places: Places, wanted: NDArray[np.bool_], group: str = ""
+) -> Iterator[BlockRecord]:
     """The points of a file as blocks of another study.
 
     places: (P,) where the points of the file, in its order, stand in the sweep of `study`
     wanted: (points of study, levels) which of them are given; those that were not run never are
+    group:  of one geometry, whose points these are
     """
-    with opened(path) as nc:
+    with opened(path, group) as nc:
         shape = nc["status"].shape[:-1]
         own = [v for v in numbers(study) if v.name in nc.variables]
         for level in range(nc["status"].shape[-1]):
-            group = nc.groups.get(f"level_{level}")
-            for cut, start, stop in tiles(shape, tile_shape(shape, _points(group))):
+            line = nc.groups.get(f"level_{level}")
+            for cut, start, stop in tiles(shape, tile_shape(shape, _points(line))):
                 at, status = places[start:stop], _flat(nc["status"][(*cut, level)], 0)
                 rows = np.flatnonzero((status != PointStatus.NOT_RUN) & wanted[at, level])
                 if not len(rows):
                     continue
                 words = _flat(nc["reason"][(*cut, level)], 0)
                 more = {v.name: _number(nc[v.name], cut, level)[rows] for v in own}
-                more |= {v.name: _flat(group[v.name][cut], 1)[rows] for v in line_variables(study) if group is not None}
+                more |= {v.name: _flat(line[v.name][cut], 1)[rows] for v in line_variables(study) if line is not None}
                 yield BlockRecord(
                     level=level,
                     shape=study.shape,
@@ -112,8 +115,8 @@ def read_blocks(path: Path, study: Study, places: Places, wanted: NDArray[np.boo
                     status=status[rows],
                     reasons={row: str(words[i]) for row, i in enumerate(rows) if words[i]},
                     numbers=more,
-                    **_on_line(group, cut, rows),
-                    solutions=_every(group, start + rows),
+                    **_on_line(line, cut, rows),
+                    solutions=_every(line, start + rows),
                 )
 
 

@@ -9,7 +9,7 @@ place of its number in the variable `geometry`, by point.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -86,15 +86,13 @@ def write_variants(
     return counts[0]
 
 
-def extract(path: Path, targets: Mapping[int, Path]) -> None:
-    """Write the files of runs of one geometry each, by number. Raises StoreError; UsageError for one without a mesh."""
+def extract(path: Path, number: int, target: Path) -> None:
+    """Write the file of the run of one geometry. Raises StoreError; UsageError if it has no mesh."""
     refuse_changed(path)
     with opened(path) as nc:
-        for number, target in targets.items():
-            group = nc.groups.get(f"geometry_{number}")
-            if group is None:
-                raise UsageError(f"{path} has no mesh of this geometry; tcstudy show says why")
-            write_dataset(target, {}, partial(_copy, group))
+        if (group := nc.groups.get(f"geometry_{number}")) is None:
+            raise UsageError(f"{path} has no mesh of this geometry; tcstudy show says why")
+        write_dataset(target, {}, partial(_copy, group))
 
 
 def _table(study: Study, variant: Variant, file: Path) -> Iterable[BlockRecord]:

@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 from tcstudy.data.provenance import Provenance, program, study_sha256
 from tcstudy.data.reading import attributes, refuse_changed
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
-from tcstudy.data.stored import digest, read_blocks, read_geometries, read_levels, read_status
-from tcstudy.data.variants import extract
+from tcstudy.data.stored import digest, opened, read_blocks, read_geometries, read_levels, read_status
 from tcstudy.data.writer import file_places
 from tcstudy.errors import StoreError, StudyError, shortened
 from tcstudy.read.document import tree_of, with_sweep
@@ -116,7 +115,7 @@ def _in_file_order(stored: Study, study: Study) -> Places:
 class ExistingResults:
     """What a finished file has of a study, and what is still to be solved.
 
-    stored: the study of the file;  name: of the file, or of what was taken out of it
+    stored: the study of the file, or of its group;  name: of that in words
     places: (P of the file,) where its points stand in the study;  todo: (points of the study, levels)
     mark:   by which journals know that they go on from this file; that of the file of all geometries for one of them
     """
@@ -127,11 +126,12 @@ class ExistingResults:
     places: Places
     todo: NDArray[np.bool_]
     mark: str = ""
+    group: str = ""
 
     @cached_property
     def levels(self) -> dict[int, LevelRecord]:
         """The levels that the file has, by number."""
-        return read_levels(self.path) if len(self.places) else {}
+        return read_levels(self.path, self.group) if len(self.places) else {}
 
     @cached_property
     def digest(self) -> str:
@@ -143,23 +143,21 @@ class ExistingResults:
         wanted = ~self.todo
         if level is not None:
             wanted &= np.arange(self.todo.shape[1]) == level
-        return read_blocks(self.path, study, self.places, wanted) if len(self.places) else iter(())
+        return read_blocks(self.path, study, self.places, wanted, self.group) if len(self.places) else iter(())
 
-    def of_geometries(self, study: Study, folder: Path) -> list[ExistingResults]:
-        """The same of every geometry of the study; those that the file has are taken out of it, into the folder."""
+    def of_geometries(self, study: Study) -> list[ExistingResults]:
+        """The same of every geometry of the study, by its group in the file."""
         mark = sha256(self.digest.encode() + np.packbits(self.todo).tobytes()).hexdigest()
         numbers = np.full(len(study.scenes), -1, dtype=np.intp)
         numbers[self.places] = read_geometries(self.path)
-        found = [int(numbers[variant.places].max(initial=-1)) for variant in study.variants]
-        files = {number: folder / f"{mark[:16]}-{number}-before.nc" for number in found if number >= 0}
-        extract(self.path, files)
         kept = []
-        for variant, number in zip(study.variants, found, strict=True):
+        for variant in study.variants:
             one = replace(self, places=np.zeros(0, dtype=np.intp), todo=self.todo[variant.places], mark=mark)
+            number = int(numbers[variant.places].max(initial=-1))
             own = self.stored.variants[number].study if number >= 0 else None
             if own is not None and variant.study is not None:
                 places, name = _in_file_order(own, variant.study), f"{self.name} ({variant.words})"
-                one = replace(one, path=files[number], stored=own, name=name, places=places)
+                one = replace(one, group=f"geometry_{number}", stored=own, name=name, places=places)
             kept.append(one)
         return kept
 
@@ -178,7 +176,8 @@ class ExistingResults:
         """The provenance with the file's history before it."""
         if not len(self.places):
             return provenance
-        return replace(provenance, history=f"{attributes(self.path)['history']}\n{provenance.history}")
+        with opened(self.path, self.group) as nc:
+            return replace(provenance, history=f"{nc.getncattr('history')}\n{provenance.history}")
 
     def joined(self, record: LevelRecord) -> LevelRecord:
         """The file's record of a level, with what a page needs of all points. Raises StoreError for another mesh."""

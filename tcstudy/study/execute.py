@@ -161,7 +161,7 @@ def _geometries(
     before: list[ExistingResults | None] = [None] * len(study.variants)
     failed, files, resumed = list[BlockRecord](), list[Path | None](), 0
     if kept is not None:
-        before, todo, failed = [*kept.of_geometries(study, folder)], kept.todo, kept.without_geometry(study)
+        before, todo, failed = [*kept.of_geometries(study)], kept.todo, kept.without_geometry(study)
     targets = [folder / (f"{one.mark[:16]}-{i}.nc" if one is not None else f"{i}.nc") for i, one in enumerate(before)]
     there = [_is_there(variant.study, file) for variant, file in zip(study.variants, targets, strict=True)]
     sent = {i: of_geometry(one.study) for i, one in enumerate(study.variants)
