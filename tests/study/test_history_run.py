@@ -19,7 +19,6 @@ from tcstudy.executors import ProcessExecutor
 from tcstudy.read.study import read_study_text
 from tcstudy.study import history_run, workers
 from tcstudy.study.history_run import execute_history
-from tests.study.test_whole_geometries import kill_one
 
 BLOCK = """
 body: {rectangle: {width: 0.4 m, height: 0.1 m}}
@@ -61,20 +60,6 @@ def test_a_history_goes_on_from_its_file(tmp_path: Path) -> None:
         followed(tmp_path, SOFT.replace("20 MPa", "21 MPa"), history)
     with pytest.raises(StoreError, match="other steps"):
         followed(tmp_path, SOFT, history.replace("60 K", "61 K"))
-
-
-def test_an_interrupted_history_keeps_its_steps(tmp_path: Path) -> None:
-    study = read_study_text(f"{BLOCK}history: {{memory: friction, steps: [{{theta: 60 K, in: 6}}]}}\n", "study.yaml")
-
-    def stop(point: int, points: int, step: int, steps: int) -> None:
-        if step == 3:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        execute_history(study, tmp_path / "a.nc", stop)
-    told: list[int] = []
-    summary = execute_history(study, tmp_path / "a.nc", lambda point, points, step, steps: told.append(step))
-    assert (told, summary.found) == ([4, 5, 6], 4)
 
 
 KILLED = """
@@ -161,21 +146,6 @@ def test_workers_find_the_same_histories_and_one_that_kills_them_is_told(
         assert a.drop_attrs().equals(b.drop_attrs())
 
 
-def test_a_cluster_finds_the_same_histories_though_a_worker_is_killed(tmp_path: Path) -> None:
-    pytest.importorskip("distributed", reason="dask.distributed is not installed: pip install 'tcstudy[dask]'")
-    study = read_study_text(SWEPT, "study.yaml")
-    execute_history(study, tmp_path / "a.nc", jobs=1)
-
-    def watch(point: int, points: int, step: int, steps: int) -> None:
-        if point == 0:
-            kill_one()
-
-    summary = execute_history(study, tmp_path / "b.nc", watch, jobs=2, dask="local")
-    assert (summary.points, summary.ended) == (6, 0)
-    with xr.open_dataset(tmp_path / "a.nc") as a, xr.open_dataset(tmp_path / "b.nc") as b:
-        assert a.drop_attrs().equals(b.drop_attrs())
-
-
 def test_a_step_that_breaks_down_ends_its_history_and_no_sweep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The steps before stay; the next run tries again and finds what an undisturbed one finds."""
     study, put, calls = read_study_text(SWEPT, "study.yaml"), history_run._put, []
@@ -246,31 +216,14 @@ heat: {theta: 0}
 friction: {law: piecewise-linear, points: [[0, 1], [0.07354257941696714, 1.15], [0.3712149246761198, 0.3]]}
 mesh: {maxh: 0.2638}
 """
-TEETH = """
-units: none
-body: {rectangle: {width: 1.08956, height: 0.430234}}
-boundary: {bottom: contact, top: free, left: clamped, right: {role: traction, g: [0, 0]}}
-material: {E: 1, nu: 0.00283, alpha_T: 1}
-heat: {theta: 0}
-friction: {law: piecewise-linear, points: [[0, 0.8825473272048094], [0.6977681016822647, 0.6686009535835583],
-  [0.6977681016822647, 0.5907813321956964], [1.1284129204150661, 1.1778593313308234],
-  [1.1284129204150661, 0.7964924840990767], [1.518251580836163, 1.1460575475576724],
-  [1.604075297954592, 1.4483918853206894], [1.604075297954592, 1.022457010001309]]}
-mesh: {maxh: 0.1211}
-"""
-PEAKED = [
-    (ONE_PEAK, "{boundary.top.u_x: 3.3277545, theta: -1.9727693, in: COUNT}"),
-    (TEETH, "{boundary.right.g_x: -4.24761666988, in: COUNT}, {theta: -3.48743456743, in: COUNT}"),
-]
 
 
-@pytest.mark.parametrize(("study", "steps"), PEAKED, ids=["peak", "teeth"])
-def test_a_node_that_turns_back_as_another_passes_its_peak_rests(tmp_path: Path, study: str, steps: str) -> None:
+def test_a_node_that_turns_back_as_another_passes_its_peak_rests(tmp_path: Path) -> None:
     """No energy is gained, and the end does not depend on the steps on the way there."""
     ends = []
     for count in ("1", "10"):
-        history = f"{{memory: friction, steps: [{steps.replace('COUNT', count)}]}}"
-        data = followed(tmp_path, study, history, name=f"{count}.nc")
+        step = f"{{boundary.top.u_x: 3.3277545, theta: -1.9727693, in: {count}}}"
+        data = followed(tmp_path, ONE_PEAK, f"{{memory: friction, steps: [{step}]}}", name=f"{count}.nc")
         assert float(data["closure"].min()) >= -1e-9 * float(data["dissipated"].sum())
         ends.append([*data["u_T"].values[-1], float(data["released"].sum())])
     assert ends[0] == pytest.approx(ends[1], rel=1e-8)

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 from tcstudy.data.on_request import DIFFERENTIABLE, name_of
-from tcstudy.errors import StudyError
-from tcstudy.read.study import read_study_text
 from tests.study.test_history_run import SOFT, followed
 
 NUMBERS = {"friction.tau_s": 20e6, "friction.delta": 1e-3, "E": 210e9, "history.stiffness": 500e9}
@@ -77,8 +75,3 @@ def test_a_number_at_the_end_of_what_it_may_be_has_the_derivative_of_its_side(tm
         ends = [run["friction_resultant"].values for run in runs]
         exact = (4.0 * ends[1] - ends[2] - 3.0 * ends[0]) / (2.0 * change)
         assert data[name_of("friction_resultant", name)].values == pytest.approx(exact, rel=1e-5, abs=1e-9)
-
-
-def test_a_load_of_the_history_is_no_number_of_it() -> None:
-    with pytest.raises(StudyError, match=r"theta is what the history changes, so it is known; remove it"):
-        read_study_text(f"{SOFT}history: {HISTORY}\n", overrides=["output.sensitivity=[theta]"])

@@ -47,14 +47,9 @@ def pad() -> tuple[Study, Record]:
     return study, follow_path(study)
 
 
-@pytest.mark.parametrize("branch", ["lowest", "from-zero", "continued"])
-def test_stable_solutions_of_a_run_lie_on_the_path(pad: tuple[Study, Record], branch: str) -> None:
-    overrides = [
-        "mesh.levels=2",
-        f"solver.branch={branch}",
-        f"sweep={{boundary.plate.u_x: [{', '.join(map(repr, VALUES))}]}}",
-    ]
-    study = read_study(PAD, ["solver=separable-newton", *overrides])
+def test_stable_solutions_of_a_run_lie_on_the_path(pad: tuple[Study, Record]) -> None:
+    sweep = f"sweep={{boundary.plate.u_x: [{', '.join(map(repr, VALUES))}]}}"
+    study = read_study(PAD, ["solver=separable-newton", "mesh.levels=2", "solver.branch=lowest", sweep])
     energies = 0
     blocks = (record for record in run(study) if isinstance(record, BlockRecord) and record.level == 1)
     for point in (point for block in blocks for point in one_by_one(block)):
@@ -94,24 +89,12 @@ def test_every_vertex_is_a_solution_and_energy_follows_its_rate(pad: tuple[Study
         assert curve["energy"][k] == pytest.approx(energy, abs=1e-11 * np.max(np.abs(curve["energy"])))
 
 
-def test_the_energy_lost_is_the_area_of_the_loop(pad: tuple[Study, Record]) -> None:
-    loop = pad[1].values
-    assert loop["loop_closed"]
-    assert loop["energy_lost"] > 0.1
-    assert loop["energy_lost"] == pytest.approx(loop["loop_area"], rel=1e-10)
-    before = loop["jump_vertex"]
-    assert loop["loop_energy"][before] - loop["loop_energy"][before + 1] == pytest.approx(loop["jump_drop"], rel=1e-9)
-    assert loop["loop_parameter"][before] == pytest.approx(loop["jump_parameter"], rel=1e-14)
-
-
 @pytest.mark.parametrize(
     "section",
     [
         "{parameter: q, from: 0, to: 3, at: [1]}",
         "{parameter: load, from: 0, to: -4, at: [-2], level: 0}",
-        "{parameter: boundary.right.pressure, from: 0, to: 0.5, at: [0.1], start: lowest, direction: forward}",
         "{parameter: boundary.left.g_x, from: 0.1, to: -0.3, at: [0], direction: forward}",
-        "{parameter: loads.f_x, from: 0, to: 0.4, at: [0.3], hysteresis: false}",
     ],
 )
 def test_all_kinds_of_parameters_on_the_heated_bracket(section: str) -> None:

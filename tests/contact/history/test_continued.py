@@ -15,8 +15,8 @@ from tcstudy.contact.history.steps import history
 from tcstudy.laws.laws import Laws
 from tcstudy.matrices import law
 from tcstudy.scene.histories import Memory
-from tests.contact.history.cases import coupled_line, softening, strip
-from tests.contact.history.test_steps import FALLING, check_energies
+from tests.contact.history.cases import coupled_line, softening
+from tests.contact.history.test_steps import check_energies
 
 Array = NDArray[np.float64]
 
@@ -32,35 +32,6 @@ def followed(body: HistoryProblem, loads: list[Array]) -> list[HistoryStep]:
         assert (step.released > 0.0) == (step.jumps > 0)
         before = step
     return steps
-
-
-def test_one_cell_jumps_where_it_must() -> None:
-    """H8: s = 0 is kept to U = 1, where 0.16 is released; slips, tractions and dissipation by hand."""
-    body = HistoryProblem(np.eye(1), np.ones(1), FALLING, Memory("friction"))
-    steps = followed(body, [np.array([U]) for U in (0.8, 1.2, 0.8, 0.4, -0.2, 1.4)])
-    assert [step.v[0] for step in steps] == pytest.approx([0.0, 1.0, 1.0, 0.6, 0.0, 1.2], abs=1e-14)
-    assert [step.xi[0] for step in steps] == pytest.approx([0.8, 0.2, -0.2, -0.2, -0.2, 0.2], abs=1e-14)
-    dissipated = np.cumsum([step.dissipated for step in steps])
-    assert dissipated == pytest.approx([0.0, 0.36, 0.36, 0.44, 0.56, 0.8], abs=1e-14)
-    assert [step.released for step in steps] == pytest.approx([0.0, 0.16, 0.0, 0.0, 0.0, 0.0], abs=1e-14)
-    assert [step.jumps for step in steps] == [0, 1, 0, 0, 0, 0]
-    assert steps[1].jumped.all()
-    assert all(step.strict_minimum for step in steps)
-
-
-def test_a_strip_pulled_off_and_let_go() -> None:
-    """H5: secant unloading of a film that softens from 7.2 MPa to 0 over 0.16 mm; the end displacement is driven."""
-    D, cells = 42.24e9 * 1e-3, 95
-    A, c, _ = strip(cells, 0.19, D, held=False)
-    drive, A, c = -A[:-1, -1], A[:-1, :-1], np.append(c[:-2], c[-2] + c[-1])
-    body = HistoryProblem(A, c, law(points=[(0, 7.2e6), (0.16e-3, 0)]), Memory("damage"))
-    steps = followed(body, [1e-3 * u * drive for u in (0.5, 0.25, 0.0, -0.25, 0.55, 0.1)])
-    pull = [1e-3 * c @ step.xi for step in steps]
-    assert pull == pytest.approx([220.59121, 110.29560, 0.0, -110.29560, 220.59121, 40.107492], rel=4e-4, abs=1e-9)
-    spent = [step.dissipated for step in steps]
-    assert spent[0] == pytest.approx(47.573517, rel=6e-4)
-    assert np.all(np.array(spent)[[1, 2, 3, 5]] <= 1e-12 * spent[0])
-    assert body.margin < 0.0
 
 
 def in_parts(body: HistoryProblem, loads: list[Array], count: int) -> list[HistoryStep]:
@@ -132,18 +103,6 @@ def test_nodes_that_are_pushed_back_before_a_front_are_not_seen_by_one_descent()
     assert apart[2] < 0.2 * apart[1] < 0.1 * apart[0]
 
 
-def test_a_branch_that_falls_jumps_by_itself_and_before_that_the_lowest_does() -> None:
-    """A steep film on a coupled line: both branches end in the same state, one jumps on the way."""
-    A, c, load = coupled_line(24)
-    steep = law("slip-weakening", tau_s=2e7, tau_k=4e6, delta=1e-3)
-    loads = [e * load for e in np.linspace(0.5, 6.0, 12)]
-    stayed = followed(HistoryProblem(A, c, steep, Memory("friction")), loads)
-    lowest = list(history(HistoryProblem(A, c, steep, Memory("friction"), branch="lowest"), loads))
-    assert sum(step.released for step in stayed) > 0.0
-    assert all(b.kappa.sum() >= a.kappa.sum() * (1 - 1e-9) for a, b in zip(stayed, lowest, strict=True))
-    assert stayed[-1].v == pytest.approx(lowest[-1].v, abs=1e-2 * np.max(np.abs(stayed[-1].v)))
-
-
 @pytest.mark.parametrize("memory", [Memory("friction"), Memory("damage")], ids=lambda memory: memory.name)
 @pytest.mark.parametrize(("falls_to", "delta"), [(1.4e7, 2e-3), (4e6, 3e-4)], ids=["one solution", "jumps"])
 def test_an_exponential_film_is_followed_too(memory: Memory, falls_to: float, delta: float) -> None:
@@ -161,16 +120,6 @@ def test_an_exponential_film_is_followed_too(memory: Memory, falls_to: float, de
             assert step.v == pytest.approx(other.v, abs=1e-3 * np.max(np.abs(steps[0].v)))
             assert step.work == pytest.approx(other.work, rel=1e-2)
     assert (sum(step.jumps for step in steps) > 0) == (falls_to == 4e6)
-
-
-def test_the_work_of_a_curve_is_the_limit_of_small_steps() -> None:
-    """An exponential film that none lets go of: 1,024 equal parts miss some 1e-7 of its work, 16 1e-3."""
-    A, c, load = coupled_line(3)
-    film = law("exponential", a=2e7, b=1.4e7, delta=2e-3)
-    body = HistoryProblem(A, c, film, Memory("friction"))
-    work = next(history(body, [4.0 * load])).work
-    assert in_parts(body, [4.0 * load], 1024)[0].work == pytest.approx(work, rel=1e-6)
-    assert in_parts(body, [4.0 * load], 16)[0].work != pytest.approx(work, rel=1e-4)
 
 
 def test_a_jump_ends_in_the_next_well_downhill() -> None:

@@ -25,15 +25,6 @@ def test_loop_of_one_softening_node_in_closed_form() -> None:
     assert loop.area == pytest.approx(0.24, abs=1e-13)
 
 
-def test_a_unique_solution_loses_nothing() -> None:
-    problem = softening_line(20, 5.0, 0.9)
-    assert problem.at(0.0).lambda_1 > problem.law.omega
-    loop = hysteresis(problem, np.zeros(20), 0.0, 2.0)
-    assert loop.closed
-    assert not loop.jumps
-    assert loop.area == pytest.approx(0.0, abs=1e-13)
-
-
 @pytest.mark.parametrize("seed", range(8))
 def test_energy_lost_is_the_area_of_the_loop(seed: int) -> None:
     """Two independent sums, for random laws with both kinds of jumps; every fall goes down and ends on a solution."""

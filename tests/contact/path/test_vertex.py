@@ -12,7 +12,7 @@ from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level
 from tests.contact import contact_cases as cases
 from tests.contact.path.cases import a_solution, follow, one_node
-from tests.verification.patch import DROPPING, SOFTENING, Case, exact_energy, patch_study
+from tests.verification.patch import DROPPING, SOFTENING, Case, patch_study
 from tests.verification.scenes import mesh_family
 
 
@@ -23,30 +23,6 @@ def patch_line(law: str, maxh: float) -> tuple[ParametricProblem, float, object]
     condensed = Level(mesh, study.scenes[0]).condensed(study.scenes[0])
     p = condensed.problem
     return ParametricProblem(p.A_tilde, np.zeros(p.m), p.l_tilde, p.c, p.law), condensed.constant, study
-
-
-@pytest.mark.parametrize("maxh", [0.6, 0.17])
-@pytest.mark.parametrize(
-    ("law", "turns", "three"),
-    [(SOFTENING, (1.0, 0.6), (0.0, 0.2, 0.6)), (DROPPING, (1.4, 0.6), (0.0, 0.4, 0.6))],
-)
-def test_patch_test_branches_and_folds(
-    law: str, turns: tuple[float, float], three: tuple[float, ...], maxh: float
-) -> None:
-    """All m nodes switch at once; both folds, all three solutions of U = 0.8 and the energies in closed form."""
-    problem, constant, study = patch_line(law, maxh)
-    path = follow(problem, np.zeros(problem.m), 0.0, -2.0, 2.0)
-    assert path.begin == path.end == PathStatus.RANGE_END
-    assert np.max(np.ptp(path.u, axis=1)) <= 1e-12
-    assert path.t[path.folds] == pytest.approx([-turns[1], -turns[0], *turns], abs=1e-12)
-    assert path.residual.max() <= 1e-12
-    found = solutions_at(path, 0.8)
-    assert [s.stable for s in found] == [True, False, True]
-    for solution, slip in zip(found, three, strict=True):
-        assert np.max(np.abs(solution.v - slip)) <= 1e-12
-        exact = exact_energy(Case(law, 0.8, three), study, slip)  # type: ignore[arg-type]
-        assert solution.energy + 0.64 * constant == pytest.approx(exact, abs=1e-12)
-    assert all(len(solutions_at(path, t)) == 1 for t in (-1.9, 0.3, 1.9))
 
 
 @pytest.mark.parametrize(
