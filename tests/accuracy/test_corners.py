@@ -79,20 +79,6 @@ def test_two_bonded_wedges(first, second, mu, kappa):
     assert found == pytest.approx(real, rel=1e-9) if real else found > 0.999
 
 
-@pytest.mark.parametrize(
-    ("ratio", "sides", "exponent"),
-    [
-        (1.0, (FREE, FREE), 0.5445),  # 90° and 180° of one material: an L
-        (1e8, (FREE, FREE), 0.7112),  # 90° on a rigid half-plane: clamped–free
-        (1e-8, (FREE, FREE), 0.5),  # a half-plane with a rigid corner on it: clamped–free, 180°
-        (1.0, (), SMOOTH),
-    ],
-)
-def test_limits_of_two_wedges(ratio, sides, exponent):
-    wedges = ((pi / 2, 1.0, KAPPA), (pi if sides else 1.5 * pi, ratio, KAPPA))
-    assert corner_exponent(wedges, *sides) == pytest.approx(exponent, abs=5e-5)
-
-
 def test_inclusions():
     """A hole leaves an L; a straight interface leaves nothing; a rigid one turns with the body."""
     soft = corner_exponent(((pi / 2, 1e-8, KAPPA), (1.5 * pi, 1.0, KAPPA)))

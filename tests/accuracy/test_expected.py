@@ -53,14 +53,6 @@ def test_angles_and_exponents_of_an_l_shape():
     assert "270°" in orders["u_H1"].reason
 
 
-def test_stick_meeting_slip_limits_the_traction():
-    names = ("u_H1", "u_T_L2", "u_T_max", "xi_L2", "xi_nodes", "xi_max")
-    inner = expected_orders(smoothness([], stick_slip=True))
-    assert [inner[n].order for n in names] == [1, 2, 1.5, 1, 1, 0.5]
-    assert "stick meets slip" in inner["xi_max"].reason
-    assert [expected_orders(smoothness([], stick_slip=False))[n].order for n in names] == [1, 2, 2, 1, 2, 2]
-
-
 def test_given_exponents_and_held_ends():
     smooth = expected_orders(smooth_up_to(None, HeldEnds()))
     assert [smooth[n].order for n in ("u_H1", "u_L2", "u_T_L2", "u_T_max", "xi_L2", "xi_nodes", "xi_max")] == [

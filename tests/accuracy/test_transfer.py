@@ -65,11 +65,3 @@ def test_points_beside_a_slot_are_found_on_their_own_side() -> None:
     found, weights = located(mesh, at)
     assert np.all(found < len(coarse))
     assert weights.min() > -1e-12
-
-
-def test_points_outside_belong_to_the_triangle_that_is_nearest_and_not_the_largest() -> None:
-    """A hundredth of its size away from a small triangle, a two hundredth from a large one that is farther off."""
-    (left, fine), (right, coarse) = _square(0.0, 20), _square(1.003, 1)
-    mesh = Triangles(np.concatenate([left, right]), np.concatenate([fine, coarse + len(left)]))
-    at = np.column_stack([np.full(30, 1.001), np.linspace(0.012, 0.97, 30)])
-    assert np.all(located(mesh, at)[0] < len(fine))

@@ -7,8 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from tcstudy.condense.symbolic import _separators, nested_dissection, node_graph
-from tests.condense.meshes import heat, plate
+from tcstudy.condense.symbolic import _separators
 
 
 def covers(chosen: set[int], edges: list[tuple[int, int]]) -> bool:
@@ -29,16 +28,3 @@ def test_a_separator_has_the_fewest_nodes_that_cut_all_edges(seed):
     least = next(k for k in range(n + 1) if any(covers(set(c), between) for c in combinations(range(n), k)))
     assert covers(found, between)
     assert len(found) == least
-
-
-def test_no_edge_joins_two_parts_of_a_dissection():
-    mesh = plate(20, hole=True, seed=3)
-    active = mesh.points[:, 0] > 0
-    i, j = node_graph(heat(mesh), len(mesh.points), active)
-    orders = list(np.argsort(mesh.points, axis=0).T)
-    label = nested_dissection(mesh.points, orders, i, j, active, leaf=8)
-    assert np.array_equal(label > 0, active)
-    low, high = np.minimum(label[i], label[j]), np.maximum(label[i], label[j])
-    while np.any(high > low):  # the lower label must be an ancestor of the higher one
-        high = np.where(high > low, high >> 1, high)
-    assert np.array_equal(high, low)

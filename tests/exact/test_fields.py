@@ -46,19 +46,6 @@ def test_the_field_is_the_normal_on_every_curve(names: tuple[str, ...]) -> None:
         np.testing.assert_allclose(normals(body(), names, points), expected, rtol=0, atol=1e-13)
 
 
-@pytest.mark.parametrize(
-    ("name", "point", "normal"),
-    [("base", (1.0, 0.0), (0.0, -1.0)), ("bore", (1.8, 0.9), (-1.0, 0.0)), ("dome", (1.5, 2.0), (0.0, 1.0))],
-)
-def test_normals_point_out_of_the_body(name: str, point: tuple[float, float], normal: tuple[float, float]) -> None:
-    np.testing.assert_allclose(normals(body(), (name,), np.array([point]))[0], normal, atol=1e-12)
-
-
-def test_one_normal_costs_nothing() -> None:
-    component = scalar(normal_field(body(), body_edges(body(), ("bore",)))[0])
-    assert len(component.order) <= 6
-
-
 L_SHAPE = (
     TEXT[: TEXT.index("body")]
     + """

@@ -144,22 +144,6 @@ def test_faults(old: str, new: str, where: str, what: str) -> None:
     assert any(f"a.yaml:{where}: " in line and what in line and "; " in line for line in told), told
 
 
-def test_a_law_that_fails_at_one_point_names_the_point() -> None:
-    with pytest.raises(StudyError) as caught:
-        read_study_text(TEXT + "sweep: {tau_k: [0.4, 0.5]}\n")
-    assert len(caught.value.problems) == 1
-    assert "(with tau_k = 0.5)" in str(caught.value)
-
-
-def test_smooth_kinks_are_allowed() -> None:
-    """max(0, s)³ has a continuous second derivative."""
-    study = read_study_text(TEXT.replace("0.1*y*cos(pi*x)", "0.1*y*cos(pi*x) + max(0, y - 0.5)^3"))
-    f_y = study.scenes[0].f[1]
-    plain = read_study_text(TEXT).scenes[0].f[1]
-    y = np.array([0.2, 0.7])
-    np.testing.assert_allclose(at(f_y, 0.3, y) - at(plain, 0.3, y), [0.0, -3.5 * 6 * 0.2], rtol=1e-12, atol=1e-13)
-
-
 HOLES = """
 units: none
 body:

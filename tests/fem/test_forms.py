@@ -54,26 +54,6 @@ def test_stiffness_is_that_of_the_weak_form(bracket: tuple[PlaneMesh, Frames, El
     assert abs(local - direct).max() > 0.1 * scale
 
 
-def test_conduction_is_that_of_the_weak_form(bracket: tuple[PlaneMesh, Frames, ElasticForms]) -> None:
-    mesh, _, gradients = bracket
-    theta, phi = ngs.H1(mesh.mesh, order=1).TnT()
-    direct = csr(ngs.BilinearForm(ngs.grad(theta) * ngs.grad(phi) * ngs.dx).Assemble())
-    assert abs(gradients.conduction() - direct).max() < 1e-14 * abs(direct).max()
-
-
-def test_thermal_load_is_that_of_the_weak_form(bracket: tuple[PlaneMesh, Frames, ElasticForms]) -> None:
-    mesh, _, gradients = bracket
-    theta = ngs.H1(mesh.mesh, order=1).TrialFunction()
-    v = ngs.VectorH1(mesh.mesh, order=1).TestFunction()
-    form = ngs.BilinearForm(trialspace=theta.space, testspace=v.space)
-    form += theta * ngs.div(v) * ngs.dx
-    B = csr(form.Assemble())
-    values = np.random.default_rng(1).standard_normal((mesh.n_points, 3))
-    loads = gradients.expansion(values)
-    assert np.max(np.abs(loads - B @ values)) < 1e-14 * np.max(np.abs(loads))
-    assert np.max(np.abs(gradients.expansion(values[:, 1]) - loads[:, 1])) < 1e-15 * np.max(np.abs(loads))
-
-
 PRESSED = """
 units: none
 body:

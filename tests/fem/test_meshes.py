@@ -27,30 +27,12 @@ def curve_nodes(mesh: PlaneMesh, name: str) -> np.ndarray:
     return np.unique(mesh.segments[np.isin(mesh.segment_curve, curves)])
 
 
-def test_refinement_is_congruent_and_nested() -> None:
-    """Each triangle has four children of a quarter of its area; coarse nodes stay where they are."""
-    coarse, fine, _ = meshes_of(study_of(RECTANGLE))
-    assert len(fine.triangles) == 4 * len(coarse.triangles)
-    assert fine.h_max == pytest.approx(coarse.h_max / 2, rel=1e-12)
-    assert np.array_equal(fine.points[: coarse.n_points], coarse.points)
-    assert coarse.mesh.nv == coarse.n_points
-
-
 def test_nodes_lie_on_arcs_and_names_survive_refinement() -> None:
     for mesh in meshes_of(study_of(HEATED_BRACKET, "mesh.levels=3")):
         radius = np.linalg.norm(mesh.points[curve_nodes(mesh, "bore")] - [0.9, 0.5], axis=1)
         assert np.max(np.abs(radius - 0.15)) < 1e-14
         assert {c.name for c in mesh.geometry.curves} == {"slope", "curve", "right", "top", "left", "bore"}
         assert set(mesh.mesh.GetMaterials()) == {"body", "heater"}
-
-
-def test_segments_have_the_body_on_their_left() -> None:
-    mesh = meshes_of(study_of(HEATED_BRACKET))[0]
-    a, b = mesh.points[mesh.segments[:, 0]], mesh.points[mesh.segments[:, 1]]
-    twice_area = float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum())
-    corners = mesh.points[mesh.triangles]
-    e, f = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    assert twice_area == pytest.approx(float((e[:, 0] * f[:, 1] - e[:, 1] * f[:, 0]).sum()), rel=1e-12)
 
 
 def ring_sector(path: Path) -> None:

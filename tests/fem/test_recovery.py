@@ -31,13 +31,6 @@ def test_linear_data_are_recovered_exactly(text: str) -> None:
     assert recovered == pytest.approx(1.0 + 2.0 * mesh.points[:, 0] - 3.0 * mesh.points[:, 1], abs=1e-11)
 
 
-def test_a_single_patch_that_is_too_small_takes_the_mean() -> None:
-    """Two triangles: no fit of three coefficients is possible, a constant is still recovered."""
-    mesh = meshes(RECTANGLE.replace("maxh: 0.1", "maxh: 2"), 1)[0]
-    triangles = ElementGeometry(mesh)
-    assert triangles.recovery @ np.full(len(mesh.triangles), 0.7) == pytest.approx(np.full(mesh.n_points, 0.7))
-
-
 def test_recovery_gains_an_order() -> None:
     """|∇u − Gu_h| ~ h^1.5 in L² against h: order 2 inside, 1 on irregular points and a strip of width h."""
     own, better = [], []

@@ -90,20 +90,6 @@ def test_interval_is_filled_between_the_limits(law: Laws) -> None:
 
 
 @everywhere
-def test_tolerance_fills_the_interval_near_kinks_only(law: Laws) -> None:
-    if not len(law.kinks):
-        return
-    step = law.s_scale or reach(law)
-    exact = law.interval(law.kinks)
-    near = law.interval(law.kinks + 1e-6 * step, 2e-6 * step)
-    np.testing.assert_array_equal(np.minimum(law.b_left, law.b_right), exact[0])
-    low, high = np.minimum(near[0], exact[0]), np.maximum(near[1], exact[1])
-    np.testing.assert_array_equal((low, high), exact)
-    off = law.kinks + 1e-3 * step
-    np.testing.assert_array_equal(law.interval(off, 1e-6 * step), law.interval(off))
-
-
-@everywhere
 def test_slope_is_the_derivative(law: Laws) -> None:
     step = 1e-6 * (law.s_scale or reach(law))
     s = slips(law, 100)[:100]
@@ -148,16 +134,6 @@ def test_scaled_is_the_same_law_in_other_units(law: Laws) -> None:
     assert other.b_scale * b_unit == pytest.approx(law.b_scale, rel=1e-13)
     assert other.s_scale * s_unit == pytest.approx(law.s_scale, rel=1e-13)
     assert other.kinds.tolist() == law.kinds.tolist()
-
-
-def test_nearest_kink_and_piece() -> None:
-    law = MIXED
-    s = np.random.default_rng(4).uniform(-2, 3, 300)
-    expected = np.argmin(np.abs(s[:, None] - law.kinks), axis=1)
-    assert np.array_equal(law.nearest_kink(s), expected)
-    assert np.array_equal(law.piece(law.kinks, +1), np.arange(1, 6))
-    assert np.array_equal(law.piece(law.kinks, -1), np.arange(5))
-    assert law.b(np.zeros((2, 3))).shape == (2, 3)
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.laws.laws import Laws
-from tcstudy.laws.pieces import BEND, DOWN, UP
+from tcstudy.laws.pieces import BEND, UP
 from tcstudy.laws.shapes import SHAPES
-from tests.contact import contact_cases as cases
 
 
 def close_points(rng: np.random.Generator, odd: bool) -> list[tuple[float, float]]:
@@ -56,14 +54,6 @@ def test_the_foot_of_a_steep_piece_is_no_jump(width: float) -> None:
     assert float(law.j(2.0)) == pytest.approx(1 + 0.6 * width + 0.2 * (1 - width), rel=1e-15)
 
 
-def test_small_true_jumps_beside_steep_pieces_are_jumps() -> None:
-    points = [(0, 1), (1, 1), (1 + 1e-12, 0.2), (1 + 1e-12, 0.2 + 1e-14), (2, 0.5), (2, 0.5 - 1e-14), (3, 0.5)]
-    law = SHAPES["piecewise-linear"].build(points=points)
-    kinds = dict(zip(law.kinks.tolist(), law.kinds.tolist(), strict=True))
-    assert kinds[1 + 1e-12] == UP
-    assert kinds[2.0] == DOWN
-
-
 def test_other_units_keep_the_values_at_the_ends_of_narrow_pieces() -> None:
     """Divided by a unit, points one rounding apart may coincide: then the piece is a jump between the same values."""
     for seed in range(30):
@@ -75,11 +65,3 @@ def test_other_units_keep_the_values_at_the_ends_of_narrow_pieces() -> None:
             low, high = other.interval(kink / 3.0e-5)
             assert float(low) * 7.0e6 <= min(left, right) + 1e-15 * size
             assert float(high) * 7.0e6 >= max(left, right) - 1e-15 * size
-
-
-def test_exponential_pieces_far_from_zero_keep_their_digits() -> None:
-    """exp(−r (s − s_0)) hangs on the piece's end: a rate of 1e4 at s = 1 would overflow as a exp(−r s)."""
-    law = cases.exponential_decay(1.0, 0.5, 1e-4)
-    moved = Laws("moved", law.kinks + 1.0, law.s_0 + 1.0, law.b_0, law.q, law.a, law.r)
-    s = np.linspace(-3e-4, 3e-4, 13)
-    np.testing.assert_allclose(moved.b(1.0 + s), law.b((1.0 + s) - 1.0), rtol=1e-15)

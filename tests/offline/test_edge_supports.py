@@ -148,18 +148,6 @@ mesh: {maxh: 0.25, levels: 3}
     assert 3.5 < (1 - found[1]) / (1 - found[2]) < 4.5
 
 
-def test_a_rigid_edge_that_meets_contact_moves_a_contact_node() -> None:
-    """Its unknown is the node's slip: pushed at the end, the whole end moves as much as that node."""
-    text = RIGID.replace("PLATE", "free").replace("END", "{role: rigid, force: [-0.08, 0], u_y: 0}")
-    _, level, condensed, v, u = solved(text)
-    end = level.mesh.points[:, 0] > 2 - 1e-12
-    corner = int(np.argmax(level.line.xy[:, 0]))
-    assert level.line.xy[corner] == pytest.approx([2.0, 0.0])
-    assert np.ptp(u[0, end]) < 1e-15
-    assert abs(v[corner]) == pytest.approx(abs(u[0, end][0]), rel=1e-13)
-    assert len(v) == condensed.problem.m
-
-
 def test_end_of_the_rail_on_its_spring() -> None:
     """The numbers in the head of configs/spring_rail.yaml."""
     study = read_study(CONFIGS / "spring_rail.yaml")

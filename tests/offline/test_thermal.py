@@ -44,7 +44,7 @@ def test_many_alpha_cost_a_handful_of_columns(monkeypatch: pytest.MonkeyPatch, k
     condensed = [level.condensed(scene) for scene in study.scenes]
     temperatures = [level.temperature(scene) for scene in study.scenes]
     assert columns.count < 80
-    for i in range(0, 200, 9):
+    for i in range(0, 200, 40):
         scene = study.scenes[i]
         alone = Level(mesh, scene)
         direct = alone.temperature(scene)
@@ -65,15 +65,3 @@ def test_an_alpha_outside_the_sweep_is_as_exact() -> None:
         scene = study_of(HEATED_BRACKET, f"heat.alpha={alpha!r}").scenes[0]
         direct = Level(mesh, scene).temperature(scene).theta
         assert np.max(np.abs(level.temperature(scene).theta - direct)) < 1e-12 * np.max(np.abs(direct))
-
-
-def test_conductivities_share_the_columns(monkeypatch: pytest.MonkeyPatch) -> None:
-    """θ depends on α/k but for a factor: k = 2 at 2α is k = 1 at α, and costs nothing more."""
-    study, mesh = swept("sweep={mode: zip, alpha: [1, 2], k: [1, 2]}")
-    columns = Columns(monkeypatch)
-    level = Level(mesh, study.scenes[0], study.scenes)
-    found = [level.temperature(scene) for scene in study.scenes]
-    assert columns.count == 2 + 1
-    for scene, temperature in zip(study.scenes, found, strict=True):
-        direct = Level(mesh, scene).temperature(scene).theta
-        assert np.max(np.abs(temperature.theta - direct)) < 1e-14 * np.max(np.abs(direct))

@@ -46,16 +46,6 @@ def test_a_zone_may_stick_where_the_line_slips() -> None:
     assert hidden(TRESCA, 0.3, held=(0, 4)) == pytest.approx([1.0, 0.0, 0.0, 1.0])
 
 
-def test_a_zone_that_is_seen_hides_nothing() -> None:
-    assert not hidden(TRESCA, 0.0).any()
-
-
-def test_given_slips() -> None:
-    assert not hidden(TRESCA, 0.3, given=0.2).any()  # one bound all along
-    assert hidden(TRESCA, 0.3, given=-0.2)[0] == pytest.approx(2.0)
-    assert hidden(TRESCA, 0.3, given=1e-17)[0] == pytest.approx(1.0)
-
-
 def test_a_fall_within_the_cell_is_hidden_until_it_is_resolved() -> None:
     assert hidden(FALL, 7.0)[0] == pytest.approx(3.0)  # 5 beside the corner, 2 at the node
     assert hidden(FALL, 0.1)[0] == pytest.approx(4.7)  # 0 in a zone that sticks against 5 − 0.3

@@ -64,16 +64,6 @@ def test_slopes_against_differences() -> None:
         assert (plus - minus) / (2 * step[i]) == pytest.approx(w[i], rel=1e-6)
 
 
-def test_a_single_slipping_node_leaves_its_front_in_doubt() -> None:
-    line = line_of(6)
-    v = np.zeros(line.m)
-    v[3] = 0.1
-    length, doubt = slip_length(line, problem_of(line), v)
-    assert length == pytest.approx(1.0)
-    assert doubt == pytest.approx(1.0)
-    assert np.isfinite(slopes(line, problem_of(line), v)).all()
-
-
 def test_a_zone_that_hides_beside_a_held_node() -> None:
     """No node sticks, but the slip points to a front 0.7 of a cell away from the held one."""
     line = line_of(8, held=(0,))
@@ -98,11 +88,3 @@ def test_fronts_of_the_closed_form(change: float) -> None:
     length, doubt = slip_length(level.line, condensed.problem, v)
     assert doubt == 0.0
     assert abs(length - (1.0 - change)) < np.median(level.line.c) / 6.0
-
-
-def test_nodes_that_slip_the_other_way_belong_to_another_front() -> None:
-    line = line_of(6)
-    v = np.zeros(line.m)
-    v[-3:] = 0.1, -1.0, -2.0
-    (front,) = fronts(line, problem_of(line), v)
-    assert (front.more, front.doubt) == (0.0, 0.5)

@@ -51,18 +51,6 @@ def bracket() -> tuple[Level, Halved]:
     return level, Halved(level, scene)
 
 
-def test_a_start_knows_the_displacement_given_at_a_held_node() -> None:
-    """The closed form is given at x = 0, where it sticks, and at x = 1, where it slips by 0.36 (1 − change)^1.5."""
-    study = front_study(0.4)
-    level = Level(Family(study).next(0), study.scenes[0])
-    halved, condensed = Halved(level, study.scenes[0]), level.condensed(study.scenes[0])
-    v = solve_contact(condensed.problem).v
-    started = halved.start(v, level.displacement(study.scenes[0], v))
-    last = np.argmax(halved.level.line.xy[:, 0])
-    assert started[last] == pytest.approx(0.5 * (v[np.argmax(level.line.xy[:, 0])] + front_slip(0.4, 1.0)), rel=1e-12)
-    assert halved.at_coarse(started).tolist() == v.tolist()
-
-
 def look(goal: Goal = RESULTANT, levels: int = 2) -> dict[str, float]:
     study = study_of(PULLED)
     study = replace(study, mesh=replace(study.mesh, goal=goal))
@@ -166,21 +154,6 @@ def test_what_the_resultant_lacks_at_a_held_end_is_half_a_cell_of_traction(chang
     width = level.line.xy[0, 0]  # the hat function of the node at its end sees the traction there
     traction = 0.5 - 0.84 * math.sqrt(change - width)
     assert found[0] == pytest.approx(0.5 * width * traction, rel=0.1)
-
-
-def test_a_tear_leaves_half_a_cell_times_the_fall_open() -> None:
-    law = "friction: {law: piecewise-linear, points: [[0, 0.012], [0.05, 0.012], [0.05, 0.005]]}"
-    study = study_of(PULLED.replace("friction: {law: tresca, tau: 0.01}", law))
-    level = Level(Family(study).next(0), study.scenes[0])
-    problem = level.condensed(study.scenes[0]).problem
-    x = level.line.xy[:, 0]
-    v = np.where(x > x[1], 0.06, 0.04)
-    widths = level.line.lengths
-    found = torn(level.line, problem, v)
-    assert np.count_nonzero(found) == 1
-    assert found.max() == pytest.approx(0.5 * widths[np.argmax(found)] * 0.007)
-    assert not torn(level.line, problem, 0.0 * v).any()
-    assert not torn(level.line, problem, np.where(x > x[1], 0.06, 0.07)).any()
 
 
 def test_falls_and_turns_between_two_nodes_are_tears_and_bends_are_not() -> None:
