@@ -20,8 +20,7 @@ from tcstudy.read.node import Node
 from tcstudy.scene.provable import why_no_bound
 from tcstudy.scene.records import Body, Clamped, Contact, Edge, Point, Rigid, Role, Scalar, Scene, Symmetry
 from tcstudy.scene.study import Goal, MeshPlan
-from tcstudy.shapes.edges import body_area, body_size, edge_distance, edge_normal, edge_points, loop_size
-from tcstudy.shapes.faults import loop_polygon
+from tcstudy.shapes.edges import body_area, body_size, edge_distance, edge_normal, edge_points, inside
 
 Array = NDArray[np.float64]
 
@@ -217,7 +216,7 @@ def corner_faults(body: Body, boundary: Boundary) -> Iterator[tuple[str, str]]:
             yield clamped.name, f"{what} ({x:g}, {y:g})"
 
 
-EDGE_POINTS, GRID = 64, 40
+EDGE_POINTS = 64
 
 
 def check_finite(ctx: Context, root: Node, section: str, value: Any, body: Body) -> None:
@@ -228,13 +227,14 @@ def check_finite(ctx: Context, root: Node, section: str, value: Any, body: Body)
     parts = value if section == "boundary" else [("f", value)] if section == "loads" else vars(value).items()
     for key, part in parts if body.outline is not None else ():
         for expression in _in(part):
-            x, y = (_on_edges(body, key) if section == "boundary" else _inside(body)).T
+            edges = [key] if section == "boundary" else [edge.name for edge in body.edges]
+            points = [_on_edges(body, name) for name in edges] + ([] if section == "boundary" else [inside(body)])
+            x, y = np.concatenate(points).T
             bad = np.flatnonzero(~np.isfinite(np.broadcast_to(expression.evaluate(x, y), len(x))))
             if len(bad):
                 at = f"({x[bad[0]]:g}, {y[bad[0]]:g})"
                 what = f"the expression {str(expression)!r} has no finite value at {at}"
-                remedy = "change it so that it is finite wherever it is used"
-                ctx.errors.once(root.nearest(section, key), what, remedy)
+                ctx.errors.once(root.nearest(section, key), what, "change it so that it is finite wherever it is used")
 
 
 def check_laws(ctx: Context, root: Node, friction: EdgeLaws, boundary: Iterable[tuple[str, Role]], body: Body) -> None:
@@ -274,16 +274,3 @@ def _in(value: Any) -> Iterator[Expression]:
 
 def _on_edges(body: Body, name: str) -> Array:
     return np.concatenate([edge_points(e, EDGE_POINTS) for e in body.edges if e.name == name])
-
-
-def _inside(body: Body) -> Array:
-    """A grid over the body, and points on its edges."""
-    import shapely
-
-    assert body.outline is not None
-    polygon = loop_polygon(body.outline, loop_size(body.outline))
-    x0, y0, x1, y1 = polygon.bounds
-    x, y = (a.ravel() for a in np.meshgrid(np.linspace(x0, x1, GRID), np.linspace(y0, y1, GRID)))
-    inside = shapely.contains_xy(polygon, x, y)
-    edges = [edge_points(edge, EDGE_POINTS) for edge in body.edges]
-    return np.concatenate([np.column_stack([x, y])[inside], *edges])

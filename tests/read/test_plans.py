@@ -10,7 +10,7 @@ from tcstudy.errors import StudyError
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Clamped, Traction
-from tcstudy.scene.study import Goal, MeshPlan
+from tcstudy.scene.study import Goal, MeshPlan, PathPlan
 
 BASE = """
 units: none
@@ -35,8 +35,6 @@ def faults(text: str, more: str = "") -> list[str]:
     ("text", "plan"),
     [
         ("{maxh: 0.5, levels: 3}", MeshPlan((0.5,), 3)),
-        ("{maxh: 0.5, levels: 3, estimate: true}", MeshPlan((0.5,), 3, estimate=True)),
-        ("{maxh: 0.5, levels: 3, family: graded}", MeshPlan((0.5,), 3, "graded")),
         ("{maxh: 0.5, levels: 3, family: graded, grading: 0.4}", MeshPlan((0.5,), 3, "graded", grading=0.4)),
         (
             "{maxh: 0.5, levels: 20, family: adaptive, marking: 0.3, goal: friction_resultant, max_dofs: 1000}",
@@ -102,25 +100,20 @@ path: {parameter: theta_bar, from: 0 K, to: 40 K}
 PATH = "path: {parameter: theta_bar, from: 0 K, to: 40 K}"
 
 
-def test_defaults_and_units() -> None:
+def test_all_keys_and_their_defaults() -> None:
     plan = read_study_text(STUDY).path
     assert plan
     assert (plan.parameter, plan.units, plan.begin, plan.end) == (("heat", "theta_bar"), "K", 0.0, 40.0)
-    assert plan.within == (-40.0, 80.0)
-    assert (plan.at, plan.start, plan.direction, plan.hysteresis, plan.level) == ((), "zero", "both", True, None)
-
-
-def test_all_keys() -> None:
+    assert plan == PathPlan(plan.parameter, "K", 0.0, 40.0, (-40.0, 80.0), plan.scene)
     options = (
         "path: {parameter: boundary.top.pressure, from: 0 MPa, to: -4 MPa, at: [-1 MPa, -2 MPa], start: lowest, "
         "within: [-5 MPa, 1 MPa], direction: forward, max_pieces: 50, hysteresis: false, level: 1, law_error: 1e-4}"
     )
-    plan = read_study_text(STUDY.replace(PATH, options)).path
-    assert plan
-    assert plan.units == "Pa"
-    assert (plan.begin, plan.end, plan.within, plan.at) == (0.0, -4e6, (-5e6, 1e6), (-1e6, -2e6))
-    assert (plan.start, plan.direction, plan.max_pieces, plan.level) == ("lowest", "forward", 50, 1)
-    assert (plan.hysteresis, plan.law_error) == (False, 1e-4)
+    said = {"direction": "forward", "max_pieces": 50, "hysteresis": False, "level": 1, "law_error": 1e-4}
+    assert read_study_text(STUDY.replace(PATH, options)).path == PathPlan(
+        *(("boundary", "top", "pressure"), "Pa", 0.0, -4e6, (-5e6, 1e6), plan.scene, (-1e6, -2e6), "lowest"),
+        **said,  # type: ignore[arg-type]
+    )
 
 
 def test_the_path_belongs_to_the_base_study() -> None:
@@ -171,15 +164,3 @@ def test_the_load_factor_multiplies_mechanical_loads_alone() -> None:
     assert top.g[1].evaluate(0.25, 0.0) == -0.5e6  # type: ignore[union-attr]
     nothing = path_scene(plan.scene, plan.parameter, 0.0)
     assert dict(nothing.boundary)["top"] == Traction()
-
-
-def test_parameters_that_do_nothing_are_refused() -> None:
-    cold = STUDY.replace(", alpha_T: 1e-5 1/K", "")
-    with pytest.raises(StudyError, match="beta is 0, so temperature does not load the body"):
-        read_study_text(cold)
-    unloaded = cold.replace("loads: {f: [1 kN/m^3, 0]}\n", "").replace(
-        "theta_bar, from: 0 K, to: 40 K", "load, from: 0, to: 1"
-    )
-    unloaded = unloaded.replace('{role: traction, g: [2 MPa, "1e6*x"], pressure: 3 MPa}', "free")
-    with pytest.raises(StudyError, match="no f, g, pressure, force or moment"):
-        read_study_text(unloaded)
