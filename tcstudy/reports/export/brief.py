@@ -41,7 +41,7 @@ def brief(path: Path) -> dict[str, Json]:
     """The object that --json prints; its `verdict` is the sentence of --quiet. Raises StoreError."""
     kind, told = kind_of(path), [asdict(one) for one in remarks_of(attributes(path))]
     if kind == "run":
-        stored = read(path)
+        stored = read(path, whole=True)
         data, found = stored.data, _run(run_part(stored, Lists()), stored.data)
     else:
         data = load_root(path, kind)

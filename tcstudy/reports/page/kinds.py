@@ -124,7 +124,7 @@ def path_sections(stored: Stored, box: Container) -> list[Json]:
 
 def line_part_of(stored: Stored, data: Any, pieces: Any, kept: Any, box: Container) -> Json:
     """The contact line at the kept vertices of a path, with the one law that all nodes have."""
-    laws = law_part(stored.study)
+    laws = law_part(stored)
     law = laws["laws"][0] if laws is not None and "edges" not in laws else None
     return {
         "part": "line",

@@ -10,26 +10,26 @@ from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import DOWN, UP
 from tcstudy.reports.figures.law import curves, slip_range
 from tcstudy.reports.page.container import Container, Json
+from tcstudy.reports.page.stored import Stored
 from tcstudy.reports.picture import LineFields
 from tcstudy.reports.stored_study import file_order
 from tcstudy.scene.points import combinations
-from tcstudy.scene.study import Study
 
 SAMPLES, DECAYS = 60, 6.0
 """Points on a curved piece, and how many decay lengths of a law are drawn."""
 
 
-def law_part(study: Study | None) -> Json | None:
+def law_part(stored: Stored) -> Json | None:
     """The different laws of a study and which one every point has; None if the study does not say.
 
     Where friction differs along the contact line a point has a law of every edge, in the order of `edges`.
     """
-    if study is None:
+    if stored.study is None:
         return None
     numbers: dict[Laws, int] = {}
     index: list[Json] = []
     edges: Json = {}
-    frictions, of = frictions_of(study)
+    frictions, of = frictions_of(stored)
     for friction in frictions:
         if isinstance(friction, EdgeLaws):
             index.append([numbers.setdefault(law, len(numbers)) for _, law, _ in friction.laws])
@@ -39,23 +39,24 @@ def law_part(study: Study | None) -> Json | None:
     return {"laws": [drawn(law) for law in numbers], "index": [index[k] for k in of], **edges}
 
 
-def frictions_of(study: Study | None) -> tuple[list[Laws | EdgeLaws], NDArray[np.intp]]:
-    """The different frictions of a study, and which of them every point of its file has."""
-    if study is None:
+def frictions_of(stored: Stored) -> tuple[list[Laws | EdgeLaws], NDArray[np.intp]]:
+    """The different frictions of a study, and which of them every point of its file has that is kept."""
+    if stored.study is None:
         return [], np.empty(0, dtype=np.intp)
-    some, of = combinations(study.scenes, "friction")
-    of = of[file_order(study)]
+    some, of = combinations(stored.study.scenes, "friction")
+    of = of[file_order(stored.study)]
+    of = of if stored.kept is None else of[stored.kept]
     _, first = np.unique(of, return_index=True)
     order = of[np.sort(first)]  # as the file has them
     return [some[k].friction for k in order], np.argsort(order)[of]
 
 
-def node_part(study: Study | None, line: LineFields, box: Container) -> Json:
+def node_part(stored: Stored, line: LineFields, box: Container) -> Json:
     """By edge: which of the edges' laws a node has, the different strengths along the line and which a point has.
 
     A joint has none of them (-1), but a mixture, which is not drawn.
     """
-    frictions, of = frictions_of(study)
+    frictions, of = frictions_of(stored)
     xy, distinct = np.stack([line.x, line.y], axis=1), [one for one in frictions if isinstance(one, EdgeLaws)]
     if not distinct:
         return {}

@@ -64,7 +64,7 @@ def line_part(stored: Stored, level: int, box: Container) -> Json:
     held = {"held_u_T": box.rows(by_point(group["held_u_T"], stored.data))} if "held_u_T" in group else {}
     return {
         **geometry(group, box),
-        **node_part(stored.study, contact_line(group), box),
+        **node_part(stored, contact_line(group), box),
         "u_T": box.rows(u_T),
         "xi": box.rows(xi),
         **held,
@@ -78,10 +78,10 @@ def line_part(stored: Stored, level: int, box: Container) -> Json:
 
 def _equilibria(stored: Stored, group: Any, box: Container) -> Json:
     """All solutions of all points where they are stored, those of a point one after the other, lowest first."""
-    if "solution_u_T" not in group:
+    if "solution_u_T" not in group or stored.kept is not None:
         return {}
     point, (u_T, xi) = group["solution_point"].values, (group[f"solution_{name}"].values for name in ("u_T", "xi"))
-    states, (frictions, of) = np.zeros(u_T.shape, dtype=np.int8), frictions_of(stored.study)
+    states, (frictions, of) = np.zeros(u_T.shape, dtype=np.int8), frictions_of(stored)
     for k, friction in enumerate(frictions):
         own = np.flatnonzero(of[point] == k)
         law = law_of_nodes(friction, group)
@@ -103,7 +103,7 @@ def _states(stored: Stored, group: Any, u_T: Any) -> Any:
     sticks = by_point(group["sticks"], stored.data) == STICKS
     states = np.where(sticks, np.int8(ContactState.STICK), np.int8(ContactState.SLIP))
     solved = np.isfinite(u_T).all(axis=1)
-    frictions, of = frictions_of(stored.study)
+    frictions, of = frictions_of(stored)
     for k, friction in enumerate(frictions):
         rows = np.flatnonzero(solved & (of == k))
         states[rows] = node_states(law_of_nodes(friction, group), u_T[rows], sticks[rows])

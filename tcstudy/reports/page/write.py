@@ -116,7 +116,7 @@ def page(stored: Stored, without: tuple[str, ...] = ()) -> str:
     verdict, how, ok = verdict_of(stored.data, stored.kind, stored.path)
     verdict = f"{len(stored.homes)} geometries: {verdict}" if stored.homes else verdict
     header = {**_about(stored), **_content(stored, without, box), "without": list(without)}
-    header["verdict"] = {"text": verdict, "how": how, "ok": ok}
+    header["verdict"] = {"text": verdict, "how": "; ".join(filter(None, [how, stored.words])), "ok": ok}
     assets = resources.files("tcstudy.reports.page") / "assets"
     shell = (assets / "shell.html").read_text(encoding="utf-8")
     scripts = "\n".join((assets / f"{name}.js").read_text(encoding="utf-8") for name in SCRIPTS)
@@ -174,7 +174,7 @@ def _content(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
 
 
 def _run_content(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
-    content = {"run": run_part(stored, box), "laws": law_part(stored.study)}
+    content = {"run": run_part(stored, box), "laws": law_part(stored)}
     if stored.homes:
         content["run"]["home"] = stored.data["geometry"].values.ravel().tolist()
         content["run"]["levels"] |= time_of_levels([home.data for home in stored.homes if home is not None])

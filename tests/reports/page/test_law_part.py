@@ -11,6 +11,7 @@ from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.page.container import Container
 from tcstudy.reports.page.law_part import drawn, node_part
+from tcstudy.reports.page.stored import read
 from tcstudy.reports.picture import read_picture
 from tests.reports.figures.draw_cases import example_laws
 
@@ -53,7 +54,7 @@ def test_strengths_by_point_and_a_joint_which_has_none(tmp_path: Path, monkeypat
     kept: list[np.ndarray] = []
     monkeypatch.setattr(Container, "array", lambda _, values, kind="": kept.append(np.array(values)))
     monkeypatch.setattr(Container, "rows", lambda _, rows: np.array(rows))
-    found = node_part(study, line, Container())
+    found = node_part(read(tmp_path / "out.nc"), line, Container())
     (of_law,) = kept
     (joint,) = line.joints.node
     assert of_law.tolist() == [-1 if i == joint else int(x > 0.5) for i, x in enumerate(line.x)]

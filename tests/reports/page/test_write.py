@@ -46,6 +46,21 @@ def test_laws_stand_in_the_order_of_the_file(page: Path) -> None:
     assert [laws["laws"][i]["name"] for i in laws["index"]] == ["tresca", "slip-weakening"] * 3
 
 
+def test_of_too_many_points_some_are_kept_and_it_is_said(
+    result: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tcstudy.reports.page.stored.MOST_SOLUTIONS", 9)  # of six points on two levels
+    found, tree = data_of(write_page(result, tmp_path / "few.html").path), xr.open_datatree(result)
+    assert found["run"]["shape"] == [2, 2]
+    np.testing.assert_array_equal(found["run"]["numbers"]["energy"]["v"], tree["energy"].values[::2].reshape(4, 2))
+    slip = tree["level_1"]["u_T"].values[::2].reshape(4, -1)
+    line = found["lines"]["1"]
+    assert np.max(np.abs(line["u_T"]["rows"] * line["u_T"]["scale"][:, None] - slip)) <= 1e-4 * np.max(np.abs(slip))
+    assert [found["laws"]["laws"][i]["name"] for i in found["laws"]["index"]] == ["tresca", "slip-weakening"] * 2
+    assert "shown are 4 of the 6 points" in found["verdict"]["how"]
+    tree.close()
+
+
 def test_held_end_free_end_and_roles(page: Path) -> None:
     found = data_of(page)
     (part,) = found["lines"]["1"]["parts"]
