@@ -10,12 +10,9 @@ import pytest
 pytest.importorskip("matplotlib")
 
 
-from tcstudy.data.provenance import Provenance
-from tcstudy.data.store import write
 from tcstudy.errors import DrawError
-from tcstudy.reports.figures.draw import picture
 from tcstudy.reports.picture import read_picture
-from tests.reports.figures.draw_cases import ALPHA, level_record, point_record, result, study
+from tests.reports.figures.draw_cases import level_record, point_record
 
 
 @pytest.mark.parametrize(
@@ -49,14 +46,6 @@ def test_a_point_of_a_list(listed: Path, point: dict[str, float | str] | None, i
     assert "tau = " in picture.point
 
 
-def test_a_study_without_a_sweep(tmp_path: Path) -> None:
-    path = result(tmp_path / "r.nc", axes=())
-    assert read_picture(path).point == ""
-    assert picture(path, tmp_path / "p.png") == f"{tmp_path / 'p.png'}: Plate for $5 and $6, level 1"
-    with pytest.raises(DrawError, match=r"no swept parameter 'alpha'; leave the point out"):
-        read_picture(path, {"alpha": 1})
-
-
 @pytest.mark.parametrize(
     ("point", "message"),
     [
@@ -86,16 +75,3 @@ def test_a_failed_point_says_why_and_names_a_solved_one(grid: Path) -> None:
     with pytest.raises(DrawError, match=message):
         read_picture(grid, point)
     assert read_picture(grid, point, 0).level == 0
-
-
-def test_a_file_without_any_solution(tmp_path: Path) -> None:
-    plan = study("grid", (ALPHA,))
-    write(tmp_path / "r.nc", plan, [level_record(0, False)], [], Provenance("now", (), "abc"))
-    with pytest.raises(DrawError, match=r"alpha = 25 .* \(not run: .*\); no other point .* tcstudy show"):
-        read_picture(tmp_path / "r.nc")
-
-
-@pytest.mark.parametrize("level", [2, -3])
-def test_a_level_that_the_file_does_not_have(grid: Path, level: int) -> None:
-    with pytest.raises(DrawError, match=rf"no level {level}; it has levels 0 to 1"):
-        read_picture(grid, level=level)

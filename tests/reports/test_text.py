@@ -6,7 +6,7 @@ import pytest
 
 from tcstudy.data.records import PointStatus
 from tcstudy.reports.figures.style import point_words
-from tcstudy.reports.text import Failure, failure_lines, kind, label, labels, number, scaled_labels
+from tcstudy.reports.text import Failure, failure_lines, label, labels, scaled_labels
 
 
 @pytest.mark.parametrize(
@@ -28,10 +28,6 @@ from tcstudy.reports.text import Failure, failure_lines, kind, label, labels, nu
 )
 def test_a_label_is_short_unless_that_makes_a_rounder_number(value: float, shown: str) -> None:
     assert label(value) == shown
-
-
-def test_few_digits_of_a_plain_number_need_no_exponent() -> None:
-    assert [number(x, 2) for x in (410.3, 9871.0, 41.2, 0.0412, 123456.0)] == ["410", "9900", "41", "0.041", "1.2e+05"]
 
 
 def test_labels_of_one_axis_are_told_apart() -> None:
@@ -75,12 +71,6 @@ def test_numbers_that_differ_become_a_range() -> None:
     ]
 
 
-def test_one_point_is_no_plural() -> None:
-    assert failure_lines([missed("2e-07", "E = 1")]) == [
-        "1 solution failed: inclusion violated: residual 2e-07 after 30 steps; raise solver.tolerance (E = 1)"
-    ]
-
-
 def test_other_words_and_other_statuses_are_other_lines_the_most_frequent_first() -> None:
     failures = [
         Failure(ERROR, "residual 1 after 30 steps; raise solver.tolerance", "a"),
@@ -91,11 +81,6 @@ def test_other_words_and_other_statuses_are_other_lines_the_most_frequent_first(
     lines = failure_lines(failures)
     assert [line.split(":")[0] for line in lines] == ["2 solutions failed", "1 solution failed", "1 solution failed"]
     assert "the limit of 300 to 400 is reached" in lines[0]
-
-
-def test_digits_of_a_name_are_no_number() -> None:
-    assert kind(BAD, "edge_1 of u₂ at 5") == kind(BAD, "edge_1 of u₂ at -7.5e+3")
-    assert kind(BAD, "edge_1 is bad") != kind(BAD, "edge_2 is bad")
 
 
 def test_a_reason_without_a_remedy_gets_one_and_nothing_of_the_machine_is_shown() -> None:

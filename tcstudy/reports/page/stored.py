@@ -54,8 +54,9 @@ class Stored:
 
 
 def read(path: Path, whole: bool = False) -> Stored:
-    """What is in a result file, of a long sweep MOST_SOLUTIONS evenly taken, or the whole of it. Raises StoreError if it
-    is none or not complete.
+    """What is in a result file; of a long sweep no more than MOST_SOLUTIONS, evenly taken, unless the whole is wanted.
+
+    Raises StoreError if it is none or not complete.
     """
     kind = kind_of(path)
     with open_results(path) as tree:

@@ -232,12 +232,6 @@ def parts(data: Any, wanted: str | None = None) -> Iterator[Part]:
         f"to the displacements, each run from nothing: least of {runs}, upper quartile."
     )
     yield _measured(found, data["solver"].values.tolist(), SYMBOLS[measure])
-    rows = []
-    for s in front(found):
-        spent = [f"{time:.2g}" for time in stages(data, s).values()]
-        rows.append((s.family, str(s.level), s.solver, _error(s), f"{s.time:.3g}", *spent))
-    header = ("meshes", "level", "solver", "error", "time [s]", *(f"{stage} [s]" for stage in STAGES))
-    yield Table("Worth their cost: nothing measured is both faster and more accurate", header, tuple(rows))
     yield from advice(found)
     yield from notes(data)
 

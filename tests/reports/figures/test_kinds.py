@@ -19,12 +19,10 @@ from tcstudy.reports.figures import style
 from tcstudy.reports.figures.draw import Wanted, picture
 from tcstudy.reports.figures.fit import fit_figure
 from tcstudy.reports.figures.history import history_figure
-from tcstudy.reports.figures.law import curves, law_figure, laws_of, slip_window
+from tcstudy.reports.figures.law import law_figure, laws_of
 from tcstudy.reports.figures.path import path_figure, within
-from tcstudy.reports.figures.sheet import APART, SMALL, Sheet
 from tcstudy.reports.figures.sweep import SweepPicture, curves_figure, map_figure, read_sweep
 from tcstudy.reports.picture import read_picture
-from tcstudy.reports.sentences import different_energies
 from tcstudy.reports.stored_study import law_of_nodes
 from tcstudy.reports.terminal.path_summary import seen_folds
 from tcstudy.reports.terminal.summary import text_of
@@ -32,8 +30,7 @@ from tcstudy.scene.contact_states import ContactState, node_states
 from tcstudy.study.execute import execute
 from tcstudy.study.history_run import execute_history
 from tcstudy.study.path_run import execute_path
-from tests.reports.figures.draw_cases import LOOKS, RAIL, crowded, example_laws, off_the_page, png_size
-from tests.reports.figures.laws_picture import laws_figure
+from tests.reports.figures.draw_cases import LOOKS, RAIL, crowded, off_the_page, png_size
 
 SMALL_LOOK = style.Look(style.size_in_inches("8x7cm"))
 
@@ -108,19 +105,6 @@ def test_every_node_stands_at_its_slip_and_traction(grid: Path) -> None:
         laws_of(read_picture(grid))
 
 
-def test_a_curve_is_the_law_near_the_nodes() -> None:
-    law = SHAPES["exponential"].build(a=1.0, b=0.25, delta=0.5)
-    for s, b in curves(law, 3.0):
-        np.testing.assert_allclose(np.abs(b), 0.25 + 0.75 * np.exp(-np.abs(s) / 0.5), rtol=1e-12)
-    with style.styled():
-        assert crowded(laws_figure(example_laws())) == []
-    low, high = slip_window(BRITTLE, np.array([0.0, 2e-5]))
-    assert high > 2e-5
-    assert -high < low < 0.0
-    assert slip_window(BRITTLE, np.zeros(3)) == (-1.4e-5, 1.4e-5)
-    assert slip_window(BRITTLE, np.array([-1e-9]))[0] > -1e-8  # a law that is far away does not hide the nodes
-
-
 # -- sweeps ------------------------------------------------------------------------------------------------------------
 
 
@@ -175,13 +159,6 @@ def test_points_of_a_list_and_random_ones_are_not_joined(grid: Path, listed: Pat
     assert np.asarray(drawn.get_offsets()).tolist() == [[25.0, 1.0], [100.0, 1.0], [25.0, 20.0]]
 
 
-@pytest.mark.parametrize("look", [style.Look(), SMALL_LOOK])
-def test_no_text_of_a_sweep_overlaps_another(grid: Path, look: style.Look) -> None:
-    with style.styled(look):
-        assert crowded(curves_figure(swept(grid, "alpha", "friction"), look)) == []
-        assert crowded(map_figure(swept(grid, "friction", "alpha"), look)) == []
-
-
 def test_sizes(grid: Path, tmp_path: Path) -> None:
     said = picture(grid, tmp_path / "a.png", Wanted(x="alpha", y="slip_length", size=(6.0, 4.0)))
     assert said == f"{tmp_path / 'a.png'}: slip_length over alpha, friction = tresca (its first value), level 1"
@@ -214,11 +191,6 @@ def test_bad_names_are_refused_before_anything_is_written(
         picture(grid, tmp_path / "a.png", wanted)
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "a.png").exists()
-
-
-def test_energies_that_differ_by_rounding_are_one() -> None:
-    energy = np.array([[-1.0, -1.0 - 1e-12, np.nan], [-1.0, -0.9, -1.0]])
-    assert different_energies(energy).tolist() == [1, 2]
 
 
 # -- paths -------------------------------------------------------------------------------------------------------------
@@ -329,11 +301,6 @@ def test_the_loop_is_the_slip_of_the_end_over_the_load(tmp_path: Path, monkeypat
             picture(file, tmp_path / "a.png", wanted)
 
 
-def test_least_energies_have_a_picture_too(tmp_path: Path) -> None:
-    execute_history(read_study_text(RAIL, "rail.yaml", ["history.branch=lowest", "mesh.maxh=2"]), tmp_path / "a.nc")
-    assert "slip over theta" in picture(tmp_path / "a.nc", tmp_path / "a.png", Wanted())
-
-
 @pytest.mark.parametrize("look", LOOKS)
 def test_a_fit_stays_on_its_page_and_the_law_stands_below_where_it_is_narrow(fitted: Path, look: style.Look) -> None:
     with style.styled(look):
@@ -347,36 +314,3 @@ def test_a_fit_stays_on_its_page_and_the_law_stands_below_where_it_is_narrow(fit
 # -- the sheet ---------------------------------------------------------------------------------------------------------
 
 LABELS = ("a", "bb", "of least energy on the path", "asked for (open: unstable)", "fold", "slow loading, unloading")
-
-
-@pytest.mark.parametrize("look", LOOKS)
-@pytest.mark.parametrize(
-    ("place", "names", "shape"),
-    [("lower center", LABELS[:2], "auto"), ("upper left", LABELS, "auto"), ("right upper", LABELS[:2], "equal")],
-)
-def test_a_key_has_few_rows_and_keeps_its_distance(
-    look: style.Look, place: str, names: tuple[str, ...], shape: str
-) -> None:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    with style.styled(look):
-        sheet = Sheet(look, "A heading", ["a fact"], feet=["a foot"])
-        (axes,) = sheet.panels.values()
-        axes.plot([0.0, 2.0], [0.0, 1.0])
-        for name in names:
-            axes.plot([], [], label=name)
-        axes.set_aspect(shape)
-        axes.set(xlabel="x [mm]", ylabel="energy dissipated [kJ m⁻¹]", title="panel")
-        sheet.key(place=place)
-        figure = sheet.finish()
-    assert off_the_page(figure) == []
-    assert axes.get_ylabel().endswith("[kJ m⁻¹]")  # it is not broken within its unit
-    renderer = FigureCanvasAgg(figure).get_renderer()
-    panel, key = figure.axes[0].get_tightbbox(renderer), figure.legends[0].get_window_extent(renderer)
-    assert panel is not None
-    between = {"lower": panel.y0 - key.y1, "upper": key.y0 - panel.y1, "right": key.x0 - panel.x1}[place.split()[0]]
-    margin = 0.5 * APART * SMALL * look.letters * figure.dpi / 72.0  # what the key counts to itself
-    assert between + margin > 0.9 * 2.0 * margin
-    boxes = [text.get_window_extent() for text in figure.legends[0].get_texts()]
-    rows = len({round(box.y0) for box in boxes if box.x0 == boxes[0].x0})
-    assert names is not LABELS or rows == (len(names) if look.size and look.size[0] < 5.0 else 2)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import errno
-import os
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,20 +10,16 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
-from matplotlib.image import imread
 
 import tcstudy
-from tcstudy.data.files import StoreError
-from tcstudy.errors import DrawError
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.body import boundary_edges, contact_chains, drawn, edge_words, exaggeration, loops, runs
-from tcstudy.reports.figures.draw import Wanted, picture
-from tcstudy.reports.figures.point import point_figure, stick_ranges, stick_text, window_below
+from tcstudy.reports.figures.body import boundary_edges, contact_chains, edge_words, exaggeration, loops, runs
+from tcstudy.reports.figures.draw import picture
+from tcstudy.reports.figures.point import point_figure, stick_ranges, stick_text
 from tcstudy.reports.picture import read_picture
 from tcstudy.reports.stored_study import NamedEdge
 from tests.reports.figures.draw_cases import (
-    ALPHA,
     HEIGHT,
     LOOKS,
     WIDTH,
@@ -37,12 +30,9 @@ from tests.reports.figures.draw_cases import (
     level_record,
     line,
     off_the_page,
-    png_size,
     point_record,
-    result,
     shown_line,
     shown_steps,
-    texts,
 )
 
 TWO = line([1, 2, 4, 4], [0, 0, 1, 2], [1, 2, 4, 5], [1.5, 1.5, 1.5, 0.5], [0, 0, 1, 1])
@@ -88,40 +78,6 @@ def test_the_exaggeration_is_round_and_visible(grid: Path, largest: float) -> No
     assert f"{factor:.0e}"[0] in "125"
     assert factor == float(f"{factor:.0e}")
     assert 0.02 < factor * largest / np.hypot(WIDTH, HEIGHT) <= 0.0601 or (largest, factor) == (0.0, 1.0)
-
-
-def test_the_colours_span_the_stored_temperature(grid: Path) -> None:
-    shown = read_picture(grid, {"alpha": 25}, 0)
-    assert shown.body
-    assert shown.body.theta is not None
-    np.testing.assert_array_equal(shown.body.theta, point_record((0, 0), level_record(0, True)).fields["theta"])
-    (bar,) = [axes for axes in figure_of(shown).axes if "temperature" in axes.get_ylabel()]
-    low, high = bar.get_ylim()
-    assert low <= 20.0 < 40.0 <= high < low + 30.0
-    assert "[K]" in bar.get_ylabel()
-    for theta in (None, np.full(len(shown.body.x), 293.0)):
-        figure = figure_of(replace(shown, body=replace(shown.body, theta=theta)))
-        assert len(figure.axes) == 3
-        assert ("293 K everywhere" in figure.axes[0].get_title(loc="left")) == (theta is not None)
-
-
-def test_the_caption_names_the_point_and_the_mesh_in_one_style_of_units(
-    grid: Path, listed: Path, tmp_path: Path
-) -> None:
-    shown = texts(figure_of(read_picture(grid, {"alpha": 100})))
-    mesh = "level 1,  longest element edge 25 mm,  80 displacement unknowns,  inclusion residual 1e-12"
-    for words in (r"$\alpha$ = 100 W m⁻² K⁻¹, friction: tresca", "Plate for $5 and $6", "film", mesh):
-        assert words in shown
-    assert r"$\alpha$ = 25 W m⁻² K⁻¹, $\tau$ = 20 MPa" in texts(figure_of(read_picture(listed, {"tau": 2e7})))
-    path = result(tmp_path / "r.nc", axes=(replace(ALPHA, units="1"),), units="none", fields=False)
-    figure = figure_of(read_picture(path))
-    assert len(figure.axes) == 2  # without fields the contact line alone
-    for words in ("$u_T$ [10⁻⁵]", r"$\xi = -S_T$ [10⁸]", r"$\alpha$ = 25"):
-        assert words in texts(figure)
-    assert "mm" not in texts(figure)
-    assert style.symbol("boundary_housing_u_T") == style.symbol("boundary.housing.u_T") == "$u_T$ of housing"
-    assert (style.symbol("heat_theta"), style.symbol("heat.theta_bar")) == (r"$\theta$", r"$\bar\theta$")
-    assert style.with_symbols("largest |u_T| of lambda_1 for $5") == r"largest |$u_T$| of $\lambda_1$ for \$5"
 
 
 def test_no_text_overlaps_another_or_leaves_the_page(grid: Path, tmp_path: Path) -> None:
@@ -232,19 +188,6 @@ def test_the_drawn_contact_edge_reaches_the_held_corner(grid: Path) -> None:
         assert index.tolist() == expected
 
 
-def test_the_arclength_stands_below_x(grid: Path) -> None:
-    shown = read_picture(grid, level=0)
-    assert shown.body
-    shape = drawn(shown.body, "m")
-    back = replace(shown.line, x=WIDTH - shown.line.x)
-    assert window_below(shown.line, (10.0, 90.0), shape, 1e-3) == pytest.approx((10.0, 90.0))
-    assert window_below(back, (10.0, 90.0), shape, 1e-3) == pytest.approx((190.0, 110.0))
-    upper, lower = contact_panels(figure_of(shown))
-    (body,) = [axes for axes in upper.figure.axes if axes.get_xlabel().startswith("x")]
-    at = [axes.transData.transform((0.0, 0.0))[0] for axes in (body, upper, lower)]
-    np.testing.assert_allclose(at, at[0], atol=1e-6)
-
-
 def test_a_held_end_is_drawn_where_it_rests_or_moves(grid: Path, tmp_path: Path) -> None:
     """Of every point its own: u_x of the end, which the sweep moves, and an expression at its corner."""
     shown = read_picture(grid, level=0)
@@ -275,18 +218,6 @@ sweep: {boundary.left.u_x: [0.2, 0.1, 0.3]}
 # -- the file ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("fields", [True, False])
-def test_a_png_of_the_right_size_that_is_not_blank(tmp_path: Path, fields: bool) -> None:
-    target = tmp_path / "new" / "p.png"
-    said = picture(result(tmp_path / "r.nc", fields=fields), target, Wanted({"alpha": 100}))
-    width, height = png_size(target)
-    assert width == style.WIDTH * style.DPI
-    assert (height > 0.9 * width) == fields
-    assert imread(target)[..., :3].std() > 0.05
-    assert "alpha = 100 W m-2 K-1, friction = tresca, level 1" in said
-    assert ("output.fields" in said) == (not fields)
-
-
 def test_the_same_file_every_time_with_text_as_text_and_matplotlib_left_alone(grid: Path, tmp_path: Path) -> None:
     """Journals refuse fonts of Type 3; letters as outlines can be neither edited nor found."""
     import matplotlib
@@ -301,48 +232,3 @@ def test_the_same_file_every_time_with_text_as_text_and_matplotlib_left_alone(gr
     written = (tmp_path / "p.pdf").read_bytes()
     assert b"/Subtype /Type3" not in written
     assert b"/FontFile2" in written
-
-
-def test_what_cannot_be_read_or_written_is_refused_in_one_line(
-    grid: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "file").write_text("x")
-    (tmp_path / "folder.png").mkdir()
-    os.mkfifo(tmp_path / "pipe.png")
-    for name, message in (
-        ("p.jpeg", r"ends in \.png, \.svg, \.pdf"),
-        ("file/p.png", r"file is a file, so .* cannot be made; choose another output"),
-        ("folder.png", r"folder.png is a directory"),
-        ("pipe.png", r"is a pipe, no file; choose another output"),
-    ):
-        with pytest.raises(DrawError, match=message):
-            picture(grid, tmp_path / name)
-    with pytest.raises(StoreError, match="Run the study first"):
-        picture(tmp_path / "none.nc", tmp_path / "p.png")
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(DrawError, match=r'pip install "tcstudy\[plot\]"') as caught:
-        picture(grid, tmp_path / "p.png")
-    assert "\n" not in str(caught.value)
-    assert not (tmp_path / "p.png").exists()
-
-
-def test_an_old_picture_stays_whole_until_the_new_one_is_on_the_disk(
-    grid: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    target = tmp_path / "p.png"
-    picture(grid, target)
-    before = target.read_bytes()
-    (tmp_path / "link.png").symlink_to(target)
-
-    def full(*_: object) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "replace", full)
-        with pytest.raises(DrawError, match=r"No space left on device\. Free some space"):
-            picture(grid, target, Wanted({"alpha": 100}))
-    assert target.read_bytes() == before
-    picture(grid, tmp_path / "link.png", Wanted({"alpha": 100}))
-    assert (tmp_path / "link.png").is_symlink()
-    assert target.read_bytes() != before
-    assert sorted(file.name for file in tmp_path.iterdir() if file.suffix == ".tmp") == []

@@ -16,7 +16,6 @@ from tcstudy.reports.figures import style
 from tcstudy.reports.figures.draw import Wanted, picture
 from tcstudy.reports.terminal.convergence import _fixed, _uncertain
 from tcstudy.reports.terminal.summary import text_of
-from tests.reports.figures.draw_cases import LOOKS, off_the_page
 
 STUDY = read_study_text("""\
 title: Made-up errors
@@ -128,14 +127,6 @@ def test_nothing_to_draw(tmp_path):
     assert "energy" in text_of(tmp_path / "a.nc", True)
     with pytest.raises(DrawError, match="no errors"):
         picture(tmp_path / "a.nc", tmp_path / "a.png")
-
-
-@pytest.mark.parametrize("look", LOOKS)
-def test_every_text_stays_on_a_page_of_any_size(file, tmp_path, look, monkeypatch):
-    drawn = []
-    monkeypatch.setattr(style, "save", lambda figure, *_: drawn.append(figure))
-    picture(file, tmp_path / "a.png", Wanted({"tau": "2 MPa"}, size=look.size))
-    assert off_the_page(drawn[0]) == []
 
 
 @pytest.mark.parametrize(

@@ -5,23 +5,18 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from pathlib import Path
 
-import netCDF4
 import numpy as np
 import pytest
 import xarray
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
 from tcstudy.accuracy.rates import dominated
 from tcstudy.data.measured import COST_TABLE, STAGES
-from tcstudy.data.provenance import collect, kind_of
+from tcstudy.data.provenance import collect
 from tcstudy.data.records import PointStatus
-from tcstudy.data.store import Record, StoreError, load_root, write_record
+from tcstudy.data.store import Record, load_root, write_record
 from tcstudy.errors import DrawError
-from tcstudy.reports.export.brief import brief
-from tcstudy.reports.figures import style
-from tcstudy.reports.figures.accuracy import cost_figure
 from tcstudy.reports.figures.draw import picture
 from tcstudy.reports.terminal.cost import (
     advice,
@@ -35,7 +30,6 @@ from tcstudy.reports.terminal.cost import (
 from tcstudy.reports.terminal.summary import text_of
 from tcstudy.reports.terminal.tables import render
 from tests.data.compliance import cf_faults
-from tests.reports.figures.draw_cases import LOOKS, off_the_page
 from tests.verification.scenes import RECTANGLE, study_of
 
 FAMILIES, SOLVERS = ("uniform", "graded"), ("separable-newton", "bundle-newton")
@@ -203,59 +197,9 @@ def test_the_chart(file: Path) -> None:
     assert "own settings" in target.read_text()
 
 
-def test_what_is_beaten_is_open(file: Path) -> None:
-    """The study's own settings are beaten here: their star is white, and the key says what open marks mean."""
-    with style.styled():
-        figure = cost_figure(load_root(file, "cost"), "u_energy", style.Look())
-    own = next(s for s in settings(load_root(file, "cost"), "u_energy") if s.own)
-    for axes in figure.axes[:2]:
-        (star,) = [line for line in axes.lines if line.get_marker() == "*"]
-        assert (star.get_color() == "white") == own.dominated
-    assert own.dominated
-    named = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert {"the study's own (beaten)", "best at its error", "open: beaten, or not converged"} <= set(named)
-
-
-@pytest.mark.parametrize("spread", [0.25, 0.5, 1.0, 2.0])
-def test_numbers_at_the_axes_keep_apart(file: Path, spread: float) -> None:
-    """Times from half a decade to four, errors from one third to one: small studies have little in between."""
-    study = study_of(RECTANGLE)
-    errors = made().values["error_u_energy"] ** min(spread, 1.0)
-    made_up = made(time=0.02 * (made().values["time"] / 0.1) ** spread, error_u_energy=errors)
-    write_record(file, study, made_up, collect(study, ["tcstudy"]))
-    with style.styled():
-        figure = cost_figure(load_root(file, "cost"), "u_energy", style.Look())
-        left, right = figure.axes[:2]
-        figure.draw(FigureCanvasAgg(figure).get_renderer())
-        for axes in (left, right):
-            ticks = [text for minor in (False, True) for text in axes.get_xticklabels(minor=minor)]
-            boxes = [text.get_window_extent() for text in ticks if text.get_text() and _within(axes, text)]
-            assert len(boxes) > 1
-            assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
-        assert left.yaxis.label.get_window_extent().x0 > 0
-        sides = [text for minor in (False, True) for text in right.get_yticklabels(minor=minor)]
-        assert not any(text.get_visible() and text.get_text() for text in sides)
-
-
 def _within(axes: Axes, text: Text) -> bool:
     low, high = axes.get_xlim()
     return bool(low <= text.get_position()[0] <= high)
-
-
-def test_the_kind_of_a_file(file: Path, tmp_path: Path) -> None:
-    assert kind_of(file) == "cost"
-    other = tmp_path / "other.nc"
-    with netCDF4.Dataset(other, "w") as nc:
-        nc.title = "foreign"
-    with pytest.raises(StoreError):
-        kind_of(other)
-
-
-def test_a_file_of_another_command_is_refused(file: Path) -> None:
-    with netCDF4.Dataset(file, "a") as nc:
-        nc.setncattr("content", "path")
-    with pytest.raises(StoreError, match="not a cost"):
-        load_root(file, "cost")
 
 
 def test_the_file_keeps_to_cf(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -265,17 +209,3 @@ def test_the_file_keeps_to_cf(file: Path, tmp_path: Path, capsys: pytest.Capture
     with xarray.open_dataset(file) as data:
         assert data["time"].dims == ("family", "solver", "level", "run")
         assert data["time"].attrs["units"] == "s"
-
-
-@pytest.mark.parametrize("look", LOOKS)
-def test_every_text_stays_on_a_page_of_any_size(file: Path, look: style.Look) -> None:
-    data = load_root(file, "cost")
-    with style.styled(look):
-        assert off_the_page(cost_figure(data, "u_energy", look)) == []
-
-
-def test_the_chart_in_one_object(file: Path) -> None:
-    """Its meshes have their sizes by family and level, as those of geometries have by point."""
-    found = brief(file)
-    assert found["kind"] == "cost"
-    assert "graded" in found["verdict"]

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
+from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.terminal.progress import PlainProgress, TerminalProgress
 from tcstudy.study.execute import execute
@@ -83,21 +83,3 @@ def test_a_geometry_is_named(kind: type[PlainProgress] | type[TerminalProgress])
         named = [f"parameters.height = {height} mm, level 0: h" for height in (20, 30)]
         assert [line.partition("_max")[0] for line in lines[2:]] == named
     progress.close()
-
-
-def test_levels_that_may_not_be_needed_are_counted_as_such() -> None:
-    stream = io.StringIO()
-    PlainProgress(stream).begin([LevelWork(2, 0, 2.0**i, sure=False) for i in range(30)])
-    PlainProgress(stream).begin(WORK)
-    assert stream.getvalue().splitlines() == [
-        "2 points on at most 30 levels: at most 60 solutions",
-        "2 points on 2 levels: 4 solutions, 1 of them finished before",
-    ]
-
-
-@pytest.mark.parametrize(("length", "size"), [("m", "8.25 mm"), ("1", "0.00825")])
-def test_the_size_of_a_level_has_its_unit(length: str, size: str) -> None:
-    stream, s = io.StringIO(), np.zeros(3)
-    level = LevelRecord(1, 0.00825, 20, 3, s, s, s, s, np.zeros(3, dtype=np.int8), ("film",), 0.1, 0.1)
-    PlainProgress(stream, length=length).level(level)
-    assert stream.getvalue().startswith(f"level 1: h_max = {size}, 20 dofs, 3 contact unknowns")

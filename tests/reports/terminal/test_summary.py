@@ -102,29 +102,10 @@ def test_heat_that_does_not_balance_is_said_and_the_points_stay_solved(text_of) 
     assert "3/3" in text
 
 
-def test_nothing_is_said_where_nothing_is_wrong(text_of) -> None:  # type: ignore[no-untyped-def]
-    text = text_of(*(point(i, n) for i in range(3) for n in range(2)))
-    assert "failed" not in text
-    assert "heat balance" not in text
-
-
 def test_points_that_were_not_run_are_not_called_failed(text_of) -> None:  # type: ignore[no-untyped-def]
     text = text_of(*(point(i, n) for i in range(2) for n in range(2)))
     assert "not run: 2 of 6 places of the grid" in text
     assert "failed" not in text
-
-
-def test_a_point_of_a_study_without_a_sweep_is_named_by_its_level(tmp_path: Path) -> None:
-    study = Study(
-        "Plate", "title: plate\n", None, "SI", "grid", (), (), MeshPlan((0.5,), 2), SolverPlan(), OutputPlan()
-    )
-    one = replace(missed(0, 1, "1e-8"), index=())
-    write(tmp_path / "plate.nc", study, [level(0), level(1)], [one], Provenance("now", (("python", "3"),), "abc"))
-    text = summary(tmp_path / "plate.nc")
-    assert "1 solution failed: inclusion violated" in text
-    assert "(level 1)" in text
-    assert text.count(" 0/1 ") == 2
-    assert "not run: 1 of 2 places of the grid (for example level 0)" in text
 
 
 def test_what_rounding_limits_is_one_line(text_of) -> None:  # type: ignore[no-untyped-def]
