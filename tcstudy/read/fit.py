@@ -24,7 +24,7 @@ from tcstudy.read.history import check_fit
 from tcstudy.read.node import Node
 from tcstudy.read.plans import level_of, meant_number, path_of
 from tcstudy.read.points import table_lines
-from tcstudy.scene.fits import PLACE, RESULTS, STEP, FitColumn, FitMark, FitParameter, FitPlan, Sensitivity
+from tcstudy.scene.fits import PLACE, RESULTS, STEP, FitColumn, FitParameter, FitPlan, Sensitivity
 from tcstudy.scene.histories import HistoryPlan, Memory, UnfitLaw
 from tcstudy.scene.key import Key
 from tcstudy.scene.parameters import affine_numbers, with_number
@@ -64,7 +64,7 @@ def read_fit(
     if history is not None:
         options = {"level": history.level, "history": history} | options
     found = tuple(one for one in parameters if one)
-    plan = FitPlan(loads, measured, found, scene, file, sha256, marks=_marks(ctx, fields, loads), **options)
+    plan = FitPlan(loads, measured, found, scene, file, sha256, **options)
     _check(fields, plan)
     if history is not None:
         check_fit(ctx, fields, plan, history)
@@ -85,23 +85,18 @@ def _check(fields: Fields, plan: FitPlan) -> None:
     if plan.smooth and sum(one.number.path[-2:-1] == (POINTS,) for one in plan.parameters) < 3:
         remedy = "fit friction.points.0, friction.points.1 and so on, or remove smooth"
         fields.fault("smooth", "a smooth law has at least three of its points fitted", remedy)
-    if plan.marks and not plan.known_noise:
-        what = f"a {plan.marks[0].name} is weighed against the other data, whose noise must be known"
-        fields.fault("noise" if fields["noise"] else "data", what, "give the noise of every column")
     for one in plan.parameters:
         if one.number.path in [column.path for column in plan.given]:
             said = f"{one.number.name} is a column of the data, so it is known; remove it from the parameters"
             fields.fault("parameters", said)
-    orthogonal = plan.compare == "orthogonal"
-    if not orthogonal and not plan.marks:
+    if plan.compare != "orthogonal":
         return
-    here, instead = ("compare", "use compare: vertical") if orthogonal else (plan.marks[0].name, "leave it out")
-    if len(plan.given) != 1 or plan.place is not None or (orthogonal and names != ["friction_resultant"]):
-        need = "distances to a path need two columns" if orthogonal else "a path needs one parameter of the load"
-        fields.fault(here, f"{need}; give one parameter of the load and friction_resultant, or {instead}")
+    if len(plan.given) != 1 or plan.place is not None or names != ["friction_resultant"]:
+        need = "distances to a path need two columns; give one parameter of the load and friction_resultant"
+        fields.fault("compare", f"{need}, or use compare: vertical")
     elif len(plan.scene.laws) > 1:
-        fields.fault(here, f"a path takes one law; {instead}")
-    elif orthogonal and _to_and_fro(plan) > SHUFFLED:
+        fields.fault("compare", "a path takes one law; use compare: vertical")
+    elif _to_and_fro(plan) > SHUFFLED:
         said = "the data jump to and fro, but feet on a path need them in the order of the test; "
         file = fields.values["data"].child("file") or fields.node
         fields.ctx.errors.at(file, said + "sort the lines by time, or compare: vertical")
@@ -110,28 +105,14 @@ def _check(fields: Fields, plan: FitPlan) -> None:
 def _to_and_fro(plan: FitPlan) -> float:
     """How much longer the way through the data is than one that goes to the nearest next."""
     points = np.array([plan.given[0].values, plan.measured[0].values])
-    left = list((points / np.maximum(np.ptp(points, axis=1, keepdims=True), np.finfo(float).tiny)).T)
+    reach = np.ptp(points, axis=1, keepdims=True)
+    left = list((points / np.where(reach > 0.0, reach, 1.0)).T)
     own = sum(float(np.linalg.norm(b - a)) for a, b in pairwise(left))
     way, here = 0.0, left.pop(0)
     while left:
         far = np.linalg.norm(np.array(left) - here, axis=1)
         here, way = left.pop(int(np.argmin(far))), way + float(far.min())
     return own / way if way > 0.0 else 1.0
-
-
-def _marks(ctx: Context, fields: Fields, given: tuple[FitColumn, ...]) -> tuple[FitMark, ...]:
-    """The fold and the peak, where they are given."""
-    load, found = next((one for one in given if one.path != PLACE), None), []
-    for name in ("fold", "peak"):
-        if (node := fields[name]) is None:
-            continue
-        before, inner = len(ctx.errors), Fields(ctx, node, "fit_mark")
-        dimension = load.dimension if name == "fold" and load else RESULTS["friction_resultant"]
-        at, noise = inner.value("at", dimension), inner.value("noise", dimension)
-        if len(ctx.errors) == before and not noise > 0.0:
-            inner.fault("noise", *NO_NOISE)
-        found.append(FitMark(name, ctx.cf(dimension), at, noise))
-    return tuple(found)
 
 
 def _columns(

@@ -155,9 +155,6 @@ def _refuse(ctx: Context, root: Node, mesh: MeshPlan | None) -> None:
 
 def check_fit(ctx: Context, fields: Fields, plan: FitPlan, history: HistoryPlan) -> None:
     """What a fit at the steps of a history needs and does not take."""
-    for key in ("fold", "peak"):
-        if fields[key]:
-            fields.fault(key, "belongs to a path, but the study has a history; leave it out", on_key=True)
     if plan.compare == "orthogonal":
         said = "distances to a path are of one monotone load, but the study has a history; use compare: vertical"
         fields.fault("compare", said)

@@ -43,8 +43,6 @@ FITS: tuple[Key, ...] = (
     key("fit.loss", "choice", "`soft_l1`: outliers count less", words=LOSSES, default=LOSSES[0]),
     key("fit.level", "integer", "mesh level (default: finest)", least=0),
     key("fit.smooth", "flag", "a law by points without turns that the data do not ask for", default=False),
-    key("fit.fold", "section", "farthest load before the curve turns back", of=("fit_mark",)),
-    key("fit.peak", "section", "largest friction resultant along the path", of=("fit_mark",)),
     key("fit_data.file", "text", "a CSV table beside the study", example="pull.csv", required=True),
     key(
         *(
@@ -55,8 +53,6 @@ FITS: tuple[Key, ...] = (
         example='{friction_resultant: "P [N/mm]"}',
         required=True,
     ),
-    key("fit_mark.at", "quantity", "its measured value", required=True, example="0.9 mm"),
-    key("fit_mark.noise", "quantity", "its standard deviation", required=True, example="5 um"),
     key("fit_parameter.start", "quantity", "where the search begins", required=True, example="4 MPa"),
     key("fit_parameter.within", "span", "where it may go", required=True, example="[1 MPa, 50 MPa]"),
     key("fit_parameter.scale", "choice", "`log` by default where `within` is positive", words=SCALES),
@@ -105,19 +101,6 @@ class FitColumn:
 
 
 @dataclass(frozen=True)
-class FitMark:
-    """A single number of the path that was measured: where its parameter turns ("fold"), or its largest R ("peak").
-
-    value, noise: in SI;  units: in CF form
-    """
-
-    name: Literal["fold", "peak"]
-    units: str
-    value: float
-    noise: float
-
-
-@dataclass(frozen=True)
 class FitPlan:
     """A fit (section `fit`).
 
@@ -126,7 +109,6 @@ class FitPlan:
     scene:           that of the study, with its own values
     file, sha256:    the table and its checksum
     level:           mesh level, None for the finest
-    marks:           single numbers of the path, data beside the table
     smooth:          whether laws by points are to be as straight as the data let them
     history:         the load history at whose steps was measured, None for static points
     """
@@ -142,14 +124,13 @@ class FitPlan:
     seed: int = 0
     loss: Literal["linear", "soft_l1"] = "linear"
     level: int | None = None
-    marks: tuple[FitMark, ...] = ()
     smooth: bool = False
     history: HistoryPlan | None = None
 
     @property
     def count(self) -> int:
         """Data."""
-        return sum(len(one.values) for one in self.measured) + len(self.marks)
+        return sum(len(one.values) for one in self.measured)
 
     @property
     def loads(self) -> tuple[FitColumn, ...]:

@@ -104,7 +104,7 @@ def model_of(study: Study, plan: FitPlan) -> FitModel:
     mesh = [meshes.next(i) for i in range(last + 1)][-1]
     sigma = [_noise(column.noise, column.values) for column in (*plan.measured, *plan.given)]
     count = len(plan.measured[0].values)
-    noise = np.append(np.repeat(sigma[: len(plan.measured)], count), [mark.noise for mark in plan.marks])
+    noise = np.repeat(sigma[: len(plan.measured)], count)
     level = Level(mesh, plan.scene, held=held(plan))
     return FitModel(plan, level, noise, sigma[-1] if plan.given else 1.0, study.solver.tolerance)
 
@@ -182,10 +182,7 @@ def _record(
 ) -> Record:
     best, names = minima[0][0], [one.number.name for one in plan.parameters]
     count = len(plan.measured[0].values)
-    marks = plan.marks
     given = np.tile(plan.given[0].values if plan.given else np.arange(count, dtype=float), len(plan.measured))
-    given = np.append(given, [mark.value if mark.name == "fold" else np.nan for mark in marks])
-    columns = [*(np.full(count, i) for i in range(len(plan.measured))), len(plan.measured) + np.arange(len(marks))]
     values: dict[str, Any] = {
         "parameter": np.array(names, dtype=object),
         "parameter_units": np.array([one.number.units for one in plan.parameters], dtype=object),
@@ -199,8 +196,8 @@ def _record(
         "covariance": said.covariance,
         "singular_value": said.singular_value,
         "singular_vector": said.direction,
-        "measured_column": np.concatenate(columns).astype(np.int32),
-        "datum": np.concatenate([*(column.values for column in plan.measured), [mark.value for mark in marks]]),
+        "measured_column": np.repeat(np.arange(len(plan.measured), dtype=np.int32), count),
+        "datum": np.concatenate([column.values for column in plan.measured]),
         "datum_given": given,
         "predicted": found.predicted,
         "predicted_given": found.foot[:, 0] if len(found.foot) else given,
@@ -224,9 +221,7 @@ def _record(
         "data_file": Path(plan.file).name,
         "data_sha256": plan.sha256,
         "given": "; ".join(f"{column.name} [{column.units}]" for column in plan.given),
-        "measured": "; ".join(
-            [*(f"{c.name} [{c.units}]" for c in plan.measured), *(f"{m.name} [{m.units}]" for m in marks)]
-        ),
+        "measured": "; ".join(f"{column.name} [{column.units}]" for column in plan.measured),
         "known_noise": np.int32(plan.known_noise),
         "given_noise": model.given_noise,
         "chi_square": said.chi_square,

@@ -8,13 +8,13 @@ and its results are compared; derivatives from the factor at each solution (`con
 
 Orthogonal: the path of the scene along the measured parameter t is followed once, and every datum is projected on the
 curve (t, R), R = Σξ, in units of the noise of both. By the envelope theorem ∂d/∂p = −nᵀ∂(t, R)/∂p, whatever coordinate
-along the curve is held fixed (`study.fit_path`). Measured may also be where the path turns, and its largest R.
+along the curve is held fixed (`study.fit_path`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -67,7 +67,7 @@ class Compared:
 class FitModel:
     """The study as a function of the numbers to find.
 
-    noise:  (n,) of the measured columns one after the other, then of marks; given_noise: of the parameter of a path
+    noise:  (n,) of the measured columns one after the other; given_noise: of the parameter of a path
     solves: contact problems solved, or paths followed, so far
     law_error: of the straight pieces beside which the curve of a law with exponential pieces is sought
     """
@@ -99,8 +99,6 @@ class FitModel:
         if self.plan.history is not None:
             return self._vertical(scene, self._steps(p))
         found = self._vertical(scene) if self.plan.compare == "vertical" else self._orthogonal(scene)
-        if self.plan.marks:
-            found = self._marked(scene, found)
         if not np.all(np.isfinite(found.jacobian)):
             raise FitError("the results have no derivative at a datum: it lies on a fold; use compare: orthogonal")
         return found
@@ -217,34 +215,10 @@ class FitModel:
         found = foot.point * sigma
         return Compared(foot.distance, jacobian, found[:, 1], found, early, path)
 
-    def _marked(self, scene: Scene, found: Compared) -> Compared:
-        """With the fold and the peak of the path, vertices of it, which move with the kinks that nodes pass there."""
-        path = found.path or self.follow(scene)
-        t, R = path.curve.T
-        forward = path.t[-1] >= path.t[0] if not len(path.folds) else path.t[path.folds[0]] > path.t[0]
-        vertices = []
-        for mark in self.plan.marks:
-            if mark.name == "fold" and not len(path.folds):
-                raise FitError("the curve does not turn back with the numbers tried, but a fold was measured")
-            at = path.folds if mark.name == "fold" else np.arange(len(t))
-            vertices.append(int(at[np.argmax((t if forward else -t)[at] if mark.name == "fold" else np.abs(R))]))
-        which = [int(mark.name == "peak") for mark in self.plan.marks]
-        x, rates = self._moving(scene, path).vertices(vertices, which)
-        value = x[np.arange(len(which)), which]
-        sigma, data = (np.array([getattr(mark, name) for mark in self.plan.marks]) for name in ("noise", "value"))
-        return replace(
-            found,
-            residual=np.concatenate([found.residual, (value - data) / sigma]),
-            jacobian=np.concatenate([found.jacobian, rates / sigma[:, None]]),
-            predicted=np.concatenate([found.predicted, value]),
-            foot=np.concatenate([found.foot, x]) if len(found.foot) else found.foot,
-            early=found.early or ("" if path.end in WHOLE else path.end.reason),
-        )
-
     def follow(self, scene: Scene) -> Path:
         """The path from no load on, as far beyond the data again as they reach."""
         column = self.plan.given[0]
-        values = (*column.values, *(mark.value for mark in self.plan.marks if mark.name == "fold"))
+        values = column.values
         low, high = min(0.0, *values), max(0.0, *values)
         reach = high - low
         follower = Follower(low - reach, high + reach, tolerance=self.tolerance)

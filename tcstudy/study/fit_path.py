@@ -27,8 +27,6 @@ from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene
 
 Array = NDArray[np.float64]
-TEETH = 1e-2
-"""Part by which straight pieces may be wrong about which of several extremes is the highest."""
 Slopes = list[LawSlopes | None]
 """Derivatives of the law by each number, None where that is no number of it."""
 
@@ -64,32 +62,6 @@ class MovingPath:
             ]
             moved, foot = self.of(points), _on_curve(foot, points, data / sigma, sigma)
         return foot, -np.einsum("nd,ndk->nk", foot.normal / sigma, moved)
-
-    def vertices(self, vertices: Sequence[int], which: Sequence[int]) -> tuple[Array, Array]:
-        """(n, 2) t and R where t (0) or R (1) is extreme beside vertices, and (n, k) derivatives of the extremes.
-
-        Raises FitError as `feet`.
-        """
-        path, law = self.path, self.scene.one_law
-        sides = [(max(k - 1, 0), float(k > 0)) for k in vertices]
-        if law.piecewise_linear:
-            x, moved = path.curve[list(vertices)], self.at(sides)
-        else:
-            curve = SmoothPath(path, law)
-            points = [self._extreme(curve, w, k) for w, k in zip(which, vertices, strict=True)]
-            x, moved = np.array([point.x for point in points]), self.of(points)
-        return x, np.array([moved[i, w] for i, w in enumerate(which)])
-
-    def _extreme(self, curve: SmoothPath, which: int, vertex: int) -> CurvePoint:
-        """The extreme of t or R near that of the path; of several teeth as long the curve decides."""
-        values = self.path.curve[:, which]
-        way = float(np.sign(values[vertex] - values[max(vertex - 1, 0)]) or 1.0)
-        high = np.pad(way * values, 1, constant_values=-np.inf)
-        teeth = (high[1:-1] >= high[:-2]) & (high[1:-1] >= high[2:])
-        near = np.flatnonzero(teeth & (way * values >= way * values[vertex] - TEETH * abs(values[vertex])))
-        goal = _extreme(which, way)
-        points = [self._least(curve, (max(int(k) - 1, 0), float(k > 0)), goal) for k in near]
-        return min(points, key=lambda point: goal(point.x)[0])
 
     def _least(self, curve: SmoothPath, place: tuple[int, float], goal: Goal) -> CurvePoint:
         try:
@@ -176,15 +148,6 @@ def _distance(datum: Array, sigma: Array) -> Goal:
     def goal(x: Array) -> tuple[float, Array, Array]:
         apart = (x - datum) / sigma
         return 0.5 * float(apart @ apart), apart / sigma, np.diag(sigma**-2.0)
-
-    return goal
-
-
-def _extreme(which: int, way: float) -> Goal:
-    """−t or −R, if it grows to its extreme, else t or R."""
-
-    def goal(x: Array) -> tuple[float, Array, Array]:
-        return -way * float(x[which]), -way * np.eye(2)[which], np.zeros((2, 2))
 
     return goal
 

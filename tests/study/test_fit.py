@@ -122,31 +122,15 @@ def test_a_law_by_points_and_one_of_the_wrong_shape(tmp_path: Path) -> None:
 
 
 def test_where_a_machine_dropped_decides_what_a_plateau_does_not(tmp_path: Path) -> None:
-    """With the fold Δ = δ + P(L − ℓ)/D, ℓ = (π/2)√(δD/τ_s), as one datum δ is known; the peak adds τ_s δ."""
+    """On the plateau P = √(τ_s δ D) only τ_s δ is known; a datum at the fold, Δ = δ + P(L − ℓ)/D, adds δ."""
     P, zone = np.sqrt(TAU * DELTA * D), 0.5 * np.pi / np.sqrt(TAU / (DELTA * D))
-    delta = np.linspace(0.35e-3, 0.6e-3, 8)
-    data = np.stack([delta, np.full(8, P)], axis=1)
-    plain = {"maxh: 5 mm": "maxh: 3 mm", "compare: orthogonal": "compare: vertical"}
-    fold = f"  fold: {{at: {1e3 * (DELTA + P * (LENGTH - zone) / D):.9g} mm, noise: 2 um}}\n"
-    marks = {"  compare:": f"{fold}  peak: {{at: {1e-3 * P:.9g} N/mm, noise: 2 N/mm}}\n  compare:"}
-    vague = fit(study_of(tmp_path, data, plain))
-    study = study_of(tmp_path, data, marks | plain)
-    sure = fit(study)
-    assert sure.values["estimate"] == pytest.approx([TAU, DELTA], rel=0.02)
+    delta = np.append(np.linspace(0.35e-3, 0.6e-3, 8), DELTA + P * (LENGTH - zone) / D)
+    data, finer = np.stack([delta, np.full(9, P)], axis=1), {"maxh: 5 mm": "maxh: 3 mm"}
+    vague, sure = (fit(study_of(tmp_path, data[:rows], finer)) for rows in (8, 9))
+    assert sure.values["estimate"] == pytest.approx([TAU, DELTA], rel=0.01)
     errors = [record.values["standard_error"] / record.values["estimate"] for record in (sure, vague)]
-    assert errors[0][1] < 0.1
-    assert np.all(errors[0] < 0.5 * errors[1])
-    assert sure.values["datum"].shape == (10,)
-    p, follow = np.array([6.5e6, 0.18e-3]), model(study)
-    exact = follow.compared(p).jacobian[-2:]
-    for j, step in enumerate(1e-5 * np.diag(p)):
-        ends = [follow.compared(p + sign * step).residual[-2:] for sign in (1.0, -1.0)]
-        np.testing.assert_allclose(exact[:, j], (ends[0] - ends[1]) / (2.0 * step[j]), rtol=1e-7)
-    for change, said in (("compare: vertical", "noise must be known"), ("2 um}", "must be above 0")):
-        new = {"compare: vertical": "compare: vertical\n  noise: estimate", "2 um}": "0 um}"}[change]
-        known = {"  noise: {boundary.grip.u_x: 5 um, friction_resultant: 2.2 N/mm}\n": ""} if "vert" in change else {}
-        with pytest.raises(StudyError, match=said):
-            study_of(tmp_path, data, marks | plain | known | {change: new})
+    assert np.all(errors[0] < 0.1)
+    assert np.all(errors[0] < 0.65 * errors[1])
 
 
 HEATED = """

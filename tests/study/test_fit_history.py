@@ -217,7 +217,6 @@ REFUSED = (
     ({"step: step, ": ""}, "fit.data: a fit of a history needs a column step; add {step:"),
     ({"step: step": "boundary.right.u_x: step"}, "'boundary.right.u_x' is neither a result nor the step of the"),
     ({"starts: 1": "compare: orthogonal"}, "distances to a path are of one monotone load, but the study has a history"),
-    ({"starts: 1": "peak: {at: 2 kN/m, noise: 1 kN/m}"}, "belongs to a path, but the study has a history"),
     ({"in: 8": "in: 7"}, "the history has no step 30; steps are 0 for the study as it is written, then 1 to 29"),
     ({"friction.points.1: {start: 5 MPa": "boundary.right.u_x: {start: 5 mm", "[0.2 MPa, 30 MPa]": "[1 mm, 9 mm]"},
      "boundary.right.u_x is what the history changes, so it is known"),

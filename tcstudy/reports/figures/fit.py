@@ -52,7 +52,7 @@ def fit_panels(data: Any) -> dict[str, Panel]:
     _, measured = columns(data)
     found = {"curve": _curve(data, 0), "residuals": _residuals(data)}
     found |= {"law": _law(data)} if "law_slip" in data else {}
-    more = (i for i, (name, _) in enumerate(measured) if i and name not in ("fold", "peak"))
+    more = range(1, len(measured))
     return found | {f"curve {i}": _curve(data, i) for i in more}
 
 
@@ -74,8 +74,7 @@ def _residuals(data: Any) -> Panel:
     column = data["measured_column"].values
     for i in np.unique(column):
         own = np.flatnonzero(column == i)
-        first = 1 if len(own) > 1 else own[0] + 1  # a fold or a peak stands behind the table
-        panel.line(first + np.arange(len(own)), data["residual"].values[own], **(DATA | {"marker": "osD^"[i % 4]}))
+        panel.line(1 + np.arange(len(own)), data["residual"].values[own], **(DATA | {"marker": "osD^"[i % 4]}))
     return panel
 
 
@@ -111,11 +110,6 @@ def _curve(data: Any, i: int) -> Panel:
     for ends in ((x, x, gap, y - noise, y + noise, gap), (x - spread, x + spread, gap, y, y, gap)):
         panel.line(*(np.stack(part, axis=1).ravel() for part in (ends[:3], ends[3:])), color=style.INK, linewidth=0.5)
     panel.line(x, y, **DATA, label="data", zorder=2)
-    for k, (name, _) in enumerate(measured) if not i else ():
-        if name in ("fold", "peak"):
-            value = float(data["datum"].values[data["measured_column"].values == k][0])
-            mark = panel.up if name == "fold" else panel.across
-            mark(value, color=style.INK, linewidth=0.7, linestyle=(0, (4, 3)), label=f"measured {name}")
     panel.window(x, np.append(y, 0.0) if y.min() > 0.0 else y, (0.06, 0.08))
     return panel
 
