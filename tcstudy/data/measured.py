@@ -49,6 +49,8 @@ ERRORS = (
     Measure("xi_nodes", "ξ at nodes", "Pa2 m", "error of the friction traction at the contact nodes, weighted by c"),
     Measure("xi_max", "ξ in max", "Pa2", "largest error of the friction traction at the contact nodes"),
 )
+BY_ITSELF = {"estimate_u_energy": "error_estimate", "bound_u_energy": "error_bound_relative"}
+"""What a study with a guarantee says of the error of the displacement by itself, by the names in a run."""
 NUMBERS = (
     Measure("energy", "energy", "J m-1", "energy of the solution"),
     Measure("friction_resultant", "∫ξ", "N m-1", "integral of -S_T over the contact line"),
@@ -102,6 +104,11 @@ def convergence_table(study: Study) -> tuple[FileVariable, ...]:
             extra = flags(*VERDICTS) if part == "verdict" else ()
             name, what = f"{part}_{measure.name}", meaning.format(measure.long_name)
             found.append(FileVariable(name, dtype, units, what, dims, extra=extra))
+    if study.mesh.guarantee:
+        words = ("estimated relative", "proved bound of the relative")
+        found += [
+            FileVariable(n, "f8", "1", f"{w} {ERRORS[2].long_name}") for n, w in zip(BY_ITSELF, words, strict=True)
+        ]
     return tuple(found)
 
 

@@ -21,7 +21,7 @@ from tcstudy.accuracy.expected import Expected, HeldEnds, expected_orders, smoot
 from tcstudy.accuracy.rates import ROUNDING, Fit, fit, log_share, richardson, rounding_level
 from tcstudy.accuracy.transfer import NotNested
 from tcstudy.data.files import check_writable
-from tcstudy.data.measured import ERRORS, LEVELS, NUMBERS, VERDICTS, Measured, convergence_record
+from tcstudy.data.measured import BY_ITSELF, ERRORS, LEVELS, NUMBERS, VERDICTS, Measured, convergence_record
 from tcstudy.data.provenance import collect, tell
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import missing, write_record
@@ -265,6 +265,8 @@ def _point(
         pairs = [one.get(name) for one in found]
         series = _error_series(h / size, pairs, ok & compared, expected[name], aim, nested)
         point |= {f"{part}_{name}": value for part, value in series.items()}
+    for name, stored in BY_ITSELF.items():
+        point[name] = np.array([s.numbers.get(stored, np.nan) for s in solutions])
     exact = {}
     if isinstance(reference, ExactReference):
         assert study.exact is not None

@@ -89,8 +89,8 @@ def solve_levels(study: Study, say: Say, length: Length = BARE) -> list[SolvedLe
     say: called with a line of text when a level is ready and when a point fails;  length: how that has the size of h
     Raises GeometryFailed if the body cannot be meshed.
     """
-    # errors are measured on all levels, not estimated
-    mesh = replace(study.mesh, tolerance=None, estimate=False, guarantee=False)
+    # errors are measured on all levels; estimates are kept beside bounds that are asked for
+    mesh = replace(study.mesh, tolerance=None, estimate=study.mesh.guarantee)
     study = replace(study, output=replace(study.output, fields=True), mesh=mesh)
     levels: list[SolvedLevel] = []
     for i, stage in enumerate(stages(study)):

@@ -167,3 +167,12 @@ def test_a_tolerance_may_be_of_the_bound(tmp_path: Path) -> None:
     assert "error of u proved to be at most 1" in verdict(tmp_path / "s.nc")["text"]
     with pytest.raises(StudyError, match=r"mesh.of: no bound is proved of this study: f varies in the body; give num"):
         study_of(text, "loads={f: [x, 0]}")
+
+
+def test_convergence_has_the_bound_beside_the_error(tmp_path: Path) -> None:
+    text = REFUSED.replace("{maxh: 0.5}", "{maxh: 0.5, levels: 4, guarantee: true}").replace('"x"', "0")
+    (tmp_path / "s.yaml").write_text(text)
+    data = tcstudy.converge(tmp_path / "s.yaml", tmp_path / "s.nc").to_dataset()
+    known = data["compared"].values == 1
+    assert (data["bound_u_energy"] > data["error_u_energy"])[known].all()
+    assert np.isfinite(data["estimate_u_energy"]).all()

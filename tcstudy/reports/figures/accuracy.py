@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tcstudy.data.measured import ERRORS, OWN, VERDICTS
+from tcstudy.data.measured import BY_ITSELF, ERRORS, OWN, VERDICTS
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import load_root
 from tcstudy.errors import DrawError
@@ -100,6 +100,10 @@ def convergence_panels(at: Any) -> dict[str, Panel]:
             how = look | {"linestyle": "--" if dashed else "-", "alpha": 0.45 if guess else 1.0, "label": label}
             panel.line(h[good], error[good], **how, markerfacecolor="white" if look is LOOKS[0] else None)
             panel.line(h[bad], error[bad], **look | {"linestyle": "none", "fillstyle": "none"})
+        for beside, dash in zip(
+            (one for one in BY_ITSELF if one.split("_", 1)[1] in names and one in at), (":", "-."), strict=False
+        ):
+            panel.line(h, at[beside].values, color=style.INK, linestyle=dash, linewidth=1.2, label=beside.split("_")[0])
         _triangles(panel, at, h, names, ok)
         drawn = np.array([at[f"error_{name}"].values > 0 for name in names]).any(axis=0)
         panel.ticks = across(h[drawn]).tolist(), [f"{value:.2g}" for value in across(h[drawn])]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tcstudy.data.measured import ERRORS, NUMBERS, VERDICTS, Measure
+from tcstudy.data.measured import BY_ITSELF, ERRORS, NUMBERS, VERDICTS, Measure
 from tcstudy.data.reading import axis_names, by_point, each_point
 from tcstudy.data.records import PointStatus
 from tcstudy.reports import sentences
@@ -161,6 +161,9 @@ def _errors(at: Any, names: Sequence[str], reference: str) -> Table:
             word.upper() if verdict in ("slower", "pre_asymptotic") else word,
         ]
         rows.append((*row, str(at[f"reason_{name}"].item())))
+        for beside in (one for one in BY_ITSELF if one.split("_", 1)[1] == name and one in at):
+            values = (f"{value:.3e}" if np.isfinite(value) else "–" for value in at[beside].values[levels])
+            rows.append((f"  {beside.split('_')[0]}", *(cell for text in values for cell in (text, "–")), *("–",) * 5))
     k = len(levels)
     pairs = [(2 * (k - i) + 4, 2 * (k - i) + 3) if i < k - 2 else (0, 3) for i in range(k)]  # coarse ones go first
     ranks = [0, *(rank for pair in pairs for rank in pair), 0, 98, 2, 1, 99]
