@@ -159,15 +159,15 @@ class Refined:
     v, v_low: (m,) displacements v + v_low [m], each |v_low| at most half a unit in the last place of v, 0 on a kink
     xi:       (m,) ξ = l̃ − Ã(v + v_low) [N/m], rounded once
     residual: inclusion residual of v + v_low, with what the rounding of this may hide
-    descent:  (m,) as in `Slopes`, and which nodes rest, if that was formed in extended precision
+    descent:  (m,) as in `Slopes`;  rests: which nodes rest on an up-jump
     """
 
     v: Array
     v_low: Array
     xi: Array
     residual: float
-    descent: Array | None = None
-    rests: NDArray[np.bool_] | None = None
+    descent: Array
+    rests: NDArray[np.bool_]
 
 
 def extended(problem: ContactProblem, v: Array, v_low: Array | None = None) -> Refined:
@@ -206,8 +206,6 @@ def refined(problem: ContactProblem, v: Array, aim: float) -> Refined:
 def _step(problem: ContactProblem, at: Refined) -> Refined | None:
     """One step of refinement; None where the equations of the pieces are singular or lead nowhere."""
     law, c, descent = problem.law, problem.c, at.descent
-    assert descent is not None
-    assert at.rests is not None
     free = np.flatnonzero(~at.rests)
     if not len(free):
         return None

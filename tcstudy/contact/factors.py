@@ -43,19 +43,20 @@ def factor_free(A_tilde: Array, free: Index, added: Array) -> tuple[Array, int]:
     return cholesky(with_diagonal(A_tilde, free, added)) if len(free) else (np.zeros((0, 0)), 0)
 
 
-def negative_direction(factor: Array, info: int, row: Array) -> Array:
-    """From a factorisation of H that broke down at pivot `info`: d with dᵀHd ≤ 0; row: (n,) of H that fails."""
-    k, direction = info - 1, np.zeros(len(factor))
-    direction[k] = 1.0
-    if k:
-        direction[:k] = -scipy.linalg.lapack.dpotrs(np.asfortranarray(factor[:k, :k]), row[:k], lower=1)[0]
-    return direction
-
-
 def negative_curvature(A_tilde: Array, free: Index, added: Array) -> Array | None:
-    """(n,) d with dᵀ(A_FF + diag `added`)d ≤ 0, None if that matrix is positive definite."""
+    """(n,) d with dᵀ(A_FF + diag `added`)d ≤ 0, None if that matrix is positive definite.
+
+    Where the factorisation breaks down at a pivot, d solves the equations of the nodes before it.
+    """
     diagonal = np.diagonal(A_tilde)[free]
     if np.any(diagonal + added <= 0.0):
         return np.where(np.arange(len(free)) == np.argmin((diagonal + added) / diagonal), 1.0, 0.0)
     factor, info = factor_free(A_tilde, free, added)
-    return None if info == 0 else negative_direction(factor, info, A_tilde[free[info - 1], free])
+    if info == 0:
+        return None
+    k, direction = info - 1, np.zeros(len(free))
+    direction[k] = 1.0
+    if k:
+        row = A_tilde[free[k], free[:k]]
+        direction[:k] = -scipy.linalg.lapack.dpotrs(np.asfortranarray(factor[:k, :k]), row, lower=1)[0]
+    return direction

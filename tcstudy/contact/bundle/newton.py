@@ -117,7 +117,11 @@ class BundleNewton:
 
         exact: (x, decrease left) → the exact minimum beside x, if it is found;  watch: called with every state
         """
-        state = self.start(oracle, x0)
+        first = self._evaluated(oracle, x0)
+        if not first.finite:
+            reason = "f, g or G is not finite at the start; start from another point"
+            return Outcome(x0, float(first.f[0]), Status.NOT_FINITE, reason, 0, 1)
+        state = self._first(first)
         for iteration in range(self.max_iterations + 1):
             if watch is not None:
                 watch(state)
@@ -137,23 +141,17 @@ class BundleNewton:
             state = self.step(oracle, state)
         raise AssertionError
 
-    def start(self, oracle: Oracle, x0: Array) -> State:
-        """Evaluate at x0 and take the first direction."""
-        first = self._evaluated(oracle, x0)
-        unit, f, one = self.x_unit or first_unit(first), float(first.f[0]), np.ones(1)
-        if not first.finite:
-            none = Step(0.0 * x0, one, 0.0, 0.0, 0.0, 0)
-            nothing = Model(first, 0.0 * one, np.zeros((1, len(x0))), one, one, 0.0)
-            return State(x0, f, f, first, one, unit, unit, nothing, none)
-        model = Model.about(x0, f, first, self.gamma, spectral_norm(first, one))
+    def _first(self, first: Bundle) -> State:
+        """The state with the first direction."""
+        unit, x, f, one = self.x_unit or first_unit(first), first.y[0], float(first.f[0]), np.ones(1)
+        model = Model.about(x, f, first, self.gamma, spectral_norm(first, one))
         step = bounded_step(model, one, unit, unit)
-        promised = max(step.promise, step.decrease)
-        state = State(x0, f, f, first, step.lam, unit, unit, model, step, factorisations=step.factorisations)
-        return replace(state, promised=promised)
+        promised, used = max(step.promise, step.decrease), step.factorisations
+        return State(x, f, f, first, step.lam, unit, unit, model, step, factorisations=used, promised=promised)
 
     def step(self, oracle: Oracle, state: State) -> State:
         """One serious, null, short or reset step (see the head of this file)."""
-        if self.stationary(state):
+        if state.accuracy <= self.tolerance:
             return self._reset(state)
         length, centre = state.step.length, state.pieces.take(np.argmin(state.model.s, keepdims=True))
         new = self._evaluated(oracle, state.x + state.step.d)
@@ -216,10 +214,6 @@ class BundleNewton:
             return float(0.7 ** (1.0 / active)) * shortest  # k kinks need some k null steps
         return state.radius
 
-    def stationary(self, state: State) -> bool:
-        """True if the model promises no more decrease than `tolerance`, with or without the radius."""
-        return state.accuracy <= self.tolerance
-
     def remote(self, state: State) -> NDArray[np.bool_]:
         """(N,) active pieces whose origin is too far away to prove stationarity."""
         model = state.model
@@ -235,9 +229,7 @@ class BundleNewton:
 
     def verdict(self, state: State) -> tuple[Status, str] | None:
         """None to go on, else why to stop; converged: predicted decrease ≤ tolerance by pieces from nearby."""
-        if not state.pieces.finite:
-            return Status.NOT_FINITE, "f, g or G is not finite at the start; start from another point"
-        if self.stationary(state):
+        if state.accuracy <= self.tolerance:
             if not np.any(self.remote(state)):
                 return Status.CONVERGED, f"predicted decrease {state.accuracy:.1e} of |f|, by pieces from nearby"
             if state.resets > 10 + len(state.x):
@@ -273,9 +265,8 @@ def spectral_norm(pieces: Bundle, lam: Array) -> float:
 
 def first_unit(piece: Bundle) -> float:
     """A length to begin with: ‖x0‖, else ‖g‖/‖G‖, else |f|/‖g‖; 1 where the data hold no scale at all."""
-    if piece.finite:
-        slope, bend = float(np.linalg.norm(piece.g)), float(np.linalg.norm(piece.combined(np.ones(1))))
-        for length, per in ((float(np.linalg.norm(piece.y)), 1.0), (slope, bend), (abs(float(piece.f[0])), slope)):
-            if length > 0.0 and per > 0.0:
-                return length / per
+    slope, bend = float(np.linalg.norm(piece.g)), float(np.linalg.norm(piece.combined(np.ones(1))))
+    for length, per in ((float(np.linalg.norm(piece.y)), 1.0), (slope, bend), (abs(float(piece.f[0])), slope)):
+        if length > 0.0 and per > 0.0:
+            return length / per
     return 1.0

@@ -113,10 +113,9 @@ def test_reset_repairs_stationarity_that_remote_pieces_pretend(name: str) -> Non
 
 def test_searches_nearby_without_success_are_reported() -> None:
     """A state that is stationary by remote pieces only, as if it had been searched many times already."""
-    problem, method = PROBLEMS[NAMES.index("HS78")], BundleNewton(gamma=0.0)
-    state = method.start(problem.oracle, problem.x0)
-    while not (method.stationary(state) and np.any(method.remote(state))):
-        state = method.step(problem.oracle, state)
+    problem, method, states = PROBLEMS[NAMES.index("HS78")], BundleNewton(gamma=0.0), list[State]()
+    method.run(problem.oracle, problem.x0, watch=states.append)
+    state = next(x for x in states if x.accuracy <= method.tolerance and np.any(method.remote(x)))
     assert method.verdict(state) is None
     stuck = method.verdict(replace(state, resets=1000))
     assert stuck is not None
@@ -217,8 +216,7 @@ def test_iteration_limit_says_what_to_try() -> None:
 
 def test_quadratic_programmes_count_against_the_iteration_limit() -> None:
     """A run whose steps took more than they may on average ends, with what to try."""
-    method, problem = BundleNewton(max_iterations=3), PROBLEMS[0]
-    state = method.start(problem.oracle, problem.x0)
+    method, state = BundleNewton(max_iterations=3), plain(1)[0]
     assert method.verdict(state) is None
     ended = method.verdict(replace(state, factorisations=1000))
     assert ended is not None
