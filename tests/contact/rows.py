@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields, is_dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +10,6 @@ from numpy.typing import NDArray
 from tcstudy.contact.block import Answer, solve_block
 from tcstudy.contact.problem import CondensedBody, ContactProblem
 from tcstudy.laws.laws import Laws
-from tcstudy.study.level_solver import ENOUGH, ENTRIES, MOST, POINTS
 from tests.contact import contact_cases as cases
 
 Array = NDArray[np.float64]
@@ -52,23 +49,6 @@ def single(body: CondensedBody, load: Array, law: Laws) -> ContactProblem:
 
 
 def solve_points(body: CondensedBody, loads: Array, tables: Laws, law: Index, tolerance: float | None = None) -> Answer:
-    """Any number of points, sorted by law and cut into blocks of the size that a study has; answers in their order."""
-    size = max(1, min(POINTS, max(ENTRIES // max(1, body.m), min(ENOUGH, MOST // max(1, body.m)))))
-    order = np.argsort(law, kind="stable")
-    parts = []
-    for own in np.array_split(order, -(-len(order) // size)):
-        used, rows = np.unique(law[own], return_inverse=True)
-        parts.append(solve_block(body, loads[own], tables.at(used[rows].reshape(-1, 1)), tolerance=tolerance))
-    return reordered(parts, np.argsort(order, kind="stable"))
-
-
-def reordered(parts: Sequence[Any], points: Index) -> Any:
-    """The named points of several records of points that follow each other."""
-    own: dict[str, Any] = {}
-    for field in fields(parts[0]):
-        values = [getattr(part, field.name) for part in parts]
-        if is_dataclass(values[0]):
-            own[field.name] = reordered(values, points)
-        elif values[0] is not None:
-            own[field.name] = np.concatenate([np.asarray(value) for value in values])[points]
-    return replace(parts[0], **own)
+    """All points as one block with only the laws in use."""
+    used, rows = np.unique(law, return_inverse=True)
+    return solve_block(body, loads, tables.at(used[rows].reshape(-1, 1)), tolerance=tolerance)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
-
 import numpy as np
 import pytest
 
@@ -19,15 +17,6 @@ def test_coarse_copies_are_galerkin(m: int) -> None:
     assert body.coarse is not None
     np.testing.assert_allclose(body.coarse.A_tilde, P.T @ body.A_tilde @ P, rtol=1e-13)
     np.testing.assert_allclose(body.coarse.c, body.c @ P)
-
-
-def test_a_body_travels_and_holds_its_inverse() -> None:
-    body = CondensedBody.of(*cases.half_laplacian(50))
-    again = pickle.loads(pickle.dumps(body))
-    assert np.array_equal(again.inverse, body.inverse)
-    assert again.coarse is not None
-    np.testing.assert_allclose(body.inverse @ body.A_tilde, np.eye(50), atol=1e-12)
-    assert abs(body.lambda_1 / np.pi - 1.0) < 0.03
 
 
 def test_a_body_that_moves_freely_is_refused() -> None:

@@ -66,21 +66,6 @@ def test_start_value_is_the_published_one(problem: Reference) -> None:
 
 
 @pytest.mark.parametrize("problem", PROBLEMS, ids=NAMES)
-def test_derivatives_agree_with_differences(problem: Reference) -> None:
-    random = np.random.default_rng(problem.number)
-    n, h = len(problem.x0), 1e-5
-    for _ in range(5):
-        x = problem.x0 + 0.3 * random.standard_normal(n)
-        _, g, G = problem.oracle(x)
-        around = [(problem.oracle(x + h * e), problem.oracle(x - h * e)) for e in np.eye(n)]
-        slope = np.array([(up[0] - down[0]) / (2 * h) for up, down in around])
-        bend = np.array([(up[1] - down[1]) / (2 * h) for up, down in around])
-        assert np.allclose(slope, g, rtol=0, atol=1e-7 * (1 + np.abs(g).max()))
-        assert np.allclose(bend, G, rtol=0, atol=1e-7 * (1 + np.abs(G).max()))
-        assert np.array_equal(G, G.T)
-
-
-@pytest.mark.parametrize("problem", PROBLEMS, ids=NAMES)
 def test_solved_untuned(problem: Reference) -> None:
     outcome = run(problem.number)
     assert outcome.converged, outcome.reason
