@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.contact.boxes import EPS, Limits, PolygonProblems, inverse_of, reach_of
-from tcstudy.contact.factors import factor_free
+from tcstudy.contact.certificates import strict_minimum
 from tcstudy.contact.path.chords import piecewise_linear
-from tcstudy.contact.problem import ContactProblem, pivot_shift
+from tcstudy.contact.problem import CondensedBody, ContactProblem
 from tcstudy.laws.laws import Laws
 
 Array = NDArray[np.float64]
@@ -90,18 +90,18 @@ def of_rows(
     problems = PolygonProblems(A_tilde, c, laws, loads, reach_of(c, laws, loads, lambda_1))
     cells = problems.search(problems.whole(np.arange(count)), limits)
     v, inside, outside = solved(problems, cells.problem, cells.sides)
+    body, index = CondensedBody.known(A_tilde, c, lambda_1=lambda_1), np.atleast_2d(laws.index)
     found = []
     for i in range(count):
         own = cells.problem == i
-        sure, law = own & inside, laws if laws.index.ndim < 2 else laws.of_row(min(i, len(laws.index) - 1))
-        problem, sides = ContactProblem(A_tilde, loads[i], c, law), cells.sides[sure]
-        energy = np.array([problem.energy(x) for x in v[sure]])
-        stable = is_stable(problems, np.full(len(sides), i), sides, lambda_1)
-        undecided, order = cells.sides[own & ~inside & ~outside], np.argsort(energy, kind="stable")
+        sure, undecided = own & inside, cells.sides[own & ~inside & ~outside]
+        own_v, sides = v[sure], cells.sides[sure]
+        own_laws = laws.tables.at(np.repeat(index[[min(i, len(index) - 1)]], len(sides), axis=0))
+        rows = ContactProblem.on(body, np.repeat(loads[[i]], len(sides), axis=0), own_laws)
+        energy, stable = rows.energy(own_v), strict_minimum(rows, own_v)
         reason = _reason(int(cells.boxes[i]), bool(cells.stopped[i]), len(undecided), len(sides), limits)
-        own_v, told = v[sure][order], (not reason, reason, undecided, int(cells.boxes[i]), float(errors[i]))
-        xi = loads[i] - own_v @ A_tilde
-        found.append(Equilibria(own_v, xi, energy[order], stable[order], sides[order], *told))
+        k, told = np.argsort(energy, kind="stable"), (not reason, reason, undecided, int(cells.boxes[i]))
+        found.append(Equilibria(own_v[k], rows.xi(own_v)[k], energy[k], stable[k], sides[k], *told, float(errors[i])))
     return found
 
 
@@ -140,16 +140,3 @@ def solved(problems: PolygonProblems, problem: Index, sides: Index) -> tuple[Arr
         parts.append((p[..., 0] + tau * D[..., 0], inside, outside))
     v, inside, outside = (np.concatenate(x) for x in zip(*parts, strict=True))
     return v, inside, outside
-
-
-def is_stable(problems: PolygonProblems, problem: Index, sides: Index, lambda_1: float) -> Flags:
-    """(n,) whether the solution in each cell (n, m) is a strict minimum, by the margin of `certificates`."""
-    _, D = problems.ends(problem, sides)
-    held, found = D[..., 0] == 0.0, np.zeros(len(sides), dtype=bool)
-    shift = pivot_shift(problems.A, problems.c, lambda_1)
-    for i in np.flatnonzero(~(held & (D[..., 1] < 0.0)).any(-1)):
-        free = np.flatnonzero(~held[i])
-        added = problems.c[free] * (D[i, free, 1] / D[i, free, 0] - shift)
-        definite = np.all(problems.diagonal[free] + added > 0.0)
-        found[i] = definite and factor_free(problems.A, free, added)[1] == 0
-    return found
