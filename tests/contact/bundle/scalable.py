@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .tr798 import Oracle, Piece, crescent, largest, lq, maxl, maxq, mifflin2, quadratic
+from .tr798 import Oracle, Piece, crescent, largest, lq, maxl, maxq, quadratic
 
 Array = NDArray[np.float64]
 
@@ -74,45 +74,10 @@ def exponential(x: Array) -> Piece:
 CB3 = (quartic, bowl, exponential)
 
 
-def signed_circle(sign: float) -> Callable[[Array], Piece]:
-    """±(x₁² + (x₂ − 1)² − 1) + x₂."""
-    bend, slope = 2 * sign * np.eye(2), np.array([0.0, 1.0 - 2.0 * sign])
-    return lambda x: quadratic(x, bend, slope)
-
-
-def active_faces(x: Array) -> Piece:
-    """max{ log(|Σx_i| + 1), max_i log(|x_i| + 1) }."""
-    rows = np.vstack([np.ones(len(x)), np.eye(len(x))])
-    j = int(np.argmax(np.abs(rows @ x)))
-    size, sign = 1.0 + abs(float(rows[j] @ x)), float(np.sign(rows[j] @ x))
-    return float(np.log(size)), sign * rows[j] / size, -np.outer(rows[j], rows[j]) / size**2
-
-
-def brown2(x: Array) -> Piece:
-    """|x₁|^{x₂²+1} + |x₂|^{x₁²+1}, one selection where a base is 0."""
-    f, g, G = 0.0, np.zeros(2), np.zeros((2, 2))
-    for i, k in ((0, 1), (1, 0)):
-        a, e, p = abs(float(x[i])), float(x[k]), float(x[k]) ** 2 + 1.0
-        if a == 0.0:
-            continue
-        power, log = a**p, float(np.log(a))
-        by_a = p * a ** (p - 1.0)
-        f += power
-        g += np.bincount([i, k], [np.sign(x[i]) * by_a, 2 * e * log * power], 2)
-        mixed = float(np.sign(x[i])) * 2 * e * (a ** (p - 1.0) + log * by_a)
-        G[i, i] += p * (p - 1.0) * a ** (p - 2.0)
-        G[k, k] += power * (2 * log + (2 * e * log) ** 2)
-        G[0, 1] += mixed
-        G[1, 0] += mixed
-    return f, g, G
-
-
 def published(n: int = 50) -> list[Problem]:
-    """The scalable problems, n even; the minimum of chained Mifflin 2 is that for n = 50."""
-    H, one, alternate = hilbert(n, n), np.ones(n), np.tile([-1.0, 1.0], n // 2)
-    i, crescent0 = np.arange(1.0, n + 1.0), np.tile([-1.5, 2.0], n // 2)
-    climb = np.where(i <= n / 2, i, -i)
-    circles = (signed_circle(1.0), signed_circle(-1.0))
+    """The scalable problems, n even."""
+    H, one, i = hilbert(n, n), np.ones(n), np.arange(1.0, n + 1.0)
+    climb, crescent0 = np.where(i <= n / 2, i, -i), np.tile([-1.5, 2.0], n // 2)
     return [
         Problem("Goffin", lambda x: affine_maximum(n * np.eye(n) - 1.0, np.zeros(n), x), i - (n + 1) / 2, 0.0),
         Problem("MXHILB", lambda x: affine_maximum(np.vstack([H, -H]), np.zeros(2 * n), x), one, 0.0),
@@ -122,10 +87,6 @@ def published(n: int = 50) -> list[Problem]:
         Problem("chained LQ", lambda x: chain(x, lq), -0.5 * one, -(n - 1) * np.sqrt(2.0)),
         Problem("chained CB3 I", lambda x: chain(x, lambda y: largest([p(y) for p in CB3])), 2 * one, 2.0 * (n - 1)),
         Problem("chained CB3 II", lambda x: largest([chain(x, p) for p in CB3]), 2 * one, 2.0 * (n - 1)),
-        Problem("active faces", active_faces, one, 0.0),
-        Problem("Brown 2", lambda x: chain(x, brown2), alternate, 0.0),
-        Problem("chained Mifflin 2", lambda x: chain(x, mifflin2), -one, np.nan),
-        Problem("chained Crescent I", lambda x: largest([chain(x, p) for p in circles]), crescent0, 0.0),
         Problem("chained Crescent II", lambda x: chain(x, crescent), crescent0, 0.0),
     ]
 

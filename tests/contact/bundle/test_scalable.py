@@ -11,7 +11,7 @@ from tcstudy.contact.bundle.newton import BundleNewton
 from .scalable import Problem, affine_maximum, hilbert, published, random_problem, slopes, sum_of_moduli
 
 BY_NAME = {n: {p.name: p for p in published(n)} for n in (10, 50)}
-FAST = ("Goffin", "Maxl", "chained LQ", "chained CB3 II", "active faces", "chained Crescent I", "chained Crescent II")
+FAST = ("Goffin", "Maxl", "chained LQ", "chained CB3 II", "chained Crescent II")
 
 
 def assert_solved(problem: Problem, accuracy: float = 1e-9) -> None:
@@ -20,7 +20,7 @@ def assert_solved(problem: Problem, accuracy: float = 1e-9) -> None:
     assert abs(outcome.f - problem.f_star) <= accuracy * (1.0 + abs(problem.f_star))
 
 
-@pytest.mark.parametrize("name", [n for n, p in BY_NAME[10].items() if np.isfinite(p.f_star)])
+@pytest.mark.parametrize("name", list(BY_NAME[10]))
 def test_ten_variables(name: str) -> None:
     assert_solved(BY_NAME[10][name])
 
