@@ -158,14 +158,22 @@ class SolutionBlock:
         if len(near):
             v = self.neighbours[near]
             residual = judge(self.rows.take(near), v, self.acceptance).residual
-            ended = Descended(v.copy(), residual, np.zeros(len(near), dtype=np.intp))
-            moved = np.flatnonzero(~(residual <= self.acceptance.aim))
-            found = descend(self.smooth.take(near[moved]), v[moved], self.aim, minima=True)
-            ended.v[moved], ended.residual[moved], ended.steps[moved] = found.v, found.residual, found.steps
-            self.offer(near, ended, NEIGHBOUR)
+            there = residual <= self.acceptance.aim
+            ended = Descended(v[there], residual[there], np.zeros(np.count_nonzero(there), dtype=np.intp))
+            self.offer(near[there], ended, NEIGHBOUR)
+            self.begin_from(near[~there], v[~there], NEIGHBOUR)
         zero, minima = np.zeros((len(far), self.rows.body.m)), self.branch != "lowest"
-        self.offer(far, descend_nested(self.smooth.take(far), zero, self.aim, minima), ZERO)
-        self.certify(np.arange(len(self.v)))
+        self.begin_from(far, zero, ZERO, nested=True, minima=minima)
+
+    def begin_from(self, points: Index, v: Array, start: int, nested: bool = False, minima: bool = True) -> Index:
+        """Descend from v (n, m), keep and certify what has less energy, and return the points left without proof."""
+        run = descend_nested if nested else descend
+        return self.improve(points, run(self.smooth.take(points), v, self.aim, minima), start)
+
+    def improve(self, points: Index, ended: Descended, start: int) -> Index:
+        """The same with ends of descents (n, m) that are known."""
+        self.certify(points[self.offer(points, ended, start)])
+        return self.unproved(points)
 
     def offer(self, points: Index, ended: Descended, start: int) -> Flags:
         """Keep the ends of descents of different points that have less energy; whether each has (n,)."""
@@ -202,23 +210,16 @@ class SolutionBlock:
             return
         beside = points[np.all(np.isfinite(self.neighbours[points]), axis=1)]
         if len(beside):
-            ended = descend(self.smooth.take(beside), self.neighbours[beside], self.aim, minima=True)
-            points = np.union1d(np.setdiff1d(points, beside), self.improve(beside, ended, NEIGHBOUR))
+            left = self.begin_from(beside, self.neighbours[beside], NEIGHBOUR)
+            points = np.union1d(np.setdiff1d(points, beside), left)
         if not len(points):
             return
-        points = self.improve(points, descend(self.smooth.take(points), self.v[points], self.aim, minima=True), ZERO)
-        rows = self.smooth.take(points)
-        frictionless = rows.l_tilde @ rows.body.inverse
-        points = self.improve(points, descend_nested(rows, frictionless, self.aim, minima=True), FRICTIONLESS)
-        rows = self.smooth.take(points)
-        starts, done = envelope_starts(rows, self.v[points])
-        left = self.improve(points, descend(rows, starts, self.aim, minima=True), ESCAPE)
+        points = self.begin_from(points, self.v[points], ZERO)
+        frictionless = self.rows.l_tilde[points] @ self.rows.body.inverse
+        points = self.begin_from(points, frictionless, FRICTIONLESS, nested=True)
+        starts, done = envelope_starts(self.smooth.take(points), self.v[points])
+        left = self.begin_from(points, starts, ESCAPE)
         self.move(np.setdiff1d(left, points[done]))
-
-    def improve(self, points: Index, ended: Descended, start: int) -> Index:
-        """Offer ends of descents, certify what has less energy, and return the points left without proof."""
-        self.certify(points[self.offer(points, ended, start)])
-        return self.unproved(points)
 
     def move(self, points: Index) -> None:
         """Moves of single nodes as long as they lower the energy; the first promise of two that does is kept."""
@@ -244,13 +245,14 @@ class SolutionBlock:
         for start in (ZERO,) if body.loose else (ZERO, FRICTIONLESS):
             points = np.flatnonzero(~self.solved)
             if len(points):
-                rows = self.smooth.take(points)
-                begin = rows.l_tilde @ body.inverse if start == FRICTIONLESS else np.zeros((len(points), body.m))
-                self.certify(points[self.offer(points, descend(rows, begin, self.aim, minima=True), start)])
+                zero = np.zeros((len(points), body.m))
+                self.begin_from(
+                    points, self.rows.l_tilde[points] @ body.inverse if start == FRICTIONLESS else zero, start
+                )
 
     def begin_at(self, exact: Array) -> None:
         """Newton's method on the pieces that the exact solution is on; unique solutions are known."""
-        only = self.solved if self.proofs is None else self.solved & self.proofs.unique
+        only = self.solved & (False if self.proofs is None else self.proofs.unique)
         self.energies[only, EXACT] = self.energy[only]
         for p in np.flatnonzero(~only):
             v, residual = finish(self.rows.single(int(p)), exact)
@@ -285,10 +287,9 @@ class SolutionBlock:
         good = np.flatnonzero(judged.accepted)
         again = np.intersect1d(moved, good)
         self.energies[again, self.start[again]] = self.energy[again]
-        missed = (
-            (Status.NOT_POSITIVE_DEFINITE, NOT_POSITIVE_DEFINITE) if loose else (Status.INCLUSION_VIOLATED, STALLED)
-        )
-        missed = otherwise or missed
+        missed = otherwise or (Status.INCLUSION_VIOLATED, STALLED)
+        if otherwise is None and loose:
+            missed = Status.NOT_POSITIVE_DEFINITE, NOT_POSITIVE_DEFINITE
         reasons = [""] * len(self.v)
         for p in np.flatnonzero(~judged.accepted):
             reasons[p] = failure(float(judged.residual[p]), float(judged.rounding[p]), self.acceptance, missed[1])

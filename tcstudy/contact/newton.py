@@ -176,15 +176,15 @@ def _on_free(body: CondensedBody, free: Index, k: Array, rhs: Array, trusted: bo
     """(n,) solution of one row on its free nodes."""
     if not len(free):
         return rhs
-    x, info = _positive(with_diagonal(body.A_tilde, free, k), rhs)
-    if info and trusted:
-        return np.asarray(np.linalg.solve(with_diagonal(body.A_tilde, free, k), rhs))
-    if info:
-        x, info = _positive(with_diagonal(body.A_tilde, free, np.maximum(k, 0.0)), rhs)
-    if info:  # only friction holds the body, and too little of it: a proximal step, which up-jumps will stop
-        k = np.maximum(k, 0.0) + _PROXIMAL * np.diagonal(body.A_tilde)[free]
-        x, info = _positive(with_diagonal(body.A_tilde, free, k), rhs)
-    return x if info == 0 else np.zeros(len(free))
+    lifted = np.maximum(k, 0.0)
+    # at last only friction holds the body, and too little of it: a proximal step, which up-jumps will stop
+    for own in (k, lifted, lifted + _PROXIMAL * np.diagonal(body.A_tilde)[free]):
+        x, info = _positive(with_diagonal(body.A_tilde, free, own), rhs)
+        if info == 0:
+            return x
+        if trusted:
+            return np.asarray(np.linalg.solve(with_diagonal(body.A_tilde, free, k), rhs))
+    return np.zeros(len(free))
 
 
 def _on_held(body: CondensedBody, held: Index, k: Array, y: Array, trusted: bool) -> Array:

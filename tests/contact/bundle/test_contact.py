@@ -14,6 +14,7 @@ from tcstudy.contact.problem import ContactProblem
 from tcstudy.contact.status import Status
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
+from tcstudy.scene.study import EXACT
 from tests.contact import contact_cases as cases
 
 Array = NDArray[np.float64]
@@ -145,3 +146,11 @@ def test_iteration_limit_is_a_status_with_a_reason() -> None:
     outcome = solve_with_bundle(problem, np.zeros(50), max_iterations=5)
     assert outcome.status == Status.ITERATION_LIMIT
     assert "max_iterations" in outcome.reason
+
+
+def test_the_exact_solution_is_a_start_of_bundle_newton_too() -> None:
+    """Two wells of one node: from zero and without friction it ends in one, beside the exact solution in the other."""
+    problem = ContactProblem(np.eye(1), np.array([0.79]), np.ones(1), cases.slip_weakening(1.0, 0.2, 0.4))
+    answer = solve_contact(problem, "bundle-newton", exact=np.array([0.1]))
+    assert answer.energies[EXACT] == problem.energy(np.zeros(1))
+    assert answer.start != EXACT
