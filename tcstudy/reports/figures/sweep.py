@@ -52,6 +52,8 @@ OPEN: dict[str, Any] = {"hatch": "//", "edgecolor": "white", "linewidth": 0.0}
 SEVERAL: dict[str, Any] = {"edgecolor": style.VERMILLION, "linewidth": 1.8}
 FOLD: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 1.4}
 EQUAL: dict[str, Any] = {"color": "black", "linewidth": 1.4, "linestyle": "--"}
+BOUND: dict[str, Any] = {"color": "black", "linewidth": 0.8, "linestyle": "-"}
+BAND = ("lambda_1_low", "lambda_1_high")
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,7 @@ class SweepPicture:
     proved:  (P,) to be the only solution;  several: (P,) starts led to solutions of different energies
     at_least: (P,) of numbers of equilibria, those not proved to be all; None for any other number
     excess:  (P,) ω − λ₁, below 0 where one solution is proved; NaN where it is not known
+    band:    the same of the lower and the upper bound of λ₁ of the body itself, where there are some
     """
 
     title: str
@@ -101,6 +104,7 @@ class SweepPicture:
     several: Flags
     at_least: Flags | None
     excess: Array
+    band: tuple[Array, ...] = ()
 
     @property
     def words(self) -> str:
@@ -124,7 +128,7 @@ def read_sweep(
             raise DrawError(f"{names[0]} is named twice; name two different swept parameters")
         name, n = quantity(data, number), level_number(data, level)
         keep, fixed = fitting(data, point, names)
-        needed = (name, "status", "unique", "start_energy", "complete", "omega", "lambda_1")
+        needed = (name, "status", "unique", "start_energy", "complete", "omega", "lambda_1", *BAND)
         at = data[[key for key in dict.fromkeys(needed) if key in data]].isel(level=n).load()
         dims, by_point = [str(dim) for dim in at["status"].dims], labels_by_point(data)
 
@@ -137,7 +141,8 @@ def read_sweep(
         status, values, unique = flat("status", 0)[:, 0], flat(name, np.nan)[:, 0], flat("unique", 0)[:, 0] == 1
         good = (status == PointStatus.OK) & np.isfinite(values) & ((values != -1) | (values.dtype.kind == "f"))
         with np.errstate(invalid="ignore"):
-            excess = np.where(good, flat("omega", np.nan)[:, 0] - flat("lambda_1", np.nan)[:, 0], np.nan)
+            of = ["lambda_1", *(one for one in BAND if one in at)]
+            excess = [np.where(good, flat("omega", np.nan)[:, 0] - flat(one, np.nan)[:, 0], np.nan) for one in of]
         return SweepPicture(
             title=str(data.attrs["title"]),
             level=n,
@@ -151,7 +156,8 @@ def read_sweep(
             proved=unique,
             several=several(flat("start_energy", 0.0), unique),
             at_least=flat("complete", 0)[:, 0] == NOT_ALL if name in COUNTS and "complete" in at else None,
-            excess=excess,
+            excess=excess[0],
+            band=tuple(excess[1:]),
         )
 
 
@@ -307,18 +313,22 @@ def _cells(sheet: Sheet, axes: Axes, sweep: SweepPicture, values: Array, how: di
     drawn = axes.pcolormesh(np.ma.masked_invalid(shown), edgecolors="white", linewidth=0.0 if counts else 0.4, **how)
     kinds = (
         (there & ~known, GONE, "no solution"),
-        (open_, OPEN, "at least so many" if counts else "not proved unique"),
+        (open_, OPEN, "at least so many" if counts else "not proved unique" + " on the mesh" * bool(sweep.band)),
         (known & sweep.several[grid] & (not counts), SEVERAL | {"zorder": 4}, "several solutions found"),
     )
     for which, look, name in kinds:
         _outlined(axes, which, look, name)
     if counts:
         _fold_lines(axes, shown)
-    excess = np.where(there, sweep.excess[grid], np.nan)
-    if min(grid.shape) > 1 and np.isfinite(excess).all() and excess.min() < 0.0 < excess.max():
-        middles = [np.arange(size) + 0.5 for size in grid.shape[::-1]]
-        axes.contour(*middles, excess, levels=[0.0], colors="black", linewidths=1.4, linestyles="--")
-        axes.plot([], [], **EQUAL, label=r"$\omega = \lambda_1$")
+    own = r"$\omega = \lambda_1$" + " of the mesh" * bool(sweep.band)
+    looks = (EQUAL, own), (BOUND, r"bounds of $\lambda_1$ of the body"), (BOUND, None)
+    for above, (line, label) in zip((sweep.excess, *sweep.band), looks, strict=False):
+        excess = np.where(there, above[grid], np.nan)
+        if min(grid.shape) > 1 and np.isfinite(excess).all() and excess.min() < 0.0 < excess.max():
+            middles = [np.arange(size) + 0.5 for size in grid.shape[::-1]]
+            drawing = {f"{key}s": value for key, value in line.items()}
+            axes.contour(*middles, excess, levels=[0.0], **drawing)
+            axes.plot([], [], **line, label=label)
     most_across = max(2, sheet.look.columns(0.6 * sheet.width) // (max(map(len, x.labels)) + 2))
     most_up = max(2, int(0.6 * sheet.height / (1.6 * sheet.em)))
     for axis, one, most in ((axes.xaxis, x, most_across), (axes.yaxis, y, most_up)):
