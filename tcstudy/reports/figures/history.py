@@ -12,7 +12,7 @@ from tcstudy.data.records import PointStatus
 from tcstudy.data.store import load_root
 from tcstudy.errors import DrawError
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.panels import Panel, Scale, contact_nodes, place_names, scale
+from tcstudy.reports.figures.panels import Array, Panel, Scale, contact_nodes, place_names, scale
 from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.select_point import Value, describe, locate
 from tcstudy.reports.terminal.history_summary import MOVES, last_change, motion
@@ -25,6 +25,8 @@ ROWS = ((("loop", "loop"), 3.1), (("motion", "motion"), 1.35), (("spent", "chang
 """Panels, and their heights [inch]."""
 MOTION = (style.SHADE, style.SERIES[5], style.SERIES[4], style.VERMILLION)
 """Colours of MOVES."""
+LONG = 0.1
+"""Part of the loop that a step is to be long for an arrow."""
 DOT: dict[str, Any] = {"marker": "o", "linestyle": "none"}
 
 
@@ -103,7 +105,7 @@ def history_panels(data: Any, x: str, y: str) -> dict[str, Panel]:
         up = scale(title, values, str(data[of].attrs["units"]))
         found[name] = Panel(Scale("cycle"), up, ticks=(shown, [str(c) for c in shown]))
         found[name].line(number, values, color=style.VERMILLION, marker="o", markersize=4, linewidth=1.0)
-        found[name].limits[1] = (0.0, None)
+        found[name].limits[1] = 0.0, 1.12 * float(up(values.max())) or 1.0
     return found
 
 
@@ -119,10 +121,22 @@ def _loop(data: Any, x: str, y: str) -> Panel:
     last, jumps = slice(max(int(np.flatnonzero(cycle >= cycle[-1])[0]) - 1, 0), None), data["jumps"].values > 0
     panel.line(*values, color=style.BLUE, linewidth=1.1, alpha=0.55)
     panel.line(*values[:, last], color=style.BLUE, linewidth=2.0)
+    _arrows(panel, values[0, last], values[1, last])
     panel.line(*values[:, jumps], **DOT, color=style.VERMILLION, markerfacecolor="none", markersize=8, zorder=4)
     panel.line(*values[:, names != ""], **DOT, color=style.INK, markersize=4, zorder=5)
     panel.names(values[0, names != ""], values[1, names != ""], [str(name) for name in names if name])
     return panel
+
+
+def _arrows(panel: Panel, x: Array, y: Array) -> None:
+    """The sense of a loop: an arrow on the longest step of every stretch in which x goes one way."""
+    step = np.diff(x)
+    size = np.hypot(step / (np.ptp(x) or 1.0), np.diff(y) / (np.ptp(y) or 1.0))
+    for part in np.split(np.arange(len(step)), np.flatnonzero(np.diff(np.sign(step))) + 1):
+        k = part[np.argmax(size[part])] if len(part) else 0
+        if len(part) and size[k] > LONG:
+            places = [(x[k] + share * step[k], y[k] + share * (y[k + 1] - y[k])) for share in (0.45, 0.58)]
+            panel.arrow(places[0], places[1], 18.0, color=style.BLUE, linewidth=0.0)
 
 
 def _motion(data: Any) -> Panel:

@@ -103,7 +103,7 @@ class Panel:
         self._add("arrow", x, y, how | {"head": head})
 
     def names(self, x: ArrayLike, y: ArrayLike, texts: Sequence[str]) -> None:
-        """Texts beside dots, each once, where neither another one nor the edge is in the way."""
+        """Texts beside dots, each once, where neither another nor the edge is in the way, nor, if it can be, a line."""
         self._add("names", x, y, {"texts": list(texts)})
 
     def cells(self, x: ArrayLike, y: ArrayLike, kinds: Any, colours: Sequence[str], names: Sequence[str]) -> None:
@@ -184,20 +184,29 @@ def place_names(axes: Axes, panel: Panel) -> None:
 
     letters, inch = style.pt(8.5), axes.figure.dpi / 72.0
     taken: dict[str, tuple[float, float, float]] = {}
-    right = float(axes.bbox.x1) / inch
+    left, right = axes.bbox.x0 / inch, axes.bbox.x1 / inch
+    share = np.linspace(0.0, 1.0, 60)[:, None]
+    lines = [np.column_stack([x, y]) for kind, x, y, _ in panel.items if kind == "line" and len(x) > 1]
+    drawn = [axes.transData.transform(xy)[:, None] / inch for xy in lines]
+    curve = np.concatenate([((1.0 - share) * xy[:-1] + share * xy[1:]).reshape(-1, 2) for xy in drawn])
     for _, xs, ys, how in (item for item in panel.items if item[0] == "names"):
         for name, *at in list(zip(how["texts"], xs, ys, strict=True))[:NAMED]:
             x, y = axes.transData.transform(at) / inch
-            wide = LETTER * letters * len(name)
-            for dx, dy in ((6, 4), (-6, 4), (6, -4 - letters), (-6, -4 - letters)) if name not in taken else ():
-                left, low = x + dx - (wide if dx < 0 else 0.0), y + dy
-                apart = (left + wide < a or left > b or abs(low - h) > 1.2 * letters for a, b, h in taken.values())
-                if left + wide <= right and all(apart):
-                    taken[name] = (left, left + wide, low)
-                    white = [withStroke(linewidth=2.0, foreground="white")]
-                    ha = "left" if dx > 0 else "right"
-                    note(axes, name, at, (dx, dy), ha=ha, fontsize=letters, path_effects=white)
-                    break
+            wide, free = LETTER * letters * len(name), list[tuple[int, tuple[float, float], float]]()
+            for shift in (
+                ((6.0, 4.0), (-6.0, 4.0), (6.0, -4 - letters), (-6.0, -4 - letters)) if name not in taken else ()
+            ):
+                start, low = x + shift[0] - (wide if shift[0] < 0 else 0.0), y + shift[1]
+                apart = (start + wide < a or start > b or abs(low - h) > 1.2 * letters for a, b, h in taken.values())
+                if left + letters < start and start + wide <= right and all(apart):
+                    inside = np.abs(curve - (start + wide / 2, low + letters / 2)) < (wide / 2, letters / 2)
+                    free.append((int(inside.all(axis=1).sum()), shift, start))
+            if free:
+                _, shift, start = min(free, key=lambda one: one[0])
+                taken[name] = (start, start + wide, y + shift[1])
+                white = [withStroke(linewidth=2.0, foreground="white")]
+                ha = "left" if shift[0] > 0 else "right"
+                note(axes, name, at, shift, ha=ha, fontsize=letters, path_effects=white)
 
 
 def grid(axes: Axes) -> None:
