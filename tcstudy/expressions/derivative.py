@@ -18,6 +18,7 @@ from tcstudy.expressions.tree import TreeNode, ordered
 Array = NDArray[np.float64]
 
 
+@lru_cache(maxsize=512)  # scenes of a sweep ask for the same ones
 def derivative(of: Term, variable: str) -> Term:
     """∂/∂x or ∂/∂y."""
     slopes: dict[TreeNode, Term] = {}
