@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from tcstudy.errors import UsageError
 from tcstudy.read.study import read_study, read_study_text
-from tcstudy.results import Result, cached, why_again
+from tcstudy.results import Result, cached, picture_html, why_again
 from tcstudy.scene import study as records
 from tcstudy.scene.keys import rows
 
@@ -90,7 +90,9 @@ class Study(records.Study):
         return f"{self!r}\n\n{self.to_yaml()}"
 
     def _repr_html_(self) -> str:
-        return f"<p><b>{html.escape(repr(self))}</b></p><pre>{html.escape(self.to_yaml())}</pre>"
+        """The scene as it was understood, and the study's text behind a click."""
+        head, text = html.escape(repr(self)), html.escape(self.to_yaml())
+        return f"{picture_html(self)}<details><summary>{head}</summary><pre>{text}</pre></details>"
 
 
 def _opened(study: records.Study) -> Study:

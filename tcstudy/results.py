@@ -10,17 +10,17 @@ import base64
 import html
 import os
 from collections.abc import Mapping
-from contextlib import suppress
 from functools import cached_property
 from hashlib import sha256
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from tcstudy.errors import DrawError, UsageError
+from tcstudy.errors import DrawError, GeometryFailed, UsageError
 
 if TYPE_CHECKING:
     import pandas
     import xarray
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from tcstudy.data.provenance import Kind
@@ -106,17 +106,20 @@ class Result:
         """The answer, a picture, and the tables of the terminal behind a click."""
         from tcstudy.reports.terminal.summary import text_of
 
-        picture = ""
-        with suppress(DrawError):  # a file may have nothing to draw
-            picture = f'<img style="max-width: 100%" src="data:image/png;base64,{_png(self.file)}">'
+        picture = picture_html(self)
         said, below = html.escape(self.summary), html.escape(f"{self.file}" + (f" ({self.note})" if self.note else ""))
         tables = html.escape(text_of(self.file, False, "text", None, None))
         return f"<p><b>{said}</b></p>{picture}<details><summary>{below}</summary><pre>{tables}</pre></details>"
 
 
-def _png(file: FilePath) -> str:
-    figure: Any = draw(file)
-    return base64.b64encode(figure._repr_png_()).decode()
+def picture_html(of: Result | Study) -> str:
+    """Its usual picture within a page; nothing where there is none to draw."""
+    try:
+        figure: Any = draw(of)
+    except (DrawError, GeometryFailed):
+        return ""
+    png = base64.b64encode(figure._repr_png_()).decode()
+    return f'<img style="max-width: 100%" src="data:image/png;base64,{png}">'
 
 
 def cached(kind: Kind, study: Study, **asked: object) -> FilePath:
@@ -185,6 +188,8 @@ def draw(
     of: str | None = None,
     law: bool = False,
     size: str | tuple[float, float] | None = None,
+    ax: Axes | None = None,
+    panel: str | None = None,
 ) -> FilePath | Figure:
     """Draw a result file of any kind, or the scene of a study before any work, into a .png, .svg or .pdf file and
     return its name, or without a name return the figure, which a notebook shows. Needs matplotlib.
@@ -193,6 +198,8 @@ def draw(
     level:    of a run: mesh level, −1 or nothing for the finest
     y:        of a path "mean-slip", "max-slip" or "friction"; of a cost chart the error, e.g. "u_L2"
     size:     "8x10cm" or (width, height) [inch]
+    ax, panel: draw one panel into axes of a figure of your own, the first or that of the name; returns that figure.
+              `ax.legend()` says what its lines are
 
     Of a run, in place of a point:
     x, y, by:  curves of the number y ("slip_length") over the parameter x, one for each value of the parameter `by`
@@ -204,13 +211,15 @@ def draw(
     """
     from tcstudy.reports.figures.draw import Wanted, figure_of, picture
 
-    wanted = Wanted(at, level, x, y, by, map, of, law, size)
+    wanted = Wanted(at, level, x, y, by, map, of, law, size, ax, panel)
     if not isinstance(file, Result | str | FilePath) or str(file).lower().endswith((".yaml", ".yml")):
         from tcstudy.commands.scene import draw_study
 
         path = None if target is None else FilePath(target)
         study = FilePath(file) if isinstance(file, str) else file
         return draw_study(study, path, size=size) or FilePath(str(target))
+    if ax is not None and target is not None:
+        raise UsageError("ax: your own figure saves itself; leave the file name out")
     if target is None:
         return figure_of(_file(file), wanted)
     picture(_file(file), FilePath(target), wanted)

@@ -68,9 +68,30 @@ def test_a_notebook_needs_no_file_names(study: tcstudy.Study, tmp_path: Path) ->
     assert first.summary in shown
     assert "data:image/png;base64," in shown
     assert first.draw()._repr_png_().startswith(b"\x89PNG")
+    assert "data:image/png;base64," in study._repr_html_()
     assert first.save(tmp_path / "mine.nc").summary == first.summary
     with pytest.raises(tcstudy.StoreError, match="is there already"):
         other.save(tmp_path / "mine.nc")
+
+
+def test_pictures_go_into_axes_of_a_figure(study: tcstudy.Study) -> None:
+    """One panel each, with its labels and its key; the figure stays the caller's."""
+    from matplotlib.figure import Figure
+
+    figure = Figure()
+    axes = figure.subplots(1, 3)
+    path, point = tcstudy.run(study), tcstudy.run(study.with_(path=None, mesh_levels=1), jobs=1)
+    assert tcstudy.draw(path, ax=axes[0]) is figure
+    point.draw(ax=axes[1], panel="lower")
+    point.draw(ax=axes[2], law=True)
+    assert axes[0].get_xlabel() == "$u_x$ of top"
+    assert axes[0].get_legend_handles_labels()[1]
+    assert axes[1].get_ylabel().startswith(r"$\xi")
+    assert all(one.lines for one in axes)
+    with pytest.raises(tcstudy.DrawError, match="no 'middle'; choose of upper, lower"):
+        point.draw(ax=axes[0], panel="middle")
+    with pytest.raises(tcstudy.UsageError, match="give ax, too"):
+        point.draw(panel="lower")
 
 
 def test_a_study_shows_itself_and_its_faults_in_one_line(study: tcstudy.Study) -> None:

@@ -22,11 +22,12 @@ from tcstudy.reports.figures.sweep import curves_figure, map_figure, read_sweep
 from tcstudy.reports.picture import read_picture
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 OF_RUN = ("x", "y", "by", "map", "of", "law")
 """What chooses among the pictures of a run."""
-LOOK = ("size",)
+LOOK = ("size", "ax", "panel")
 """What all pictures take."""
 DRAWN_BY = {
     "run": ("at", "level", *OF_RUN, *LOOK),
@@ -52,12 +53,16 @@ class Wanted:
     of: str | None = None
     law: bool = False
     size: str | tuple[float, float] | None = None
+    ax: Axes | None = None
+    panel: str | None = None
 
     def check(self, kind: str) -> None:
         """Raise UsageError for what does not go together or does not matter to a file of this kind."""
         if self.at and kind in ("path", "cost", "fit"):
             raise UsageError(f"at: the file of a {kind} has one scene and no sweep points; leave it out")
         given = [name for name in vars(self) if getattr(self, name) not in (None, False)]
+        if self.panel is not None and self.ax is None:
+            raise UsageError("panel: give ax, too, the axes of your figure that it is drawn into")
         for name in given:
             if name not in DRAWN_BY[kind] and not (name == "at" and not self.at):
                 raise UsageError(f"{name}: the picture of a {kind} file does not depend on it; leave it out")
@@ -89,7 +94,7 @@ def picture(file: Path, target: Path, wanted: Wanted | None = None) -> str:
 def figure_of(file: Path, wanted: Wanted) -> Figure:
     """The same as a figure, which a notebook shows (`_repr_png_`). Raises as `picture` does."""
     with _figure(file, wanted) as (figure, _, dpi):
-        return style.shown(figure, dpi)
+        return figure if wanted.ax is not None else style.shown(figure, dpi)
 
 
 @contextmanager
@@ -99,7 +104,8 @@ def _figure(file: Path, wanted: Wanted) -> Iterator[tuple[Figure, str, int]]:
     wanted.check(kind)
     size = style.size_in_inches(wanted.size) if isinstance(wanted.size, str) else wanted.size
     remarks = remarks_of(attributes(file))
-    look = style.Look(size, remarks=() if size is not None else tuple(f"Warning: {one}" for one in remarks))
+    said = () if size is not None or wanted.ax is not None else tuple(f"Warning: {one}" for one in remarks)
+    look = style.Look(size, said, wanted.ax, wanted.panel)
     tell(remarks)
     with reading(file), style.styled(look):
         yield *_drawn(file, kind, wanted, look), look.dpi

@@ -58,8 +58,7 @@ def path_figure(data: Any, response: str, look: style.Look) -> Figure:
         panels["along"].ticks = _apart(panels["along"].ticks, LETTERS / sheet.wide)
     for name, panel in panels.items():
         panel.draw(sheet.panels[name])
-    sheet.panels["curve"].tick_params(labelbottom=False)
-    sheet.panels["curve"].set_xlabel("")
+    sheet.share(*list(panels)[:2])
     sheet.key("curve", place="upper left")
     sheet.key(*list(panels)[1:], place="lower left")
     return sheet.finish()

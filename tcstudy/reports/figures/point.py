@@ -112,9 +112,7 @@ def _draw_line(sheet: Sheet, picture: Picture, width: float, wider: bool) -> Sca
             axes.spines["bottom"].set_bounds(0.0, length / s.one)
         if not np.any(values):  # a scale around nothing but zero would mean nothing
             axes.set_yticks([0.0])
-    for name in list(panels)[:-1]:
-        sheet.panels[name].tick_params(labelbottom=False)
-        sheet.panels[name].set_xlabel("")
+    sheet.share(*panels)
     return s
 
 

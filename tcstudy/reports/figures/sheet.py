@@ -10,7 +10,7 @@ import re
 import textwrap
 import warnings
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -87,6 +87,11 @@ class Sheet:
         self._rect = (edge, bottom, 1.0 - 2.0 * edge, top - bottom)
         engine.set(rect=self._rect, w_pad=0.0, h_pad=0.0, hspace=0.05, wspace=0.03)
         self.panels: dict[str, Axes] = self.figure.subplot_mosaic([list(row) for row in rows], height_ratios=heights)
+        if look.into is not None:
+            name = look.panel if look.panel is not None else next(iter(self.panels))
+            if name not in self.panels:
+                raise DrawError(f"panel: this picture has no {name!r}; choose of {', '.join(self.panels)}")
+            self.panels[name] = look.into
 
     def _lines(self, text: str, size: float, **more: Any) -> list[tuple[str, float, dict[str, Any]]]:
         columns = int(self.wide / size * (0.92 if more else 1.0))
@@ -109,7 +114,7 @@ class Sheet:
         for name in panels or self.panels:
             handles, labels = self.panels[name].get_legend_handles_labels()
             found = dict(zip(labels, handles, strict=True)) | found
-        if not found:
+        if not found or self.look.into is not None:  # whose axes they are, asks them for their legend
             return
         columns = 1 if "right" in place else _columns(list(found), self.wide / SMALL)
         where: dict[str, Any] = {"loc": f"outside {place}"}
@@ -121,10 +126,17 @@ class Sheet:
 
     def bar(self, axes: Axes, drawn: Any, *label: str) -> Colorbar:
         """A colour bar beside a panel; labels as for `label`."""
-        bar = self.figure.colorbar(drawn, ax=axes, aspect=25.0, pad=0.02, fraction=0.04)
+        bar = axes.figure.colorbar(drawn, ax=axes, aspect=25.0, pad=0.02, fraction=0.04)
         bar.outline.set_visible(False)
         self.label(bar.ax, *label)
         return bar
+
+    def share(self, *names: str) -> None:
+        """Panels below each other have the x axis of the last."""
+        for name in names[:-1]:
+            if self.panels[name] is not self.look.into:
+                self.panels[name].tick_params(labelbottom=False)
+                self.panels[name].set_xlabel("")
 
     def label(self, axes: Axes, *texts: str) -> None:
         """What stands beside a panel, wrapped to its height: the first text that does in two lines, or the last."""
@@ -133,6 +145,11 @@ class Sheet:
 
     def finish(self) -> Figure:
         """Lay everything out; returns the figure."""
+        if (own := self.look.into) is not None:  # in a small panel long texts would leave no room
+            own.set_title("", loc="left")
+            for text in own.texts:
+                text.set_in_layout(False)
+            return cast("Figure", own.figure)
         figure, engine = self.figure, self.figure.get_layout_engine()
         assert engine is not None
         for axes in figure.axes:

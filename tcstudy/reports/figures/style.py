@@ -20,6 +20,7 @@ from tcstudy.scene import key
 from tcstudy.scene.key import GREEK
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
@@ -83,10 +84,13 @@ class Look:
 
     size:  width and height [inch], None for the usual one
     remarks: lines below everything else
+    into:  axes of somebody's own figure that one panel is drawn into, its first unless `panel` names another
     """
 
     size: tuple[float, float] | None = None
     remarks: tuple[str, ...] = ()
+    into: Axes | None = None
+    panel: str | None = None
 
     @property
     def letters(self) -> float:

@@ -214,7 +214,8 @@ def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
         mark = MARKS[k % len(MARKS)] if len(at) <= MOST_MARKS or not joined else ""
         how = {"color": colours[k % len(colours)], "linestyle": "-" if joined else "none", "linewidth": 1.3}
         panel.line(at, values, marker=mark, markersize=4, label=style.plain(by.labels[k]) if by else "", **how)
-        gone.append((at[np.isnan(values)], how["color"]))
+        if np.isnan(values).any():
+            gone.append((at[np.isnan(values)], how["color"]))
     if x.numbers is None:
         panel.ticks = across.tolist(), [style.plain(text) for text in x.labels]
         panel.limits[0] = -0.5, len(across) - 0.5
