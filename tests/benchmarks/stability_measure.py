@@ -45,7 +45,6 @@ class Row:
     iterations: int
     gap: float
     seconds: float
-    mechanism: str
     heat_balance: float
     reason: str
 
@@ -101,24 +100,9 @@ def solve_case(case: Case, contenders: Sequence[Contender], limit: float, ledger
     gaps = _gaps(case, [trial if outcome == SOLVED else None for _, trial, _, _, outcome in trials])
     rows = []
     for (contender, trial, seconds, residual, outcome), gap in zip(trials, gaps, strict=True):
-        mechanism, reason = ("", "") if outcome == SOLVED else (trial.mechanism, trial.reason[:REASON])
-        rows.append(
-            Row(
-                case.map,
-                case.x,
-                case.y,
-                case.load,
-                contender.name,
-                outcome,
-                residual,
-                trial.iterations,
-                gap,
-                seconds,
-                mechanism,
-                case.heat_balance,
-                reason,
-            )
-        )
+        reason = "" if outcome == SOLVED else trial.reason[:REASON]
+        found = outcome, residual, trial.iterations, gap, seconds, case.heat_balance, reason
+        rows.append(Row(case.map, case.x, case.y, case.load, contender.name, *found))
     return rows
 
 

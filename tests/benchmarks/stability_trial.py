@@ -1,4 +1,4 @@
-"""One run of one method on one contact problem, with what its log says about why it failed.
+"""One run of one method on one contact problem.
 
 All start from zero and, where the answer misses the tolerance, from the frictionless solution too; both share one
 deadline. The first two run exactly as a study runs them. `path` follows the load from 0 to 1 and takes the solution of
@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -17,15 +16,14 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
 
+from tcstudy.contact.block import Answer
 from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.factors import cholesky
-from tcstudy.contact.path.follow import Follower, ParametricProblem, PathStatus
+from tcstudy.contact.path.follow import Follower, ParametricProblem
 from tcstudy.contact.path.query import solutions_at
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.contact.status import Status
-from tcstudy.laws.pieces import UP
 from tests.benchmarks.methods import ENDLESS, TOLERANCE, OutOfTimeError, watched
-from tests.benchmarks.semismooth import SemismoothNewton, solve_branches
+from tests.benchmarks.semismooth import SemismoothNewton
 
 Array = NDArray[np.float64]
 
@@ -33,28 +31,10 @@ OUT_OF_TIME = "time limit"
 SNAP = 1e-6
 """Distance to a kink, relative to the kink spacing, within which a node of a scipy method counts as on it."""
 
-CYCLING = "cycling"
-INDEFINITE = "cycling, indefinite"
-WANDERING = "wandering"
-CRAWL = "node-by-node crawl"
-NULL_STEPS = "null steps"
-SHORT_STEPS = "shrinking steps"
-AT_KINK = "stuck at a kink"
-CANCELLATION = "cancellation"
-FOLDS = "too many folds"
-BRANCHES = "branches meet"
-TIME = "time"
-OTHER = "other"
-"""Mechanisms of failure.
-
-INDEFINITE: a cycle with matrices that have lost positive definiteness;  WANDERING: 200 steps without a return;
-TIME: most steps were serious;  OTHER: of a scipy method, the nodes that miss the inclusion are not at kinks
-"""
-
 
 @dataclass(frozen=True)
 class Trial:
-    """An answer: v (m,) or None, whether the method reports success, iterations, why not, what the log shows.
+    """An answer: v (m,) or None, whether the method reports success, iterations, why not.
 
     v_low: (m,) low part of an answer that is a sum of two doubles
     """
@@ -63,7 +43,6 @@ class Trial:
     claims: bool
     iterations: int
     reason: str = ""
-    mechanism: str = ""
     slow: bool = False
     snap: float = 0.0
     v_low: Array | None = None
@@ -82,52 +61,23 @@ class Contender:
     heavy: bool = True
 
 
-class Log:
-    """Counts the kinds of steps in a method's log."""
-
-    def __init__(self) -> None:
-        self.kinds: list[str] = []
-
-    def __call__(self, line: str) -> None:
-        """Take one line of the log: iteration, …, kind of step somewhere among the words."""
-        self.kinds += [word for word in line.split() if word.split("/")[0] in KINDS]
-
-    def share(self, *kinds: str) -> float:
-        """Share of these kinds among the second half of the steps."""
-        last = Counter(self.kinds[len(self.kinds) // 2 :])
-        return sum(last[kind] for kind in kinds) / max(last.total(), 1)
-
-
-KINDS = ("start", "newton", "nodes", "straight", "refined", "escape", "serious", "null", "short", "reset")
-"""Words for steps in the logs of both methods of the package."""
-
-
 def separable(problem: ContactProblem, deadline: float) -> Trial:
     """The default solver as a study calls it, the lowest energy it finds; not stopped at the deadline."""
-    log = Log()
-    answer = solve_contact(problem, log=log)
-    good = answer.status == Status.CONVERGED and not answer.limited  # what is limited by rounding is said to be
-    rounding = answer.limited or answer.status == Status.INCLUSION_VIOLATED
-    mechanism = "" if good else CANCELLATION if rounding else CRAWL if log.share("nodes") > 0.5 else OTHER
-    return Trial(answer.v, good, answer.iterations, answer.reason, mechanism, v_low=answer.v_low)
+    return _answered(solve_contact(problem))
 
 
 def bundle(problem: ContactProblem, deadline: float) -> Trial:
-    """The aggregate bundle-Newton method as a study calls it; its kinds of steps tell why it is slow."""
-    log, watch = Log(), watched(problem, np.zeros(problem.m), deadline)
+    """The aggregate bundle-Newton method as a study calls it."""
+    watch = watched(problem, np.zeros(problem.m), deadline)
     try:
-        answer = solve_contact(watch, "bundle-newton", branch="from-zero", log=log)
+        return _answered(solve_contact(watch, "bundle-newton", branch="from-zero"))
     except OutOfTimeError:
-        return Trial(watch.best.v, False, len(log.kinds), OUT_OF_TIME, _bundle_mechanism(log), slow=True)
-    good = answer.status == Status.CONVERGED and not answer.limited
-    mechanism = "" if good else CANCELLATION if answer.limited else _bundle_mechanism(log)
-    return Trial(answer.v, good, answer.iterations, answer.reason, mechanism, v_low=answer.v_low)
+        return Trial(watch.best.v, False, 0, OUT_OF_TIME, slow=True)
 
 
-def _bundle_mechanism(log: Log) -> str:
-    if log.share("null", "reset") > 0.5:
-        return NULL_STEPS
-    return SHORT_STEPS if log.share("short", "null", "reset") > 0.5 else TIME
+def _answered(answer: Answer) -> Trial:
+    good = answer.status == Status.CONVERGED and not answer.limited  # what is limited by rounding is said to be
+    return Trial(answer.v, good, answer.iterations, answer.reason, v_low=answer.v_low)
 
 
 def semismooth(problem: ContactProblem, deadline: float) -> Trial:
@@ -142,27 +92,7 @@ def semismooth(problem: ContactProblem, deadline: float) -> Trial:
         if residual <= TOLERANCE or time.process_time() > deadline:
             break
     assert best is not None
-    mechanism = "" if least <= TOLERANCE else CANCELLATION if best.converged else _cycle(problem, best.x)
-    return Trial(best.x, best.converged, used, best.reason, mechanism)
-
-
-def _cycle(problem: ContactProblem, v: Array) -> str:
-    """Walk on from v until a branch set returns, and look whether a matrix on the way is indefinite."""
-    method, seen, indefinite = SemismoothNewton(), set(), False
-    branch = method.branches(problem, v)
-    for _ in range(method.max_iterations):
-        if branch.tobytes() in seen:
-            return INDEFINITE if indefinite else CYCLING
-        seen.add(branch.tobytes())
-        free = np.flatnonzero(branch % 2 == 0)
-        matrix = problem.A_tilde[np.ix_(free, free)]
-        matrix[np.diag_indices(len(free))] += problem.c[free] * problem.law.q[branch[free] // 2]
-        indefinite |= bool(len(free)) and cholesky(matrix)[1] != 0
-        solved = solve_branches(problem, branch)
-        if solved is None:
-            return INDEFINITE
-        branch = method.branches(problem, solved)
-    return WANDERING
+    return Trial(best.x, best.converged, used, best.reason)
 
 
 def path(problem: ContactProblem, deadline: float) -> Trial:
@@ -180,15 +110,12 @@ def path(problem: ContactProblem, deadline: float) -> Trial:
     try:
         found = Follower(t_min=0.0, t_max=1.0).follow(along, zero, 0.0, "forward", watch)
     except OutOfTimeError:
-        return Trial(None, False, pieces, OUT_OF_TIME, FOLDS, slow=True)
+        return Trial(None, False, pieces, OUT_OF_TIME, slow=True)
     solutions = solutions_at(found, 1.0)
     if solutions:
         best = min(solutions, key=lambda solution: solution.energy)
-        good = best.residual <= TOLERANCE
-        return Trial(best.v, good, found.pieces, "", "" if good else CANCELLATION)
-    status = found.end
-    known = {PathStatus.PIECE_LIMIT: FOLDS, PathStatus.LOST_ACCURACY: CANCELLATION}
-    return Trial(found.u[-1], False, found.pieces, found.end.reason, known.get(status, BRANCHES))
+        return Trial(best.v, best.residual <= TOLERANCE, found.pieces)
+    return Trial(found.u[-1], False, found.pieces, found.end.reason)
 
 
 def scipy_run(name: str, options: dict[str, float], second_order: bool = False) -> Run:
@@ -207,8 +134,7 @@ def scipy_run(name: str, options: dict[str, float], second_order: bool = False) 
                 best = replace(best, slow=one.slow and least > TOLERANCE)
                 break
         assert best.v is not None
-        mechanism = "" if least <= TOLERANCE else _scipy_mechanism(problem, best.v)
-        return replace(best, iterations=used, mechanism=mechanism)
+        return replace(best, iterations=used)
 
     return run
 
@@ -237,16 +163,6 @@ def _minimize(
         return Trial(watch.best.v, False, 0, str(error).splitlines()[0], snap=SNAP)
     v = np.asarray(found.x, dtype=float)
     return Trial(v, bool(found.success), int(found.nit), str(found.message), snap=SNAP)
-
-
-def _scipy_mechanism(problem: ContactProblem, v: Array) -> str:
-    """AT_KINK if the worst node, or every node off the inclusion by half as much, is close to an up-jump."""
-    law = problem.law
-    distance = problem.distance(v, SNAP * law.s_scale)
-    worst = distance >= 0.5 * distance.max()
-    up = law.kinks[law.kinds == UP]
-    near = np.min(np.abs(v[worst, None] - up), axis=1)
-    return AT_KINK if np.median(near) <= 0.05 * law.s_scale else OTHER
 
 
 LIMITED_MEMORY = {"gtol": TOLERANCE, "ftol": 0.0, "maxiter": ENDLESS, "maxfun": ENDLESS}

@@ -13,10 +13,10 @@ from tcstudy.contact.status import Status
 from tests.benchmarks import stability
 from tests.benchmarks.methods import TOLERANCE
 from tests.benchmarks.stability_chain import CHAIN, SHAPE, WEAK, ChainGrid, chain
-from tests.benchmarks.stability_maps import MAPS, NODES, Grid, down_jumps, synthetic, up_jumps
+from tests.benchmarks.stability_maps import MAPS, Grid, down_jumps, synthetic, up_jumps
 from tests.benchmarks.stability_measure import FLAGGED, SILENT, SLOW, SOLVED, judged, measure, read
-from tests.benchmarks.stability_trial import AT_KINK, CONTENDERS, CYCLING, INDEFINITE, Contender, Trial
-from tests.contact.contact_cases import half_laplacian, independent_residual
+from tests.benchmarks.stability_trial import CONTENDERS, Contender, Trial
+from tests.contact.contact_cases import independent_residual
 
 EDGES = (0.1, 1.33, 7.5, 100.0)
 SYNTHETIC = Grid(EDGES, (10, 100, 300), (0.01, 0.3, 0.9), (1, 10, 100), (-9, 0, 9), loads=2)
@@ -79,17 +79,6 @@ def test_the_laws_have_the_jumps_they_are_named_for(shape: type, kind: int) -> N
     assert law.b(np.array([1e-9])) == pytest.approx(1.0, rel=1e-6)
     assert law.omega == (np.inf if kind < 0 else pytest.approx(0.3 * 5 / 0.3))
     assert law.b(np.array([-0.11])) == -law.b(np.array([0.11]), -1)
-
-
-def test_mechanisms_come_from_the_runs() -> None:
-    """Plain semismooth Newton cycles with indefinite matrices for steep falls only; quasi-Newton stops at a kink."""
-    one = Grid((0.1, 100.0), (30,), (), (), (), loads=4)
-    rows = list(measure(synthetic(one), [c for c in CONTENDERS if c.name in ("semismooth Newton", "BFGS")]))
-    cycles = [row for row in rows if row.mechanism in (CYCLING, INDEFINITE)]
-    assert any(row.mechanism == INDEFINITE for row in cycles)
-    assert all(row.x > 1.0 for row in cycles if row.mechanism == INDEFINITE)
-    assert any(row.mechanism == AT_KINK for row in rows if row.method == "BFGS")
-    assert half_laplacian(NODES)[0].shape == (NODES, NODES)
 
 
 def test_the_command_on_a_small_grid(tmp_path: Path) -> None:
