@@ -41,13 +41,11 @@ _INSERT = "INSERT OR REPLACE INTO record VALUES (?, ?, ?, ?, ?, ?, ?)"
 class Journal:
     """The open journal of one run. Make it with `Journal.open`; safe to use from several threads.
 
-    finished: (level, number) of every block that an earlier run left
     warnings: sentences for the user, for example that an old journal was set aside
     """
 
     def __init__(self, path: Path, connection: sqlite3.Connection, warnings: tuple[str, ...]) -> None:
         self.path, self.warnings = path, warnings
-        self.finished: frozenset[tuple[int, int]] = frozenset()
         self._connection = connection
         self._pending: list[Row] = []
         self._lock = threading.RLock()
@@ -81,10 +79,7 @@ class Journal:
             raise StoreError(f"cannot start the journal {path}: {why}. Choose another output")
         remove_stale(output, alone=True)
         sync_directory(path.parent)
-        journal = cls(path, connection, warnings)
-        places = connection.execute("SELECT level, place FROM record WHERE kind = 'block'")
-        journal.finished = frozenset((int(level), int(place)) for level, place in places)
-        return journal
+        return cls(path, connection, warnings)
 
     def add(self, record: BlockRecord | LevelRecord | Row) -> None:
         """Keep a record, or a row; it is on the disk within COMMIT_SECONDS. A second one of the same place replaces it.

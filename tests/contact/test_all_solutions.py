@@ -40,7 +40,7 @@ def assert_equal_to_brute_force(problem: ContactProblem) -> Equilibria:
 
 @pytest.mark.parametrize("m", [1, 2, 3])
 def test_random_problems_have_the_solutions_that_brute_force_finds(m: int) -> None:
-    """M-matrices and others, laws by node, jumps both ways"""
+    """M-matrices and others, laws by node, jumps both ways."""
     counts = []
     for seed in range(40):
         problem, _ = random_problem(seed, m)

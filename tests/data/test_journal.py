@@ -70,7 +70,7 @@ def test_records_come_back_exactly(output: Path, study: Study) -> None:
         ),
     ]
     with Journal.open(output, study) as journal:
-        assert not journal.finished
+        assert not [*journal.blocks()]
         assert journal.warnings == ()
         for record in (*reversed(levels), *points):
             journal.add(record)
@@ -178,7 +178,7 @@ def test_a_record_is_on_the_disk_soon_although_nobody_flushes(
     process.send_signal(signal.SIGKILL)
     process.wait()
     with Journal.open(output, study) as journal:
-        assert len(journal.finished) == 12
+        assert len([*journal.blocks()]) == 12
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="kill -9 is a matter of POSIX")
@@ -237,7 +237,7 @@ def test_a_full_disk_is_reported_and_costs_no_committed_point(output: Path, stud
     assert done.stdout.count("cannot keep finished points") == 2, done.stderr
     assert "Free some space" in done.stdout
     with Journal.open(output, study) as journal:
-        assert len(journal.finished) == kept
+        assert len([*journal.blocks()]) == kept
         assert not journal.warnings
 
 
@@ -255,7 +255,7 @@ def test_the_timers_error_comes_with_the_next_add(output: Path, study: Study) ->
     journal._connection.execute("PRAGMA max_page_count = 1000000")
     journal.close()
     with Journal.open(output, study) as journal:
-        assert len(journal.finished) == 3
+        assert len([*journal.blocks()]) == 3
 
 
 def test_a_place_that_cannot_be_written_is_one_clear_error(tmp_path: Path, study: Study) -> None:
@@ -274,7 +274,7 @@ def test_a_journal_is_a_file_wherever_its_link_points(output: Path, study: Study
     fill(output, study, [make_point((0, 0, 0), 0)])
     assert partial(output).is_symlink()
     with Journal.open(output, study) as journal:
-        assert len(journal.finished) == 1
+        assert len([*journal.blocks()]) == 1
     partial(output).unlink()
     os.mkfifo(partial(output))
     with pytest.raises(StoreError, match="is a pipe, no file"):

@@ -26,7 +26,7 @@ def test_a_journal_of_another_study_is_set_aside_never_deleted(
     for n, (old, new) in enumerate(((study, other), (other, study))):
         fill(output, old, [make_point((0, 0, n), 0)])
         with Journal.open(output, new) as journal:
-            assert not journal.finished
+            assert not [*journal.blocks()]
             (warning,) = journal.warnings
             assert "another study" in warning
             assert ".partial.old" in warning
@@ -42,7 +42,7 @@ def test_a_journal_of_other_versions_is_set_aside(output: Path, study: Study, mo
     fill(output, study, [make_point((0, 0, 0), 0)])
     monkeypatch.setattr(journal_module, "program", lambda: "edited")
     with Journal.open(output, study) as journal:
-        assert not journal.finished
+        assert not [*journal.blocks()]
         assert "other versions" in journal.warnings[0]
 
 
@@ -52,14 +52,14 @@ def test_a_torn_journal_is_set_aside_and_an_empty_one_used(output: Path, study: 
     torn = partial(output).read_bytes()[:size]
     partial(output).write_bytes(torn)
     with Journal.open(output, study) as journal:
-        assert not journal.finished
+        assert not [*journal.blocks()]
         assert bool(journal.warnings) == (size != 0)
         journal.add(make_level(0))
         journal.add(make_point((0, 0, 0), 0))
     if size:
         assert partial(output).with_name("study.nc.partial.old").read_bytes() == torn
     with Journal.open(output, study) as journal:
-        assert len(journal.finished) == 1
+        assert len([*journal.blocks()]) == 1
         assert not journal.warnings
 
 
@@ -77,7 +77,7 @@ def test_no_flipped_byte_is_taken_for_a_result(output: Path, study: Study) -> No
         with Journal.open(output, study) as journal:
             if journal.warnings:
                 noticed += 1
-                assert not journal.finished
+                assert not [*journal.blocks()]
             else:
                 for point, again in zip(points, journal.points(), strict=True):
                     assert_same(point, again)
@@ -128,6 +128,6 @@ def test_a_record_that_is_none_sets_the_journal_aside(output: Path, study: Study
         database.execute(f"UPDATE record SET {column} = ? WHERE kind = 'block'", (value,))
         database.commit()
     with Journal.open(output, study) as journal:
-        assert not journal.finished
+        assert not [*journal.blocks()]
         assert "is damaged" in journal.warnings[0]
         assert "\n" not in journal.warnings[0]

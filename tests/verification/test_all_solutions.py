@@ -1,4 +1,4 @@
-"""All solutions of a shipped body against mixed-integer programs"""
+"""All solutions of a shipped body against mixed-integer programs."""
 
 from __future__ import annotations
 
