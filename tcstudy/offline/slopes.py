@@ -75,7 +75,7 @@ def change_of(level: Level, scene: Scene, by: Sensitivity) -> Change:
         return Change(none, none)
     if path[0] in ("material", "materials"):
         where, own = next(one for one in scene.pieces if path[0] == "material" or one[0] == (path[1],))
-        one = own.with_number(path[-1], Dual(getattr(own, path[-1]), 1.0))
+        one = own.with_number(Dual(getattr(own, path[-1]), 1.0), path[-1])
         lam, mu, beta, k = map(slope_of, (one.lam, one.mu, one.beta, one.k))
         if beta:
             load = beta * level.elastic.expansion(level.temperature(scene).theta, where)

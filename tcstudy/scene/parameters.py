@@ -197,7 +197,8 @@ def numbers(scene: Scene) -> Iterator[tuple[Keys, Number]]:
     for path, place, material in [(("material",), ("material",), scene.material), *own]:
         for name in ("E", "nu", "alpha_T", "beta", "k"):
             if (value := getattr(material, name)) is not None:
-                yield (*path, name), Number(row("material", name), value, place, partial(_of_material, name=name))
+                made = partial(Material.with_number, name=name)
+                yield (*path, name), Number(row("material", name), value, place, made)
     roles = [(("boundary", edge), ("boundary", i, 1), role) for i, (edge, role) in enumerate(scene.boundary)]
     if scene.heat.theta is None and scene.conducts:
         if any(exchanges(role) and not (role.heat and role.heat.alpha) for _, _, role in roles):
@@ -214,10 +215,6 @@ def numbers(scene: Scene) -> Iterator[tuple[Keys, Number]]:
         yield from _of_law(scene.friction, ("friction",), ("friction",), 1.0)
     for i, (edge, law, strength) in enumerate(scene.friction.laws if isinstance(scene.friction, EdgeLaws) else ()):
         yield from _of_law(law, ("friction", edge) if edge else ("friction",), ("friction", "laws", i, 1), strength)
-
-
-def _of_material(material: Material, value: float, name: str) -> Material:
-    return material.with_number(name, value)
 
 
 def _of_law(law: Laws, path: Keys, place: Place, strength: Scalar) -> Iterator[tuple[Keys, Number]]:

@@ -268,7 +268,7 @@ class Material:
             lam = 2 * lam * mu / (lam + 2 * mu)
         return cls(lam, mu, 0.0 if beta is None else beta, k, E, nu, plane, alpha_T=alpha_T)
 
-    def with_number(self, name: str, value: float) -> Material:
+    def with_number(self, value: float, name: str) -> Material:
         """The material with another E, nu, alpha_T, beta or k; materials of regions stay."""
         numbers = {"E": self.E, "nu": self.nu, "k": self.k, "alpha_T": self.alpha_T, "beta": None}
         numbers |= {"beta": self.beta} if self.alpha_T is None else {}
