@@ -12,6 +12,7 @@ whose ξ* lies in b̂ at the Gauss points, and the best of some w is taken; any 
 η:    on a triangle cε(u_h) = N G⁻¹Pᵀw_h with w_h = u_h at the Gauss points of its edges, so that nothing cancels in
       η² = (w_h − w)ᵀK̂(w_h − w) + Σ_K ‖(I − Π)(τ_p + βθI)‖²   (`equilibrium`).
 M:    along an edge ξ* and u_hT are linear and sup + ξ*u_hT + wu_hT² is convex: the trapezoidal rule is no less.
+      An exponential law b has a polygon within ε, and ε|x| ≤ δx² + ε²/4δ: k is less by δ/λ_low, M more by ε²|Γ_C|/4δ.
 Left out: f, g, θ, given u and strengths of friction that are not as the elements have them (`why_no_bound`).
 """
 
@@ -24,6 +25,7 @@ from numpy.typing import NDArray
 
 from tcstudy.condense import ForwardLoad
 from tcstudy.contact.block import solve_block
+from tcstudy.contact.path.chords import piecewise_linear
 from tcstudy.contact.problem import CondensedBody
 from tcstudy.fem.boundary import values_at
 from tcstudy.fem.estimators import own_strain, stress_of
@@ -44,6 +46,8 @@ PARTS = 16
 WEIGHTS = np.geomspace(1e-5, 0.8, 12)
 """w that are tried, over λ_low from 0 and from ω on: with the latter the bound converges, but where nothing of what
 falls is near, smaller ones are better."""
+POLYGON, FREE = 1e-4, 3e-3
+"""Error of the polygon of an exponential law over the scale of b, and the share of λ_low that is spent on it."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,7 @@ class ErrorBounds:
     level: Level
     _loads: Recent[_Load] = field(default_factory=lambda: Recent(8, lambda _: 1))
     _bodies: Recent[CondensedBody] = field(default_factory=lambda: Recent(1, lambda _: 1))
+    _polygons: Recent[Laws] = field(default_factory=lambda: Recent(64, lambda _: 1))
 
     def __post_init__(self) -> None:
         self.triangles = ElementGeometry(self.level.mesh)
@@ -78,7 +83,10 @@ class ErrorBounds:
         slip = np.einsum("sed,sd->se", u[line.segments], along)
         starts = [0.0, law.omega] if law.omega < low else [0.0]
         w = np.concatenate([start + (low - start) * WEIGHTS for start in starts])
-        M, k = consistency(law, line.lengths, xi, slip, w), 1.0 - w / low
+        law, error = self._polygon(law)
+        slack = FREE * low if error > 0.0 else 0.0
+        M, k = consistency(law, line.lengths, xi, slip, w), 1.0 - (w + slack) / low
+        M, k = M[k > 0.0] + (error**2 * line.lengths.sum() / (4.0 * slack) if slack else 0.0), k[k > 0.0]
         bound = float(np.min((eta + np.sqrt(eta**2 + 4.0 * k * M)) / (2.0 * k)))
         left = self._norm(scene, u) - bound  # of ‖u‖, no more
         return {"error_bound": bound, "error_bound_relative": bound / left if left > 0.0 else float("nan")}
@@ -97,6 +105,19 @@ class ErrorBounds:
         traction = (found.xi[0] / dual.c).reshape(-1, 2)
         change = np.sqrt(3.0) * (traction[:, 1] - traction[:, 0])
         return float(np.sqrt(eta2)), traction.mean(axis=1)[:, None] + np.multiply.outer(change, [-0.5, 0.5])
+
+    def _polygon(self, law: Laws) -> tuple[Laws, float]:
+        """A piecewise-linear law, and how far b is from it at most, at all slips [Pa]."""
+        if law.piecewise_linear:
+            return law, 0.0
+
+        def made(one: Laws) -> Laws:
+            ends = np.abs([*one.kinks, *one.s_0]).max() + sum(
+                100.0 / np.abs(r[a != 0.0]).min() for a, r in one.exponentials
+            )
+            return piecewise_linear(one, POLYGON, float(ends))  # beyond which nothing is left of an exponential
+
+        return self._polygons.get(law, lambda: law.mapped(made)), POLYGON * law.b_scale
 
     def _load(self, scene: Scene) -> _Load:
         """The load of a scene on its equilibrium elements, the last ones kept."""

@@ -24,8 +24,6 @@ def why_no_bound(scene: Scene) -> str:
         return "theta is not linear in x and y; write it so"
     if any(law.omega == float("inf") for law in scene.laws):
         return "the friction law jumps down; let it fall over a slip"
-    if not all(law.piecewise_linear for law in scene.laws):
-        return "the friction law has exponential pieces; give its points"
     strengths = () if isinstance(scene.friction, Laws) else [factor for _, _, factor in scene.friction.laws]
     if any(isinstance(factor, Expression) and factor.constant is None for factor in strengths):
         return "the strength of friction varies along an edge; give numbers by edge"
