@@ -164,6 +164,9 @@ class ContinuedStep:
         self.basis = walk.basis
         path = replace(self._follower, one_way=self.body.model.remembers).onward(walk)
         self.senses = walk.graph.sense[walk.codes] * np.sign(walk.dx[:-1])
+        if path is not None and path.end == PathStatus.TURNS:  # what turns back takes none with it: they go on
+            moved, pushed = path.u[-1] - path.u[-2], path.traction[-1] - path.traction[-2]
+            self.senses = np.sign(np.where(moved != 0.0, moved, pushed))
         if path is not None:
             over = path.u[-1]
             if path.end == PathStatus.UNSTABLE:  # half a piece beyond the fold, where the energy falls

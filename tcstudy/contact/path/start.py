@@ -27,8 +27,9 @@ NEAR = 1e-8
 """A given solution may miss the exact one by this much, relative to slip and traction, or by what rounding of its
 residual allows if that is more; it is corrected."""
 
-MOST_TURNS = 12
-"""How often nodes are moved to the other side of their kinks at once before they are released one by one."""
+ALONE, MOST_TURNS = 3, 12
+"""How often the node that wishes otherwise most is moved to the other side of its kink, and until when all of them are,
+before they are released one by one."""
 
 
 class NoSolutionError(ValueError):
@@ -140,23 +141,24 @@ def rays(walk: Walk) -> tuple[Ray, Ray]:
 def onward(walk: Walk) -> Ray | None:
     """The stable way on which t grows, from the walk's pieces and those beside them; None if none is found.
 
-    Every node that stands on a bound goes on on its piece or on the next one, whichever it then moves along: where all
-    nodes wish otherwise than guessed they are moved at once (the semismooth Newton method for this linear
-    complementarity problem). With a definite matrix on all sides there is one answer. Else that one may be unstable
-    where another is not: the energy of the rates is descended then, with all nodes at rest first.
+    Every node that stands on a bound goes on on its piece or on the next one, whichever it then moves along. Where some
+    wish otherwise than guessed the one that does most is moved first (mostly it alone has turned back, and to move all
+    would upset a whole zone), then all at once (the semismooth Newton method for this linear complementarity problem).
+    With a definite matrix on all sides there is one answer. Else that one may be unstable where another is not: the
+    energy of the rates is descended then, with all nodes at rest first.
     """
     c = walk.corner(walk.at_bound)
     far = np.zeros(len(c.nodes), dtype=bool)
     with suppress(SingularCellError):
-        for _ in range(MOST_TURNS):
+        for turn in range(MOST_TURNS):
             if not _t_grows(walk, c, far):
                 break
-            wrong = c.on(far)[1] * walk.dx[c.nodes] < 0.0
-            if not np.any(wrong):
+            against = -c.on(far)[1] * walk.dx[c.nodes]
+            if not np.any(against > 0.0):
                 if walk.stable:
                     return Ray.here(walk)
                 break
-            far ^= wrong
+            far ^= against > 0.0 if turn >= ALONE else np.arange(len(far)) == np.argmax(against)
     return _descended(walk, c) if len(c.nodes) else None
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
 from tcstudy.contact.history.steps import history
+from tcstudy.contact.path import start
 from tcstudy.laws.laws import Laws
 from tcstudy.matrices import law
 from tcstudy.scene.histories import Memory
@@ -87,20 +88,32 @@ def small_steps(A: Array, g: float, loads: list[Array], count: int) -> Array:
     return v
 
 
-def test_nodes_that_are_pushed_back_before_a_front_are_not_seen_by_one_descent() -> None:
-    """Ã of elements longer than the strip is high has positive entries beside its diagonal; the path is the limit."""
-    m = 10
+def long_cells(m: int) -> HistoryProblem:
+    """Ã of elements longer than the strip is high has positive entries beside its diagonal."""
     B = np.eye(m) - np.eye(m, k=-1)
     A = B.T @ (np.eye(m) - 0.2 * (np.eye(m, k=1) + np.eye(m, k=-1))) @ B
-    loads = [np.append(np.zeros(m - 1), pull) for pull in (7.0, 0.0)]
-    tresca = law("tresca", tau=1.0)
-    body = HistoryProblem(A, np.ones(m), tresca, Memory("friction"))
+    return HistoryProblem(A, np.ones(m), law("tresca", tau=1.0), Memory("friction"))
+
+
+def test_nodes_that_are_pushed_back_before_a_front_are_not_seen_by_one_descent() -> None:
+    """The path is the limit of small steps."""
+    body = long_cells(10)
+    A, loads = body.A_tilde, [np.append(np.zeros(9), pull) for pull in (7.0, 0.0)]
     exact = followed(body, loads)[-1].v
     one, some = (in_parts(body, loads, k)[-1].v for k in (1, 16))
     assert np.max(np.abs(some - small_steps(A, 1.0, loads, 16))) <= 1e-7 * np.max(exact)
     apart = [np.max(np.abs(v - exact)) / np.max(exact) for v in (one, some, small_steps(A, 1.0, loads, 128))]
     assert apart[0] > 0.02
     assert apart[2] < 0.2 * apart[1] < 0.1 * apart[0]
+
+
+def test_a_zone_that_goes_on_is_not_released_node_by_node(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where one node turns back after the other the rest of the line goes on as it went: one exchange each."""
+    descended, asked = start._descended, []
+    monkeypatch.setattr(start, "_descended", lambda walk, c: asked.append(walk) or descended(walk, c))
+    steps = followed(long_cells(60), [np.append(np.zeros(59), pull) for pull in (50.0, 0.0)])
+    assert steps[-1].parts > 20
+    assert len(asked) <= 3
 
 
 @pytest.mark.parametrize("memory", [Memory("friction"), Memory("damage")], ids=lambda memory: memory.name)
