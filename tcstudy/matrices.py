@@ -92,11 +92,6 @@ class ContactProblem(PlainProblem):
     def __repr__(self) -> str:
         return f"ContactProblem({self.m} contact nodes, law {self.law.name})"
 
-    @property
-    def plain(self) -> PlainProblem:
-        """The same without checks, as the solvers change it many times."""
-        return PlainProblem(self.A_tilde, self.l_tilde, self.c, self.law)
-
 
 def solve(
     problem: ContactProblem,
@@ -128,7 +123,7 @@ def solve(
         raise ProblemError(f"max_iterations = {max_iterations} leaves nothing to do; give 1 or more")
     if max_iterations is not None and solver == SEPARABLE:
         raise ProblemError(f"max_iterations is of {BUNDLE} alone; leave it out, or give solver={BUNDLE!r}")
-    return solve_contact(problem.plain, solver, tolerance, max_iterations, branch, start)
+    return solve_contact(problem, solver, tolerance, max_iterations, branch, start)
 
 
 def all_solutions(
@@ -149,7 +144,7 @@ def all_solutions(
     if not 1e-8 <= law_error < 1.0:
         raise ProblemError(f"law_error = {law_error!r} must lie between 1e-8 and 1")
     try:
-        return enumeration.all_solutions(problem.plain, Limits(max_boxes, max_seconds), law_error)
+        return enumeration.all_solutions(problem, Limits(max_boxes, max_seconds), law_error)
     except (GrowthError, ValueError) as error:
         raise ProblemError(f"no list of solutions: {error}") from error
 
@@ -159,9 +154,8 @@ def certify(problem: ContactProblem, v: ArrayLike | Answer, tolerance: float | N
 
     A flag that is False means "not certified", not the opposite. Raises ProblemError if v does not fit.
     """
-    if isinstance(v, Answer):
-        return certificates.certify(problem.plain, v.v, tolerance=tolerance, residual=v.inclusion_residual)
-    return certificates.certify(problem.plain, _vector("v", v, problem.m), tolerance=tolerance)
+    at, residual = (v.v, v.inclusion_residual) if isinstance(v, Answer) else (_vector("v", v, problem.m), None)
+    return certificates.certify(problem, at, tolerance=tolerance, residual=residual)
 
 
 def follow(
