@@ -51,7 +51,7 @@ def convex_step(problem: ContactProblem, v: Array) -> Array | None:
     own = piece if law.one else piece - law.tables.first[index]
     with np.errstate(divide="ignore", invalid="ignore"):
         force = np.where(gamma > 0.0, np.clip(sign * (v - s) / gamma, 0.0, h), np.where(kink < own, h, 0.0))
-    rest = law.value(v, piece) - slope * v - np.sum(sign * force, axis=0)
+    rest = law.value(v, piece) - (slope * v + np.sum(sign * force, axis=0))
     matrix, load = problem.A_tilde.copy(), problem.l_tilde - c * rest
     diagonal = matrix.reshape(-1)[:: len(v) + 1]
     diagonal += c * slope
@@ -64,12 +64,13 @@ def convex_step(problem: ContactProblem, v: Array) -> Array | None:
     x = np.stack([e, np.where(capped, h - e, 1.0)])  # h − e is a variable of its own, as it would lose its digits
     gap = sign * (v - s) - gamma * e
     y = np.stack([np.maximum(-gap, 0.0) + reach, np.where(capped, np.maximum(gap, 0.0) + reach, 0.0)])
-    first = mu = float(np.sum(both * x * y) / np.sum(both))
+    kinds = 1.0 + float(np.mean(capped))
+    first = mu = float(np.sum(x[0] * y[0]) + np.sum(x[1] * y[1])) / (e.size * kinds)  # x⁺ = 0 without a cap
     for _ in range(_STEPS):
         if mu <= _SMALL * first:
             break
-        theta = gamma + np.sum(y / x, axis=0)
-        balance, gap = load - matrix @ w - c * np.sum(sign * x[0], axis=0), sign * (w - s) - gamma * x[0] + y[0] - y[1]
+        theta = gamma + y[1] / x[1] + y[0] / x[0]
+        balance, gap = load - matrix @ w - c * np.sum(sign * x[0], axis=0), sign * (w - s) - gamma * x[0] - y[1] + y[0]
         lifted = matrix.copy()
         lifted.reshape(-1)[:: len(v) + 1] += c * np.sum(sign**2 / theta, axis=0)
         factor, info = cholesky(lifted)
@@ -77,7 +78,7 @@ def convex_step(problem: ContactProblem, v: Array) -> Array | None:
             break
         target = -both * x * y  # of the predictor: x y → x y + target
         for share in (1.0, _TO_BOUNDARY):
-            known = gap + target[0] / x[0] - target[1] / x[1]
+            known = gap - target[1] / x[1] + target[0] / x[0]
             rhs = balance - c * np.sum(sign * known / theta, axis=0)
             dw = scipy.linalg.lapack.dpotrs(factor, rhs, lower=1)[0]
             de = (sign * dw + known) / theta
@@ -85,12 +86,15 @@ def convex_step(problem: ContactProblem, v: Array) -> Array | None:
             with np.errstate(divide="ignore", invalid="ignore"):
                 ends = [np.where(d < 0.0, -share * z / d, 1.0) for z, d in ((x, dx), (y, dy))]
             length = min(1.0, float(np.min(ends)))
-            after = float(np.sum(both * (x + length * dx) * (y + length * dy)) / np.sum(both))
-            target = both * (mu * min(1.0, after / mu) ** 3 - x * y - dx * dy)  # of the corrector
+            after = float(
+                np.sum((x[0] + length * dx[0]) * (y[0] + length * dy[0]))
+                + np.sum((x[1] + length * dx[1]) * (y[1] + length * dy[1]))
+            )
+            target = both * (mu * min(1.0, after / (mu * e.size * kinds)) ** 3 - x * y - dx * dy)  # of the corrector
         if not (length > 1e-6 and np.all(np.isfinite(dw))):
             break
         w, x, y = w + length * dw, x + length * dx, y + length * dy
-        mu = float(np.sum(both * x * y) / np.sum(both))
+        mu = float(np.sum(x[0] * y[0]) + np.sum(x[1] * y[1])) / (e.size * kinds)
     if not mu <= 1e-3 * first:
         return None
     reach = max(float(np.max(np.abs(w - s))), float(np.finfo(float).tiny))
