@@ -4,7 +4,7 @@ Problems:  0 ∈ Ãv − l̃_p + ∂Ψ_p(v), Ψ_p(v) = Σ c_i j_p(v_i), p = 1..P
 Order:     1. unique or not, before any solution;
            2. one descent of every point, nested over the coarse copies of the body that all points share;
            3. what is not unique: the certificate of a global minimum;
-           4. what has neither: the search for less energy (neighbours, frictionless start, hulls, moves of nodes);
+           4. what has neither: the search for less energy (neighbours, frictionless start, envelopes, other nodes);
            5. what is not solved yet: the plain starts, zero and the frictionless solution, on the body itself.
 A block's numbers depend on its own points and their order only, not on what else is solved where.
 """

@@ -31,7 +31,7 @@ FEW, PARTS = 6, 48
 _ROUNDS, _SHRINKS = 30, 0.01
 """Improvements of a box at most, and by which part of its size one must shrink it."""
 _HALVINGS = 60
-"""Of the interval in which b′ of two exponentials vanishes."""
+"""Of the interval in which b′ vanishes."""
 _DECAY, _ROUNDINGS = 16.0, 64.0
 """Decay lengths that the parts cover (one more takes the rest), and roundings of j by which every D is enlarged."""
 
@@ -211,28 +211,19 @@ def value_range(laws: Laws, low: Array, high: Array) -> tuple[Array, Array]:
 
 
 def _turning_points(tables: Laws) -> tuple[Array, Array]:
-    """(L, K+1) slip where b′ = q − a r exp(−r (s − s_0)) vanishes inside a piece, NaN where it does not; b there."""
-    if tables.a_2 is not None:
-        return _bisected_turning_points(tables)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        s = tables.s_0 - np.log(tables.q / (tables.a * tables.r)) / tables.r
-        s = np.where(np.isfinite(s) & (tables.lower < s) & (s < tables.upper), s, np.nan)
-    piece = tables.first[:, None] + np.arange(s.shape[1])
-    return s, tables.value(np.where(np.isnan(s), 0.0, s), piece)
-
-
-def _bisected_turning_points(tables: Laws) -> tuple[Array, Array]:
-    """The same of pieces with two exponentials, whose b′ is monotone."""
-    reach = far(tables)[:, None]
-    piece = tables.first[:, None] + np.arange(tables.q.shape[1])
-    low, high = np.clip(tables.lower, -reach, reach), np.clip(tables.upper, -reach, reach)
-    begins = tables.slope(low, piece) < 0.0
-    turns = tables.bent & (low < high) & (begins != (tables.slope(high, piece) < 0.0))
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        before = (tables.slope(middle, piece) < 0.0) == begins
-        low, high = np.where(before, middle, low), np.where(before, high, middle)
-    return np.where(turns, low, np.nan), tables.value(low, piece)
+    """(L, K+1) slip inside a piece where b′, which is monotone there, vanishes, NaN where it does not; b there."""
+    if "turning" not in tables.facts:
+        reach = far(tables)[:, None]
+        piece = tables.first[:, None] + np.arange(tables.q.shape[1])
+        low, high = np.clip(tables.lower, -reach, reach), np.clip(tables.upper, -reach, reach)
+        begins = tables.slope(low, piece) < 0.0
+        turns = tables.bent & (low < high) & (begins != (tables.slope(high, piece) < 0.0))
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            before = (tables.slope(middle, piece) < 0.0) == begins
+            low, high = np.where(before, middle, low), np.where(before, high, middle)
+        tables.facts["turning"] = np.where(turns, low, np.nan), tables.value(low, piece)
+    return tables.facts["turning"]
 
 
 def least_slopes(laws: Laws, low: Array, high: Array) -> Array:

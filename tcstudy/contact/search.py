@@ -61,12 +61,12 @@ def envelope_starts(rows: ContactProblem, v: Array) -> tuple[Array, Flags]:
         ended = (
             descend_nested(smooth, v, LOOSE, coarse=LOOSE) if nested else descend(smooth, v, LOOSE, minima=not first)
         )
-        on_bridge = np.any(on_tangent(laws, kappa, ended.v), axis=1)
+        on_line = np.any(on_tangent(laws, kappa, ended.v), axis=1)
         found[at] = ended.v
         if first:
-            lowest[at] = ~on_bridge & (ended.residual <= LOOSE)
+            lowest[at] = ~on_line & (ended.residual <= LOOSE)
         kappa, first = GROWTH * kappa, False
-        on = np.flatnonzero(on_bridge & (kappa < ceiling[at]))
+        on = np.flatnonzero(on_line & (kappa < ceiling[at]))
         rows, at, v = rows.take(on), at[on], ended.v[on]
     return found, lowest
 
