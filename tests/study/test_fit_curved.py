@@ -32,11 +32,10 @@ def pulled(n: int) -> Array:
 
 
 def test_distances_to_a_curve_change_as_differences_say(tmp_path: Path) -> None:
-    """By a, delta and E, with the fold as one datum, and whatever straight pieces the path was followed on."""
+    """By a, delta and E, whatever straight pieces the path was followed on."""
     data = pulled(16) * (1.0 + 0.01 * np.random.default_rng(5).normal(size=(16, 2)))
     more = {"    friction.delta": "    E: {start: 42 GPa, within: [30 GPa, 60 GPa]}\n    friction.delta"}
-    fold = {"  compare:": "  fold: {at: 1.2 mm, noise: 2 um}\n  peak: {at: 0.3 kN/mm, noise: 2 N/mm}\n  compare:"}
-    follow = model(study_of(tmp_path, data, FILM | more | fold | {"maxh: 5 mm": "maxh: 8 mm"}))
+    follow = model(study_of(tmp_path, data, FILM | more | {"maxh: 5 mm": "maxh: 8 mm"}))
     p = np.array([9e6, 42.24e9, 0.12e-3])
     here = follow.compared(p)
 

@@ -78,7 +78,7 @@ def test_friction_is_looked_up_on_its_own_side_of_a_slot() -> None:
 def _solved(study: Study, plan: MeshPlan, levels: int) -> list[SolvedLevel]:
     found = []
     for step in walk(study, plan, lambda name, level: False):
-        found.append(step.solved(study)["separable-newton"])
+        found.append(step.solved["separable-newton"])
         if len(found) == levels:
             break
     return found
