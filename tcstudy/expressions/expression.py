@@ -123,6 +123,7 @@ class Expression:
 
 
 Scalar = float | Expression
+"""A quantity that is one number or an expression in x and y."""
 
 
 def value_of(scalar: Scalar, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:

@@ -13,14 +13,12 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.expressions.expression import Expression
+from tcstudy.expressions.expression import Scalar
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 
 Array = NDArray[np.float64]
 Point = tuple[float, float]
-Scalar = float | Expression
-"""A quantity that is one number or an expression in x and y."""
 
 
 @dataclass(frozen=True)
