@@ -41,11 +41,15 @@ class NamedEdge:
     loaded: bool = False
 
 
-def stored_study(data: Any) -> Study | None:
-    """The study of a result file (its root dataset); None if its text cannot be read (a body's file may be gone)."""
+def stored_study(data: Any, swept: bool = True) -> Study | None:
+    """The study of a result file (its root dataset); None if its text cannot be read (a body's file may be gone).
+
+    swept: with its points, of which each costs half a millisecond; else the one scene outside the sweep
+    """
     text, overrides = str(data.attrs.get("study_yaml", "")), str(data.attrs.get("overrides", ""))
+    told = [one for one in overrides.split("\n") if one] + ([] if swept else ["sweep=null"])
     try:
-        return read_study_text(text, "study", [one for one in overrides.split("\n") if one])
+        return read_study_text(text, "study", told)
     except (StudyError, OSError):
         return None
 

@@ -24,7 +24,7 @@ def law_part(stored: Stored) -> Json | None:
 
     Where friction differs along the contact line a point has a law of every edge, in the order of `edges`.
     """
-    if stored.study is None:
+    if stored.study is None or not stored.swept:
         return None
     numbers: dict[Laws, int] = {}
     index: list[Json] = []
@@ -41,7 +41,7 @@ def law_part(stored: Stored) -> Json | None:
 
 def frictions_of(stored: Stored) -> tuple[list[Laws | EdgeLaws], NDArray[np.intp]]:
     """The different frictions of a study, and which of them every point of its file has that is kept."""
-    if stored.study is None:
+    if stored.study is None or not stored.swept:
         return [], np.empty(0, dtype=np.intp)
     some, of = combinations(stored.study.scenes, "friction")
     of = of[file_order(stored.study)]

@@ -19,6 +19,8 @@ from tcstudy.scene.study import Study
 
 MOST_SOLUTIONS = 100_000
 """Points times levels that a page holds: more marks no screen shows, and more numbers no browser unpacks at once."""
+MOST_SCENES = 20_000
+"""Points up to which their scenes are read, with their laws; of more the body alone is known."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,7 @@ class Stored:
     data:   the root dataset
     groups: datasets of the level groups by number; those of live data by number
     study:  the study in the file, None if its text can no longer be read (a body's own file may be gone)
+    swept:  whether it has the scenes of all points
     beside: convergence and cost files of the same study that lie beside a run's file
     homes:  what each geometry has of its own, None for one without a mesh; empty where all points share one
     kept:   which points of the file these are, in its order, None for all;  points: how many the file has
@@ -42,6 +45,7 @@ class Stored:
     study: Study | None
     beside: tuple[Stored, ...] = ()
     homes: tuple[Stored | None, ...] = ()
+    swept: bool = True
     kept: NDArray[np.intp] | None = None
     points: int = 0
 
@@ -65,8 +69,11 @@ def read(path: Path, whole: bool = False) -> Stored:
         data = of_largest(root.isel(steps).load())
         if kind == "run" and not {"status", "level"} <= set(data.variables):
             raise StoreError(f"{path} is no file of a command of tcstudy, so there is no page of it")
-        study = stored_study(data)
-        found = Stored(path, kind, data, *_levels(tree, steps), study, homes=_homes(path, tree, data, study))
+        swept = kind != "run" or GEOMETRIES in data.attrs or root["status"].isel(level=0).size <= MOST_SCENES
+        study = stored_study(data, swept)
+        found = Stored(
+            path, kind, data, *_levels(tree, steps), study, homes=_homes(path, tree, data, study), swept=swept
+        )
         if steps:
             shape = [int(root.sizes[dim]) for dim in sweep_dims(root)]
             numbers = np.arange(np.prod(shape)).reshape(shape)

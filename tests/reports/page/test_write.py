@@ -59,6 +59,10 @@ def test_of_too_many_points_some_are_kept_and_it_is_said(
     assert [found["laws"]["laws"][i]["name"] for i in found["laws"]["index"]] == ["tresca", "slip-weakening"] * 2
     assert "shown are 4 of the 6 points" in found["verdict"]["how"]
     tree.close()
+    monkeypatch.setattr("tcstudy.reports.page.stored.MOST_SCENES", 5)
+    bare = data_of(write_page(result, tmp_path / "bare.html").path)
+    assert bare["laws"] is None
+    assert [edge["role"] for edge in bare["outline"]] == [edge["role"] for edge in found["outline"]]
 
 
 def test_held_end_free_end_and_roles(page: Path) -> None:

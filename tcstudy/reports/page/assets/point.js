@@ -307,7 +307,7 @@ TC.point = {
   },
   law(host, line, cases, p, vs) {
     const laws = TC.point.lawsOf(p), strength = TC.point.strength(line, p), units = line.xi_units === "1" ? "1" : "Pa m-1";
-    if (!laws[0]) { host.append(TC.h3("Friction law"), TC.note("The study's text can no longer be read here, so the law is not drawn.")); return; }
+    if (!laws[0]) { host.append(TC.h3("Friction law"), TC.note("The page has no laws: the text of the study cannot be read here, or it has too many points.")); return; }
     laws.forEach((law, k) => {
       const other = vs !== null && TC.point.lawsOf(vs)[k] !== law ? " (the compared point has another law; its places are drawn all the same)" : "";
       const edge = strength && TC.data.laws.edges[k] ? ` of ${TC.data.laws.edges[k]}` : "", scaled = strength && [...strength].some((s) => s > 0 && Math.abs(s - 1) > 1e-4);
