@@ -297,7 +297,7 @@ TC.run = {
   accuracy(host) {
     const r = TC.data.run, s = TC.state, p = TC.run.flat(s.at), out = [], width = Math.min(560, TC.width(host));
     const narrow = TC.width(host) < 760, half = narrow ? TC.width(host) : Math.floor(TC.width(host) / 2 - 14);
-    if (r.nlevels > 1) out.push(TC.el("div", { class: "columns" }, TC.panel(TC.run.changes(half, p)), TC.panel(TC.run.costs(half, p))));
+    if (r.nlevels > 1) out.push(TC.el("div", { class: "columns" }, TC.panel(TC.run.changes(half, p)), TC.panel(TC.run.costs(p))));
     else out.push(TC.note("The study has one mesh; add levels to see how the numbers converge."));
     out.push(TC.h3("What would be better"), TC.el("ul", {}, TC.run.advice(p).map((t) => TC.el("li", {}, t))));
     TC.fill(host, out);
@@ -341,22 +341,11 @@ TC.run = {
     return [TC.h3("Convergence over the levels, of this point"), plot.svg, legend, TC.note("Where slip meets stick or an end is held expect order 1 for ∫ξ and slip length, up to 2 for energy and slip without singular corners. ?: a guess from two steps. The orders to expect at every corner: tcstudy converge.")];
   },
   STAGES: [["time_mesh", "mesh"], ["time_assemble", "matrices"], ["time_condense", "condensing, all points"], ["time_solve", "contact, all points"]],
-  costs(width, p) {
-    const r = TC.data.run, sum = (name, l) => { if (r.levels[name]) return r.levels[name][l]; const n = r.numbers[name]; let t = 0; for (let p = 0; n && p < r.points; p++) { const v = n.v[p * r.nlevels + l]; if (Number.isFinite(v)) t += v; } return t; };
-    const rows = r.levels.h_max.map((_, l) => TC.run.STAGES.map(([name]) => sum(name, l) || 0)), most = Math.max(...rows.map((x) => x.reduce((a, b) => a + b, 0))) || 1;
-    const high = 30, left = 66, svg = TC.svgNode("svg", { width, height: rows.length * high + 24, role: "img", "aria-label": "wall time by level" });
-    rows.forEach((parts, l) => {
-      let x = left;
-      parts.forEach((t, k) => {
-        const w = (t / most) * (width - left - 78);
-        svg.append(TC.svgNode("rect", { x, y: l * high + 4, width: Math.max(0, w - 0.5), height: high - 8, fill: `var(--c${[6, 5, 1, 2][k]})` }, TC.svgNode("title", {}, `${TC.run.STAGES[k][1]}: ${TC.quantity(t, "s", 3)}`)));
-        x += w;
-      });
-      svg.append(TC.svgNode("text", { x: left - 8, y: l * high + 19, "text-anchor": "end" }, `level ${l}`), TC.svgNode("text", { x: x + 6, y: l * high + 19 }, TC.quantity(parts.reduce((a, b) => a + b, 0), "s", 2)));
-    });
-    const key = TC.el("div", { class: "legend" }, TC.run.STAGES.map(([, t], k) => TC.entry(12, 12, [TC.svgNode("rect", { width: 12, height: 12, fill: `var(--c${[6, 5, 1, 2][k]})` })], t, "margin-right:4px")));
-    const own = TC.run.levels(p), rowsOf = own.h_max.map((h, l) => [l, TC.quantity(h, r.units.h_max, 3), own.n_dof[l], own.n_contact[l]]);
-    return [TC.h3("Wall time by level, whole sweep"), svg, key, TC.wide(["level", "longest edge", "unknowns", "on the contact line"], rowsOf)];
+  // Sizes of the levels, of the geometry of the point, and their wall times of the whole sweep.
+  costs(p) {
+    const r = TC.data.run, own = TC.run.levels(p), all = [...Array(r.points).keys()], sum = (name, l) => (r.levels[name] ? r.levels[name][l] : all.reduce((t, k) => t + (TC.run.value(name, k, l) || 0), 0));
+    const rows = own.h_max.map((h, l) => [l, TC.quantity(h, r.units.h_max, 3), own.n_dof[l], own.n_contact[l], ...TC.run.STAGES.map(([name]) => TC.quantity(sum(name, l), "s", 2))]);
+    return [TC.h3("Levels, and their wall time in the whole sweep"), TC.wide(["level", "longest edge", "unknowns", "on the contact line", ...TC.run.STAGES.map(([, words]) => words)], rows)];
   },
   advice(p) {
     const r = TC.data.run, out = [], last = r.nlevels - 1, name = r.file || TC.data.file;
