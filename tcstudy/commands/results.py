@@ -84,7 +84,7 @@ def draw(options: argparse.Namespace) -> int:
         fail("--set: a result file keeps its study; leave it out")
     if options.picture is None:
         fail("PICTURE: name a .png, .svg or .pdf file")
-    given = {one.name: getattr(options, one.name) for one in fields(Wanted) if one.name in options}
+    given = {one.name: getattr(options, one.name) for one in fields(Wanted) if one.name in options and one.name != "at"}
     if options.map is not None:
         names = tuple(name.strip() for name in options.map.split(","))
         if len(names) != 2 or not all(names):
