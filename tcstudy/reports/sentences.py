@@ -5,7 +5,7 @@ A sentence whose condition does not hold is "" or a weaker one. Reports of all k
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -273,21 +273,30 @@ KINDS = {
 # -- paths -------------------------------------------------------------------------------------------------------------
 
 
-def path(pieces: int, stable: int, folds: int, turns: int, most: int | None, falls: int, residual: float,
-         loops: int | None = None) -> str:  # fmt: skip
-    """A path in a sentence: counts of what is on it.
+def answered(*sentences: Iterable[str]) -> str:
+    """What came out, how far it is to be trusted, how much of it there is: each a sentence of its parts."""
+    told = ["; ".join(filter(None, parts)) for parts in sentences]
+    return " ".join(f"{one[0].upper()}{one[1:]}." for one in told if one)
 
-    folds: within the range asked for;  turns: steps back of the parameter too small to be seen
-    most:  solutions at one of the values asked for, None if none was
-    loops: closed loops of equilibria in the range, None where they were not sought
+
+def slipped(slip: str, at: str, lengths: Mapping[str, tuple[str, str]]) -> str:
+    """The largest slip and where it is, and on how much of the contact line what happens.
+
+    lengths: what happens ("slips", "debonded") → least and largest length of all points; an empty least is 0
     """
-    folded = f"with {counted(folds, 'fold')} in the range asked for"
-    parts = [f"One path of {counted(pieces, 'piece')}, {stable} of them stable, {folded}"]
-    parts += [f"{turns} smaller turns of the parameter"] if turns else []
-    where = "on it" if loops is None else f"on it and on {counted(loops, 'closed loop')}"
-    parts += [f"up to {counted(most, 'solution')} {where} at the values asked for"] if most is not None else []
-    parts += [f"the body falls to another part of it {counted(falls, 'time')} in a loop"] if falls else []
-    return ", ".join([*parts, f"worst residual {number(residual, 2)}"]) + "."
+    spans = [f"{what} on {f'{low} to {high}' if low and low != high else high if low else f'up to {high}'}"
+             for what, (low, high) in lengths.items()]  # fmt: skip
+    return ", ".join([f"largest slip {slip}{at}", *spans])
+
+
+def path(peak: str, snaps: Sequence[str], many: str, falls: int) -> list[str]:
+    """What happens along a path. peak: of friction;  snaps: ranges that it snaps back;  many: where equilibria are many
+
+    falls: how often slow loading to and fro falls to another part of it
+    """
+    parts = [f"peak {peak}" if peak else "no friction", *(f"snap-back from {snap}" for snap in snaps[:2])]
+    parts += [f"and {len(snaps) - 2} more"] if len(snaps) > 2 else []
+    return [", ".join(parts), many, f"slow loading to and fro falls {counted(falls, 'time')}" if falls else ""]
 
 
 def equilibria_at(count: int, off_path: int, value: str, complete: bool) -> str:

@@ -1,4 +1,4 @@
-"""A run in one sentence: what was solved, what is proved, how exact it is, where the slip changes abruptly.
+"""A run in a few words: what slips, debonds or jumps where; what is proved and how exact it is; how much is solved.
 
 It reads the few variables that it speaks of and, of a file, only their last levels, without the libraries of tables
 and pictures: the sentence of a file of a million points takes no longer than its bytes. The words are those of
@@ -101,20 +101,64 @@ def _told(run: RunSeen) -> dict[str, Any]:
     error, no_larger, estimated, how = mesh_error(run, ok)
     heat = [run.take("heat_status", i - run.levels) for i in range(run.levels)]
     bad = sum(int(np.count_nonzero(one == UNBALANCED)) for one in heat if one is not None)
-    body, count, complete = (run.take(name, -1) for name in ("proved_unique", "solutions", "complete"))
+    body, number, complete = (run.take(name, -1) for name in ("proved_unique", "solutions", "complete"))
     bound = run.take("error_bound_relative", -1)
-    parts = [
-        f"{solved} of {total} solved",
+    answer = [_answer(run, ok), *abrupt(run, ok, several)[:2]]
+    trust = [
         sentences.proved(int(unique.sum()), int(run.flag("global_minimum", ok).sum())),
         f"{int((ok & (body == 1)).sum())} of them for the body itself" if body is not None else "",
         sentences.bounded(bound[ok]) if bound is not None else "",
-        sentences.all_equilibria(count[ok], complete[ok]) if count is not None and complete is not None else "",
+        sentences.all_equilibria(number[ok], complete[ok]) if number is not None and complete is not None else "",
         f"{int(several.sum())} with more than one solution found" if several.any() else "",
         sentences.mesh_error(error, estimated, no_larger),
-        *abrupt(run, ok, several)[:2],
         f"heat balance missed at {bad}" if bad else "",
     ]
-    return {"text": ", ".join(filter(None, parts)) + ".", "how": how, "ok": solved == total}
+    told = sentences.answered(
+        answer, [", ".join(filter(None, trust))] if solved else [], [f"{solved} of {total} solved"]
+    )
+    return {"text": told, "how": how, "ok": solved == total}
+
+
+LENGTHS = {"slip": "slips", "debonded": "debonded", "softening": "softening", "yielded": "yielded"}
+"""Lengths of the contact line of which the sentence speaks, by what happens there."""
+
+
+def _answer(run: RunSeen, ok: Flags) -> str:
+    """The largest slip with its point, and the lengths on which the line slips, has debonded, softens or yields."""
+    slip = run.take("u_T_max", -1)
+    if slip is None or not ok.any():
+        return ""
+    most = np.unravel_index(int(np.argmax(np.where(ok, slip, -1.0))), ok.shape)
+    if slip[most] == 0.0:
+        return "nothing slips"
+    lengths = dict[str, tuple[str, str]]()
+    for name, what in LENGTHS.items():
+        if ok.size > 1 and name in ("softening", "yielded") and (name == "softening" or lengths):
+            continue  # of a sweep the least that says it
+        own = run.take(f"{name}_length", -1)
+        if own is not None and (known := own[ok & np.isfinite(own)]).size and known.max() > 0.0:
+            low, high = (with_unit(float(x), run.units, 3) for x in (known.min(), known.max()))
+            lengths[what] = (low if known.min() > 0.0 else "", high)
+    place = dict(zip(run.dims, (int(i) for i in most), strict=True)) if run.mode == "grid" else {}
+    words = ", ".join(_labelled(run, place))
+    told = sentences.slipped(with_unit(float(slip[most]), run.units), f" at {words}" if words else "", lengths)
+    shear, at = run.take("shear_max", -1), run.take("shear_max_at", -1)
+    if ok.size > 1 or shear is None or at is None:
+        return told
+    stress = "1" if run.units == "1" else "Pa"
+    return f"{told}, largest shear {with_unit(shear.item(), stress)} at s = {with_unit(at.item(), run.units)}"
+
+
+def _labelled(run: RunSeen, place: dict[str, int]) -> list[str]:
+    """The labels of a point along axes with several values, "θ̄ = 12 K", "friction: brittle"."""
+    found = []
+    for name, i in place.items():
+        values = run.labels(name)[0]
+        if len(values) > 1:
+            labels, unit = _shown(run, name)
+            mark = ": " if values.dtype.kind in "OUS" else " = "
+            found.append(f"{symbol(name)}{mark}{labels[i]} {unit}".rstrip())
+    return found
 
 
 def _several(run: RunSeen, ok: Flags, unique: Flags) -> Flags:
@@ -200,13 +244,7 @@ def _between(run: RunSeen, name: str, at: int, where: dict[str, int]) -> str:
     """ "between θ̄ = 12 and 14 K (friction: brittle)"."""
     labels, unit = _shown(run, name)
     ends = f"between {symbol(name)} = {labels[at]} and {labels[at + 1]} {unit}".rstrip()
-    rest = []
-    for other, i in where.items():
-        values = run.labels(other)[0]
-        if len(values) > 1:
-            labels, unit = _shown(run, other)
-            mark = ": " if values.dtype.kind in "OUS" else " = "
-            rest.append(f"{symbol(other)}{mark}{labels[i]} {unit}".rstrip())
+    rest = _labelled(run, where)
     return ends + (f" ({', '.join(rest)})" if rest else "")
 
 

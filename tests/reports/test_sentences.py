@@ -41,14 +41,14 @@ NAN = float("nan")
         ),
         (said.orders([], True), "nothing could be compared: there is no reference"),
         (
-            said.path(3, 2, 1, 0, None, 0, 1e-15),
-            "One path of 3 pieces, 2 of them stable, with 1 fold in the range asked for, worst residual 1e-15.",
+            said.answered(said.path("2 MPa at u = 1 mm", ["3 to 1 mm"], "3 equilibria", 2), ["residual 1e-15"], []),
+            "Peak 2 MPa at u = 1 mm, snap-back from 3 to 1 mm; 3 equilibria; slow loading to and fro falls 2 times. "
+            "Residual 1e-15.",
         ),
+        (said.answered(said.path("", [], "", 0), []), "No friction."),
         (
-            said.path(3, 2, 1, 4, 3, 1, 1e-15),
-            "One path of 3 pieces, 2 of them stable, with 1 fold in the range asked for, 4 smaller turns of the "
-            "parameter, up to 3 solutions on it at the values asked for, the body falls to another part of it 1 time "
-            "in a loop, worst residual 1e-15.",
+            said.slipped("2 mm", " at θ̄ = 3 K", {"slips": ("1 m", "2 m"), "debonded": ("", "3 mm")}),
+            "largest slip 2 mm at θ̄ = 3 K, slips on 1 m to 2 m, debonded on up to 3 mm",
         ),
     ],
 )

@@ -11,9 +11,10 @@ import pytest
 from tcstudy.reports.verdict import RunSeen, abrupt, mesh_error, verdict
 
 
-def test_a_file_says_how_many_points_are_solved(grid: Path) -> None:
+def test_a_file_says_what_slips_and_last_how_many_points_are_solved(grid: Path) -> None:
     said = verdict(grid)
-    assert said["text"].startswith("3 of 4 solved")
+    assert said["text"].startswith("Largest slip")
+    assert said["text"].endswith("3 of 4 solved.")
     assert not said["ok"]
 
 

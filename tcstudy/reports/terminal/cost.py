@@ -225,6 +225,7 @@ def parts(data: Any, wanted: str | None = None) -> Iterator[Part]:
     measure = measure_of(data, wanted)
     found = settings(data, measure)
     yield Heading(f"Accuracy against cost: {data.attrs['title']}", 1)
+    yield from advice(found)
     where = f"Scene: {data.attrs['point']}. " if data.attrs["point"] else ""
     reference, runs = data.attrs["reference"].removeprefix("the "), counted(data.sizes["run"], "run")
     yield (
@@ -232,7 +233,6 @@ def parts(data: Any, wanted: str | None = None) -> Iterator[Part]:
         f"to the displacements, each run from nothing: least of {runs}, upper quartile."
     )
     yield _measured(found, data["solver"].values.tolist(), SYMBOLS[measure])
-    yield from advice(found)
     yield from notes(data)
 
 
@@ -257,7 +257,7 @@ def _measured(found: Sequence[Setting], solvers: Sequence[str], symbol: str) -> 
     timed = [word for solver in solvers for word in (f"{solver} [s]", "quartile")]
     header = ("meshes", "level", "dofs", "contact unknowns", f"error of {symbol}", *timed)
     notes = ("* on the front   † the study's own settings   (error) not solved",)
-    return Table("All that was measured", header, tuple(rows), notes, (0, 2, 0, 3, 0, *(1, 4) * len(solvers)))
+    return Table("All that was measured", header, tuple(rows), notes, (0,) * len(header))
 
 
 def _error(setting: Setting) -> str:

@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from tcstudy.data.reading import asked, by_point, each_point
 from tcstudy.data.records import PointStatus
+from tcstudy.reports import sentences
 from tcstudy.reports.select_point import describe
 from tcstudy.reports.sentences import KINDS, SAME, CycleChange, cycle_change
 from tcstudy.reports.terminal.tables import Heading, Part, plain_table
-from tcstudy.reports.text import counted, digits_lost, headed, number, prefix, proved
+from tcstudy.reports.text import counted, digits_lost, headed, number, prefix, proved, with_unit
+from tcstudy.reports.verdict import LENGTHS
 
 Array = NDArray[np.float64]
 
@@ -62,19 +64,33 @@ def verdict(data: Any) -> tuple[str, str, bool]:
     points, steps = solved.shape
     whole, changes = int(np.count_nonzero(solved.all(axis=1))), [last_change(data.isel(w)) for w in each_point(data)]
     what = f"{counted(steps - 1, 'step')} in {counted(int(data['cycle'].max()), 'cycle')}"
+    slip, units = np.where(solved, by_point(data["u_T_max"], data), -1.0), str(data["u_T_max"].attrs["units"])
+    p, n = np.unravel_index(int(np.argmax(slip)), slip.shape)
+    at = f" at {str(data['step_name'].values[n]) or f'step {n}'}"
+    at += f" of cycle {cycle}" if (cycle := int(data["cycle"].values[n])) > 1 else ""
+    at += f" ({words})" if (words := describe(data, each_point(data)[p])) else ""
+    lengths = {}
+    for key, told in LENGTHS.items():
+        own = (
+            by_point(data[f"{key}_length"], data)[solved] if f"{key}_length" in data and key != "slip" else np.zeros(1)
+        )
+        if (most := float(np.nanmax(own, initial=0.0))) > 0.0:
+            lengths[told] = "", with_unit(most, units, 3)
+    moves = slip[p, n] > 0.0
+    answer = [sentences.slipped(with_unit(float(slip[p, n]), units), at, lengths) if moves else "nothing slips"]
     if points == 1:
         done, reason = int(np.count_nonzero(solved)) - 1, data["reason"].values.item()
-        parts = [f"All {what} solved" if whole else f"{max(done, 0)} of {what} solved, then: {reason}"]
-        parts += [changes[0].words] if changes[0].words else []
+        count = f"all {what} solved" if whole else f"{max(done, 0)} of {what} solved, then: {reason}"
+        answer += [changes[0].words]
     else:
-        parts = [f"{whole} of {points} histories of {what} followed to their end"]
+        count = f"{whole} of {points} histories of {what} followed to their end"
         kinds = [change.kind for change in changes if change.kind]
-        parts += [", ".join(f"{kinds.count(kind)} {KINDS[kind]}" for kind in dict.fromkeys(kinds))] if kinds else []
-    jumps = int(np.where(solved, by_point(data["jumps"], data), 0).sum())
-    parts.append(counted(jumps, "jump") if jumps else "no jumps")
+        answer += [", ".join(f"{kinds.count(kind)} {KINDS[kind]}" for kind in dict.fromkeys(kinds))]
+    jumped = int(np.where(solved, by_point(data["jumps"], data), 0).sum())
+    answer += [counted(jumped, "jump") if jumped else "no jumps"]
     worst = by_point(data["inclusion_residual"], data)[solved]
-    parts += [f"worst residual {number(float(worst.max()), 2)}"] if len(worst) else []
-    return "; ".join(parts) + ".", "", whole == points
+    trust = [f"worst residual {number(float(worst.max()), 2)}"] if len(worst) else []
+    return sentences.answered(answer, trust, [count]), "", whole == points
 
 
 def _head(data: Any) -> str:

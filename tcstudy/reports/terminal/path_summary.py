@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from tcstudy.reports import sentences
 from tcstudy.reports.sentences import closed_loop, equilibria_at, state_taken
 from tcstudy.reports.terminal.tables import Heading, Part, Table
 from tcstudy.reports.text import counted, digits_lost, headed, number, prefix, proved, with_unit
+from tcstudy.scene.key import symbol
 
 MOST_ROWS = 60
 """Solutions that are listed; the file has them all."""
@@ -42,15 +44,40 @@ def parts(data: Any) -> Iterator[Part]:
 
 
 def verdict(data: Any) -> tuple[str, str, bool]:
-    """Counts of what is on the path, and whether other branches may exist."""
+    """Where friction is largest, where the path snaps back, how many equilibria there are; what is known of others."""
     low, high = sorted(float(x) for x in data.attrs["parameter_range"])
-    vertices, turns = seen_folds(data)
-    t = data["parameter"].values[vertices]
-    most = int(data["solution_count"].max()) if data.sizes.get("at", 0) else None
-    loops = int(data["branch_loop"].sum()) if "branch_loop" in data else None
-    counts = int(data.sizes["piece"]), int(data["stable"].sum()), int(np.count_nonzero((t >= low) & (t <= high))), turns
-    text = sentences.path(*counts, most, int(data.sizes.get("jump", 0)), float(data["residual"].max()), loops)
-    return text, sentences.WHOLE if int(data.get("complete", 0)) else sentences.CONNECTED, True
+    t, units, c = data["parameter"].values, str(data["parameter"].attrs["units"]), data["c"].values
+    name, inside = symbol(str(data.attrs["parameter"])), (t >= low) & (t <= high)
+    mean = np.where(inside, np.abs(data["xi"].values @ c) / c.sum(), 0.0)
+    k = int(np.argmax(mean))
+    peak = f"{with_unit(mean[k], data['xi'].attrs['units'])} of mean friction at {name} = {with_unit(t[k], units)}"
+    turning, maxima = data["fold_vertex"].values.tolist() if "fold_vertex" in data else [], data.get("fold_maximum")
+    limit = dict(zip(turning, maxima.values.tolist(), strict=True)) if maxima is not None else {}
+    vertices = [v for v in seen_folds(data)[0].tolist() if inside[v]]
+    snaps = [
+        f"{with_unit(t[a], units)} to {with_unit(t[b], units)}"
+        for a, b in pairwise(vertices)
+        if limit[a] and not limit[b]
+    ]
+    loops = f", {counted(int(data['branch_loop'].sum()), 'closed loop')}" if "branch_loop" in data else ""
+    many, falls = _most(t, low, high, units) + loops, int(data.sizes.get("jump", 0))
+    happens = sentences.path(peak if mean[k] > 0.0 else "", snaps, many, falls)
+    known = sentences.WHOLE if int(data.get("complete", 0)) else sentences.CONNECTED
+    text = sentences.answered(happens, [f"worst residual {number(float(data['residual'].max()), 2)}"])
+    return text, known, True
+
+
+def _most(t: NDArray[np.float64], low: float, high: float, units: str) -> str:
+    """How many equilibria of the path there are at most at one value of its range, and between which values."""
+    ends = np.unique(np.clip(t, low, high))
+    middle = 0.5 * (ends[1:] + ends[:-1])
+    a, b = np.minimum(t[1:], t[:-1]), np.maximum(t[1:], t[:-1])
+    count = np.searchsorted(np.sort(a), middle) - np.searchsorted(np.sort(b), middle)
+    if not len(count) or count.max() < 2:
+        return "one equilibrium on it at every value of the range" if len(count) else ""
+    at = np.flatnonzero(count == count.max())
+    first, last = (with_unit(ends[i], units) for i in (at[0], at[-1] + 1))
+    return f"{count.max()} equilibria on it between {first} and {last}"
 
 
 def _path(data: Any) -> str:

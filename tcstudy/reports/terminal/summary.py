@@ -58,7 +58,11 @@ def text_of(
     """
     kind = kind_of(file)
     if kind != "run":
-        return render(list(parts_of(load_root(file), kind, full, point)), form)
+        data = load_root(file)
+        heading, *rest = parts_of(data, kind, full, point)
+        text, how, _ = verdict_of(data, kind, file)
+        first = [] if kind == "cost" else [f"{text} {how[:1].upper()}{how[1:]}{'.' * bool(how)}".rstrip()]
+        return render([heading, *first, *rest], form)
     text = summary(file, None if full else MOST_ROWS)
     if of:
         from tcstudy.reports.terminal.indices import indices_text
@@ -100,7 +104,16 @@ def summary(path: Path, most: int | None = MOST_ROWS) -> str:
         data = tree.to_dataset().drop_vars(NOT_SAID, errors="ignore").load()
     extremes, data = _extremes(data), of_largest(data)
     stopped = f"  stopped: {data['stop'].values[-1]}" if "stop" in data and data["stop"].values[-1] else ""
-    parts = [data.attrs["title"], _levels(data), extremes, stopped, _points(data, most), solver_table(data)]
+    told = run_verdict(path)["text"]
+    parts = [
+        data.attrs["title"],
+        f"  {told}",
+        _levels(data),
+        extremes,
+        stopped,
+        _points(data, most),
+        solver_table(data),
+    ]
     parts += [_derivatives(data), *(f"  {line}" for line in _said(data))]
     return wrapped("\n\n".join(part for part in parts if part))
 

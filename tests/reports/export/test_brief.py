@@ -15,7 +15,7 @@ from tests.reports.figures.draw_cases import FAILED
 def test_points_have_the_numbers_of_the_file(grid: Path) -> None:
     found = json.loads(json_text(brief(grid)))
     assert (found["kind"], found["title"]) == ("run", "Plate for $5 and $6")
-    assert found["verdict"].startswith("3 of 4 solved")
+    assert found["verdict"].endswith("3 of 4 solved.")
     assert [(point["alpha"], point["friction"]) for point in found["points"]] == [
         (25.0, "tresca"), (25.0, "softening"), (100.0, "tresca"), (100.0, "softening"),
     ]  # fmt: skip
