@@ -94,15 +94,16 @@ class ErrorBounds:
     def equilibrated(self, scene: Scene, law: Laws, u: Array) -> tuple[float, Array]:
         """η [√(J/m)] of a displacement u (n, 2), and (s, 2) ξ* at the ends of the segments of Γ_C [Pa]."""
         (dual, factor), load = self.level.dual(scene), self._load(scene)
-        key = scene.material.mu, self.level.ratio(scene)
-        body = self._bodies.get(key, lambda: CondensedBody.of(factor * dual.A_hat, dual.c))
+        key = scene.material.mu / factor, self.level.ratio(scene)
+        body = self._bodies.get(key, lambda: CondensedBody.of(dual.A_hat, dual.c))
+        law = law if factor == 1.0 else law.scaled(1.0, factor)
         at_gauss = law.tables.at(np.repeat(np.broadcast_to(law.index, len(dual.c) // 2), 2)[None])
-        found = solve_block(body, load.forward.l_tilde[None], at_gauss, "from-zero", prove=False)
+        found = solve_block(body, load.forward.l_tilde[None] / factor, at_gauss, "from-zero", prove=False)
         scaled = ForwardLoad(load.forward.l_tilde[:, None], load.forward.rows / factor)
         w = dual.condensation.expand(found.v[0], scaled)[:, 0]
         apart = dual.rows(u) - load.given - (w if dual.ties is None else dual.ties @ w)
         eta2 = factor * float(apart @ (dual.K @ apart)) + load.rest / factor
-        traction = (found.xi[0] / dual.c).reshape(-1, 2)
+        traction = (factor * found.xi[0] / dual.c).reshape(-1, 2)
         change = np.sqrt(3.0) * (traction[:, 1] - traction[:, 0])
         return float(np.sqrt(eta2)), traction.mean(axis=1)[:, None] + np.multiply.outer(change, [-0.5, 0.5])
 

@@ -22,6 +22,7 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.sparse.linalg import LinearOperator, eigsh
 
 from tcstudy.contact.problem import least_eigenpair
 from tcstudy.errors import GeometryFailed
@@ -43,6 +44,10 @@ Indices = NDArray[np.intp]
 
 ROUNDINGS = 4.0
 """Of K̂, by which the error of λ̂ is estimated."""
+LEAST_ERROR, STEPS = 1e-9, 300
+"""Relative error of λ̂ that is tried to prove, and most steps of inverse iteration."""
+DENSE = 500
+"""Points of Γ_C up to which all eigenvalues are as cheap."""
 REFINED = 3
 """Times that a triangle is refined for its constant."""
 SHAPES = 16
@@ -78,13 +83,40 @@ def dual_body(mesh: PlaneMesh, scene: Scene, line: ContactLine) -> EquilibriumBo
 
 def lambda_1_band(body: EquilibriumBody, mesh: PlaneMesh, line: ContactLine, A_tilde: Array) -> Band:
     """λ₁ of the body from both sides. A_tilde: (m, m) that of P1 on the mesh with the moduli of `body` [Pa]"""
-    hat, x, error = least_eigenpair(body.A_hat, body.c)
+    hat, x, error = _proved_least(body.A_hat, body.c)
     whole = body.condensation.expand(x)
     error += ROUNDINGS * float(np.finfo(float).eps) * float(body.diagonal @ whole**2) / hat
     lam, mu = body.elements.lam, body.elements.mu
     C2 = neglected(ElementGeometry(mesh), line, np.minimum(mu, lam + mu))
-    high = float(scipy.linalg.eigvalsh(A_tilde, mass_of(line), subset_by_index=[0, 0])[0])
+    high = _least_quotient(A_tilde, mass_of(line))
     return Band(hat * (1.0 - error) / (1.0 + C2 * hat), hat, high * (1.0 + error))
+
+
+def _proved_least(A: Array, c: Array) -> tuple[float, Array, float]:
+    """(λ, x, error) of the least λ with Ax = λCx: no eigenvalue is below λ(1 − error), by a Cholesky factorisation."""
+    if len(c) <= DENSE:
+        return least_eigenpair(A, c)
+    root = 1.0 / np.sqrt(c)
+    scaled = A * root[:, None] * root
+    factor = scipy.linalg.cho_factor(scaled, lower=True)
+    inverse = LinearOperator(A.shape, matvec=lambda x: scipy.linalg.cho_solve(factor, x), dtype=float)
+    values, vectors = eigsh(inverse, k=1, which="LA", v0=np.ones(len(c)), tol=LEAST_ERROR)
+    value, error = 1.0 / float(values[0]), LEAST_ERROR
+    while scipy.linalg.lapack.dpotrf(scaled - (1.0 - error) * value * np.eye(len(c)), lower=1)[1] and error < 1.0:
+        error *= 10.0
+    return value, root * vectors[:, 0], error
+
+
+def _least_quotient(A: Array, M: Array) -> float:
+    """vᵀAv/vᵀMv after inverse iteration: the least eigenvalue, and no less than it whatever v is."""
+    factor, v, value, before = scipy.linalg.cho_factor(A, lower=True), np.ones(len(A)), np.inf, np.inf
+    for _ in range(STEPS):
+        v = scipy.linalg.cho_solve(factor, M @ v)
+        before, value = value, float(v @ A @ v) / float(v @ M @ v)
+        v /= np.linalg.norm(v)
+        if not value < before * (1.0 - 1e-13):
+            break
+    return min(value, before)
 
 
 def require_straight(mesh: PlaneMesh) -> None:

@@ -87,6 +87,7 @@ class ErrorEstimator:
     scenes: Sequence[Scene] = ()
     exact: Exact | None = None
     estimates: dict[Index, Estimate] = field(default_factory=dict)
+    hopeless: bool = False
     _halved: Halved | None = None
     _pieces: Pieces | None = None
 
@@ -102,6 +103,7 @@ class ErrorEstimator:
         estimate = self._estimate(index, scene, v)
         if goal.proved:
             estimate = replace(estimate, error=math.inf if bound is None or math.isnan(bound) else bound)
+            self.hopeless |= self.level.law(scene).omega >= self.level.band(scene).high
         self.estimates[index] = estimate
         stored = {"error_estimate": estimate.energy}
         if goal.quantity != "energy":
@@ -167,6 +169,8 @@ class ErrorEstimator:
         if plan.open_ended and max(e.energy for e in self.estimates.values()) <= ROUNDING:
             return f"nothing to refine: {reached} is rounding"
         missed = "" if plan.tolerance is None else f"tolerance {plan.tolerance:g} not met: "
+        if self.hopeless:
+            return f"{missed}{reached}, and no bound converges where ω ≥ λ₁ of the body, as at one point at least"
         if last:
             return f"{missed}{reached} on the last level" + (", raise max_levels" if missed else "")
         n_dof = self.level.frames.n_dof
