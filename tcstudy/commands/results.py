@@ -91,7 +91,7 @@ def draw(options: argparse.Namespace) -> int:
             fail("--map: name two swept parameters, for example --map alpha,theta_bar")
         given["map"] = names
     try:
-        print(picture(options.file, options.picture, Wanted(at=point_of(options), **given)))
+        print(picture(options.file, options.picture, Wanted(**given | {"at": point_of(options)})))
     except UsageError as fault:
         fail(f"--{fault}")
     return OK
