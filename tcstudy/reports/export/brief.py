@@ -28,6 +28,7 @@ from tcstudy.reports.terminal.convergence import shown
 from tcstudy.reports.terminal.cost import advice, settings, stages
 from tcstudy.reports.terminal.path_summary import seen_folds
 from tcstudy.reports.terminal.summary import verdict_of
+from tcstudy.reports.text import counted
 
 
 class Lists(Container):
@@ -133,9 +134,13 @@ def _path(data: Any) -> dict[str, Json]:
 
     proofs = ("unique", "strict_minimum", "global_minimum")
     solutions = curve("solution_", "residual", "stable", "lowest", *proofs) if data.sizes.get("solution", 0) else None
-    branches = curve("branch_", "stable", "of") if data.sizes.get("branch_vertex", 0) else None
+    branches = curve("branch_", "stable") if data.sizes.get("branch_vertex", 0) else None
     if branches is not None:
-        branches |= {"complete": int(data["complete"]), "apart": (data["branch_on_path"].values == 0).tolist()}
+        loop, complete = data["branch_loop"].values, int(data["complete"])
+        branches["begin"] = np.searchsorted(data["branch_of"].values, np.arange(len(loop) + 1)).tolist()
+        branches |= {"complete": complete, "apart": (data["branch_on_path"].values == 0).tolist()}
+        told = f"{counted(int(loop.sum()), 'closed loop')}, {int(np.sum(loop == 0))} open branches in the range"
+        branches["words"] = [told, sentences.WHOLE if complete else str(data.attrs["complete_reason"])]
     falls = ("jump_parameter", "jump_rising", "jump_drop")
     numbers = ("level", "h_max", "n_dof", "n_contact", "lambda_1", "omega", "law_error", "energy_lost")
     lowest = ("lowest_begin", "lowest_end", "lowest_certified")
