@@ -11,6 +11,7 @@ import pytest
 import tcstudy
 from tcstudy.errors import GeometryFailed
 from tcstudy.fem.forms import csr
+from tcstudy.offline import guaranteed
 from tcstudy.offline.guaranteed import Band, shape_constant
 from tcstudy.offline.level import Level
 from tcstudy.reports.verdict import verdict
@@ -155,6 +156,15 @@ boundary: {bottom: contact, left: clamped, top: free, right: free}
 def test_a_shape_has_the_constant_that_was_found() -> None:
     assert shape_constant(0.5, np.sqrt(0.75)) == pytest.approx(0.320, abs=5e-4)
     assert shape_constant(0.4, 0.5) >= shape_constant(0.4, 0.6)  # one lies in the other
+
+
+def test_inverse_iteration_gives_the_same_band(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As it does on long contact lines, with a proof that no eigenvalue is below."""
+    (_, _, dense) = bands(RECTANGLE)[0]
+    monkeypatch.setattr(guaranteed, "DENSE", 0)
+    ((_, _, proved), *_) = bands(RECTANGLE)
+    assert (proved.low, proved.hat, proved.high) == pytest.approx((dense.low, dense.hat, dense.high), rel=2e-9)
+    assert proved.low < dense.low
 
 
 def test_curved_edges_are_refused() -> None:
