@@ -245,10 +245,10 @@ def apply_overrides(root: Node, overrides: Sequence[str], short: Mapping[str, st
 
 
 def whole_key(root: Node, key: str, short: Mapping[str, str] = SHORT) -> str:
-    """The key path that a short name stands for, or a bare name of the section `parameters`; others as they are."""
+    """The key path of a bare name of the section `parameters`, or of a short name; others as they are."""
     names = root.child("parameters")
     own = names is not None and names.child(key) is not None and key not in rows("")
-    return short.get(key, f"parameters.{key}" if own else key)
+    return f"parameters.{key}" if own else short.get(key, key)
 
 
 def _of_sweep(root: Node, key: str) -> Keys | None:

@@ -222,7 +222,7 @@ def _axis(
 def _parameter(ctx: Context, key: str, item: Node, known: Mapping[Keys, Parameter]) -> Parameter | None:
     """What a key of the sweep stands for; None after a fault."""
     path = tuple(SHORT.get(key, key).split("."))
-    if (found := known.get(path) or known.get(("parameters", key))) is not None:
+    if (found := known.get(("parameters", key)) or known.get(path)) is not None:  # what a study names goes first
         return found
     what = f"the study has no parameter {key!r} to sweep"
     same = [".".join(keys) for keys, p in known.items() if keys[-1] == path[-1] and not p.idle]

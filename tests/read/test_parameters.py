@@ -39,6 +39,15 @@ def test_a_swept_name_acts_in_every_section_that_uses_it() -> None:
     assert values == expected
 
 
+def test_a_name_of_the_study_goes_before_a_short_name_of_the_program() -> None:
+    """An abscissa of a law's points, called as a parameter of another law."""
+    text = TEXT.replace("share: 0.5", "share: 0.5, s1: 0.2 m")
+    points = "friction={law: piecewise-linear, points: [[0 m, 0 Pa], [s1, 5 Pa]]}"
+    studies = [read_study_text(text, "test", (points, more)) for more in ("s1=0.3 m", "sweep={s1: [1 m, 2 m]}")]
+    kinks = [[float(scene.one_law.kinks[-1]) for scene in study.scenes] for study in studies]
+    assert kinks == [[0.3], [1.0, 2.0]]
+
+
 def test_a_name_that_follows_from_a_swept_one_follows_it() -> None:
     study = of(
         "parameters.other=load/4",
