@@ -13,6 +13,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,7 +23,7 @@ from threadpoolctl import threadpool_limits
 
 from tcstudy.accuracy.rates import dominated
 from tcstudy.data.files import check_writable
-from tcstudy.data.measured import COST_TABLE, MEASURES, OWN, STAGES
+from tcstudy.data.measured import BOUND, COST_TABLE, MEASURES, OWN, STAGES
 from tcstudy.data.provenance import collect, tell
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import Record, missing, write_record
@@ -108,6 +109,9 @@ def measure(study: Study, index: tuple[int, ...], runs: int, progress: Progress)
     curves = first_run(study, progress, notes)
     first = time.perf_counter() - clock
     errors, words, own_error = errors_of(study, curves, progress)
+    if study.mesh.guarantee:
+        for curve in curves:
+            add_bounds(study, curve, errors, progress)
     for run in range(1, runs):
         progress(f"run {run + 1} of {runs}", first * (runs - run))
         turn = run % len(curves)
@@ -319,6 +323,19 @@ def errors_of(
         remedy = "give it a load, for example by --set, or name a sweep point that has one by --at"
         raise CostError(f"nothing loads this scene: its solution is zero, and errors have no size; {remedy}")
     return relative, words, own_error
+
+
+def add_bounds(
+    study: Study, curve: CostCurve, errors: dict[tuple[str, int, str], dict[str, float]], progress: Progress
+) -> None:
+    """Add the proved bounds of the error on all levels of a family, found by a walk of its own, which is not timed."""
+    plan, first = replace(curve.plan, guarantee=True), study.solver.names[0]
+    for level, step in enumerate(islice(walk(study, plan, lambda name, level: False), len(curve.solved))):
+        progress(f"bounds of {curve.family}, level {level}", None)
+        bound = step.solved[first].solutions[()].numbers.get("error_bound_relative", math.nan)
+        for name, one in curve.solved[level].items():
+            if math.isfinite(bound) and _same(one, curve.solved[level][first]):
+                errors[curve.family, level, name][BOUND.name] = bound
 
 
 def _same(one: SolvedLevel, other: SolvedLevel) -> bool:

@@ -24,6 +24,7 @@ from tests.verification.series import errors, series
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 PULLED = RECTANGLE.replace("left: clamped, top: free", "left: clamped, top: {role: traction, g: [0.02, -0.01]}")
+WEAK = "friction={law: slip-weakening, tau_s: 0.01, tau_k: 0.005, delta: 1}"
 SMALL = ("mesh={maxh: 0.8, levels: 3}",)
 
 
@@ -53,6 +54,14 @@ def test_all_families_and_solvers_are_measured_and_the_own_settings_named(cost: 
         cost.values["n_dof"][0, 2] == cost.values["n_dof"][0].max()
         or cost.values["n_dof"][0, 3] < 4.3 * cost.values["n_dof"][0, 2]
     )
+
+
+def test_a_guarantee_charts_the_proved_bound_above_the_error() -> None:
+    cost = _measure(study_of(PULLED, *SMALL, "mesh.guarantee=true", WEAK))
+    held = cost.values["status"][:, 0] == PointStatus.OK
+    bound, error = (cost.values[f"error_{name}"][:, 0][held] for name in ("u_bound", "u_energy"))
+    assert np.all(bound > error)
+    assert np.all((bound < 1.4 * error)[error < 0.15])  # the bound is over the least that ‖u‖ can be: wide where coarse
 
 
 def test_errors_fall_and_solvers_agree_on_them(cost: Record) -> None:
