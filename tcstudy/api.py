@@ -191,7 +191,7 @@ def run(
 
     output:   the file; without a name it is kept in the user's cache folder, where the same call finds it again
     progress: show a bar on stderr, or in the notebook;  force: compute again what is there, replace what else is there
-    jobs:     worker processes, None for as many as pay (`plan` of the command line says how many); same numbers
+    jobs:     worker processes, None for as many as pay (`tcstudy run --dry-run` says how many); same numbers
     dask:     "tcp://host:port" of a dask scheduler, or "local", whose workers solve the contact problems instead
     append:   keep the points that the file has of the study with another sweep, and add those of this one
     Points that fail have a status and a reason in the data; those that broke down are tried again by the next run. Of a

@@ -1,4 +1,4 @@
-"""Points and levels: the run and its users (convergence, cost, path), the plan before it, the file after it.
+"""Points and levels: runs, convergence, cost, paths, histories and fits, the plan before, the file after.
 
-Not here: numerics of a single point (offline, contact), text for people (report).
+Not here: numerics of a single point (offline, contact), text for people (reports).
 """
