@@ -282,11 +282,11 @@ class SolutionBlock:
         """
         rows, loose = self.rows, self.rows.body.loose
         judged = judge(rows, self.v, self.acceptance, refine=True, finishing=True)
-        moved = np.flatnonzero(np.any(judged.v != self.v, axis=1))
-        self.energy[moved] = rows.take(moved).energy(judged.v[moved])
-        good = np.flatnonzero(judged.accepted)
-        again = np.intersect1d(moved, good)
-        self.energies[again, self.start[again]] = self.energy[again]
+        differs = np.any(judged.v != self.v, axis=1)
+        if np.any(differs):
+            moved, again = np.flatnonzero(differs), np.flatnonzero(differs & judged.accepted)
+            self.energy[moved] = rows.take(moved).energy(judged.v[moved])
+            self.energies[again, self.start[again]] = self.energy[again]
         missed = otherwise or (Status.INCLUSION_VIOLATED, STALLED)
         if otherwise is None and loose:
             missed = Status.NOT_POSITIVE_DEFINITE, NOT_POSITIVE_DEFINITE
@@ -295,7 +295,7 @@ class SolutionBlock:
             reasons[p] = failure(float(judged.residual[p]), float(judged.rounding[p]), self.acceptance, missed[1])
         certificate = None
         if prove and self.proofs is not None:
-            self.proofs.prove_strict(good, judged.v)
+            self.proofs.prove_strict(np.flatnonzero(judged.accepted), judged.v)
             certificate = self.proofs.certificate(judged.v, judged.residual, judged.accepted)
         return Answer(
             v=judged.v,

@@ -150,7 +150,7 @@ def row_of(record: Any, row: int) -> Any:
     """One row of a record of rows, which may hold None or such records."""
     if is_dataclass(record) and not isinstance(record, type):
         values: dict[str, Any] = {field.name: row_of(getattr(record, field.name), row) for field in fields(record)}
-        return replace(record, **values)
+        return type(record)(**values)
     return None if record is None else record[row]
 
 
