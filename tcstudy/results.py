@@ -7,6 +7,7 @@ of tcstudy.UserFault. Left out: making result files (`tcstudy.api`).
 from __future__ import annotations
 
 import base64
+import difflib
 import html
 import os
 from collections.abc import Mapping
@@ -49,7 +50,13 @@ class Result:
             return tree.load()
 
     def __getitem__(self, name: str) -> Any:
-        return self.tree[name]
+        try:
+            return self.tree[name]
+        except KeyError:
+            held = [str(one) for one in (*self.tree.variables, *self.tree.children)]
+            near = difflib.get_close_matches(str(name), held, n=1, cutoff=0.4)
+            meant = f"; did you mean {near[0]!r}?" if near else f"; it has {', '.join(held)}"
+            raise KeyError(f"the result has no {name!r}{meant}") from None
 
     def __contains__(self, name: str) -> bool:
         return name in self.tree

@@ -64,6 +64,8 @@ def test_a_notebook_needs_no_file_names(study: tcstudy.Study, tmp_path: Path) ->
     assert other.file != first.file
     table = first.to_dataframe()
     assert table["energy"].tolist() == first["energy"].values.ravel().tolist()
+    with pytest.raises(KeyError, match="no 'slip'; did you mean 'slip_length'"):
+        first["slip"]
     shown = first._repr_html_()
     assert first.summary in shown
     assert "data:image/png;base64," in shown

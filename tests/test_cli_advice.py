@@ -16,8 +16,8 @@ HEATED = ("material.beta=1", "heat={}", "sweep={theta: [0.001, 0.03]}", SOFTENIN
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        ((), "how exact these are: tcstudy converge block.yaml\n"),
-        (("mesh.levels=1",), "how exact these are: tcstudy converge block.yaml --set=mesh.levels=3\n"),
+        (("mesh.levels=4",), "how exact these are: tcstudy converge block.yaml --set=mesh.levels=4\n"),
+        (("mesh.levels=3",), "how exact these are: tcstudy converge block.yaml --set=mesh.levels=4\n"),
         (HEATED, "'--set=path={parameter: heat.theta, from: 0.001, to: 0.03}'\n"),
         ((*HEATED, "solver={branch: all}"), "how exact these are: tcstudy converge"),
         (

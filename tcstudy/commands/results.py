@@ -108,7 +108,7 @@ def _draw_study(options: argparse.Namespace) -> int:
         draw_study(options.file, target, options.overrides, options.size)
     except StudyError:
         if target.exists():
-            print(f"{target}: what could be read, with faults of edges marked", file=sys.stderr)
+            print(f"{target}: what could be read; what is wrong stands on it", file=sys.stderr)
         raise
     print(f"{target}: the scene of {options.file}")
     return OK

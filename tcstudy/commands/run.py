@@ -141,6 +141,8 @@ def _fit(options: argparse.Namespace, study: Study, output: Path) -> bool:
 
 def _onward(options: argparse.Namespace, output: Path, failed: int) -> Iterator[tuple[str, list[str]]]:
     """What fits a run as the next command, with the reason."""
+    from tcstudy.study.convergence import MIN_LEVELS
+
     study: Study = options.read
     kept = [text for text in options.overrides if not (text.startswith("path=") and study.path is None)]
     again = [str(options.study), *(f"--set={text}" for text in kept)]
@@ -155,11 +157,11 @@ def _onward(options: argparse.Namespace, output: Path, failed: int) -> Iterator[
         if len(study.axes) == 1 and (axis := study.axes[0]).path in dict(affine_numbers(study.scenes[0])):
             span = f"path={{parameter: {'.'.join(axis.path)}, from: {axis.values[0]}, to: {axis.values[-1]}}}"
             yield "whether a path has other solutions", ["tcstudy", "run", *again, f"--set={span}"]
-    if study.mesh.levels > 1:
+    if study.mesh.levels >= MIN_LEVELS or (study.mesh.levels > 1 and (study.mesh.listed or study.exact is not None)):
         yield "how exact these are", ["tcstudy", "converge", *again]
     elif not study.mesh.listed:
         others = [word for word in again if not word.startswith("--set=mesh.levels=")]
-        yield "how exact these are", ["tcstudy", "converge", *others, "--set=mesh.levels=3"]
+        yield "how exact these are", ["tcstudy", "converge", *others, f"--set=mesh.levels={MIN_LEVELS}"]
     yield "all of it on one page", ["tcstudy", "report", str(output)]
 
 

@@ -127,6 +127,8 @@ def _of_faults(title: str, body: Body, error: StudyError, look: Any) -> Figure:
         edge = re.match(r"boundary\.(\w+)", problem.key)
         number = re.match(r"body\.outline\[(\d+)\]", problem.key)
         name = edge[1] if edge else ""
+        if edge and (meant := re.match(r"did you mean '(\w+)'", problem.remedy)) and problem.key == f"boundary.{name}":
+            name = meant[1]
         if number and int(number[1]) < len(body.outline.edges):
             edges = body.outline.edges
             name = edges[-1 - int(number[1]) if body.outline.turned else int(number[1])].name

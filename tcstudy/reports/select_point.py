@@ -56,10 +56,14 @@ def matching(data: Any, point: Mapping[str, Value], holder: str = "file") -> NDA
 
 
 def parameter(data: Any, given: str, holder: str = "file") -> str:
-    """The name that a swept parameter has in the data, by that name or its key path; raises DrawError."""
+    """The name that a swept parameter has in the data, by that name, its key path or an end of it that is no other's;
+    raises DrawError.
+    """
     names = axis_names(data)
     paths = {str(data[name].attrs.get("long_name", "")): name for name in names}
     name = given if given in names else paths.get(given)
+    if name is None and len(ends := [one for path, one in paths.items() if path.endswith(f".{given}")]) == 1:
+        name = ends[0]
     if name is None and not names:
         raise DrawError(f"the {holder} has one point and no swept parameter {given!r}; leave the point out")
     if name is None:

@@ -123,6 +123,11 @@ def mesh_error(error: float | None, estimated: bool, no_larger: int = 0) -> str:
     return ", ".join(said)
 
 
+def missed(stop: str) -> str:
+    """That a tolerance is not met, from why refinement ended ("tolerance 0.1 not met: …")."""
+    return stop.partition(":")[0] if " not met:" in stop else ""
+
+
 def bounded(bounds: Array) -> str:
     """The proved bound of all relative errors (P,), empty where that of one is not known."""
     most = float(np.max(bounds, initial=0.0))
@@ -284,7 +289,7 @@ def slipped(slip: str, at: str, lengths: Mapping[str, tuple[str, str]]) -> str:
 
     lengths: what happens ("slips", "debonded") → least and largest length of all points; an empty least is 0
     """
-    spans = [f"{what} on {f'{low} to {high}' if low and low != high else high if low else f'up to {high}'}"
+    spans = [f"{what} on {f'lengths of {low} to {high}' if low and low != high else high if low else f'up to {high}'}"
              for what, (low, high) in lengths.items()]  # fmt: skip
     return ", ".join([f"largest slip {slip}{at}", *spans])
 

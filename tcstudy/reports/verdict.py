@@ -41,6 +41,7 @@ class RunSeen:
     take:   values of a variable on one level, counted from the end, (*dims, …); None if the file has none
     friction: ∫|ξ| on the last level at a point, by its indices along the dimensions
     units:  of the slip
+    stop:   why refinement ended, empty if nothing decided it
     """
 
     dims: tuple[str, ...]
@@ -50,6 +51,7 @@ class RunSeen:
     take: Callable[[str, int], NDArray[Any] | None]
     friction: Callable[[tuple[int, ...]], float] = lambda place: 0.0
     units: str = "1"
+    stop: str = ""
 
     def ok(self, level: int = -1) -> Flags:
         """(*dims) which points have a solution on a level."""
@@ -90,7 +92,8 @@ def verdict(path: Path) -> dict[str, Any]:
             return float(np.abs(xi) @ group["c"][...])
 
         units = str(nc["u_T_max"].units) if "u_T_max" in nc.variables else "1"
-        return _told(RunSeen(dims, levels, str(nc.sweep_mode), labels, take, friction, units))
+        stop = str(nc["stop"][-1]) if "stop" in nc.variables else ""
+        return _told(RunSeen(dims, levels, str(nc.sweep_mode), labels, take, friction, units, stop))
 
 
 def _told(run: RunSeen) -> dict[str, Any]:
@@ -111,6 +114,7 @@ def _told(run: RunSeen) -> dict[str, Any]:
         sentences.all_equilibria(number[ok], complete[ok]) if number is not None and complete is not None else "",
         f"{int(several.sum())} with more than one solution found" if several.any() else "",
         sentences.mesh_error(error, estimated, no_larger),
+        sentences.missed(run.stop),
         f"heat balance missed at {bad}" if bad else "",
     ]
     told = sentences.answered(

@@ -6,6 +6,7 @@ coefficient by itself, every other role a section `heat`.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -26,11 +27,16 @@ sizes: one or more numbers; law: a friction law; material: the keys of one, whol
 
 GREEK = dict(zip(["alpha", "beta", "delta", "lambda", "mu", "nu", "omega", "tau", "theta"], "αβδλμνωτθ", strict=True))
 """Letters that names spell out."""
+OF_EDGE = r"boundary{0}(\w+?){0}((?:u|g|f|force)_[xyNT]|theta_bar|[a-z]+)"
+"""Names of what an edge has, with {0} between their parts: the edge and its key."""
 
 
 def symbol(name: str) -> str:
     """How reports write a parameter: `friction.tau_s` is τ_s, `theta_bar` θ̄, `u_x` itself, `friction.points.0` b_0;
-    the rest in words."""
+    a column `boundary_grip_u_x` u_x of grip, `heat_theta` θ; the rest in words."""
+    if match := re.fullmatch(OF_EDGE.format("_"), name):
+        return f"{symbol(match[2])} of {match[1].replace('_', ' ')}"
+    name = re.sub(r"^(?:heat|friction|material)_(?=\w)", "", name)
     if ".points." in name:
         return f"b_{name.rpartition('.')[2]}"
     letter, _, rest = name.rpartition(".")[2].partition("_")

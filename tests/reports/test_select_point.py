@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray
 
 pytest.importorskip("matplotlib")
 
 
 from tcstudy.errors import DrawError
 from tcstudy.reports.picture import read_picture
+from tcstudy.reports.select_point import parameter
 from tests.reports.figures.draw_cases import level_record, point_record
 
 
@@ -29,6 +31,15 @@ from tests.reports.figures.draw_cases import level_record, point_record
 )
 def test_a_point_by_its_labels(grid: Path, point: dict[str, float | str] | None, label: str) -> None:
     assert read_picture(grid, point).point == label
+
+
+def test_a_parameter_by_the_end_of_its_path() -> None:
+    paths = {"a": "boundary.grip.u_x", "b": "boundary.grip.g", "c": "boundary.end.g"}
+    values = {name: (name, [0.0, 1.0], {"long_name": path}) for name, path in paths.items()}
+    data = xarray.Dataset({"status": ([*paths, "level"], np.ones((2, 2, 2, 1)))}, values)
+    assert [parameter(data, given) for given in ("a", "u_x", "grip.u_x", "end.g")] == ["a", "a", "a", "c"]
+    with pytest.raises(DrawError, match="no swept parameter 'g'"):
+        parameter(data, "g")
 
 
 @pytest.mark.parametrize(

@@ -46,9 +46,11 @@ NAN = float("nan")
             "Residual 1e-15.",
         ),
         (said.answered(said.path("", [], "", 0), []), "No friction."),
+        (said.missed("tolerance 0.1 not met: bound 0.79"), "tolerance 0.1 not met"),
+        (said.missed("tolerance 0.1 met: bound 0.07"), ""),
         (
             said.slipped("2 mm", " at θ̄ = 3 K", {"slips": ("1 m", "2 m"), "debonded": ("", "3 mm")}),
-            "largest slip 2 mm at θ̄ = 3 K, slips on 1 m to 2 m, debonded on up to 3 mm",
+            "largest slip 2 mm at θ̄ = 3 K, slips on lengths of 1 m to 2 m, debonded on up to 3 mm",
         ),
     ],
 )

@@ -13,9 +13,12 @@ from tcstudy.scene.study import MeshPlan, PathPlan
 
 
 def test_parameters_are_written_with_the_symbols_of_the_paper() -> None:
-    names = ("alpha", "theta_bar", "friction.tau_s", "material.E", "boundary.end.pressure")
+    names = ("alpha", "theta_bar", "friction.tau_s", "material.E", "boundary.end.pressure", "boundary_end_theta_bar",
+             "boundary_grip_u_x", "heat_theta")  # fmt: skip
     assert symbol("friction.film.points.2") == "b_2"
-    assert [symbol(name) for name in names] == ["α", "θ\N{COMBINING MACRON}", "τ_s", "E", "pressure"]
+    bar = "θ\N{COMBINING MACRON}"
+    written = ["α", bar, "τ_s", "E", "pressure", f"{bar} of end", "u_x of grip", "θ"]
+    assert [symbol(name) for name in names] == written
 
 
 def test_every_key_is_once_in_its_section_and_every_role_has_its_record() -> None:

@@ -125,7 +125,7 @@ def symbol(name: str) -> str:
     """A parameter as formulas write it, θ̄ or u_T (`scene.key.symbol`); others in words."""
     if ".points." in name:
         return f"$b_{{{name.rpartition('.')[2]}}}$"
-    if match := re.fullmatch(r"boundary[._](\w+?)[._]((?:u|g|f)_[xyNT]|[a-z]+)", name):
+    if match := re.fullmatch(key.OF_EDGE.format("[._]"), name):
         return f"{symbol(match[2])} of {plain(match[1]).replace('_', ' ')}"
     name = re.sub(r"^(?:heat|friction|material|body|mesh)_(?=\w)", "", name)
     letter, _, index = name.rpartition(".")[2].partition("_")

@@ -66,7 +66,7 @@ def verdict(data: Any) -> tuple[str, str, bool]:
     what = f"{counted(steps - 1, 'step')} in {counted(int(data['cycle'].max()), 'cycle')}"
     slip, units = np.where(solved, by_point(data["u_T_max"], data), -1.0), str(data["u_T_max"].attrs["units"])
     p, n = np.unravel_index(int(np.argmax(slip)), slip.shape)
-    at = f" at {str(data['step_name'].values[n]) or f'step {n}'}"
+    at = f" at step {str(data['step_name'].values[n]) or n}"
     at += f" of cycle {cycle}" if (cycle := int(data["cycle"].values[n])) > 1 else ""
     at += f" ({words})" if (words := describe(data, each_point(data)[p])) else ""
     lengths = {}

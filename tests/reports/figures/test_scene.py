@@ -57,3 +57,12 @@ def test_edges_with_faults_are_marked(tmp_path: Path) -> None:
     drawn = re.sub(r"\s+", " ", target.read_text(encoding="utf-8"))
     assert "line 4: edge 1" in drawn
     assert "did you mean" in drawn
+
+
+def test_the_edge_that_a_mistyped_one_may_mean_is_marked(tmp_path: Path) -> None:
+    file, target = tmp_path / "typo.yaml", tmp_path / "typo.svg"
+    file.write_text(CROSSED.replace("[-20 mm, -30 mm]", "[0 mm, 60 mm]").replace("left: clampd", "lfet: clamped"))
+    with pytest.raises(StudyError, match="no edge 'lfet'; did you mean 'left'"):
+        draw_study(file, target)
+    drawn = re.sub(r"\s+", " ", target.read_text(encoding="utf-8"))
+    assert len(re.findall(r"line 8: (?:boundary.lfet: )?the body has", drawn)) == 2  # above, and at the edge
