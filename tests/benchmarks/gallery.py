@@ -1,12 +1,15 @@
 """The pictures of the gallery in configs/README.md, all by one command (about two minutes).
 
-    python -m tests.benchmarks.gallery           # writes results/gallery-NAME.png; or some of them: … gallery die ring
+    python -m tests.benchmarks.gallery           # writes gallery-NAME.png into a scratch folder and says where
+    python -m tests.benchmarks.gallery die ring  # only these
+    python -m tests.benchmarks.gallery --keep    # into results/, over the pictures that the guide shows
 
 Where a closed form is known (the head of each study has it), open circles show it beside the computed curve.
 """
 
 from __future__ import annotations
 
+import argparse
 import sys
 import tempfile
 from collections.abc import Callable
@@ -215,13 +218,9 @@ FIGURES: dict[str, tuple[Callable[[xr.DataTree], Figure], tuple[str, ...]]] = {
 """What is drawn here, with the options of its run."""
 
 
-def make(name: str, scratch: Path) -> Path:
-    """Solve one study and put its picture into results/."""
-    study, data, target = (
-        ROOT / "configs" / f"{name}.yaml",
-        scratch / f"{name}.nc",
-        ROOT / "results" / f"gallery-{name}.png",
-    )
+def make(name: str, scratch: Path, folder: Path) -> Path:
+    """Solve one study and put its picture into the folder."""
+    study, data, target = ROOT / "configs" / f"{name}.yaml", scratch / f"{name}.nc", folder / f"gallery-{name}.png"
     if name in (*HISTORIES, "pull_fit", "isola"):
         tcstudy.run(study, data)
         tcstudy.draw(data, target)
@@ -252,10 +251,17 @@ HISTORIES = ("rail_year", "pipeline_cycles", "cyclic_pull")
 NAMES = ("quickstart", "pull_test", "singular", *FIGURES, *HISTORIES, "pull_fit", "thickness_map", "isola")
 
 
-def main(asked: list[str]) -> None:
+def main(words: list[str]) -> None:
+    parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.gallery")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"pictures to draw (all): {', '.join(NAMES)}")
+    parser.add_argument("--keep", action="store_true", help="draw into results/ and not into a scratch folder")
+    asked = parser.parse_args(words)
+    if unknown := set(asked.names) - set(NAMES):
+        parser.error(f"no picture {', '.join(sorted(unknown))}; there are {', '.join(NAMES)}")
+    folder = ROOT / "results" if asked.keep else Path(tempfile.mkdtemp(prefix="gallery-"))
     with tempfile.TemporaryDirectory() as scratch:
-        for name in asked or NAMES:
-            print(make(name, Path(scratch)).relative_to(ROOT))
+        for name in asked.names or NAMES:
+            print(make(name, Path(scratch), folder))
 
 
 if __name__ == "__main__":
