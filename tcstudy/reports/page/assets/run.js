@@ -143,9 +143,16 @@ TC.run = {
       add("nothing", 8, turned, TC.svgNode("path", { d: "M0,0V8M0,0H8", stroke: c, "stroke-width": 1.4 }));
     }
   },
+  // One piece of a pattern, for the middle of a round point, where patterns would bite into its edge.
+  dot(proof, x, y, r, tone) {
+    const c = tone === "l" ? "rgba(255,255,255,.85)" : "rgba(0,0,0,.75)", slash = `M${x - r},${y + r}L${x + r},${y - r}`;
+    if (proof === "global") return TC.svgNode("circle", { cx: x, cy: y, r: 1.3, fill: c });
+    return TC.svgNode("path", { d: proof === "local" ? slash : `${slash}M${x - r},${y - r}L${x + r},${y + r}`, stroke: c, "stroke-width": 1.5 });
+  },
   PROOFS: ["failed", "nothing", "local", "global", "unique"],
-  // Points in one cell: the median of their values, what is proved of all of them; a click takes the middle one.
-  cell(svg, x, y, w, h, points, shade, scale, numbers) {
+  // Points in one cell: the median of their values, what is proved of all of them; a click takes the middle one. A single point is round.
+  cell(svg, x, y, w, h, points, shade, scale, numbers, round = false) {
+    const area = (inset, look) => (round ? TC.svgNode("circle", { cx: x + w / 2, cy: y + h / 2, r: Math.max(0, w / 2 - inset), ...look }) : TC.svgNode("rect", { x: x + inset, y: y + inset, width: Math.max(0, w - 2 * inset), height: Math.max(0, h - 2 * inset), ...look }));
     const s = TC.state, p = points[points.length >> 1], known = points.map((k) => TC.run.PROOFS.indexOf(TC.run.proof(k, s.level))), proof = TC.run.PROOFS[Math.min(...known)];
     const all = points.filter((_, i) => known[i] > 0).map((k) => TC.run.value(s.q, k, s.level)).sort((a, b) => a - b), v = all.length ? all[all.length >> 1] : NaN, rgb = shade.of(v), tone = TC.dark(rgb) ? "l" : "d";
     const several = points.reduce((most, k) => Math.max(most, TC.run.several(k, s.level)), 0), units = TC.data.run.numbers[s.q].units;
@@ -153,11 +160,11 @@ TC.run = {
     const tip = `${points.length > 1 ? `${points.length} points about ` : ""}${TC.run.words(TC.run.index(p))}\n${TC.symbol(s.q)} = ${TC.quantity(v, units)}${points.length > 1 ? ` (median; ${TC.quantity(all[0], units)} to ${TC.quantity(all[all.length - 1], units)})` : ""}\n${TC.data.proofs[proof]}`;
     g.append(TC.svgNode("title", {}, tip + (several > 1 ? `\n${several} different energies found` : "")));
     if (proof === "failed") {
-      g.append(TC.svgNode("rect", { x, y, width: w, height: h, fill: "var(--shade)", stroke: "var(--bad)" }), TC.svgNode("path", { d: `M${x + 4},${y + 4}L${x + w - 4},${y + h - 4}M${x + w - 4},${y + 4}L${x + 4},${y + h - 4}`, stroke: "var(--bad)", "stroke-width": 2 }));
+      g.append(area(0, { fill: "var(--shade)", stroke: "var(--bad)" }), TC.svgNode("path", { d: `M${x + 4},${y + 4}L${x + w - 4},${y + h - 4}M${x + w - 4},${y + 4}L${x + 4},${y + h - 4}`, stroke: "var(--bad)", "stroke-width": 2 }));
     } else {
-      g.append(TC.svgNode("rect", { x, y, width: w, height: h, fill: TC.css(rgb) }));
-      if (proof !== "unique") g.append(TC.svgNode("rect", { x, y, width: w, height: h, fill: `url(#${proof}-${tone})` }));
-      if (several > 1) g.append(TC.svgNode("rect", { x: x + 2.5, y: y + 2.5, width: Math.max(0, w - 5), height: Math.max(0, h - 5), fill: "none", stroke: "#d55e00", "stroke-width": 3 }));
+      g.append(area(0, { fill: TC.css(rgb) }));
+      if (proof !== "unique") g.append(round ? TC.run.dot(proof, x + w / 2, y + h / 2, w / 3, tone) : area(0, { fill: `url(#${proof}-${tone})` }));
+      if (several > 1) g.append(area(round ? 1 : 2.5, { fill: "none", stroke: "#d55e00", "stroke-width": round ? 2 : 3 }));
       if (numbers) {
         const text = TC.number(v / scale.by, 3), wide = 7.2 * text.length + 6;
         g.append(TC.svgNode("rect", { x: x + w / 2 - wide / 2, y: y + h / 2 - 8, width: wide, height: 16, fill: TC.css(rgb) }), TC.svgNode("text", { x: x + w / 2, y: y + h / 2 + 4.5, "text-anchor": "middle", style: `fill:${TC.dark(rgb) ? "#fff" : "#111"}` }, text));
@@ -208,9 +215,9 @@ TC.run = {
       for (const [key, points] of bins) { const [i, j] = key.split(" ").map(Number); TC.run.cell(plot.over, i * size, j * size, size - 1, size - 1, points, shade, scale, false); }
     } else {
       const half = r.points > 150 ? 5 : 8; // many points must not hide one another
-      for (let p = 0; p < r.points; p++) TC.run.cell(plot.over, plot.px(xs[p]) - half, plot.py(ys[p]) - half, 2 * half, 2 * half, [p], shade, scale, false);
+      for (let p = 0; p < r.points; p++) TC.run.cell(plot.over, plot.px(xs[p]) - half, plot.py(ys[p]) - half, 2 * half, 2 * half, [p], shade, scale, false, true);
     }
-    plot.over.append(TC.svgNode("rect", { x: plot.px(xs[s.at[0]]) - 10, y: plot.py(ys[s.at[0]]) - 10, width: 20, height: 20, fill: "none", stroke: "var(--ink)", "stroke-width": 2.5, "pointer-events": "none" }));
+    plot.over.append(TC.svgNode("circle", { cx: plot.px(xs[s.at[0]]), cy: plot.py(ys[s.at[0]]), r: 10, fill: "none", stroke: "var(--ink)", "stroke-width": 2.5, "pointer-events": "none" }));
     return plot.svg;
   },
   bar(width, shade, scale) {
