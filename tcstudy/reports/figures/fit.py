@@ -91,7 +91,7 @@ def _curve(data: Any, i: int) -> Panel:
     spread = float(data.attrs["given_noise"]) if path else 0.0
     if path:
         curve = np.stack([data["curve_given"].values, data["curve_measured"].values])
-        panel.line(*curve, **FITTED)
+        panel.line(*curve, **FITTED, label="fit")
         if "fold_vertex" in data:
             panel.line(*curve[:, data["fold_vertex"].values], color=style.VERMILLION, marker="o", markersize=4,
                        markerfacecolor="white", linestyle="none", zorder=4, label="fold")  # fmt: skip
@@ -104,7 +104,7 @@ def _curve(data: Any, i: int) -> Panel:
         panel.fill(*(np.concatenate([sides[0], sides[1][::-1]]) * size).T, zorder=1, label="95 % band")
     else:
         order = np.argsort(at, kind="stable")
-        panel.line(at[order], fitted[order], **FITTED)
+        panel.line(at[order], fitted[order], **FITTED, label="fit")
         panel.band(at[order], (fitted - error)[order], (fitted + error)[order], label="95 % band")
     gap = np.full(len(x), np.nan)
     for ends in ((x, x, gap, y - noise, y + noise, gap), (x - spread, x + spread, gap, y, y, gap)):

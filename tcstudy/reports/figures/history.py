@@ -80,7 +80,7 @@ def history_figure(data: Any, x: str, y: str, point: str, look: style.Look) -> F
     sheet = Sheet(look, data.attrs["title"], facts, *zip(*rows, strict=True))
     for name, panel in panels.items():
         panel.draw(sheet.panels[name])
-    sheet.panels["loop"].margins(x=0.08, y=0.1)
+    sheet.panels["loop"].margins(x=0.1, y=0.1)
     sheet.key("motion")
     figure = sheet.finish()
     place_names(sheet.panels["loop"], panels["loop"])
@@ -105,7 +105,8 @@ def history_panels(data: Any, x: str, y: str) -> dict[str, Panel]:
         up = scale(title, values, str(data[of].attrs["units"]))
         found[name] = Panel(Scale("cycle"), up, ticks=(shown, [str(c) for c in shown]))
         found[name].line(number, values, color=style.VERMILLION, marker="o", markersize=4, linewidth=1.0)
-        found[name].limits[1] = 0.0, 1.12 * float(up(values.max())) or 1.0
+        high = 1.12 * float(up(values.max())) or 1.0
+        found[name].limits[1] = -0.06 * high, high  # a mark at 0 is whole
     return found
 
 

@@ -172,8 +172,10 @@ def _draw_cells(
         axes.fill([], [], color=colours[k], label=names[k])
 
 
-LETTER = 0.53
-"""Mean width of a letter, of its height."""
+LETTER = 0.6
+"""Width of a letter, of its height: that of wide words, so that none runs off the sheet."""
+DOT = 20
+"""How many places of a line weigh as much as another dot near a name, which could be taken for its own."""
 NAMED = 60
 """Dots whose names may stand beside them."""
 
@@ -186,26 +188,31 @@ def place_names(axes: Axes, panel: Panel) -> None:
     taken: dict[str, tuple[float, float, float]] = {}
     left, right = axes.bbox.x0 / inch, axes.bbox.x1 / inch
     share = np.linspace(0.0, 1.0, 60)[:, None]
+    beside = [(side, up) for up in (4.0, -4.0 - letters) for side in (6.0, -6.0)]
+    beside += [(0.0, up) for up in (4.0 + 1.4 * letters, -4.0 - 2.4 * letters)]
     lines = [np.column_stack([x, y]) for kind, x, y, _ in panel.items if kind == "line" and len(x) > 1]
     drawn = [axes.transData.transform(xy)[:, None] / inch for xy in lines]
     curve = np.concatenate([((1.0 - share) * xy[:-1] + share * xy[1:]).reshape(-1, 2) for xy in drawn])
-    for _, xs, ys, how in (item for item in panel.items if item[0] == "names"):
+    named = [item for item in panel.items if item[0] == "names"]
+    dots = np.concatenate([axes.transData.transform(np.column_stack(item[1:3])) / inch for item in named] or [curve])
+    for _, xs, ys, how in named:
         for name, *at in list(zip(how["texts"], xs, ys, strict=True))[:NAMED]:
             x, y = axes.transData.transform(at) / inch
             wide, free = LETTER * letters * len(name), list[tuple[int, tuple[float, float], float]]()
-            for shift in (
-                ((6.0, 4.0), (-6.0, 4.0), (6.0, -4 - letters), (-6.0, -4 - letters)) if name not in taken else ()
-            ):
-                start, low = x + shift[0] - (wide if shift[0] < 0 else 0.0), y + shift[1]
+            for shift in beside if name not in taken else ():
+                start, low = x + shift[0] - 0.5 * (1.0 - np.sign(shift[0])) * wide, y + shift[1]
                 apart = (start + wide < a or start > b or abs(low - h) > 1.2 * letters for a, b, h in taken.values())
                 if left + letters < start and start + wide <= right and all(apart):
-                    inside = np.abs(curve - (start + wide / 2, low + letters / 2)) < (wide / 2, letters / 2)
-                    free.append((int(inside.all(axis=1).sum()), shift, start))
+                    middle, half = np.array([start + wide / 2, low + letters / 2]), np.array([wide, letters]) / 2
+                    hits = int((np.abs(curve - middle) < half).all(axis=1).sum())
+                    others = dots[np.hypot(*(dots - (x, y)).T) > letters]
+                    hits += DOT * int((np.abs(others - middle) < half + letters).all(axis=1).sum())
+                    free.append((hits, shift, start))
             if free:
                 _, shift, start = min(free, key=lambda one: one[0])
                 taken[name] = (start, start + wide, y + shift[1])
                 white = [withStroke(linewidth=2.0, foreground="white")]
-                ha = "left" if shift[0] > 0 else "right"
+                ha = "left" if shift[0] > 0 else "right" if shift[0] < 0 else "center"
                 note(axes, name, at, shift, ha=ha, fontsize=letters, path_effects=white)
 
 

@@ -211,7 +211,8 @@ def _along(data: Any, across: Scale, pieces: NDArray[np.intp], t: Array, y: Arra
         if np.abs(length[named] - length[k]).min() > APART * length[-1]:
             named.append(int(k))
     values = across(np.append(t[:, 0], t[-1, 1])[named])
-    panel = Panel(Scale(across.label), arclength, title, ticks=(length[named], labels(values.tolist(), 3)))
+    texts = [text.replace("-", "−") for text in labels(values.tolist(), 3)]
+    panel = Panel(Scale(across.label), arclength, title, ticks=(length[named], texts))
     panel.limits = [(0.0, float(length[-1])), (0.0, float(arclength(ends[-1])))]
     panel.cells(length, ends, data["state"].values[pieces][:, nodes], COLOURS, STATES)
     for place in length[named[2:]]:
