@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,11 +33,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-WIDTH, HIGHEST, LEAST, SIDE = 5.0, 3.4, 0.45, 1.35
+WIDTH, HIGHEST, LEAST, SIDE = 4.55, 3.4, 0.45, 1.35
 """Room of the body, its least height, and the margins beside it [inch]."""
 SLENDER = 12.0
-ARROW, APART = 0.34, 0.55
-"""Length of an arrow, and how far apart arrows stand along an edge [inch]."""
+ARROW, APART, HATCH = 0.34, 0.55, 0.12
+"""Length of an arrow, and how far apart arrows and the ticks of a clamped edge stand along it [inch]."""
 LETTERS, LETTER, LINE = 8.0, 0.066, 0.15
 """Size of the letters [pt], width of one and height of a line [inch]."""
 WIDEST, LONGEST = 21, 24
@@ -71,13 +71,16 @@ class SceneShape:
 
 def scene_figure(title: str, study: Study | None, shape: SceneShape, look: style.Look) -> Figure:
     """The figure; of a study with faults, which is None, the outline with those that are of its edges."""
+    shape = replace(shape, segments={name: _chained(segments) for name, segments in shape.segments.items()})
     ends = np.concatenate(list(shape.segments.values())).reshape(-1, 2)
     low, size = ends.min(axis=0), np.ptp(ends, axis=0)
     one = WIDTH / size[0] if size[0] >= size[1] * WIDTH / HIGHEST else HIGHEST / size[1]
     slender = size[0] > SLENDER * size[1]
     scales = np.array([one, LEAST / size[1] if slender else one])
     roles = study.scenes[0].boundary if study is not None else ()
+    roles = tuple((name, role) for name, role in roles if _lies(shape.segments.get(name)))
     above = 0.3 + LINE * max((1 + len([*role_words(role, True)]) for _, role in roles), default=4)
+    above += ARROW * any(any((*role.g, role.pressure, *role.force)) for _, role in roles)
     place = lambda points: (np.asarray(points) - low) * scales  # noqa: E731
     units = "1" if study is not None and study.units == "none" else "m"
     facts = [f"Body {with_unit(size[0], units)} × {with_unit(size[1], units)}"]
@@ -122,7 +125,7 @@ class _Drawing:
                 colour = FILLS[int(k) % len(FILLS)]
                 axes.add_collection(PolyCollection(list(corners), facecolor=colour, edgecolor=colour, linewidth=0.3))
             sides = np.ptp(self.place(shape.points[shape.triangles]), axis=1)
-            if float(np.median(sides)) > FINE:
+            if float(np.median(sides, axis=0).min()) > FINE:
                 axes.triplot(x, y, shape.triangles, color=style.INK, linewidth=0.4, alpha=0.25)
         edges = {name: self.place(segments) for name, segments in shape.segments.items()}
         for ends in edges.values():
@@ -152,24 +155,23 @@ class _Drawing:
         normals = np.column_stack([along[:, 1], -along[:, 0]])
         if role is None:
             return
-        if type(role) is Clamped and None not in role.u:
-            marks = [np.linspace(0, 1, max(1, round(length / 0.12)), endpoint=False) for length in lengths]
-            starts = np.concatenate([a + t[:, None] * (b - a) for (a, b), t in zip(ends, marks, strict=True)])
-            tilt = np.repeat(0.09 * (normals - along), [len(t) for t in marks], axis=0)
-            ticks = np.stack([starts, starts + tilt], axis=1)
+        fixed = type(role) is Clamped and None not in role.u
+        if fixed:
+            starts, of = _evenly(ends, lengths, max(1, round(float(lengths.sum()) / HATCH)))
+            ticks = np.stack([starts, starts + 0.75 * HATCH * (normals - along)[of]], axis=1)
             self.axes.add_collection(LineCollection(list(ticks), color=style.INK, linewidth=0.7))
+            self.taken.append(ticks[:, 1])
         points = 0.5 * (self.shape.segments[name][:, 0] + self.shape.segments[name][:, 1])
-        wanted = max(1, min(9, int(lengths.sum() / APART)))
-        at = np.interp((np.arange(wanted) + 0.5) / wanted * lengths.sum(), np.cumsum(lengths), np.arange(len(lengths)))
+        starts, of = _evenly(ends, lengths, max(1, min(9, int(lengths.sum() / APART))))
         for force, colour in _pushes(role, points, normals, along):
             size = float(np.max(np.hypot(*force.T), initial=0.0))
-            chosen = np.unique(np.round(at).astype(int)) if len(force) > 1 else [0]
             if len(force) == 1:  # one arrow for a resultant, in the middle of its edge
                 middle = ends.reshape(-1, 2).mean(axis=0)
                 self._arrow(middle, ARROW * 1.5 * force[0] / size, normals[len(normals) // 2], colour, 2.2)
                 continue
-            for i in chosen if size > 0.0 else ():
-                self._arrow(ends[i].mean(axis=0), ARROW * force[i] / size, normals[i], colour)
+            for at, i in zip(starts, of, strict=True) if size > 0.0 else ():
+                self._arrow(at + HATCH * fixed * normals[i], ARROW * force[i if len(force) > 1 else 0] / size,
+                            normals[i], colour)  # fmt: skip
 
     def _arrow(self, at: Array, way: Array, normal: Array, colour: str, width: float = 1.1) -> None:
         """An arrow outside the body: away from it, towards it, or beside it."""
@@ -191,7 +193,7 @@ class _Drawing:
         half = 0.5 * np.array([LETTER * max(map(len, text.split("\n"))), LINE * (text.count("\n") + 1)])
         taken, best = np.concatenate(self.taken), None
         share = np.cumsum(lengths) / lengths.sum()
-        for apart in (0.1, 0.28, 0.46, 0.64, -0.1, -0.4):
+        for apart in (0.1, 0.19, 0.28, 0.46, 0.64, -0.1, -0.4):
             for part in (0.5, 0.35, 0.65, 0.2, 0.8):
                 i = int(np.searchsorted(share, part))
                 at = middles[i] if len(middles) > 1 else ends[0, 0] + part * along[0]
@@ -199,7 +201,7 @@ class _Drawing:
                 centre = at + way * (abs(apart) + float(np.abs(way) @ half))
                 limits = np.array([self.axes.get_xlim(), self.axes.get_ylim()])
                 centre = np.clip(centre, limits[:, 0] + half, limits[:, 1] - half)
-                hits = int(np.count_nonzero(np.all(np.abs(taken - centre) < half + 0.03, axis=1)))
+                hits = int(np.count_nonzero(np.all(np.abs(taken - centre) < half + 0.04, axis=1)))
                 if best is None or hits < best[0]:
                     best = hits, centre, at
                 if hits == 0:
@@ -246,7 +248,40 @@ class _Drawing:
         taken, middle = np.concatenate(self.taken), 0.5 * (points.min(axis=0) + points.max(axis=0))
         moves = [np.array([dx, dy]) for dy in (0.0, 0.25, -0.25, 0.5, -0.5) for dx in (0.0, 1.0, -1.0, 2.0, -2.0)]
         hits = [np.count_nonzero(np.all(np.abs(taken - middle - move) < half, axis=1)) for move in moves]
-        self._write(text, middle + moves[int(np.argmin(hits))], half, style.INK)
+        centre = middle + moves[int(np.argmin(hits))]
+        inside = points[np.argmin(np.hypot(*(points - centre).T))]
+        if np.any(np.abs(middle - centre) > half):
+            self.axes.plot(
+                *np.array([inside, np.clip(inside, centre - half, centre + half)]).T, color=style.PALE, linewidth=0.6
+            )
+        self._write(text, centre, half, style.INK)
+
+
+def _chained(segments: Array) -> Array:
+    """The segments (k, 2, 2) of an edge in the order in which one walks along it, whatever that of the mesh is."""
+    starts = {tuple(point): i for i, point in enumerate(segments[:, 0].tolist())}
+    after = [starts.get(tuple(point)) for point in segments[:, 1].tolist()]
+    order = dict[int, None]()
+    for first in [*sorted(set(range(len(segments))) - set(after)), *range(len(segments))]:
+        at: int | None = first
+        while at is not None and at not in order:
+            order[at] = None
+            at = after[at]
+    return segments[list(order)]
+
+
+def _lies(segments: Array | None) -> bool:
+    """Whether a part of an edge lies rather than stands, so that what belongs to it goes above or below the body."""
+    return segments is not None and bool(np.any(np.abs(segments[:, 1] - segments[:, 0]) @ [1.0, -1.0] >= 0.0))
+
+
+def _evenly(ends: Array, lengths: Array, count: int) -> tuple[Array, NDArray[np.intp]]:
+    """Places (count, 2) evenly spread along segments (k, 2, 2) of these lengths, and which segment each lies on."""
+    upto = np.cumsum(lengths)
+    along = (np.arange(count) + 0.5) / count * upto[-1]
+    of = np.searchsorted(upto[:-1], along)
+    share = (along - (upto - lengths)[of]) / lengths[of]
+    return ends[of, 0] + share[:, None] * (ends[of, 1] - ends[of, 0]), of
 
 
 def _lines(parts: Sequence[str]) -> Iterator[str]:
