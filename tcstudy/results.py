@@ -173,7 +173,7 @@ def _file(of: Result | str | FilePath) -> FilePath:
 
 
 def open_results(path: str | FilePath) -> xarray.DataTree:
-    """Open a file of run, converge, cost or path lazily: a run has its results at the root and a group a level.
+    """Open a result file of any kind lazily: a run has its results at the root and a group a level.
 
     Close it after use or open it in a `with`. Raises StoreError if there is none or its run has not finished.
     """
