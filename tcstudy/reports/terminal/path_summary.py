@@ -48,9 +48,10 @@ def verdict(data: Any) -> tuple[str, str, bool]:
     low, high = sorted(float(x) for x in data.attrs["parameter_range"])
     t, units, c = data["parameter"].values, str(data["parameter"].attrs["units"]), data["c"].values
     name, inside = symbol(str(data.attrs["parameter"])), (t >= low) & (t <= high)
-    mean = np.where(inside, np.abs(data["xi"].values @ c) / c.sum(), 0.0)
-    k = int(np.argmax(mean))
-    peak = f"{with_unit(mean[k], data['xi'].attrs['units'])} of mean friction at {name} = {with_unit(t[k], units)}"
+    force, stress = np.where(inside, np.abs(data["xi"].values @ c), 0.0), str(data["xi"].attrs["units"])
+    k = int(np.argmax(force))
+    whole, mean = with_unit(force[k], "1" if stress == "1" else "N m-1"), with_unit(force[k] / c.sum(), stress)
+    peak = f"∫ξ {whole}, {mean} in the mean, at {name} = {with_unit(t[k], units)}"
     turning, maxima = data["fold_vertex"].values.tolist() if "fold_vertex" in data else [], data.get("fold_maximum")
     limit = dict(zip(turning, maxima.values.tolist(), strict=True)) if maxima is not None else {}
     vertices = [v for v in seen_folds(data)[0].tolist() if inside[v]]
@@ -61,7 +62,7 @@ def verdict(data: Any) -> tuple[str, str, bool]:
     ]
     loops = f", {counted(int(data['branch_loop'].sum()), 'closed loop')}" if "branch_loop" in data else ""
     many, falls = _most(t, low, high, units) + loops, int(data.sizes.get("jump", 0))
-    happens = sentences.path(peak if mean[k] > 0.0 else "", snaps, many, falls)
+    happens = sentences.path(peak if force[k] > 0.0 else "", snaps, many, falls)
     known = sentences.WHOLE if int(data.get("complete", 0)) else sentences.CONNECTED
     text = sentences.answered(happens, [f"worst residual {number(float(data['residual'].max()), 2)}"])
     return text, known, True

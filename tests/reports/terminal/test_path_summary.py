@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from tcstudy.reports.terminal.path_summary import seen_folds
+from tcstudy.reports.terminal.path_summary import seen_folds, verdict
 
 
 def path(*sizes: float) -> xr.Dataset:
@@ -20,3 +20,17 @@ def test_small_turns_are_counted_apart() -> None:
     assert (vertices.tolist(), small) == ([0, 3], 2)
     assert seen_folds(path(0.02))[0].tolist() == [0]
     assert seen_folds(xr.Dataset())[1] == 0
+
+
+def test_the_peak_is_said_as_a_force_and_in_the_mean() -> None:
+    """2 and 4 kPa on cells of 0.5 and 1.5 m: 7 kN a metre, 3.5 kPa in the mean; outside the range nothing counts."""
+    data = xr.Dataset(
+        {
+            "parameter": ("vertex", [0.0, 1e-3, 2e-3], {"units": "m"}),
+            "xi": (("vertex", "node"), [[0.0, 0.0], [2e3, 4e3], [9e3, 9e3]], {"units": "Pa"}),
+            "c": ("node", [0.5, 1.5]),
+            "residual": ("vertex", [0.0, 1e-12, 1e-12]),
+        },
+        attrs={"parameter": "boundary.grip.u_x", "parameter_range": [0.0, 1e-3]},
+    )
+    assert verdict(data)[0].startswith("Peak ∫ξ 7 kN m⁻¹, 3.5 kPa in the mean, at u_x = 1 mm")
