@@ -25,6 +25,8 @@ ROWS = ((("loop", "loop"), 3.1), (("motion", "motion"), 1.35), (("spent", "chang
 """Panels, and their heights [inch]."""
 MOTION = (style.SHADE, style.SERIES[5], style.SERIES[4], style.VERMILLION)
 """Colours of MOVES."""
+ROOM = 0.16, 0.1
+"""Room beside and above the loop for names, of its width and height."""
 LONG = 0.1
 """Part of the loop that a step is to be long for an arrow."""
 DOT: dict[str, Any] = {"marker": "o", "linestyle": "none"}
@@ -80,7 +82,6 @@ def history_figure(data: Any, x: str, y: str, point: str, look: style.Look) -> F
     sheet = Sheet(look, data.attrs["title"], facts, *zip(*rows, strict=True))
     for name, panel in panels.items():
         panel.draw(sheet.panels[name])
-    sheet.panels["loop"].margins(x=0.1, y=0.1)
     sheet.key("motion")
     figure = sheet.finish()
     place_names(sheet.panels["loop"], panels["loop"])
@@ -125,6 +126,7 @@ def _loop(data: Any, x: str, y: str) -> Panel:
     _arrows(panel, values[0, last], values[1, last])
     panel.line(*values[:, jumps], **DOT, color=style.VERMILLION, markerfacecolor="none", markersize=8, zorder=4)
     panel.line(*values[:, names != ""], **DOT, color=style.INK, markersize=4, zorder=5)
+    panel.window(values[0], np.append(values[1], 0.0), ROOM)
     panel.names(values[0, names != ""], values[1, names != ""], [str(name) for name in names if name])
     return panel
 

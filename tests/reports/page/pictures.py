@@ -19,7 +19,7 @@ OPTIONS = ("output.fields=true", "output.live=true", "sweep.theta_bar={linspace:
 WIDTH = 1100
 PARTS = {"sweep": ("header", "#sweep"), "point": ("#point", "#point"), "accuracy": ("#accuracy", "#accuracy")}
 """First and last element of every picture; a part's own heading stands just before it."""
-OTHERS = (("history", "cyclic_pull", "#step=4", "#accuracy"), ("fit", "pull_fit", "#step=56", "#found"))
+OTHERS = (("history", "cyclic_pull", "#step=3", "#accuracy"), ("fit", "pull_fit", "#step=56", "#found"))
 """Pages of other files, from the header to the element that is named last."""
 
 BOX = """

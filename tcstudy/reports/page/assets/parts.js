@@ -44,7 +44,7 @@ TC.part = {
     const plot = new TC.Plot({ width, height: p.high, x: range(0), y: range(1), xlog: p.log[0], ylog: p.log[1], xlabel: p.labels[0], ylabel: p.labels[1], label: p.title || p.labels[1], margin: { left: 70, right: 16, top: 12, bottom: 46 },
       xticks: ticks && ticks.map((t) => t[0]), xtext: ticks && ((v) => ticks.find((t) => t[0] === v)[1]) });
     const key = new Map();
-    for (const item of p.items) TC.draw_item[item.kind](plot, item, key);
+    for (const item of p.items) TC.draw_item[item.kind](plot, item, key, p.items);
     if (p.at) {
       const [x, y] = p.at, s = TC.state.step, places = [...x.keys()].filter((i) => Number.isFinite(x[i]) && Number.isFinite(y[i]));
       if (places.includes(s)) plot.dot(x[s], y[s], { r: 9, fill: "none", stroke: "var(--ink)", "stroke-width": 2.2 }, "the state that is chosen");
@@ -113,13 +113,20 @@ TC.draw_item = {
     const [a, b] = [0, 1].map((k) => [plot.px(i.x[k]), plot.py(i.y[k])]), far = Math.hypot(b[0] - a[0], b[1] - a[1]) || 1, [c, s] = [(b[0] - a[0]) / far, (b[1] - a[1]) / far], at = (back, side) => `${b[0] - back * c - side * s},${b[1] - back * s + side * c}`;
     plot.inner.append(TC.svgNode("line", { x1: a[0], y1: a[1], x2: b[0], y2: b[1], stroke: i.colour, "stroke-width": i.width || 0 }), TC.svgNode("path", { d: `M${at(9, 4)}L${at(0, 0)}L${at(9, -4)}Z`, fill: i.colour }));
   },
-  names(plot, i) {
-    const taken = [];
+  // Each name once, where no other name nor the edge is in the way and as few lines and other dots as can be.
+  names(plot, i, key, items) {
+    const taken = [], at = (o, k) => [plot.px(o.x[k]), plot.py(o.y[k])], curve = [];
+    for (const o of items) if (o.kind === "line" && o.dash !== "none") for (let k = 1; k < o.x.length; k++) { const [a, b] = [at(o, k - 1), at(o, k)]; for (let t = 0; t < 40; t++) curve.push([a[0] + (t / 40) * (b[0] - a[0]), a[1] + (t / 40) * (b[1] - a[1])]); }
+    const dots = i.texts.map((_, k) => at(i, k)), within = (list, x, y, w, h) => list.filter((o) => Math.abs(o[0] - x) < w && Math.abs(o[1] - y) < h).length;
     i.texts.slice(0, 60).forEach((name, k) => {
-      const px = plot.px(i.x[k]), py = plot.py(i.y[k]), wide = 7 * name.length, end = px + 8 + wide > plot.right, a = end ? px - 8 - wide : px + 8;
-      if (taken.some((t) => t.name === name || (a < t.b && a + wide > t.a && Math.abs(py - t.y) < 15))) return;
-      taken.push({ name, a, b: a + wide, y: py });
-      plot.text(px + (end ? -8 : 8), py - 6, name, { "text-anchor": end ? "end" : "start" });
+      if (taken.some((t) => t.name === name)) return;
+      const [px, py] = dots[k], half = 3.3 * name.length, others = dots.filter((o) => Math.hypot(o[0] - px, o[1] - py) > 8);
+      const free = [[1, -10], [-1, -10], [1, 12], [-1, 12], [0, -24], [0, 26]].map(([side, up]) => ({ name, x: px + side * (8 + half), y: py + up, half }))
+        .filter((o) => o.y < plot.bottom - 4 && o.x - half > plot.left && o.x + half <= plot.right && !taken.some((t) => Math.abs(o.x - t.x) < half + t.half && Math.abs(o.y - t.y) < 13))
+        .map((o) => ({ ...o, hits: within(curve, o.x, o.y, half, 6) + 20 * within(others, o.x, o.y, half + 8, 12) })).sort((a, b) => a.hits - b.hits);
+      if (!free.length) return;
+      taken.push(free[0]);
+      plot.text(free[0].x, free[0].y + 4, name, { "text-anchor": "middle" });
     });
   },
   // Neighbours of one kind in a column are one shape, and all of a kind one path.
