@@ -69,9 +69,13 @@ class Result:
     @property
     def summary(self) -> str:
         """The answer in one sentence, as the terminal and the page say it."""
-        from tcstudy.reports.export.brief import brief
+        from tcstudy.data.provenance import kind_of
+        from tcstudy.data.reading import reading
+        from tcstudy.reports.terminal.summary import verdict_of
 
-        return str(brief(self.file)["verdict"])
+        with reading(self.file):
+            kind = kind_of(self.file)
+            return verdict_of(None if kind == "run" else self.tree.to_dataset(), kind, self.file)[0]
 
     def to_dataframe(self) -> pandas.DataFrame:
         """A row a point and level (of a path a vertex, of a fit a datum), as `export` writes it to CSV; SI units."""
