@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import html
 import io
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager, nullcontext
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
@@ -23,7 +22,6 @@ from tcstudy.scene.keys import rows
 
 if TYPE_CHECKING:
     from tcstudy.data.provenance import Kind
-    from tcstudy.reports.terminal.progress import StatusLine
     from tcstudy.study.plan import Plan
 
 Changes = Sequence[str] | Mapping[str, object]
@@ -168,9 +166,11 @@ def plan(study: Study | str | FilePath) -> Plan:
 
     A function of its own, as it returns no results. Raises StudyError, GeometryFailed.
     """
+    from tcstudy.commands.shared import outside_the_sweep
     from tcstudy.study.plan import plan as forecast
 
-    return forecast(_outside_the_sweep(_study(study)))
+    asked = _study(study)
+    return forecast(outside_the_sweep(asked) if asked.kind == "path" else asked)
 
 
 def run(
@@ -201,7 +201,7 @@ def run(
     Raises StudyError, GeometryFailed, PathError, HistoryError, FitError, or StoreError, for example where the file
     holds the results of another study.
     """
-    asked, command = _study(study), ("tcstudy.run",)
+    asked = _study(study)
     if force and append:
         raise UsageError("force computes all points again, append keeps them; give one of these")
     if append and asked.kind != "run":
@@ -210,60 +210,13 @@ def run(
         raise UsageError("append: name the file that is to grow")
     if dask is not None and asked.kind in ("path", "fit"):
         raise UsageError(f"dask: a {asked.kind} has no work for others; leave it out")
-    match asked.kind:
-        case "run":
-            return _sweep(asked, output, progress, force, jobs, dask, append)
-        case "history":
-            from tcstudy.study.history_run import execute_history
+    found = _result(asked.kind, asked, output, progress, force, append=append, jobs=jobs, dask=dask)
+    if asked.kind == "fit":
+        from tcstudy.errors import tell
+        from tcstudy.reports.terminal.fit import fit_doubts
 
-            target, why = _target("history", asked, output)
-            with _line(progress, why) as line:
-                done = execute_history(asked, target, line.history if line else None, command, force, jobs, dask)
-            return Result(target, "" if done.found == done.points * done.steps else why)
-        case "path":
-            from tcstudy.study.path_run import execute_path
-
-            swept, asked = [axis.name for axis in asked.axes], _outside_the_sweep(asked)
-            work = lambda target, line: execute_path(asked, target, line.path if line else None, command, swept)  # noqa: E731
-            return _made("path", asked, output, progress, force, work)
-    from tcstudy.errors import tell
-    from tcstudy.reports.terminal.fit import fit_doubts
-    from tcstudy.study.fit import execute_fit
-
-    assert asked.fit is not None
-    fitted = lambda target, line: execute_fit(asked, target, line.event if line else None, command)  # noqa: E731
-    found = _made("fit", asked, output, progress, force, fitted, data_sha256=asked.fit.sha256)
-    tell(words for words, doubt in fit_doubts(found.tree) if doubt)
+        tell(words for words, doubt in fit_doubts(found.tree) if doubt)
     return found
-
-
-def _sweep(
-    asked: records.Study,
-    output: str | FilePath | None,
-    progress: bool,
-    force: bool,
-    jobs: int | None,
-    dask: str | None,
-    append: bool,
-) -> Result:
-    """The points of a sweep; those that the file lacks, where it has others."""
-    from tcstudy.data.provenance import tell_stored
-    from tcstudy.reports.terminal.progress import progress as terminal
-    from tcstudy.study.execute import execute, what_is_left
-
-    target, why = _target("run", asked, output)
-    whole, kept, there = what_is_left(asked, target, force, append)
-    if there:
-        tell_stored(target)
-        return Result(target)
-    with _line(progress, why), closing(terminal()) if progress else nullcontext() as watcher:
-        execute(whole, target, watcher, ("tcstudy.run",), jobs, dask, kept)
-    return Result(target, why)
-
-
-def _outside_the_sweep(study: records.Study) -> records.Study:
-    """The study of a path, without geometries that its sweep varies."""
-    return _opened(study).with_(sweep=None) if study.kind == "path" and study.variants else study
 
 
 def converge(
@@ -274,14 +227,7 @@ def converge(
     output, progress, force: as of `run`. Raises StudyError, ConvergenceError (levels that do not suit), GeometryFailed,
     StoreError.
     """
-    from tcstudy.study.convergence import converge_to_file
-
-    asked = _study(study)
-
-    def work(target: FilePath, line: StatusLine | None) -> None:
-        converge_to_file(asked, target, line.event if line else lambda text: None, ("tcstudy.converge",))
-
-    return _made("convergence", asked, output, progress, force, work)
+    return _result("convergence", _study(study), output, progress, force)
 
 
 def cost(
@@ -298,63 +244,24 @@ def cost(
 
     Raises StudyError, CostError (nothing to compare with), DrawError (no such point), GeometryFailed, StoreError.
     """
-    from tcstudy.data.writer import sweep_points
-    from tcstudy.reports.select_point import describe, locate
-    from tcstudy.reports.terminal.progress import CostProgress
-    from tcstudy.study.cost import RUNS, cost_to_file
-
-    asked = _study(study)
-    points = sweep_points(asked)
-    where = locate(points, at, "study")
-    words, index = describe(points, where), tuple(where.values())
-
-    def work(target: FilePath, line: StatusLine | None) -> None:
-        with closing(CostProgress()) as bar:
-            show = bar if line else lambda what, left: None
-            cost_to_file(asked, index, words, RUNS, target, show, ("tcstudy.cost",))
-
-    return _made("cost", asked, output, progress, force, work, point=words, runs=RUNS)
+    return _result("cost", _study(study), output, progress, force, at=at)
 
 
-def _made(
-    kind: Kind,
-    study: records.Study,
-    output: str | FilePath | None,
-    progress: bool,
-    force: bool,
-    work: Callable[[FilePath, StatusLine | None], object],
-    **asked: object,
+def _result(
+    kind: Kind, study: records.Study, output: str | FilePath | None, progress: bool, force: bool, **more: Any
 ) -> Result:
-    """These results, computed unless their file holds them already."""
-    from tcstudy.data.provenance import holds, tell_stored
+    """These results, computed unless their file holds them already; without a name that is one of the cache."""
+    from tcstudy.commands.shared import do, what_decides
+    from tcstudy.data.provenance import tell_stored
     from tcstudy.study.lint import check_kind
 
     check_kind(study, kind, str(study.source or "study"))
-    target, why = _target(kind, study, output, **asked)
-    if not force and holds(target, kind, study, **asked):
+    target, why = FilePath(output or ""), "computed now"
+    if output is None:
+        target = cached(kind, study, **what_decides(kind, study, more.get("at")))
+        why = why_again(target, study)
+    words = ("tcstudy." + {"convergence": "converge", "cost": "cost"}.get(kind, "run"),)
+    whole, _ = do(kind, study, target, words, why if progress else None, force, **more)
+    if whole and kind != "history":  # which warns by itself
         tell_stored(target)
-        return Result(target)
-    with _line(progress, why) as line:
-        work(target, line)
-    return Result(target, why)
-
-
-def _target(kind: Kind, study: records.Study, output: str | FilePath | None, **asked: object) -> tuple[FilePath, str]:
-    """The file that is asked for, or that of the cache; and why it is computed, if it is."""
-    if output is not None:
-        return FilePath(output), "computed now"
-    target = cached(kind, study, **asked)
-    return target, why_again(target, study)
-
-
-@contextmanager
-def _line(progress: bool, why: str) -> Iterator[StatusLine | None]:
-    """Where to show how far the work is, and why it is done; None if nobody wants to know."""
-    if not progress:
-        yield None
-        return
-    from tcstudy.reports.terminal.progress import StatusLine
-
-    with closing(StatusLine()) as line:
-        line.event(why)
-        yield line
+    return Result(target, "" if whole else why)

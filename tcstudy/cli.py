@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 
 from tcstudy.commands.shared import BAD_INPUT, OK
 from tcstudy.errors import StudyWarning, UserFault, printable
-from tcstudy.reports.terminal.outlet import guarded_streams, is_lost
+from tcstudy.reports.terminal.stream import guarded_streams, is_lost
 
 MODULES = {
     "run": "run",

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from tcstudy.scene.study import Study
     from tcstudy.study.plan import Plan
     from tcstudy.study.sizes import Resources
-    from tcstudy.study.workers import WorkerPool
 
 KEPT = "finished points are kept, the same command goes on from there"
 """What becomes of the work of a run that is stopped."""
@@ -48,95 +47,33 @@ def run(options: argparse.Namespace) -> int:
 
     with closing(WorkerPool(options.jobs, options.dask)) as pool:
         study, output = checked(options, at_once=lambda study: pool.early(study) if study.kind == "run" else None)
-        if study.kind == "run":
-            return _run(options, study, output, pool)
-    options.kept = (
-        "finished steps are kept, the same command goes on from there" if study.history else "nothing was written"
-    )
+        if study.kind != "run":
+            _check(options, study)
+        how = {"append": options.append, "jobs": options.jobs, "dask": options.dask, "pool": pool}
+        first = None if options.quiet else ""
+        whole, there = shared.do(study.kind, study, output, options.words, first, options.force, **how)
+    if there:
+        note(options, f"{output} {there}")
+    asked, failed = shared.failures(output)
+    below = [*shared.plotted(options, output), f"data in {output}"]
+    if study.kind == "run":
+        below[-1:] = (f"{why}: {shlex.join(words)}" for why, words in _onward(options, output, failed))
+        said = "found before" if whole else "found"
+        below.insert(0, f"{asked - failed} of {asked} solutions {said}; data in {output}")
+    say(options, output, ["", *(f"  {line}" for line in below)])
+    return SOME_FAILED if failed else OK
+
+
+def _check(options: argparse.Namespace, study: Study) -> None:
+    """Raise UsageError for options of a sweep where the study asks for something else."""
+    options.kept = "nothing was written"
+    if study.history:
+        options.kept = "finished steps are kept, the same command goes on from there"
     if options.append:
         way = f"run it with --set {study.kind}=null"
         fail(f"--append adds points of a sweep, and {options.study} has a section {study.kind}; leave it out, or {way}")
     if options.dask is not None and study.kind != "history":
         fail(f"--dask: a {study.kind} has no work for others; leave it out")
-    failed = {"path": _path, "history": _history, "fit": _fit}[study.kind](options, study, output)
-    say(options, output, ["", *(f"  {line}" for line in (*shared.plotted(options, output), f"data in {output}"))])
-    return SOME_FAILED if failed else OK
-
-
-def _run(options: argparse.Namespace, study: Study, output: Path, pool: WorkerPool) -> int:
-    """The same with a study that was found usable, and those who work."""
-    from tcstudy.study.execute import execute, what_is_left
-
-    study, kept, there = what_is_left(study, output, options.force, options.append)
-    if there:
-        note(options, f"{output} {'has all these points' if options.append else shared.THERE}")
-        points, failed = shared.stored(output)
-        return _say(options, output, points, failed, "found before")
-    from tcstudy.data.writer import sweep_points
-    from tcstudy.reports.select_point import naming
-    from tcstudy.reports.terminal.progress import progress
-
-    named = lambda index: naming(sweep_points(study))(index)  # noqa: E731
-    with closing(progress(naming=named, length=shared.length_unit(study))) as watcher:
-        result = execute(study, output, None if options.quiet else watcher, options.words, kept=kept, pool=pool)
-    return _say(options, result.output, result.points, result.failed, "found")
-
-
-def _say(options: argparse.Namespace, output: Path, points: int, failed: int, found: str) -> int:
-    """The summary of a run, where its data are and what could be asked next."""
-    below = [f"{points - failed} of {points} solutions {found}; data in {output}", *shared.plotted(options, output)]
-    below += [f"{why}: {shlex.join(words)}" for why, words in _onward(options, output, failed)]
-    say(options, output, ["", *(f"  {line}" for line in below)])
-    return SOME_FAILED if failed else OK
-
-
-def _path(options: argparse.Namespace, study: Study, output: Path) -> bool:
-    """Follow the equilibria on the branch from rest; whether what was asked for is not there."""
-    from tcstudy.data.provenance import SHORTFALLS
-    from tcstudy.data.reading import attributes
-    from tcstudy.reports.terminal.progress import StatusLine
-    from tcstudy.study.path_run import execute_path
-
-    names = [axis.name for axis in study.axes]
-    study = _outside_the_sweep(options, study)
-    if not shared.is_there(options, "path", study, output):
-        with closing(StatusLine()) as line:
-            execute_path(study, output, None if options.quiet else line.path, options.words, names)
-    return bool(attributes(output).get(SHORTFALLS))
-
-
-def _outside_the_sweep(options: argparse.Namespace, study: Study) -> Study:
-    """The study of a path, without geometries that its sweep varies."""
-    if study.variants:
-        from tcstudy.read.study import read_study
-
-        study = options.read = read_study(options.study, [*options.overrides, "sweep=null"])
-    return study
-
-
-def _history(options: argparse.Namespace, study: Study, output: Path) -> bool:
-    """Follow the load history of every sweep point; whether one ended early."""
-    from tcstudy.reports.terminal.progress import StatusLine
-    from tcstudy.study.history_run import execute_history
-
-    with closing(StatusLine()) as line:
-        watcher = None if options.quiet else line.history
-        result = execute_history(study, output, watcher, options.words, options.force, options.jobs, options.dask)
-    if result.found == result.points * result.steps:
-        note(options, f"{output} {shared.THERE}")
-    elif result.found:
-        note(options, f"{output} held {result.found} steps; the others were added")
-    return result.ended > 0
-
-
-def _fit(options: argparse.Namespace, study: Study, output: Path) -> bool:
-    """Find numbers of a study from measurements."""
-    assert study.fit is not None
-    from tcstudy.study.fit import execute_fit
-
-    if not shared.is_there(options, "fit", study, output, data_sha256=study.fit.sha256):
-        execute_fit(study, output, lambda text: note(options, text), options.words)
-    return False
 
 
 def _onward(options: argparse.Namespace, output: Path, failed: int) -> Iterator[tuple[str, list[str]]]:
@@ -169,7 +106,7 @@ def _dry_run(options: argparse.Namespace) -> int:
     """Every check that a run makes, and what the run would do."""
     study, output = checked(options)
     if study.kind == "path":
-        study = _outside_the_sweep(options, study)
+        study = options.read = shared.outside_the_sweep(study)
     from tcstudy.data.provenance import already_there
     from tcstudy.reports.terminal.forecast import expected_words, forecast_text
     from tcstudy.study.plan import plan, resources

@@ -1,12 +1,12 @@
-"""What commands have in common: options, the study and output they work on, and whether its results are there."""
+"""What commands have in common: options, the study and output they work on, the work, unless its results are there."""
 
 from __future__ import annotations
 
 import argparse
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -16,6 +16,7 @@ from tcstudy.errors import UsageError, printable
 if TYPE_CHECKING:
     from tcstudy.data.provenance import Kind
     from tcstudy.scene.study import Study
+    from tcstudy.study.workers import WorkerPool
 
 OK, SOME_FAILED, BAD_INPUT = 0, 1, 2
 """Exit codes of commands."""
@@ -253,34 +254,6 @@ def plotted(options: argparse.Namespace, file: Path, **wanted: Any) -> list[str]
     return [picture(file, options.plot, Wanted(**wanted))]
 
 
-THERE = "holds these results already; --force computes them again"
-
-
-def is_there(options: argparse.Namespace, kind: Kind, study: Study, output: Path, **asked: object) -> bool:
-    """Whether the output holds what the command would compute, which is then said; raises StoreError if it holds
-    something else. With --force neither is asked."""
-    if options.force:
-        return False
-    from tcstudy.data.provenance import holds
-
-    there = holds(output, kind, study, **asked)
-    if there:
-        note(options, f"{output} {THERE}")
-    return there
-
-
-def stored(output: Path) -> tuple[int, int]:
-    """How many solutions a file has, and how many of them failed."""
-    import netCDF4
-
-    from tcstudy.data.records import PointStatus
-
-    with netCDF4.Dataset(output) as nc:
-        status = nc["status"][...]
-    asked = status[status != PointStatus.NOT_RUN]
-    return int(asked.size), int((asked != PointStatus.OK).sum())
-
-
 def proved_unique(output: Path) -> bool:
     """Whether a file's solutions on the finest mesh are all proved to be the only ones."""
     import netCDF4
@@ -289,6 +262,125 @@ def proved_unique(output: Path) -> bool:
         return "unique" in nc.variables and bool((nc["unique"][...][..., -1] == 1).all())
 
 
-def length_unit(study: Study) -> str:
-    """The unit of lengths."""
-    return "1" if study.units == "none" else "m"
+def what_decides(kind: Kind, study: Study, at: Mapping[str, Any] | None = None) -> dict[str, object]:
+    """What decides the results of a study beside it, as global attributes of their file. Raises DrawError."""
+    if kind == "cost":
+        from tcstudy.study.cost import RUNS
+
+        return {"point": _point(study, at)[0], "runs": RUNS}
+    return {"data_sha256": study.fit.sha256} if kind == "fit" and study.fit is not None else {}
+
+
+def do(
+    kind: Kind,
+    study: Study,
+    output: Path,
+    words: Sequence[str],
+    first: str | None = None,
+    force: bool = False,
+    *,
+    append: bool = False,
+    jobs: int | None = None,
+    dask: str | None = None,
+    at: Mapping[str, Any] | None = None,
+    pool: WorkerPool | None = None,
+) -> tuple[bool, str]:
+    """Make the file of a study's results; returns whether it had all of them, and what it had of them, in words.
+
+    kind:  of the results;  words: the command, for the file's history
+    first: what is said before the work, whose progress is then shown; None for silence
+    append, jobs, dask, pool: as of `tcstudy.study.execute`;  at: of cost, the point by its labels
+
+    Raises StoreError where the file holds something else, which only `force` replaces; else as the work does.
+    """
+    from tcstudy.reports.terminal.progress import Progress
+
+    there, swept = "holds these results already; --force computes them again", [axis.name for axis in study.axes]
+    study = outside_the_sweep(study) if kind == "path" else study
+    if kind == "run":
+        from tcstudy.study.execute import execute, what_is_left
+
+        study, kept, whole = what_is_left(study, output, force, append)
+        if whole:
+            return True, "has all these points" if append else there
+    elif kind != "history" and not force:
+        from tcstudy.data.provenance import holds
+
+        if holds(output, kind, study, **what_decides(kind, study, at)):
+            return True, there
+    with closing(Progress(study)) as progress:
+        shown = None if first is None else progress
+        say = (lambda text: None) if shown is None else shown.event
+        if first:
+            say(first)
+        match kind:
+            case "run":
+                execute(study, output, shown, words, jobs, dask, kept, pool)
+            case "path":
+                from tcstudy.study.path_run import execute_path
+
+                execute_path(study, output, shown.path if shown else None, words, swept)
+            case "history":
+                from tcstudy.study.history_run import execute_history
+
+                done = execute_history(study, output, shown.history if shown else None, words, force, jobs, dask)
+                if done.found == done.points * done.steps:
+                    return True, there
+                return False, f"held {done.found} steps; the others were added" if done.found else ""
+            case "fit":
+                from tcstudy.study.fit import execute_fit
+
+                execute_fit(study, output, say, words)
+            case "convergence":
+                from tcstudy.reports.text import with_unit
+                from tcstudy.study.convergence import converge_to_file
+
+                unit = "1" if study.units == "none" else "m"
+                converge_to_file(study, output, say, words, lambda h: with_unit(h, unit, 3))
+            case "cost":
+                from tcstudy.study.cost import RUNS, cost_to_file
+
+                point, index = _point(study, at)
+                say(f"time unknown until the first of {RUNS} runs has measured it")
+                follow = (lambda text, left: None) if shown is None else shown.cost
+                cost_to_file(study, index, point, RUNS, output, follow, words)
+    return False, ""
+
+
+def failures(output: Path) -> tuple[int, int]:
+    """How many solutions a file was to have, and how many are not as they were asked for: points that failed, histories
+    that ended early, sentences on a path."""
+    import netCDF4
+    import numpy as np
+
+    from tcstudy.data.provenance import SHORTFALLS
+    from tcstudy.data.records import PointStatus
+
+    with netCDF4.Dataset(output) as nc:
+        if "status" not in nc.variables:
+            return 1, len(str(getattr(nc, SHORTFALLS, "")).splitlines())
+        if "step" in nc.dimensions:
+            return int(nc["reason"].size), int(np.count_nonzero(nc["reason"][...] != ""))
+        status = nc["status"][...]
+        asked = status[status != PointStatus.NOT_RUN]
+        return int(asked.size), int((asked != PointStatus.OK).sum())
+
+
+def outside_the_sweep(study: Study) -> Study:
+    """The study of a path, which is of one scene, without geometries that its sweep varies."""
+    if not study.variants:
+        return study
+    from tcstudy.read.study import read_study_text
+
+    overrides = [*(text for text in study.overrides if not text.startswith("sweep")), "sweep=null"]
+    return read_study_text(study.text, str(study.source or "study"), overrides, study.source)
+
+
+def _point(study: Study, at: Mapping[str, Any] | None) -> tuple[str, tuple[int, ...]]:
+    """A sweep point by its labels: in words, and its index. Raises DrawError."""
+    from tcstudy.data.writer import sweep_points
+    from tcstudy.reports.select_point import describe, locate
+
+    points = sweep_points(study)
+    where = locate(points, at, "study")
+    return describe(points, where), tuple(where.values())

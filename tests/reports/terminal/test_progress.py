@@ -1,4 +1,4 @@
-"""What a run shows: plain lines in a pipe, a bar that weighs finer levels more on a terminal."""
+"""What a run shows: plain lines in a pipe, one line with the time left on a terminal, finer levels for more."""
 
 from __future__ import annotations
 
@@ -11,13 +11,21 @@ import pytest
 
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.read.study import read_study_text
-from tcstudy.reports.terminal.progress import PlainProgress, TerminalProgress
+from tcstudy.reports.terminal.progress import Progress
 from tcstudy.study.execute import execute
 from tcstudy.study.run import LevelWork
 from tests.data.by_points import PointRecord, block_of
 from tests.study.test_variants import HOLED
+from tests.verification.scenes import RECTANGLE, study_of
 
 WORK = [LevelWork(2, 1, 1.0), LevelWork(2, 0, 4.0)]
+
+
+class Terminal(io.StringIO):
+    """A stream that a person looks at."""
+
+    def isatty(self) -> bool:
+        return True
 
 
 def record(level: int, status: PointStatus, reason: str = "why") -> BlockRecord:
@@ -25,61 +33,45 @@ def record(level: int, status: PointStatus, reason: str = "why") -> BlockRecord:
     return block_of((point,), (1,))
 
 
-@pytest.mark.parametrize("kind", [PlainProgress, TerminalProgress])
-def test_only_failures_are_lines(kind: type[PlainProgress] | type[TerminalProgress]) -> None:
-    stream = io.StringIO()
-    progress = kind(stream, lambda index: f"alpha = {index[0]}")
+@pytest.mark.parametrize("stream", [io.StringIO, Terminal])
+def test_failures_that_differ_in_numbers_have_one_line(stream: type[io.StringIO]) -> None:
+    progress = Progress(study_of(RECTANGLE, "sweep={tau: [0.01, 0.02]}"), shown := stream())
     progress.begin(WORK)
     progress.block(record(0, PointStatus.OK))
-    progress.block(record(1, PointStatus.NOT_CONVERGED))
-    progress.close()
-    text = stream.getvalue()
-    assert "alpha = 0 on level 1: not converged: why" in text
-    assert "level 0: " not in text
-
-
-@pytest.mark.parametrize("kind", [PlainProgress, TerminalProgress])
-def test_failures_that_differ_in_numbers_have_one_line(kind: type[PlainProgress] | type[TerminalProgress]) -> None:
-    stream = io.StringIO()
-    progress = kind(stream)
-    progress.begin(WORK)
     for residual in ("3.1e-9", "2e-07", "4"):
         progress.block(record(1, PointStatus.INCLUSION_VIOLATED, f"residual {residual}; coarsen"))
     progress.block(record(1, PointStatus.NOT_CONVERGED, "no solution; /srv/someone/part.step"))
     progress.close()
     progress.close()
-    text = stream.getvalue()
+    text = shown.getvalue()
+    assert "tau = 0.01 on level 1: inclusion violated: residual 3.1e-9; coarsen\n" in text
+    assert "level 0: " not in text
     assert text.count("; coarsen") == 1
     assert text.count("2 more failed for the same reasons") == 1
     assert "someone" not in text
+    assert ("\r" in text) == (stream is Terminal)
 
 
-def test_the_bar_weighs_levels() -> None:
-    progress = TerminalProgress(io.StringIO())
+def test_the_line_weighs_levels() -> None:
+    progress = Progress(study_of(RECTANGLE, "sweep={tau: [0.01, 0.02]}"), shown := Terminal())
     progress.begin(WORK)
-    task = progress._progress.tasks[0]
-    assert (task.total, task.completed, task.fields["points"]) == (10.0, 1.0, "1/4")
-    progress.block(record(1, PointStatus.OK))
-    assert (task.completed, task.fields["points"], task.fields["failed"]) == (5.0, "2/4", "")
-    progress.block(record(1, PointStatus.NOT_CONVERGED))
-    assert (task.completed, task.fields["points"], task.fields["failed"]) == (9.0, "3/4", ", 1 failed")
-    progress.close()
+    for done in (record(1, PointStatus.OK), record(1, PointStatus.NOT_CONVERGED)):
+        progress.block(done)
+    lines = [line for line in shown.getvalue().split("\r\x1b[K") if "solutions" in line]
+    assert lines[0].startswith(f"{'█' * 15}{'░' * 15} 2 of 4 solutions, ")
+    assert lines[1].startswith(f"{'█' * 27}{'░' * 3} 3 of 4 solutions, 1 failed, ")
+    assert lines[0].endswith(" solutions, 0 s left")
 
 
-@pytest.mark.parametrize("kind", [PlainProgress, TerminalProgress])
-def test_a_geometry_is_named(kind: type[PlainProgress] | type[TerminalProgress]) -> None:
+def test_a_geometry_is_named() -> None:
     """Of a real sweep, whose first geometry has no mesh: it is told after the beginning."""
-    stream = io.StringIO()
-    progress = kind(stream)
+    study = read_study_text(HOLED)
+    progress = Progress(study, stream := io.StringIO())
     with tempfile.TemporaryDirectory() as folder:
-        execute(read_study_text(HOLED), Path(folder) / "out.nc", progress)
-    if isinstance(progress, TerminalProgress):
-        assert progress._progress.tasks[0].description.startswith("parameters.height = 30 mm, level 0")
-    else:
-        lines = stream.getvalue().splitlines()
-        assert lines[0] == "3 points on 1 level: 3 solutions"
-        assert "mesh failed: body.holes[0]: the hole touches" in lines[1]
-        assert lines[1].endswith("; keep holes inside, or draw the outline around the notch")
-        named = [f"parameters.height = {height} mm, level 0: h" for height in (20, 30)]
-        assert [line.partition("_max")[0] for line in lines[2:]] == named
-    progress.close()
+        execute(study, Path(folder) / "out.nc", progress)
+    lines = stream.getvalue().splitlines()
+    assert lines[0] == "3 points on 1 level: 3 solutions"
+    assert "mesh failed: body.holes[0]: the hole touches" in lines[1]
+    assert lines[1].endswith("; keep holes inside, or draw the outline around the notch")
+    named = [f"parameters.height = {height} mm, level 0: h" for height in (20, 30)]
+    assert [line.partition("_max")[0] for line in lines[2:]] == named

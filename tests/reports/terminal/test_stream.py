@@ -7,7 +7,7 @@ import io
 
 import pytest
 
-from tcstudy.reports.terminal.outlet import Outlet, is_lost, raw_terminal, spelled, visible
+from tcstudy.reports.terminal.stream import Stream, is_lost, raw_terminal, spelled, visible
 
 
 class Broken(io.StringIO):
@@ -23,14 +23,14 @@ class Broken(io.StringIO):
 
 def test_control_characters_become_visible() -> None:
     stream = io.StringIO()
-    print("a\tb\x1b[31mR\x1b]0;own\x07\r\x9b\u202eλ₁\udcff", file=Outlet(stream))
+    print("a\tb\x1b[31mR\x1b]0;own\x07\r\x9b\u202eλ₁\udcff", file=Stream(stream))
     assert stream.getvalue() == "a\tb\\x1b[31mR\\x1b]0;own\\x07\\r\\x9b\\u202eλ₁\\udcff\n"
     assert visible("m\nθ̄ – ✓") == "m\nθ̄ – ✓"
 
 
 def test_a_progress_bar_may_move_the_cursor() -> None:
     stream = io.StringIO()
-    raw_terminal(Outlet(stream)).write("\r\x1b[K")  # type: ignore[arg-type]
+    raw_terminal(Stream(stream)).write("\r\x1b[K")  # type: ignore[arg-type]
     assert stream.getvalue() == "\r\x1b[K"
     assert raw_terminal(stream) is stream
 
@@ -41,7 +41,7 @@ def test_a_progress_bar_may_move_the_cursor() -> None:
 )
 def test_what_an_encoding_lacks_is_spelled(encoding: str, shown: str) -> None:
     raw = io.BytesIO()
-    out = Outlet(io.TextIOWrapper(raw, encoding=encoding))
+    out = Stream(io.TextIOWrapper(raw, encoding=encoding))
     print("λ₁ ∫ξ ² – µ … 漢", file=out)
     out.flush()
     assert raw.getvalue().decode(encoding) == shown + "\n"
@@ -55,7 +55,7 @@ def test_every_sign_of_the_reports_has_a_spelling() -> None:
 
 @pytest.mark.parametrize(("number", "lost"), [(errno.ENOSPC, True), (errno.EPIPE, False)])
 def test_a_stream_that_fails_is_remembered(number: int, lost: bool) -> None:
-    out = Outlet(Broken(number))
+    out = Stream(Broken(number))
     print("text", file=out)
     print("more", file=out)
     assert isinstance(out.lost, OSError)
@@ -63,10 +63,10 @@ def test_a_stream_that_fails_is_remembered(number: int, lost: bool) -> None:
 
 
 def test_no_stream_takes_everything() -> None:
-    out = Outlet(None)
+    out = Stream(None)
     print("text", file=out, flush=True)
     assert not out.isatty()
     assert not is_lost(out)
     closed = io.StringIO()
     closed.close()
-    print("text", file=Outlet(closed), flush=True)
+    print("text", file=Stream(closed), flush=True)

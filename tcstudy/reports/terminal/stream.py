@@ -46,7 +46,7 @@ def _spelled(character: str, encoding: str) -> str:
         return plain.encode("ascii", "ignore").decode("ascii") or "?"
 
 
-class Outlet:
+class Stream:
     """A text stream, or none, that takes everything and never raises; `lost` is the first error of writing."""
 
     def __init__(self, stream: TextIO | None, controls: bool = False) -> None:
@@ -83,9 +83,9 @@ class Outlet:
         """The encoding of the stream."""
         return getattr(self._stream, "encoding", None) or "utf-8"
 
-    def raw(self) -> Outlet:
+    def raw(self) -> Stream:
         """The same for a progress bar, which moves the cursor: control characters pass."""
-        return Outlet(self._stream, controls=True)
+        return Stream(self._stream, controls=True)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
@@ -101,11 +101,11 @@ class Outlet:
 
 
 @contextmanager
-def guarded_streams() -> Iterator[Outlet]:
-    """Standard output and error as outlets for the time of a `with`; gives that of standard output."""
+def guarded_streams() -> Iterator[Stream]:
+    """Standard output and error as such streams for the time of a `with`; gives that of standard output."""
     _occupy_descriptors()
     before = sys.stdout, sys.stderr
-    out, err = Outlet(before[0]), Outlet(before[1])
+    out, err = Stream(before[0]), Stream(before[1])
     sys.stdout, sys.stderr = cast(TextIO, out), cast(TextIO, err)
     try:
         yield out
@@ -117,10 +117,10 @@ def guarded_streams() -> Iterator[Outlet]:
 
 def raw_terminal(stream: TextIO) -> TextIO:
     """A stream for a progress bar, which writes control characters of its own."""
-    return cast(TextIO, stream.raw()) if isinstance(stream, Outlet) else stream
+    return cast(TextIO, stream.raw()) if isinstance(stream, Stream) else stream
 
 
-def is_lost(out: Outlet) -> bool:
+def is_lost(out: Stream) -> bool:
     """Whether output was lost that someone still wanted: not when its reader had enough, as `head` does."""
     return out.lost is not None and getattr(out.lost, "errno", None) not in (errno.EPIPE, errno.ESHUTDOWN)
 
