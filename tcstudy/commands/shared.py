@@ -289,7 +289,7 @@ def do(
 
     kind:  of the results;  words: the command, for the file's history
     first: what is said before the work, whose progress is then shown; None for silence
-    append, jobs, dask, pool: as of `tcstudy.study.execute`;  at: of cost, the point by its labels
+    append, jobs, dask, pool: as of `tcstudy.study.run`;  at: of cost, the point by its labels
 
     Raises StoreError where the file holds something else, which only `force` replaces; else as the work does.
     """
@@ -298,10 +298,10 @@ def do(
     there, swept = "holds these results already; --force computes them again", [axis.name for axis in study.axes]
     study = outside_the_sweep(study) if kind == "path" else study
     if kind == "run":
-        from tcstudy.study.execute import execute, what_is_left
+        from tcstudy.study.run import execute, what_is_left
 
-        study, kept, whole = what_is_left(study, output, force, append)
-        if whole:
+        study, kept = what_is_left(study, output, force, append)
+        if not kept.todo.any():
             return True, "has all these points" if append else there
     elif kind != "history" and not force:
         from tcstudy.data.provenance import holds

@@ -54,10 +54,9 @@ class Journal:
         self._closed = False
 
     @classmethod
-    def open(cls, output: Path, study: Study, beside: str = "") -> Journal:
+    def open(cls, output: Path, study: Study) -> Journal:
         """Create the journal of `output`, or resume it if it is of the same study and numerics.
 
-        beside: digest of the file whose points the run leaves alone, if any
         Raises StoreError if another run is writing to the same output or the directory cannot be written.
         """
         if problems := axis_problems(study):
@@ -68,7 +67,7 @@ class Journal:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise StoreError(f"cannot make {path.parent}: {error.strerror}. choose another output") from error
-        header = {"study_sha256": study_sha256(study), "program": program(), "beside": beside}
+        header = {"study_sha256": study_sha256(study), "program": program()}
         warnings: tuple[str, ...] = ()
         connection, why = connect(path, header)
         if why:
@@ -257,8 +256,6 @@ def _look_into(connection: sqlite3.Connection, header: dict[str, str]) -> str:
     found = dict(connection.execute("SELECT key, value FROM header").fetchall())
     if found.get("study_sha256") != header["study_sha256"]:
         return "is of another study or other overrides"
-    if found.get("beside") != header["beside"]:
-        return "is of a run that began from another file"
     if found != header:
         return "was made by other versions of the program"
     for kind in ("level", "block", "step"):

@@ -6,7 +6,6 @@ points of which study these are (`tcstudy.study.append`), and the group `live`, 
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -33,12 +32,6 @@ VALUES = 2**22
 """Numbers of one variable that are in memory at a time."""
 
 
-def digest(path: Path) -> str:
-    """SHA-256 of a file, by which a journal knows what it goes on from."""
-    with open(path, "rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
 @contextmanager
 def opened(path: Path, group: str = "") -> Iterator[netCDF4.Dataset]:
     """A finished file, or a group of it, nothing of which is masked. Raises StoreError."""
@@ -49,9 +42,9 @@ def opened(path: Path, group: str = "") -> Iterator[netCDF4.Dataset]:
         yield nc[group] if group else nc
 
 
-def read_status(path: Path) -> NDArray[np.int8]:
-    """(P, levels) PointStatus in the order of the file. Raises StoreError."""
-    with opened(path) as nc:
+def read_status(path: Path, group: str = "") -> NDArray[np.int8]:
+    """(P, levels) PointStatus in the order of the file, or of a group of it. Raises StoreError."""
+    with opened(path, group) as nc:
         status: NDArray[np.int8] = nc["status"][...]
     return status.reshape(-1, status.shape[-1])
 

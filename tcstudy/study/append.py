@@ -13,9 +13,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
-from hashlib import sha256
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,7 +23,7 @@ from numpy.typing import NDArray
 from tcstudy.data.provenance import Provenance, program, study_sha256
 from tcstudy.data.reading import attributes, refuse_changed
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
-from tcstudy.data.stored import digest, opened, read_blocks, read_geometries, read_levels, read_status
+from tcstudy.data.stored import opened, read_blocks, read_geometries, read_levels, read_status
 from tcstudy.data.writer import file_places
 from tcstudy.errors import StoreError, StudyError, shortened
 from tcstudy.read.document import tree_of, with_sweep
@@ -34,6 +32,7 @@ from tcstudy.read.study import read_study_text
 from tcstudy.read.sweep import MAX_POINTS
 from tcstudy.scene.study import Axis, Study
 from tcstudy.scene.units import same_quantity, split_quantity, text_in
+from tcstudy.study.point import all_failed
 
 if TYPE_CHECKING:
     import pandas
@@ -41,7 +40,7 @@ if TYPE_CHECKING:
 Places = NDArray[np.intp]
 
 
-def appended(path: Path, new: Study) -> tuple[Study, ExistingResults]:
+def appended(path: Path, new: Study) -> tuple[Study, Kept]:
     """The study with the points of a finished file and of `new`, and what the file has of it.
 
     Raises StoreError if they differ in more than the sweep.
@@ -51,17 +50,20 @@ def appended(path: Path, new: Study) -> tuple[Study, ExistingResults]:
         remedy = "give another --output, or --force to compute all anew"
         raise StoreError(f"{path} holds another study, not only another sweep ({'; '.join(found[:5])}); {remedy}")
     study = merge_studies(old, new)
-    return study, _kept(path, old, study, new, again=read_status(path) == PointStatus.NOT_RUN)
+    asked = np.zeros(len(study.scenes), dtype=bool)
+    asked[places_in(study, new)] = True
+    return study, Kept.of(path, old, study, asked)
 
 
-def all_but_broken(path: Path, study: Study) -> ExistingResults | None:
-    """What the file of this very study has without the points that broke down unexpectedly; None if none did.
+def mended(path: Path, study: Study) -> Kept:
+    """What the file of this very study has without the points that broke down unexpectedly.
 
     What failed by its own numbers would fail again; on meshes that follow from the solutions all points stay.
     """
-    if study.mesh.open_ended or not (broken := read_status(path) == PointStatus.ERROR).any():
-        return None
-    return _kept(path, stored_study(path, study.source), study, study, again=broken)
+    if study.mesh.open_ended or not np.any(read_status(path) == PointStatus.ERROR):
+        nothing = np.zeros((len(study.scenes), study.mesh.levels), dtype=bool)
+        return Kept(path, study, nothing[:, 0], todo=nothing)
+    return Kept.of(path, stored_study(path, study.source), study, np.zeros(len(study.scenes), dtype=bool))
 
 
 def stored_study(path: Path, source: Path | None = None) -> Study:
@@ -92,85 +94,53 @@ def stored_study(path: Path, source: Path | None = None) -> Study:
     return study
 
 
-def _kept(path: Path, stored: Study, study: Study, new: Study, again: NDArray[np.bool_]) -> ExistingResults:
-    """What the file of the study `stored` has of a study, of which the points of `new` are asked for.
-
-    again: (P of the file, levels) those that it has not
-    """
-    places = _in_file_order(stored, study)
-    todo = np.zeros((len(study.scenes), study.mesh.levels), dtype=bool)
-    todo[places_in(study, new)] = True
-    todo[places] &= again
-    return ExistingResults(path, stored, str(path), places, todo)
-
-
-def _in_file_order(stored: Study, study: Study) -> Places:
-    """(P,) where the points of a file, in its order, stand in the sweep of a study that has them all."""
-    places = np.empty(len(stored.scenes), dtype=np.intp)
-    places[file_places(stored, np.arange(len(places)))] = places_in(study, stored)
-    return places
-
-
 @dataclass(frozen=True, eq=False)
-class ExistingResults:
-    """What a finished file has of a study, and what is still to be solved.
+class Kept:
+    """What a finished file, or the group of a geometry in it, has of a study, and what is still to be solved.
 
-    stored: the study of the file, or of its group;  name: of that in words
-    places: (P of the file,) where its points stand in the study;  todo: (points of the study, levels)
-    mark:   by which journals know that they go on from this file; that of the file of all geometries for one of them
+    asked:  (P,) points of the study that are wanted, or there: of a grid of all values, some may be neither
+    todo:   (P, levels) those that are not there, or broke down unexpectedly
+    places: (P of the file,) where the points of the file stand in the study
+    stored: the study of the file, for what geometries its groups are of
     """
 
     path: Path
-    stored: Study
-    name: str
-    places: Places
+    study: Study
+    asked: NDArray[np.bool_]
     todo: NDArray[np.bool_]
-    mark: str = ""
+    places: Places = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
     group: str = ""
+    stored: Study | None = None
 
-    @cached_property
-    def levels(self) -> dict[int, LevelRecord]:
-        """The levels that the file has, by number."""
-        return read_levels(self.path, self.group) if len(self.places) else {}
+    @classmethod
+    def of(cls, path: Path, stored: Study, study: Study, asked: NDArray[np.bool_], group: str = "") -> Kept:
+        """asked: (P,) of those that are not in the file."""
+        status = read_status(path, group)
+        places = np.empty(len(status), dtype=np.intp)
+        places[file_places(stored, np.arange(len(places)))] = places_in(study, stored)
+        asked = asked.copy()
+        asked[places] |= np.any(status != PointStatus.NOT_RUN, axis=1)
+        todo = np.repeat(asked[:, None], study.mesh.levels, axis=1)
+        todo[places] &= np.isin(status, (PointStatus.NOT_RUN, PointStatus.ERROR))
+        return cls(path, study, asked, todo, places, group, stored)
 
-    @cached_property
-    def digest(self) -> str:
-        """By which a journal knows that it went on from this file."""
-        return self.mark or digest(self.path)
+    @classmethod
+    def none(cls, study: Study, asked: NDArray[np.bool_] | None = None) -> Kept:
+        """Nothing; asked: (P,) points to solve, all of them unless given."""
+        asked = np.ones(len(study.scenes), dtype=bool) if asked is None else asked
+        return cls(Path(), study, asked, np.repeat(asked[:, None], study.mesh.levels, axis=1))
 
-    def blocks(self, study: Study, level: int | None = None) -> Iterator[BlockRecord]:
-        """The points that are not solved again, of one level or of all."""
-        wanted = ~self.todo
-        if level is not None:
-            wanted &= np.arange(self.todo.shape[1]) == level
-        return read_blocks(self.path, study, self.places, wanted, self.group) if len(self.places) else iter(())
+    def records(self) -> Iterator[LevelRecord | BlockRecord]:
+        """What stays, as a run found it."""
+        if len(self.places):
+            yield from read_levels(self.path, self.group).values()
+            yield from read_blocks(self.path, self.study, self.places, ~self.todo, self.group)
 
-    def of_geometries(self, study: Study) -> list[ExistingResults]:
-        """The same of every geometry of the study, by its group in the file."""
-        mark = sha256(self.digest.encode() + np.packbits(self.todo).tobytes()).hexdigest()
-        numbers = np.full(len(study.scenes), -1, dtype=np.intp)
-        numbers[self.places] = read_geometries(self.path)
-        kept = []
-        for variant in study.variants:
-            one = replace(self, places=np.zeros(0, dtype=np.intp), todo=self.todo[variant.places], mark=mark)
-            number = int(numbers[variant.places].max(initial=-1))
-            own = self.stored.variants[number].study if number >= 0 else None
-            if own is not None and variant.study is not None:
-                places, name = _in_file_order(own, variant.study), f"{self.name} ({variant.words})"
-                one = replace(one, group=f"geometry_{number}", stored=own, name=name, places=places)
-            kept.append(one)
-        return kept
-
-    def without_geometry(self, study: Study) -> list[BlockRecord]:
-        """The points that are not solved again and whose geometry has no mesh."""
-        wanted = ~self.todo
-        wanted[self.places[read_geometries(self.path) >= 0]] = False
-        return list(read_blocks(self.path, study, self.places, wanted))
-
-    def with_levels(self, new: Sequence[LevelRecord]) -> tuple[LevelRecord, ...]:
-        """The levels of the file and those of the journal, coarse to fine."""
-        levels = self.levels | {level.level: level for level in new}
-        return tuple(levels[i] for i in sorted(levels))
+    def left_out(self) -> list[BlockRecord]:
+        """The points that nobody asked for, as blocks that are finished without results."""
+        idle = np.flatnonzero(~self.asked)
+        levels = range(self.study.mesh.levels) if len(idle) else ()
+        return [all_failed(self.study, level, idle, PointStatus.NOT_RUN, "") for level in levels]
 
     def before(self, provenance: Provenance) -> Provenance:
         """The provenance with the file's history before it."""
@@ -179,18 +149,18 @@ class ExistingResults:
         with opened(self.path, self.group) as nc:
             return replace(provenance, history=f"{nc.getncattr('history')}\n{provenance.history}")
 
-    def joined(self, record: LevelRecord) -> LevelRecord:
-        """The file's record of a level, with what a page needs of all points. Raises StoreError for another mesh."""
-        old = self.levels.get(record.level)
-        if old is None:
-            return record
-        same = old.n_dof == record.n_dof and all(
-            np.array_equal(getattr(old, name), getattr(record, name)) for name in ("arclength", "x", "y", "c", "edge")
-        )
-        if not same:
-            what = f"the mesh of level {record.level} is not that of {self.name}, whose points stay"
-            raise StoreError(f"{what}; run the whole study with --force")
-        return replace(old, fields=record.fields)
+    def of_geometries(self) -> Iterator[Kept]:
+        """The same of every geometry of the study, by its group in the file."""
+        numbers = np.full(len(self.study.scenes), -1, dtype=np.intp)
+        if self.stored is not None:
+            numbers[self.places] = read_geometries(self.path)
+        for variant in self.study.variants:
+            number, asked = int(numbers[variant.places].max()), self.asked[variant.places]
+            own = self.stored.variants[number].study if self.stored is not None and number >= 0 else None
+            if own is not None and variant.study is not None:
+                yield Kept.of(self.path, own, variant.study, asked, f"geometry_{number}")
+            else:
+                yield Kept.none(variant.study or self.study, asked)
 
 
 def places_in(study: Study, other: Study) -> Places:

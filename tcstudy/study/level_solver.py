@@ -58,7 +58,7 @@ class Times:
 
 @dataclass(frozen=True)
 class LevelSolver:
-    """What the blocks of a level are solved with. todo: places of the points to solve, None for all."""
+    """What the blocks of a level are solved with."""
 
     study: Study
     level: Level
@@ -66,12 +66,18 @@ class LevelSolver:
     executor: SerialExecutor = field(default_factory=SerialExecutor)
     times: Times = field(default_factory=Times)
     bodies: dict[object, CondensedBody] = field(default_factory=dict)
-    todo: Places | None = None
 
     @cached_property
     def solutions(self) -> Solutions | None:
         """Those found so far, where others begin from them."""
-        return Solutions(self.study, self.level.line.m) if keeps_solutions(self.study) else None
+        if not keeps_solutions(self.study):
+            return None
+        return Solutions(self.study, self.level.line.m, np.concatenate([block.points for block in self.blocks]))
+
+    @cached_property
+    def blocks(self) -> list[Block]:
+        """All of the level, in the order in which they are solved."""
+        return blocks_of(self.study, self.level.line.m, self.level.mesh.n_points)
 
     @cached_property
     def exact(self) -> Array | None:
@@ -86,19 +92,20 @@ class LevelSolver:
                   mesh depends on them
         A few blocks are prepared ahead, so that whoever solves them need not wait for loads.
         """
-        waiting: deque[tuple[Block, BlockRecord | Pending]] = deque()
-        blocks = blocks_of(self.study, self.level.line.m, self.level.mesh.n_points, self.todo)
-        firsts = np.array([one.points[0] for one in finished], dtype=np.intp)
-        for block in blocks:
+        waiting: deque[tuple[Block, Pending]] = deque()
+        done = np.zeros(len(self.study.scenes), dtype=bool)
+        for record in finished:
+            done[record.points] = True
+            if self.solutions is not None:
+                self.solutions.take(record)
+            if self.estimator is not None:
+                self._completed(record)
+        for block in self.blocks:
             while waiting and (len(waiting) > self.executor.ahead or self._must_wait(waiting[-1][0], block)):
                 yield from self._finish(*waiting.popleft())
-            known = [finished[i] for i in np.flatnonzero(np.isin(firsts, block.points)).tolist()]
-            waiting += [(block, one) for one in known]
-            there = np.concatenate([one.points for one in known]) if known else ()
-            left = block.points[~np.isin(block.points, there)]
-            if len(left):
-                block = replace(block, points=left)
-                waiting.append((block, self._started(block)))
+            left = replace(block, points=block.points[~done[block.points]])
+            if len(left.points):
+                waiting.append((left, self._started(left)))
         while waiting:
             yield from self._finish(*waiting.popleft())
 
@@ -108,16 +115,12 @@ class LevelSolver:
         more = self.estimator is not None or self.study.mesh.guarantee or output.fields or output.asks
         return (self.solutions is not None and block.wave != last.wave) or (more and block.ratio != last.ratio)
 
-    def _finish(self, block: Block, pending: BlockRecord | Pending) -> Iterator[BlockRecord]:
-        """The records of a block that were not there before; solutions are kept where others begin from them."""
-        there = isinstance(pending, BlockRecord)
-        for record in (pending,) if isinstance(pending, BlockRecord) else self._records(block, pending):
+    def _finish(self, block: Block, pending: Pending) -> Iterator[BlockRecord]:
+        """The records of a block; its solutions are kept where others begin from them."""
+        for record in self._records(block, pending):
             if self.solutions is not None:
                 self.solutions.take(record)
-            if not there:
-                yield record
-            elif self.estimator is not None:
-                self._completed(record)
+            yield record
 
     def _records(self, block: Block, pending: Pending) -> Iterator[BlockRecord]:
         """All points at once; where that breaks down, half of them at a time, to find the one that does it.
@@ -265,13 +268,8 @@ def keeps_solutions(study: Study) -> bool:
     return study.solver.branch == "continued" or not study.solver.in_blocks
 
 
-def blocks_of(study: Study, m: int, n_points: int, todo: Places | None = None) -> list[Block]:
-    """The blocks of a level in the order in which they are solved.
-
-    m: contact unknowns;  n_points: nodes of the mesh;  todo: places of the points to solve, None for all
-    """
-    if todo is not None and not len(todo):
-        return []
+def blocks_of(study: Study, m: int, n_points: int) -> list[Block]:
+    """The blocks of a level in the order in which they are solved. m: contact unknowns;  n_points: nodes of the mesh"""
     materials, of = combinations(study.scenes, *of_stiffness(study.scenes))
     numbers: dict[object, int] = {}
     ratio = np.array([numbers.setdefault(("ratio", Level.ratio(s)), len(numbers)) for s in materials])[of]
@@ -279,8 +277,6 @@ def blocks_of(study: Study, m: int, n_points: int, todo: Places | None = None) -
     places = np.arange(len(study.scenes))
     wave = _waves(study)
     order = np.lexsort((places, mu, ratio, wave))  # else as in the file, which is written meanwhile
-    if todo is not None:
-        order = order[np.isin(order, todo)]
     size = _size(study, m, n_points)
     kind = wave[order] * (ratio.max(initial=0) + 1) + ratio[order]
     cuts = np.flatnonzero(np.diff(kind)) + 1

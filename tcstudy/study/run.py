@@ -1,33 +1,54 @@
-"""Run a study: level by level, block by block, each result handed on as soon as it is there.
+"""Run a study: level by level, block by block, into its result file.
 
-`run` gives the records, `stages` the levels themselves; `study.execute` writes them into a file.
+`stages` are the levels at work, `run` their records, `execute` writes these into a file: of one body, or of one
+geometry after the other and then one file of all.
+
+What is finished is kept in a journal at once, and the netCDF file appears whole at the end. A geometry is a study like
+any other, with the swept numbers put in and a file of its own in a folder beside the output; what is finished there
+stays, so that a stopped sweep goes on where it was. The folder goes when the file of all geometries stands. Where
+workers pay, each makes the mesh of a geometry and solves all its points, and this process alone writes; a geometry that
+is long or large is solved here, and its blocks by the workers.
 """
 
 from __future__ import annotations
 
+import shutil
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import partial
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
+from tcstudy.data.journal import Journal
+from tcstudy.data.provenance import collect, holds, tell
+from tcstudy.data.reading import PARTIAL
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.data.schema import LIVE_PREFIX
-from tcstudy.errors import GeometryFailed
-from tcstudy.executors import SerialExecutor
+from tcstudy.data.store import write
+from tcstudy.data.variants import write_variants
+from tcstudy.data.writer import axis_problems
+from tcstudy.errors import GeometryFailed, StoreError, UserFault
+from tcstudy.executors import SerialExecutor, in_order
 from tcstudy.fem.boundary import held_ends
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.fem.study_meshes import Meshes
 from tcstudy.offline.level import Level, live_arrays
 from tcstudy.refine.error_estimator import ErrorEstimator
 from tcstudy.refine.family import Family
-from tcstudy.scene.study import Study
-from tcstudy.study.append import ExistingResults
-from tcstudy.study.level_solver import LevelSolver, Times, all_failed, keeps_solutions
-from tcstudy.study.workers import BlockExecutor
+from tcstudy.scene.study import Study, Variant
+from tcstudy.study.append import Kept, appended, mended
+from tcstudy.study.level_solver import LevelSolver, Times, keeps_solutions
+from tcstudy.study.lint import built_faults, faults, output_of, warnings
+from tcstudy.study.point import all_failed
+from tcstudy.study.sizes import contact_seconds, expected_bytes, of_geometry, predicted
+from tcstudy.study.workers import BlockExecutor, WorkerPool, submit
 
 
 @dataclass(frozen=True)
@@ -86,19 +107,17 @@ def run(
     study: Study,
     finished: Sequence[BlockRecord] = (),
     executor: BlockExecutor | None = None,
-    kept: ExistingResults | None = None,
 ) -> Iterator[LevelRecord | BlockRecord]:
     """Yield each level's record, then its points, block by block.
 
     finished: blocks to leave out; their solutions start their neighbours as if they had been found in this run
     executor: who solves the blocks of a level; None for this process
-    kept:     what a file has of the study; only the other points are solved
 
     A point that fails is recorded with its status and reason, and the rest goes on. Points come in an order that
     reuses factors and loads, not in the order of the sweep.
     Raises GeometryFailed if the body cannot be meshed, WorkersFailed if the executor has no workers.
     """
-    for stage in stages(study, finished, executor, kept):
+    for stage in stages(study, finished, executor):
         if stage.record is not None:
             yield stage.record
         yield from stage.blocks
@@ -110,7 +129,6 @@ def stages(
     study: Study,
     finished: Sequence[BlockRecord] = (),
     executor: BlockExecutor | None = None,
-    kept: ExistingResults | None = None,
     first: int = 0,
 ) -> Iterator[Stage]:
     """The levels of a study one after the other; take all blocks of one before the next is asked for.
@@ -125,15 +143,14 @@ def stages(
     for i in range(study.mesh.levels):
         known = [block for block in finished if block.level == i]
         times = Times(geometry)
-        todo = np.arange(len(study.scenes)) if kept is None else np.flatnonzero(kept.todo[:, i])
         try:
             clock = time.perf_counter()
             mesh = meshes.next(i)
             times.mesh = time.perf_counter() - clock
             if i < first:
                 continue
-            whole = sum(map(len, known)) == len(todo)
-            if whole and not study.mesh.estimates and (kept is None or not study.output.live):
+            whole = sum(map(len, known)) == len(study.scenes)
+            if whole and not (study.mesh.estimates or study.output.live):
                 continue
             clock = time.perf_counter()
             level = Level(mesh, study.scenes[0], study.scenes, guarantee=study.mesh.guarantee)
@@ -141,17 +158,15 @@ def stages(
         except GeometryFailed as error:
             if i == 0 or not study.mesh.listed:
                 raise
-            failed = all_failed(study, i, todo, PointStatus.MESH_FAILED, str(error))
-            yield Stage(None, None, iter(() if known else (failed,)), str)
+            left = np.setdiff1d(np.arange(len(study.scenes)), [place for one in known for place in one.points])
+            failed = all_failed(study, i, left, PointStatus.MESH_FAILED, str(error))
+            yield Stage(None, None, iter((failed,) if len(left) else ()), str)
             continue
         clock = time.perf_counter()
         estimator = meshes.estimator(level) if isinstance(meshes, Family) else None
         times.estimate = time.perf_counter() - clock
         who = executor(study, level.line.m) if executor is not None else SerialExecutor()
-        solver = LevelSolver(study, level, estimator, who, times, todo=todo)
-        if kept is not None and solver.solutions is not None:
-            for block in kept.blocks(study, i):
-                solver.solutions.take(block)
+        solver = LevelSolver(study, level, estimator, who, times)
         stop = partial(_stop, estimator, i + 1 == study.mesh.levels, times)
         yield Stage(level, level_record(study, mesh, level), _timed(solver.solve(known), times), stop, times)
         if stop() and study.mesh.open_ended:
@@ -233,10 +248,221 @@ def as_start(study: Study, block: BlockRecord) -> BlockRecord:
     )
 
 
-def work_of(study: Study, finished: Sequence[BlockRecord], kept: ExistingResults | None) -> list[LevelWork]:
-    """Points of every level; a point costs about as much as its mesh has nodes."""
+def work_of(study: Study, points: Sequence[int], done: Sequence[int]) -> list[LevelWork]:
+    """Points of every level, and those finished before; a point costs about as much as its mesh has nodes."""
     mesh, growth = study.mesh, study.mesh.strategy.growth
-    points = [len(study.scenes)] * mesh.levels if kept is None else kept.todo.sum(axis=0).tolist()
-    done = [sum(len(block) for block in finished if block.level == i) for i in range(mesh.levels)]
     finer = [(mesh.maxh[0] / mesh.maxh[i]) ** 2 if mesh.listed else growth**i for i in range(mesh.levels)]
     return [LevelWork(points[i], done[i], finer[i], not mesh.open_ended) for i in range(mesh.levels)]
+
+
+LONG, LARGE = 60.0, 2**28
+"""Seconds of contact problems, and bytes of results, from which a geometry is solved and kept block by block."""
+Records = Iterable[LevelRecord | BlockRecord]
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What came of a run: where the data are and how many points there are, failed and resumed ones counted."""
+
+    output: Path
+    points: int
+    failed: int
+    resumed: int
+
+
+def what_is_left(study: Study, output: Path, force: bool, append: bool) -> tuple[Study, Kept]:
+    """(the study of the whole file, what the file keeps of it).
+
+    append: the file may have other points of the study, which stay. Raises StoreError if it holds something else.
+    """
+    if append:
+        return appended(output, study)
+    return study, Kept.none(study) if force or not holds(output, "run", study) else mended(output, study)
+
+
+def execute(
+    study: Study,
+    output: Path | None = None,
+    watcher: Watcher | None = None,
+    command: Sequence[str] = ("tcstudy",),
+    jobs: int | None = None,
+    dask: str | None = None,
+    kept: Kept | None = None,
+    pool: WorkerPool | None = None,
+) -> Summary:
+    """Run all points of a study and write the result file.
+
+    jobs: worker processes, None for as many as pay;  dask: address of a scheduler whose workers are to do it instead
+    kept: what the output has of the study already and keeps (study.append), None for nothing
+    pool: who works, if some have begun to. Only this process writes, and the numbers are the same to the bit.
+    A run that was killed or interrupted leaves its finished points beside the output; the same study then goes on
+    where it stopped. Raises StoreError if the results cannot be kept, GeometryFailed if the body has no mesh,
+    WorkersFailed if there are no workers; KeyboardInterrupt passes through after the finished points are on the disk.
+    """
+    output, watcher = output or output_of(study), watcher or Quiet()
+    if problems := faults(study, output):
+        raise StoreError("\n".join(problems))
+    with closing((pool or WorkerPool(jobs, dask)).ready(study)) as pool:
+        write_all = _geometries if study.variants else _into_file
+        return write_all(study, output, watcher, command, pool, kept or Kept.none(study))
+
+
+def _into_file(
+    study: Study,
+    output: Path,
+    watcher: Watcher,
+    command: Sequence[str],
+    pool: WorkerPool,
+    kept: Kept,
+    alone: bool = True,
+    solved: Records | None = None,
+) -> Summary:
+    """Run all points of a study with one body: what the file keeps, or an earlier run left, is where this one begins.
+
+    alone:  whether this is the whole run: its warnings are said, and the workers may go when all points are solved
+    solved: what a worker found already, in the order of a run
+    """
+    # Two BLAS threads make the many small dense operations of a sweep slower, not faster.
+    with threadpool_limits(1, user_api="blas"), Journal.open(output, study) as journal:
+        for record in kept.records():
+            journal.add(record)
+        journal.flush()
+        before = {level.level: level for level in journal.levels()}
+        # what broke down unexpectedly is tried again; what failed by its own numbers would fail again
+        known = (block for block in journal.blocks() if not np.any(block.status == PointStatus.ERROR))
+        finished = [*(as_start(study, block) for block in known), *kept.left_out()]
+        remarks = warnings(study, alone)
+        tell([*journal.warnings, *(remarks if alone else ())])
+        points, idle = int(kept.asked.sum()), int((~kept.asked).sum())
+        done = [sum(len(one) for one in finished if one.level == i) - idle for i in range(study.mesh.levels)]
+        watcher.begin(work_of(study, [points] * study.mesh.levels, done))
+        if min(done) == points and not (study.output.live or study.mesh.estimates):  # not even a mesh is needed
+            solved = ()
+        for record in run(study, finished, pool.blocks) if solved is None else solved:
+            if isinstance(record, LevelRecord) and record.level in before:
+                record = _same_mesh(before[record.level], record)
+            journal.add(record)
+            _show(watcher, record)
+        if alone:
+            pool.close()  # before the file, which takes memory, is written
+        journal.flush()
+        levels, provenance = journal.levels(), kept.before(collect(study, command, remarks=remarks))
+        if study.mesh.estimates and not study.mesh.listed and levels:  # without those that its tolerance did not need
+            study = replace(study, mesh=replace(study.mesh, levels=levels[-1].level + 1))
+        count, failed = write(output, study, levels, journal.blocks, provenance)
+        journal.discard()
+    return Summary(output, count, failed, sum(done))
+
+
+def _same_mesh(old: LevelRecord, new: LevelRecord) -> LevelRecord:
+    """A level that was solved in part before, with what a page needs of all points.
+
+    Raises StoreError for another mesh.
+    """
+    if not all(np.array_equal(getattr(old, name), getattr(new, name)) for name in ("n_dof", "x", "y", "c", "edge")):
+        what = f"the mesh of level {old.level} is not that of the points solved before, which stay"
+        raise StoreError(f"{what}; run the whole study with --force")
+    return replace(old, fields=new.fields, stop=new.stop)
+
+
+def _show(watcher: Watcher, record: LevelRecord | BlockRecord) -> None:
+    if isinstance(record, BlockRecord):
+        watcher.block(record)
+    elif not record.stop:  # one that says why the level was the last follows its points
+        watcher.level(record)
+
+
+def _geometries(
+    study: Study, output: Path, watcher: Watcher, command: Sequence[str], pool: WorkerPool, kept: Kept
+) -> Summary:
+    """Run all geometries, each a study of its own into a file of its own, and join their files.
+
+    Raises as `execute`; a geometry without a mesh, or one that kills its workers, is a status of its points.
+    """
+    if problems := axis_problems(study):
+        raise StoreError("\n".join(problems))
+    tell(remarks := warnings(study))
+    folder, failed, files, resumed = output.with_name(f"{output.name}.geometries"), list[BlockRecord](), [], 0
+    folder.mkdir(parents=True, exist_ok=True)
+    targets = [folder / f"{i}.nc" for i in range(len(study.variants))]
+    before = [_of_file(*one) for one in zip(study.variants, targets, kept.of_geometries(), strict=True)]
+    sent = {i: of_geometry(one.study) for i, one in enumerate(study.variants)
+            if one.study is not None and _travels(one.study, targets[i], before[i])}  # fmt: skip
+    answers: Iterator[Future[list[LevelRecord | BlockRecord]]] = iter(())
+    if (who := pool.whole([*sent.values()])) is not None:
+        names = {i: f"geometry-{i} {study.variants[i].words}" for i in sent}
+        answers = in_order(
+            who, (submit(who, solve_geometry, before[i].study, name=names[i], seconds=sent[i].seconds) for i in sent)
+        )
+    watcher.begin(work_of(study, np.sum([one.todo.sum(axis=0) for one in before], axis=0), [0] * study.mesh.levels))
+    for i, (variant, own, file) in enumerate(zip(study.variants, before, targets, strict=True)):
+        status, reason = PointStatus.MESH_FAILED, variant.reason
+        try:
+            if variant.study is not None and (own.path != file or own.todo.any()):
+                solved = next(answers).result() if who is not None and i in sent else None
+                part = _Part(study, variant, watcher)
+                shown = Quiet() if solved is not None else part  # what a worker found is shown when it is safe
+                resumed += _into_file(variant.study, file, shown, command, pool, own, False, solved).resumed
+                for record in solved or ():
+                    _show(part, record)
+        except GeometryFailed as error:
+            reason = str(error)
+        except UserFault:
+            raise
+        except Exception as error:  # as of a block: one geometry must not end a sweep
+            status, reason = PointStatus.ERROR, f"{type(error).__name__}: {error}"
+        files.append(None if reason else file)
+        for level in range(study.mesh.levels) if reason and own.asked.any() else ():
+            failed.append(all_failed(study, level, variant.places[own.asked], status, reason))
+            watcher.block(failed[-1])
+    pool.close()
+    provenance = kept.before(collect(study, command, remarks=remarks))
+    points, bad = write_variants(output, study, files, failed, provenance)
+    shutil.rmtree(folder, ignore_errors=True)
+    return Summary(output, points, bad, resumed)
+
+
+def _of_file(variant: Variant, file: Path, kept: Kept) -> Kept:
+    """What the file of a geometry has that an earlier run left, else `kept`; one of another study is made again."""
+    study = variant.study
+    try:
+        there = study is not None and holds(file, "run", study)
+    except StoreError:
+        file.unlink()
+        return kept
+    return Kept.of(file, study, study, kept.asked) if there and study is not None else kept
+
+
+def _travels(study: Study, file: Path, kept: Kept) -> bool:
+    """Whether a worker may make the mesh of a geometry and solve all its points; what is half done goes on here."""
+    if file.with_name(file.name + PARTIAL).exists() or len(kept.places) or not kept.todo.all():
+        return False
+    took = sum(contact_seconds(study, level.n_contact) for level in predicted(study))
+    return took < LONG and expected_bytes(study) < LARGE
+
+
+def solve_geometry(study: Study) -> list[LevelRecord | BlockRecord]:
+    """All records of the run of a study with one geometry, in their order. Raises GeometryFailed."""
+    for keys, what, remedy in built_faults(study):
+        raise GeometryFailed(f"{what}; {remedy}", tuple(map(str, keys)))
+    return list(run(study))
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Shows the run of one geometry as a part of the whole."""
+
+    study: Study
+    variant: Variant
+    watcher: Watcher
+
+    def begin(self, work: Sequence[LevelWork]) -> None:
+        """The whole has begun before."""
+
+    def level(self, record: LevelRecord, geometry: str = "") -> None:
+        """A level of this geometry."""
+        self.watcher.level(record, self.variant.words)
+
+    def block(self, record: BlockRecord) -> None:
+        """Points of it, by their places in the whole sweep."""
+        self.watcher.block(replace(record, points=self.variant.places[record.points], shape=self.study.shape))

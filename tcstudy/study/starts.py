@@ -24,9 +24,9 @@ Places = NDArray[np.intp]
 class Solutions:
     """Contact solutions of a level found so far: where neighbours begin from."""
 
-    def __init__(self, study: Study, m: int) -> None:
-        """m: contact unknowns"""
-        self._shape = study.shape
+    def __init__(self, study: Study, m: int, order: Places) -> None:
+        """m: contact unknowns;  order: (P,) places in the order in which they are solved"""
+        self._shape, self._rank = study.shape, np.argsort(order)
         self._v = np.full((len(study.scenes), m), np.nan)
 
     def take(self, block: BlockRecord) -> None:
@@ -38,7 +38,7 @@ class Solutions:
     def beside(self, points: Places) -> Array:
         """(P, m) the solutions one step back along the last sweep dimension that has a step back and a solution there.
 
-        NaN in rows without one.
+        NaN in rows without one. One that is solved later counts as none, so that a resumed run has the same bits.
         """
         found = np.full((len(points), self._v.shape[1]), np.nan)
         index = np.array(np.unravel_index(points, self._shape)) if self._shape else np.zeros((0, len(points)), int)
@@ -46,8 +46,9 @@ class Solutions:
             back = index.copy()
             back[d] -= 1
             inside = np.flatnonzero(back[d] >= 0)
-            v = self._v[np.ravel_multi_index(tuple(back[:, inside]), self._shape)]
-            known = ~np.isnan(v).any(axis=1)
+            before = np.ravel_multi_index(tuple(back[:, inside]), self._shape)
+            v = self._v[before]
+            known = ~np.isnan(v).any(axis=1) & (self._rank[before] < self._rank[points[inside]])
             found[inside[known]] = v[known]
         return found
 

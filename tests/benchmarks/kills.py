@@ -26,7 +26,7 @@ import xarray as xr
 
 from tcstudy.data.records import PointStatus
 from tcstudy.read.study import read_study
-from tcstudy.study.execute import execute
+from tcstudy.study.run import execute
 from tests.executors.machines import Machines
 from tests.verification.scenes import RECTANGLE
 
@@ -43,7 +43,7 @@ from pathlib import Path
 from tcstudy.errors import UserFault
 from tcstudy.read.study import read_study
 from tcstudy.study import level_solver
-from tcstudy.study.execute import execute
+from tcstudy.study.run import execute
 level_solver.POINTS = 2
 class Slow:
     def begin(self, *_): print("begun", flush=True)

@@ -20,8 +20,7 @@ from tcstudy.errors import GeometryFailed
 from tcstudy.executors import Job, ProcessExecutor, SerialExecutor, WorkerDied, WorkersFailed, in_order
 from tcstudy.scene.study import Study
 from tcstudy.study import level_solver
-from tcstudy.study.execute import execute
-from tcstudy.study.run import run
+from tcstudy.study.run import execute, run
 from tests.executors.calls import harm, treat
 from tests.verification.scenes import RECTANGLE, study_of
 
@@ -169,7 +168,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)  # a parent in the back
 from tcstudy.read.study import read_study
 from tcstudy.study import level_solver
 from tcstudy.study import workers
-from tcstudy.study.execute import execute
+from tcstudy.study.run import execute
 level_solver.POINTS = 2
 workers.ProcessExecutor = partial(workers.ProcessExecutor, command=tuple(sys.argv[3:]))
 try:

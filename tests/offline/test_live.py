@@ -12,7 +12,7 @@ from tcstudy.offline import level as offline
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.refine.family import Family
-from tcstudy.study.execute import execute
+from tcstudy.study.run import execute
 
 STUDY = """
 body: {outline: [{from: [0, 0], edge: film}, {from: [0.2, 0], edge: end}, {from: [0.2, 0.1], edge: top},

@@ -14,8 +14,7 @@ from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.refine import error_estimator
 from tcstudy.reports.terminal.summary import summary
 from tcstudy.study import level_solver
-from tcstudy.study.execute import execute
-from tcstudy.study.run import run
+from tcstudy.study.run import execute, run
 from tests.data.by_points import one_by_one
 from tests.verification.scenes import RECTANGLE, study_of
 

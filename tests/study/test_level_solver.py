@@ -58,7 +58,7 @@ def test_energies_of_all_starts_are_kept(tmp_path: Path) -> None:
 
 def test_neighbour_is_one_step_back_along_the_last_dimension() -> None:
     study = study_of(RECTANGLE, "sweep={friction.tau: [1, 2, 3], E: [1, 2, 3]}", "solver={branch: continued}")
-    solutions = Solutions(study, 2)
+    solutions = Solutions(study, 2, np.arange(9))
     a, b = np.ones(2), np.zeros(2)
     solutions.take(solved(study, {1: a, 3: b}, PointStatus.OK))
     solutions.take(solved(study, {8: a}, PointStatus.NOT_CONVERGED))  # a failed point starts nobody

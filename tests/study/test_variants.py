@@ -16,9 +16,8 @@ from tcstudy.read.study import read_study_text
 from tcstudy.reports.page.run_part import axes
 from tcstudy.reports.select_point import describe
 from tcstudy.reports.terminal.summary import summary
-from tcstudy.study.execute import execute
 from tcstudy.study.plan import plan
-from tcstudy.study.run import Quiet
+from tcstudy.study.run import Quiet, execute
 
 SCALED = """
 parameters: {s: 1}

@@ -13,7 +13,7 @@ import tcstudy
 from tcstudy.data.records import PointStatus
 from tcstudy.read.study import read_study_text
 from tcstudy.study.append import appended
-from tcstudy.study.execute import execute
+from tcstudy.study.run import execute
 from tests.study.test_append import Counted
 from tests.study.test_variants import BAR, HOLED, Stops
 

@@ -20,9 +20,8 @@ from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.executors import ProcessExecutor, SerialExecutor
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.study import workers as who
-from tcstudy.study.append import all_but_broken
-from tcstudy.study.execute import execute, solve_geometry
-from tcstudy.study.run import LevelWork, Quiet, run
+from tcstudy.study.append import mended
+from tcstudy.study.run import LevelWork, Quiet, execute, run, solve_geometry
 from tcstudy.study.workers import submit
 from tests.benchmarks.kills import assert_same, children
 from tests.executors.test_processes import CRUEL, gone
@@ -116,7 +115,7 @@ def test_a_geometry_that_kills_its_workers_is_told_and_the_rest_goes_on(
         )
         assert told in str(tree["reason"].sel(s=1.5).values[0, 0])
     study = read_study_text(BARS)
-    execute(study, path, jobs=2, kept=all_but_broken(path, study))
+    execute(study, path, jobs=2, kept=mended(path, study))
     assert_same(alone, path)
 
 

@@ -27,9 +27,9 @@ from tcstudy.reports.stored_study import law_of_nodes
 from tcstudy.reports.terminal.path_summary import seen_folds
 from tcstudy.reports.terminal.summary import text_of
 from tcstudy.scene.contact_states import ContactState, node_states
-from tcstudy.study.execute import execute
 from tcstudy.study.history_run import execute_history
 from tcstudy.study.path_run import execute_path
+from tcstudy.study.run import execute
 from tests.reports.figures.draw_cases import LOOKS, RAIL, crowded, off_the_page, png_size
 
 SMALL_LOOK = style.Look(style.size_in_inches("8x7cm"))

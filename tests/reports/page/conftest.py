@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from tcstudy.read.study import read_study_text
-from tcstudy.study.execute import execute
 from tcstudy.study.history_run import execute_history
+from tcstudy.study.run import execute
 from tests.reports.figures.draw_cases import RAIL
 from tests.reports.page.browser import Browser
 

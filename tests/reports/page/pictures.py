@@ -10,7 +10,7 @@ from PIL import Image
 from tcstudy.cli import main as tcstudy
 from tcstudy.read.study import read_study
 from tcstudy.reports.page.write import write_page
-from tcstudy.study.execute import execute
+from tcstudy.study.run import execute
 from tests.reports.page.browser import Browser
 
 ROOT = Path(__file__).parents[3]

@@ -21,7 +21,7 @@ from tcstudy.reports.page.write import write_page
 from tcstudy.reports.stored_study import file_order
 from tcstudy.scene.records import Convection, Traction
 from tcstudy.scene.study import Study
-from tcstudy.study.execute import execute
+from tcstudy.study.run import execute
 from tests.reports.page.browser import Browser, missing
 
 pytestmark = [pytest.mark.browser, pytest.mark.skipif(bool(missing()), reason=missing())]

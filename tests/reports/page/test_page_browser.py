@@ -12,7 +12,7 @@ from tcstudy.data.provenance import collect
 from tcstudy.data.store import write_record
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.reports.page.write import write_page
-from tcstudy.study.execute import execute
+from tcstudy.study.run import execute
 from tests.reports.figures import draw_cases
 from tests.reports.page.browser import Browser, fragment, missing, text_of
 from tests.reports.page.conftest import STUDY

@@ -12,8 +12,7 @@ import pytest
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.terminal.progress import Progress
-from tcstudy.study.execute import execute
-from tcstudy.study.run import LevelWork
+from tcstudy.study.run import LevelWork, execute
 from tests.data.by_points import PointRecord, block_of
 from tests.study.test_variants import HOLED
 from tests.verification.scenes import RECTANGLE, study_of
