@@ -247,8 +247,8 @@ def _of_point(study: Study, level: Level, scene: Scene, record: HistoryRecord, p
     """The steps of one point that are still to do."""
     assert study.history is not None
     problem, loads = problem_of(study.history, level, scene, study.solver.tolerance)
-    record.lambda_1[point], record.margin[point] = problem.stiffness, problem.margin
-    record.lambda_1_error[point] = problem.A_error
+    record.lambda_1[point], record.margin[point] = problem.body.lambda_1, problem.margin
+    record.lambda_1_error[point] = problem.body.A_error
     laws = row_laws([problem.law], np.ones(1))
     beside = np.full((1, np.count_nonzero(level.line.unknowns < 0)), np.nan)
     output, requested = study.output, None
@@ -262,7 +262,7 @@ def _of_point(study: Study, level: Level, scene: Scene, record: HistoryRecord, p
     if study.output.sensitivity:
         slopes = islice(step_derivatives(study, level, scene), first, None)
     for n, step in enumerate(history(problem, loads[first:], start), first):
-        _put(record, point, n, step, problem.c)
+        _put(record, point, n, step, problem.body.c)
         for name, (length,) in region_lengths(level, laws, step.kappa[None], beside).items():
             record.values[name][point, n] = length
         if requested is not None and step.solved:
@@ -277,7 +277,7 @@ def _state(record: HistoryRecord, point: int, n: int, load: Array) -> HistorySte
     """The step n of a file, as the next one needs it."""
     own = {name: record.values[name][point, n] for name in NAMES if name in record.values}
     own["plastic"] = np.nan_to_num(own["plastic"])
-    return HistoryStep(v=record.u_T[point, n], load=load, **own)
+    return HistoryStep(v=record.u_T[point, n], load=load, dissipation=np.zeros(len(load)), **own)
 
 
 def _put(record: HistoryRecord, point: int, n: int, step: HistoryStep, c: Array) -> None:

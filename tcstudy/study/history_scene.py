@@ -17,6 +17,7 @@ from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.history.differences import HALFWAY, STEPS, one_sided, two_sided
 from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
 from tcstudy.contact.history.steps import history
+from tcstudy.contact.problem import CondensedBody
 from tcstudy.data.on_request import AT_EVENT, DIFFERENTIABLE, STATUS, STEP_QUANTITIES, name_of
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import WholeBody, change_of, is_load
@@ -38,17 +39,8 @@ def problem_of(
     at = [level.condensed(loaded_scene(scene, values)) for values in plan.stations()]
     first = at[0].problem
     lambda_1 = None if plan.loose else level.lambda_1(scene)
-    problem = HistoryProblem(
-        first.A_tilde,
-        first.c,
-        first.law,
-        plan.memory,
-        plan.branch,
-        tolerance,
-        lambda_1,
-        held=not plan.loose,
-        A_error=first.A_error,
-    )
+    body = CondensedBody.known(first.A_tilde, first.c, first.A_error, lambda_1=lambda_1, loose=plan.loose)
+    problem = HistoryProblem(body, first.law, plan.memory, plan.branch, tolerance)
     l_tilde = [one.problem.l_tilde for one in at]
     loads = [l_tilde[0]]
     for i, j, share, *_ in plan.schedule():

@@ -14,12 +14,12 @@ import time
 import numpy as np
 
 from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
+from tcstudy.contact.history.problem import HistoryStep
 from tcstudy.contact.history.steps import next_step
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.matrices import law
 from tcstudy.scene.histories import Memory
-from tests.contact.history.cases import coupled_line, softening
+from tests.contact.history.cases import coupled_line, remembering, softening
 
 LAWS = {
     "tresca": law("tresca", tau=2e7),
@@ -41,7 +41,7 @@ def main(nodes: int, steps: int) -> None:
             if memory.stiffness and not film.piecewise_linear:
                 continue
             for branch in ("lowest", "continued"):
-                body = HistoryProblem(A, c, film, memory, branch=branch)
+                body = remembering(A, c, film, memory, branch=branch)
                 last, begin = HistoryStep.virgin(nodes), time.process_time()
                 for factor in factors:
                     last = next_step(body, last, factor * load)

@@ -23,6 +23,7 @@ from tcstudy.laws.laws import Laws
 from tcstudy.matrices import law
 from tcstudy.scene.histories import Memory, UnfitLaw
 from tests.contact.contact_cases import half_laplacian
+from tests.contact.history.cases import remembering
 
 Array = NDArray[np.float64]
 
@@ -45,7 +46,7 @@ def random_history(seed: int) -> tuple[HistoryProblem, list[Array]]:
         film = _film(rng, lambda_1, memory)
         stiffness = float(film.omega * rng.uniform(1.2, 4.0)) if memory == "elastic-plastic" else None
         try:
-            body = HistoryProblem(A, c, film, Memory(memory, stiffness))  # type: ignore[arg-type]
+            body = remembering(A, c, film, Memory(memory, stiffness))  # type: ignore[arg-type]
             _ = body.model
         except UnfitLaw:
             continue
@@ -115,7 +116,7 @@ class Followed:
 
 def followed(body: HistoryProblem, loads: list[Array], parts: int = 1) -> Followed:
     """The history with every load in so many equal steps, as far as steps are solved."""
-    last, begin, steps = HistoryStep.virgin(body.m), np.zeros(body.m), list[HistoryStep]()
+    last, begin, steps = HistoryStep.virgin(body.body.m), np.zeros(body.body.m), list[HistoryStep]()
     for load in loads:
         for part in range(1, parts + 1):
             last = next_step(body, last, load if part == parts else begin + (part / parts) * (load - begin))
@@ -146,7 +147,7 @@ def judged(seed: int, parts: int = 100) -> tuple[list[str], str]:
     if one.last.solved and many.last.solved and apart > SAME:
         found.append("apart")
     numbers = (
-        f"{body.memory.name}, m {body.m}, jumps {one.jumps} and {many.jumps}, released {one.released:.10g} and "
+        f"{body.memory.name}, m {body.body.m}, jumps {one.jumps} and {many.jumps}, released {one.released:.10g} and "
         f"{many.released:.10g}, closure {one.closure:.1e} and {many.closure:.1e} of {one.dissipated:.3g}, apart "
         f"{apart:.1e} {one.last.reason} {many.last.reason}"
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -98,7 +97,7 @@ def test_bounds_hold_for_two_exponentials() -> None:
 
 def test_a_memory_of_two_exponentials_goes_on_along_their_sum() -> None:
     model = MemoryModel(Memory("friction"), TWO, 3)
-    state = replace(NodeState.virgin(3), kappa=np.array([0.0, 0.02, 0.7]))
+    state = NodeState(np.zeros(3), np.array([0.0, 0.02, 0.7]), np.zeros(3))
     ahead, w = model.next_law(state), np.array([0.01, 0.3, 0.2])
     np.testing.assert_allclose(ahead.b(w), TWO.b(state.kappa + w), rtol=1e-14)
     np.testing.assert_allclose(ahead.b(-w), -TWO.b(state.kappa + w), rtol=1e-14)

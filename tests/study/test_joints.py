@@ -174,7 +174,7 @@ def test_both_halves_of_a_joint_remember_the_same(name: MemoryName) -> None:
         w = np.full(m, s)
         both = [part.next_law(state).b(w)[node] for part in parts]
         assert whole.next_law(state).b(w)[node] == pytest.approx(share * both[0] + (1 - share) * both[1], rel=1e-5)
-        mine, (one, two) = whole.after(state, w), (part.after(state, w) for part in parts)
-        assert mine.state.kappa[node] == one.state.kappa[node] == two.state.kappa[node]
-        lost = share * one.dissipated[node] + (1 - share) * two.dissipated[node]
-        assert mine.dissipated[node] == pytest.approx(lost, rel=1e-5, abs=1e-12)
+        (mine, _, lost), *others = (model.after(state, w) for model in (whole, *parts))
+        assert mine.kappa[node] == others[0][0].kappa[node] == others[1][0].kappa[node]
+        both = share * others[0][2][node] + (1 - share) * others[1][2][node]
+        assert lost[node] == pytest.approx(both, rel=1e-5, abs=1e-12)

@@ -69,14 +69,14 @@ class Jump(NamedTuple):
     released: float
 
 
-def continued(body: HistoryProblem, last: HistoryStep, load: Array) -> HistoryStep:
+def continued(history: HistoryProblem, last: HistoryStep, load: Array) -> HistoryStep:
     """The step along its path, as `next_step` has it; one that cannot be followed fails with its reason."""
-    step = ContinuedStep(body, last, load)
+    step = ContinuedStep(history, last, load)
     if not step.run():
         reason = ENDED.format(share=step.t, reason=step.reason)
         return replace(step.now, status=Status.STALLED, reason=reason)
     assert step.judged is not None
-    return proved(body, *step.judged, replace(step.now, iterations=step.iterations))
+    return proved(history, *step.judged, replace(step.now, iterations=step.iterations))
 
 
 class ContinuedStep:
@@ -85,6 +85,8 @@ class ContinuedStep:
     now:   all parts together up to the share t;  ways, jumps: what they went through
     rest:  (m,) what a load is more in terms of w;  law: of the part
     problem: the same over the shares of the step, with straight pieces in the place of exponential ones
+    beyond: (m,) slips a little beyond the end of the last path;  fold: share up to which no way leads on
+    senses: (m,) in which nodes between two pieces of their graphs went on last
     """
 
     origin: Array
@@ -93,8 +95,9 @@ class ContinuedStep:
     law: Laws
     problem: ParametricProblem
 
-    def __init__(self, body: HistoryProblem, last: HistoryStep, load: Array) -> None:
-        self.body, self.last, self.load, self.change = body, last, load, load - last.load
+    def __init__(self, history: HistoryProblem, last: HistoryStep, load: Array) -> None:
+        self.history, self.body, self.straight = history, history.body, history.law.piecewise_linear
+        self.last, self.load, self.change = last, load, load - last.load
         self.now, self.t = last.unchanged(), 0.0
         self.ways, self.jumps = list[Way](), list[Jump]()
         self.iterations = 0
@@ -108,10 +111,11 @@ class ContinuedStep:
         """Part after part and jump after jump to the load; False where none leads on, with the reason."""
         for _ in range(MOST_PARTS):
             self._set_out()
-            path = self._onward() if self.fold <= self.t else None
-            if path is None and self.fold <= self.t and not self.body.law.piecewise_linear:
-                # the law may go on where no chord does
-                path = Path.standing(self.problem, self.t, self.w, PathStatus.UNSTABLE)
+            path = None
+            if self.fold <= self.t:
+                path = self._onward()
+                if path is None and not self.straight:  # the law may go on where no chord does
+                    path = Path.standing(self.problem, self.t, self.w, PathStatus.UNSTABLE)
             if not ((path is not None and self._along(path)) or self._elsewhere()):
                 return False
             if self.t == 1.0:
@@ -129,30 +133,34 @@ class ContinuedStep:
         A stiff body makes much of a slip's last digit: forces that rounding alone takes off their limits, outside or
         inside, are put on them, as no path would begin at the state, or all go back to its first vertex.
         """
-        body, now, linear = self.body, self.now, self.body.law.piecewise_linear
-        self.origin = body.model.origin(now)
-        self.w, self.law = now.v - self.origin, body.model.next_law(now)
-        xi, size = now.load - body.A_tilde @ now.v, np.abs(now.load) + np.abs(body.A_tilde) @ np.abs(now.v)
-        low, high = (body.c * limit - xi for limit in self.law.interval(self.w))
+        A, c, now, model = self.body.A_tilde, self.body.c, self.now, self.history.model
+        self.origin = model.origin(now)
+        self.w, self.law = now.v - self.origin, model.next_law(now)
+        xi, size = now.load - A @ now.v, np.abs(now.load) + np.abs(A) @ np.abs(now.v)
+        low, high = (c * limit - xi for limit in self.law.interval(self.w))
         apart = np.where(np.abs(low) < np.abs(high), low, high)
-        rounding = 8.0 * np.sqrt(body.m) * np.finfo(float).eps * size
-        self.rest = np.where(np.abs(apart) <= rounding, apart, 0.0) - body.A_tilde @ self.origin
-        law = self.law if linear else body.model.next_law(now, straight=True)
-        self.problem = ParametricProblem(body.A_tilde, self.last.load + self.rest, self.change, body.c, law)
-        vars(self.problem)["body"] = body.scaled  # the same in all parts and steps
+        rounding = 8.0 * np.sqrt(self.body.m) * np.finfo(float).eps * size
+        self.rest = np.where(np.abs(apart) <= rounding, apart, 0.0) - A @ self.origin
+        law = self.law if self.straight else model.next_law(now, straight=True)
+        self.problem = ParametricProblem(A, self.last.load + self.rest, self.change, c, law)
+        vars(self.problem)["body"] = self.history.scaled  # the same in all parts and steps
 
     def _at(self, t: float) -> ContactProblem:
         """The part's problem with the law itself."""
-        body = self.body
-        return ContactProblem(body.A_tilde, self.load_at(t) + self.rest, body.c, self.law, body.A_error)
+        return ContactProblem.on(self.body, self.load_at(t) + self.rest, self.law)
 
     def _answer(self, w: Array, t: float) -> Answer:
         """w, judged as a solution at the share t."""
-        body, problem = self.body, self._at(t)
-        answer = as_it_is(problem, w, body.tolerance) if body.law.piecewise_linear else None
-        answer = answer or solve_contact(problem, tolerance=body.tolerance, branch="continued", neighbour=w)
+        problem, tolerance = self._at(t), self.history.tolerance
+        answer = as_it_is(problem, w, tolerance) if self.straight else None
+        answer = answer or solve_contact(problem, tolerance=tolerance, branch="continued", neighbour=w)
         self.judged = problem, answer
         return answer
+
+    @property
+    def _follower(self) -> Follower:
+        one_way, most = self.history.model.remembers, self.history.max_pieces
+        return Follower(self.t, 1.0, most, self.history.tolerance, stable_only=True, one_way=one_way)
 
     def _onward(self) -> Path | None:
         """The path from the state, as far as it is stable and nobody turns back; None without one."""
@@ -162,28 +170,25 @@ class ContinuedStep:
             self.reason = str(error).partition("; ")[0]
             return None
         self.basis = walk.basis
-        path = replace(self._follower, one_way=self.body.model.remembers).onward(walk)
+        path = self._follower.onward(walk)
         self.senses = walk.graph.sense[walk.codes] * np.sign(walk.dx[:-1])
-        if path is not None and path.end == PathStatus.TURNS:  # what turns back takes none with it: they go on
-            moved, pushed = path.u[-1] - path.u[-2], path.traction[-1] - path.traction[-2]
+        if path is None:
+            return None
+        over = path.u[-1]
+        if path.end == PathStatus.TURNS:  # what turns back takes none with it: they go on
+            moved, pushed = over - path.u[-2], path.traction[-1] - path.traction[-2]
             self.senses = np.sign(np.where(moved != 0.0, moved, pushed))
-        if path is not None:
-            over = path.u[-1]
-            if path.end == PathStatus.UNSTABLE:  # half a piece beyond the fold, where the energy falls
-                step, _ = walk.reach()
-                step = step if np.isfinite(step) else float(np.max(np.abs(walk.u)) / np.max(np.abs(walk.dx)))
-                over = np.where(walk.free, (walk.x + 0.5 * step * walk.dx)[:-1], walk.u)
-            self.beyond = self.origin + over
+        if path.end == PathStatus.UNSTABLE:  # half a piece beyond the fold, where the energy falls
+            step, _ = walk.reach()
+            step = step if np.isfinite(step) else float(np.max(np.abs(walk.u)) / np.max(np.abs(walk.dx)))
+            over = np.where(walk.free, (walk.x + 0.5 * step * walk.dx)[:-1], walk.u)
+        self.beyond = self.origin + over
         return path
-
-    @property
-    def _follower(self) -> Follower:
-        return Follower(self.t, 1.0, self.body.max_pieces, self.body.tolerance, stable_only=True)
 
     def _path(self, w: Array, t: float, direction: Direction) -> Path | None:
         """The path through w at t, backward to the present share or forward; None, with the reason, without one."""
         try:
-            return self._follower.follow(self.problem, w, t, direction)
+            return replace(self._follower, one_way=False).follow(self.problem, w, t, direction)
         except ValueError as error:
             self.reason = str(error).partition("; ")[0]
             return None
@@ -195,48 +200,44 @@ class ContinuedStep:
         Along the graph of b ∫ξᵀdv = Σ c (j(w₁) − j(w₀)) whatever the curve, and what straight pieces miss of that they
         miss of the work as well: between the same ends each balances ΔE. Where they miss much the law goes elsewhere.
         """
-        body, p = self.body, self.problem
-        last = self._first_return(path)
+        p, c, last = self.problem, self.body.c, self._first_return(path)
         fold = last == path.pieces and path.end == PathStatus.UNSTABLE
-        folded = self._folded(path, last) if fold else None
+        folded = self._folded(path, last) if fold and not self.straight else None
         if not (folded or ((last or lead) and path.t[last] > self.t)):
             self.reason = path.end.reason
             return False
-        path, last, answer = folded or self._reached(path, last)
+        path, last, answer = folded or self._reached(path, last, fold)
         if answer.status != Status.CONVERGED:
             self.reason = answer.reason
             return False
-        t = np.array([self.t, *(lead.t[::-1] if lead else ()), *path.t[1:last], float(path.t[last])])
-        w = np.array([self.w, *(lead.u[::-1] if lead else ()), *path.u[1:last], answer.v])
+        end, before = float(path.t[last]), slice(None, None, -1)
+        t = np.array([self.t, *(lead.t[before] if lead else ()), *path.t[1:last], end])
+        w = np.array([self.w, *(lead.u[before] if lead else ()), *path.u[1:last], answer.v])
         balance = p.l_0 + t[1:-1, None] * p.l_1 - w[1:-1] @ p.A_tilde
-        xi = np.array([body.c * self.now.xi, *balance, answer.xi])
-        slips = np.diff(w, axis=0)
-        middle = 0.5 * (w[1:] + w[:-1]) + self.origin
-        work = -float(np.diff(t) @ (middle @ self.change))
-        friction = 0.5 * float(np.sum((xi[1:] + xi[:-1]) * slips))
-        if not body.law.piecewise_linear:
-            missed = float(body.c @ self.law.integral(w[0], answer.v)) - friction
-            if abs(missed) > 4.0 * LAW_ERROR * body.law.b_scale * float(np.sum(np.abs(slips) @ body.c)):
+        xi = np.array([c * self.now.xi, *balance, answer.xi])
+        slips, middle = np.diff(w, axis=0), 0.5 * (w[1:] + w[:-1]) + self.origin
+        work, friction = -float(np.diff(t) @ (middle @ self.change)), 0.5 * float(np.sum((xi[1:] + xi[:-1]) * slips))
+        if not self.straight:
+            missed = float(c @ self.law.integral(w[0], answer.v)) - friction
+            if abs(missed) > 4.0 * LAW_ERROR * self.history.law.b_scale * float(np.sum(np.abs(slips) @ c)):
                 self.reason = HIDDEN
                 return False
             work, friction = work + missed, friction + missed
-        end = float(path.t[last])
-        part = booked(body, self.now, self.load_at(end), answer, (work, friction))
+        part = booked(self.history, self.now, self.load_at(end), answer, (work, friction))
         self.now, self.t = self.now.then(replace(part, parts=last)), end
-        self.ways.append(Way(t, self.origin + w, xi / body.c))
+        self.ways.append(Way(t, self.origin + w, xi / c))
         return True
 
     def _first_return(self, path: Path) -> int:
         """Vertex up to which nobody takes back anything: slips, plastic slips and openings only grow."""
-        done = np.array([self.body.model.done(self.now, w) for w in path.u])
+        done = np.array([self.history.model.done(self.now, w) for w in path.u])
         rounding = ROUNDING * float(np.max(np.abs(path.u)))
         back = np.any(done[1:] < np.maximum.accumulate(done)[:-1] - rounding, axis=1)
         return int(np.argmax(back)) if np.any(back) else path.pieces
 
     def _folded(self, path: Path, last: int) -> tuple[Path, int, Answer] | None:
         """The path to where the law itself folds beside a vertex, that vertex and the state; None if it does not."""
-        law = self.body.law
-        for t, w in () if law.piecewise_linear else folds_beside(path, last, self.law, law.s_scale):
+        for t, w in folds_beside(path, last, self.law, self.history.law.s_scale):
             answer = self._answer(w, t)
             if answer.status == Status.CONVERGED and np.array_equal(answer.v, w):
                 self.fold = float(np.nextafter(t, 2.0))
@@ -244,19 +245,16 @@ class ContinuedStep:
                 return replace(path, t=np.append(path.t[:at], t), u=np.vstack([path.u[:at], w])), at, answer
         return None
 
-    def _reached(self, path: Path, last: int) -> tuple[Path, int, Answer]:
+    def _reached(self, path: Path, last: int, fold: bool) -> tuple[Path, int, Answer]:
         """The last vertex beside which the law itself has a solution, and that.
 
         Straight pieces in the place of a curve may fold a little later than it does: short of that the part ends.
         """
-        answer = self._answer(path.u[last], float(path.t[last]))
-        if self.body.law.piecewise_linear:
-            return path, last, answer
-        fold = last == path.pieces and path.end == PathStatus.UNSTABLE
-        slip = self.body.law.b_scale * float(np.max(self.body.c / np.diagonal(self.body.A_tilde)))
+        if self.straight:
+            return path, last, self._answer(path.u[last], float(path.t[last]))
+        slip = self.history.law.b_scale * float(np.max(self.body.c / np.diagonal(self.body.A_tilde)))
         for back in (0, *(2**k for k in range(20) if 2**k < last and path.t[last - 2**k] > self.t)):
-            if back:
-                answer = self._answer(path.u[last - back], float(path.t[last - back]))
+            answer = self._answer(path.u[last - back], float(path.t[last - back]))
             way = float(np.max(np.abs(path.u[last - back] - path.u[0])))
             near = float(np.max(np.abs(answer.v - path.u[last - back]))) <= ASIDE * way + 30.0 * LAW_ERROR * slip
             if near and answer.status == Status.CONVERGED:
@@ -297,7 +295,7 @@ class ContinuedStep:
 
         Where the energy of the step is convex no state lets go: what looks like a jump is rounding, and counts as none.
         """
-        body, now = self.body, self.now
+        now, A, c = self.now, self.body.A_tilde, self.body.c
         for vertex in (-1, 0):
             t = float(path.t[vertex])
             landed = self._answer(path.u[vertex], t)
@@ -305,13 +303,12 @@ class ContinuedStep:
                 self.reason = landed.reason
                 return False
             change = self.load_at(t) - now.load  # at rest until then: at the fold, but for straight pieces
-            forces = landed.xi + body.c * now.xi + change
-            drop = 0.5 * float(forces @ (self.origin + landed.v - now.v))
-            part = replace(booked(body, now, self.load_at(t), landed, (-float(now.v @ change), drop)), parts=0)
+            drop = 0.5 * float((landed.xi + c * now.xi + change) @ (self.origin + landed.v - now.v))
+            part = booked(self.history, now, self.load_at(t), landed, (-float(now.v @ change), drop))
             if part.closure > 0.0:
                 break
-        moved, size = np.abs(part.v - now.v), np.abs(part.load) + np.abs(body.A_tilde) @ np.abs(part.v)
-        rounding = np.sqrt(body.m) * np.finfo(float).eps * float(size @ moved)
+        moved, size = np.abs(part.v - now.v), np.abs(part.load) + np.abs(A) @ np.abs(part.v)
+        rounding = np.sqrt(self.body.m) * np.finfo(float).eps * float(size @ moved)
         if part.closure < -rounding:
             self.reason = UPHILL.format(gain=-part.closure)
             return False
@@ -319,11 +316,12 @@ class ContinuedStep:
             jumped = moved > ROUNDING * np.max(moved)
             part = replace(part, closure=0.0, released=part.closure, jumps=1, jumped=jumped)
             self.jumps.append(Jump(len(self.ways), t, now.v, part.v, part.released))
-        self.now, self.t, self.beyond = now.then(part), t, part.v
+        self.now, self.t, self.beyond = now.then(replace(part, parts=0)), t, part.v
         return True
 
     def _held(self) -> bool:
         """Whether the state is a solution of the part and the only one: just behind a down-jump it is none."""
         problem = self._at(self.t)
         residual, rounding = problem.inclusion_residual(self.w), problem.xi_rounding(self.w)
-        return Acceptance(self.body.tolerance).accepts(residual, rounding) and self.body.one_solution(self.law)
+        solved = Acceptance(self.history.tolerance).accepts(residual, rounding)
+        return solved and self.history.one_solution(self.law)

@@ -6,7 +6,7 @@ step is −∫W dt, W = l̃₁ᵀv: of a closed loop it is its area in the plane
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from tcstudy.contact.history.continued import ContinuedStep, Jump, Way
 from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
 from tcstudy.contact.path.problem import ParametricProblem
+from tcstudy.contact.problem import CondensedBody
 from tcstudy.scene.histories import Memory
 
 Array = NDArray[np.float64]
@@ -65,15 +66,16 @@ def hysteresis(
     """
     if begin == end:
         raise ValueError(f"the loop begins and ends at t = {begin:g}; give it a range")
-    memory, none, start = Memory("none"), np.zeros(problem.m), problem.at(begin)
-    body = HistoryProblem(problem.A_tilde, problem.c, problem.law, memory, tolerance=tolerance, max_pieces=max_pieces)
-    stored, energy = float(problem.c @ problem.law.j(v)), body.energy(v, start.l_tilde)
-    last = HistoryStep(v, none, none, start.l_tilde, start.xi(v) / problem.c, stored, energy)
+    body = CondensedBody.known(problem.A_tilde, problem.c, problem.A_error)
+    history = HistoryProblem(body, problem.law, Memory("none"), tolerance=tolerance, max_pieces=max_pieces)
+    load = problem.load(begin)
+    last = replace(HistoryStep.virgin(problem.m), v=v, load=load, xi=problem.at(begin).xi(v) / problem.c,
+                   stored=float(problem.c @ problem.law.j(v)), energy=history.energy(v, load))  # fmt: skip
     for _ in range(MOST_CYCLES):
-        there, reason = _driven(body, last, problem, begin, end)
+        there, reason = _driven(history, last, problem, begin, end)
         halves = [there]
         if not reason:
-            back, reason = _driven(body, there.now, problem, end, begin)
+            back, reason = _driven(history, there.now, problem, end, begin)
             halves.append(back)
         ways = [way for half in halves for way in half.ways]
         size = max((float(np.max(np.abs(way.v))) for way in ways), default=0.0)
@@ -88,10 +90,10 @@ def hysteresis(
 
 
 def _driven(
-    body: HistoryProblem, last: HistoryStep, problem: ParametricProblem, begin: float, end: float
+    history: HistoryProblem, last: HistoryStep, problem: ParametricProblem, begin: float, end: float
 ) -> tuple[ContinuedStep, str]:
     """The step from one end to the other, its shares turned into t, and why it ended early."""
-    step = ContinuedStep(body, last, problem.load(end))
+    step = ContinuedStep(history, last, problem.load(end))
     reason = "" if step.run() else f"at t = {begin + step.t * (end - begin):g}: {step.reason}"
     step.ways = [way._replace(t=_between(way.t, begin, end)) for way in step.ways]
     step.jumps = [jump._replace(t=float(_between(np.array(jump.t), begin, end))) for jump in step.jumps]

@@ -7,26 +7,29 @@ plastic slip, and the load l̃ − Ãa, friction without softening is one law at
 friction:        j = T(κ + |w|) − T(κ), T = ∫τ; nothing is stored
 elastic-plastic: j = ½ k (|w| − Δp)² + T(κ + Δp) − T(κ) with k (|w| − Δp) = τ(κ + Δp) or Δp = 0; where τ has the slope
                  q the law rises or falls by k q/(k + q)
-damage:          j = ½ τ(κ) s²/κ, beyond κ ½ τ(κ) κ + T(|s|) − T(κ); dissipated R = T(κ) − ½ τ(κ) κ
+damage:          j = ½ τ(κ) s²/κ, beyond κ ½ τ(κ) κ + T(|s|) − T(κ); dissipated R = T(κ) − ½ τ(κ) κ. Where the law
+                 rises straight from 0 nothing is damaged: κ counts from the end of that elastic branch on
 Literature: scene/histories.py; energies: Freddi & Riva, Math. Eng. 7 (2025) 406.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.history.rows import HalfRows, laws_of
 from tcstudy.contact.path.chords import piecewise_linear
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.histories import Memory
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+Tail = tuple[Index, Array, Array]
+"""(count, starts, pieces) of τ beyond a slip: (n,) pieces of each node, (n, P) slips at which they begin [m], and (5 or
+7, n, P) their s_0, b_0, q, a, r, a_2, r_2; rows are filled with their last piece."""
 
 NARROW = 64 * float(np.finfo(float).eps)
 """A node nearer than this to the next kink of its law, relative to its κ, has reached it."""
@@ -34,6 +37,8 @@ LAW_ERROR, FADED = 1e-4, 1e3
 """Of the straight pieces in the place of exponential ones; and decay lengths after which nothing is left of one."""
 UNTOUCHED = 1e-12
 """Slips below this part of the law's scale damage nothing."""
+MIRROR = np.array([-1.0, -1.0, 1.0, -1.0, -1.0, -1.0, -1.0])[:, None, None]
+"""Signs of s_0, b_0, q, a, r, a_2, r_2 in the mirrored piece −b(−s)."""
 
 
 @dataclass(frozen=True)
@@ -49,243 +54,215 @@ class NodeState:
     kappa: Array
     plastic: Array
 
-    @classmethod
-    def virgin(cls, m: int) -> NodeState:
-        """Nothing has moved yet."""
-        return cls(np.zeros(m), np.zeros(m), np.zeros(m))
-
-
-class Bonds(NamedTuple):
-    """What a step leaves behind: the state, and per length stored and dissipated energies (m,) [J/m²]."""
-
-    state: NodeState
-    stored: Array
-    dissipated: Array
-
-
-@dataclass(frozen=True)
-class Virgin:
-    """τ(κ) of one law: pieces (5 or 7, J) from the slips `starts` (J,) on, the first 0.
-
-    curve: what the pieces are chords of; None where they are the law's own. A node begins on the curve itself
-    """
-
-    starts: Array
-    pieces: Array
-    curve: Virgin | None = None
-
-    @classmethod
-    def of(cls, law: Laws) -> Virgin:
-        """The law for s > 0."""
-        first = int(law.piece(0.0, +1))
-        starts = np.concatenate([[0.0], law.kinks[law.kinks > 0.0]])
-        return cls(starts, np.stack([part[first:] for part in law.pieces]))
-
-    @classmethod
-    def straight(cls, law: Laws) -> Virgin:
-        """The same in straight pieces between points of the law, which miss it by LAW_ERROR of its scale at most."""
-        own = cls.of(law)
-        if law.piecewise_linear:
-            return own
-        reach = float(np.max(own.starts)) + FADED / float(np.min(law.rate[law.bent]))
-        kinks = piecewise_linear(law, 0.5 * LAW_ERROR, reach).kinks
-        starts = np.concatenate([[0.0], kinks[kinks > 0.0]])
-        piece = own.piece(starts)
-        b_0, q, none = own.value(starts, piece), own.pieces[2, piece].copy(), np.zeros(len(starts))
-        q[:-1] = (own.value(starts[1:], piece[:-1]) - b_0[:-1]) / np.diff(starts)
-        return cls(starts, np.stack([starts, b_0, q, none, none]), own)
-
-    def piece(self, kappa: Array) -> Index:
-        """(n,) the piece on which a node goes on from κ."""
-        return np.searchsorted(self.starts, kappa * (1.0 + NARROW), side="right") - 1
-
-    def value(self, kappa: Array, piece: Index) -> Array:
-        """τ(κ) on the named pieces."""
-        s_0, b_0, q, *decays = self.pieces[:, piece]
-        apart = kappa - s_0
-        return np.asarray(
-            b_0 + q * apart + sum(a * np.exp(-r * apart) for a, r in zip(decays[::2], decays[1::2], strict=True))
-        )
-
-    def tau(self, kappa: Array) -> Array:
-        """τ(κ), from the left at a kink."""
-        own = self.curve or self
-        return own.value(kappa, np.searchsorted(own.starts, kappa, side="left") - 1)
-
-    def ahead(self, kappa: Array) -> tuple[Index, Array, Array]:
-        """(count, starts, pieces) of τ beyond κ, rows filled with their last piece."""
-        first = self.piece(kappa)
-        column = np.minimum(first[:, None] + np.arange(len(self.starts))[None, :], len(self.starts) - 1)
-        starts, pieces = np.maximum(self.starts[column], kappa[:, None]), self.pieces[:, column].copy()
-        starts[:, 0] = kappa
-        if self.curve is not None:
-            end = np.append(self.starts, np.inf)[first + 1]
-            b_0, inner = self.curve.value(kappa, self.curve.piece(kappa)), np.isfinite(end)
-            there = pieces[1, :, 0] + pieces[2, :, 0] * (np.where(inner, end, kappa) - pieces[0, :, 0])
-            slope = np.divide(there - b_0, end - kappa, out=pieces[2, :, 0].copy(), where=inner)
-            pieces[:3, :, 0] = kappa, b_0, slope
-        return len(self.starts) - first, starts, pieces
-
-    def slid(self, kappa: Array) -> tuple[Index, Array, Array]:
-        """The same of τ(κ + x) for x > 0."""
-        count, starts, pieces = self.ahead(kappa)
-        pieces[0] -= kappa[:, None]
-        return count, starts - kappa[:, None], pieces
-
 
 @dataclass(frozen=True)
 class MemoryModel:
     """A memory of a body's contact line.
 
     memory: which one;  law: of the scene, whose s > 0 is the virgin curve;  m: nodes
+    names:  (m,) which memory every node has, if they differ
     Raises UnfitLaw if the memory cannot be made of the law.
     """
 
     memory: Memory
     law: Laws
     m: int
+    names: NDArray[np.str_] | None = None
 
     def __post_init__(self) -> None:
-        self.memory.check(self.law)
+        for own, nodes in self.law.groups(self.m):
+            for name in np.unique(self._name[nodes]).tolist():
+                replace(self.memory, name=name).check(own)
 
     @cached_property
-    def laws(self) -> list[tuple[Laws, Index]]:
-        """Every law with its nodes."""
-        return self.law.groups(self.m)
+    def _name(self) -> NDArray[np.str_]:
+        return np.full(self.m, self.memory.name) if self.names is None else self.names
 
     @cached_property
-    def groups(self) -> list[tuple[Index, Virgin]]:
-        """The nodes of every law with its virgin curve."""
-        return [(nodes, Virgin.of(own)) for own, nodes in self.laws]
+    def slides(self) -> Flags:
+        """(m,) nodes with the memory `friction`."""
+        return self._name == "friction"
 
     @cached_property
-    def straight(self) -> list[tuple[Index, Virgin]]:
-        """The same in straight pieces."""
-        return [(nodes, Virgin.straight(own)) for own, nodes in self.laws]
+    def yields(self) -> Flags:
+        """(m,) nodes with the memory `elastic-plastic`."""
+        return self._name == "elastic-plastic"
 
     @cached_property
-    def omega(self) -> Array:
-        """(m,) steepest fall of any step's law [Pa/m]."""
-        found = np.empty(self.m)
-        for own, nodes in self.laws:
-            found[nodes] = self.memory.omega(own.omega)
-        return found
+    def tears(self) -> Flags:
+        """(m,) nodes with the memory `damage`."""
+        return self._name == "damage"
 
     @property
     def remembers(self) -> bool:
         """False where every way leads back as well."""
         return self.memory.name != "none"
 
+    @property
+    def _k(self) -> float:
+        """Stiffness of elastic-plastic bonds [Pa/m]."""
+        return self.memory.stiffness or np.inf
+
+    @cached_property
+    def omega(self) -> Array:
+        """(m,) steepest fall of any step's law [Pa/m]."""
+        found, at = self._own.falls[self._own.index], self.yields
+        found[at] = self._k * found[at] / (self._k - found[at])
+        return found
+
+    @cached_property
+    def elastic(self) -> Array:
+        """(m,) end of the branch on which the law rises straight from 0, which damages nothing; 0 without one [m]."""
+        first = self._own.piece(np.zeros(self.m))
+        s_0, b_0, q, *decays = self._own.numbers(first)
+        end = self._own.upper.take(first)
+        rises = (b_0 == q * s_0) & (q > 0.0) & ~np.any(decays[::2], axis=0) & np.isfinite(end)
+        return np.where(rises & self.tears, end, 0.0)
+
     @cached_property
     def unchanged(self) -> bool:
         """True if the law in w = v − a is the scene's own at every step: nothing softens, or nothing is remembered."""
-        flat = all(len(own.starts) == 1 and not np.any(own.pieces[2:4]) for _, own in self.groups)
-        return not self.remembers or (flat and self.memory.name == "friction")
+        count, _, pieces = _tail(self._own, np.zeros(self.m))
+        return not self.remembers or bool(np.all(self.slides & (count == 1)) and not np.any(pieces[2:4]))
+
+    @cached_property
+    def _own(self) -> Laws:
+        return self.law.tables.at(self.law.node_index(self.m))
+
+    @cached_property
+    def _straight(self) -> Laws:
+        """τ for s > 0 in straight pieces."""
+        return self.law.mapped(_chords).tables.at(self._own.index)
 
     def origin(self, state: NodeState) -> Array:
         """(m,) a: slips from which w is counted [m]."""
-        none = np.zeros(self.m)
-        return {"friction": state.v, "elastic-plastic": state.plastic}.get(self.memory.name, none)
+        return np.where(self.slides, state.v, np.where(self.yields, state.plastic, 0.0))
 
     def next_law(self, state: NodeState, straight: bool = False) -> Laws:
-        """The law of w = v − a in the step from this state, or straight pieces in its place."""
+        """The law of w = v − a in the step from this state, or straight pieces in its place.
+
+        Every node's is odd: ±τ(κ + |w|) with an up-jump at the last slip; elastic to τ(κ)/k, then on along the virgin
+        curve; or the secant to (κ, τ(κ)), then the virgin curve, the virgin law itself where nothing has slipped.
+        """
         straight = straight and not self.law.piecewise_linear
         if self.unchanged and not straight:
             return self.law
-        return laws_of(self.halves(state, straight), self.m, self.omega, self.law.b_scale)
+        kappa = np.maximum(state.kappa, self.elastic)
+        count, starts, pieces = self._chords_on(kappa) if straight else _tail(self._own, kappa)
+        moved = np.where(self.tears, 0.0, kappa)[:, None]
+        starts, pieces[0], centre = starts - moved, pieces[0] - moved, np.full(self.m, np.nan)
+        if np.any(self.yields):
+            starts, pieces = self._in_series(starts, pieces)
+            centre[self.yields & (pieces[1][:, 0] > 0.0)] = self._k
+        torn = self.tears & (kappa > 0.0)
+        centre[torn] = self.law.b(kappa, -1)[torn] / kappa[torn]
+        return self._odd(count, starts, pieces, centre)
 
-    def halves(self, state: NodeState, straight: bool = False) -> list[HalfRows]:
-        """That law for w > 0."""
-        rows = {"friction": _sliding, "elastic-plastic": self._yielding, "damage": _damaged}[self.memory.name]
-        halves = []
-        for nodes, virgin in self.straight if straight else self.groups:
-            halves += rows(virgin, nodes, state.kappa[nodes])
-        return halves
-
-    def _yielding(self, virgin: Virgin, nodes: Index, kappa: Array) -> list[HalfRows]:
-        """Elastic to τ(κ)/k, then on along the virgin curve, whose slopes q become k q/(k + q)."""
-        k = self._stiffness
-        count, starts, pieces = virgin.slid(kappa)
+    def _in_series(self, starts: Array, pieces: Array) -> tuple[Array, Array]:
+        """The tail of τ(κ + x) behind the spring of elastic-plastic nodes: slopes q become k q/(k + q)."""
+        k, yields = self._k, self.yields[:, None]
         tau = pieces[1] + pieces[2] * (starts - pieces[0])
-        turned = np.stack([starts + tau / k, tau, k * pieces[2] / (k + pieces[2]), 0.0 * tau, 0.0 * tau])
-        halves = []
-        for some, centre in ((tau[:, 0] > 0.0, k), (tau[:, 0] <= 0.0, None)):
-            if np.any(some):
-                slope = None if centre is None else np.full(int(np.count_nonzero(some)), centre)
-                halves.append(HalfRows(nodes[some], count[some], turned[0][some], turned[:, some], slope))
-        return halves
+        starts, turned = np.where(yields, starts + tau / k, starts), 0.0 * pieces
+        turned[:3] = starts, tau, k * pieces[2] / np.where(yields, k + pieces[2], 1.0)
+        return starts, np.where(yields, turned, pieces)
 
-    @property
-    def _stiffness(self) -> float:
-        assert self.memory.stiffness is not None
-        return self.memory.stiffness
+    def _chords_on(self, kappa: Array) -> Tail:
+        """The tail in straight pieces; where they stand for a curve a node begins on the curve itself."""
+        own, law = self._own, self._straight
+        count, starts, pieces = _tail(law, kappa)
+        end, curved = law.upper.take(law.piece(_reached(kappa))), np.any(own.bent, axis=1)[own.index]
+        begin, (s_0, b_0, q) = own.value(kappa, own.piece(_reached(kappa))), pieces[:3, :, 0]
+        inner = curved & np.isfinite(end)
+        there = b_0 + q * (np.where(inner, end, kappa) - s_0)
+        slope = np.divide(there - begin, end - kappa, out=q.copy(), where=inner)
+        pieces[:3, :, 0] = np.where(curved, (kappa, begin, slope), pieces[:3, :, 0])
+        return count, starts, pieces
+
+    def _odd(self, count: Index, starts: Array, pieces: Array, centre: Array) -> Laws:
+        """The laws of all nodes from their pieces for w > 0 and the slope of one through 0, NaN for a jump or a bend.
+
+        What a film has lost does not make its residuals larger: its scale is that before anything was forgotten.
+        """
+        (n, P), N, middle = starts.shape, count[:, None], np.isfinite(centre)[:, None].astype(np.intp)
+        column, row = np.arange(2 * P + int(np.max(middle, initial=0)))[None, :], np.arange(n)[:, None]
+        left, inner = column < N, (column == N) & (middle == 1)
+        at = np.where(left, N - 1 - column, np.clip(column - N - middle, 0, N - 1))
+        pieces = pieces[:, row, at] * np.where(left, MIRROR[: len(pieces)], 1.0)
+        pieces = np.where(inner, 0.0, pieces)
+        pieces[2] = np.where(inner, centre[:, None], pieces[2])
+        column = column[:, :-1]
+        below = column < N - 1 + middle
+        at = np.where(below, N - 1 - column, np.clip(column - N + 1 - middle, 0, N - 1))
+        kinks = starts[row, at] * np.where(below, -1.0, 1.0)
+        kinks = np.where(column < 2 * N - 1 + middle, kinks, np.inf)
+        found = Laws("row", kinks, *(pieces + 0.0), index=np.arange(n, dtype=np.intp))
+        return found.known(scales=np.full(n, self.law.b_scale), falls=self.omega)
 
     def done(self, state: NodeState, w: Array) -> Array:
         """(m,) what cannot be undone since the state: slip, plastic slip, or |v| beyond κ [m]."""
-        if not self.remembers:
-            return np.zeros(self.m)
-        if self.memory.name == "friction":
-            return np.abs(w)
-        if self.memory.name == "damage":
-            return np.maximum(np.abs(w) - state.kappa, 0.0)
-        return self._flow(state, w)[0]
+        beyond = np.maximum(np.abs(w) - np.maximum(state.kappa, self.elastic), 0.0)
+        return np.where(self.tears, beyond, self._flow(state, w)[0])
 
-    def after(self, state: NodeState, w: Array) -> Bonds:
-        """What the step to v = a + w leaves behind."""
-        v, stored, plastic = self.origin(state) + w, np.zeros(self.m), state.plastic
+    def after(self, state: NodeState, w: Array) -> tuple[NodeState, Array, Array]:
+        """What the step to v = a + w leaves behind: the state, and per length stored and dissipated energies [J/m²]."""
+        v, kappa, plastic = self.origin(state) + w, state.kappa, state.plastic
         if not self.remembers:
-            return Bonds(NodeState(v, state.kappa, plastic), self.law.j(v), stored)
-        if self.memory.name == "damage":
-            return self._broken(state, v)
-        flow = np.abs(w)
-        if self.memory.name == "elastic-plastic":
-            flow, force = self._flow(state, w)
-            stored, plastic = 0.5 * force**2 / self._stiffness, plastic + np.sign(w) * flow
-        kappa = state.kappa + flow
-        return Bonds(NodeState(v, kappa, plastic), stored, self.law.integral(state.kappa, kappa))
+            return NodeState(v, kappa, plastic), self.law.j(v), np.zeros(self.m)
+        flow, force = self._flow(state, w)
+        least = UNTOUCHED * (self.law.s_scale or float(np.max(np.abs(v), initial=0.0)))
+        largest = np.where(np.maximum(kappa, np.abs(v)) > np.maximum(kappa, least), np.abs(v), kappa)
+        kappa = np.where(self.tears, largest, kappa + flow)
+        before, now = np.maximum(state.kappa, self.elastic), np.maximum(kappa, self.elastic)
+        old, tau = (np.where(self.tears & (at > 0.0), self.law.b(at, -1), 0.0) for at in (before, now))
+        lost = self.law.integral(before, now) - 0.5 * (tau * now - old * before)
+        lost = np.where(self.tears, np.where(now > before, np.maximum(lost, 0.0), 0.0), lost)
+        stored = 0.5 * tau / np.where(now > 0.0, now, 1.0) * v**2 + 0.5 * force**2 / self._k
+        return NodeState(v, kappa, plastic + np.where(self.yields, np.sign(w) * flow, 0.0)), stored, lost
 
     def _flow(self, state: NodeState, w: Array) -> tuple[Array, Array]:
-        """(Δp, force), (m,) each, of the return map: from the piece on which |w| lies."""
-        flow, force = np.zeros(self.m), np.zeros(self.m)
-        k = self._stiffness
-        for nodes, virgin in self.groups:
-            count, starts, pieces = virgin.slid(state.kappa[nodes])
-            tau = pieces[1] + pieces[2] * (starts - pieces[0])
-            size, column = np.abs(w[nodes]), np.arange(starts.shape[1])
-            passed = np.count_nonzero((size[:, None] > starts + tau / k) & (column < count[:, None]), axis=1)
-            row, at = np.arange(len(nodes)), np.maximum(passed - 1, 0)
-            q, begin, t = pieces[2][row, at], starts[row, at], tau[row, at]
-            beyond = size - (begin + t / k)
-            flow[nodes] = np.where(passed > 0, begin + beyond * k / (k + q), 0.0)
-            force[nodes] = np.where(passed > 0, t + beyond * k * q / (k + q), k * size)
+        """(Δp, force), (m,) each: of friction (|w|, 0), of elastic-plastic bonds by the return map, else 0.
+
+        The return map begins on the piece on which |w| lies.
+        """
+        flow, force, nodes = np.where(self.slides, np.abs(w), 0.0), np.zeros(self.m), np.flatnonzero(self.yields)
+        if not len(nodes):
+            return flow, force
+        k, kappa, size = self._k, state.kappa[nodes, None], np.abs(w[nodes])
+        count, starts, pieces = _tail(self._own.of_nodes(nodes), state.kappa[nodes])
+        starts = starts - kappa
+        tau = pieces[1] + pieces[2] * (starts - (pieces[0] - kappa))
+        column = np.arange(starts.shape[1])
+        passed = np.count_nonzero((size[:, None] > starts + tau / k) & (column < count[:, None]), axis=1)
+        at = np.arange(len(nodes)), np.maximum(passed - 1, 0)
+        q, begin, t = pieces[2][at], starts[at], tau[at]
+        beyond = size - (begin + t / k)
+        flow[nodes] = np.where(passed > 0, begin + beyond * k / (k + q), 0.0)
+        force[nodes] = np.where(passed > 0, t + beyond * k * q / (k + q), k * size)
         return flow, force
 
-    def _broken(self, state: NodeState, v: Array) -> Bonds:
-        """Secants grow softer where |v| has passed κ; R(κ) = T(κ) − ½ τ(κ) κ."""
-        least = UNTOUCHED * (self.law.s_scale or float(np.max(np.abs(v), initial=0.0)))
-        reached = np.maximum(state.kappa, np.abs(v))
-        kappa = np.where(reached > np.maximum(state.kappa, least), reached, state.kappa)
-        tau, before = self.law.b(kappa, -1), self.law.b(state.kappa, -1)
-        tau, before = np.where(kappa > 0.0, tau, 0.0), np.where(state.kappa > 0.0, before, 0.0)
-        lost = self.law.integral(state.kappa, kappa) - 0.5 * (tau * kappa - before * state.kappa)
-        secant = tau / np.where(kappa > 0.0, kappa, 1.0)
-        grown = np.where(kappa > state.kappa, np.maximum(lost, 0.0), 0.0)
-        return Bonds(NodeState(v, kappa, state.plastic), 0.5 * secant * v**2, grown)
+
+def _reached(kappa: Array) -> Array:
+    return kappa * (1.0 + NARROW)
 
 
-def _sliding(virgin: Virgin, nodes: Index, kappa: Array) -> list[HalfRows]:
-    """±τ(κ + |w|): an up-jump at the last slip, then the law's own tail."""
-    return [HalfRows(nodes, *virgin.slid(kappa))]
+def _tail(law: Laws, kappa: Array) -> Tail:
+    """τ beyond κ (n,) of laws by node: the piece on which a node goes on from there, and all after it."""
+    first = law.piece(_reached(kappa))
+    count = np.count_nonzero(np.isfinite(law.kinks), axis=1)[law.index] + 1 - (first - law.first[law.index])
+    at = first[:, None] + np.minimum(np.arange(np.max(count, initial=1)), count[:, None] - 1)
+    starts = np.maximum(law.lower.take(at), kappa[:, None])
+    starts[:, 0] = kappa
+    return count, starts, np.stack(law.numbers(at))
 
 
-def _damaged(virgin: Virgin, nodes: Index, kappa: Array) -> list[HalfRows]:
-    """The secant to (κ, τ(κ)), then the virgin curve; the virgin law itself where nothing has slipped."""
-    touched = kappa > 0.0
-    halves = []
-    if not np.all(touched):
-        whole = np.flatnonzero(~touched)
-        halves.append(HalfRows(nodes[whole], *virgin.slid(np.zeros(len(whole)))))
-    if np.any(touched):
-        nodes, kappa = nodes[touched], kappa[touched]
-        halves.append(HalfRows(nodes, *virgin.ahead(kappa), virgin.tau(kappa) / kappa))
-    return halves
+def _chords(law: Laws) -> Laws:
+    """τ for s > 0 in straight pieces between points of the law, which miss it by LAW_ERROR of its scale at most."""
+    if law.piecewise_linear:
+        return law
+    reach = float(np.max(law.kinks, initial=0.0)) + FADED / float(np.min(law.rate[law.bent]))
+    kinks = piecewise_linear(law, 0.5 * LAW_ERROR, reach).kinks
+    s = np.concatenate([[0.0], kinks[kinks > 0.0]])
+    piece, none = law.piece(s), np.zeros(len(s))
+    b, q = law.value(s, piece), law.q[piece]
+    q[:-1] = (law.value(s[1:], piece[:-1]) - b[:-1]) / np.diff(s)
+    return Laws(law.name, s[1:], s, b, q, none, none)

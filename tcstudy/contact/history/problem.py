@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.contact.block import Answer
@@ -24,7 +23,7 @@ from tcstudy.contact.certificates import certify, positive_definite
 from tcstudy.contact.history.memory import MemoryModel, NodeState
 from tcstudy.contact.newton import slopes
 from tcstudy.contact.path.problem import ScaledBody
-from tcstudy.contact.problem import MARGIN, ContactProblem, kept, least_eigenvalue, least_lowered
+from tcstudy.contact.problem import CondensedBody, ContactProblem, kept, least_lowered
 from tcstudy.contact.status import Status
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.histories import HistoryBranch, Memory
@@ -32,7 +31,7 @@ from tcstudy.scene.study import Acceptance
 
 Array = NDArray[np.float64]
 
-SUMS = ("work", "dissipated", "closure", "released", "parts", "iterations", "jumps")
+SUMS = ("work", "dissipated", "dissipation", "closure", "released", "parts", "iterations", "jumps")
 """Numbers of a step that are sums over its parts."""
 NOBODY = np.False_
 UNDETERMINED = (
@@ -45,7 +44,7 @@ UNDETERMINED = (
 class HistoryStep(NodeState):
     """A step: all that a file has of it and all that the next one needs, beginning with what the nodes remember.
 
-    load:       (m,) l̃ [N/m];  xi: (m,) ξ/c [Pa]
+    load:       (m,) l̃ [N/m];  xi: (m,) ξ/c [Pa];  dissipation: (m,) what the bond has dissipated in the step [J/m²]
     stored:     B;  energy: E [J/m]
     work:       −½ (vⁿ + vⁿ⁻¹)ᵀΔl̃, what the change of the loads did;  dissipated: D ≥ 0
     closure:    what finite steps miss;  released: lost at jumps, ≥ 0 [J/m]
@@ -59,6 +58,7 @@ class HistoryStep(NodeState):
 
     load: Array
     xi: Array
+    dissipation: Array
     stored: float = 0.0
     energy: float = 0.0
     work: float = 0.0
@@ -86,12 +86,12 @@ class HistoryStep(NodeState):
     @classmethod
     def virgin(cls, m: int) -> HistoryStep:
         """Before any load."""
-        return cls(*np.zeros((5, m)))
+        return cls(*np.zeros((6, m)))
 
     def unchanged(self) -> HistoryStep:
         """The step after this one to the same load: nothing happens in it."""
-        return replace(self, work=0.0, dissipated=0.0, closure=0.0, released=0.0, identity=0.0,
-                       parts=0, iterations=0, jumps=0, jumped=NOBODY)  # fmt: skip
+        none = {name: 0 * getattr(self, name) for name in SUMS}
+        return replace(self, **none, identity=0.0, jumped=NOBODY)
 
     def then(self, part: HistoryStep) -> HistoryStep:
         """This and a further part of the same step."""
@@ -103,118 +103,85 @@ class HistoryStep(NodeState):
 class HistoryProblem:
     """What all steps share.
 
-    A_tilde, c: as in `ContactProblem`, Ã only semidefinite for a body that nothing but friction holds
-    law, memory: the scene's law and what is remembered of it
+    body:       Ã and c; a body that nothing but friction holds is a loose one, with Ã only semidefinite
+    law, memory, names: the scene's law and what is remembered of it, as in `MemoryModel`
     branch:     "lowest": lowest found of the step from all starts; "continued": along its path (continued.py)
     tolerance:  of the inclusion residual, as in `solve_contact`
     max_pieces: of a path that is followed at once
-    lambda_1:   λ₁ if it is known
-    held:       False for a body that only friction holds, which then has no λ₁
-    A_error:    as in `ContactProblem`
 
     Raises UnfitLaw if the memory cannot be made of the law.
     """
 
-    A_tilde: Array
-    c: Array
+    body: CondensedBody
     law: Laws
     memory: Memory
     branch: HistoryBranch = "continued"
     tolerance: float | None = None
-    lambda_1: float | None = None
-    held: bool = True
-    A_error: float = 0.0
+    names: NDArray[np.str_] | None = None
     max_pieces: int = 20_000
-
-    @property
-    def m(self) -> int:
-        """Number of contact nodes."""
-        return len(self.c)
 
     @cached_property
     def model(self) -> MemoryModel:
         """The memory of the contact line."""
-        return MemoryModel(self.memory, self.law, self.m)
-
-    @cached_property
-    def stiffness(self) -> float:
-        """λ₁ [Pa/m]; 0 where only friction holds the body."""
-        if not self.held:
-            return 0.0
-        return least_eigenvalue(self.A_tilde, self.c) if self.lambda_1 is None else self.lambda_1
+        return MemoryModel(self.memory, self.law, self.body.m, self.names)
 
     @cached_property
     def margin(self) -> float:
         """λ_min(C^{−½}ÃC^{−½} − diag ω_i) [Pa/m], λ₁ − ω where all nodes have one law."""
-        omega = self.model.omega
+        omega, share = self.model.omega, kept(self.body.A_error)
         if np.any(omega != omega[:1]):
-            return least_lowered(kept(self.A_error) * self.A_tilde, self.c, omega)
-        return kept(self.A_error) * self.stiffness - float(np.max(omega, initial=0.0))
+            return least_lowered(share * self.body.A_tilde, self.body.c, omega)
+        return share * self.body.lambda_1 - float(np.max(omega, initial=0.0))
 
     @cached_property
     def convex(self) -> bool:
         """True if every step has one solution, whatever its load."""
-        largest = float(np.max(np.diagonal(self.A_tilde) / self.c, initial=0.0))
-        noise = 8.0 * self.m * np.finfo(float).eps * largest
-        return self.held and self.margin > max(MARGIN * self.stiffness, noise)
-
-    def one_solution(self, law: Laws) -> bool:
-        """Whether a step with these laws, as the memory has moved them, has one solution or a connected set of them."""
-        if self.convex or self.monotone:
-            return True
-        reach = far(law)[law.node_index(self.m)]
-        slope = least_slopes(law, -reach, reach)
-        problem = ContactProblem(self.A_tilde, np.zeros(self.m), self.c, law, self.A_error)
-        return bool(np.all(slope >= 0.0)) or positive_definite(problem, slope, self.stiffness)
+        return not self.body.loose and self.margin > self.body.shift
 
     @cached_property
     def monotone(self) -> bool:
         """True if no law falls, so that every solution has the least energy."""
         return not np.any(self.model.omega)
 
+    def one_solution(self, law: Laws) -> bool:
+        """Whether a step with these laws, as the memory has moved them, has one solution or a connected set of them."""
+        if self.convex or self.monotone:
+            return True
+        reach = far(law)[law.node_index(self.body.m)]
+        slope = least_slopes(law, -reach, reach)
+        problem = ContactProblem.on(self.body, np.zeros(self.body.m), law)
+        return bool(np.all(slope >= 0.0)) or positive_definite(problem, slope, self.body.lambda_1)
+
     @cached_property
     def scaled(self) -> ScaledBody:
         """Ã as paths have it."""
-        return ScaledBody.of(self.A_tilde, self.held)
-
-    @cached_property
-    def inverse(self) -> Array:
-        """Ã⁻¹, for certificates."""
-        return np.asarray(scipy.linalg.inv(self.A_tilde))
-
-    def problem(self, state: NodeState, load: Array) -> ContactProblem:
-        """The contact problem of the next step in w = v − a."""
-        a = self.model.origin(state)
-        rest = load - self.A_tilde @ a if np.any(a) else load
-        return ContactProblem(self.A_tilde, rest, self.c, self.model.next_law(state), self.A_error)
+        return ScaledBody.of(self.body.A_tilde, not self.body.loose)
 
     def energy(self, v: Array, load: Array) -> float:
         """E = ½ vᵀÃv − l̃ᵀv [J/m]."""
-        return float(0.5 * v @ (self.A_tilde @ v) - load @ v)
+        return float(0.5 * v @ (self.body.A_tilde @ v) - load @ v)
 
 
 def booked(
-    body: HistoryProblem, last: HistoryStep, load: Array, answer: Answer, way: tuple[float, float] | None = None
+    p: HistoryProblem, last: HistoryStep, load: Array, answer: Answer, way: tuple[float, float] | None = None
 ) -> HistoryStep:
     """The step or part of one to a solution w (m,) of its problem, with its energies.
 
     way: work and ∫ξᵀdv of a path from the last state that is known between its ends; else it is taken as straight
     """
-    state, stored_by_node, dissipated_by_node = body.model.after(last, answer.v)
-    v, xi = state.v, answer.xi / body.c
-    stored, dissipated = float(body.c @ stored_by_node), float(body.c @ dissipated_by_node)
-    energy = body.energy(v, load)
-    mean = 0.5 * body.c * (xi + last.xi)
-    straight = -0.5 * float((v + last.v) @ (load - last.load)), float(mean @ (v - last.v))
+    c, (state, stored_by_node, dissipation) = p.body.c, p.model.after(last, answer.v)
+    v, xi, stored, dissipated = state.v, answer.xi / c, float(c @ stored_by_node), float(c @ dissipation)
+    energy, size = p.energy(v, load), _size(p.body, v, load) + _size(p.body, last.v, last.load)
+    straight = -0.5 * float((v + last.v) @ (load - last.load)), 0.5 * float((c * (xi + last.xi)) @ (v - last.v))
     work, friction = straight if way is None else way
     defect = abs(energy - last.energy - work + friction)
-    size = _size(body, v, load) + _size(body, last.v, last.load)
     return HistoryStep(
         v,
         state.kappa,
         state.plastic,
         load,
         xi,
+        dissipation,
         stored,
         energy,
         work,
@@ -230,32 +197,31 @@ def booked(
     )
 
 
-def _size(body: HistoryProblem, v: Array, load: Array) -> float:
+def _size(body: CondensedBody, v: Array, load: Array) -> float:
     """Of the terms that E is made of: |v|ᵀ|Ã||v| + |l̃|ᵀ|v| [J/m]."""
     size = np.abs(v)
     return float(size @ (np.abs(body.A_tilde) @ size) + np.abs(load) @ size)
 
 
-def proved(body: HistoryProblem, problem: ContactProblem, answer: Answer, step: HistoryStep) -> HistoryStep:
+def proved(p: HistoryProblem, problem: ContactProblem, answer: Answer, step: HistoryStep) -> HistoryStep:
     """The step with its certificates; a loose body whose motion as a whole is free has none, and fails."""
-    if body.convex:
+    if p.convex:
         return replace(step, unique=True, strict_minimum=True, global_minimum=True)
-    if body.monotone or not body.held:
-        strict = _strict(body, problem, answer.v)
-        if not (strict or body.held):
+    if p.monotone or p.body.loose:
+        strict = _strict(p, problem, answer.v)
+        if p.body.loose and not strict:
             return replace(step, status=Status.NOT_POSITIVE_DEFINITE, reason=UNDETERMINED)
-        return replace(step, unique=strict and body.monotone, strict_minimum=strict, global_minimum=body.monotone)
-    proof = certify(
-        problem, answer.v, body.stiffness, body.tolerance, inverse=body.inverse, residual=answer.inclusion_residual
-    )
+        return replace(step, unique=strict and p.monotone, strict_minimum=strict, global_minimum=p.monotone)
+    body, residual = p.body, answer.inclusion_residual
+    proof = certify(problem, answer.v, body.lambda_1, p.tolerance, inverse=body.inverse, residual=residual)
     return replace(step, unique=proof.unique, strict_minimum=proof.strict_minimum, global_minimum=proof.global_minimum)
 
 
-def _strict(body: HistoryProblem, problem: ContactProblem, w: Array) -> bool:
+def _strict(p: HistoryProblem, problem: ContactProblem, w: Array) -> bool:
     """Whether A_FF + C b′ is definite on the nodes F that do not rest with slack; where no law falls: one solution."""
     s = slopes(problem, w, problem.xi(w))
-    slack = Acceptance(body.tolerance).aim * problem.traction_scale * problem.c
+    slack = Acceptance(p.tolerance).aim * problem.traction_scale * problem.c
     free = np.flatnonzero(~(s.at_rest & (s.left < -slack) & (s.right > slack)))
     own, at = problem.law.of_nodes(free), w[free]
     slope = np.minimum(own.slope(at, own.piece(at, -1)), own.slope(at, own.piece(at, +1)))
-    return positive_definite(problem, slope, body.stiffness, free)
+    return positive_definite(problem, slope, p.body.lambda_1, free)

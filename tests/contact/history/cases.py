@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.contact.history.problem import HistoryProblem
+from tcstudy.contact.problem import CondensedBody
 from tcstudy.laws.laws import Laws
 from tcstudy.matrices import law
+from tcstudy.scene.histories import HistoryBranch, Memory
 from tests.contact import contact_cases as cases
 
 Array = NDArray[np.float64]
@@ -29,6 +32,13 @@ def strip(cells: int, length: float, stiffness: float, held: bool = True) -> tup
         return A, c, heat
     c[1] += c[0]
     return A[1:, 1:], c[1:], heat[1:]
+
+
+def remembering(
+    A: Array, c: Array, film: Laws, memory: Memory, branch: HistoryBranch = "continued", loose: bool = False
+) -> HistoryProblem:
+    """A body under a film that remembers."""
+    return HistoryProblem(CondensedBody.known(A, c, loose=loose), film, memory, branch)
 
 
 def coupled_line(m: int) -> tuple[Array, Array, Array]:

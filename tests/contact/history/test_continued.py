@@ -16,7 +16,7 @@ from tcstudy.contact.path import start
 from tcstudy.laws.laws import Laws
 from tcstudy.matrices import law
 from tcstudy.scene.histories import Memory
-from tests.contact.history.cases import coupled_line, softening
+from tests.contact.history.cases import coupled_line, remembering, softening
 from tests.contact.history.test_steps import check_energies
 
 Array = NDArray[np.float64]
@@ -26,7 +26,7 @@ def followed(body: HistoryProblem, loads: list[Array]) -> list[HistoryStep]:
     """All steps along their paths: solved, energies in order, closure to rounding, no jump without energy."""
     steps = list(history(body, loads))
     assert [step.reason for step in steps] == [""] * len(loads)
-    before = HistoryStep.virgin(body.m)
+    before = HistoryStep.virgin(body.body.m)
     for step in steps:
         check_energies(body, before, step)
         assert abs(step.closure) <= 1e-8 * (step.dissipated + step.stored + abs(step.energy) + abs(before.energy))
@@ -37,7 +37,7 @@ def followed(body: HistoryProblem, loads: list[Array]) -> list[HistoryStep]:
 
 def in_parts(body: HistoryProblem, loads: list[Array], count: int) -> list[HistoryStep]:
     """Every load in so many equal parts, each solved by descent from the one before: the last of each."""
-    ends = [np.zeros(body.m), *loads]
+    ends = [np.zeros(body.body.m), *loads]
     parts = [a + k / count * (b - a) for a, b in pairwise(ends) for k in range(1, count + 1)]
     steps = list(history(replace(body, branch="lowest"), parts))
     return [reduce(HistoryStep.then, steps[n : n + count]) for n in range(0, len(steps), count)]
@@ -58,7 +58,7 @@ def test_a_step_in_which_nodes_turn_back_is_the_limit_of_many_small_ones(memory:
     place = np.linspace(0.0, 1.0, 30)
     one, two = load * (place < 0.6), -load * (place > 0.3)
     loads = [4.0 * one, 1.0 * one + 4.0 * two, -1.5 * one]
-    body = HistoryProblem(A, c, film, memory)
+    body = remembering(A, c, film, memory)
     exact, coarse, fine = followed(body, loads), in_parts(body, loads, 4), in_parts(body, loads, 64)
     size = np.max(np.abs(exact[1].v))
     apart = [max(float(np.max(np.abs(a.v - b.v))) for a, b in zip(exact, some, strict=True))
@@ -92,13 +92,13 @@ def long_cells(m: int) -> HistoryProblem:
     """Ã of elements longer than the strip is high has positive entries beside its diagonal."""
     B = np.eye(m) - np.eye(m, k=-1)
     A = B.T @ (np.eye(m) - 0.2 * (np.eye(m, k=1) + np.eye(m, k=-1))) @ B
-    return HistoryProblem(A, np.ones(m), law("tresca", tau=1.0), Memory("friction"))
+    return remembering(A, np.ones(m), law("tresca", tau=1.0), Memory("friction"))
 
 
 def test_nodes_that_are_pushed_back_before_a_front_are_not_seen_by_one_descent() -> None:
     """The path is the limit of small steps."""
     body = long_cells(10)
-    A, loads = body.A_tilde, [np.append(np.zeros(9), pull) for pull in (7.0, 0.0)]
+    A, loads = body.body.A_tilde, [np.append(np.zeros(9), pull) for pull in (7.0, 0.0)]
     exact = followed(body, loads)[-1].v
     one, some = (in_parts(body, loads, k)[-1].v for k in (1, 16))
     assert np.max(np.abs(some - small_steps(A, 1.0, loads, 16))) <= 1e-7 * np.max(exact)
@@ -125,7 +125,7 @@ def test_an_exponential_film_is_followed_too(memory: Memory, falls_to: float, de
     one, two = load * (place < 0.6), -load * (place > 0.3)
     loads = [4.0 * one, 1.0 * one + 4.0 * two, -1.5 * one]
     film = law("exponential", a=2e7, b=falls_to, delta=delta)
-    body = HistoryProblem(A, c, film, memory)
+    body = remembering(A, c, film, memory)
     steps = followed(body, loads)
     assert max(step.inclusion_residual for step in steps) <= 1e-10
     if falls_to == 1.4e7:
@@ -144,7 +144,7 @@ def test_a_jump_ends_in_the_next_well_downhill() -> None:
     film = law(points=[(0.0, 0.5), (0.1, 1.0), (0.6, 0.1), (1.0, 2.0), (1.8, 0.1)])
     caught = 0.6 + (1.006 - 0.036 - 0.1) / (0.06 + 1.9 / 0.4)
     loads = [np.array([load]) for load in (1.5, 3.0)]
-    one, two = followed(HistoryProblem(np.array([[0.06]]), np.ones(1), film, Memory("friction")), loads)
+    one, two = followed(remembering(np.array([[0.06]]), np.ones(1), film, Memory("friction")), loads)
     dip = 1.006 - 0.036 - 0.1
     assert one.released == pytest.approx(0.5 * dip * (caught - 0.1), rel=1e-12)
     assert one.v == pytest.approx(0.6 + (1.5 - 0.136) / (0.06 + 1.9 / 0.4), rel=1e-12)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tcstudy.contact.history.problem import HistoryProblem
 from tcstudy.laws.laws import Laws
 from tcstudy.matrices import law
 from tcstudy.scene.histories import Memory
 from tests.contact.contact_cases import half_laplacian
+from tests.contact.history.cases import remembering
 from tests.contact.history.test_continued import followed
 
 Array = NDArray[np.float64]
@@ -39,7 +39,7 @@ def test_a_block_on_a_spring_lets_go_where_the_film_falls_as_the_spring_rises(
     landing = (load - (3.0 - np.e)) / k
     lost = 3.0 - np.e + (3.0 - np.e) * (landing - 1.0) - (3.0 * fold - k + 1.0) + 1.0  # ∫ τ from the fold on
     released = load * (landing - fold) - 0.5 * k * (landing**2 - fold**2) - lost
-    body = HistoryProblem(np.array([[k]]), np.ones(1), concave(1.0), memory)
+    body = remembering(np.array([[k]]), np.ones(1), concave(1.0), memory)
     steps = followed(body, [np.array([way * share * load]) for share in (*before, 1.2)])
     assert [step.jumps for step in steps] == [*(0 for _ in before), 1]
     assert steps[-1].released == pytest.approx(released, rel=1e-11)
@@ -91,7 +91,7 @@ def test_a_line_lets_go_as_by_small_steps(film: Laws, begin: float) -> None:
     load = c * np.linspace(0.2, 1.0, 20)
     at, released = first_jump(A, c, film, load, begin, 2e-3)
     for memory in (Memory("friction"), Memory("damage")):
-        body = HistoryProblem(A, c, film, memory)
+        body = remembering(A, c, film, memory)
         steps = followed(body, [share * load for share in (begin, at - 1e-7, at + 1e-7)])
         assert [step.jumps for step in steps] == [0, 0, 1]
         assert steps[-1].released == pytest.approx(released, rel=1e-7)

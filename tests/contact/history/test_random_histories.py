@@ -10,6 +10,7 @@ from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
 from tcstudy.contact.history.steps import next_step
 from tcstudy.matrices import law
 from tcstudy.scene.histories import Memory
+from tests.contact.history.cases import remembering
 
 Array = NDArray[np.float64]
 
@@ -38,7 +39,7 @@ def random_history(seed: int, curved: bool = False) -> tuple[HistoryProblem, lis
     if curved:
         film = law("exponential", a=tau[0], b=rng.uniform(0.0, 0.9) * tau[0], delta=metre * rng.uniform(0.1, 2.0))
         memory = Memory("damage" if rng.uniform() < 0.5 else "friction")
-    return HistoryProblem(A, c, film, memory), [*loads, 0.0 * loads[0]]
+    return remembering(A, c, film, memory), [*loads, 0.0 * loads[0]]
 
 
 STRAIGHT = [0, 1, 2, 13, 15, 17, 64, 147]  # from 13 on descents beside folds had crept
@@ -49,7 +50,7 @@ CURVED = [0, 1, 2, 3, 4, 5, 121, 138, 183]  # a far vertex; folds of the curve b
 def test_every_step_reaches_its_load_with_its_energies_in_order(seed: int, curved: bool) -> None:
     """ΔE + ΔB + D + released = work, nothing negative, κ only grows; the same load again changes no bit."""
     body, loads = random_history(seed, curved)
-    last = HistoryStep.virgin(body.m)
+    last = HistoryStep.virgin(body.body.m)
     for load in loads:
         step = next_step(body, last, load)
         assert step.solved, step.reason
@@ -59,8 +60,8 @@ def test_every_step_reaches_its_load_with_its_energies_in_order(seed: int, curve
         assert step.identity <= 1e-14
         assert (step.dissipated >= 0.0, step.released > 0.0) == (True, step.jumps > 0)
         assert np.all(step.kappa >= last.kappa)
-        assert body.c * step.xi == pytest.approx(
-            load - body.A_tilde @ step.v, abs=1e-10 * body.law.b_scale * body.c.max()
+        assert body.body.c * step.xi == pytest.approx(
+            load - body.body.A_tilde @ step.v, abs=1e-10 * body.law.b_scale * body.body.c.max()
         )
         again = next_step(body, step, load)
         assert np.array_equal(again.v, step.v)

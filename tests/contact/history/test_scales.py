@@ -11,7 +11,7 @@ from tcstudy.contact.history.steps import history
 from tcstudy.laws.laws import Laws
 from tcstudy.matrices import law
 from tcstudy.scene.histories import Memory
-from tests.contact.history.cases import coupled_line, strip
+from tests.contact.history.cases import coupled_line, remembering, strip
 from tests.contact.history.test_continued import followed
 from tests.contact.history.test_steps import FALLING
 
@@ -25,7 +25,7 @@ def steep(metre: float, pascal: float) -> tuple[HistoryProblem, list[Array]]:
     A, c, load = coupled_line(12)
     film = law("slip-weakening", tau_s=2e7 * pascal, tau_k=4e6 * pascal, delta=3e-4 * metre)
     loads = [e * metre * pascal * load for e in (2.0, 4.0, 1.0, -4.0)]
-    return HistoryProblem(pascal * A, metre * c, film, Memory("friction")), loads
+    return remembering(pascal * A, metre * c, film, Memory("friction")), loads
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,7 @@ def test_a_steep_film_jumps_alike_in_all_units(metre: float, pascal: float, in_s
     """H8 by hand, and a line of nodes against itself in metres and pascals: jumps, nodes, slips and energies."""
     film = law(points=[(s * metre, b * pascal) for s, b in ((0.0, 1.0), (0.4, 0.2))])
     assert film.omega * metre / pascal == pytest.approx(FALLING.omega)
-    body = HistoryProblem(np.eye(1) * pascal, np.ones(1) * metre, film, Memory("friction"))
+    body = remembering(np.eye(1) * pascal, np.ones(1) * metre, film, Memory("friction"))
     block = list(history(body, [np.array([U]) * metre * pascal for U in (0.8, 1.2, 0.8, 0.4, -0.2, 1.4)]))
     assert [step.jumps for step in block] == [0, 1, 0, 0, 0, 0]
     assert [step.v[0] / metre for step in block] == pytest.approx([0, 1, 1, 0.6, 0, 1.2], abs=1e-13)
@@ -66,7 +66,7 @@ def test_a_stiff_block_on_a_spring_never_jumps(stiffness: float, ratio: float, m
     A = ratio * K * strip(4, 1.0, 1.0, held=False)[0]
     A[-1, -1] += K
     c = metre * np.array([0.025, 0.05, 0.05, 0.05, 0.025])
-    body = HistoryProblem(A, c, law("tresca", tau=F / c.sum()), Memory("friction"))
+    body = remembering(A, c, law("tresca", tau=F / c.sum()), Memory("friction"))
     share = np.array([0.05, 0.1, 0.2, 0.2, 0.45]) if ratio > 1e3 else c / c.sum()
     loads = [P * F * share for P in (2.5, 1.5, -2.5, 2.5, 2.5, 1.5, -2.5, 2.5)]
     steps = list(history(body, loads))
@@ -91,7 +91,7 @@ FILMS: list[tuple[Laws, bool]] = [
 @pytest.mark.parametrize(("film", "proved"), FILMS)
 def test_no_state_can_let_go_once_the_film_has_fallen(film: Laws, proved: bool) -> None:
     """Of a block on a spring of 1: at first where the law falls by less than 1, after a long way whatever it was."""
-    body = HistoryProblem(np.eye(1), np.ones(1), film, Memory("friction"))
+    body = remembering(np.eye(1), np.ones(1), film, Memory("friction"))
     first, last = HistoryStep.virgin(1), next(history(body, [np.array([9.0])]))
     assert body.one_solution(body.model.next_law(first)) == proved
     assert body.one_solution(body.model.next_law(last))
@@ -101,7 +101,7 @@ def test_no_state_can_let_go_once_the_film_has_fallen(film: Laws, proved: bool) 
 def test_a_film_that_breaks_at_once_lets_go_where_nothing_falls_behind_it(metre: float) -> None:
     """b = 1 to s = 0.4, then 0.2, on a spring of 1: let go at U = 1.4, it stops at 1.2; ½ 0.8² is released."""
     film = law(points=[(0.0, 1.0), (0.4 * metre, 1.0), (0.4 * metre, 0.2)])
-    body = HistoryProblem(np.eye(1) / metre, np.ones(1), film, Memory("friction"))
+    body = remembering(np.eye(1) / metre, np.ones(1), film, Memory("friction"))
     steps = followed(body, [np.array([U]) for U in (1.3, 1.6, 1.0)])
     assert [step.jumps for step in steps] == [0, 1, 0]
     assert steps[1].released == pytest.approx(0.32 * metre, rel=1e-12)
@@ -115,7 +115,7 @@ def test_a_body_with_a_soft_way_never_jumps_under_a_constant_film(seed: int) -> 
     m = 2 + seed % 4
     modes = np.linalg.qr(rng.standard_normal((m, m)))[0]
     A = (modes * 10.0 ** rng.uniform(-8.0, 2.0, m)) @ modes.T
-    body = HistoryProblem(0.5 * (A + A.T), np.full(m, 1e-3), law("tresca", tau=1.0), Memory("friction"))
+    body = remembering(0.5 * (A + A.T), np.full(m, 1e-3), law("tresca", tau=1.0), Memory("friction"))
     way = rng.standard_normal(m) * 10.0 ** (seed % 3 - 1)
     steps = list(history(body, [share * way for share in (1.0, -1.0, 0.5, -1.5, 1.5)]))
     assert body.monotone

@@ -13,7 +13,7 @@ from tcstudy.contact.history.steps import history
 from tcstudy.contact.status import Status
 from tcstudy.matrices import law
 from tcstudy.scene.histories import HistoryBranch, Memory
-from tests.contact.history.cases import coupled_line, softening, strip
+from tests.contact.history.cases import coupled_line, remembering, softening, strip
 
 Array = NDArray[np.float64]
 TRESCA = law("tresca", tau=2e7)
@@ -24,7 +24,7 @@ def followed(body: HistoryProblem, loads: list[Array]) -> list[HistoryStep]:
     """All steps, every one solved, its energies in order."""
     steps = list(history(body, loads))
     assert [step.reason for step in steps] == [""] * len(loads)
-    before = HistoryStep.virgin(body.m)
+    before = HistoryStep.virgin(body.body.m)
     for step in steps:
         check_energies(body, before, step)
         before = step
@@ -50,11 +50,11 @@ def check_energies(body: HistoryProblem, before: HistoryStep, step: HistoryStep)
 def test_masing(memory: Memory) -> None:
     """v(e₁ → e₂) = v(e₁) − 2 v((e₁ − e₂)/2), for slips, forces and plastic slips alike."""
     A, c, load = coupled_line(80)
-    body = HistoryProblem(A, c, TRESCA, memory)
+    body = remembering(A, c, TRESCA, memory)
     for e_2 in (1.0, -1.0, -3.0):
         first, back = followed(body, [3.0 * load, e_2 * load])
         (half,) = followed(body, [0.5 * (3.0 - e_2) * load])
-        assert 0 < np.count_nonzero(half.kappa) <= body.m
+        assert 0 < np.count_nonzero(half.kappa) <= body.body.m
         for name in ("v", "plastic"):
             whole = getattr(first, name)
             expected = whole - 2.0 * getattr(half, name)
@@ -66,7 +66,7 @@ def test_masing(memory: Memory) -> None:
 def test_secants_scale_and_dissipate_nothing() -> None:
     """Damage to e₁, then e in [−e₁, e₁]: v = (e/e₁) v(e₁), ξ likewise, D = 0; beyond e₁ the film goes on to break."""
     A, c, load = coupled_line(80)
-    body = HistoryProblem(A, c, softening(), Memory("damage"))
+    body = remembering(A, c, softening(), Memory("damage"))
     factors = [3.0, 1.0, 0.0, -2.0, -3.0, -4.0]
     steps = followed(body, [e * load for e in factors])
     first = steps[0]
@@ -89,7 +89,7 @@ def walking(cells: int, hot: float, cycles: int, branch: HistoryBranch) -> list[
     A, c, heat = strip(cells, 2000.0, D, held=False)
     pull = np.zeros(cells + 1)
     pull[-1] = 0.3e6
-    body = HistoryProblem(A, c, law("tresca", tau=1e3), Memory("friction"), branch, held=False)
+    body = remembering(A, c, law("tresca", tau=1e3), Memory("friction"), branch, loose=True)
     loads = [pull, *(1.17e-5 * theta * heat + pull for theta in (hot, 0.0) * cycles)]
     steps = list(history(body, loads))
     for before, step in pairwise(steps):
@@ -123,9 +123,7 @@ def test_a_walk_that_is_not_determined_says_so(branch: HistoryBranch) -> None:
 
 def test_one_cell_lowest() -> None:
     """H8 by least energy: s = 0.6 already at U = 0.8, energy 0.30 against 0.32 of rest."""
-    body = HistoryProblem(
-        np.eye(1), np.ones(1), law(points=[(0.0, 1.0), (0.4, 0.2)]), Memory("friction"), branch="lowest"
-    )
+    body = remembering(np.eye(1), np.ones(1), law(points=[(0.0, 1.0), (0.4, 0.2)]), Memory("friction"), branch="lowest")
     assert body.margin == -1.0
     steps = followed(body, [np.array([U]) for U in (0.8, 1.2, 0.8, 0.4, -0.2, 1.4)])
     assert [step.v[0] for step in steps] == pytest.approx([0.6, 1.0, 1.0, 0.6, 0.0, 1.2], abs=1e-14)
