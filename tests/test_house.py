@@ -28,7 +28,7 @@ ARROWS: dict[str, set[str]] = {
     "exact": {"accuracy", "expressions", "laws", "scene", "shapes"},
     "read": {"errors", "exact", "expressions", "laws", "scene", "shapes"},
     "fem": {"errors", "expressions", "laws", "scene", "shapes"},
-    "offline": {"condense", "errors", "expressions", "fem", "laws", "scene", "contact"},
+    "offline": {"condense", "errors", "expressions", "fem", "laws", "scene", "shapes", "contact"},
     "refine": {"accuracy", "exact", "expressions", "fem", "laws", "offline", "scene", "contact"},
     "data": {"errors", "scene"},
     "reports": {"accuracy", "data", "errors", "laws", "read", "scene"},

@@ -48,9 +48,10 @@ from tcstudy.fem.estimators import (
     tangent,
     traction_of,
 )
-from tcstudy.fem.recovery import ElementGeometry
+from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.scene.points import needs_heat_solve
 from tcstudy.scene.records import Clamped, Rigid, Scene
+from tcstudy.shapes.triangles import INNER
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -60,28 +61,29 @@ Indices = NDArray[np.intp]
 class Pieces:
     """The mesh of a body whose nodes on interfaces are one for each material that meets there.
 
-    triangles: those of the whole mesh, in their order;  node: (n',) which of its nodes
+    mesh:      its triangles are those of the whole mesh, in their order;  node: (n',) which of its nodes
     piece:     (n',) number of the scene's piece that a node belongs to
     interface: (2, e, 2) nodes on both sides of the edges between pieces, and (2, e) the triangles there
     """
 
-    triangles: ElementGeometry
+    mesh: PlaneMesh
     node: Indices
     piece: Indices
     interface: tuple[Indices, Indices]
 
 
-def pieces_of(whole: ElementGeometry, scene: Scene) -> Pieces:
+def pieces_of(mesh: PlaneMesh, scene: Scene) -> Pieces:
     """The same for all scenes of a study."""
-    mesh, n = whole.mesh, whole.mesh.n_points
+    n = mesh.n_points
     of = np.zeros(len(mesh.triangles), dtype=np.intp)
     for number, (where, _) in enumerate(scene.pieces):
         of[mesh.inside(where)] = number
     keys, corners = np.unique(of[:, None] * n + mesh.triangles, return_inverse=True)
-    segments = np.searchsorted(keys, of[whole.owner][:, None] * n + mesh.segments)
-    own = replace(mesh, points=mesh.points[keys % n], triangles=corners.reshape(-1, 3), segments=segments)
-    split = whole if len(scene.pieces) == 1 else ElementGeometry(own)
-    twin = whole.sides_at(whole.sides[:, ::-1])
+    segments = np.searchsorted(keys, of[mesh.owner][:, None] * n + mesh.segments)
+    split = mesh
+    if len(scene.pieces) > 1:
+        split = replace(mesh, points=mesh.points[keys % n], triangles=corners.reshape(-1, 3), segments=segments)
+    twin = mesh.sides_at(mesh.sides[:, ::-1])
     first = np.flatnonzero((twin >= 0) & (of[np.arange(len(twin)) // 3] < of[twin // 3]))
     ends = np.stack([split.sides[first], split.sides[twin[first], ::-1]])
     return Pieces(split, keys % n, keys // n, (ends, np.stack([first, twin[first]]) // 3))
@@ -91,45 +93,43 @@ def energy_squares(
     pieces: Pieces, u: Array, theta: Array, scene: Scene, friction: ContactTraction
 ) -> tuple[Array, float]:
     """(t,) η_K² of the energy norm [J/m] and ‖u_h‖ [√(J/m)] of a displacement u (2n,) at a temperature θ (n,)."""
-    triangles = pieces.triangles
+    mesh = pieces.mesh
     u, theta = u.reshape(2, -1)[:, pieces.node].ravel(), theta[pieces.node]
-    lam, mu = (triangles.of_material(scene, name) for name in ("lam", "mu"))
-    own = own_strain(triangles, u)
-    recovered = triangles.recovery @ own
+    lam, mu = (mesh.of_material(scene, name) for name in ("lam", "mu"))
+    own = own_strain(mesh, u)
+    recovered = mesh.recovery @ own
     at_nodes = (np.array([getattr(m, name) for _, m in scene.pieces])[pieces.piece] for name in ("lam", "mu", "beta"))
     lam_n, mu_n, beta_n = at_nodes
     sigma = stress_of(recovered, lam_n, mu_n) - (beta_n * theta)[:, None] * [1.0, 1.0, 0.0]
-    squares = strain_energy(triangles, recovered[triangles.mesh.triangles] - own[:, None], lam, mu)
-    squares += element_residual(triangles, sigma, scene) + edge_residual(triangles, u, sigma, scene, friction)
-    squares += dirichlet_residual(triangles, u, scene) + _jumps(pieces, sigma, theta, scene)
+    squares = strain_energy(mesh, recovered[mesh.triangles] - own[:, None], lam, mu)
+    squares += element_residual(mesh, sigma, scene) + edge_residual(mesh, u, sigma, scene, friction)
+    squares += _jumps(pieces, sigma, theta, scene)
     if scene.material.expands:
-        squares += coupling(triangles, theta, scene)
-    norm = strain_energy(triangles, np.repeat(own[:, None], 3, axis=1), lam, mu).sum()
+        squares += coupling(mesh, theta, scene)
+    norm = strain_energy(mesh, np.repeat(own[:, None], 3, axis=1), lam, mu).sum()
     return squares, float(np.sqrt(norm))
 
 
-def element_residual(triangles: ElementGeometry, sigma: Array, scene: Scene) -> Array:
+def element_residual(mesh: PlaneMesh, sigma: Array, scene: Scene) -> Array:
     """(t,) (h_K/π)²/(2μ) ‖f + div σ*‖²_K [J/m] of stresses at the nodes (n, 3)."""
-    slope, mu = triangles.gradient(sigma), triangles.of_material(scene, "mu")
+    slope, mu = mesh.gradient(sigma), mesh.of_material(scene, "mu")
     divergence = np.column_stack([slope[:, 0, 0] + slope[:, 2, 1], slope[:, 2, 0] + slope[:, 1, 1]])
-    f = np.stack([values_at(component, triangles.inner_points) for component in scene.f], axis=-1)
-    square = np.sum((f + divergence[:, None]) ** 2, axis=(1, 2)) / 3.0 * triangles.area
-    return (triangles.diameter / np.pi) ** 2 / (2.0 * mu) * square
+    f = np.stack([values_at(component, mesh.inner_points) for component in scene.f], axis=-1)
+    square = np.sum((f + divergence[:, None]) ** 2, axis=(1, 2)) / 3.0 * mesh.area
+    return (mesh.diameter / np.pi) ** 2 / (2.0 * mu) * square
 
 
-def edge_residual(triangles: ElementGeometry, u: Array, sigma: Array, scene: Scene, friction: ContactTraction) -> Array:
-    """(t,) Σ_e h_e/(2πμ) (‖r_e‖² + ‖dist(ξ_h, b̂)‖²) over the boundary edges of each triangle [J/m].
+def edge_residual(mesh: PlaneMesh, u: Array, sigma: Array, scene: Scene, friction: ContactTraction) -> Array:
+    """(t,) Σ_e h_e/(2πμ) (‖r_e‖² + ‖dist(ξ_h, b̂)‖²) + 2πμ/h_e ‖u_D − u_h‖²_e over the boundary edges of each triangle
+    [J/m]; a component has r_e where it is free, u_D where it is given.
 
     u: (2n,) the displacement;  sigma: (n, 3) σ* at the nodes
     """
-    mesh, edges, curves = triangles.mesh, triangles.boundary, triangles.mesh.geometry.curves
+    edges, curves, roles = mesh.boundary, mesh.geometry.curves, dict(scene.boundary)
     traction = traction_of(on_segments(sigma, mesh.segments), edges.normal)
-    square, roles, moved = friction.defect**2, dict(scene.boundary), u.reshape(2, -1).T
+    moved, square, gap = on_segments(u.reshape(2, -1).T, mesh.segments), friction.defect**2, np.zeros_like(friction.xi)
     for index, curve in enumerate(curves):
         here, role = mesh.segment_curve == index, roles[curve.name]
-        free = np.array([component is None and not isinstance(role, Rigid) for component in role.u])
-        if not np.any(here):
-            continue
         at, axes = edges.at[here], (edges.normal[here], tangent(edges.normal[here]))
         # what σn should be where it is free: g − p n − ξ_h t, what acts on the whole edge, and what springs take
         target = np.stack([values_at(component, at) for component in role.g], axis=-1)
@@ -137,54 +137,35 @@ def edge_residual(triangles: ElementGeometry, u: Array, sigma: Array, scene: Sce
         target = target - friction.xi[here][..., None] * axes[1][:, None]
         if any(role.force):  # also where regions cut the edge
             target = target + np.array(role.force) / sum(c.length for c in curves if c.name == curve.name)
-        if any(role.spring):
-            at_rest = on_segments(moved, mesh.segments[here])
-            along = zip(role.spring, axes, strict=True)
-            target = target - sum(k * np.einsum("sqd,sd->sq", at_rest, d)[..., None] * d[:, None] for k, d in along)
-        rest = traction[here] - target
-        if role.frame == "nt" and not free.all():
-            rest = np.stack([np.einsum("sqd,sd->sq", rest, d) for d in axes], axis=-1)
-        square[here] += np.sum(rest[..., free] ** 2, axis=-1)
-    mu = triangles.of_material(scene, "mu")[triangles.owner]
-    return triangles.from_segments(edges.length / (2.0 * np.pi * mu) * edges.length * square.mean(axis=1))
+        for k, d in zip(role.spring, axes, strict=True):
+            target = target - k * np.einsum("sqd,sd->sq", moved[here], d)[..., None] * d[:, None]
+        if role.frame != "nt":
+            axes = np.tile([1.0, 0.0], (len(at), 1)), np.tile([0.0, 1.0], (len(at), 1))
+        for given, d in zip(role.u, axes, strict=True):
+            if given is None and not isinstance(role, Rigid):
+                square[here] += np.einsum("sqd,sd->sq", traction[here] - target, d) ** 2
+            elif isinstance(role, Clamped) and given is not None and curve.straight:
+                gap[here] += (values_at(given, at) - np.einsum("sqd,sd->sq", moved[here], d)) ** 2
+    mu = mesh.of_material(scene, "mu")[mesh.owner]
+    terms = edges.length**2 / (2.0 * np.pi * mu) * square.mean(axis=1) + 2.0 * np.pi * mu * gap.mean(axis=1)
+    return mesh.from_segments(terms)
 
 
-def dirichlet_residual(triangles: ElementGeometry, u: Array, scene: Scene) -> Array:
-    """(t,) Σ_e 2πμ/h_e ‖u_D − u_h‖²_e over the boundary edges of each triangle; components that are free have no u_D
-    [J/m]."""
-    mesh, edges, roles = triangles.mesh, triangles.boundary, dict(scene.boundary)
-    gap, own = np.zeros_like(edges.at), on_segments(u.reshape(2, -1).T, mesh.segments)
-    for index, curve in enumerate(mesh.geometry.curves):
-        role, here = roles[curve.name], mesh.segment_curve == index
-        if not isinstance(role, Clamped) or not curve.straight:
-            continue
-        normal = edges.normal[here]
-        axes = (
-            (normal, tangent(normal)) if role.frame == "nt" else (np.tile(axis, (len(normal), 1)) for axis in np.eye(2))
-        )
-        for component, direction in zip(role.u, axes, strict=True):
-            if component is not None:
-                missing = values_at(component, edges.at[here]) - np.einsum("sqd,sd->sq", own[here], direction)
-                gap[here] += missing[..., None] * direction[:, None]
-    mu = triangles.of_material(scene, "mu")[triangles.owner]
-    return triangles.from_segments(2.0 * np.pi * mu * np.mean(np.sum(gap**2, axis=-1), axis=1))
-
-
-def heat_estimate(triangles: ElementGeometry, theta: Array, scene: Scene) -> Array:
+def heat_estimate(mesh: PlaneMesh, theta: Array, scene: Scene) -> Array:
     """(t,) η_K² of a temperature (n,) that was solved for [W K/m], 0 where nothing conducts."""
-    k, mesh, edges = triangles.of_material(scene, "k"), triangles.mesh, triangles.boundary
-    own = triangles.gradient(theta)
-    recovered = triangles.recovery @ own
+    k, edges = mesh.of_material(scene, "k"), mesh.boundary
+    own = mesh.gradient(theta)
+    recovered = mesh.recovery @ own
     excess = recovered[mesh.triangles] - own[:, None]
     squares = np.einsum("tkd,tkd->t", excess, excess) + np.einsum("tkd,tjd->t", excess, excess)
 
-    slope = triangles.gradient(recovered)
-    q = values_at(scene.heat.q, triangles.inner_points)
+    slope = mesh.gradient(recovered)
+    q = values_at(scene.heat.q, mesh.inner_points)
     if scene.heat.omega:
         q = q * mesh.inside(scene.heat.omega)[:, None]
-    rest = np.mean((q + (k * (slope[:, 0, 0] + slope[:, 1, 1]))[:, None]) ** 2, axis=1) * triangles.area
+    rest = np.mean((q + (k * (slope[:, 0, 0] + slope[:, 1, 1]))[:, None]) ** 2, axis=1) * mesh.area
 
-    k_e = k[triangles.owner]
+    k_e = k[mesh.owner]
     flux = k_e[:, None] * np.einsum("sqd,sd->sq", on_segments(recovered, mesh.segments), edges.normal)
     for name, alpha, theta_bar in scene.exchange:
         robin = mesh.on(name)
@@ -194,42 +175,42 @@ def heat_estimate(triangles: ElementGeometry, theta: Array, scene: Scene) -> Arr
     for name, _ in scene.held_theta:
         flux[mesh.on(name)] = 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
-        inside = k * triangles.area / 12.0 * squares + (triangles.diameter / np.pi) ** 2 / k * rest
+        inside = k * mesh.area / 12.0 * squares + (mesh.diameter / np.pi) ** 2 / k * rest
         edge = edges.length**2 / (np.pi * k_e) * np.mean(flux**2, axis=1)
-    return np.where(k > 0.0, inside, 0.0) + triangles.from_segments(np.where(k_e > 0.0, edge, 0.0))
+    return np.where(k > 0.0, inside, 0.0) + mesh.from_segments(np.where(k_e > 0.0, edge, 0.0))
 
 
-def coupling(triangles: ElementGeometry, theta: Array, scene: Scene) -> Array:
+def coupling(mesh: PlaneMesh, theta: Array, scene: Scene) -> Array:
     """(t,) β²/(λ+μ) ‖θ − θ_h‖²_K, the error that temperature puts into the displacement [J/m].
 
     θ comes from the heat problem, or it is known, and θ_h is its interpolant.
     """
-    lam, mu, beta, k = (triangles.of_material(scene, name) for name in ("lam", "mu", "beta", "k"))
+    lam, mu, beta, k = (mesh.of_material(scene, name) for name in ("lam", "mu", "beta", "k"))
     factor = beta**2 / (lam + mu)
     if needs_heat_solve(scene):
-        own = factor * (triangles.diameter / np.pi) ** 2 / np.where(k > 0.0, k, 1.0)
-        return own * heat_estimate(triangles, theta, scene)
+        own = factor * (mesh.diameter / np.pi) ** 2 / np.where(k > 0.0, k, 1.0)
+        return own * heat_estimate(mesh, theta, scene)
     if not isinstance(scene.heat.theta, Expression):
-        return np.zeros(len(triangles.area))
-    exact = values_at(scene.heat.theta, triangles.inner_points)
-    return factor * triangles.area * np.mean((exact - triangles.at_inner_points(theta)) ** 2, axis=1)
+        return np.zeros(len(mesh.area))
+    exact = values_at(scene.heat.theta, mesh.inner_points)
+    return factor * mesh.area * np.mean((exact - theta[mesh.triangles] @ INNER.T) ** 2, axis=1)
 
 
 def _jumps(pieces: Pieces, sigma: Array, theta: Array, scene: Scene) -> Array:
     """(t,) the terms of interfaces, of stresses (n', 3) and temperatures (n',) at the nodes."""
-    triangles, (ends, at) = pieces.triangles, pieces.interface
-    found = np.zeros(len(triangles.area))
+    mesh, (ends, at) = pieces.mesh, pieces.interface
+    found = np.zeros(len(mesh.area))
     if not at.size:
         return found
-    lam, mu, beta, k = (triangles.of_material(scene, name)[at] for name in ("lam", "mu", "beta", "k"))
-    along = triangles.points[ends[0, :, 1]] - triangles.points[ends[0, :, 0]]
+    lam, mu, beta, k = (mesh.of_material(scene, name)[at] for name in ("lam", "mu", "beta", "k"))
+    along = mesh.points[ends[0, :, 1]] - mesh.points[ends[0, :, 0]]
     length = np.linalg.norm(along, axis=1)
     normal = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]
     traction = traction_of(on_segments(sigma, ends[0]) - on_segments(sigma, ends[1]), normal)
     term = 0.5 * length**2 / (2.0 * np.pi * mu.max(axis=0)) * np.mean(np.sum(traction**2, -1), 1)
     both = np.stack([term, term])
     if needs_heat_solve(scene):
-        gradient = triangles.recovery @ triangles.gradient(theta)
+        gradient = mesh.recovery @ mesh.gradient(theta)
         flows = (k_i[:, None, None] * on_segments(gradient, side) for k_i, side in zip(k, ends, strict=True))
         heat = np.sum(np.subtract(*flows) * normal[:, None], axis=-1)
         term = 0.5 * length**2 / (np.pi * k.max(axis=0)) * np.mean(heat**2, axis=1)

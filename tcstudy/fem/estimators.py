@@ -8,26 +8,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.fem.boundary import ContactLine
-from tcstudy.fem.recovery import GAUSS, ElementGeometry
+from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.laws.composed import EdgeLaws, law_along
 from tcstudy.laws.laws import Laws
+from tcstudy.shapes.triangles import GAUSS, TriangleGeometry
 
 Array = NDArray[np.float64]
 
 
-def own_strain(triangles: ElementGeometry, u: Array) -> Array:
+def own_strain(mesh: TriangleGeometry, u: Array) -> Array:
     """(t, 3) strain of a displacement u (2n,) on triangles."""
-    gradient = triangles.gradient(u.reshape(2, -1).T)
+    gradient = mesh.gradient(u.reshape(2, -1).T)
     shear = 0.5 * (gradient[:, 0, 1] + gradient[:, 1, 0])
     return np.column_stack([gradient[:, 0, 0], gradient[:, 1, 1], shear])
 
 
-def strain_energy(triangles: ElementGeometry, a: Array, lam: Array, mu: Array) -> Array:
+def strain_energy(mesh: TriangleGeometry, a: Array, lam: Array, mu: Array) -> Array:
     """(t,) ∫_K a:c a of a strain that is linear on K and given at its corners (t, 3, 3) [J/m]; moduli (t,)."""
     trace = a[..., 0] + a[..., 1]
     total = np.einsum("tkc,tkc->tc", a, a) + a.sum(axis=1) * a.sum(axis=1)
     volume = np.einsum("tk,tk->t", trace, trace) + trace.sum(axis=1) * trace.sum(axis=1)
-    return triangles.area / 12.0 * (lam * volume + 2.0 * mu * (total @ np.array([1.0, 1.0, 2.0])))
+    return mesh.area / 12.0 * (lam * volume + 2.0 * mu * (total @ np.array([1.0, 1.0, 2.0])))
 
 
 def stress_of(strain: Array, lam: Array, mu: Array) -> Array:
@@ -68,10 +69,10 @@ class ContactTraction:
 
 
 def contact_traction(
-    triangles: ElementGeometry, line: ContactLine, law: Laws | EdgeLaws, u_T: Array, xi: Array, u: Array
+    mesh: PlaneMesh, line: ContactLine, law: Laws | EdgeLaws, u_T: Array, xi: Array, u: Array
 ) -> ContactTraction:
     """ξ_h between the nodes from u_T (m,) and the tractions ξ_i/c_i (m,); u (2n,) gives u_T of held nodes."""
-    mesh, edges, on, segments = triangles.mesh, triangles.boundary, line.which, line.segments
+    edges, on, segments = mesh.boundary, line.which, line.segments
     ends_xi, ends_slip = (line.nodal(x, mesh.n_points, np.nan)[segments] for x in (xi, u_T))
     # A held end has no ξ of its own: its half cell belongs to the other end (method §2).
     ends_xi = np.where(np.isnan(ends_xi), ends_xi[:, ::-1], ends_xi)

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from functools import cache
-from typing import Any
+from functools import cache, cached_property
+from typing import Any, NamedTuple
 
 import ngsolve as ngs
 import numpy as np
@@ -21,34 +21,39 @@ from numpy.typing import NDArray
 
 from tcstudy.errors import GeometryFailed
 from tcstudy.fem.geometry import Geometry
-from tcstudy.scene.records import Point, Where
+from tcstudy.fem.recovery import recovery
+from tcstudy.scene.records import Point, Scene, Where
 from tcstudy.scene.study import MeshPlan
-from tcstudy.shapes.triangles import TriangleGeometry, doubled_areas
+from tcstudy.shapes.triangles import GAUSS, INNER, TriangleGeometry, doubled_areas
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
-@dataclass(frozen=True)
-class PlaneMesh:
+class BoundaryEdges(NamedTuple):
+    """Of the s boundary segments, chords on arcs: length (s,), outer normal (s, 2), Gauss points (s, 2, 2)."""
+
+    length: Array
+    normal: Array
+    at: Array
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneMesh(TriangleGeometry):
     """A triangle mesh of the body with its arrays copied out of NGSolve.
 
     mesh:      the NGSolve mesh, for assembly only;  kernel: the same in units of `unit` [m], for refinement only
     geometry:  the geometry it was made of
     level:     position in the study's family, 0 is the coarsest
-    points:    (n, 2) nodes [m];  triangles: (t, 3), counter-clockwise node indices
     segments:  (s, 2) boundary edges, with the body on their left;  segment_curve: (s,) index of their curve
-    h_max:     longest edge [m];  time_mesh: wall time of meshing or refining [s]
+    time_mesh: wall time of meshing or refining [s]
     """
 
     mesh: Any
     geometry: Geometry
     level: int
-    points: Array
-    triangles: Indices
     segments: Indices
     segment_curve: Indices
-    h_max: float
     time_mesh: float
     kernel: Any
     unit: float
@@ -57,6 +62,11 @@ class PlaneMesh:
     def n_points(self) -> int:
         """Number of mesh nodes; P1 unknown i belongs to node i."""
         return len(self.points)
+
+    @property
+    def h_max(self) -> float:
+        """Longest edge [m]."""
+        return float(np.max(self.diameter))
 
     def region(self, *names: str) -> str:
         """NGSolve pattern of the boundary curves that the study edges `names` consist of."""
@@ -79,6 +89,41 @@ class PlaneMesh:
     def numbered(self, regions: Where) -> Indices:
         """(t,) which of some regions a triangle lies in, counted from 1; 0 outside of all."""
         return sum((i * self.inside((name,)) for i, name in enumerate(regions, 1)), np.zeros(len(self.triangles), int))
+
+    def of_material(self, scene: Scene, name: str) -> Array:
+        """(t,) a number of the material of each triangle, 0 where it is not given."""
+        found = np.zeros(len(self.triangles))
+        for where, material in scene.pieces:
+            found[self.inside(where)] = getattr(material, name) or 0.0
+        return found
+
+    @cached_property
+    def boundary(self) -> BoundaryEdges:
+        """Geometry of the boundary segments."""
+        ends = self.points[self.segments]
+        along = ends[:, 1] - ends[:, 0]
+        length = np.linalg.norm(along, axis=1)
+        normal = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]
+        return BoundaryEdges(length, normal, ends[:, None, 0] + GAUSS[None, :, None] * along[:, None])
+
+    @cached_property
+    def owner(self) -> Indices:
+        """(s,) the triangle at each boundary segment."""
+        return self.sides_at(self.segments) // 3
+
+    def from_segments(self, values: Array, which: Indices | slice = slice(None)) -> Array:
+        """(t,) sums of values on some boundary segments, all without `which`, over those of each triangle."""
+        return np.asarray(np.bincount(self.owner[which], values, minlength=len(self.triangles)), dtype=float)
+
+    @cached_property
+    def inner_points(self) -> Array:
+        """(t, 3, 2) points of a quadrature that is exact for degree 2, with a third of the area each [m]."""
+        return np.einsum("qk,tkd->tqd", INNER, self.corners)
+
+    @cached_property
+    def recovery(self) -> sp.csr_array:
+        """(n, t) the linear map from values on triangles to recovered values at nodes."""
+        return recovery(self, self.segments)
 
 
 EDGES = ("boundary",)
@@ -206,10 +251,9 @@ def _extract(kernel: Any, geometry: Geometry, level: int, start: float, unit: fl
     triangles = np.where((twice < 0)[:, None], triangles[:, [0, 2, 1]], triangles)
     own = TriangleGeometry(points, triangles)
     segments = np.where((own.sides_at(segments) >= 0)[:, None], segments, segments[:, ::-1])  # the body on their left
-    h_max = float(np.max(own.diameter))
     _check(geometry, points, segments, curve[outer], 0.5 * float(np.abs(twice).sum()))
     elapsed = time.perf_counter() - start
-    return PlaneMesh(mesh, geometry, level, points, triangles, segments, curve[outer], h_max, elapsed, kernel, unit)
+    return PlaneMesh(points, triangles, mesh, geometry, level, segments, curve[outer], elapsed, kernel, unit)
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,6 @@ from tcstudy.fem.meshes import PlaneMesh, curve_ends, mesh_at, refine_marked, re
 from tcstudy.scene.families import GRADED
 from tcstudy.scene.records import Clamped, Contact, Point, Role
 from tcstudy.scene.study import MeshPlan, Study
-from tcstudy.shapes.triangles import TriangleGeometry
 
 Array = NDArray[np.float64]
 REACH = 0.25
@@ -78,10 +77,9 @@ def graded_mesh(
     points, mu = singular_points(first, boundary, plan.grading)
     h, reach = first.h_max / 2**level, REACH * first.geometry.size
     while True:
-        triangles = TriangleGeometry(mesh.points, mesh.triangles)
-        r = np.linalg.norm(triangles.centres[:, None] - points[None], axis=2)
+        r = np.linalg.norm(mesh.centres[:, None] - points[None], axis=2)
         target = h * np.min(np.minimum(1.0, r / reach) ** (1.0 - mu), axis=1, initial=1.0)
-        large = triangles.diameter > target * (1.0 + 1e-9)
+        large = mesh.diameter > target * (1.0 + 1e-9)
         if not np.any(large):
             return replace(mesh, level=level, time_mesh=time.perf_counter() - start)
         mesh = refine_marked(mesh, large)

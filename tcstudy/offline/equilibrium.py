@@ -27,7 +27,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from tcstudy.condense import Condensation, condense
-from tcstudy.fem.recovery import GAUSS
+from tcstudy.shapes.triangles import GAUSS
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -29,7 +29,6 @@ from tcstudy.contact.path.chords import piecewise_linear
 from tcstudy.contact.problem import CondensedBody
 from tcstudy.fem.boundary import values_at
 from tcstudy.fem.estimators import own_strain, stress_of
-from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.fem.rigid import edge_arms
 from tcstudy.laws.composed import nodal
 from tcstudy.laws.laws import Laws
@@ -67,9 +66,6 @@ class ErrorBounds:
     _loads: Recent[_Load] = field(default_factory=lambda: Recent(8, lambda _: 1))
     _bodies: Recent[CondensedBody] = field(default_factory=lambda: Recent(1, lambda _: 1))
     _polygons: Recent[Laws] = field(default_factory=lambda: Recent(64, lambda _: 1))
-
-    def __post_init__(self) -> None:
-        self.triangles = ElementGeometry(self.level.mesh)
 
     def look(self, scene: Scene, v: Array) -> dict[str, float]:
         """What is stored of the bound for a solution v (m,), by variable name; NaN where nothing is proved."""
@@ -140,13 +136,13 @@ class ErrorBounds:
         theta = np.zeros(len(self.level.mesh.triangles))[:, None] * np.zeros(3)
         if scene.material.expands:
             nodal_theta = self.level.temperature(scene).theta
-            theta = self.triangles.of_material(scene, "beta")[:, None] * nodal_theta[self.level.mesh.triangles]
+            theta = self.level.mesh.of_material(scene, "beta")[:, None] * nodal_theta[self.level.mesh.triangles]
         f = np.array([float(values_at(component, np.zeros(2))) for component in scene.f])
         return dual.elements.volume_load(f, theta)
 
     def _tractions(self, scene: Scene, dual: EquilibriumBody) -> Array:
         """(s, 2, 2) what acts on the boundary, in x and y at the Gauss points of its segments [Pa]."""
-        mesh, (length, normal, _) = self.level.mesh, self.triangles.boundary
+        mesh, (length, normal, _) = self.level.mesh, self.level.mesh.boundary
         found = np.zeros((len(mesh.segments), 2, 2))
         for name, role in scene.boundary:
             on = mesh.on(name)
@@ -168,10 +164,11 @@ class ErrorBounds:
 
     def _norm(self, scene: Scene, u: Array) -> float:
         """√a(u, u) without springs [√(J/m)], of which the relative error is then no less."""
-        strain = own_strain(self.triangles, u.T.ravel())
-        lam, mu = (self.triangles.of_material(scene, name) for name in ("lam", "mu"))
+        mesh = self.level.mesh
+        strain = own_strain(mesh, u.T.ravel())
+        lam, mu = (mesh.of_material(scene, name) for name in ("lam", "mu"))
         work = stress_of(strain, lam, mu) * strain * [1.0, 1.0, 2.0]
-        return float(np.sqrt(self.triangles.area @ work.sum(axis=1)))
+        return float(np.sqrt(mesh.area @ work.sum(axis=1)))
 
     def law(self, scene: Scene) -> Laws:
         """The law of every segment of Γ_C."""

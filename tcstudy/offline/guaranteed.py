@@ -28,7 +28,6 @@ from tcstudy.contact.problem import least_eigenpair
 from tcstudy.errors import GeometryFailed
 from tcstudy.fem.boundary import ContactLine
 from tcstudy.fem.meshes import PlaneMesh
-from tcstudy.fem.recovery import GAUSS, ElementGeometry
 from tcstudy.fem.rigid import edge_arms, unknown
 from tcstudy.offline.equilibrium import (
     EquilibriumBody,
@@ -38,6 +37,7 @@ from tcstudy.offline.equilibrium import (
     numbers_of,
 )
 from tcstudy.scene.records import Rigid, Role, Scene
+from tcstudy.shapes.triangles import GAUSS
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -76,8 +76,7 @@ class Band:
 def dual_body(mesh: PlaneMesh, scene: Scene, line: ContactLine) -> EquilibriumBody:
     """The equilibrium elements of a scene on a mesh, all moduli those of the scene."""
     supports, ties = _supports(mesh, scene.boundary, line)
-    triangles = ElementGeometry(mesh)
-    lam, mu = (triangles.of_material(scene, name) for name in ("lam", "mu"))
+    lam, mu = (mesh.of_material(scene, name) for name in ("lam", "mu"))
     return equilibrium_body(mesh.points, mesh.triangles, mesh.segments, lam, mu, supports, ties)
 
 
@@ -87,7 +86,7 @@ def lambda_1_band(body: EquilibriumBody, mesh: PlaneMesh, line: ContactLine, A_t
     whole = body.condensation.expand(x)
     error += ROUNDINGS * float(np.finfo(float).eps) * float(body.diagonal @ whole**2) / hat
     lam, mu = body.elements.lam, body.elements.mu
-    C2 = neglected(ElementGeometry(mesh), line, np.minimum(mu, lam + mu))
+    C2 = neglected(mesh, line, np.minimum(mu, lam + mu))
     high = _least_quotient(A_tilde, mass_of(line))
     return Band(hat * (1.0 - error) / (1.0 + C2 * hat), hat, high * (1.0 + error))
 
@@ -186,14 +185,14 @@ def _ties(mesh: PlaneMesh, rigid: list[tuple[str, Rigid]]) -> sp.csr_array:
 # -- what linear tractions leave out ---------------------------------------------------------------
 
 
-def neglected(triangles: ElementGeometry, line: ContactLine, stiffness: Array) -> float:
+def neglected(mesh: PlaneMesh, line: ContactLine, stiffness: Array) -> float:
     """C² = max_K Σ_e sup_v ‖(I − π)v_T‖²_e/a_K(v,v) over triangles at Γ_C [m/Pa].
 
     stiffness: (t,) half the least of c, min(μ, λ + μ) [Pa]
     """
-    owner, (a, b) = triangles.owner[line.which], np.moveaxis(line.ends, 1, 0)
-    corners, ends = triangles.mesh.triangles[owner], line.segments
-    apex = triangles.mesh.points[corners[(corners != ends[:, :1]) & (corners != ends[:, 1:])]]
+    owner, (a, b) = mesh.owner[line.which], np.moveaxis(line.ends, 1, 0)
+    corners, ends = mesh.triangles[owner], line.segments
+    apex = mesh.points[corners[(corners != ends[:, :1]) & (corners != ends[:, 1:])]]
     h = np.hypot(*(b - a).T)
     along, across = (b - a) / h[:, None], apex - a
     x = np.einsum("ij,ij->i", along, across) / h

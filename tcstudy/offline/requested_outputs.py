@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.fem.estimators import own_strain, stress_of
-from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Level
 from tcstudy.offline.line_numbers import EQUAL
 from tcstudy.offline.section_forces import edge_forces, section_force
 from tcstudy.scene.records import Clamped, Contact, Scene
 from tcstudy.scene.study import OutputPlan, Probe
+from tcstudy.shapes.triangles import TriangleGeometry
 
 Array = NDArray[np.float64]
 OUTSIDE = 0.1
@@ -34,13 +34,9 @@ class RequestedOutputs:
     output: OutputPlan
 
     @cached_property
-    def _triangles(self) -> ElementGeometry:
-        return ElementGeometry(self.level.mesh)
-
-    @cached_property
     def _places(self) -> dict[Probe, tuple[int, Array]]:
         """The triangle of every probe, and the barycentric coordinates in it."""
-        return {probe: _place(self._triangles, np.array(probe.at)) for probe in self.output.probes}
+        return {probe: _place(self.level.mesh, np.array(probe.at)) for probe in self.output.probes}
 
     def of(self, scene: Scene, u_T: Array) -> dict[str, Any]:
         """The numbers by variable name (data.on_request) at a solution u_T (m,) of a scene; N is (m,)."""
@@ -53,7 +49,7 @@ class RequestedOutputs:
             if "von_mises" in wanted:
                 xx, yy, xy, zz = sigma.T
                 size = np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * xy**2)
-                x, y = self._triangles.corners[worst := int(np.argmax(size))].mean(axis=0)
+                x, y = mesh.corners[worst := int(np.argmax(size))].mean(axis=0)
                 found |= {"von_mises_max": float(size[worst]), "von_mises_x": float(x), "von_mises_y": float(y)}
         if "reactions" in wanted:
             found |= self._reactions(scene, u)
@@ -78,12 +74,12 @@ class RequestedOutputs:
 
     def _stress(self, scene: Scene, u: Array, theta: Array) -> Array:
         """(t, 4) σ_xx, σ_yy, σ_xy, σ_zz of the triangles [Pa]."""
-        triangles, strain = self._triangles, own_strain(self._triangles, u)
-        lam, mu, beta = (triangles.of_material(scene, name) for name in ("lam", "mu", "beta"))
+        mesh, strain = self.level.mesh, own_strain(self.level.mesh, u)
+        lam, mu, beta = (mesh.of_material(scene, name) for name in ("lam", "mu", "beta"))
         sigma = np.column_stack([stress_of(strain, lam, mu), lam * (strain[:, 0] + strain[:, 1])])
-        sigma[:, [0, 1, 3]] -= (beta * theta[triangles.mesh.triangles].mean(axis=1))[:, None]
+        sigma[:, [0, 1, 3]] -= (beta * theta[mesh.triangles].mean(axis=1))[:, None]
         for where, material in scene.pieces:
-            sigma[triangles.mesh.inside(where), 3] *= material.plane == "strain"
+            sigma[mesh.inside(where), 3] *= material.plane == "strain"
         return sigma
 
     def _probes(self, u: Array, theta: Array, sigma: Array) -> dict[str, float]:
@@ -119,8 +115,8 @@ class RequestedOutputs:
         return found
 
 
-def _place(triangles: ElementGeometry, at: Array) -> tuple[int, Array]:
+def _place(mesh: TriangleGeometry, at: Array) -> tuple[int, Array]:
     """(triangle, barycentric coordinates) of a point; −1 outside the body."""
-    weights = triangles.barycentric(at)
+    weights = mesh.barycentric(at)
     best = int(np.argmax(weights.min(axis=1)))
     return (best if weights[best].min() > -OUTSIDE else -1), weights[best]

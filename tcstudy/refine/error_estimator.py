@@ -18,7 +18,6 @@ from tcstudy.contact.problem import ContactProblem
 from tcstudy.exact.numbers import known_goal
 from tcstudy.fem.energy_error import Pieces, energy_squares, pieces_of
 from tcstudy.fem.estimators import contact_traction
-from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.level import Level
 from tcstudy.refine.ends import Hidden, hidden_on
 from tcstudy.refine.goal_error import goal_error
@@ -91,9 +90,6 @@ class ErrorEstimator:
     _halved: Halved | None = None
     _pieces: Pieces | None = None
 
-    def __post_init__(self) -> None:
-        self.triangles = ElementGeometry(self.level.mesh)
-
     def look(self, index: Index, scene: Scene, v: Array, bound: float | None = None) -> dict[str, float]:
         """Estimate the error of a solution v (m,); what is stored of it, by variable name.
 
@@ -126,7 +122,7 @@ class ErrorEstimator:
             return Estimate(n_dof, energy, nan, nan, nan, nan, energy, squares, np.empty(0))
         if self._halved is None:
             self._halved = Halved(self.level, scene, self.scenes)
-        found = goal_error(goal, self._halved, self.triangles, scene, problem, v, u)
+        found = goal_error(goal, self._halved, scene, problem, v, u)
         value, old = goal_value(goal, problem, self.level.line, v), self.before.get(index)
         # What extrapolation has changed by: its error falls by about three from level to level, which leaves one half.
         # The spread over the orders says the same of one level alone, so that the larger of both is enough.
@@ -143,10 +139,10 @@ class ErrorEstimator:
 
     def energy_squares(self, scene: Scene, problem: ContactProblem, v: Array, u: Array) -> tuple[Array, float]:
         """(t,) η_K² of the energy norm [J/m] and ‖u_h‖ [√(J/m)] of a solution v (m,) with the displacement u (2n,)."""
-        level, triangles = self.level, self.triangles
+        level = self.level
         theta = level.temperature(scene).theta if scene.material.expands else np.zeros(level.mesh.n_points)
-        friction = contact_traction(triangles, level.line, scene.friction, v, problem.xi(v) / level.line.c, u)
-        self._pieces = self._pieces or pieces_of(triangles, scene)
+        friction = contact_traction(level.mesh, level.line, scene.friction, v, problem.xi(v) / level.line.c, u)
+        self._pieces = self._pieces or pieces_of(level.mesh, scene)
         return energy_squares(self._pieces, u, theta, scene, friction)
 
     # -- all solutions -----------------------------------------------------------------------------

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.accuracy.norms import Triangles
 from tcstudy.accuracy.transfer import located
 from tcstudy.fem.meshes import PlaneMesh, refine_marked
 from tcstudy.fem.study_meshes import Meshes
@@ -42,9 +41,8 @@ def bisected(mesh: PlaneMesh, shares: Array, aim: float, marking: float, hidden:
         fraction = min(marking, 2.0 * (1.0 - aim * total / own)) if own > 0.0 else 0.0
         finer = refine_marked(mesh, marked(both, fraction))
         elapsed += finer.time_mesh
-        before, after = (Triangles(one.points, one.triangles) for one in (mesh, finer))
-        of, _ = located(before, after.centres)
-        ratio = after.area / before.area[of]
+        of, _ = located(mesh, finer.centres)
+        ratio = finer.area / mesh.area[of]
         mesh, shares = finer, shares[of] * ratio**2
     return replace(mesh, level=level, time_mesh=elapsed)
 

@@ -64,7 +64,6 @@ from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.contact.status import Status
 from tcstudy.fem.meshes import CurveEnd, PlaneMesh, curve_ends
-from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.refine.ends import hidden_effects
 from tcstudy.refine.fronts import fronts, slip_length
 from tcstudy.refine.goals import dual, goal_value, lost, steps, torn, weight_of_friction
@@ -98,29 +97,27 @@ class GoalError:
     hidden: Array
 
 
-def goal_error(
-    goal: Goal, halved: Halved, triangles: ElementGeometry, scene: Scene, problem: ContactProblem, v: Array, u: Array
-) -> GoalError:
-    """Error of the goal of a solution v (m,) with the displacement u (2n,); triangles are those of its level.
+def goal_error(goal: Goal, halved: Halved, scene: Scene, problem: ContactProblem, v: Array, u: Array) -> GoalError:
+    """Error of the goal of a solution v (m,) with the displacement u (2n,).
 
     The finer problem starts from v and stays in its basin, so that another solution of the same load is not compared.
     """
-    fine, line = halved.level, halved.coarse.line
+    fine, line, mesh = halved.level, halved.coarse.line, halved.coarse.mesh
     finer = fine.condensed(scene).problem
     answer = solve_contact(finer, tolerance=ACCEPTED, branch="continued", neighbour=halved.start(v, u))
     value, w = goal_value(goal, problem, line, v), answer.v
     if answer.status != Status.CONVERGED:
-        return GoalError(value, np.inf, 0.0, 0.0, np.zeros(len(triangles.area)), np.zeros(len(line.segments)))
+        return GoalError(value, np.inf, 0.0, 0.0, np.zeros(len(mesh.triangles)), np.zeros(len(line.segments)))
     better, z_T = fine.displacement(scene, w), np.zeros(fine.line.m)
     with suppress(scipy.linalg.LinAlgError):  # a turning point
         z_T = dual(goal, finer, fine.line, w)
     pair = Pair(goal, halved, scene, (problem, finer), (v, w), (halved.carry(u), better), z_T)
-    parts, shares = pair.contributions(), pair.shares(triangles)
+    parts, shares = pair.contributions(), pair.shares()
     hidden = halved.on_segments(hidden_effects(goal, fine.line, finer, w, better, z_T))
     # steps of the law, moved by half a cell of the finer level
     lacks = np.max(np.abs(weight_of_friction(goal) - z_T[fine.line.unknowns]), axis=1)
     stepped = halved.on_segments(0.5 * fine.line.lengths * steps(fine.line, finer, w) * lacks)
-    shares += triangles.from_contact(line, stepped)
+    shares += mesh.from_segments(stepped, line.which)
     stick, found = problem.law.sticking(v), fronts(line, problem, v)
     at = [line.ends[front.segment].mean(axis=0) for front in found]
     places = np.array(at + ([np.array(goal.at)] if goal.at is not None else [])).reshape(-1, 2)
@@ -132,7 +129,7 @@ def goal_error(
         own, (length, unsure) = slip_length(line, problem, v)[0], slip_length(fine.line, finer, w)
         apart, rest_of_change, doubt, change = own - value, length - own, doubt + unsure, length - value
         for front in found:  # half of the cell: what the nodes leave open
-            around = np.flatnonzero(np.any(np.isin(triangles.mesh.triangles, line.segments[front.segment]), axis=1))
+            around = np.flatnonzero(np.any(np.isin(mesh.triangles, line.segments[front.segment]), axis=1))
             shares[around] += 0.5 * front.width / len(around)
     elif goal.quantity == "friction_resultant":
         missing = lost(line, problem, v)
@@ -141,7 +138,7 @@ def goal_error(
         apart, rest_of_change = float(missing.sum()), change - float(gained.sum())
         loose = float(np.abs(2.0 * gained - missing).sum())
         doubt += float(torn(fine.line, finer, w).sum())
-        shares += triangles.from_contact(line, np.abs(missing) + torn(line, problem, v))
+        shares += mesh.from_segments(np.abs(missing) + torn(line, problem, v), line.which)
     # the rest of the change by parts, each with the factor of its place
     nonlinear = rest_of_change - float(parts.sum())
     spread = DIFFERENCE * math.hypot(*parted.sums(parts).tolist(), nonlinear) + loose

@@ -35,8 +35,7 @@ from tcstudy.contact.problem import ContactProblem
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.estimators import own_strain, stress_of
 from tcstudy.fem.forms import Conductivity, Springs
-from tcstudy.fem.meshes import refine_uniformly
-from tcstudy.fem.recovery import ElementGeometry
+from tcstudy.fem.meshes import PlaneMesh, refine_uniformly
 from tcstudy.offline.level import Level
 from tcstudy.refine.goals import lumping, weight_of_friction
 from tcstudy.scene.points import needs_heat_solve
@@ -49,7 +48,7 @@ Array = NDArray[np.float64]
 class Halved:
     """The finer level of `coarse`, and what carries functions over.
 
-    level:  the same body on the uniformly refined mesh;  triangles: its triangles
+    level:  the same body on the uniformly refined mesh
     parent: (t_f,) the coarse triangle that each fine one is part of
     """
 
@@ -58,9 +57,8 @@ class Halved:
         mesh = coarse.mesh
         self.coarse, self.level = coarse, Level(refine_uniformly(mesh), scene, scenes)
         fine = self.level.mesh
-        self.triangles = ElementGeometry(fine)
         self._prolong = prolongation(mesh.points, fine.points, fine.triangles)
-        self.parent, _ = located(ElementGeometry(mesh), self.triangles.centres)
+        self.parent, _ = located(mesh, fine.centres)
         self._springs: tuple[Springs, sp.csr_array] = (), sp.csr_array((0, 0))
         self._heat: dict[tuple[tuple[float, ...], Conductivity], scipy.sparse.linalg.SuperLU] = {}
 
@@ -128,11 +126,11 @@ class Halved:
             inside = heat.gradients.conduction(k)
             matrix = sp.csc_array(inside + sp.coo_array((robin.data, at), shape=inside.shape))[free][:, free]
             self._heat = {key: scipy.sparse.linalg.splu(matrix)}  # one factor at a time: they are large
-        own = self.triangles.gradient(z.reshape(2, -1).T)
-        beta = self.triangles.of_material(scene, "beta")
-        dilation = beta * (own[:, 0, 0] + own[:, 1, 1]) * self.triangles.area / 3.0
+        own = self.level.mesh.gradient(z.reshape(2, -1).T)
+        beta = self.level.mesh.of_material(scene, "beta")
+        dilation = beta * (own[:, 0, 0] + own[:, 1, 1]) * self.level.mesh.area / 3.0
         zeta = np.zeros(self.level.mesh.n_points)
-        zeta[free] = self._heat[key].solve((self.triangles.incidence @ dilation)[free])
+        zeta[free] = self._heat[key].solve((self.level.mesh.incidence @ dilation)[free])
         return zeta
 
 
@@ -168,7 +166,7 @@ class Pair:
         nodes, local, z, law = fine.line.nodes, fine.frames.rows, self.z, self.problems[1].law
         rest = np.where(fine.frames.fixed, 0.0, local(z - halved.interpolated(z)))
         e = self.u[1] - self.u[0]
-        forces = local(_nodal_forces(halved.triangles, e, self.scene))
+        forces = local(_nodal_forces(halved.level.mesh, e, self.scene))
         if self.scene.springs:
             forces += halved.springs(self.scene) @ local(e)
         by_node = np.sum((rest * forces).reshape(2, -1), axis=0)
@@ -182,46 +180,47 @@ class Pair:
         by_node[halved.coarse.line.nodes] -= own
         return by_node
 
-    def shares(self, triangles: ElementGeometry) -> Array:
+    def shares(self) -> Array:
         """(t,) what each triangle of the level may contribute to the error."""
         halved, scene, frames, line = self.halved, self.scene, self.halved.level.frames, self.halved.coarse.line
         e, z = self.u[1] - self.u[0], self.z
-        moved, rest, dual = (own_strain(halved.triangles, w) for w in (e, z - halved.interpolated(z), z))
-        lift = own_strain(halved.triangles, frames.cartesian(np.where(frames.fixed, frames.rows(e), 0.0)))
-        energies = (halved.gathered(_work(halved.triangles, a, a, scene)) for a in (moved, rest))
+        moved, rest, dual = (own_strain(halved.level.mesh, w) for w in (e, z - halved.interpolated(z), z))
+        lift = own_strain(halved.level.mesh, frames.cartesian(np.where(frames.fixed, frames.rows(e), 0.0)))
+        energies = (halved.gathered(_work(halved.level.mesh, a, a, scene)) for a in (moved, rest))
         found = np.sqrt(math.prod(energies))
-        found += np.abs(halved.gathered(_work(halved.triangles, lift, dual, scene)))
+        found += np.abs(halved.gathered(_work(halved.level.mesh, lift, dual, scene)))
         xi = self.problems[0].xi(self.v[0]) / line.c
-        found += triangles.from_contact(line, np.abs(lumping(line, xi, halved.at_coarse(self.z_T))))
+        lumped = np.abs(lumping(line, xi, halved.at_coarse(self.z_T)))
+        found += halved.coarse.mesh.from_segments(lumped, line.which)
         return found + self._heat_shares() if scene.material.expands else found
 
     def _heat_shares(self) -> Array:
         """(t,) k‖∇(θ_{h/2} − θ_h)‖_K ‖∇(ζ − I_h ζ)‖_K, or |β∫_K(θ_{h/2} − θ_h) div z| of a known θ."""
-        halved, scene, triangles, z = self.halved, self.scene, self.halved.triangles, self.z
+        halved, scene, mesh, z = self.halved, self.scene, self.halved.level.mesh, self.z
         known = scene.heat.theta
         if known is not None and not isinstance(known, Expression):
             return np.zeros(len(halved.coarse.mesh.triangles))
         e = halved.level.temperature(scene).theta - halved.carry(halved.coarse.temperature(scene).theta)
         if not needs_heat_solve(scene):
-            slope = triangles.gradient(z.reshape(2, -1).T)
-            mean = e[halved.level.mesh.triangles].mean(axis=1)
-            work = triangles.of_material(scene, "beta") * triangles.area * mean * (slope[:, 0, 0] + slope[:, 1, 1])
+            slope = mesh.gradient(z.reshape(2, -1).T)
+            mean = e[mesh.triangles].mean(axis=1)
+            work = mesh.of_material(scene, "beta") * mesh.area * mean * (slope[:, 0, 0] + slope[:, 1, 1])
             return np.abs(halved.gathered(work))
-        zeta, k = halved.dual_temperature(scene, z), triangles.of_material(scene, "k") * triangles.area
-        pair = (np.sum(triangles.gradient(w) ** 2, axis=1) for w in (e, zeta - halved.interpolated(zeta)))
+        zeta, k = halved.dual_temperature(scene, z), mesh.of_material(scene, "k") * mesh.area
+        pair = (np.sum(mesh.gradient(w) ** 2, axis=1) for w in (e, zeta - halved.interpolated(zeta)))
         return np.sqrt(math.prod(halved.gathered(k * square) for square in pair))
 
 
-def _work(triangles: ElementGeometry, a: Array, b: Array, scene: Scene) -> Array:
+def _work(mesh: PlaneMesh, a: Array, b: Array, scene: Scene) -> Array:
     """(t,) ∫_K a:c b of strains that are constant on K (t, 3) [J/m]."""
-    stress = stress_of(a, *(triangles.of_material(scene, name) for name in ("lam", "mu")))
-    return triangles.area * ((stress * b) @ np.array([1.0, 1.0, 2.0]))
+    stress = stress_of(a, *(mesh.of_material(scene, name) for name in ("lam", "mu")))
+    return mesh.area * ((stress * b) @ np.array([1.0, 1.0, 2.0]))
 
 
-def _nodal_forces(triangles: ElementGeometry, u: Array, scene: Scene) -> Array:
+def _nodal_forces(mesh: PlaneMesh, u: Array, scene: Scene) -> Array:
     """(2n,) a(u, φ_j) of the hat functions in x and y [N/m]."""
-    stress = stress_of(own_strain(triangles, u), *(triangles.of_material(scene, name) for name in ("lam", "mu")))
-    rows = stress[:, [[0, 2], [2, 1]]] * triangles.area[:, None, None]
-    forces = np.einsum("tcd,tkd->ctk", rows, triangles.slopes)
-    at, n = triangles.mesh.triangles.ravel(), triangles.mesh.n_points
+    stress = stress_of(own_strain(mesh, u), *(mesh.of_material(scene, name) for name in ("lam", "mu")))
+    rows = stress[:, [[0, 2], [2, 1]]] * mesh.area[:, None, None]
+    forces = np.einsum("tcd,tkd->ctk", rows, mesh.slopes)
+    at, n = mesh.triangles.ravel(), mesh.n_points
     return np.concatenate([np.bincount(at, force.ravel(), minlength=n) for force in forces])

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -13,6 +14,8 @@ Indices = NDArray[np.intp]
 
 INNER = np.full((3, 3), 1 / 6) + 0.5 * np.eye(3)
 """Barycentric points of a quadrature that is exact for degree 2, with a third of the area each."""
+GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
+"""Points on a segment from 0 to 1, of weight ½ each, exact for degree 3."""
 
 
 def doubled_areas(corners: Array) -> Array:
@@ -21,7 +24,7 @@ def doubled_areas(corners: Array) -> Array:
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class TriangleGeometry:
     """points: (n, 2) nodes [m];  triangles: (t, 3), counter-clockwise"""
 
@@ -72,6 +75,13 @@ class TriangleGeometry:
     def gradient(self, nodal: Array) -> Array:
         """∇ of P1 functions: nodal values (n,) or (n, r) → (t, 2) or (t, r, 2)."""
         return np.einsum("tk...,tkd->t...d", nodal[self.triangles], self.slopes)
+
+    @cached_property
+    def incidence(self) -> sp.csr_array:
+        """(n, t) with 1 where a node is a corner of a triangle."""
+        t = len(self.triangles)
+        entries = np.ones(3 * t), (self.triangles.ravel(), np.repeat(np.arange(t), 3))
+        return sp.csr_array(sp.coo_array(entries, shape=(len(self.points), t)))
 
     def barycentric(self, at: Array, of: Indices | slice = slice(None)) -> Array:
         """(q, 3) barycentric coordinates of points (q, 2), or of one, in the triangles `of`, by default all."""

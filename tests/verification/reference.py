@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.status import Status
 from tcstudy.fem.estimators import own_strain
-from tcstudy.fem.recovery import ElementGeometry
+from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import Family
 from tcstudy.scene.study import MeshPlan, Study
@@ -31,7 +31,7 @@ class Solved:
 
     n_dof: int
     estimate: float
-    triangles: ElementGeometry
+    triangles: PlaneMesh
     strain: Array
 
 
@@ -47,8 +47,8 @@ def solved_levels(study: Study, plan: MeshPlan, most: float = np.inf) -> Iterato
         answer = solve_contact(condensed.problem)
         assert answer.status == Status.CONVERGED, answer.reason
         estimator.look((), scene, answer.v)
-        own = own_strain(estimator.triangles, level.displacement(scene, answer.v))
-        yield Solved(level.frames.n_dof, estimator.estimates[()].energy, estimator.triangles, own)
+        own = own_strain(level.mesh, level.displacement(scene, answer.v))
+        yield Solved(level.frames.n_dof, estimator.estimates[()].energy, level.mesh, own)
         if level.frames.n_dof > most:
             return
 
@@ -58,8 +58,8 @@ def distance(solved: Solved, reference: Solved, study: Study) -> float:
     lam, mu = study.scenes[0].material.lam, study.scenes[0].material.mu
     own, fine = solved.triangles, reference.triangles
     centres = fine.corners.mean(axis=1)
-    x, y = own.mesh.points.T
-    found = Triangulation(x, y, own.mesh.triangles).get_trifinder()(*centres.T)
+    x, y = own.points.T
+    found = Triangulation(x, y, own.triangles).get_trifinder()(*centres.T)
     assert np.all(found >= 0)
 
     def energy(e: Array) -> float:

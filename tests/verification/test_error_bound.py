@@ -16,7 +16,6 @@ from tcstudy.accuracy.transfer import prolongation
 from tcstudy.contact.contact import solve_contact
 from tcstudy.errors import StudyError
 from tcstudy.fem.estimators import own_strain, stress_of
-from tcstudy.fem.recovery import ElementGeometry
 from tcstudy.offline.error_bound import ErrorBounds
 from tcstudy.offline.level import Level
 from tcstudy.reports.verdict import verdict
@@ -68,7 +67,7 @@ def loaded_scene_of(seed: int) -> tuple[str, float]:
 
 def energy_norm(level: Level, scene: Scene, u: Array) -> float:
     """√a(u, u) of a displacement u (2n,), with springs."""
-    triangles = ElementGeometry(level.mesh)
+    triangles = level.mesh
     lam, mu = (triangles.of_material(scene, name) for name in ("lam", "mu"))
     strain = own_strain(triangles, u)
     energy = triangles.area @ (stress_of(strain, lam, mu) * strain * [1.0, 1.0, 2.0]).sum(axis=1)
@@ -123,7 +122,7 @@ mesh: {{maxh: 0.4, levels: 3}}
 """
     study = study_of(text)
     for level in levels_of(study):
-        scene, triangles = study.scenes[0], ElementGeometry(level.mesh)
+        scene, triangles = study.scenes[0], level.mesh
         v = solve_contact(level.condensed(scene).problem).v
         x, y = np.moveaxis(triangles.inner_points, 2, 0)
         strain = np.stack([a + b * y, c * x, 0.5 * (b * x + c * y)], axis=-1)

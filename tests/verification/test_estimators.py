@@ -12,10 +12,10 @@ import tcstudy
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.fem.energy_error import coupling, edge_residual, heat_estimate
 from tcstudy.fem.estimators import contact_traction
-from tcstudy.fem.recovery import GAUSS, ElementGeometry
 from tcstudy.refine.goals import lumping
 from tcstudy.refine.halved import Halved
 from tcstudy.scene.study import Goal, MeshPlan, Study
+from tcstudy.shapes.triangles import GAUSS
 from tcstudy.study.run import run
 from tests.data.by_points import one_by_one
 from tests.verification import manufactured as exact
@@ -84,7 +84,7 @@ def test_heat_estimate_and_coupling() -> None:
     scene = study.scenes[0]
     energy, loads = [], []
     for level in levels_of(study):
-        triangles, theta = ElementGeometry(level.mesh), level.temperature(scene).theta
+        triangles, theta = level.mesh, level.temperature(scene).theta
         l2, h1 = l2_and_h1_errors(
             level.mesh,
             theta,
@@ -103,7 +103,7 @@ def test_what_heat_does_to_a_goal() -> None:
     study = study_of(WARM)
     scene, level = study.scenes[0], levels_of(study)[1]
     halved = Halved(level, scene)
-    fine, triangles, heat = halved.level, halved.triangles, halved.level.heat
+    fine, triangles, heat = halved.level, halved.level.mesh, halved.level.heat
     x, y = fine.mesh.points.T
     z = np.concatenate([x**2 * y, x * y])
     slope = triangles.gradient(z.reshape(2, -1).T)
@@ -123,7 +123,7 @@ def test_friction_between_the_nodes() -> None:
     line, tau = level.line, 0.01
     slips = np.arange(line.m) >= line.m // 2
     traction = contact_traction(
-        ElementGeometry(level.mesh),
+        level.mesh,
         line,
         scene.friction,
         np.where(slips, 0.3, 0.0),
@@ -134,7 +134,7 @@ def test_friction_between_the_nodes() -> None:
     assert len(wrong) == 1
     assert set(level.mesh.segments[wrong[0]]) == set(line.nodes[line.m // 2 - 1 : line.m // 2 + 1])
     assert sorted(traction.defect[wrong[0]]) == pytest.approx(sorted(tau * (1 - GAUSS)))
-    triangles = ElementGeometry(level.mesh)
+    triangles = level.mesh
     at_rest = np.zeros(2 * level.mesh.n_points), np.zeros((level.mesh.n_points, 3))
     only_xi = replace(traction, defect=0.0 * traction.defect)
     edges, without = (edge_residual(triangles, *at_rest, scene, t) for t in (traction, only_xi))
