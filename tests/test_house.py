@@ -31,7 +31,7 @@ ARROWS: dict[str, set[str]] = {
     "offline": {"condense", "errors", "expressions", "fem", "laws", "scene", "shapes", "contact"},
     "refine": {"accuracy", "exact", "expressions", "fem", "laws", "offline", "scene", "contact"},
     "data": {"errors", "scene"},
-    "reports": {"accuracy", "data", "errors", "laws", "read", "scene"},
+    "reports": {"accuracy", "data", "errors", "laws", "read", "scene", "shapes"},
 }
 """What each room may import beside itself. `study` may use every room below it; the rest of the package, all."""
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -108,15 +107,17 @@ class LineFields:
 
 @dataclass(frozen=True)
 class BodyFields:
-    """The whole body: mesh (n nodes, t triangles), displacement [length units], temperature if there is one."""
+    """The whole body: mesh (n nodes, t triangles), displacement [length units], temperature if there is one.
 
-    x: Array
-    y: Array
+    xy, u: (n, 2);  region: (t,) which material a triangle has, 0 for that of the body
+    """
+
+    xy: Array
     triangles: NDArray[np.intp]
-    u_x: Array
-    u_y: Array
+    u: Array
     theta: Array | None
     theta_units: str
+    region: NDArray[np.int8]
 
 
 Held = tuple[float | None, float | None]
@@ -126,29 +127,26 @@ Held = tuple[float | None, float | None]
 class Picture:
     """One solved point of a sweep on one level.
 
-    point:      its labels in words
-    edges:      those of the body with their roles;  sources: outlines (n, 2) of heated regions [length units]
-    held:       u_T at both ends of every part of the line, None where no node is held or the file does not say it
-    scene:      what was solved, None if the study in the file cannot be read
-    lambda_1, omega: as stored [stiffness_units];  lambda_1_error: relative
+    at:    the numbers of the point, a dataset;  point: its labels in words
+    edges: those of the body with their roles;  sources: outlines (n, 2) of heated regions [length units]
+    held:  u_T at both ends of every part of the line, None where no node is held or the file does not say it
+    scene: what was solved, None if the study in the file cannot be read
     """
 
-    title: str
+    at: Any
     point: str
     level: int
-    h_max: float
-    n_dof: int
-    residual: float
     line: LineFields
     body: BodyFields | None
     edges: tuple[NamedEdge, ...] = ()
     sources: tuple[Array, ...] = ()
     held: tuple[Held, ...] = ()
     scene: Scene | None = None
-    lambda_1: float = math.nan
-    lambda_1_error: float = 0.0
-    omega: float = math.nan
-    stiffness_units: str = "1"
+
+    @property
+    def title(self) -> str:
+        """That of the study."""
+        return str(self.at.attrs["title"])
 
 
 def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: int = -1) -> Picture:
@@ -164,24 +162,18 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
         number = level_number(root, level)
         check_solved(root, where, number)
         study = stored_study(root)
-        at = root.isel(where).isel(level=number)
         group = tree[f"level_{number}"].to_dataset().isel(where, missing_dims="ignore")
-        line = _line(group)
+        line = contact_line(group)
         return Picture(
-            title=str(root.attrs["title"]),
+            at=root.isel(where).isel(level=number).load(),
             point=describe(root, where),
             level=number,
-            h_max=float(at["h_max"]),
-            n_dof=int(at["n_dof"]),
-            residual=float(at["inclusion_residual"]),
             line=line,
             body=body_fields(group),
             edges=tuple(outline(study)),
             sources=tuple(sources(study)),
             held=_held_slip(line, group),
             scene=None if study is None else scene_at(study, [where[d] for d in sweep_dims(root)]),
-            **{name: float(at[name]) for name in ("lambda_1", "lambda_1_error", "omega") if name in at},
-            stiffness_units=str(root["omega"].attrs.get("units", "1")) if "omega" in root else "1",
         )
 
 
@@ -209,41 +201,34 @@ def _held_slip(line: LineFields, group: Any) -> tuple[Held, ...]:
 
 
 def contact_line(group: Any) -> LineFields:
-    """The contact line of a level, with zero slip and traction."""
-    zero = np.zeros(group.sizes["node"])
+    """The contact line of a level or a path, with slip and traction of all points that the group is of."""
+    N = group.get("section_force")
     return LineFields(
-        **{name: group[name].values for name in ("arclength", "x", "y", "c")},
+        **{name: group[name].values for name in ("arclength", "x", "y", "c", "u_T", "xi")},
         edge=group["edge"].values.astype(np.intp),
         edge_names=tuple(str(group["edge"].attrs.get("flag_meanings", "")).split()),
-        u_T=zero,
-        xi=zero,
-        sticks=zero > 0.0,
+        sticks=group["sticks"].values == STICKS if "sticks" in group else np.zeros(0, dtype=bool),
         length_units=str(group["u_T"].attrs["units"]),
         traction_units=str(group["xi"].attrs["units"]),
         joints=joints_of(group),
+        section=None if N is None or np.isnan(N.values).any() else (N.values, str(N.attrs["units"])),
     )
-
-
-def _line(group: Any) -> LineFields:
-    values = {name: group[name].values for name in ("u_T", "xi")}
-    N = group.get("section_force")
-    section = None if N is None or np.isnan(N.values).any() else (N.values, str(N.attrs["units"]))
-    return replace(contact_line(group), **values, sticks=group["sticks"].values == STICKS, section=section)
 
 
 def body_fields(group: Any) -> BodyFields | None:
     """The fields of the whole body, None if the file has none for this point."""
     if not {"node_x", "triangle", "u_x", "u_y"} <= set(group.variables):
         return None
-    values = {name: group[name].values for name in ("u_x", "u_y")}
-    if not all(np.isfinite(field).all() for field in values.values()):
+    xy, u = (np.column_stack([group[name].values for name in pair]) for pair in (("node_x", "node_y"), ("u_x", "u_y")))
+    if not np.isfinite(u).all():
         return None
-    theta = group["theta"].values if "theta" in group else None
+    triangles, theta = group["triangle"].values.astype(np.intp), group.get("theta")
+    known = theta is not None and np.isfinite(theta.values).all()
     return BodyFields(
-        x=group["node_x"].values,
-        y=group["node_y"].values,
-        triangles=group["triangle"].values.astype(np.intp),
-        **values,
-        theta=theta if theta is not None and np.isfinite(theta).all() else None,
-        theta_units=str(group["theta"].attrs["units"]) if theta is not None else "1",
+        xy=xy,
+        triangles=triangles,
+        u=u,
+        theta=theta.values if known else None,
+        theta_units=str(theta.attrs["units"]) if theta is not None else "1",
+        region=group["region"].values if "region" in group else np.zeros(len(triangles), dtype=np.int8),
     )

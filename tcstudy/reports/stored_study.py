@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from tcstudy.data.schema import JOINTS
@@ -19,8 +19,9 @@ from tcstudy.errors import StudyError
 from tcstudy.laws.composed import NO_JOINTS, EdgeLaws, Joints, law_along
 from tcstudy.laws.laws import Laws
 from tcstudy.read.study import read_study_text
-from tcstudy.scene.records import Clamped, Convection, Role, Scene, Traction
+from tcstudy.scene.records import Clamped, Convection, Edge, Role, Scene, Traction
 from tcstudy.scene.study import Study
+from tcstudy.shapes.edges import edge_points
 
 Array = NDArray[np.float64]
 
@@ -97,7 +98,7 @@ def outline(study: Study | None) -> list[NamedEdge]:
     for number, loop in enumerate((body.outline, *body.holes)):
         assert loop is not None
         for edge in loop.edges:
-            line, role = polyline(edge.start, edge.through, edge.end), roles.get(edge.name)
+            line, role = _polyline(edge), roles.get(edge.name)
             word = type(role).__name__.lower() if role is not None else "free"
             found.append(NamedEdge(edge.name, word, number, line, _loaded(role)))
     return found
@@ -115,42 +116,17 @@ def sources(study: Study | None) -> list[Array]:
         return []
     heat, regions = study.scenes[0].heat, study.scenes[0].body.regions
     loops = [region.loop for region in regions if region.name in heat.omega]
-    return [np.concatenate([polyline(e.start, e.through, e.end) for e in loop.edges]) for loop in loops]
+    return [np.concatenate([_polyline(edge) for edge in loop.edges]) for loop in loops]
 
 
-def polyline(start: Any, through: Any, end: Any) -> Array:
-    """A straight edge as its two ends, an arc through a third point as a chain of points (n, 2)."""
-    a, b = np.array(start), np.array(end)
-    if through is None:
-        return np.array([a, b])
-    t = np.array(through)
-    centre = _centre(a, t, b)
-    angle = [float(np.arctan2(*(p - centre)[::-1])) for p in (a, t, b)]
-    turn = (angle[2] - angle[0]) % (2 * np.pi)
-    if (angle[1] - angle[0]) % (2 * np.pi) > turn:
-        turn -= 2 * np.pi
-    phi = angle[0] + np.linspace(0.0, turn, ARC_POINTS)
-    return np.asarray(centre + np.hypot(*(a - centre)) * np.column_stack([np.cos(phi), np.sin(phi)]))
+def _polyline(edge: Edge) -> Array:
+    """A straight edge as its two ends, an arc as a chain of points (n, 2)."""
+    return edge_points(edge, 1 if edge.through is None else ARC_POINTS - 1)
 
 
-def _centre(a: Array, t: Array, b: Array) -> Array:
-    matrix = 2.0 * np.array([t - a, b - a])
-    rhs = np.array([t @ t - a @ a, b @ b - a @ a])
-    return np.asarray(np.linalg.solve(matrix, rhs))
-
-
-def nearest(places: Array, named: list[NamedEdge]) -> NDArray[np.int8]:
+def nearest(places: Array, named: Sequence[NamedEdge]) -> NDArray[np.int8]:
     """(k,) index of the named edge that each place lies on; −1 where no edges are known."""
     if not named:
         return np.full(len(places), -1, dtype=np.int8)
-    return np.argmin([_distance(places, edge.line) for edge in named], axis=0).astype(np.int8)
-
-
-def _distance(places: Array, line: Array) -> Array:
-    """(k,) distance of places from a polyline."""
-    best = np.full(len(places), np.inf)
-    for a, b in pairwise(line):
-        t = b - a
-        s = np.clip((places - a) @ t / max(float(t @ t), np.finfo(float).tiny), 0.0, 1.0)
-        best = np.minimum(best, np.hypot(*(places - a - s[:, None] * t).T))
-    return best
+    points, lines = shapely.points(places), [shapely.LineString(edge.line) for edge in named]
+    return np.argmin([shapely.distance(points, line) for line in lines], axis=0).astype(np.int8)

@@ -11,17 +11,13 @@ from tcstudy.scene.records import Material
 Array = NDArray[np.float64]
 
 
-def stresses(body: BodyFields, material: Material, region: NDArray[np.int8] | None = None) -> tuple[Array, Array]:
-    """Stress (t, 6) in the order of SYMMETRIC and elastic density ½ σ : c⁻¹ σ (t,) of triangles [Pa, J/m³].
-
-    region: (t,) where materials differ, 0 for that of the body, i for that of the i-th region
-    """
-    of = np.zeros(len(body.triangles), dtype=np.intp) if region is None else region
-    lam, mu, beta, nu, E = np.array([(m.lam, m.mu, m.beta, m.nu, m.E) for m in material.all])[of].T
-    x, y = body.x[body.triangles], body.y[body.triangles]
+def stresses(body: BodyFields, material: Material) -> tuple[Array, Array]:
+    """Stress (t, 6) in the order of SYMMETRIC and elastic density ½ σ : c⁻¹ σ (t,) of triangles [Pa, J/m³]."""
+    lam, mu, beta, nu, E = np.array([(m.lam, m.mu, m.beta, m.nu, m.E) for m in material.all])[body.region].T
+    x, y = np.moveaxis(body.xy[body.triangles], -1, 0)
     b, d = np.roll(y, -1, axis=1) - np.roll(y, 1, axis=1), np.roll(x, 1, axis=1) - np.roll(x, -1, axis=1)
     twice = np.sum(x * b, axis=1)  # 2 × area; its sign goes with the order of the corners, as that of b and d
-    u, v = body.u_x[body.triangles], body.u_y[body.triangles]
+    u, v = np.moveaxis(body.u[body.triangles], -1, 0)
     e_xx, e_yy = np.sum(u * b, axis=1) / twice, np.sum(v * d, axis=1) / twice
     e_xy = 0.5 * (np.sum(u * d, axis=1) + np.sum(v * b, axis=1)) / twice
     theta = np.zeros(len(x)) if body.theta is None else np.mean(body.theta[body.triangles], axis=1)

@@ -99,18 +99,17 @@ def _write_point(
         return Values(title or name, group[name].values, str(group[name].attrs.get("units", "1")))
 
     if (body := body_fields(group)) is not None:
-        u = np.column_stack([body.u_x, body.u_y, np.zeros(len(body.x))])
+        u = np.column_stack([body.u, np.zeros(len(body.u))])
         fields = [Values("u", u, stored("u_x").units, ("x", "y", "z"))]
         fields += [stored("theta")] if body.theta is not None else []
         cells: list[Values] = []
         if scene is not None:
-            sigma, energy = stresses(body, scene.material, group["region"].values if "region" in group else None)
+            sigma, energy = stresses(body, scene.material)
             pressure = stored("xi").units
             cells += [Values("stress", sigma, pressure, SYMMETRIC), Values("von_mises", von_mises(sigma), pressure)]
             cells += [Values("energy_density", energy, "1" if pressure == "1" else "J m-3")]
             cells += [stored("region")] if "region" in group else []
-        places = np.column_stack([body.x, body.y])
-        write_vtk(folder / f"{name}.vtu", places, body.triangles, fields, cells, about)
+        write_vtk(folder / f"{name}.vtu", body.xy, body.triangles, fields, cells, about)
         yield i, BODY, "body", f"{name}.vtu"
     sticks = group["sticks"].values == STICKS
     law = None if scene is None else law_of_nodes(scene.friction, group)

@@ -82,13 +82,13 @@ def law_figure(point: Picture, of: Operating, look: style.Look) -> Figure:
 
 def _facts(point: Picture) -> list[str]:
     """The point, and what the law says of uniqueness."""
-    steep = ""
-    if np.isfinite(point.lambda_1):
-        divisor, unit = axis_unit([point.lambda_1], point.stiffness_units)
-        omega, lambda_1 = number(point.omega / divisor, 3), number(point.lambda_1 / divisor, 3)
+    steep, at = "", point.at
+    if "lambda_1" in at and np.isfinite(at["lambda_1"]):
+        divisor, unit = axis_unit([float(at["lambda_1"])], str(at["omega"].attrs.get("units", "1")))
+        omega, lambda_1 = (number(float(at[name]) / divisor, 3) for name in ("omega", "lambda_1"))
         steep = rf"steepest fall $\omega$ = {omega}, stiffness $\lambda_1$ = {lambda_1} {pretty(unit)}".rstrip()
-    if steep and point.lambda_1_error > DIGITS:
-        steep += f" (relative error {number(point.lambda_1_error, 2)})"
+        if (error := float(at["lambda_1_error"])) > DIGITS:
+            steep += f" (relative error {number(error, 2)})"
     return [",  ".join(filter(None, [style.point_words(point.point), f"level {point.level}"])), steep]
 
 

@@ -26,7 +26,7 @@ FEW = 60
 
 def point_figure(picture: Picture, look: style.Look) -> Figure:
     """The figure of one point; call it within `style.styled()` for its letters."""
-    line, body = picture.line, picture.body
+    line, body, at = picture.line, picture.body, picture.at
     width = (look.size[0] / (look.letters / style.USUAL) if look.size else style.WIDTH) - BESIDE
     shape = drawn(body, line.length_units, width, BODY) if body else None
     below = ["upper", "lower", *(["section"] if line.section else [])]
@@ -35,9 +35,9 @@ def point_figure(picture: Picture, look: style.Look) -> Figure:
         rows, heights = [["body"], *rows], [shape.height, *heights]
     mesh = [
         f"level {picture.level}",
-        f"longest element edge {with_unit(picture.h_max, line.length_units, 3)}",
-        f"{picture.n_dof} displacement unknowns",
-        f"inclusion residual {number(picture.residual, 2)}",
+        f"longest element edge {with_unit(float(at['h_max']), line.length_units, 3)}",
+        f"{int(at['n_dof'])} displacement unknowns",
+        f"inclusion residual {number(float(at['inclusion_residual']), 2)}",
     ]
     sheet = Sheet(look, picture.title, [style.point_words(picture.point), ",  ".join(mesh)], rows, heights)
     aligned = shape is not None and origin_below(line) is not None

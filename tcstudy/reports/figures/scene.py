@@ -19,7 +19,7 @@ from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.body import ROLES
+from tcstudy.reports.figures.edges import HATCH, ROLES, chained, directions, draw_edge, evenly
 from tcstudy.reports.figures.law import draw_law, slip_range
 from tcstudy.reports.figures.panels import Array, Panel, scale
 from tcstudy.reports.figures.sheet import Sheet
@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 WIDTH, HIGHEST, LEAST, SIDE = 4.55, 3.4, 0.45, 1.35
 """Room of the body, its least height, and the margins beside it [inch]."""
 SLENDER = 12.0
-ARROW, APART, HATCH = 0.34, 0.55, 0.12
-"""Length of an arrow, and how far apart arrows and the ticks of a clamped edge stand along it [inch]."""
+ARROW, APART = 0.34, 0.55
+"""Length of an arrow, and how far apart arrows stand along an edge [inch]."""
 LETTERS, LETTER, LINE = 8.0, 0.066, 0.15
 """Size of the letters [pt], width of one and height of a line [inch]."""
 WIDEST, LONGEST = 21, 24
@@ -71,7 +71,7 @@ class SceneShape:
 
 def scene_figure(title: str, study: Study | None, shape: SceneShape, look: style.Look) -> Figure:
     """The figure; of a study with faults, which is None, the outline with those that are of its edges."""
-    shape = replace(shape, segments={name: _chained(segments) for name, segments in shape.segments.items()})
+    shape = replace(shape, segments={name: chained(segments) for name, segments in shape.segments.items()})
     ends = np.concatenate(list(shape.segments.values())).reshape(-1, 2)
     low, size = ends.min(axis=0), np.ptp(ends, axis=0)
     one = WIDTH / size[0] if size[0] >= size[1] * WIDTH / HIGHEST else HIGHEST / size[1]
@@ -128,9 +128,7 @@ class _Drawing:
             if float(np.median(sides, axis=0).min()) > FINE:
                 axes.triplot(x, y, shape.triangles, color=style.INK, linewidth=0.4, alpha=0.25)
         edges = {name: self.place(segments) for name, segments in shape.segments.items()}
-        for ends in edges.values():
-            steps = np.maximum(2, np.ceil(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 0.05)).astype(int)
-            self.taken += [np.linspace(a, b, n) for (a, b), n in zip(ends, steps, strict=True)]
+        self.taken += [evenly(ends, max(2, int(directions(ends)[0].sum() / 0.04)))[0] for ends in edges.values()]
         roles = dict(self.scene.boundary) if self.scene is not None else {}
         for name, ends in edges.items():
             self._edge(name, ends, roles.get(name))
@@ -141,37 +139,24 @@ class _Drawing:
         self._inside()
 
     def _edge(self, name: str, ends: Array, role: Role | None) -> None:
-        from matplotlib.collections import LineCollection
-
-        how: dict[str, Any] = ROLES[role.word if role is not None else "free"]
-        if name in self.shape.faults:
-            how = {"color": style.VERMILLION, "linewidth": 4.0}
-        self.axes.add_collection(LineCollection(list(ends), capstyle="round", zorder=3, **how))
-        label = "fault" if name in self.shape.faults else role.word if role is not None else "edge"
-        self.axes.plot([], [], label=label, **how)
-        along = ends[:, 1] - ends[:, 0]
-        lengths = np.linalg.norm(along, axis=1)
-        along = along / lengths[:, None]
-        normals = np.column_stack([along[:, 1], -along[:, 0]])
+        """The edge and the arrows of what it carries or prescribes."""
+        wrong, word = name in self.shape.faults, role.word if role is not None else "free"
+        how: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 4.0} if wrong else ROLES[word]
+        fixed = type(role) is Clamped and None not in role.u
+        self.taken.append(draw_edge(self.axes, ends, how, fixed))
+        self.axes.plot([], [], label="fault" if wrong else word if role is not None else "edge", **how)
         if role is None:
             return
-        fixed = type(role) is Clamped and None not in role.u
-        if fixed:
-            starts, of = _evenly(ends, lengths, max(1, round(float(lengths.sum()) / HATCH)))
-            ticks = np.stack([starts, starts + 0.75 * HATCH * (normals - along)[of]], axis=1)
-            self.axes.add_collection(LineCollection(list(ticks), color=style.INK, linewidth=0.7))
-            self.taken.append(ticks[:, 1])
-        points = 0.5 * (self.shape.segments[name][:, 0] + self.shape.segments[name][:, 1])
-        starts, of = _evenly(ends, lengths, max(1, min(9, int(lengths.sum() / APART))))
-        for force, colour in _pushes(role, points, normals, along):
-            size = float(np.max(np.hypot(*force.T), initial=0.0))
-            if len(force) == 1:  # one arrow for a resultant, in the middle of its edge
+        lengths, along, normals = directions(ends)
+        starts, of = evenly(ends, max(1, min(9, int(lengths.sum() / APART))))
+        for force, colour in _pushes(role, self.shape.segments[name].mean(axis=1), normals, along):
+            size = float(np.max(np.hypot(*force.T)))
+            if force.ndim == 1:  # one arrow for a resultant, in the middle of its edge
                 middle = ends.reshape(-1, 2).mean(axis=0)
-                self._arrow(middle, ARROW * 1.5 * force[0] / size, normals[len(normals) // 2], colour, 2.2)
+                self._arrow(middle, ARROW * 1.5 * force / size, normals[len(normals) // 2], colour, 2.2)
                 continue
-            for at, i in zip(starts, of, strict=True) if size > 0.0 else ():
-                self._arrow(at + HATCH * fixed * normals[i], ARROW * force[i if len(force) > 1 else 0] / size,
-                            normals[i], colour)  # fmt: skip
+            for at, i in zip(starts, of, strict=True):
+                self._arrow(at + HATCH * fixed * normals[i], ARROW * force[i] / size, normals[i], colour)
 
     def _arrow(self, at: Array, way: Array, normal: Array, colour: str, width: float = 1.1) -> None:
         """An arrow outside the body: away from it, towards it, or beside it."""
@@ -187,42 +172,40 @@ class _Drawing:
 
     def _label(self, ends: Array, text: str, wrong: bool) -> None:
         """A text outside its edge where nothing is in the way, or else inside."""
-        middles, along = ends.mean(axis=1), ends[:, 1] - ends[:, 0]
-        lengths = np.linalg.norm(along, axis=1)
-        normals = np.column_stack([along[:, 1], -along[:, 0]]) / lengths[:, None]
-        half = 0.5 * np.array([LETTER * max(map(len, text.split("\n"))), LINE * (text.count("\n") + 1)])
-        taken, best = np.concatenate(self.taken), None
-        share = np.cumsum(lengths) / lengths.sum()
+        half, limits = _half(text), np.array([self.axes.get_xlim(), self.axes.get_ylim()])
+        lengths, _, normals = directions(ends)
+        share, places = np.cumsum(lengths) / lengths.sum(), []
         for apart in (0.1, 0.19, 0.28, 0.46, 0.64, -0.1, -0.4):
             for part in (0.5, 0.35, 0.65, 0.2, 0.8):
                 i = int(np.searchsorted(share, part))
-                at = middles[i] if len(middles) > 1 else ends[0, 0] + part * along[0]
+                at = ends[i].mean(axis=0) if len(ends) > 1 else ends[0, 0] + part * (ends[0, 1] - ends[0, 0])
                 way = math.copysign(1.0, apart) * normals[i]
                 centre = at + way * (abs(apart) + float(np.abs(way) @ half))
-                limits = np.array([self.axes.get_xlim(), self.axes.get_ylim()])
-                centre = np.clip(centre, limits[:, 0] + half, limits[:, 1] - half)
-                hits = int(np.count_nonzero(np.all(np.abs(taken - centre) < half + 0.04, axis=1)))
-                if best is None or hits < best[0]:
-                    best = hits, centre, at
-                if hits == 0:
-                    break
-            if best is not None and best[0] == 0:
-                break
-        assert best is not None
-        _, centre, at = best
-        colour = style.VERMILLION if wrong else style.INK
-        self._write(text, centre, half, colour)
-        if np.any(np.abs(at - centre) > half + 0.2):
-            self.axes.plot(
-                *np.array([at, np.clip(at, centre - half, centre + half)]).T, color=style.PALE, linewidth=0.6
-            )
+                places.append((np.clip(centre, limits[:, 0] + half, limits[:, 1] - half), at))
+        self._write(text, places, half, style.VERMILLION if wrong else style.INK)
 
-    def _write(self, text: str, centre: Array, half: Array, colour: str) -> None:
+    def _free(self, points: Array, text: str) -> None:
+        """A text over the middle of points, moved up or down until it is free."""
+        half, middle = _half(text), 0.5 * (points.min(axis=0) + points.max(axis=0))
+        moves = [np.array([dx, dy]) for dy in (0.0, 0.25, -0.25, 0.5, -0.5) for dx in (0.0, 1.0, -1.0, 2.0, -2.0)]
+        places = [(middle + move, points[np.argmin(np.hypot(*(points - middle - move).T))]) for move in moves]
+        self._write(text, places, half, style.INK)
+
+    def _write(self, text: str, places: Sequence[tuple[Array, Array]], half: Array, colour: str) -> None:
+        """A text at the first centre where the least is in the way, with a line to what it belongs to if that is far.
+
+        places: (centre, what it belongs to);  half: half its width and height
+        """
+        taken = np.concatenate(self.taken)
+        hits = [np.count_nonzero(np.all(np.abs(taken - centre) < half + 0.04, axis=1)) for centre, _ in places]
+        centre, at = places[int(np.argmin(hits))]
+        if np.any(np.abs(at - centre) > half + 0.2):
+            line = np.array([at, np.clip(at, centre - half, centre + half)])
+            self.axes.plot(*line.T, color=style.PALE, linewidth=0.6)
         box = {"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.6}
         how: dict[str, Any] = {"ha": "center", "va": "center", "bbox": box, "linespacing": 1.15, "in_layout": False}
-        how["parse_math"] = False
-        size = style.pt(LETTERS)
-        self.axes.text(float(centre[0]), float(centre[1]), text, fontsize=size, color=colour, zorder=6, **how)
+        how |= {"parse_math": False, "fontsize": style.pt(LETTERS), "zorder": 6}
+        self.axes.text(float(centre[0]), float(centre[1]), text, color=colour, **how)
         grid = np.stack(np.meshgrid(*(np.linspace(-1, 1, max(2, int(n / 0.05))) for n in 2 * half)), axis=-1)
         self.taken.append(centre + grid.reshape(-1, 2) * half)
 
@@ -242,46 +225,15 @@ class _Drawing:
             values = ", ".join(_value(component, "N m-3", self.si) for component in scene.f)
             self._free(self.place(shape.points), "\n".join(_lines([f"f = ({values})"])))
 
-    def _free(self, points: Array, text: str) -> None:
-        """A text over the middle of points, moved up or down until it is free."""
-        half = 0.5 * np.array([LETTER * max(map(len, text.split("\n"))), LINE * (text.count("\n") + 1)])
-        taken, middle = np.concatenate(self.taken), 0.5 * (points.min(axis=0) + points.max(axis=0))
-        moves = [np.array([dx, dy]) for dy in (0.0, 0.25, -0.25, 0.5, -0.5) for dx in (0.0, 1.0, -1.0, 2.0, -2.0)]
-        hits = [np.count_nonzero(np.all(np.abs(taken - middle - move) < half, axis=1)) for move in moves]
-        centre = middle + moves[int(np.argmin(hits))]
-        inside = points[np.argmin(np.hypot(*(points - centre).T))]
-        if np.any(np.abs(middle - centre) > half):
-            self.axes.plot(
-                *np.array([inside, np.clip(inside, centre - half, centre + half)]).T, color=style.PALE, linewidth=0.6
-            )
-        self._write(text, centre, half, style.INK)
 
-
-def _chained(segments: Array) -> Array:
-    """The segments (k, 2, 2) of an edge in the order in which one walks along it, whatever that of the mesh is."""
-    starts = {tuple(point): i for i, point in enumerate(segments[:, 0].tolist())}
-    after = [starts.get(tuple(point)) for point in segments[:, 1].tolist()]
-    order = dict[int, None]()
-    for first in [*sorted(set(range(len(segments))) - set(after)), *range(len(segments))]:
-        at: int | None = first
-        while at is not None and at not in order:
-            order[at] = None
-            at = after[at]
-    return segments[list(order)]
+def _half(text: str) -> Array:
+    """Half the width and height of a text."""
+    return 0.5 * np.array([LETTER * max(map(len, text.split("\n"))), LINE * (text.count("\n") + 1)])
 
 
 def _lies(segments: Array | None) -> bool:
     """Whether a part of an edge lies rather than stands, so that what belongs to it goes above or below the body."""
     return segments is not None and bool(np.any(np.abs(segments[:, 1] - segments[:, 0]) @ [1.0, -1.0] >= 0.0))
-
-
-def _evenly(ends: Array, lengths: Array, count: int) -> tuple[Array, NDArray[np.intp]]:
-    """Places (count, 2) evenly spread along segments (k, 2, 2) of these lengths, and which segment each lies on."""
-    upto = np.cumsum(lengths)
-    along = (np.arange(count) + 0.5) / count * upto[-1]
-    of = np.searchsorted(upto[:-1], along)
-    share = (along - (upto - lengths)[of]) / lengths[of]
-    return ends[of, 0] + share[:, None] * (ends[of, 1] - ends[of, 0]), of
 
 
 def _lines(parts: Sequence[str]) -> Iterator[str]:
@@ -293,7 +245,7 @@ def _lines(parts: Sequence[str]) -> Iterator[str]:
 
 
 def _pushes(role: Role, points: Array, normals: Array, along: Array) -> Iterator[tuple[Array, str]]:
-    """(forces or displacements at the points, or a single one; colour) of what an edge carries or prescribes."""
+    """(forces or displacements (k, 2) at the points, or a resultant (2,); colour) of what an edge has or moves by."""
 
     def at(value: Scalar | None) -> Array:
         if not isinstance(value, int | float | None):
@@ -302,15 +254,15 @@ def _pushes(role: Role, points: Array, normals: Array, along: Array) -> Iterator
 
     load = np.column_stack([at(one) for one in role.g]) - at(role.pressure)[:, None] * normals
     if np.any(load):
-        yield load if len(load) > 1 else np.repeat(load, 2, axis=0), style.VERMILLION
+        yield load, style.VERMILLION
     if any(role.force):
-        yield np.array([role.force]), style.VERMILLION
+        yield np.array(role.force), style.VERMILLION
     first, second = map(at, role.u)
     moved = np.column_stack([first, second])
     if role.frame == "nt":
         moved = first[:, None] * normals + second[:, None] * along
     if np.any(moved):
-        yield moved if len(moved) > 1 else np.repeat(moved, 2, axis=0), style.BLUE
+        yield moved, style.BLUE
 
 
 def _value(value: Scalar | None, units: str, si: bool) -> str:

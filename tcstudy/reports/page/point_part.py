@@ -15,7 +15,7 @@ from tcstudy.reports.figures.body import boundary_edges
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.law_part import frictions_of, node_part
 from tcstudy.reports.page.stored import Stored
-from tcstudy.reports.picture import BodyFields, contact_line, ends_held
+from tcstudy.reports.picture import contact_line, ends_held
 from tcstudy.reports.stored_study import at_rest, law_of_nodes, nearest, outline, sources
 from tcstudy.scene.contact_states import ContactState, node_states
 from tcstudy.scene.study import Study
@@ -40,16 +40,15 @@ def body_part(stored: Stored, level: int, box: Container) -> Json:
         values = by_point(group[name], stored.data)
         return box.fields(np.where(np.isfinite(values), values, 0.0))
 
-    zero = np.zeros(len(x))
-    edges = boundary_edges(BodyFields(x, y, triangles, zero, zero, None, "1"))
-    named = outline(stored.study)
+    xy = np.column_stack([x, y])
+    edges = boundary_edges(xy, triangles.astype(np.intp))
     return {
         "level": level,
         "x": box.array(x, "f4"),
         "y": box.array(y, "f4"),
         "triangle": box.array(triangles, "u2" if len(x) < 65536 else "i4"),
         "boundary": box.array(edges, "i4"),
-        "edge": box.array(nearest(np.column_stack([x, y])[edges].mean(axis=1), named), "i1"),
+        "edge": box.array(nearest(xy[edges].mean(axis=1), outline(stored.study)), "i1"),
         "u_x": field("u_x"),
         "u_y": field("u_y"),
         "theta": field("theta") if "theta" in group else None,

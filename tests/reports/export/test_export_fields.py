@@ -23,9 +23,9 @@ STRESS = Material(2 * LAM * MU / (LAM + 2 * MU), MU, E * ALPHA_T / (1 - NU), 1.0
 
 def body(gradient: list[list[float]], theta: float) -> BodyFields:
     """Two triangles of either orientation with a linear displacement and one temperature."""
-    x, y = np.array([0.0, 3.0, 2.0, -1.0]), np.array([0.0, 0.5, 2.0, 1.0])
-    u = np.array(gradient) @ np.array([x, y])
-    return BodyFields(x, y, np.array([[0, 1, 2], [0, 3, 2]]), u[0], u[1], np.full(4, theta), "K")
+    xy = np.array([[0.0, 0.0], [3.0, 0.5], [2.0, 2.0], [-1.0, 1.0]])
+    triangles = np.array([[0, 1, 2], [0, 3, 2]])
+    return BodyFields(xy, triangles, xy @ np.array(gradient).T, np.full(4, theta), "K", np.zeros(2, dtype=np.int8))
 
 
 def test_stresses_of_closed_forms() -> None:

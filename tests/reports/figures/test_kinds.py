@@ -85,7 +85,7 @@ def test_where_friction_differs_every_node_stands_on_the_law_of_its_edge(tmp_pat
 
 
 def test_every_node_stands_at_its_slip_and_traction(grid: Path) -> None:
-    point = replace(read_picture(grid), lambda_1=8e11, omega=float("inf"), stiffness_units="Pa m-1")
+    point = read_picture(grid)
     m = len(point.line.u_T)
     of = [("", BRITTLE)], np.zeros(m, dtype=np.intp), np.ones(m)
     with style.styled():
@@ -102,7 +102,7 @@ def test_every_node_stands_at_its_slip_and_traction(grid: Path) -> None:
         with style.styled(look):
             assert crowded(law_figure(point, of, look)) == []
     with pytest.raises(DrawError, match="cannot be read any more"):
-        laws_of(read_picture(grid))
+        laws_of(point)
 
 
 # -- sweeps ------------------------------------------------------------------------------------------------------------
