@@ -64,13 +64,14 @@ def agreed(changes: Array) -> float:
 
 
 def number_of(path: tuple[str, ...]) -> str:
-    """What a key path calls a number of a law: "delta", "points.2" for the b of the third point."""
-    return ".".join(path[-2:]) if path[-2] == POINTS else path[-1]
+    """What a key path calls a number of a law: "delta", "points.2" for the b of the third point, "points.2.s"."""
+    n = next((n for n in (2, 3) if path[-n:][0] == POINTS), 1)
+    return ".".join(path[-n:])
 
 
 def point_of(law: Laws, parameter: str) -> int:
-    """Which point of a law "points.2" means. Raises KeyError if it has none of this number."""
-    made, (name, _, number) = law.made, parameter.partition(".")
+    """Which point of a law "points.2" or "points.2.s" means. Raises KeyError if it has none of this number."""
+    made, (name, _, number) = law.made, parameter.removesuffix(".s").partition(".")
     points = made.values.get(POINTS, ()) if made and name == POINTS else ()
     if not number.isascii() or not number.isdigit() or int(number) >= len(points):
         raise KeyError(parameter)
@@ -78,7 +79,7 @@ def point_of(law: Laws, parameter: str) -> int:
 
 
 def law_slopes(law: Laws, parameter: str) -> LawSlopes:
-    """Derivatives of a law by one of its parameters, by its `strength`, a factor of b, or by the b of a point.
+    """Derivatives of a law by one of its parameters, by its `strength`, a factor of b, or by the b or s of a point.
 
     parameter: as `number_of` has it
     Raises KeyError if it has no such parameter, or if it is not known what it was made of.
@@ -88,8 +89,10 @@ def law_slopes(law: Laws, parameter: str) -> LawSlopes:
         raise KeyError(parameter)
     values, factor = dict(made.values), np.array([Dual(made.strength, float(parameter == "strength"))], dtype=object)
     if parameter.startswith(f"{POINTS}."):
-        at = point_of(law, parameter)
-        values[POINTS] = [(s, Dual(b, float(j == at))) for j, (s, b) in enumerate(values[POINTS])]
+        at, of_s = point_of(law, parameter), parameter.endswith(".s")
+        points = [(s, Dual(b, float(j == at and not of_s))) for j, (s, b) in enumerate(values[POINTS])]
+        points[at] = (Dual(points[at][0], 1.0) if of_s else points[at][0], points[at][1])
+        values[POINTS] = points
     elif parameter != "strength":
         if not isinstance(values[parameter], float):
             raise KeyError(parameter)

@@ -16,11 +16,11 @@ from tcstudy.read.checks import corner_faults
 from tcstudy.read.fields import Context
 from tcstudy.read.history import check_numbers
 from tcstudy.read.node import Node
-from tcstudy.read.plans import meant_number, path_of
+from tcstudy.read.plans import meant_number
 from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.histories import HistoryPlan
 from tcstudy.scene.keys import row
-from tcstudy.scene.parameters import Number, numbers, sweepable
+from tcstudy.scene.parameters import Number, numbers, path_of, path_scene, sweepable
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Rigid, Scene
 from tcstudy.scene.study import Exact, MeshPlan, OutputPlan, SolverPlan
@@ -53,10 +53,10 @@ def read_sensitivity(
         word = ctx.text(item, "the name of a number")
         if (path := path_of(word)) in found:
             ctx.errors.at(item, f"{word} is given twice", "give every number once")
-        elif word and (number := named_number(ctx, item, word, root, known)):
+        elif word and (number := named_number(ctx, item, word, known)):
             found[path] = number
             if path[0] == "boundary" and path[-1].startswith("u_"):  # which a corner may share with another edge
-                moved = known[path].put(base, 1.0 + 2.0 * abs(float(known[path].value)))  # type: ignore[arg-type]
+                moved = path_scene(base, path, 1.0 + 2.0 * abs(float(known[path].value)))  # type: ignore[arg-type]
                 if fault := next(corner_faults(base.body, moved.boundary), None):
                     remedy = "free a component of one of the two edges"
                     ctx.errors.at(item, f"{'.'.join(path)} cannot change alone: {fault[1]}", remedy)
@@ -73,15 +73,15 @@ def differentiable(root: Node, base: Scene, scenes: Sequence[Scene]) -> dict[Key
     for scene in distinct(scenes, "friction"):
         found |= {path: one for path, one in numbers(scene) if path[0] == "friction"}
     if root.at("history", "stiffness"):
-        found["history", "stiffness"] = Number(row("history", "stiffness"), 0.0, ())
+        found["history", "stiffness"] = Number(row("history", "stiffness"), 0.0)
     return found
 
 
 def named_number(
-    ctx: Context, node: Node, word: str, root: Node, known: Mapping[Keys, Number], on_key: bool = False
+    ctx: Context, node: Node, word: str, known: Mapping[Keys, Number], on_key: bool = False
 ) -> Sensitivity | None:
     """The number that a word names, of those that are `differentiable`; None after a fault."""
-    path = path_of(word)
+    path = ("parameters", word) if word in ctx.named else path_of(word)
     if path in known and not known[path].no_number:
         return Sensitivity(word, path, ctx.cf(known[path].row.dimension))
     what, remedy = f"there is no derivative by {word}", "compare points of a sweep over it"
@@ -91,7 +91,7 @@ def named_number(
         what += ": it moves the mesh"
     elif path[0] in ("material", "materials") and path[-1] in ("lambda", "mu"):
         remedy = "give the material by E and nu, and name these"
-    elif path[0] == "parameters" or root.at("parameters", word):
+    elif path[0] == "parameters":
         what, remedy = f"{what}: it may stand in any expression", "name a number of a section"
     elif path in sweepable({}, None):
         what = f"this study has no number {word} by which its solution can be differentiated"

@@ -15,19 +15,21 @@ from itertools import pairwise
 
 import numpy as np
 
+from tcstudy.errors import StudyError, UserFault
 from tcstudy.laws.derivatives import POINTS
-from tcstudy.laws.pieces import GrowthError
-from tcstudy.laws.shapes import LawError
 from tcstudy.read.asked import differentiable, named_number
 from tcstudy.read.fields import Context, Fields, none_after_fault, out_of_bounds
 from tcstudy.read.history import check_fit
 from tcstudy.read.node import Node
-from tcstudy.read.plans import level_of, meant_number, path_of
+from tcstudy.read.parameters import users, words_in
+from tcstudy.read.plans import level_of, meant_number
 from tcstudy.read.points import table_lines
+from tcstudy.read.scenes import SceneReader, Scenery
 from tcstudy.scene.fits import PLACE, RESULTS, STEP, FitColumn, FitParameter, FitPlan, Sensitivity
 from tcstudy.scene.histories import HistoryPlan, Memory, UnfitLaw
 from tcstudy.scene.key import Key
-from tcstudy.scene.parameters import affine_numbers, with_number
+from tcstudy.scene.parameters import Number, affine_numbers, path_of
+from tcstudy.scene.points import GEOMETRIC
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import MeshPlan
 from tcstudy.scene.units import LENGTH, NONE, NUMBER
@@ -40,24 +42,28 @@ SHUFFLED = 4.0
 
 @none_after_fault
 def read_fit(
-    ctx: Context, node: Node, root: Node, scene: Scene | None, mesh: MeshPlan | None, history: HistoryPlan | None
+    ctx: Context, node: Node, reader: SceneReader, mesh: MeshPlan | None, history: HistoryPlan | None
 ) -> FitPlan | None:
     """The fit; None after a fault.
 
-    scene: the scene without a sweep, mesh: the meshes; None if they have faults of their own
+    reader: of the scene without a sweep, mesh: the meshes; None if they have faults of their own
     history: that of the study, at whose steps was measured
     """
-    fields = Fields(ctx, node, "fit")
+    fields, root, scene = Fields(ctx, node, "fit"), reader.root, reader.base
     if scene is None:
         return None
     if root.child("sweep"):
         ctx.errors.at(node, "a fit is of one scene, but the study has a sweep", "remove the sweep")
     columns, file, sha256 = _columns(ctx, fields, scene, history) if fields["data"] else ([], "", "")
-    memory, known = history.memory if history else None, differentiable(root, scene, (scene,))
+    memory, scenery = history.memory if history else None, Scenery(reader)
+    known = differentiable(root, scene, (scene,)) | {
+        ("parameters", name): Number(Key(name, "quantity", "", one.dimension), one.value, _moves(root, name))
+        for name, one in ctx.named.items()
+    }
     parameters, remedy = [], "write {friction.tau_s: {start: 4 MPa, within: [1 MPa, 50 MPa]}}"
     for name, item in ctx.mapping(given, "numbers", remedy).items() if (given := fields["parameters"]) else ():
-        if number := named_number(ctx, item, name, root, known, on_key=True):
-            parameters.append(_parameter(ctx, item, number, known[number.path].row, scene, memory))
+        if number := named_number(ctx, item, name, known, on_key=True):
+            parameters.append(_parameter(ctx, item, number, known[number.path].row, scenery, memory))
     ctx.sound()
     loads, measured = (tuple(c for c in columns if bool(c.path) is is_given) for is_given in (True, False))
     options = fields.given(("compare", "starts", "seed", "loss", "smooth")) | level_of(ctx, fields, mesh, "a fit")
@@ -175,9 +181,15 @@ def _column(
     return FitColumn(name, () if name in RESULTS else path, ctx.cf(dimension), tuple(values), sigma, dimension)
 
 
+def _moves(root: Node, name: str) -> str:
+    """Why an own number of the study cannot be fitted; empty if it can."""
+    used = [key for key in GEOMETRIC if (node := root.child(key)) and words_in(node, users(root, name))]
+    return f"{' and '.join(used)} {'is' if len(used) == 1 else 'are'} made of it" if used else ""
+
+
 @none_after_fault
 def _parameter(
-    ctx: Context, node: Node, number: Sensitivity, row: Key, scene: Scene, memory: Memory | None
+    ctx: Context, node: Node, number: Sensitivity, row: Key, scenery: Scenery, memory: Memory | None
 ) -> FitParameter:
     """A number to find, which the scene can have at both ends of its bounds."""
     fields = Fields(ctx, node, "fit_parameter")
@@ -196,14 +208,26 @@ def _parameter(
         why = f"must {must}" if (must := out_of_bounds(row, end)) else ""
         if number.path[-1] == "alpha" and end <= 0.0:
             why = why or "must be greater than 0, or the heat of the body cannot be told"
+        scene = scenery.reader.base
+        assert scene is not None
         try:
             if not why and number.path[0] == "history" and memory:
                 memory = replace(memory, stiffness=end)
-            at = scene if why or number.path[0] == "history" else with_number(scene, number, end)
-            for law in at.laws if memory and not why else ():
+            elif not why:
+                scene = scenery.at(scene, {number.path: end})
+            for law in scene.laws if memory and not why else ():
                 memory.check(law)  # type: ignore[union-attr]
-        except (LawError, GrowthError, UnfitLaw) as error:
+        except StudyError as error:
+            why = error.problems[0].what
+        except UnfitLaw as error:
             why = str(error).partition("; ")[0]
         if why:
             fields.fault("within", f"{number.name} = {end:g}: {why}; narrow the bounds")
+    ctx.sound()
+    if number.path[0] == "parameters" and scenery.reader.base:
+        try:
+            if not scenery.rates(scenery.reader.base, number.path[1], {number.path: start}):
+                fields.fault("start", f"no section uses {number.name}; remove it")
+        except UserFault as error:
+            fields.fault("start", f"{error}; fit a number that is the same everywhere, or give it a value")
     return FitParameter(number, start, low, high, scale == "log")

@@ -13,12 +13,12 @@ from typing import Any
 from tcstudy.read.checks import supports_fault
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.node import Node
-from tcstudy.read.plans import level_of, meant_number, no_single_load, path_of
+from tcstudy.read.plans import level_of, meant_number, no_single_load
 from tcstudy.read.sweep import Sweep
 from tcstudy.scene.fits import STEP, FitPlan, Sensitivity
 from tcstudy.scene.histories import MOST_STEPS, HistoryLine, HistoryPlan, Keys, Memory, UnfitLaw
 from tcstudy.scene.keys import rows
-from tcstudy.scene.parameters import FACTORED, Number, affine_numbers
+from tcstudy.scene.parameters import FACTORED, Number, affine_numbers, path_of
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import SEPARABLE, MeshPlan

@@ -22,9 +22,9 @@ COMPONENTS = tuple(name for name in of_role("clamped") if name != "heat")
 class Mark:
     """A place: file, line and column from 1 (0, 0 in a command-line option)."""
 
-    file: str
-    line: int
-    column: int
+    file: str = ""
+    line: int = 0
+    column: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,6 +42,14 @@ class Node:
     mark: Mark
     key_mark: Mark
     shown_in: tuple[str, float] | None = None
+
+    @classmethod
+    def of(cls, plain: object, path: str) -> Node:
+        """The node of a value without marks, which stands in no file."""
+        if isinstance(plain, list):
+            return cls(tuple(cls.of(item, f"{path}[{i}]") for i, item in enumerate(plain)), path, Mark(), Mark())
+        made = {key: cls.of(item, f"{path}.{key}") for key, item in plain.items()} if isinstance(plain, dict) else plain
+        return cls(made, path, Mark(), Mark())  # type: ignore[arg-type]
 
     def plain(self) -> object:
         """The value without marks: scalars, dicts and lists."""
@@ -241,6 +249,30 @@ def split_path(path: str) -> Keys | None:
         return None
     tokens = re.findall(r"\[\d+\]|[^.\[\]]+", path)
     return tuple(int(token[1:-1]) if token[0] == "[" else token for token in tokens)
+
+
+def place_of(root: Node, path: tuple[str, ...]) -> Keys:
+    """Where the number of a key path stands in the study: a component in its pair, b or s of a law's point in its list,
+    everything else at the path itself."""
+    *inner, name = path
+    for n, column in (2, 1), (3, 0):
+        if len(path) > n and path[-n] == "points" and path[1 - n].isdecimal() and (n == 2 or name == "s"):
+            return (*path[: 1 - n], int(path[1 - n]), column)
+    stem, _, part = name.rpartition("_")
+    if part in ("x", "y") and (stem in ("f", "g", "force") or (stem == "u" and root.at(*inner, "u"))):
+        return (*inner, stem, "xy".index(part))
+    return path
+
+
+def put_number(root: Node, path: tuple[str, ...], new: Node) -> Node:
+    """A copy of the tree with a number put where it stands (`place_of`); of a pair that is not given the other is 0.
+
+    Raises KeyError as `put` does.
+    """
+    keys = place_of(root, path)
+    if keys[-2:-1] in (("f",), ("g",), ("force",)) and root.at(*keys[:-1]) is None:
+        root = put(root, keys[:-1], replace(new, value=(replace(new, value=0),) * 2))
+    return put(root, keys, new)
 
 
 def put(root: Node, keys: Keys, new: Node | None, done: Keys = ()) -> Node:

@@ -17,7 +17,7 @@ from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.node import Node, hint, put
 from tcstudy.scene.families import FAMILIES, PLAIN, TO_TOLERANCE, FamilyName
 from tcstudy.scene.keys import rows
-from tcstudy.scene.parameters import SHORT, Keys, Number, affine_numbers, sweepable
+from tcstudy.scene.parameters import SHORT, Keys, Number, affine_numbers, path_of, path_scene, sweepable
 from tcstudy.scene.records import Body, Contact, Scene
 from tcstudy.scene.study import (
     ALL,
@@ -267,21 +267,12 @@ def read_path(ctx: Context, node: Node, scene: Scene | None, mesh: MeshPlan | No
     level = {} if mesh and mesh.strategy.adapts else level_of(ctx, fields, mesh, "a path")  # a run needs no path
     ctx.sound()
     for key, t in (("from", begin), ("to", end)) if keys[0] == "boundary" else ():
-        fault = next(corner_faults(scene.body, known[keys].put(scene, t).boundary), None)
+        fault = next(corner_faults(scene.body, path_scene(scene, keys, t).boundary), None)
         if fault:
             what = f"with {'.'.join(keys)} = {t:g} {fault[1]}"
             fields.fault(key, what, "free a component of one of the two edges")
             break
     return PathPlan(keys, ctx.cf(dimension), begin, end, within, scene, at, **given, **level)
-
-
-SHORTER = SHORT | {name: f"loads.{name}" for one in rows("loads").values() for name in one.numbers}
-"""Short names of parameters, with those of components."""
-
-
-def path_of(word: str) -> tuple[str, ...]:
-    """The key path that a name or a path stands for."""
-    return tuple(SHORTER.get(word, word).split("."))
 
 
 def usable(known: Mapping[Keys, Number]) -> list[str]:
@@ -296,7 +287,7 @@ def meant_number(word: str, known: Mapping[Keys, Number], otherwise: str, more: 
     """
     names = usable(known)
     same = [name for name in names if name.split(".")[-1] == word]
-    shorter = [short for short, full in SHORTER.items() if full in names]
+    shorter = [short for short, full in SHORT.items() if full in names]
     return hint(same[0] if same else word, same or [*names, *shorter, *more], f"{otherwise} {', '.join(names)}")
 
 

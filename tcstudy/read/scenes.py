@@ -9,22 +9,27 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.errors import StudyError, UserFault
 from tcstudy.laws.composed import EdgeLaws
-from tcstudy.read.body import check_shape, read_body
+from tcstudy.read.body import check_shape, read_body, with_named_region
 from tcstudy.read.checks import check_boundary, check_finite, check_laws, supports, supports_fault
+from tcstudy.read.document import tree_of
 from tcstudy.read.fields import Context
 from tcstudy.read.heat import check_heat, needed_of_heat, read_heat
-from tcstudy.read.node import Node, put
+from tcstudy.read.node import Collector, Node, put, put_number
 from tcstudy.read.parameters import read_parameters, users, words_in
 from tcstudy.read.physics import read_boundary, read_friction, read_loads, read_materials
 from tcstudy.read.sweep import SECTIONS, Sweep
+from tcstudy.scene.parameters import Keys, numbers, path_scene
 from tcstudy.scene.points import Scenes
 from tcstudy.scene.records import Body, Scene
+from tcstudy.scene.study import Study
 from tcstudy.shapes.faults import snapped
 
 KEYS = {"material": ("material", "materials")}
@@ -52,15 +57,15 @@ class SceneReader:
             self.body = body if check_shape(ctx, body, root) else None
         self.needed_of_heat = needed_of_heat(root.child("boundary"))
         self.order = sorted(range(len(sweep.axes)), key=lambda i: len(sweep.axes[i].parameter.path))
-        self.touching = {s: [i for i in self.order if self._touches(i, s)] for s in SECTIONS}
+        self.touching = {s: [i for i in self.order if self.touches(sweep.axes[i].parameter.path, s)] for s in SECTIONS}
         self.supports: set[tuple[object, ...]] = set()
         self.finite: set[int] = set()
         self.base: Scene | None = None
         ctx.errors.drawn = sweep.design is not None
 
-    def _touches(self, i: int, section: str) -> bool:
-        """Whether the record of a section depends on axis i: a key in it, or a name that it uses."""
-        path, keys = self.sweep.axes[i].parameter.path, KEYS.get(section, (section,))
+    def touches(self, path: tuple[str, ...], section: str) -> bool:
+        """Whether the record of a section depends on what is put at a path: a key in it, or a name that it uses."""
+        keys = KEYS.get(section, (section,))
         if path[0] != "parameters":
             return path[0] in keys
         here = [node for key in keys if (node := self.root.child(key))]
@@ -116,12 +121,12 @@ class SceneReader:
                 names = put(names, path, value)
             elif root is not None:
                 try:
-                    root = put(root, path, value)
+                    root = put_number(root, path, value)
                 except KeyError:  # the base study has something else there, which is recorded already
                     root = None
         if names is not self.root:
             self.ctx.named = read_parameters(self.ctx, names.child("parameters"))
-        record = self._read(section, root)
+        record = self.section(section, root)
         self.ctx.named = self.named
         return root, record
 
@@ -162,12 +167,12 @@ class SceneReader:
         )
         if key in self.ctx.known:
             return self.ctx.known[key]
-        record = self._read(section, self.root)
+        record = self.section(section, self.root)
         if len(self.ctx.errors) == before:
             self.ctx.known[key] = record
         return record
 
-    def _read(self, section: str, root: Node | None) -> Any:
+    def section(self, section: str, root: Node | None) -> Any:
         """The record of a section of a study; None after a fault."""
         node = root.child(section) if root else None
         if section == "loads":
@@ -200,3 +205,65 @@ class SceneReader:
             check_laws(self.ctx, root, values["friction"], values["boundary"], self.body)
         if all(values[s] is not None for s in THERMAL):
             check_heat(self.ctx, root, values["heat"], values["boundary"], values["material"])
+
+
+class Scenery:
+    """The scenes of a study as functions of its numbers: the sections that a number touches are read again.
+
+    reader: of the study outside the sweep, which is read
+    """
+
+    def __init__(self, reader: SceneReader, study: Study | None = None) -> None:
+        """study: with whose sweep points scenes are asked for."""
+        self.reader, self.study = reader, study
+
+    @classmethod
+    def of(cls, study: Study) -> Scenery:
+        """That of a study."""
+        ctx = Context(Collector(), study.units, study.source.parent if study.source else Path())
+        root = with_named_region(tree_of(study, ctx.errors))
+        ctx.named = read_parameters(ctx, root.child("parameters"))
+        return cls(SceneReader(ctx, root, Sweep(), loose=True), study)
+
+    def at(self, scene: Scene, values: Mapping[Keys, float], point: int | None = None) -> Scene:
+        """A scene with numbers [SI] at key paths: those of a section, of components (`loads.f_x`), of the points of a
+        law (`friction.points.1` for b, `friction.points.1.s`), of names of `parameters`, and the factor `load`.
+
+        scene: that outside the sweep, or of the point of this number
+        Raises StudyError with what is wrong with the numbers.
+        """
+        reader, root, study = self.reader, self.reader.root, self.study
+        if study is not None and point is not None:
+            grid = study.mode == "grid"
+            places = [int(i) for i in np.unravel_index(point, study.shape)] if grid else [point] * len(study.axes)
+            swept = zip(study.axes, places, strict=True)
+            for axis, at in sorted(swept, key=lambda one: len(one[0].path)):  # whole laws before their numbers
+                root = put_number(root, axis.path, Node.of(axis.values[at], axis.name))
+        for path, value in values.items():
+            root = put_number(root, path, Node.of(value, ".".join(path))) if path != ("load",) else root
+        ctx, outer = reader.ctx, (reader.ctx.errors, reader.ctx.named)
+        ctx.errors = errors = Collector()
+        ctx.named = read_parameters(ctx, root.child("parameters"))
+        touched = [s for s in SECTIONS if any(reader.touches(path, s) for path in values)]
+        found = {_FIELD.get(s, s): reader.section(s, root) for s in touched}
+        ctx.errors, ctx.named = outer
+        if len(errors):
+            raise StudyError(errors.problems)
+        scene = replace(scene, **found)
+        return path_scene(scene, ("load",), values["load",]) if ("load",) in values else scene
+
+    def rates(self, scene: Scene, name: str, values: Mapping[Keys, float]) -> dict[Keys, float]:
+        """∂p/∂(name) of all numbers p of the scene that an own number of the study enters, by differences of order 4.
+
+        values: as of `at`, with that of the name
+        Raises StudyError; UserFault where the name is in one by which the solution has no derivative.
+        """
+        path = "parameters", name
+        h = 1e-3 * (abs(values[path]) or 1.0)
+        steps = [dict(numbers(self.at(scene, {**values, path: values[path] + k * h}))) for k in (-2, -1, 1, 2)]
+        moved = {keys: [one[keys].value for one in steps] for keys in steps[0]}
+        moved = {keys: found for keys, found in moved.items() if len({*found}) > 1}
+        for keys in moved:
+            if why := steps[0][keys].no_number:
+                raise UserFault(f"{'.'.join(keys)} is made of {name}, and {why}")
+        return {keys: (8.0 * (p - m) - (pp - mm)) / (12.0 * h) for keys, (mm, m, p, pp) in moved.items()}  # type: ignore[operator]

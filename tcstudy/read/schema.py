@@ -104,9 +104,9 @@ def _takes(key: str, word: str, names: tuple[str, ...]) -> Schema:
 def _sweep(made: Callable[[Key], Schema], beside: tuple[Key, ...]) -> Schema:
     """A mapping of parameters to what `made` says of each; of an edge, a region or a number of the body any."""
     named = {".".join(path): row(path[0] if path[1:] else "", path[-1]) for path in sweepable({}, None)}
-    named |= {name: named[path] for name, path in SHORT.items()}
+    named |= {name: named[path] for name, path in SHORT.items() if path in named}
     properties = {one.name: _described(one) for one in beside}
-    own = rf"^({'|'.join(('boundary', 'friction', 'materials', 'parameters', 'body', 'mesh'))})\..+$"
+    own = rf"^(({'|'.join(('boundary', 'friction', 'materials', 'parameters', 'body', 'mesh'))})\..+|(loads\.)?f_[xy])$"
     return {
         "type": "object",
         "properties": properties | {path: made(one) for path, one in named.items()},

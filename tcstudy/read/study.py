@@ -106,7 +106,7 @@ def _one_body(header: dict[str, Any], ctx: Context, root: Node, sweep: Sweep, sa
     if output and not ctx.errors.problems and (node := root.at("output", "sensitivity")):
         output = replace(output, sensitivity=read_sensitivity(ctx, node, root, base, scenes, exact, history))
     node = None if ctx.errors.problems else root.child("fit")
-    fit = read_fit(ctx, node, root, base, mesh, history) if node else None
+    fit = read_fit(ctx, node, reader, mesh, history) if node else None
     if any(map(root.child, ("path", "exact", "history", "fit"))) or (output and output.live):
         check_together(ctx, root, scenes, mesh, solver, output, exact)
     if exact and exact.derived and body and not ctx.errors.problems:

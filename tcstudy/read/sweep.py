@@ -16,7 +16,7 @@ from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.document import whole_key
 from tcstudy.read.fields import Context, only_key
 from tcstudy.read.heat import needed_of_heat
-from tcstudy.read.node import Mark, Node, hint, nearest, put, split_path
+from tcstudy.read.node import Mark, Node, hint, nearest, place_of, put_number, split_path
 from tcstudy.read.parameters import check_swept_names
 from tcstudy.read.physics import ALL_KEYS, keys_of, laws_by_edge
 from tcstudy.read.points import draw, read_design, read_table
@@ -24,7 +24,7 @@ from tcstudy.scene.designs import DESIGNS, Design
 from tcstudy.scene.histories import short_names
 from tcstudy.scene.key import Key
 from tcstudy.scene.keys import row, rows
-from tcstudy.scene.parameters import FIXED, NUMBERS, SHORT, Keys, Parameter, sweepable
+from tcstudy.scene.parameters import FIXED, NUMBERS, OF_POINT, SHORT, Keys, Parameter, path_of, sweepable
 from tcstudy.scene.points import GEOMETRIC
 from tcstudy.scene.study import Axis
 from tcstudy.scene.units import LENGTH, Dimension, common_unit
@@ -130,7 +130,7 @@ def read_sweep(ctx: Context, root: Node, overrides: Sequence[str]) -> Sweep:
 def may_vary(ctx: Context, root: Node, node: Node) -> dict[Keys, Parameter]:
     """All that the sweep of this study may vary, by path: keys of its scene, numbers of its body and meshes, names."""
     points, boundary, friction = node.child("points"), root.child("boundary"), root.child("friction")
-    named = [tuple(key.split(".")) for one in (node, *(points.entries if points else ())) for key in one.children]
+    named = [path_of(key) for one in (node, *(points.entries if points else ())) for key in one.children]
     edges = {edge: keys_of(item) for edge, item in boundary.children.items()} if boundary else {}
     if boundary is None:  # then those that the sweep names, with all keys
         edges = {words[1]: ALL_KEYS for words in named if len(words) == 3 and words[0] == "boundary"}
@@ -142,11 +142,17 @@ def may_vary(ctx: Context, root: Node, node: Node) -> dict[Keys, Parameter]:
     names = ctx.named.items()
     rows_of: dict[Keys, Key] = {("parameters", name): Key(name, "number", "", one.dimension) for name, one in names}
     for path in named:
-        keys = split_path(".".join(path)) if path[0] in GEOMETRIC and path[1:] else None
-        if keys and path[0] == "mesh" and len(path) == 2 and path[1] in rows("mesh") and rows("mesh")[path[1]].swept:
-            rows_of[path] = replace(rows("mesh")[path[1]], kind="number")  # its levels are a dimension of their own
-        elif keys and path[0] == "body" and (at := root.at(*keys)) and isinstance(at.value, int | float | str):
+        place = place_of(root, path)
+        whole = known.get(tuple(word for word in place if isinstance(word, str)))  # a pair, or the points of a law
+        keys = split_path(".".join(path)) if path[0] == "body" else None
+        if path[0] == "mesh" and (one := rows("mesh").get(path[-1])) and one.swept and len(path) == 2:
+            rows_of[path] = replace(one, kind="number")  # its levels are a dimension of their own
+        elif keys and (at := root.at(*keys)) and isinstance(at.value, int | float | str):
             rows_of[path] = Key(path[-1], "number", "number of the body", LENGTH)
+        elif whole and path not in known and place != path and whole.row.kind == "vector":
+            rows_of[path] = replace(whole.row, name=path[-1], kind="field")
+        elif whole and path not in known and root.at(*place):
+            rows_of[path] = OF_POINT["s" if path[-1] == "s" else "b"]
     return known | {path: Parameter(path, one) for path, one in rows_of.items()}
 
 
@@ -158,7 +164,7 @@ def _of_sections(ctx: Context, root: Node, sweep: Sweep) -> Sweep:
     enough = {
         "material": combinations(("E", "nu", "lambda", "mu"), 2),  # two that do not go together are told as such
         "heat": (("theta",), needed_of_heat(root.child("boundary"))),
-        "loads": (("f",),),
+        "loads": (("f",), ("f_x",), ("f_y",)),
     }
     lost = set()
     for section in SECTIONS:
@@ -201,9 +207,10 @@ def with_swept_keys(root: Node, sweep: Sweep) -> Node:
     whole = {axis.parameter.path for axis in sweep.axes if root.at(*axis.parameter.path)}
     for axis in sorted(sweep.axes, key=lambda axis: len(axis.parameter.path)):
         # A parameter of a law that is itself swept may be foreign to the base law.
-        if not root.at(*axis.parameter.path) and axis.parameter.path[:1] not in whole:
+        path = axis.parameter.path
+        if not root.at(*place_of(root, path)) and path[:1] not in whole:
             with suppress(KeyError):  # something else stands there, which the section's reader records
-                root = put(root, axis.parameter.path, axis.values[0])
+                root = put_number(root, path, axis.values[0])
     return root
 
 
@@ -221,13 +228,11 @@ def _axis(
 
 def _parameter(ctx: Context, key: str, item: Node, known: Mapping[Keys, Parameter]) -> Parameter | None:
     """What a key of the sweep stands for; None after a fault."""
-    path = tuple(SHORT.get(key, key).split("."))
+    path = path_of(key)
     if (found := known.get(("parameters", key)) or known.get(path)) is not None:  # what a study names goes first
         return found
     what = f"the study has no parameter {key!r} to sweep"
     same = [".".join(keys) for keys, p in known.items() if keys[-1] == path[-1] and not p.idle]
-    stem, _, part = path[-1].rpartition("_")
-    vectors = [".".join(keys) for keys in known if keys[-1] == stem and keys[: len(path) - 1] == path[:-1]]
     if path[0] in FIXED:
         what, remedy = f"{path[0]} cannot be swept", FIXED[path[0]]
     elif key in ("points", "seed"):
@@ -236,8 +241,6 @@ def _parameter(ctx: Context, key: str, item: Node, known: Mapping[Keys, Paramete
     elif same:
         same = [nearest(key, same) or same[0]] if path[1:] else same
         remedy = f"did you mean {' or '.join(map(repr, same))}?"
-    elif part in ("x", "y") and vectors:
-        remedy = f"sweep all of it, {vectors[0]}: [[..., ...], [..., ...]], or a number of parameters that it uses"
     else:
         words = [*SHORT, *(path[1] for path in known if path[0] == "parameters"), *map(".".join, known), "mode"]
         remedy = hint(key, words, "use a key path such as heat.alpha or friction.delta")

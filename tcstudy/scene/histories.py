@@ -124,8 +124,8 @@ def _check_secant(law: Laws) -> None:
 
 def short_names(paths: Sequence[Keys]) -> tuple[str, ...]:
     """The last words of key paths, the whole paths where these do not tell them apart."""
-    last = [keys[-1] for keys in paths]
-    return tuple(keys[-1] if last.count(keys[-1]) == 1 else "_".join(keys) for keys in paths)
+    last = ["_".join(keys[keys.index("points", 1) :]) if "points" in keys[1:] else keys[-1] for keys in paths]
+    return tuple(name if last.count(name) == 1 else "_".join(keys) for name, keys in zip(last, paths, strict=True))
 
 
 @dataclass(frozen=True)

@@ -32,13 +32,13 @@ OF_EDGE = r"boundary{0}(\w+?){0}((?:u|g|f|force)_[xyNT]|theta_bar|[a-z]+)"
 
 
 def symbol(name: str) -> str:
-    """How reports write a parameter: `friction.tau_s` is τ_s, `theta_bar` θ̄, `u_x` itself, `friction.points.0` b_0;
-    a column `boundary_grip_u_x` u_x of grip, `heat_theta` θ; the rest in words."""
+    """How reports write a parameter: `friction.tau_s` is τ_s, `theta_bar` θ̄, `u_x` itself, `friction.points.0` b_0,
+    that of its slip s_0; a column `boundary_grip_u_x` u_x of grip, `heat_theta` θ; the rest in words."""
     if match := re.fullmatch(OF_EDGE.format("_"), name):
         return f"{symbol(match[2])} of {match[1].replace('_', ' ')}"
     name = re.sub(r"^(?:heat|friction|material)_(?=\w)", "", name)
-    if ".points." in name:
-        return f"b_{name.rpartition('.')[2]}"
+    if match := re.search(r"\bpoints[._](\d+)([._]s)?$", name):
+        return f"{'s' if match[2] else 'b'}_{match[1]}"
     letter, _, rest = name.rpartition(".")[2].partition("_")
     if len(letter) == 1:
         return name.rpartition(".")[2]

@@ -1,25 +1,23 @@
 """What a sweep may vary, out of the table of keys: key paths with their kind and dimension, and the short names.
 
-The scene with another value of one of its numbers: of a path's parameter, and of those that a fit is to find.
+The numbers of a scene that a path, a history, a fit or a derivative may change, and the scene with other loads; with
+another value of any number it is read again (`read.scenes.Scenery`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 from tcstudy.expressions.expression import Expression, parse
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.derivatives import POINTS
-from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import SHAPES
-from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.key import LOADED, Key
 from tcstudy.scene.keys import ROWS, law_rows, row, rows
-from tcstudy.scene.records import Clamped, Convection, Loaded, Material, Rigid, Scalar, Scene, exchanges
-from tcstudy.scene.units import TRACTION
+from tcstudy.scene.records import Clamped, Convection, Loaded, Rigid, Scalar, Scene, exchanges
+from tcstudy.scene.units import LENGTH, TRACTION
 
 Keys = tuple[str, ...]
 Place = tuple["str | int", ...]
@@ -102,59 +100,58 @@ SHORT = {
     path[-1]: ".".join(path)
     for path in (
         *(path for path, one in sweepable({}, None).items() if path[0] == "friction" and one.row.kind in NUMBERS),
-        *(path for path in PLAIN if len(path) == 2),
+        *((path[0], name) for path, one in PLAIN.items() if len(path) == 2 for name in {path[1], *one.numbers}),
     )
 }
-"""Short names: alpha for heat.alpha, k for material.k (a law's k is friction.k)."""
+"""Short names: alpha for heat.alpha, f_x for loads.f_x, k for material.k (a law's k is friction.k)."""
+
+
+def path_of(word: str) -> Keys:
+    """The key path that a name or a path stands for."""
+    return tuple(SHORT.get(word, word).split("."))
 
 
 @dataclass(frozen=True)
 class Number:
     """A number of a scene that a path, a history, a fit or a derivative may change.
 
-    value:  in the scene [SI];  place: fields and places that lead to it, or to the material or law that has it
-    made:   (material or law, value) → the same with another value; None where the value stands at the place
-    affine: whether the load is affine in it;  idle: why it changes nothing
+    value: in the scene [SI];  idle: why it changes nothing
+    place: of one in which the load is affine: the fields and places of the scene that lead to it; else empty
     """
 
     row: Key
     value: Scalar
-    place: Place
-    made: Callable[[Any, float], Any] | None = None
-    affine: bool = False
     idle: str = ""
+    place: Place = ()
 
     @property
     def no_number(self) -> str:
         """Why nothing can be said by this number alone; empty if it can."""
         return "it varies in space" if isinstance(self.value, Expression) else self.idle
 
-    def put(self, scene: Scene, value: float) -> Scene:
-        """The scene with another value. Raises LawError or GrowthError where a law cannot have it."""
-        return _put(scene, self.place, value, self.made)
+
+Found = Iterator[tuple[Keys, Number]]
+LOAD = Key("load", "number", "factor of all mechanical loads")
+OF_POINT = {"s": Key("s", "number", "slip of a law's point", LENGTH), "b": Key("b", "number", "b there", TRACTION)}
+MECHANICAL = ("g", "pressure", "force", "moment")
+"""Fields of a role that `load` multiplies, beside f."""
+FACTORED = {
+    name for one in (*rows("loads").values(), *map(rows("boundary").get, MECHANICAL)) if one for name in one.numbers
+}
+"""Names of the loads that `load` multiplies."""
 
 
-def _put(record: Any, place: Place, value: float, made: Callable[[Any, float], Any] | None) -> Any:
-    """A record or tuple with a value at a place, or what is made with it."""
-    if not place:
-        return value if made is None else made(record, value)
-    key, rest = place[0], place[1:]
-    if isinstance(key, int):
-        return (*record[:key], _put(record[key], rest, value, made), *record[key + 1 :])
-    return replace(record, **{key: _put(getattr(record, key), rest, value, made)})
-
-
-def _of_rows(record: object, section: str, path: Keys, place: Place, idle: str = "") -> Iterator[tuple[Keys, Number]]:
+def _of_rows(record: object, section: str, path: Keys, place: Place, idle: str = "") -> Found:
     """The affine numbers of a record that are given; u of a clamped edge is not among them, whose frame has names."""
     for one in rows(section).values():
         value = getattr(record, one.name, None)
         if one.affine and value is not None:
             parts = [((), value)] if one.kind != "vector" else [((i,), part) for i, part in enumerate(value)]
             for name, (inner, part) in zip(one.numbers, parts, strict=True):
-                yield (*path, name), Number(one, part, (*place, one.name, *inner), affine=True, idle=idle)
+                yield (*path, name), Number(one, part, idle, (*place, one.name, *inner))
 
 
-def affine_numbers(scene: Scene) -> Iterator[tuple[Keys, Number]]:
+def affine_numbers(scene: Scene) -> Found:
     """The numbers of a scene in which the load is affine, by key path; ("load",) is a factor of f, g, pressure, force
     and moment."""
     heat, roles = scene.heat, [(edge, role, ("boundary", i, 1)) for i, (edge, role) in enumerate(scene.boundary)]
@@ -170,86 +167,66 @@ def affine_numbers(scene: Scene) -> Iterator[tuple[Keys, Number]]:
     for edge, role, place in roles:
         path = ("boundary", edge)
         if role.moment is not None:
-            yield (*path, "moment"), Number(row("boundary", "moment"), role.moment, (*place, "moment"), affine=True)
+            yield (*path, "moment"), Number(row("boundary", "moment"), role.moment, place=(*place, "moment"))
         if isinstance(role, Clamped):
             for i, name in enumerate(("u_x", "u_y") if role.frame == "xy" else ("u_N", "u_T")):
                 if (held := role.u[i]) is not None:
-                    yield (*path, name), Number(row("boundary", name), held, (*place, "u", i), affine=True)
+                    yield (*path, name), Number(row("boundary", name), held, place=(*place, "u", i))
                 elif isinstance(role, Rigid):
-                    force = Number(row("boundary", "force"), role.force[i], (*place, "force", i), affine=True)
+                    force = Number(row("boundary", "force"), role.force[i], place=(*place, "force", i))
                     yield (*path, f"force_{name[-1]}"), force
         elif isinstance(role, Loaded):
             yield from _of_rows(role, "boundary", path, place)
     loads = (scene.f, *(getattr(role, name) for _, role in scene.boundary for name in MECHANICAL))
     loaded = any(load not in (None, 0.0, (0.0, 0.0)) for load in loads)
-    nothing = "" if loaded else "the study has no f, g, pressure, force or moment"
-    yield ("load",), Number(LOAD, 1.0, (), _scaled_by, True, nothing)
+    yield ("load",), Number(LOAD, 1.0, "" if loaded else "the study has no f, g, pressure, force or moment")
 
 
-LOAD = Key("load", "number", "factor of all mechanical loads")
-
-
-def numbers(scene: Scene) -> Iterator[tuple[Keys, Number]]:
+def numbers(scene: Scene) -> Found:
     """All numbers of a scene by which its solution can be differentiated, by key path."""
     yield from affine_numbers(scene)
-    regions = enumerate(scene.material.regions)
-    own = [(("materials", name), ("material", "regions", i, 1), one) for i, (name, one) in regions]
-    for path, place, material in [(("material",), ("material",), scene.material), *own]:
+    regions = ((("materials", name), own) for name, own in scene.material.regions)
+    for path, material in (("material",), scene.material), *regions:
         for name in ("E", "nu", "alpha_T", "beta", "k"):
             if (value := getattr(material, name)) is not None:
-                made = partial(Material.with_number, name=name)
-                yield (*path, name), Number(row("material", name), value, place, made)
-    roles = [(("boundary", edge), ("boundary", i, 1), role) for i, (edge, role) in enumerate(scene.boundary)]
+                yield (*path, name), Number(row("material", name), value)
+    roles = [(("boundary", edge), role) for edge, role in scene.boundary]
     if scene.heat.theta is None and scene.conducts:
-        if any(exchanges(role) and not (role.heat and role.heat.alpha) for _, _, role in roles):
-            yield ("heat", "alpha"), Number(row("heat", "alpha"), scene.heat.alpha, ("heat", "alpha"))
-        for path, place, role in roles:
+        if any(exchanges(role) and not (role.heat and role.heat.alpha) for _, role in roles):
+            yield ("heat", "alpha"), Number(row("heat", "alpha"), scene.heat.alpha)
+        for path, role in roles:
             if role.heat and role.heat.alpha:
                 inner = ("alpha",) if isinstance(role, Convection) else ("heat", "alpha")
-                yield (*path, *inner), Number(row("edge_heat", "alpha"), role.heat.alpha, (*place, "heat", "alpha"))
-    for path, place, role in roles:
-        for i, one in enumerate(rows("spring").values() if role.word in LOADED else ()):
-            idle = "" if any(role.spring) else "the edge rests on no springs"
-            yield (*path, "spring", one.name), Number(one, role.spring[i], (*place, "spring", i), idle=idle)
-    if isinstance(scene.friction, Laws):
-        yield from _of_law(scene.friction, ("friction",), ("friction",), 1.0)
-    for i, (edge, law, strength) in enumerate(scene.friction.laws if isinstance(scene.friction, EdgeLaws) else ()):
-        yield from _of_law(law, ("friction", edge) if edge else ("friction",), ("friction", "laws", i, 1), strength)
-
-
-def _of_law(law: Laws, path: Keys, place: Place, strength: Scalar) -> Iterator[tuple[Keys, Number]]:
-    """The numbers of a law, the b of its points and its strength."""
-    if law.made is None:
-        return
-    values = law.made.values
-    for one in law_rows(law.made.shape):
-        if isinstance(value := values[one.name], float) and one.kind != "integer":
-            yield (*path, one.name), Number(one, value, place, partial(_law, name=one.name))
-    for i, (_, b) in enumerate(values.get(POINTS, ())):
-        yield (*path, POINTS, str(i)), Number(_B, float(b), place, partial(_law, name=POINTS, point=i))
-    whole = strength if isinstance(strength, Expression) else law.made.strength
-    yield (*path, "strength"), Number(row("friction", "strength"), whole, place, partial(_law, name="strength"))
-
-
-_B = Key("b", "quantity", "b of a point of a law", TRACTION)
-
-
-def _law(law: Laws, value: float, name: str, point: int = 0) -> Laws:
-    """The law with another value of one of its numbers."""
-    assert law.made is not None
-    shape, given, strength = SHAPES[law.made.shape], dict(law.made.values), law.made.strength
-    if name == "strength":
-        strength = value
-    elif name == POINTS:
-        given[name] = [(s, value if i == point else b) for i, (s, b) in enumerate(given[name])]
-    else:
-        given[name] = value
-    return shape.build(**given).times(strength)
+                yield (*path, *inner), Number(row("edge_heat", "alpha"), role.heat.alpha)
+    for path, role in roles:
+        for one, k in zip(rows("spring").values(), role.spring, strict=True) if role.word in LOADED else ():
+            yield (
+                (*path, "spring", one.name),
+                Number(one, k, "" if any(role.spring) else "the edge rests on no springs"),
+            )
+    alone = scene.friction.laws if isinstance(scene.friction, EdgeLaws) else (("", scene.friction, 1.0),)
+    for edge, law, strength in alone:
+        path = ("friction", edge) if edge else ("friction",)
+        if law.made is not None:
+            for one in law_rows(law.made.shape):
+                value = law.made.values[one.name]
+                if isinstance(value, float) and one.kind != "integer":
+                    yield (*path, one.name), Number(one, value)
+            points = law.made.values.get(POINTS, ())
+            for i, (s, b) in enumerate(points):
+                held = "an odd law begins at s = 0" if i == 0 and law.made.values["odd"] else ""
+                shared = "another point has the same s" if [other for other, _ in points].count(s) > 1 else ""
+                yield (*path, POINTS, str(i)), Number(OF_POINT["b"], float(b))
+                yield (*path, POINTS, str(i), "s"), Number(OF_POINT["s"], float(s), held or shared)
+            whole = strength if isinstance(strength, Expression) else law.made.strength
+            yield (*path, "strength"), Number(row("friction", "strength"), whole)
 
 
 def path_scene(scene: Scene, parameter: Keys, t: float) -> Scene:
     """The scene with the value t [SI] of a number in which its load is affine; raises KeyError if it has none such."""
-    return dict(affine_numbers(scene))[parameter].put(scene, t)
+    place = dict(affine_numbers(scene))[parameter].place
+    found: Scene = _put(scene, place, t) if place else _scaled_by(scene, t)
+    return found
 
 
 def loaded_scene(scene: Scene, values: Mapping[Keys, float]) -> Scene:
@@ -259,22 +236,14 @@ def loaded_scene(scene: Scene, values: Mapping[Keys, float]) -> Scene:
     return scene
 
 
-def with_number(scene: Scene, by: Sensitivity, value: float) -> Scene:
-    """The scene with another value of one number. Raises KeyError, and LawError or GrowthError as `Number.put`."""
-    return dict(numbers(scene))[by.path].put(scene, value)
-
-
-def number_in(scene: Scene, by: Sensitivity) -> float:
-    """The value of a number that `with_number` puts in. Raises KeyError for one that the scene does not have."""
-    return float(dict(numbers(scene))[by.path].value)  # type: ignore[arg-type]
-
-
-MECHANICAL = ("g", "pressure", "force", "moment")
-"""Fields of a role that `load` multiplies, beside f."""
-FACTORED = {
-    name for one in (*rows("loads").values(), *map(rows("boundary").get, MECHANICAL)) if one for name in one.numbers
-}
-"""Names of the loads that `load` multiplies."""
+def _put(record: Any, place: Place, value: float) -> Any:
+    """A record or tuple with a value at a place."""
+    if not place:
+        return value
+    key, rest = place[0], place[1:]
+    if isinstance(key, int):
+        return (*record[:key], _put(record[key], rest, value), *record[key + 1 :])
+    return replace(record, **{key: _put(getattr(record, key), rest, value)})
 
 
 def _scaled_by(scene: Scene, factor: float) -> Scene:

@@ -32,6 +32,7 @@ from tcstudy.laws.derivatives import law_slopes, number_of
 from tcstudy.laws.pieces import GrowthError
 from tcstudy.laws.shapes import LawError
 from tcstudy.offline.level import Level
+from tcstudy.read.scenes import Scenery
 from tcstudy.scene.fits import FitPlan
 from tcstudy.scene.study import Study
 from tcstudy.study.fit_models import Compared, FitModel
@@ -106,7 +107,7 @@ def model_of(study: Study, plan: FitPlan) -> FitModel:
     count = len(plan.measured[0].values)
     noise = np.repeat(sigma[: len(plan.measured)], count)
     level = Level(mesh, plan.scene, held=held(plan))
-    return FitModel(plan, level, noise, sigma[-1] if plan.given else 1.0, study.solver.tolerance)
+    return FitModel(plan, Scenery.of(study), level, noise, sigma[-1] if plan.given else 1.0, study.solver.tolerance)
 
 
 def held(plan: FitPlan) -> bool:
@@ -253,13 +254,12 @@ def _law(plan: FitPlan, model: FitModel, best: Minimum, said: Uncertainty) -> di
     reach = 1.25 * float(np.max(np.abs(law.kinks), initial=0.0)) or 5.0 * law.s_scale
     slips = np.linspace(0.0, reach or 1.0, LAW_PLACES)
     piece = law.piece(slips)
+    numbers, chain = model.chain(best.p)
     columns = [
-        law_slopes(law, number_of(one.number.path)).value(slips, piece)
-        if one.number.path[0] == "friction"
-        else np.zeros(LAW_PLACES)
-        for one in plan.parameters
+        law_slopes(law, number_of(one.path)).value(slips, piece) if one.path[0] == "friction" else np.zeros(LAW_PLACES)
+        for one in numbers
     ]
-    rates = np.stack(columns, axis=1) * box_of(plan).rate(best.p)
+    rates = np.stack(columns, axis=1) @ chain * box_of(plan).rate(best.p)
     covariance = np.nan_to_num(said.covariance)
     error = np.sqrt(np.maximum(np.einsum("sk,kl,sl->s", rates, covariance, rates), 0.0))
     return {"law_slip": slips, "law_traction": law.value(slips, piece), "law_error": error}

@@ -14,7 +14,7 @@ along the curve is held fixed (`study.fit_path`).
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -26,12 +26,13 @@ from tcstudy.contact.linearised import Linearised
 from tcstudy.contact.path.follow import Follower, Path
 from tcstudy.contact.path.record import WHOLE
 from tcstudy.contact.status import Status
-from tcstudy.errors import FitError, PathError
+from tcstudy.errors import FitError, PathError, StudyError
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import WholeBody, change_of
-from tcstudy.scene.fits import FitPlan
-from tcstudy.scene.histories import HistoryPlan, UnfitLaw
-from tcstudy.scene.parameters import path_scene, with_number
+from tcstudy.read.scenes import Scenery
+from tcstudy.scene.fits import FitPlan, Sensitivity
+from tcstudy.scene.histories import HistoryPlan, Keys, UnfitLaw
+from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Direction
 from tcstudy.study.fit_path import MovingPath
@@ -67,12 +68,14 @@ class Compared:
 class FitModel:
     """The study as a function of the numbers to find.
 
+    scenery: the scene with other numbers
     noise:  (n,) of the measured columns one after the other; given_noise: of the parameter of a path
     solves: contact problems solved, or paths followed, so far
     law_error: of the straight pieces beside which the curve of a law with exponential pieces is sought
     """
 
     plan: FitPlan
+    scenery: Scenery
     level: Level
     noise: Array
     given_noise: float
@@ -80,13 +83,29 @@ class FitModel:
     solves: int = 0
     law_error: float = 1e-3
 
+    def values(self, p: Array) -> dict[Keys, float]:
+        """The numbers by key path, but that of a memory."""
+        paths = (one.number.path for one in self.plan.parameters)
+        return {path: float(value) for path, value in zip(paths, p, strict=True) if path != STIFFNESS}
+
     def scene(self, p: Array) -> Scene:
-        """The scene with these numbers."""
-        scene = self.plan.scene
-        for parameter, value in zip(self.plan.parameters, p, strict=True):
-            if parameter.number.path != STIFFNESS:
-                scene = with_number(scene, parameter.number, float(value))
-        return scene
+        """The scene with these numbers. Raises FitError."""
+        try:
+            return self.scenery.at(self.plan.scene, self.values(p))
+        except StudyError as error:
+            raise FitError(error.problems[0].what) from error
+
+    def chain(self, p: Array) -> tuple[list[Sensitivity], Array]:
+        """The K numbers by which results have derivatives, and (K, k) theirs by those to find: itself, or all
+        that are made of a name of the study's own."""
+        values, columns = self.values(p), list[dict[Keys, float]]()
+        for one in self.plan.parameters:
+            own = one.number.path[0] == "parameters"
+            made = self.scenery.rates(self.plan.scene, one.number.path[1], values) if own else {one.number.path: 1.0}
+            columns.append(made)
+        paths = list(dict.fromkeys(path for column in columns for path in column))
+        matrix = np.array([[column.get(path, 0.0) for column in columns] for path in paths])
+        return [Sensitivity(".".join(path), path, "") for path in paths], matrix
 
     def __call__(self, p: Array) -> tuple[Array, Array]:
         """Residuals and Jacobian, for the minimiser."""
@@ -97,8 +116,10 @@ class FitModel:
         """The study with the numbers p against the data. Raises FitError where it has no solution."""
         scene = self.scene(p)
         if self.plan.history is not None:
-            return self._vertical(scene, self._steps(p))
-        found = self._vertical(scene) if self.plan.compare == "vertical" else self._orthogonal(scene)
+            return self._vertical(scene, [], self._steps(p))
+        numbers, chain = self.chain(p)
+        found = (self._vertical if self.plan.compare == "vertical" else self._orthogonal)(scene, numbers)
+        found = replace(found, jacobian=found.jacobian @ chain)
         if not np.all(np.isfinite(found.jacobian)):
             raise FitError("the results have no derivative at a datum: it lies on a fold; use compare: orthogonal")
         return found
@@ -144,10 +165,12 @@ class FitModel:
         mean = self.level.temperature(scene).mean if scene.material.beta != 0.0 else 0.0
         return np.array([xi.sum(), np.max(np.abs(v)), mean, *v]), np.array(rows).T
 
-    def _vertical(self, scene: Scene, steps: dict[int, tuple[Array, Array]] | None = None) -> Compared:
-        """steps: of a history, in the place of solutions"""
+    def _vertical(
+        self, scene: Scene, numbers: list[Sensitivity], steps: dict[int, tuple[Array, Array]] | None = None
+    ) -> Compared:
+        """numbers: to differentiate by;  steps: of a history, in the place of solutions"""
         plan, v, known = self.plan, None, None
-        count, k = len(plan.measured[0].values), len(plan.parameters)
+        count, k = len(plan.measured[0].values), len(numbers) if steps is None else len(plan.parameters)
         predicted, slopes = np.empty((len(plan.measured), count)), np.empty((len(plan.measured), count, k))
         for i in range(count):
             loads = tuple(column.values[i] for column in plan.loads)
@@ -159,7 +182,6 @@ class FitModel:
                 v, known = self._solved(scene, v, i), loads
                 problem, whole = self.level.condensed(scene).problem, WholeBody(self.level, scene, v)
                 here = Linearised.at(problem, v)
-                numbers = [one.number for one in plan.parameters]
                 moved = [rates_of(whole, one, here, change_of(self.level, scene, one)) for one in numbers]
                 values, rates = self._results(scene, v, problem.xi(v), moved)
             for j, column in enumerate(plan.measured):
@@ -205,12 +227,12 @@ class FitModel:
 
     # -- along the path ----------------------------------------------------------------------------
 
-    def _orthogonal(self, scene: Scene) -> Compared:
+    def _orthogonal(self, scene: Scene, numbers: list[Sensitivity]) -> Compared:
         given, measured = self.plan.given[0], self.plan.measured[0]
         path = self.follow(scene)
         sigma = np.array([self.given_noise, self.noise[0]])
         data = np.stack([given.values, measured.values], axis=1)
-        foot, jacobian = self._moving(scene, path).feet(data, sigma)
+        foot, jacobian = MovingPath(self.level, scene, given.path, path, numbers).feet(data, sigma)
         early = "" if path.end in WHOLE else path.end.reason
         found = foot.point * sigma
         return Compared(foot.distance, jacobian, found[:, 1], found, early, path)
@@ -230,7 +252,3 @@ class FitModel:
             return followed(problem, follower, "from-zero", 0.0, way, column.name)[0]
         except PathError as error:
             raise FitError(str(error)) from error
-
-    def _moving(self, scene: Scene, path: Path) -> MovingPath:
-        numbers = [one.number for one in self.plan.parameters]
-        return MovingPath(self.level, scene, self.plan.given[0].path, path, numbers)

@@ -260,7 +260,7 @@ def _of_point(study: Study, level: Level, scene: Scene, record: HistoryRecord, p
     start = None if first == 0 else _state(record, point, first - 1, loads[first - 1])
     slopes: Iterator[dict[str, float]] | None = None
     if study.output.sensitivity:
-        slopes = islice(step_derivatives(study, level, scene), first, None)
+        slopes = islice(step_derivatives(study, level, scene, point), first, None)
     for n, step in enumerate(history(problem, loads[first:], start), first):
         _put(record, point, n, step, problem.body.c)
         for name, (length,) in region_lengths(level, laws, step.kappa[None], beside).items():

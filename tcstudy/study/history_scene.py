@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import chain
 
 import numpy as np
@@ -19,11 +20,13 @@ from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
 from tcstudy.contact.history.steps import history
 from tcstudy.contact.problem import CondensedBody
 from tcstudy.data.on_request import AT_EVENT, DIFFERENTIABLE, STATUS, STEP_QUANTITIES, name_of
+from tcstudy.errors import StudyError
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import WholeBody, change_of, is_load
+from tcstudy.read.scenes import Scenery
 from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.histories import HistoryPlan, Keys
-from tcstudy.scene.parameters import loaded_scene, number_in, with_number
+from tcstudy.scene.parameters import loaded_scene, numbers
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 
@@ -67,12 +70,12 @@ def followed(
     yield from zip(history(problem, loads), means, strict=False)
 
 
-def step_derivatives(study: Study, level: Level, scene: Scene) -> Iterator[dict[str, float]]:
+def step_derivatives(study: Study, level: Level, scene: Scene, point: int) -> Iterator[dict[str, float]]:
     """Of every step of a scene what its study asks for, by variable name; without what its law does not have.
 
     They begin with step 0 wherever the history goes on. Histories of other numbers that end early have no more of them.
     """
-    varied = _Varied(study, level, scene)
+    varied = _Varied(study, level, scene, point)
     middle, beside = varied.steps(None, 0.0), dict[str, tuple[float, list[Iterator[Array]]]]()
     for number in study.output.sensitivity:
         with suppress(KeyError):  # a law of the sweep that has no such parameter
@@ -90,26 +93,31 @@ def step_derivatives(study: Study, level: Level, scene: Scene) -> Iterator[dict[
 
 @dataclass(frozen=True)
 class _Varied:
-    """A history of a scene with other numbers."""
+    """A history of the scene of a point with other numbers."""
 
     study: Study
     level: Level
     scene: Scene
+    point: int
 
     def steps(self, number: Sensitivity | None, value: float) -> Iterator[Array]:
         """The STEP_QUANTITIES of all steps with this value of a number, as far as they are solved.
 
-        Raises ValueError (LawError, GrowthError, UnfitLaw) or NotPositiveDefinite where it cannot have the value.
+        Raises StudyError, UnfitLaw or NotPositiveDefinite where it cannot have the value.
         """
         plan, scene = self.study.history, self.scene
         assert plan is not None
         if number is not None and number.path == STIFFNESS:
             plan = with_stiffness(plan, {STIFFNESS: value})
         elif number is not None:
-            scene = with_number(scene, number, value)
+            scene = self._scenery.at(scene, {number.path: value}, self.point)
         for step, mean in followed(plan, self.level, scene, self.study.solver.tolerance):
             if step.solved:
                 yield np.array([np.max(np.abs(step.v), initial=0.0), self.level.line.c @ step.xi, mean])
+
+    @cached_property
+    def _scenery(self) -> Scenery:
+        return Scenery.of(self.study)
 
     def beside(self, number: Sensitivity) -> tuple[float, list[Iterator[Array]]]:
         """The scale of a number, and the histories above and below it, or on the one side where it can be.
@@ -129,7 +137,7 @@ class _Varied:
         steps = self.steps(number, value)
         try:
             first = next(steps)
-        except (ValueError, NotPositiveDefinite, StopIteration):
+        except (StudyError, ValueError, NotPositiveDefinite, StopIteration):
             return None
         return chain([first], steps)
 
@@ -139,7 +147,7 @@ class _Varied:
             assert self.study.history is not None
             value = float(self.study.history.memory.stiffness or 0.0)
             return value, value
-        value, level, scene = number_in(self.scene, number), self.level, self.scene
+        value, level, scene = float(dict(numbers(self.scene))[number.path].value), self.level, self.scene  # type: ignore[arg-type]
         law, units = level.law(scene), {"1": 1.0, "Pa": scene.laws[0].b_scale, "m": scene.laws[0].s_scale}
         if is_load(number.path):
             right = WholeBody(level, scene, np.zeros(level.line.m)).right_side(change_of(level, scene, number))

@@ -68,6 +68,22 @@ def test_the_b_of_a_point_is_a_hat(odd: bool) -> None:
             law_slopes(law(), name)
 
 
+def test_the_s_of_a_point_moves_its_kink() -> None:
+    points, slips = [(0.0, 1.0), (0.5, 0.75), (1.0, 0.2), (2.0, 0.3)], np.linspace(-2.5, 2.5, 41) + 0.0123
+
+    def law(i: int = 0, h: float = 0.0):  # type: ignore[no-untyped-def]
+        return SHAPES["piecewise-linear"].build(points=[(s + h * (j == i), b) for j, (s, b) in enumerate(points)])
+
+    piece = law().piece(slips)
+    for i in (1, 2, 3):
+        up, down, found = law(i, 1e-5), law(i, -1e-5), law_slopes(law(), f"points.{i}.s")
+        np.testing.assert_allclose(found.kinks, (up.kinks - down.kinks) / 2e-5, atol=1e-9)
+        np.testing.assert_allclose(
+            found.value(slips, piece), (up.value(slips, piece) - down.value(slips, piece)) / 2e-5, atol=1e-8
+        )
+        np.testing.assert_allclose(found.potential(slips), (up.j(slips) - down.j(slips)) / 2e-5, atol=1e-8)
+
+
 def test_the_steepest_fall_between_points() -> None:
     """b falls from 1 to 0.5 over 0.5: ω = (b_0 − b_1)/0.5; a point on a straight fall has no one derivative."""
     law = SHAPES["piecewise-linear"].build(points=[(0.0, 1.0), (0.5, 0.5), (2.0, 0.3)])

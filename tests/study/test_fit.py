@@ -67,6 +67,25 @@ def test_distances_through_folds_change_as_differences_say(tmp_path: Path) -> No
         np.testing.assert_allclose(exact[:, j], apart, rtol=0.0, atol=1e-8 * np.max(np.abs(apart)))
 
 
+@pytest.mark.parametrize("compare", ["orthogonal", "vertical"])
+def test_a_name_of_the_study_is_fitted_through_all_that_is_made_of_it(tmp_path: Path, compare: str) -> None:
+    """Derivatives by the chain rule, against Richardson's differences; nothing to fit is said where it stands."""
+    named = {
+        "title:": "parameters: {peak: 4 MPa, spare: 1 MPa}\ntitle:",
+        "tau_s: 4 MPa, tau_k: 0 MPa": 'tau_s: peak, tau_k: "0.1*peak"',
+        "friction.tau_s: {": "peak: {",
+        "compare: orthogonal": f"compare: {compare}",
+        "maxh: 5 mm": "maxh: 10 mm",
+    }
+    follow, p, h = model(study_of(tmp_path, pulled(12)[:6], named)), np.array([5e6, 0.2e-3]), 1e-4
+    found = follow.compared(p).jacobian[:, 0]
+    apart = [(follow.compared(p * [1.0 + k * h, 1.0]).residual - follow.compared(p * [1.0 - k * h, 1.0]).residual)
+             / (2.0 * k * h * p[0]) for k in (1.0, 2.0)]  # fmt: skip
+    np.testing.assert_allclose(found, (4.0 * apart[0] - apart[1]) / 3.0, rtol=0.0, atol=1e-7 * np.max(np.abs(found)))
+    with pytest.raises(StudyError, match="no section uses spare"):
+        study_of(tmp_path, pulled(12)[:6], named | {"friction.tau_s: {": "spare: {"})
+
+
 def test_data_at_both_corners_of_a_side_move_with_their_own_kinks(tmp_path: Path) -> None:
     """One node goes from its first to its last kink on one side of the path: one corner moves with delta, one not."""
     follow, p = model(study_of(tmp_path, pulled(18), {"maxh: 5 mm": "maxh: 20 mm"})), np.array([3.9e6, 0.23e-3])

@@ -15,10 +15,10 @@ from tcstudy.data.on_request import AT_EVENT, DIFFERENTIABLE, name_of, quotient
 from tcstudy.errors import StudyError
 from tcstudy.fem.study_meshes import Meshes
 from tcstudy.offline.level import Level
+from tcstudy.read.scenes import Scenery
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.terminal.summary import summary
 from tcstudy.scene.fits import Sensitivity
-from tcstudy.scene.parameters import with_number
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 from tcstudy.study.sensitivities import of_point
@@ -136,7 +136,7 @@ def test_layers_springs_and_heat_by_edge_against_differences(plane: str) -> None
     """Numbers that change the stiffness as a matrix, or the heat problem: the same bar, on the same mesh."""
     text = LAYERED.replace("PLANE", plane)
     study = asking(text, *OF_LAYERS)
-    scene = study.scenes[0]
+    scene, scenery = study.scenes[0], Scenery.of(study)
     own = Level(Meshes(study).next(0), scene)
     _, v = results(own, text)
     found = of_point(own, scene, v, study.output.sensitivity)
@@ -147,10 +147,10 @@ def test_layers_springs_and_heat_by_edge_against_differences(plane: str) -> None
         def at(share: float, name: str = name, value: float = value, number: Sensitivity = number) -> np.ndarray:
             if name != "load":  # the fit's way to the same scene
                 other = read_study_text(text, overrides=[f"{name}={value * (1.0 + share)!r}"]).scenes[0]
-                mine = with_number(scene, number, value * (1.0 + share))
+                mine = scenery.at(scene, {number.path: value * (1.0 + share)})
                 np.testing.assert_allclose(*(own.condensed(s).problem.l_tilde for s in (mine, other)), rtol=1e-12)
             else:
-                mine = with_number(scene, number, value * (1.0 + share))
+                mine = scenery.at(scene, {number.path: value * (1.0 + share)})
             return numbers_of(own, mine)[0]
 
         h = 1e-4
@@ -180,7 +180,7 @@ OF_RIGID = {
 def test_a_plate_that_turns_under_its_moment_against_differences() -> None:
     """Whole runs on the same mesh, by Richardson."""
     study = asking(RIGID, *OF_RIGID)
-    scene = study.scenes[0]
+    scene, scenery = study.scenes[0], Scenery.of(study)
     own = Level(Meshes(study).next(0), scene)
     _, v = results(own, RIGID)
     found = of_point(own, scene, v, study.output.sensitivity)
@@ -188,7 +188,7 @@ def test_a_plate_that_turns_under_its_moment_against_differences() -> None:
     assert np.all(v > 0.0)
     for number in study.output.sensitivity:
         value = OF_RIGID[number.name]
-        ends = [[numbers_of(own, with_number(scene, number, value * (1.0 + way * h)))[0] for way in (1.0, -1.0)]
+        ends = [[numbers_of(own, scenery.at(scene, {number.path: value * (1.0 + way * h)}))[0] for way in (1.0, -1.0)]
                 for h in (2e-4, 1e-4)]  # fmt: skip
         coarse, fine = ((up - down) / (2.0 * h * value) for (up, down), h in zip(ends, (2e-4, 1e-4), strict=True))
         exact = np.array([found[name_of(quantity, number.name)] for quantity in QUANTITIES])
