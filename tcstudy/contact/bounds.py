@@ -16,6 +16,8 @@ inverse, so that a box is never too small.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,8 +32,8 @@ FEW, PARTS = 6, 48
 """Parts of an exponential piece: for a first try, which proves most of what can be proved, and of the careful bound."""
 _ROUNDS, _SHRINKS = 30, 0.01
 """Improvements of a box at most, and by which part of its size one must shrink it."""
-_HALVINGS = 60
-"""Of the interval in which b′ vanishes."""
+_STEPS = 80
+"""To the zero of a function."""
 _DECAY, _ROUNDINGS = 16.0, 64.0
 """Decay lengths that the parts cover (one more takes the rest), and roundings of j by which every D is enlarged."""
 
@@ -216,14 +218,46 @@ def _turning_points(tables: Laws) -> tuple[Array, Array]:
         reach = far(tables)[:, None]
         piece = tables.first[:, None] + np.arange(tables.q.shape[1])
         low, high = np.clip(tables.lower, -reach, reach), np.clip(tables.upper, -reach, reach)
-        begins = tables.slope(low, piece) < 0.0
-        turns = tables.bent & (low < high) & (begins != (tables.slope(high, piece) < 0.0))
-        for _ in range(_HALVINGS):
-            middle = 0.5 * (low + high)
-            before = (tables.slope(middle, piece) < 0.0) == begins
-            low, high = np.where(before, middle, low), np.where(before, high, middle)
-        tables.facts["turning"] = np.where(turns, low, np.nan), tables.value(low, piece)
+        rises, found = (tables.slope(s, piece) > 0.0 for s in (low, high)), np.full(low.shape, np.nan)
+        turns = tables.bent & (low < high) & np.not_equal(*rises)
+        found[turns] = slip_of_slope(tables, piece[turns], low[turns], high[turns], 0.0)
+        tables.facts["turning"] = found, tables.value(found, piece)
     return tables.facts["turning"]
+
+
+def slip_of_slope(laws: Laws, piece: Index, low: Array, high: Array, slope: float) -> Array:
+    """Where b′ of the addressed pieces passes `slope` between low and high, (n,) each."""
+    way, middle = np.where(laws.slope(low, piece) > slope, -1.0, 1.0), 0.5 * (low + high)
+    s_0, _, q, a, r, *_ = laws.numbers(piece)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        start = s_0 - np.log((q - slope) / (r * a)) / r  # of one exponential the slip itself
+
+    def excess(k: Index, s: Array) -> tuple[Array, Array, Array]:
+        return way[k] * (laws.slope(s, piece[k]) - slope), way[k] * laws.bend(s, piece[k]), np.abs(q[k]) + abs(slope)
+
+    return rising_zeros(excess, np.where((low < start) & (start < high), start, middle), low, high)
+
+
+def rising_zeros(
+    function: Callable[[Index, Array], tuple[Array, Array, Array]], start: Array, low: Array, high: Array
+) -> Array:
+    """(n,) where n rising functions are 0 between low and high, by Newton's method within what is known of each.
+
+    function: (which of them, where) → values, slopes, and the sizes of what values are made of, whose rounding ends it
+    """
+    found, open_ = start.copy(), np.arange(len(start))
+    for _ in range(_STEPS):
+        if not len(open_):
+            break
+        s = found[open_]
+        value, slope, size = function(open_, s)
+        low, high = np.where(value < 0.0, s, low), np.where(value < 0.0, high, s)
+        following = s - value / np.where(slope > 0.0, slope, np.nan)
+        following = np.where((low <= following) & (following <= high), following, 0.5 * (low + high))
+        on = (np.abs(value) > 4.0 * np.finfo(float).eps * size) & (following != s)
+        open_, low, high = open_[on], low[on], high[on]
+        found[open_] = following[on]
+    return found
 
 
 def least_slopes(laws: Laws, low: Array, high: Array) -> Array:

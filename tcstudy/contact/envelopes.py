@@ -8,155 +8,151 @@ double envelope). j_κ ≤ j, j_κ grows with κ to j, and b_κ is b except on c
 Up-jumps stay, down-jumps and steep falls become falls of slope −κ. With κ ≤ λ₁ the problem with b_κ is convex, and its
 least energy is a lower bound of the original one.
 
-b′ is monotone on a piece, so that b + κ s rises on one part of it at most: an arc of j + ½κ s² that the envelope may
-touch, as it may touch a kink. As the lower hull of points is made by a monotone chain, arcs are joined from left to
-right, and one that the tangent to the next passes below is left out.
+b′ is monotone on a piece, so that b + κ s rises on one part of it at most: an arc of h = j + ½κ s² that the envelope
+may touch, as it may touch a kink. Arcs of all laws stand in one row. An arc into which the tangent from the one before
+rises more steeply than the tangent to the next one rises out of it lies above what these two span, and the envelope
+does not touch it: all such are left out at once, until there are none.
 """
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tcstudy.contact.bounds import far, rising_zeros, slip_of_slope
 from tcstudy.laws.laws import Laws
-from tcstudy.laws.pieces import DOWN
+from tcstudy.laws.pieces import DOWN, Place
 
-_STEPS = 80
-"""To a slip of known slope, to a common tangent, to where b′ = −κ."""
-_ROUNDING = 4.0 * float(np.finfo(float).eps)
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+
 _CONTINUOUS = 1e-8
 """Jumps of an envelope below this part of the scale of b come from unfinished tangents."""
 
 
+class _Arcs(NamedTuple):
+    """Where h is convex on a piece: the law, the address, from and to, h′ there; a kink is an arc of no length."""
+
+    law: Index
+    piece: Index
+    low: Array
+    high: Array
+    first: Array
+    last: Array
+
+    def take(self, which: Index | Flags) -> _Arcs:
+        return _Arcs._make(x[which] for x in self)
+
+
 def moreau_envelopes(laws: Laws, kappa: float) -> Laws:
     """The tables of b_κ; κ > 0 [Pa/m]. Laws that nowhere fall faster than κ stay as they are."""
-    tables, numbers, rows = laws.tables, np.stack(laws.tables.pieces, axis=-1), list[tuple[Numbers, list[Numbers]]]()
-    for row, falls in enumerate(tables.falls > kappa):
-        count = int(np.count_nonzero(np.isfinite(tables.kinks[row])))
-        own = tables.kinks[row, :count].tolist(), numbers[row, : count + 1].tolist()
-        down = (tables.kinds[row, :count] == DOWN).tolist()
-        rows.append(_envelope(*own, down, float(tables.scales[row]), kappa) if falls else own)
-    width = max(1, *(len(kinks) for kinks, _ in rows))
-    kinks, columns = np.full((len(rows), width), np.inf), np.empty((len(rows), width + 1, numbers.shape[2]))
-    for row, (ends, pieces) in enumerate(rows):
-        kinks[row, : len(ends)], columns[row, : len(pieces)], columns[row, len(pieces) :] = ends, pieces, pieces[-1]
-    found = Laws(tables.name, kinks, *np.moveaxis(columns, -1, 0).copy()).known(scales=tables.scales)
-    return found.smooth_to(_CONTINUOUS * tables.scales[:, None]).at(laws.index)
+    tables = laws.tables
+    arcs = _arcs(tables, kappa)
+    land, leave, sigma = np.full((3, len(arcs.law)), -np.inf)  # of every arc, of the one before it, of both
+    new = np.append(False, arcs.law[1:] == arcs.law[:-1])
+    while np.any(new):
+        i = np.flatnonzero(new)
+        leave[i], land[i], sigma[i] = _tangents(tables, kappa, arcs.take(i - 1), arcs.take(i))
+        out = np.append(sigma[1:], -np.inf)
+        kept = ~((out < sigma) & (np.append(arcs.law[1:], -1) == arcs.law))
+        new = np.append(False, ~kept[:-1])[kept] & np.append(False, arcs.law[kept][1:] == arcs.law[kept][:-1])
+        arcs, land, leave, sigma = arcs.take(kept), land[kept], leave[kept], sigma[kept]
+    return _assembled(tables, kappa, arcs, land, leave, sigma).at(laws.index)
 
 
-def on_tangent(envelopes: Laws, kappa: float, s: np.ndarray) -> np.ndarray:
+def on_tangent(envelopes: Laws, kappa: float, s: Array) -> Flags:
     """Whether slips lie inside a common tangent."""
     at = envelopes.locate(s)
     return ~at.on & (envelopes.q.take(at.piece) == -kappa) & ~envelopes.bent.take(at.piece)
 
 
-class _Arc(NamedTuple):
-    """Where h = j + ½κ s² is convex on a piece, with h′ at both ends; a kink is an arc of no length."""
+def _arcs(tables: Laws, kappa: float) -> _Arcs:
+    """The arcs of the laws that fall faster than κ, law by law from left to right."""
+    rows = np.flatnonzero(tables.falls > kappa)
+    reach = (far(tables) + 4.0 * tables.scales / kappa)[rows, None]
+    low, high = np.clip(tables.lower[rows], -reach, reach), np.clip(tables.upper[rows], -reach, reach)
+    piece = tables.first[rows, None] + np.arange(low.shape[1])
+    begins, ends = (tables.slope(s, piece) > -kappa for s in (low, high))
+    real, turn = low < high, np.where(begins, high, low)
+    turns = real & (begins != ends)
+    turn[turns] = slip_of_slope(tables, piece[turns], low[turns], high[turns], -kappa)
+    joined = np.append(np.zeros((len(rows), 1), dtype=bool), ends[:, :-1], axis=1)  # the arc before ends on the kink
+    before = np.maximum(piece - 1, tables.first[rows, None])
+    is_kink = real & ~begins & ~joined & (np.arange(low.shape[1]) > 0) & (tables.kind_above.take(before) != DOWN)
+    is_arc = real & (begins | ends)
+    start, end = np.where(begins, low, turn), np.where(ends, high, turn)
+    law = np.broadcast_to(rows[:, None], low.shape)
 
-    piece: int
-    low: float
-    high: float
-    first: float
-    last: float
+    def slope(s: Array, address: Index) -> Array:
+        return tables.value(s, address) + kappa * s
+
+    kinks = (law, piece, low, low, slope(low, before), slope(low, piece))
+    parts = (law, piece, start, end, slope(start, piece), slope(end, piece))
+    chosen = np.stack([is_kink, is_arc], axis=-1)
+    return _Arcs._make(np.stack(both, axis=-1)[chosen] for both in zip(kinks, parts, strict=True))
 
 
-Numbers = list[float]
+def _touches(tables: Laws, kappa: float, arcs: _Arcs, sigma: Array, start: Array) -> Array:
+    """Where h′ = σ on arcs, or their ends on that side; sought from `start` on."""
+    _, piece, low, high, first, last = arcs
+    inside = (first < sigma) & (sigma < last) & (low < high)
+    straight = low + (sigma - first) / np.where(inside, tables.q.take(piece) + kappa, 1.0)
+    s = np.where(inside, straight, np.where(sigma <= first, low, high))
+    bent = np.flatnonzero(inside & tables.bent.take(piece))
+    piece, sigma = piece[bent], sigma[bent]
+
+    def excess(k: Index, s: Array) -> tuple[Array, Array, Array]:
+        value, slope = tables.value_and_slope(s, piece[k])
+        return value + kappa * s - sigma[k], slope + kappa, kappa * np.abs(s) + np.abs(sigma[k])
+
+    s[bent] = rising_zeros(excess, start[bent], low[bent], high[bent])
+    return s
 
 
-def _envelope(
-    kinks: Numbers, pieces: list[Numbers], down: list[bool], scale: float, kappa: float
-) -> tuple[Numbers, list[Numbers]]:
-    """Kinks and pieces of b_κ of one law; down: which of its kinks are jumps down."""
-    exponentials = [[(a, r) for a, r in zip(own[3::2], own[4::2], strict=True) if a] for own in pieces]
-    offset = [0.0]
+def _tangents(tables: Laws, kappa: float, left: _Arcs, right: _Arcs) -> tuple[Array, Array, Array]:
+    """(s₁, s₂, σ) of common tangents, where ∫ σ − h′ between, which rises with σ, is 0; none where arcs join."""
+    x, y, sigma = left.high.copy(), right.low.copy(), left.last.copy()
+    apart = np.flatnonzero((x < y) | (tables.kind_above.take(right.piece - 1) == DOWN))
+    left, right = left.take(apart), right.take(apart)
+    s, t, none = 0.5 * (left.low + left.high), 0.5 * (right.low + right.high), np.zeros(len(apart), dtype=bool)
 
-    def slopes(k: int, s: float) -> tuple[float, float]:
-        """h′ = b + κ s and h″ on a piece."""
-        s_0, b_0, q = pieces[k][:3]
-        first, second = b_0 + q * (s - s_0) + kappa * s, q + kappa
-        for a, r in exponentials[k]:
-            decay = a * math.exp(-r * (s - s_0))
-            first, second = first + decay, second - r * decay
-        return first, second
+    def excess(k: Index, own: Array) -> tuple[Array, Array, Array]:
+        s[k], t[k] = (_touches(tables, kappa, arcs.take(k), own, at[k]) for arcs, at in ((left, s), (right, t)))
+        width, ends = t[k] - s[k], (Place(arcs.piece[k], none[k]) for arcs in (left, right))
+        rest = tables.integral(s[k], t[k], *ends) + (0.5 * kappa * (s[k] + t[k]) - own) * width
+        return -rest, width, width * (np.abs(own) + kappa * (np.abs(s[k]) + np.abs(t[k])))
 
-    def height(k: int, s: float) -> float:
-        """h, beside the offset of the piece."""
-        s_0, b_0, q = pieces[k][:3]
-        decays = sum(-a / r * math.expm1(-r * (s - s_0)) for a, r in exponentials[k])
-        return (s - s_0) * (b_0 + 0.5 * q * (s - s_0)) + decays + 0.5 * kappa * s * s
+    far_off = np.full(len(apart), np.inf)
+    sigma[apart] = rising_zeros(excess, 0.5 * (left.last + right.first), -far_off, far_off)
+    x[apart], y[apart] = s, t
+    return x, y, sigma
 
-    def touches(arc: _Arc, sigma: float) -> float:
-        """Where h′ = σ on an arc, or its end on that side."""
-        k, low, high, first, last = arc
-        if sigma <= first or low == high:
-            return low
-        if sigma >= last:
-            return high
-        if not exponentials[k]:
-            return low + (sigma - first) / (pieces[k][2] + kappa)
-        s = 0.5 * (low + high)
-        for _ in range(_STEPS):
-            first, second = slopes(k, s)
-            low, high = (low, s) if first > sigma else (s, high)
-            step = (sigma - first) / second if second > 0.0 else math.inf
-            following = s + step if low < s + step < high else 0.5 * (low + high)
-            if abs(following - s) <= _ROUNDING * abs(s):
-                break
-            s = following
-        return s
 
-    def tangent(left: _Arc, right: _Arc) -> tuple[float, float, float]:
-        """(s₁, s₂, σ) of the common tangent, where ∫ h′ − σ between, which falls with σ, is 0; no tangent at a join."""
-        if left.high == right.low and not down[right.piece - 1]:
-            return left.high, right.low, left.last
-        sigma, below, above = 0.5 * (left.last + right.first), -math.inf, math.inf
-        for _ in range(_STEPS):
-            x, y = touches(left, sigma), touches(right, sigma)
-            terms = offset[right.piece] - offset[left.piece], height(right.piece, y), -height(left.piece, x)
-            rest = sum(terms) - sigma * (y - x)
-            below, above = (sigma, above) if rest > 0.0 else (below, sigma)
-            step = rest / (y - x) if y > x else math.copysign(math.inf, rest)
-            following = sigma + step if below <= sigma + step <= above else 0.5 * (below + above)
-            if abs(following - sigma) <= _ROUNDING * (abs(sigma) + kappa * (abs(x) + abs(y))):
-                break
-            sigma = following
-        return x, y, sigma
-
-    for k, s in enumerate(kinks):
-        offset.append(offset[k] + height(k, s) - height(k + 1, s))
-    decay = max((40.0 / abs(r) for own in exponentials for _, r in own), default=0.0)
-    reach = 2.0 * max(map(abs, kinks), default=0.0) + decay + 4.0 * scale / kappa
-    arcs = list[_Arc]()
-    for k, (low, high) in enumerate(zip([-reach, *kinks], [*kinks, reach], strict=True)):
-        begins, ends = slopes(k, low)[1] > 0.0, slopes(k, high)[1] > 0.0
-        x, y = low, high
-        for _ in range(_STEPS if begins != ends else 0):
-            middle = 0.5 * (x + y)
-            x, y = (middle, y) if (slopes(k, middle)[1] > 0.0) == begins else (x, middle)
-        if not begins and k and not (arcs and arcs[-1].high == low):
-            arcs.append(_Arc(k, low, low, slopes(k - 1, low)[0], slopes(k, low)[0]))
-        if begins or ends:
-            low, high = (low if begins else y), (high if ends else x)
-            arcs.append(_Arc(k, low, high, slopes(k, low)[0], slopes(k, high)[0]))
-    chain, leaves = [(arcs[0], -math.inf, -math.inf)], Numbers()  # arcs, where they are landed on, with which slope
-    for arc in arcs[1:]:
-        x, y, sigma = tangent(chain[-1][0], arc)
-        while len(chain) > 1 and sigma < chain[-1][2]:
-            chain.pop()
-            leaves.pop()
-            x, y, sigma = tangent(chain[-1][0], arc)
-        leaves.append(x)
-        chain.append((arc, y, sigma))
-    starts, found, end = Numbers(), list[Numbers](), -math.inf
-    for (arc, land, sigma), leave in zip(chain, [*leaves, math.inf], strict=True):
-        if land > end:
-            near = end if abs(end) <= abs(land) else land
-            starts.append(end)
-            found.append([near, sigma - kappa * near, -kappa, *[0.0] * (len(pieces[0]) - 3)])
-        if leave > land:
-            starts.append(land)
-            found.append(pieces[arc.piece])
-        end = leave
-    return starts[1:], found
+def _assembled(tables: Laws, kappa: float, arcs: _Arcs, land: Array, leave: Array, sigma: Array) -> Laws:
+    """The laws with, of every arc, the tangent that leads to it and its own piece from where that lands."""
+    ends = np.append(leave[1:], np.inf)
+    ends[np.append(arcs.law[1:] != arcs.law[:-1], True)] = np.inf
+    near = np.where(np.abs(leave) <= np.abs(land), leave, land)
+    near, none = np.where(np.isfinite(near), near, 0.0), np.zeros(len(near))
+    tangent = (near, sigma - kappa * near, none - kappa, *[none] * (len(tables.pieces) - 3))
+    there = np.stack([land > leave, ends > land], axis=1)
+    law, starts = np.repeat(arcs.law[:, None], 2, axis=1)[there], np.stack([leave, land], axis=1)[there]
+    rank = np.arange(len(law)) - np.searchsorted(law, law)
+    width = max(tables.q.shape[1], int(np.max(rank, initial=0)) + 1)
+    kinks = np.full((len(tables.q), width), np.inf)  # of the left ends of all pieces but the first, and one behind
+    kinks[:, : tables.kinks.shape[1]] = tables.kinks
+    kinks[law] = np.inf
+    kinks[law[rank > 0], rank[rank > 0] - 1] = starts[rank > 0]
+    columns = []
+    for numbers, line in zip(tables.pieces, tangent, strict=True):
+        column = np.repeat(numbers[:, -1:], width, axis=1)
+        column[:, : numbers.shape[1]] = numbers
+        own = np.stack([line, numbers.take(arcs.piece)], axis=1)[there]
+        column[law] = own[:, None]  # its last number stays
+        column[law, rank] = own
+        columns.append(column)
+    found = Laws(tables.name, kinks[:, :-1], *columns).known(scales=tables.scales)
+    return found.smooth_to(_CONTINUOUS * tables.scales[:, None])

@@ -1,13 +1,17 @@
-"""Derivatives of friction laws by their parameters: dual numbers through the builders and the laws' own functions."""
+"""Derivatives of friction laws by their parameters: complex steps through the builders and the laws' own functions.
+
+f′(p) = Im f(p + ih)/h to the last digits, since nothing is subtracted (Squire & Trapp, SIAM Rev. 40 (1998) 110–112);
+h is so small that h² is lost beside every number. What is compared is the real part.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.laws.dual import Dual, slopes_of
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import SHAPES
 
@@ -18,9 +22,22 @@ _AGREE = 1e-9
 """Falls and derivatives nearer than this to each other, relative, are one."""
 
 
+_STEP = 2.0**-400
+
+
+def stepped(number: float) -> Any:
+    """p + ih."""
+    return np.complex128(complex(number, _STEP))
+
+
+def derivative(numbers: Any) -> Any:
+    """Of what was computed from p + ih (their shape)."""
+    return np.imag(numbers) / _STEP
+
+
 @dataclass(frozen=True, eq=False)
 class LawSlopes:
-    """Derivatives by one parameter of a law, one for all; varied: the law with dual numbers.
+    """Derivatives by one parameter of a law, one for all; varied: the law of p + ih.
 
     Where the law goes straight through a point that moves alone, the varied one has a bend that the law has not.
     """
@@ -31,7 +48,7 @@ class LawSlopes:
     @property
     def kinks(self) -> Array:
         """(K,) of the law's kinks [m per unit of p]."""
-        return slopes_of(self.varied.kinks[np.searchsorted(self.varied.kinks, self.law.kinks)])
+        return derivative(self.varied.kinks[np.searchsorted(self.varied.kinks.real, self.law.kinks)])
 
     def value(self, s: Array, piece: NDArray[np.intp]) -> Array:
         """∂b_k/∂p at s of the law's named pieces (shape of s) [Pa per unit of p]."""
@@ -40,21 +57,21 @@ class LawSlopes:
             s = np.clip(s, low, high)
             at = self.varied.locate(s)
             piece = at.toward(s < high)
-        return slopes_of(self.varied.value(s, piece))
+        return derivative(self.varied.value(s, piece))
 
     def potential(self, s: Array) -> Array:
         """∂j/∂p at s, which is no kink that moves, or the inner side of one (shape of s) [Pa m per unit of p].
 
         ∫₀ˢ ∂b/∂p, and of every kink on the way, which moves by κ′, κ′(b⁻ − b⁺).
         """
-        return slopes_of(self.varied.j(s))
+        return derivative(self.varied.j(s))
 
     def omega(self) -> float:
         """∂ω/∂p: that of the slope at the end of a piece where b falls most; NaN where two do not agree."""
         omega, slopes = self.law.omega, self.varied.end_slopes.ravel()
         if not np.isfinite(omega) or omega == 0.0:
             return 0.0 if omega == 0.0 else float("nan")
-        return agreed(-slopes_of(slopes[slopes.astype(float) <= -omega * (1.0 - _AGREE)]))
+        return agreed(-derivative(slopes[slopes.real <= -omega * (1.0 - _AGREE)]))
 
 
 def agreed(changes: Array) -> float:
@@ -87,15 +104,16 @@ def law_slopes(law: Laws, parameter: str) -> LawSlopes:
     made = law.made
     if made is None:
         raise KeyError(parameter)
-    values, factor = dict(made.values), np.array([Dual(made.strength, float(parameter == "strength"))], dtype=object)
+    values, factor = dict(made.values), stepped(made.strength) if parameter == "strength" else made.strength
     if parameter.startswith(f"{POINTS}."):
         at, of_s = point_of(law, parameter), parameter.endswith(".s")
-        points = [(s, Dual(b, float(j == at and not of_s))) for j, (s, b) in enumerate(values[POINTS])]
-        points[at] = (Dual(points[at][0], 1.0) if of_s else points[at][0], points[at][1])
+        points = [(s, np.complex128(b)) for s, b in values[POINTS]]
+        s, b = points[at]
+        points[at] = (stepped(s), b) if of_s else (s, stepped(b.real))
         values[POINTS] = points
     elif parameter != "strength":
         if not isinstance(values[parameter], float):
             raise KeyError(parameter)
-        values[parameter] = Dual(values[parameter], 1.0)
+        values[parameter] = stepped(values[parameter])
     varied = SHAPES[made.shape].builder(**values)
     return LawSlopes(law, replace(varied, b_0=varied.b_0 * factor, q=varied.q * factor, a=varied.a * factor))

@@ -181,8 +181,8 @@ class Laws(LawPieces):
         """Where slips sit; law: which of the tables each has, by default the index (broadcasts with s)."""
         s = np.asarray(s)
         if self.one:
-            piece = np.asarray(np.searchsorted(self.kinks, s, side="left"))
-            return Place(piece, s == self.upper.take(piece))
+            piece = np.asarray(np.searchsorted(self.kinks.real, s, side="left"))
+            return Place(piece, s == self.upper.real.take(piece))
         law = self.index if law is None else law
         shape = s.shape if s.shape == law.shape else np.broadcast_shapes(s.shape, law.shape)
         piece = np.empty(shape, dtype=np.intp)
@@ -197,7 +197,7 @@ class Laws(LawPieces):
     def piece(self, s: Slips, side: int = 1) -> Index:
         """Address of the piece that holds s; at a kink the piece to its right (side=1) or left (side=-1)."""
         if self.one:
-            return np.searchsorted(self.kinks, np.asarray(s), side="right" if side > 0 else "left")
+            return np.searchsorted(self.kinks.real, np.asarray(s), side="right" if side > 0 else "left")
         at = self.locate(s)
         return at.piece + at.on if side > 0 else at.piece
 

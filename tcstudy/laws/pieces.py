@@ -16,7 +16,7 @@ both ends, where p + q s would have lost all digits.
 
 Many laws are padded tables, one row a law; an index says which of them a node, or a row and node, has. A piece is named
 by its address, law·(K+1) + piece, so that values of a thousand laws cost what values of one do; a kink has the address
-of the piece to its left. The numbers may be dual ones (`dual`), whose derivatives all these functions carry along.
+of the piece to its left. The numbers may be complex, with a derivative in their imaginary parts (`derivatives`).
 """
 
 from __future__ import annotations
@@ -27,8 +27,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-
-from tcstudy.laws.dual import exp, expm1
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -186,7 +184,7 @@ class LawPieces:
     @Fact
     def _beside(self) -> tuple[Array, Array, Array]:
         """(…, K+1) each: b left and right of the kink at the end of every piece, 0 without one, and their rounding."""
-        real = np.isfinite(self.upper.astype(float))
+        real = np.isfinite(self.upper)
         s, found, noise = np.where(real, self.upper, self.s_0), [], np.zeros(self.q.shape)
         for address in (self._addresses, self._addresses + real):
             found.append(np.where(real, self.value(s, address), 0.0))
@@ -207,7 +205,7 @@ class LawPieces:
     def kind_above(self) -> NDArray[np.int8]:
         """(…, K+1) UP, BEND where b is continuous to rounding, or DOWN: of the kink at the right end of every piece."""
         left, right, noise = self._beside
-        jump = (right - left).astype(float)
+        jump = np.real(right - left)
         return np.where(np.abs(jump) <= noise, BEND, np.sign(jump)).astype(np.int8)
 
     @property
@@ -218,7 +216,7 @@ class LawPieces:
     @Fact
     def end_slopes(self) -> Array:
         """(2, …, K+1) b′ at both ends of every piece, which bound it in between, limits at ±∞ included [Pa/m]."""
-        finite = [np.isfinite(ends.astype(float)) for ends in (self.lower, self.upper)]
+        finite = [np.isfinite(ends) for ends in (self.lower, self.upper)]
         at = [np.where(known, s, self.s_0) for known, s in zip(finite, (self.lower, self.upper), strict=True)]
         slopes = (self.slope(s, self._addresses) for s in at)
         return np.stack([np.where(known, b, self.q) for known, b in zip(finite, slopes, strict=True)])
@@ -226,13 +224,13 @@ class LawPieces:
     @Fact
     def falls(self) -> Array:
         """(…) steepest fall ω = −inf (b(s₁)−b(s₂))/(s₁−s₂) ≥ 0; infinite with a down-jump (method §5) [Pa/m]."""
-        steepest = 0.0 + np.maximum(0.0, -np.min(self.end_slopes.astype(float), axis=(0, -1)))
+        steepest = 0.0 + np.maximum(0.0, -np.min(self.end_slopes, axis=(0, -1)))
         return np.asarray(np.where(np.any(self.kinds == DOWN, axis=-1), np.inf, steepest))
 
     @Fact
     def regions(self) -> NDArray[np.int8]:
         """(…, K+1) which of REGIONS every piece is."""
-        slopes, zero = self.end_slopes.astype(float), np.clip(0.0, self.lower, self.upper)
+        slopes, zero = self.end_slopes, np.clip(0.0, self.lower, self.upper)
         zero = np.where(np.isfinite(zero), zero, self.s_0)
         value, noise = self.value(zero, self._addresses), 8 * np.finfo(float).eps * self.terms(zero, self._addresses)
         softens, flat = slopes.sum(axis=0) < 0.0, np.all(slopes == 0.0, axis=0)  # b′ is monotone on a piece
@@ -271,12 +269,10 @@ class LawPieces:
 
     def terms(self, s: Array, piece: Index) -> Array:
         """Sum of the magnitudes that b of the addressed pieces is made of: what rounding goes with [Pa]."""
-        apart = (s - self.s_0.take(piece)).astype(float)
-        terms = (np.abs(self.b_0.take(piece)) + np.abs(self.q.take(piece) * apart)).astype(float)
-        for a_of, r_of in self.exponentials:
-            a = np.abs(a_of.take(piece)).astype(float)
-            rs = np.where(a == 0.0, 0.0, r_of.take(piece) * apart).astype(float)
-            terms += a * np.exp(-rs) * (1.0 + np.abs(rs))
+        apart = s - self.s_0.take(piece)
+        terms = np.abs(self.b_0.take(piece)) + np.abs(self.q.take(piece) * apart)
+        for a, r in self.exponentials:
+            terms += np.abs(_decay(a, r, apart, piece)) * (1.0 + np.abs(r.take(piece) * apart))
         return np.asarray(terms)
 
     def slope(self, s: Slips, piece: Index | int) -> Array:
@@ -356,14 +352,14 @@ class LawPieces:
         Summed outwards, so that it is even to the bit for an odd law.
         """
         lower, upper = self.lower, self.upper
-        inner = np.isfinite(lower.astype(float)) & np.isfinite(upper.astype(float))
+        inner, right = np.isfinite(lower) & np.isfinite(upper), np.real(upper) > 0.0
         x, y = np.where(inner, lower, 0.0), np.where(inner, upper, 0.0)
         part = np.where(inner, self.piece_integral(self._addresses, x, y), 0.0)
-        right = np.cumsum(np.where(upper > 0.0, part, 0.0), axis=-1)
-        left = np.cumsum(np.where(upper > 0.0, 0.0, part)[..., ::-1], axis=-1)[..., ::-1]
+        after = np.cumsum(np.where(right, part, 0.0), axis=-1)
+        before = np.cumsum(np.where(right, 0.0, part)[..., ::-1], axis=-1)[..., ::-1]
         none = np.zeros((*part.shape[:-1], 1))
-        before = np.concatenate([none, right[..., :-1]], axis=-1)
-        return before - left, right - np.concatenate([left[..., 1:], none], axis=-1)
+        start = np.concatenate([none, after[..., :-1]], axis=-1)
+        return start - before, after - np.concatenate([before[..., 1:], none], axis=-1)
 
     def check_growth(self) -> None:
         """Raise GrowthError unless (15) and (16) hold: b eventually opposes slip and grows at most linearly."""
@@ -388,14 +384,14 @@ def _decay(a_of: Array, r_of: Array, apart: Any, piece: Index) -> Array:
     part: Array = a_of.take(piece)
     count = np.count_nonzero(part)
     if count == part.size:
-        return np.asarray(part * exp(-r_of.take(piece) * apart))
+        return np.asarray(part * np.exp(-r_of.take(piece) * apart))
     if not count:
         return np.broadcast_to(part, np.broadcast_shapes(part.shape, np.shape(apart)))
     if _SELDOM * count >= part.size or part.shape != np.shape(apart):
-        return np.asarray(part * exp(np.where(part != 0.0, -r_of.take(piece) * apart, 0.0)))
+        return np.asarray(part * np.exp(np.where(part != 0.0, -r_of.take(piece) * apart, 0.0)))
     flat = part.reshape(-1)
     bent = flat.nonzero()[0]
-    flat[bent] *= exp(-r_of.take(piece.reshape(-1).take(bent)) * apart.reshape(-1).take(bent))
+    flat[bent] *= np.exp(-r_of.take(piece.reshape(-1).take(bent)) * apart.reshape(-1).take(bent))
     return part
 
 
@@ -403,7 +399,7 @@ def _decay_integral(s_0: Array, a: Array, r: Array, x: Array, y: Array) -> Array
     """∫_x^y of a exp(−r (s − s_0)), all of one shape [Pa·m]."""
     step = y - x
     # from the end where the exponential is larger, so that expm1 cannot overflow
-    larger = np.where(r * step >= 0.0, x, y)
-    decay = np.abs(r * step)
-    length = np.where(decay == 0.0, step, step * -expm1(-decay) / np.where(decay == 0.0, 1.0, decay))
-    return np.asarray(a * exp(-r * (larger - s_0)) * length)
+    falls = np.real(r * step) >= 0.0
+    decay = np.where(falls, r * step, -r * step)
+    length = np.where(decay == 0.0, step, step * -np.expm1(-decay) / np.where(decay == 0.0, 1.0, decay))
+    return np.asarray(a * np.exp(-r * (np.where(falls, x, y) - s_0)) * length)

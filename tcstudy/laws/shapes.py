@@ -18,7 +18,6 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from tcstudy.laws.dual import Dual, slope_of
 from tcstudy.laws.laws import Laws, Made
 
 MAX_TEETH = 10_000
@@ -58,17 +57,20 @@ class _Piece(NamedTuple):
 
     def goes_on_as(self, other: _Piece) -> bool:
         """True if both are the same function; a constant has no anchor."""
-        same = self[1:] == other[1:] and (self.s_0 == other.s_0 or (self.q == 0.0 and self.a == 0.0))
-        return same and all(slope_of(x) == slope_of(y) for x, y in zip(self[1:], other[1:], strict=True))
+        return self[1:] == other[1:] and (self.s_0 == other.s_0 or (self.q == 0.0 and self.a == 0.0))
 
 
 def _law(name: str, kinks: Sequence[float], pieces: Sequence[_Piece]) -> Laws:
     """A law from its kinks and pieces; a kink between two equal pieces is none and is left out."""
     keep = [i for i in range(len(kinks)) if not pieces[i].goes_on_as(pieces[i + 1])]
     kept = [pieces[0], *(pieces[i + 1] for i in keep)]
-    kind = object if any(isinstance(x, Dual) for piece in kept for x in piece) else float
-    columns = (np.array(column, dtype=kind) + 0.0 for column in zip(*kept, strict=True))
-    return Laws(name, np.array([kinks[i] for i in keep], dtype=kind), *columns)
+    columns = (np.array(column) + 0.0 for column in zip(*kept, strict=True))
+    return Laws(name, np.array([kinks[i] for i in keep], dtype=complex if _varied(*kinks) else float), *columns)
+
+
+def _varied(*numbers: float | None) -> bool:
+    """Whether some are complex: those of a law that is to be differentiated."""
+    return any(isinstance(x, complex) for x in numbers)
 
 
 def _odd(name: str, kinks: Sequence[float], pieces: Sequence[_Piece]) -> Laws:
@@ -84,7 +86,7 @@ class LawParameter:
     dimension: SI unit of its numbers;  meaning: in a line;  example: a value as it is suggested, "" that of the unit
     kind:      "number", "integer", "flag", "numbers" or "law points"
     default:   what stands for it if it is not given and not required;  least: of a number
-    bound:     "positive", "not negative" or none
+    bound:     "positive", "not negative", "share" (above 0 and at most 1) or none
     """
 
     name: str
@@ -139,9 +141,13 @@ class Shape:
         return law
 
 
-_BOUNDS = {
-    "positive": "must be above 0, not {:g}; it is the slip over which the law changes",
-    "not negative": "must be at least 0, not {:g}: friction opposes the slip; for other laws use piecewise-linear",
+_BOUNDS: dict[str, tuple[Callable[[float], bool], str]] = {
+    "positive": (lambda x: x > 0.0, "must be above 0, not {:g}; it is the slip over which the law changes"),
+    "share": (lambda x: 0.0 < x <= 1.0, "must be above 0 and at most 1, not {:g}; it is a fraction of the peak"),
+    "not negative": (
+        lambda x: x >= 0.0,
+        "must be at least 0, not {:g}: friction opposes the slip; for other laws use piecewise-linear",
+    ),
 }
 
 
@@ -170,8 +176,9 @@ def _checked(shape: str, parameter: LawParameter, value: object) -> Any:
                 raise LawError(name, "must be a list of at least one pair [s, b] of slip and traction")
             return [(_number(name, s), _number(name, b)) for s, b in pairs]
     number = _number(name, value)
-    if (parameter.bound and number < 0.0) or (parameter.bound == "positive" and number == 0.0):
-        raise LawError(name, _BOUNDS[parameter.bound].format(number))
+    holds, message = _BOUNDS.get(parameter.bound, (np.isfinite, ""))
+    if not holds(number):
+        raise LawError(name, message.format(number))
     return number
 
 
@@ -227,8 +234,8 @@ def exponential(a: float, b: float, delta: float) -> Laws:
     _TAU,
     _DELTA,
     LawParameter("teeth", "their number", example="3", kind="integer", least=1),
-    LawParameter("drop", "share of its peak that b falls by after a tooth", example="0.5"),
-    _optional("decay", "each peak over the one before", example="0.5", default=1.0),
+    LawParameter("drop", "share of its peak that b falls by after a tooth", example="0.5", bound="share"),
+    _optional("decay", "each peak over the one before", example="0.5", default=1.0, bound="share"),
 )
 def saw_tooth(tau: float, delta: float, teeth: int, drop: float, decay: float) -> Laws:
     """teeth i = 0, 1, ... of width delta: b rises linearly from (1 - drop) tau decay^i to tau decay^i and falls down at
@@ -236,9 +243,6 @@ def saw_tooth(tau: float, delta: float, teeth: int, drop: float, decay: float) -
     """
     if not 1 <= teeth <= MAX_TEETH:
         raise LawError("teeth", f"must be from 1 to {MAX_TEETH}, not {teeth}")
-    for name, value in (("drop", drop), ("decay", decay)):
-        if not 0.0 < value <= 1.0:
-            raise LawError(name, f"must be above 0 and at most 1, not {value:g}; it is a fraction of the peak")
     peaks = [tau * decay**i for i in range(teeth + 1)]
     pieces = [_Piece(i * delta, (1.0 - drop) * peak, drop * peak / delta) for i, peak in enumerate(peaks[:-1])]
     pieces.append(_Piece(teeth * delta, (1.0 - drop) * peaks[-1]))
@@ -286,7 +290,7 @@ def _debonded(tau: float, s0: float, s1: float, sf: float | None, energy: float 
     if energy is None:
         raise LawError("sf", "is missing; give the slip sf at which nothing is left, or the fracture energy G_f")
     if not tau > 0.0:
-        raise LawError("tau", _BOUNDS["positive"].format(tau))
+        raise LawError("tau", _BOUNDS["positive"][1].format(tau))
     end = 2.0 * energy / tau - (s1 - s0)
     if not end > s1:
         least = tau * (s1 - 0.5 * s0)
@@ -336,7 +340,7 @@ def piecewise_linear(
     if slopes is not None:
         raise LawError("slopes", "belongs to laws with odd: false; an odd law takes one slope")
     first = vertices[0]
-    if first.s != 0.0:
+    if first.s.real != 0.0:
         raise LawError("points", f"an odd law is given from s = 0 on, but the first point has s = {first.s:g}; "
                        "start with [0, b], or write odd: false and give b for all s")  # fmt: skip
     if first.left not in (0.0, first.right, -first.right):
@@ -350,12 +354,12 @@ def _vertices(points: list[tuple[float, float]]) -> list[_Vertex]:
     """The points in one vertex per slip; raises LawError if they are out of order."""
     vertices: list[_Vertex] = []
     for number, (s, b) in enumerate(points, start=1):
-        if vertices and s < vertices[-1].s:
+        if vertices and s.real < vertices[-1].s.real:
             raise LawError("points", f"s must not decrease, but point {number} has s = {s:g} after "
                            f"{vertices[-1].s:g}; put the points in order of s")  # fmt: skip
-        if not vertices or s > vertices[-1].s:
+        if not vertices or s.real > vertices[-1].s.real:
             vertices.append(_Vertex(s, b, b))
-        elif number > 2 and points[number - 3][0] == s:
+        elif number > 2 and points[number - 3][0].real == s.real:
             raise LawError("points", f"three points have the same s = {s:g}; a jump has two, before and after")
         else:
             vertices[-1] = vertices[-1]._replace(right=b)
@@ -374,7 +378,7 @@ def _polygon(vertices: list[_Vertex], left: float | None, right: float) -> tuple
     pieces = [line for _, line in outer] + lines + [_Piece(last.s, last.right, right)]
     kinks = [corner.s for corner in (corners if outer else corners[1:])]
     # a slope goes on beyond its end
-    fixed = not isinstance(first.right, Dual) and not isinstance(right, Dual)
+    fixed = not _varied(first.right, right)
     if fixed and len(pieces) > 1 and last.left == last.right and pieces[-2].q == right:
         del pieces[-1], kinks[-1]
     if fixed and outer and len(pieces) > 1 and first.left == first.right and pieces[1].q == left:
@@ -390,7 +394,7 @@ def _corners(vertices: list[_Vertex]) -> list[_Vertex]:
     left out costs no other vertex anything.
     """
     corners, at = [vertices[0]], 0
-    if isinstance(vertices[0].right, Dual):  # of one that moves alone nothing is straight
+    if _varied(vertices[0].right):  # of one that moves alone nothing is straight
         return vertices
     while at + 1 < len(vertices):
         begin, low, high, end = vertices[at], -math.inf, math.inf, at + 1
@@ -411,7 +415,7 @@ def _corners(vertices: list[_Vertex]) -> list[_Vertex]:
 def _line(a: _Vertex, b: _Vertex) -> _Piece:
     """The line between two vertices, anchored at the one nearer to s = 0, so that mirror images stay mirror images."""
     slope = (b.left - a.right) / (b.s - a.s)
-    if a.s == -b.s and a.right == -b.left and not isinstance(a.right, Dual):
+    if a.s == -b.s and a.right == -b.left and not _varied(a.right):
         return _Piece(0.0, 0.0, slope)
     return _Piece(a.s, a.right, slope) if abs(a.s) <= abs(b.s) else _Piece(b.s, b.left, slope)
 

@@ -27,8 +27,7 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.linearised import Linearised
 from tcstudy.fem.forms import Moduli, Springs
-from tcstudy.laws.derivatives import agreed, law_slopes, number_of
-from tcstudy.laws.dual import Dual, slope_of
+from tcstudy.laws.derivatives import agreed, derivative, law_slopes, number_of, stepped
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level
 from tcstudy.offline.loads import loaded_by
@@ -75,8 +74,8 @@ def change_of(level: Level, scene: Scene, by: Sensitivity) -> Change:
         return Change(none, none)
     if path[0] in ("material", "materials"):
         where, own = next(one for one in scene.pieces if path[0] == "material" or one[0] == (path[1],))
-        one = own.with_number(Dual(getattr(own, path[-1]), 1.0), path[-1])
-        lam, mu, beta, k = map(slope_of, (one.lam, one.mu, one.beta, one.k))
+        one = own.with_number(stepped(getattr(own, path[-1])), path[-1])
+        lam, mu, beta, k = map(derivative, (one.lam, one.mu, one.beta, one.k))
         if beta:
             load = beta * level.elastic.expansion(level.temperature(scene).theta, where)
         if k and scene.heat.theta is None and scene.conducts:

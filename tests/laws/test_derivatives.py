@@ -1,4 +1,4 @@
-"""Derivatives of laws by their parameters against differences; numbers with a derivative as numbers."""
+"""Derivatives of laws by their parameters against differences."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from tcstudy.laws.derivatives import law_slopes
-from tcstudy.laws.dual import Dual
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import SHAPES
 
@@ -103,14 +102,3 @@ def test_strength_is_a_factor_and_others_are_refused() -> None:
         with pytest.raises(KeyError, match=name):
             law_slopes(law, name)
     assert law == SHAPES["slip-weakening"].build(**LAWS["slip-weakening"]).times(0.5)
-
-
-def test_a_dual_number_is_a_number() -> None:
-    x = Dual(2.0, 1.0)
-    found = (3.0 - x) * x / (1.0 + x) + 5.0 / x + x**3 - (-x)
-    h = 1e-6
-    f = lambda t: (3.0 - t) * t / (1.0 + t) + 5.0 / t + t**3 + t  # noqa: E731
-    assert float(found) == f(2.0)
-    assert found.slope == pytest.approx((f(2.0 + h) - f(2.0 - h)) / (2.0 * h), rel=1e-8)
-    assert x > 1.0
-    assert f"{x:g}" == "2"
