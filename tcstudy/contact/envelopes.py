@@ -116,18 +116,21 @@ def _tangents(tables: Laws, kappa: float, left: _Arcs, right: _Arcs) -> tuple[Ar
     """(s₁, s₂, σ) of common tangents, where ∫ σ − h′ between, which rises with σ, is 0; none where arcs join."""
     x, y, sigma = left.high.copy(), right.low.copy(), left.last.copy()
     apart = np.flatnonzero((x < y) | (tables.kind_above.take(right.piece - 1) == DOWN))
-    left, right = left.take(apart), right.take(apart)
-    s, t, none = 0.5 * (left.low + left.high), 0.5 * (right.low + right.high), np.zeros(len(apart), dtype=bool)
+    both = zip(left.take(apart), right.take(apart), strict=True)
+    n, ends = len(apart), _Arcs._make(np.concatenate(pair) for pair in both)
+    at, none = 0.5 * (ends.low + ends.high), np.zeros(n, dtype=bool)
 
     def excess(k: Index, own: Array) -> tuple[Array, Array, Array]:
-        s[k], t[k] = (_touches(tables, kappa, arcs.take(k), own, at[k]) for arcs, at in ((left, s), (right, t)))
-        width, ends = t[k] - s[k], (Place(arcs.piece[k], none[k]) for arcs in (left, right))
-        rest = tables.integral(s[k], t[k], *ends) + (0.5 * kappa * (s[k] + t[k]) - own) * width
-        return -rest, width, width * (np.abs(own) + kappa * (np.abs(s[k]) + np.abs(t[k])))
+        sides = np.append(k, k + n)
+        at[sides] = _touches(tables, kappa, ends.take(sides), np.tile(own, 2), at[sides])
+        s, t = at[k], at[k + n]
+        width, places = t - s, (Place(ends.piece[side], none[k]) for side in (k, k + n))
+        rest = tables.integral(s, t, *places) + (0.5 * kappa * (s + t) - own) * width
+        return -rest, width, width * (np.abs(own) + kappa * (np.abs(s) + np.abs(t)))
 
-    far_off = np.full(len(apart), np.inf)
-    sigma[apart] = rising_zeros(excess, 0.5 * (left.last + right.first), -far_off, far_off)
-    x[apart], y[apart] = s, t
+    far_off = np.full(n, np.inf)
+    sigma[apart] = rising_zeros(excess, 0.5 * (ends.last[:n] + ends.first[n:]), -far_off, far_off)
+    x[apart], y[apart] = at[:n], at[n:]
     return x, y, sigma
 
 
