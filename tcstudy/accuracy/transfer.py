@@ -19,7 +19,6 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from tcstudy.accuracy.norms import Line
 from tcstudy.shapes.triangles import TriangleGeometry
 
 Array = NDArray[np.float64]
@@ -96,22 +95,3 @@ def located(mesh: TriangleGeometry, at: Array) -> tuple[Indices, Array]:
         found[lost] = shapely.STRtree(shapely.polygons(mesh.corners)).nearest(shapely.points(at[lost]))
         weights[lost] = mesh.barycentric(at[lost], found[lost])
     return found, weights
-
-
-def refined_ends(ends: Array) -> Array:
-    """End values (s, 2) of a piecewise linear function on the halved segments (2s, 2)."""
-    middle = ends.mean(axis=1)
-    return np.stack([np.column_stack([ends[:, 0], middle]), np.column_stack([middle, ends[:, 1]])], 1).reshape(-1, 2)
-
-
-def refined_halves(halves: Array) -> Array:
-    """Values on half segments (s, 2) of a step function, on the halves of the halved segments (2s, 2)."""
-    return np.repeat(halves.ravel(), 2).reshape(-1, 2)
-
-
-def check_halved(coarse: Line, fine: Line) -> None:
-    """Raise NotNested unless segments 2k and 2k+1 of the fine line are segment k of the coarse one."""
-    a, b = fine.segments[0::2], fine.segments[1::2]
-    s = coarse.segments
-    if len(fine.segments) != 2 * len(s) or not (np.array_equal(a[:, 0], s[:, 0]) and np.array_equal(b[:, 1], s[:, 1])):
-        raise NotNested("the contact line of the fine mesh does not halve that of the coarse one")

@@ -19,7 +19,6 @@ from threadpoolctl import threadpool_limits
 from tcstudy.accuracy.corners import sticking_near, vertices
 from tcstudy.accuracy.expected import Expected, HeldEnds, expected_orders, smooth_up_to, smoothness
 from tcstudy.accuracy.rates import ROUNDING, Fit, fit, log_share, richardson, rounding_level
-from tcstudy.accuracy.transfer import NotNested
 from tcstudy.data.files import check_writable
 from tcstudy.data.measured import BY_ITSELF, ERRORS, LEVELS, NUMBERS, VERDICTS, Measured, convergence_record
 from tcstudy.data.provenance import collect, tell
@@ -32,7 +31,7 @@ from tcstudy.fem.study_meshes import graded_points
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Acceptance, Study, Variant
 from tcstudy.study.lint import once, warnings
-from tcstudy.study.reference import Errors, ExactReference, FineReference, NestedReference, Reference, with_meaning
+from tcstudy.study.reference import Errors, ExactReference, FineReference, Reference, with_meaning
 from tcstudy.study.solved_levels import BARE, Length, Say, Solution, SolvedLevel, solve_levels
 
 Array = NDArray[np.float64]
@@ -207,7 +206,7 @@ def _reference(study: Study, levels: list[SolvedLevel]) -> tuple[Reference | Non
     """What errors are measured against, in words, the levels compared with it, and remarks."""
     n = len(levels)
     if study.exact is not None:
-        return ExactReference(study.exact, levels), "the exact solution", np.ones(n, dtype=bool), []
+        return ExactReference(study.exact), "the exact solution", np.ones(n, dtype=bool), []
     h = np.array([level.h_max for level in levels])
     compared = h >= COARSER * 2**GAP * h[-1]
     if n < MIN_LEVELS or np.count_nonzero(compared) < 2:
@@ -217,28 +216,15 @@ def _reference(study: Study, levels: list[SolvedLevel]) -> tuple[Reference | Non
     between = ", ".join(str(i) for i in range(last + 1, n - 1))
     skipped = f"levels {between} are not used" if "," in between else f"level {between} is not used"
     words = f"level {n - 1}, the finest (levels compared are at least {2**GAP} times coarser; {skipped})"
-    reference, notes = _fine_reference(levels)
-    return reference, words, compared, notes
-
-
-def _fine_reference(levels: list[SolvedLevel]) -> tuple[Reference, list[str]]:
-    """The finest level as reference, and what to know of it."""
-    try:
-        nested = NestedReference(levels)
-    except NotNested:
-        note = (
-            "Levels are no uniform refinements of one another: a coarse solution counts on each triangle of the "
-            "reference as what it is at its centre, which is exact where the reference refines its mesh."
+    notes = []
+    areas = [float(level.mesh.area.sum()) for level in levels]
+    if not study.mesh.nested or np.ptp(areas) > 1e-9 * areas[-1]:
+        notes.append(
+            "Levels are no uniform refinements of one another, or the boundary is curved: a coarse solution counts on "
+            "each triangle of the reference as what it is at its centre, which is exact where the reference refines "
+            "its mesh."
         )
-        return FineReference(levels[-1], levels), [note]
-    if nested.off_midpoint <= 1e-9:
-        return nested, []
-    note = (
-        "The boundary is curved: refinement moves new nodes onto the arc (by up to "
-        f"{100 * nested.off_midpoint:.2g} % of their edge), so the spaces are not nested there; a coarse solution "
-        "is compared with the reference node by node of the refined mesh."
-    )
-    return nested, [note]
+    return FineReference(levels[-1], study.mesh.nested), words, compared, notes
 
 
 def _point(
@@ -258,7 +244,7 @@ def _point(
     found: list[Errors] = [{} for _ in levels]
     for i in np.flatnonzero(compared):  # of none without a reference
         assert reference is not None
-        found[i] = with_meaning(reference.errors(int(i), index, scene), scene)
+        found[i] = with_meaning(reference.errors(levels[i], index, scene), scene)
     size = float(np.linalg.norm(np.ptp(levels[-1].mesh.points, axis=0)))
     nested, aim = study.exact is None, Acceptance(study.solver.tolerance).aim
     for name in (measure.name for measure in ERRORS):
@@ -319,7 +305,7 @@ def _notes(
     study: Study, levels: list[SolvedLevel], reference: Reference | None, points: list[dict[str, Any]]
 ) -> Iterator[str]:
     if isinstance(reference, ExactReference):
-        worst = max(reference.inclusion(scene) for scene in study.scenes)
+        worst = max(reference.inclusion(levels[-1], scene) for scene in study.scenes)
         if worst > 1e-8:
             yield (
                 f"The exact solution misses the friction law by {worst:.2g} of its scale: it does not solve this "
@@ -330,7 +316,7 @@ def _notes(
             "Corners are not analysed (the body comes from a file, or edges meet without an angle): expected orders "
             "are those of a smooth solution, and lower ones are not called slow."
         )
-    if isinstance(reference, NestedReference | FineReference):
+    if isinstance(reference, FineReference):
         seen = ", ".join(f"{p:g} as {p + own_error(p):.2f}" for p in (0.5, 1.0, 2.0))
         yield f"The reference has an error of its own, so rates look larger: an order of {seen} at most."
     solutions = levels[-1].solutions.values()

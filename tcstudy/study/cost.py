@@ -300,7 +300,7 @@ def errors_of(
         finest_dofs = max(curve.n_dof for curve in curves)
         least = max(LEAST * finest_dofs, min(FINER * finest_dofs, LARGEST))
         best, own_error = _reference(study, least, progress)
-        fine = FineReference(best, [])
+        fine = FineReference(best)
         words = f"adaptive mesh of {best.n_dof} dofs, with an estimated error of {100 * own_error:.2g} % in energy"
     found, sizes, finest = {}, {}, 0
     for curve in curves:
@@ -351,12 +351,12 @@ def _of(study: Study, one: SolvedLevel, fine: FineReference | None) -> Errors:
     scene = study.scenes[0]
     if fine is None:
         assert study.exact is not None
-        reference = ExactReference(study.exact, [one])
+        reference = ExactReference(study.exact)
         exact = {"friction_resultant": exact_friction_resultant(scene, reference.xi(scene))}
-        found = reference.errors(0, (), scene)
+        found = reference.errors(one, (), scene)
     else:
         exact = {name: fine.number(name) for name in ("energy", "friction_resultant")}
-        found = fine.errors_of(one, (), scene)
+        found = fine.errors(one, (), scene)
     for name, value in exact.items():
         if math.isfinite(value):
             found[name] = (abs(one.solutions[()].numbers.get(name, math.nan) - value), abs(value))

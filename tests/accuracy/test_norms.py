@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tcstudy.accuracy.norms import Line, Triangles, less
-from tcstudy.accuracy.transfer import NotNested, prolongation, refined_ends, refined_halves
+from tcstudy.accuracy.transfer import NotNested, prolongation
 
 POINTS = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0], [0.7, 0.4]])
 TRIANGLES = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
@@ -100,12 +100,3 @@ def test_line_norms():
     assert one.next_to_held.tolist() == [True, False, False, False]
     exact = sum(1 / 8 * (h - (k + 0.5) / 8) ** 2 + (1 / 8) ** 3 / 12 for k, h in enumerate(steps.ravel()))
     assert one.step_from(steps, lambda x, y, n: x)[0] ** 2 == pytest.approx(exact, rel=1e-13)
-
-
-def test_refined_line_functions_keep_their_norms():
-    coarse, fine = line(4), line(8)
-    rng = np.random.default_rng(2)
-    nodal = rng.normal(size=5)
-    ends, halves = nodal[coarse.segments], rng.normal(size=(4, 2))
-    assert fine.linear_norm(refined_ends(ends)) == pytest.approx(coarse.linear_norm(ends), rel=1e-14)
-    assert fine.step_norm(refined_halves(halves)) == pytest.approx(coarse.step_norm(halves), rel=1e-14)

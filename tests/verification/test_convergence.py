@@ -91,7 +91,7 @@ def test_a_held_end_takes_a_third_of_the_traction(mixed: Measured) -> None:
     assert study.exact is not None
     levels = solve_levels(study, lambda text: None)
     xi = levels[-1].solutions[()].xi
-    exact = levels[-1].line.at_nodes(ExactReference(study.exact, levels).xi(study.scenes[0]))
+    exact = levels[-1].line.at_nodes(ExactReference(study.exact).xi(study.scenes[0]))
     assert levels[-1].line.next_to_held.tolist() == [True] + [False] * (len(xi) - 2) + [True]
     assert xi[0] / exact[0] == pytest.approx(2 / 3, abs=0.02)
     assert xi[1] / exact[1] == pytest.approx(1, abs=0.05)

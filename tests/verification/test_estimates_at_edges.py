@@ -7,7 +7,7 @@ import pytest
 from tcstudy.contact.contact import solve_contact
 from tcstudy.read.study import read_study_text
 from tcstudy.refine.error_estimator import ErrorEstimator
-from tcstudy.study.reference import NestedReference
+from tcstudy.study.reference import FineReference
 from tcstudy.study.solved_levels import solve_levels
 from tests.verification.scenes import levels_of
 
@@ -47,10 +47,10 @@ def test_estimates_of_springs_laws_by_edge_and_rigid_edges(right: str, friction:
     text = SPRINGS.replace("RIGHT", right).replace("LEVELS", "4").replace("{law: linear, k: 0}", friction)
     study = read_study_text(text.replace("top: free", "top: contact") if "strength" in text else text)
     levels, scene = solve_levels(study, lambda line: None), study.scenes[0]
-    reference = NestedReference(levels)
+    reference = FineReference(levels[-1])
     for number, level in enumerate(levels_of(study)[:2]):
         condensed = level.condensed(scene)
         v = solve_contact(condensed.problem).v
         found = ErrorEstimator(level, study.mesh).look((), scene, v)["error_estimate"]
-        error, size = reference.errors(number, (), scene)["u_energy"]
+        error, size = reference.errors(levels[number], (), scene)["u_energy"]
         assert 0.9 < found * size / error < 1.35
