@@ -180,13 +180,12 @@ def exported(
 
     tell_stored(file)
     if form in TABLES:
-        from tcstudy.reports.export.export_table import write_csv, write_json
+        from tcstudy.reports.export.export_table import write_table
 
         table = target if target is not None else file.with_suffix(f".{form}")
         if table.suffix != f".{form}":
             fail(f"{table}: a table of this form has a name that ends in .{form}; what else is there stays")
-        rows = (write_csv if form == "csv" else write_json)(file, table, point)
-        return table, [counted(rows, "row")]
+        return table, [counted(write_table(file, table, point), "row")]
     from tcstudy.data.files import check_writable
     from tcstudy.reports.export.export_fields import write_fields
 
