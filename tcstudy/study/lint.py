@@ -49,37 +49,57 @@ PARALLEL = 1e-6
 
 def lint(study: Study) -> list[str]:
     """One sentence for each of them. Raises GeometryFailed if a file has no such face."""
-    scenes, notes = study.scenes, []
-    body, contact = scenes[0].body, scenes[0].edges(Contact)
-    count = _pinned(body, contact) if body.brep is None else _pinned_in_file(build(body), contact)
-    if count:  # which both their edges hold: u_N = 0 from two sides is u = 0
+    return [*_sentences(study), *unused(study)]
+
+
+def _sentences(study: Study) -> Iterator[str]:
+    scenes, body = study.scenes, study.scenes[0].body
+    if count := _pinned(body, scenes[0].edges(Contact)):  # which both their edges hold: u_N = 0 twice is u = 0
         corners = "corner of the contact line is" if count == 1 else "corners of the contact line are"
         remedy = "draw it as arcs with through: [x, y]" if body.brep is None else "make it arcs or splines in the file"
-        notes.append(
+        yield (
             f"{count} {corners} pinned: u_N = 0 on both sides leaves no slip there; if short straight edges stand for "
             f"a curve, {remedy}"
         )
     idle = int(np.count_nonzero(~loaded(scenes)))
     if idle and study.history is None and study.fit is None:  # whose steps and data are its loads
         where = "nothing loads this scene" if len(scenes) == 1 else f"nothing loads {idle} of {len(scenes)} points"
-        notes.append(f"{where}: u = 0 is a solution; give f, g, a pressure, a displacement or a temperature")
+        yield f"{where}: u = 0 is a solution; give f, g, a pressure, a displacement or a temperature"
     if study.mesh.guarantee and (why := dict.fromkeys(filter(None, map(why_no_bound, scenes)))):
-        notes.append(f"no error is bounded where {'; or where '.join(why)}")
+        yield f"no error is bounded where {'; or where '.join(why)}"
     if study.units == "SI":
-        notes += [*_absolute(scenes), *_soft(scenes)]
-    return [*notes, *_turned(body), *_moved(body), *_idle_alpha(scenes), *unused(study)]
+        yield from _absolute(scenes)
+        yield from _soft(scenes)
+    loops = {f"body.holes[{i}]": hole for i, hole in enumerate(body.holes)}
+    loops |= {f"body.regions.{region.name}": region.loop for region in body.regions}
+    loops |= {"body.outline": body.outline} if body.outline is not None else {}
+    for place, loop in loops.items():
+        if loop.turned:
+            yield f"{place} runs clockwise and is taken the other way round"
+    for region in body.regions:
+        if region.moved > 0.0:
+            yield (
+                f"corners of body.regions.{region.name} miss the edges that they nearly meet by up to "
+                f"{region.moved:.2g} and are moved onto them; give them more digits"
+            )
+    acts_nowhere = set()
+    for scene in distinct(scenes, "heat", "boundary"):
+        of_edges = [None if role.heat is None else role.heat.alpha for _, role in scene.boundary if exchanges(role)]
+        if scene.heat.alpha > 0.0 and None not in of_edges:
+            why_idle = "every edge that exchanges heat has its own" if of_edges else "no edge has the role convection"
+            acts_nowhere.add(f"heat.alpha acts nowhere, as {why_idle}; remove it")
+    yield from sorted(acts_nowhere)
 
 
 def loaded(scenes: Sequence[Scene]) -> NDArray[np.bool_]:
     """(P,) whether anything moves a body out of u = 0: a load, a displacement, a temperature, or a law that pushes."""
-    warm = _where(scenes, ("boundary", "heat"), _warm) & _where(scenes, ("material",), lambda s: s.material.expands)
-    return _where(scenes, ("boundary", "f"), _forced) | warm | _where(scenes, ("friction",), _pushes)
 
+    def where(is_so: Callable[[Scene], bool], *sections: str) -> NDArray[np.bool_]:
+        some, of = combinations(scenes, *sections)
+        return np.array([is_so(scene) for scene in some], dtype=bool)[of]
 
-def _where(scenes: Sequence[Scene], sections: tuple[str, ...], is_so: Callable[[Scene], bool]) -> NDArray[np.bool_]:
-    """(P,) which points are so, where that is decided by the sections named."""
-    some, of = combinations(scenes, *sections)
-    return np.array([is_so(scene) for scene in some], dtype=bool)[of]
+    warm = where(_warm, "boundary", "heat") & where(lambda scene: scene.material.expands, "material")
+    return where(_forced, "boundary", "f") | warm | where(_pushes, "friction")
 
 
 def _forced(scene: Scene) -> bool:
@@ -110,23 +130,17 @@ def _pushes(scene: Scene) -> bool:
 
 def _absolute(scenes: Sequence[Scene]) -> Iterator[str]:
     """Temperatures that look as if they were counted from absolute zero."""
-    heated = any(scene.material.expands for scene in distinct(scenes, "material"))
-    for key in ("theta_bar", "theta"):
-        values = {getattr(scene.heat, key) for scene in distinct(scenes, "heat")} if heated else set()
-        numbers = sorted(v for v in values if v is not None and not isinstance(v, Expression))
-        seen = [v for v in numbers if AMBIENT[0] <= v <= AMBIENT[1]]
+    if not any(scene.material.expands for scene in distinct(scenes, "material")):
+        return
+    given = [(key, getattr(s.heat, key)) for key in ("theta_bar", "theta") for s in distinct(scenes, "heat")]
+    given += [(f"theta on {edge}", v) for s in distinct(scenes, "boundary") for edge, v in s.held_theta]
+    for name in dict.fromkeys(name for name, _ in given):
+        seen = [v for n, v in given if n == name and isinstance(v, int | float) and AMBIENT[0] <= v <= AMBIENT[1]]
         if seen:
             yield (
-                f"{key} = {seen[0]:g} K: temperatures count from the stress-free state, so the body is heated by as "
+                f"{name} = {min(seen):g} K: temperatures count from the stress-free state, so the body is heated by as "
                 "much; if it is an absolute temperature, write the difference"
             )
-    held = (
-        {(edge, theta) for scene in distinct(scenes, "boundary") for edge, theta in scene.held_theta} if heated else ()
-    )
-    for edge, theta in sorted((e, v) for e, v in held if not isinstance(v, Expression)):
-        if AMBIENT[0] <= theta <= AMBIENT[1]:
-            yield f"theta = {theta:g} K on {edge}: temperatures count from the stress-free state; write the difference"
-            return
 
 
 def _soft(scenes: Sequence[Scene]) -> Iterator[str]:
@@ -149,34 +163,6 @@ def _soft(scenes: Sequence[Scene]) -> Iterator[str]:
         )
 
 
-def _turned(body: Body) -> list[str]:
-    """Loops that the study gives clockwise."""
-    loops = {f"body.holes[{i}]": hole for i, hole in enumerate(body.holes)}
-    loops |= {f"body.regions.{region.name}": region.loop for region in body.regions}
-    loops |= {"body.outline": body.outline} if body.outline is not None else {}
-    return [f"{place} runs clockwise and is taken the other way round" for place, loop in loops.items() if loop.turned]
-
-
-def _moved(body: Body) -> list[str]:
-    """Regions whose corners were meant to lie on an edge."""
-    return [
-        f"corners of body.regions.{region.name} miss the edges that they nearly meet by up to {region.moved:.2g} "
-        "and are moved onto them; give them more digits"
-        for region in body.regions
-        if region.moved > 0.0
-    ]
-
-
-def _idle_alpha(scenes: Sequence[Scene]) -> list[str]:
-    """Where the section heat has an α that no edge takes from it."""
-    found = set()
-    for scene in distinct(scenes, "heat", "boundary"):
-        of_edges = [None if role.heat is None else role.heat.alpha for _, role in scene.boundary if exchanges(role)]
-        if scene.heat.alpha > 0.0 and None not in of_edges:
-            found.add("every edge that exchanges heat has its own" if of_edges else "no edge has the role convection")
-    return [f"heat.alpha acts nowhere, as {why}; remove it" for why in sorted(found)]
-
-
 def unused(study: Study) -> list[str]:
     """Names under `parameters` that no number of the study uses, each with its line."""
     if "parameters" not in study.text and not any("parameters" in text for text in study.overrides):
@@ -192,22 +178,16 @@ def unused(study: Study) -> list[str]:
 
 
 def _pinned(body: Body, contact: tuple[str, ...]) -> int:
-    """Corners of an outline between two contact edges of different directions."""
-    count = 0
-    for edge, following in (pair for loop in body.loops for pair in loop.corners):
-        if edge.name in contact and following.name in contact:
-            a, b = edge_normal(edge, [edge.end])[0], edge_normal(following, [following.start])[0]
-            count += bool(abs(a[0] * b[1] - a[1] * b[0]) > PARALLEL)
-    return count
-
-
-def _pinned_in_file(geometry: Geometry, contact: tuple[str, ...]) -> int:
-    """The same of a face from a file."""
-    ends = [(points[i], normals[i]) for name, points, normals in geometry.samples() if name in contact for i in (0, -1)]
-    return sum(
-        float(np.linalg.norm(p - q)) <= ACCURACY * geometry.size and abs(a[0] * b[1] - a[1] * b[0]) > PARALLEL
-        for (p, a), (q, b) in itertools.combinations(ends, 2)
-    )
+    """Corners between two contact edges of different directions."""
+    if body.brep is None:
+        corners = [pair for loop in body.loops for pair in loop.corners if all(one.name in contact for one in pair)]
+        normals = [(edge_normal(one, [one.end])[0], edge_normal(two, [two.start])[0]) for one, two in corners]
+    else:
+        geometry = build(body)
+        ends = [(p[i], n[i]) for name, p, n in geometry.samples() if name in contact for i in (0, -1)]
+        pairs = itertools.combinations(ends, 2)
+        normals = [(a, b) for (p, a), (q, b) in pairs if np.linalg.norm(p - q) <= ACCURACY * geometry.size]
+    return sum(abs(a[0] * b[1] - a[1] * b[0]) > PARALLEL for a, b in normals)
 
 
 NEARLY_INCOMPRESSIBLE = 0.45
@@ -216,25 +196,19 @@ MEASURED = {0.3: (3.6, 0.14), 0.45: (5.2, 0.24), 0.49: (10.0, 1.3), 0.499: (30.0
 
 
 def locking_notes(scenes: Sequence[Scene]) -> list[str]:
-    """The warning for the largest Poisson's ratio in plane strain, if it deserves one."""
+    """The warning for the largest Poisson's ratio in plane strain, with the measured loss, if it deserves one."""
     materials = [own for scene in distinct(scenes, "material") for own in scene.material.all]
-    note = locking_note(max((own.nu for own in materials if own.plane == "strain"), default=0.0))
-    return [] if note is None else [note]
-
-
-def locking_note(nu: float) -> str | None:
-    """A warning for a Poisson's ratio in plane strain, with the measured loss; None below NEARLY_INCOMPRESSIBLE."""
+    nu = max((own.nu for own in materials if own.plane == "strain"), default=0.0)
     if nu < NEARLY_INCOMPRESSIBLE:
-        return None
+        return []
     near = max(known for known in MEASURED if known <= nu + 1e-12)
-    energy, slip = MEASURED[near]
-    usual_energy, usual_slip = MEASURED[0.3]
-    return (
+    (energy, slip), (usual_energy, usual_slip) = MEASURED[near], MEASURED[0.3]
+    return [
         f"nu = {nu:.12g} in plane strain: P1 elements lock. On a test with h = 0.048 of its size, at nu = {near:g} "
         f"u is off by {energy:g} % (energy norm) and u_T by {slip:g} %, against {usual_energy:g} % and "
         f"{usual_slip:g} % at nu = 0.3, and λ₁ of the mesh is far above that of the body. Trust only levels with "
         "settled rates, and refine; mesh.guarantee: true says what is true of the body."
-    )
+    ]
 
 
 ACCURACY = 1e-7
@@ -252,56 +226,44 @@ def built_faults(study: Study) -> list[Found]:
         what, _, remedy = str(error).partition("; ")
         return [(("body", "file"), what, remedy or "check the file and the number of the face")]
     sizes = mesh_faults(study.mesh, geometry.area, geometry.size, study.units)
-    return [
-        *_nameless(body, geometry),
-        *_region_faults(body, geometry),
-        *_support_faults(study, geometry),
-        *((("mesh", "maxh", *([i] if study.mesh.listed else ())), what, remedy) for i, what, remedy in sizes),
-    ]
+    of_sizes = [(("mesh", "maxh", *([i] if study.mesh.listed else ())), what, remedy) for i, what, remedy in sizes]
+    return [*_nameless(body, geometry), *_of_regions(body, geometry), *_of_supports(study, geometry), *of_sizes]
 
 
 def _nameless(body: Body, geometry: Geometry) -> Iterator[Found]:
     """Names that no edge of the face has, since another name's point is nearest to the same edge."""
     assert body.brep is not None
-    held = {curve.name for curve in geometry.curves}
-    for name in edge_names(body):
-        if name not in held:
-            own = name != body.brep.other
-            keys = ("body", "file", "edges", name) if own else ("body", "file", "other")
-            what = f"no edge of the face has the name {name!r}: " + (
-                "another name has a point at the same edge" if own else "all edges are named by points"
-            )
-            remedy = "give a point nearer to the edge that is meant" if own else "leave out other"
-            yield keys, what, remedy
+    for name in set(edge_names(body)) - {curve.name for curve in geometry.curves}:
+        what = f"no edge of the face has the name {name!r}: "
+        if name == body.brep.other:
+            yield ("body", "file", "other"), f"{what}all edges are named by points", "leave out other"
+        else:
+            what += "another name has a point at the same edge"
+            yield ("body", "file", "edges", name), what, "give a point nearer to the edge that is meant"
 
 
-def _region_faults(body: Body, geometry: Geometry) -> Iterator[Found]:
+def _of_regions(body: Body, geometry: Geometry) -> Iterator[Found]:
     """Regions that leave the face; they may end on its edges."""
-    inside = geometry.face_areas()
+    areas = geometry.face_areas()
     for region in body.regions:
-        area = loop_area(region.loop)
-        slack = min(TOLERANCE * geometry.size * sum(edge_length(edge) for edge in region.loop.edges), 0.1 * area)
-        share = inside.get(region.name, 0.0) / area
+        whole, inside = loop_area(region.loop), areas.get(region.name, 0.0)
+        slack = min(TOLERANCE * geometry.size * sum(edge_length(edge) for edge in region.loop.edges), 0.1 * whole)
         keys = ("body", "regions", region.name) if region.name != "omega" else ("heat", "omega")
-        if share * area <= slack:
+        if inside <= slack:
             yield keys, "the region lies outside the face of the file", "move it inside; coordinates are metres"
-        elif area - share * area > slack:
-            what = f"the region leaves the face of the file: {share:.3g} of its area is inside"
+        elif whole - inside > slack:
+            what = f"the region leaves the face of the file: {inside / whole:.3g} of its area is inside"
             yield keys, what, "keep it within the face and clear of its holes; it may end on their edges"
 
 
-def _support_faults(study: Study, geometry: Geometry) -> Iterator[Found]:
+def _of_supports(study: Study, geometry: Geometry) -> Iterator[Found]:
     """Rigid motions that the supports leave, once for each kind of support in the sweep."""
     pieces = [BoundaryPiece(*sample) for sample in geometry.samples()]
     centre = (float(pieces[0].points[0, 0]), float(pieces[0].points[0, 1]))
-    seen = set()
-    for scene in distinct(study.scenes, "boundary"):
-        held = supports(scene.boundary)
-        if held not in seen:
-            seen.add(held)
-            fault = support_fault(pieces, scene.boundary, centre, geometry.size, ACCURACY)
-            if fault is not None:
-                yield ("boundary",), *fault
+    kinds = {supports(scene.boundary): scene.boundary for scene in reversed(distinct(study.scenes, "boundary"))}
+    for boundary in reversed(kinds.values()):
+        if (fault := support_fault(pieces, boundary, centre, geometry.size, ACCURACY)) is not None:
+            yield ("boundary",), *fault
 
 
 def warnings(study: Study, text: bool = True) -> list[Remark]:
