@@ -30,13 +30,14 @@ from tcstudy.fem.boundary import ContactLine
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.fem.rigid import edge_arms, unknown
 from tcstudy.offline.equilibrium import (
+    Elements,
     EquilibriumBody,
     Supports,
     edges_of,
     equilibrium_body,
     numbers_of,
 )
-from tcstudy.scene.records import Rigid, Role, Scene
+from tcstudy.scene.records import Point, Rigid, Role, Scene
 from tcstudy.shapes.triangles import GAUSS
 
 Array = NDArray[np.float64]
@@ -197,40 +198,59 @@ def neglected(mesh: PlaneMesh, line: ContactLine, stiffness: Array) -> float:
     along, across = (b - a) / h[:, None], apex - a
     x = np.einsum("ij,ij->i", along, across) / h
     y = (along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0]) / h
-    C2 = [shape_constant(*_smaller(*shape)) for shape in zip(x.tolist(), y.tolist(), strict=True)]
-    return float(np.bincount(owner, np.array(C2) * h / (2.0 * stiffness[owner])).max())
+    shapes, which = np.unique(_smaller(x, y), axis=0, return_inverse=True)
+    C2 = shape_constants(tuple(map(tuple, shapes.tolist())))[which]
+    return float(np.bincount(owner, C2 * h / (2.0 * stiffness[owner])).max())
 
 
-def _smaller(x: float, y: float) -> tuple[float, float]:
-    """The apex of a triangle on (0, 0), (1, 0) within the one with apex (x, y), one of few; by symmetry x ≤ ½."""
-    x = min(x, 1.0 - x)
+def _smaller(x: Array, y: Array) -> Array:
+    """(n, 2) apexes of triangles on (0, 0), (1, 0) within those with apexes (x, y), of few kinds; by symmetry x ≤ ½."""
+    x = np.minimum(x, 1.0 - x)
     low = np.exp(np.floor(np.log(y * (1.0 - 1.0 / SHAPES)) * SHAPES) / SHAPES)
     share = low / y  # at this height the triangle reaches from x·share to 1 − (1 − x)·share, 1/SHAPES wide or more
     at = np.ceil(x * share * SHAPES) / SHAPES
-    assert x * share <= at <= 1.0 - (1.0 - x) * share
-    return float(at), float(low)
+    assert np.all((x * share <= at) & (at <= 1.0 - (1.0 - x) * share))
+    return np.column_stack([at, low])
 
 
-@lru_cache(maxsize=4096)
-def shape_constant(x: float, y: float) -> float:
-    """C₀²: ‖(I − π)v_T‖²_e ≤ C₀² h_e ‖ε(v)‖²_K for v_N = 0 on the side e of a triangle with its apex at (x, y)h_e."""
-    k = 2**REFINED
-    i, j = (index.ravel() for index in np.meshgrid(np.arange(k + 1), np.arange(k + 1)))
-    inside = i + j <= k
-    number = np.cumsum(inside).reshape(k + 1, k + 1) - 1  # [j, i]
-    points = np.column_stack([i / k + x * j / k, y * j / k])[inside]
-    up = [(number[j, i], number[j, i + 1], number[j + 1, i]) for j in range(k) for i in range(k - j)]
-    down = [(number[j, i + 1], number[j + 1, i + 1], number[j + 1, i]) for j in range(k) for i in range(k - j - 1)]
-    triangles = np.array([*up, *down], dtype=np.intp)
-    bottom = np.column_stack([number[0, :-1], number[0, 1:]])
-    supports = Supports(np.tile(np.eye(2), (k, 1, 1)), np.tile([False, True], (k, 1)), np.zeros((k, 2)), np.arange(k))
-    t = len(triangles)
-    body = equilibrium_body(points, triangles, bottom, np.zeros(t), np.full(t, 0.5), supports)
-    root = np.sqrt(body.c)
-    A = body.A_hat / root[:, None] / root
-    at = (np.arange(k)[:, None] + GAUSS).ravel() / k
-    Q = np.linalg.qr(np.column_stack([root, root * at]))[0]  # linear functions on e, rigid motion first
-    inverse = np.linalg.inv(A + np.trace(A) * np.outer(Q[:, 0], Q[:, 0]))
-    left = np.eye(len(A)) - Q @ Q.T
-    nu = float(np.linalg.eigvalsh(left @ inverse @ left)[-1])
-    return nu / (1.0 - 0.5**REFINED)
+CHILDREN = np.array([[0, 6, 5], [1, 2, 7], [8, 3, 4], [8, 6, 7]])
+"""Sides of the four parts of a triangle: 0 to 5 are halves of its own sides, in order; the last part is in the middle,
+its sides run backwards; it is turned by 180°, which leaves its stiffness as it is."""
+
+
+@lru_cache(maxsize=64)
+def shape_constants(shapes: tuple[Point, ...]) -> Array:
+    """(n,) C₀²: ‖(I − π)v_T‖²_e ≤ C₀² h_e ‖ε(v)‖²_K for v_N = 0 on the side e of a triangle with its apex at (x, y)h_e.
+
+    The stiffness of a refined triangle at its boundary is that of four parts, each refined once less.
+    """
+    n, none = len(shapes), np.zeros(len(shapes))
+    points = np.stack([none, none, none + 1.0, none, *np.array(shapes).T], axis=1).reshape(-1, 2)
+    each = np.arange(3 * n).reshape(n, 3)
+    elements = Elements(points, each, none, none + 0.5, each[:, :2], each, each, np.tile(np.eye(2), (3 * n, 1, 1)))
+    K = elements.stiffness()
+    for level in range(REFINED):
+        side = np.arange(2 * 2**level)  # Gauss points of a part's side
+        whole = np.zeros((n, 18 * len(side), 18 * len(side)))
+        for part, numbers in enumerate(CHILDREN):
+            points_of = len(side) * numbers[:, None] + (side[::-1] if part == 3 else side)
+            rows = (2 * points_of[..., None] + np.arange(2)).ravel()
+            whole[:, rows[:, None], rows] += K
+        K = _condensed(whole, np.arange(18 * len(side)) < 12 * len(side))
+    k = 2 * 2**REFINED
+    A = _condensed(K, (np.arange(6 * k) % 2 == 0) & (np.arange(6 * k) < 2 * k), held=slice(1, 2 * k, 2)) * k
+    at = (np.arange(k // 2)[:, None] + GAUSS).ravel() / (k // 2)
+    Q = np.linalg.qr(np.column_stack([np.ones(k), at]))[0]  # linear functions on e, rigid motion first
+    trace = np.trace(A, axis1=1, axis2=2)[:, None, None]
+    left = np.eye(k) - Q @ Q.T
+    nu = np.linalg.eigvalsh(left @ np.linalg.inv(A + trace * np.outer(Q[:, 0], Q[:, 0])) @ left)[:, -1]
+    return np.asarray(nu / (1.0 - 0.5**REFINED))
+
+
+def _condensed(K: Array, keep: NDArray[np.bool_], held: slice = slice(0)) -> Array:
+    """(n, m, m) K (n, r, r) condensed onto some rows, others held at 0."""
+    inner = ~keep
+    inner[held] = False
+    k, i = np.flatnonzero(keep), np.flatnonzero(inner)
+    K_ik = K[:, i[:, None], k]
+    return np.asarray(K[:, k[:, None], k] - np.swapaxes(K_ik, 1, 2) @ np.linalg.solve(K[:, i[:, None], i], K_ik))
