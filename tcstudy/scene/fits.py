@@ -10,7 +10,7 @@ from typing import Literal
 
 from tcstudy.scene import units as u
 from tcstudy.scene.histories import HistoryPlan
-from tcstudy.scene.key import Key, key
+from tcstudy.scene.key import Key, key, needed
 from tcstudy.scene.records import Scene
 
 COMPARE = ("vertical", "orthogonal")
@@ -23,38 +23,24 @@ PLACE = ("x",)
 STEP = ("step",)
 """Key path of the column that says at which step of a history a line was measured."""
 
+_FITTED = "{friction.tau_s: {start: 4 MPa, within: [1 MPa, 50 MPa]}}"
+_NAMED = '{friction_resultant: "P [N/mm]"}'
+
 FITS: tuple[Key, ...] = (
     key("fit", "section", "[numbers of the study from measurements](#numbers-from-measurements)"),
-    key("fit.data", "section", "a table of measurements", required=True, of=("fit_data",)),
+    needed("fit.data", "section", "a table of measurements", of=("fit_data",)),
     key("fit.noise", "named quantities", "its standard deviation, by column; left out it is estimated"),
-    key(
-        *("fit.compare", "choice", "`vertical`: the results at each datum; `orthogonal`: distances to the path"),
-        words=COMPARE,
-        default=COMPARE[0],
-    ),
-    key(
-        *("fit.parameters", "fitted numbers", "the numbers to find"),
-        required=True,
-        of=("fit_parameter",),
-        example="{friction.tau_s: {start: 4 MPa, within: [1 MPa, 50 MPa]}}",
-    ),
+    key("fit.compare", "choice", "results at each datum, or distances to the path", words=COMPARE, default=COMPARE[0]),
+    needed("fit.parameters", "fitted numbers", "the numbers to find", of=("fit_parameter",), example=_FITTED),
     key("fit.starts", "integer", "places to begin from", least=1, default=5),
     key("fit.seed", "integer", "of the other starts", least=0, default=0),
     key("fit.loss", "choice", "`soft_l1`: outliers count less", words=LOSSES, default=LOSSES[0]),
     key("fit.level", "integer", "mesh level (default: finest)", least=0),
     key("fit.smooth", "flag", "a law by points without turns that the data do not ask for", default=False),
-    key("fit_data.file", "text", "a CSV table beside the study", example="pull.csv", required=True),
-    key(
-        *(
-            "fit_data.columns",
-            "named texts",
-            "what the study calls a column, and its heading in the table with its unit",
-        ),
-        example='{friction_resultant: "P [N/mm]"}',
-        required=True,
-    ),
-    key("fit_parameter.start", "quantity", "where the search begins", required=True, example="4 MPa"),
-    key("fit_parameter.within", "span", "where it may go", required=True, example="[1 MPa, 50 MPa]"),
+    needed("fit_data.file", "text", "a CSV table beside the study", example="pull.csv"),
+    needed("fit_data.columns", "named texts", "what the study calls a column, and its heading", u.NONE, _NAMED),
+    needed("fit_parameter.start", "quantity", "where the search begins", example="4 MPa"),
+    needed("fit_parameter.within", "span", "where it may go", example="[1 MPa, 50 MPa]"),
     key("fit_parameter.scale", "choice", "`log` by default where `within` is positive", words=SCALES),
 )
 """Rows of the table of keys."""

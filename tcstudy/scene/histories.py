@@ -18,7 +18,7 @@ import numpy as np
 
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
-from tcstudy.scene.key import key
+from tcstudy.scene.key import key, needed
 from tcstudy.scene.units import STIFFNESS
 
 MemoryName = Literal["friction", "elastic-plastic", "damage", "none"]
@@ -204,17 +204,9 @@ class HistoryPlan:
 
 
 HISTORY = (
-    key(
-        *("history", "section", "[loads one after the other, friction that remembers](#load-histories)"),
-        fixed="a sweep multiplies histories; write one study for each",
-    ),
-    key("history.memory", "choice", "what a contact node remembers", example="friction", required=True, words=MEMORIES),
-    key(
-        *("history.steps", "sections", "a list of lines: loads by path or short name, what they become"),
-        required=True,
-        least=1,
-        of=("step",),
-    ),
+    key("history", "section", "[loads one after the other, friction that remembers](#load-histories)"),
+    needed("history.memory", "choice", "what a contact node remembers", example="friction", words=MEMORIES),
+    needed("history.steps", "sections", "lines: loads by path or short name, what they become", least=1, of=("step",)),
     key("history.repeat", "integer", "cycles of all lines", default=1, least=1, most=MOST_STEPS),
     key("history.branch", "choice", "which solution of a step", words=HISTORY_BRANCHES, default="continued"),
     key("history.stiffness", "number", "of elastic-plastic bonds", STIFFNESS, "100 GPa/m", above=0.0),

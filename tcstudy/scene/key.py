@@ -60,7 +60,6 @@ class Key:
     words:     what a choice is between
     least, above, most, below: bounds of a number, with and without themselves
     swept:     whether a sweep may vary it
-    fixed:     of a section: why nothing in it can be swept, and what to do instead
     affine:    whether the load is affine in it, so that a path may run along it
     roles:     roles of an edge that take it
     of:        the section, or sections, that its value is; of a section by default that of its name
@@ -81,7 +80,6 @@ class Key:
     most: float | None = None
     below: float | None = None
     swept: bool = False
-    fixed: str = ""
     affine: bool = False
     roles: tuple[str, ...] = ()
     of: tuple[str, ...] = ()
@@ -112,6 +110,8 @@ swept = partial(key, swept=True)
 """The row of a key that a sweep may vary."""
 load = partial(swept, affine=True)
 """The row of a key in which the load is affine."""
+needed = partial(key, required=True)
+"""The row of a key that its section cannot be without."""
 
 
 ROLES = ("clamped", "symmetry", "rigid", "traction", "contact", "convection", "free")
@@ -131,12 +131,13 @@ def _exchange(section: str, **roles: Any) -> tuple[Key, ...]:
     )
 
 
+_FORCED, _OTHERS = (*LOADED, "rigid"), tuple(role for role in ROLES if role != "convection")
 _HELD = {"u_x": "in x; a component left out is free", "u_y": "in y"}
 _ALONG = {"u_N": "along the outward normal", "u_T": "along the edge"}
 _STIFFNESS = {"dimension": units.STIFFNESS, "default": 0.0, "least": 0.0}
 
 EDGE_ROWS: tuple[Key, ...] = (
-    key("boundary.role", "choice", "of the edge", example="clamped", required=True, words=ROLES),
+    needed("boundary.role", "choice", "of the edge", example="clamped", words=ROLES),
     swept("boundary.u", "displacement", "both components (default: 0; `free` frees one)", units.LENGTH, roles=MOVED),
     *(
         load(f"boundary.{name}", "component", f"displacement {said}", units.LENGTH, roles=roles)
@@ -145,21 +146,11 @@ EDGE_ROWS: tuple[Key, ...] = (
     ),
     load("boundary.g", "vector", "traction", units.TRACTION, roles=LOADED),
     load("boundary.pressure", "field", "on the edge, positive when it pushes", units.TRACTION, roles=LOADED),
-    load(
-        *("boundary.force", "vector", "resultant, spread evenly; of a rigid edge it moves the edge", units.LINE_FORCE),
-        roles=(*LOADED, "rigid"),
-    ),
-    load(
-        *("boundary.moment", "number", "about the middle of a rigid edge, which then turns", units.MOMENT),
-        roles=("rigid",),
-    ),
+    load("boundary.force", "vector", "resultant, spread evenly; moves a rigid edge", units.LINE_FORCE, roles=_FORCED),
+    load("boundary.moment", "number", "about the middle of a rigid edge, which turns", units.MOMENT, roles=("rigid",)),
     key("boundary.spring", "section", "stiffness of a support (Winkler)", roles=LOADED),
     *_exchange("boundary", roles=("convection",)),
-    key(
-        *("boundary.heat", "section", "what the edge does to heat (default: nothing)"),
-        roles=tuple(role for role in ROLES if role != "convection"),
-        of=("edge_heat",),
-    ),
+    key("boundary.heat", "section", "what the edge does to heat (default: nothing)", roles=_OTHERS, of=("edge_heat",)),
     load("edge_heat.theta", "field", "temperature held on the edge", units.TEMPERATURE),
     *_exchange("edge_heat"),
     swept("spring.normal", "number", "along the normal", **_STIFFNESS),

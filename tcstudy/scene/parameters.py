@@ -63,7 +63,11 @@ EDGE: dict[Keys, Key] = {
 }
 """Parameters of one edge, by path in its mapping."""
 
-FIXED = {one.name: one.fixed for one in rows("").values() if one.fixed}
+_ALONE = ("title", "institution", "units", "solver", "exact", "history", "output")
+FIXED = dict.fromkeys(_ALONE, "write one study for each, or use --set") | {
+    "body": "sweep a number that it gives, such as body.rectangle.height, or a name of parameters that it uses",
+    "mesh": "sweep mesh.maxh, mesh.grading or mesh.marking; sizes as levels are h: [20 mm, 10 mm] in the sweep",
+}
 """Sections that cannot be swept, and what to do instead."""
 
 
