@@ -209,6 +209,7 @@ NODES: tuple[FileVariable, ...] = (
     _of_node("xi", "Pa", "tangential traction -S_T"),
     _of_node("kappa", "m", "accumulated or largest slip kappa"),
     _of_node("plastic", "m", "plastic slip"),
+    _of_node("dissipation", "J m-2", "energy dissipated in the step, by area"),
     FileVariable("jumped", "i1", "1", "moved by a jump", _STEP_NODE, extra=_OF_STEP, no_value=-1),
 )
 """And of every step and node."""

@@ -24,14 +24,22 @@ from threadpoolctl import threadpool_limits
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.history.problem import HistoryStep
 from tcstudy.contact.history.steps import history
-from tcstudy.data.history_store import HistoryRecord, read_known, steps_done, write_history
+from tcstudy.data.history_store import (
+    Values,
+    at_step,
+    empty,
+    history_record,
+    journal_row,
+    read_known,
+    steps_done,
+    take_row,
+)
 from tcstudy.data.journal import Journal
-from tcstudy.data.on_request import step_variables
 from tcstudy.data.provenance import collect, study_sha256, tell
 from tcstudy.data.records import PointStatus
-from tcstudy.data.tables import NODES, STEPS
+from tcstudy.data.store import write_record
 from tcstudy.errors import HistoryError, StoreError, StudyError, UserFault
-from tcstudy.executors import SerialExecutor, in_order
+from tcstudy.executors import in_order
 from tcstudy.fem.study_meshes import Meshes
 from tcstudy.laws.composed import row_laws
 from tcstudy.offline.level import Level
@@ -52,8 +60,6 @@ from tcstudy.study.workers import WorkerPool, submit
 Array = NDArray[np.float64]
 FREE = ("history.steps", "history.repeat")
 """Keys in which a study may differ from that of the file it goes on from; the steps themselves are compared."""
-NAMES = sorted({f.name for f in fields(HistoryStep)} & {v.name for v in (*STEPS, *NODES)} - {"status"})
-"""Variables of the file that a step has under the same name."""
 
 
 HistoryWatcher = Callable[[int, int, int, int], None]
@@ -89,55 +95,50 @@ def execute_history(
     Raises HistoryError if the study has none, StoreError where the file holds something else or cannot be written,
     GeometryFailed if the body has no mesh, WorkersFailed if there are no workers.
     """
-    plan = study.history
+    plan, points = study.history, len(study.scenes)
     if plan is None:
         raise HistoryError("the study has no section history; add history: {memory: friction, steps: [...]}")
     tell(remarks := warnings(study))
-    known, whole = (None, False) if force else _known(output, study, plan.steps + 1)
+    known, same = (None, False) if force else _known(output, study)
     done = 0 if known is None else int(steps_done(known).sum())
-    if known is not None and all(_finished(known, p) for p in range(len(study.scenes))) and whole:
-        return _summary(study, known, done)
+    if known is not None and same and all(_finished(known, point) for point in range(points)):
+        return HistorySummary(points, plan.steps + 1, int(np.count_nonzero(known["reason"])), done)
     provenance = collect(study, command, remarks=remarks)
     with threadpool_limits(1, user_api="blas"), closing(WorkerPool(jobs, dask)) as staff:
         staff.ready(study)
         clock = time.perf_counter()
         level = _level(study)
         built = time.perf_counter() - clock
-        line, asked = level_record(study, level.mesh, level), step_variables(study)
-        record = known or HistoryRecord.empty(len(study.scenes), plan.steps + 1, level.line.m, asked)
+        line, values = level_record(study, level.mesh, level), known or empty(study, level.line.m, points)
         with Journal.open(output, study) as journal:
             tell(journal.warnings)
             for row in journal.steps():
-                record.take_row(row)
-            _again(record)
-            found, kept = int(steps_done(record).sum()), steps_done(record)
+                take_row(values, row)
+            _again(values)
+            kept = steps_done(values)
+            found = int(kept.sum())
             try:
-                for point, step in _steps(study, level, record, staff, built):
+                for point, step in _steps(study, level, values, staff, built):
                     for n in range(int(kept[point]), step + 1):
-                        journal.add(record.row(point, n))
+                        journal.add(journal_row(values, point, n))
                     kept[point] = step + 1
                     if watcher is not None:
-                        watcher(point, len(study.scenes), step, plan.steps)
+                        watcher(point, points, step, plan.steps)
             finally:
-                if int(steps_done(record).sum()) > done or known is not None:
-                    write_history(output, study, line, record, provenance)
+                if int(steps_done(values).sum()) > done or known is not None:
+                    write_record(output, study, history_record(study, line, values), provenance)
                     journal.discard()
-    return _summary(study, record, found)
+    return HistorySummary(points, plan.steps + 1, int(np.count_nonzero(values["reason"])), found)
 
 
-def _summary(study: Study, record: HistoryRecord, found: int) -> HistorySummary:
-    ended = sum(bool(reason) for reason in record.reason)
-    return HistorySummary(len(study.scenes), record.status.shape[1], ended, found)
+def _finished(values: Values, point: int) -> bool:
+    return bool(values["reason"][point]) or PointStatus.NOT_RUN not in values["status"][point]
 
 
-def _finished(record: HistoryRecord, point: int) -> bool:
-    return bool(record.reason[point]) or int(steps_done(record)[point]) == record.status.shape[1]
-
-
-def _known(path: Path, study: Study, steps: int) -> tuple[HistoryRecord | None, bool]:
+def _known(path: Path, study: Study) -> tuple[Values | None, bool]:
     """What the file has of this study, and whether it is of this very study, steps and all; raises StoreError if it has
     another one."""
-    if (found := read_known(path, study, steps)) is None:
+    if (found := read_known(path, study)) is None:
         return None, False
     known, attrs = found
     _again(known)
@@ -155,12 +156,11 @@ def _known(path: Path, study: Study, steps: int) -> tuple[HistoryRecord | None, 
     return known, False
 
 
-def _again(record: HistoryRecord) -> None:
+def _again(values: Values) -> None:
     """Steps that broke down by no number's fault are to be tried again."""
-    broken = record.status == PointStatus.ERROR
-    record.status[broken] = PointStatus.NOT_RUN
-    for point in np.flatnonzero(broken.any(axis=1)).tolist():
-        record.reason[point] = ""
+    broken = values["status"] == PointStatus.ERROR
+    values["status"][broken] = PointStatus.NOT_RUN
+    values["reason"][broken.any(axis=1)] = ""
 
 
 def _level(study: Study) -> Level:
@@ -172,124 +172,101 @@ def _level(study: Study) -> Level:
     return Level(mesh, study.scenes[0], held=not plan.loose)
 
 
-def _steps(
-    study: Study, level: Level, record: HistoryRecord, staff: WorkerPool, built: float
-) -> Iterator[tuple[int, int]]:
+def _steps(study: Study, level: Level, values: Values, staff: WorkerPool, built: float) -> Iterator[tuple[int, int]]:
     """(point, step) after every step that is solved here, and after the last that a worker solved of a point.
 
-    The record has it then. built: seconds that the level took
+    `values` has it then. A worker gets the first scene as well, which makes the level. built: seconds that that took
     """
-    todo = [point for point in range(len(study.scenes)) if not _finished(record, point)]
+    todo = [point for point in range(len(study.scenes)) if not _finished(values, point)]
+    rows = {point: {name: every[point : point + 1] for name, every in values.items()} for point in todo}
     each = of_history(study, level.frames.n_dof, level.line.m)
     who = staff.whole([each] * len(todo), built)
     if who is None:
         for point in todo:
-            for step in _follow(study, level, study.scenes[point], record, point):
+            for step in _follow(study, level, study.scenes[point], rows[point], point):
                 yield point, step
         return
     key = study_sha256(study)
-    sent = (_submit(who, study, key, record, point) for point in todo)
-    for point, answer in zip(todo, in_order(who, sent), strict=True):
+
+    def sent(point: int) -> Future[Values]:
+        pair = replace(study, scenes=(study.scenes[0], study.scenes[point]))
+        return submit(who, follow_point, pair, key, rows[point], point, name=f"history {point}")
+
+    for point, answer in zip(todo, in_order(who, map(sent, todo)), strict=True):
         try:
-            record.take(point, answer.result())
+            for name, own in answer.result().items():
+                values[name][point] = own[0]
         except UserFault:
             raise
         except Exception as error:  # as in `_follow`; of a worker that died
-            record.reason[point] = f"{type(error).__name__}: {error}"
-            record.status[point, int(steps_done(record)[point])] = PointStatus.ERROR
-        yield point, int(steps_done(record)[point]) - 1
-
-
-def _submit(
-    executor: SerialExecutor, study: Study, key: str, record: HistoryRecord, point: int
-) -> Future[HistoryRecord]:
-    """Have the rest of the history of one point followed; the first scene goes along, which makes the level."""
-    pair = replace(study, scenes=(study.scenes[0], study.scenes[point]), axes=())
-    row = record.of(point) if steps_done(record)[point] else None
-    return submit(executor, follow_point, pair, key, row, name=f"history {point}")
+            _end(rows[point], PointStatus.ERROR, f"{type(error).__name__}: {error}")
+        yield point, int(steps_done(values)[point]) - 1
 
 
 _kept: dict[str, Level] = {}
 """The level of a worker, by the study that it follows."""
 
 
-def follow_point(study: Study, key: str, known: HistoryRecord | None) -> HistoryRecord:
-    """All steps of the second scene of a study, on the level that the first makes; known: those found before.
+def follow_point(study: Study, key: str, row: Values, point: int) -> Values:
+    """All steps of the second scene of a study, on the level that the first makes, after those that its row has.
 
-    key: of the whole study, whose level stays for the next point
+    key: of the whole study, whose level stays for the next point;  point: of its sweep
     """
-    assert study.history is not None
     if key not in _kept:
         _kept.clear()
         _kept[key] = _level(study)
-    level = _kept[key]
-    record = known or HistoryRecord.empty(1, study.history.steps + 1, level.line.m, step_variables(study))
-    for _ in _follow(study, level, study.scenes[1], record, 0):
+    row = {name: every.copy() for name, every in row.items()}
+    for _ in _follow(study, _kept[key], study.scenes[1], row, point):
         pass
-    return record
+    return row
 
 
-def _follow(study: Study, level: Level, scene: Scene, record: HistoryRecord, point: int) -> Iterator[int]:
-    """Every step that is solved; the record has it then, or the reason why there is no further one."""
+def _follow(study: Study, level: Level, scene: Scene, row: Values, point: int) -> Iterator[int]:
+    """Every step of a point that is solved; its row (1, …) has it then, or the reason why there is no further one."""
     try:
-        yield from _of_point(study, level, scene, record, point)
-        return
+        yield from _of_point(study, level, scene, row, point)
     except UserFault:
         raise
     except (NotPositiveDefinite, UnfitLaw) as error:
-        status, reason = PointStatus.SINGULAR, str(error)
+        _end(row, PointStatus.SINGULAR, str(error))
     except Exception as error:  # as of a block of points: one history must not end a sweep
-        status, reason = PointStatus.ERROR, f"{type(error).__name__}: {error}"
-    record.status[point, int(steps_done(record)[point])], record.reason[point] = status, reason
+        _end(row, PointStatus.ERROR, f"{type(error).__name__}: {error}")
 
 
-def _of_point(study: Study, level: Level, scene: Scene, record: HistoryRecord, point: int) -> Iterator[int]:
+def _end(row: Values, status: PointStatus, reason: str) -> None:
+    row["status"][0, steps_done(row)[0]], row["reason"][0] = status, reason
+
+
+def _of_point(study: Study, level: Level, scene: Scene, row: Values, point: int) -> Iterator[int]:
     """The steps of one point that are still to do."""
-    assert study.history is not None
-    problem, loads = problem_of(study.history, level, scene, study.solver.tolerance)
-    record.lambda_1[point], record.margin[point] = problem.body.lambda_1, problem.margin
-    record.lambda_1_error[point] = problem.body.A_error
-    laws = row_laws([problem.law], np.ones(1))
-    beside = np.full((1, np.count_nonzero(level.line.unknowns < 0)), np.nan)
-    output, requested = study.output, None
+    plan, output, requested = study.history, study.output, None
+    assert plan is not None
+    problem, loads = problem_of(plan, level, scene, study.solver.tolerance)
+    body = problem.body
+    row["lambda_1"][0], row["lambda_1_error"][0], row["margin"][0] = body.lambda_1, body.A_error, problem.margin
+    laws, beside = row_laws([problem.law], np.ones(1)), np.full((1, np.count_nonzero(level.line.unknowns < 0)), np.nan)
     if output.probes or output.quantities:
         from tcstudy.offline.requested_outputs import RequestedOutputs  # only for a study that asks for more
 
-        requested, values = RequestedOutputs(level, output), study.history.loads()
-    first = int(steps_done(record)[point])
-    start = None if first == 0 else _state(record, point, first - 1, loads[first - 1])
-    slopes: Iterator[dict[str, float]] | None = None
-    if study.output.sensitivity:
-        slopes = islice(step_derivatives(study, level, scene, point), first, None)
+        requested, at = RequestedOutputs(level, output), plan.loads()
+    first = int(steps_done(row)[0])
+    slopes = islice(step_derivatives(study, level, scene, point), first, None) if output.sensitivity else iter(())
+    start = _state(row, first - 1, loads[first - 1]) if first else None
     for n, step in enumerate(history(problem, loads[first:], start), first):
-        _put(record, point, n, step, problem.body.c)
-        for name, (length,) in region_lengths(level, laws, step.kappa[None], beside).items():
-            record.values[name][point, n] = length
-        if requested is not None and step.solved:
-            for name, value in requested.of(loaded_scene(scene, values[n]), step.v).items():
-                record.values[name][point, n] = value
-        for name, value in next(slopes).items() if slopes and step.solved else ():
-            getattr(record, name)[point, n] = value
+        before, found = row["u_T"][0, n - 1] if n else 0.0, dict(vars(step))
+        found |= {"status": STATUS[step.status], "u_T": step.v, "u_T_max": np.max(np.abs(step.v), initial=0.0)}
+        found |= {"friction_resultant": body.c @ step.xi, "slip_length": body.c[step.v != before].sum()}
+        found |= {name: length for name, (length,) in region_lengths(level, laws, step.kappa[None], beside).items()}
+        if step.solved:
+            found |= requested.of(loaded_scene(scene, at[n]), step.v) if requested is not None else {}
+            found |= next(slopes, {})
+        for name, every in row.items():
+            if name in found:
+                every[at_step(every, 0, n)] = found[name]
         yield n
 
 
-def _state(record: HistoryRecord, point: int, n: int, load: Array) -> HistoryStep:
+def _state(row: Values, n: int, load: Array) -> HistoryStep:
     """The step n of a file, as the next one needs it."""
-    own = {name: record.values[name][point, n] for name in NAMES if name in record.values}
-    own["plastic"] = np.nan_to_num(own["plastic"])
-    return HistoryStep(v=record.u_T[point, n], load=load, dissipation=np.zeros(len(load)), **own)
-
-
-def _put(record: HistoryRecord, point: int, n: int, step: HistoryStep, c: Array) -> None:
-    """A step into its row."""
-    at = point, n
-    record.status[at] = STATUS[step.status]
-    if not step.solved:
-        record.reason[point] = step.reason
-    before = record.u_T[point, n - 1] if n else 0.0
-    for name in NAMES:
-        record.values[name][at] = getattr(step, name)
-    record.u_T[at] = step.v
-    record.u_T_max[at] = np.max(np.abs(step.v), initial=0.0)
-    record.friction_resultant[at] = c @ step.xi
-    record.slip_length[at] = c[step.v != before].sum()
+    names = {field.name for field in fields(HistoryStep)} & row.keys() - {"status", "reason"}
+    return HistoryStep(v=row["u_T"][0, n], load=load, **{"plastic": 0.0 * load} | {k: row[k][0, n] for k in names})

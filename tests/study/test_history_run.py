@@ -5,14 +5,17 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
 
 import tcstudy
+from tcstudy.contact.history.problem import HistoryStep
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import StoreError, UsageError
 from tcstudy.executors import ProcessExecutor
@@ -148,17 +151,18 @@ def test_workers_find_the_same_histories_and_one_that_kills_them_is_told(
 
 def test_a_step_that_breaks_down_ends_its_history_and_no_sweep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The steps before stay; the next run tries again and finds what an undisturbed one finds."""
-    study, put, calls = read_study_text(SWEPT, "study.yaml"), history_run._put, []
+    study, steps, begun = read_study_text(SWEPT, "study.yaml"), history_run.history, []
 
-    def broken(record: object, point: int, n: int, *given: object) -> None:
-        calls.append(n)
-        if point == 1 and n == 2:
-            raise RuntimeError("no such state")
-        put(record, point, n, *given)  # type: ignore[arg-type]
+    def broken(*given: Any) -> Iterator[HistoryStep]:
+        begun.append(given)
+        for n, step in enumerate(steps(*given)):
+            if len(begun) == 2 and n == 2:
+                raise RuntimeError("no such state")
+            yield step
 
     execute_history(study, tmp_path / "a.nc", jobs=1)
     with monkeypatch.context() as patched:
-        patched.setattr(history_run, "_put", broken)
+        patched.setattr(history_run, "history", broken)
         summary = execute_history(study, tmp_path / "b.nc", jobs=1)
     assert (summary.points, summary.ended) == (6, 1)
     with xr.open_dataset(tmp_path / "b.nc") as b:
