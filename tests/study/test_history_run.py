@@ -132,7 +132,7 @@ def test_workers_find_the_same_histories_and_one_that_kills_them_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """To the bit; what was broken is followed again by the next run."""
-    study, told = read_study_text(SWEPT, "study.yaml"), []
+    study, told = read_study_text(f"{SWEPT}output: {{sensitivity: [friction.delta]}}\n", "study.yaml"), []
     execute_history(study, tmp_path / "a.nc", jobs=1)
     with monkeypatch.context() as patched:
         patched.setattr(workers, "ProcessExecutor", partial(ProcessExecutor, command=("-c", CRUEL)))
