@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.active_set import finish, judge
+from tcstudy.contact.active_set import judge, polished
 from tcstudy.contact.all_solutions import Equilibria, of_rows
 from tcstudy.contact.boxes import Limits
 from tcstudy.contact.certificates import Certificate, Proofs, row_of
@@ -255,8 +255,8 @@ class SolutionBlock:
         only = self.solved & (False if self.proofs is None else self.proofs.unique)
         self.energies[only, EXACT] = self.energy[only]
         for p in np.flatnonzero(~only):
-            v, residual = finish(self.rows.single(int(p)), exact)
-            ended = Descended(v[None], np.array([residual]), np.zeros(1, dtype=np.intp))
+            end = polished(self.rows.single(int(p)), exact, exact=False)
+            ended = Descended(end.v[None], np.array([end.residual]), np.zeros(1, dtype=np.intp))
             self.improve(np.array([p]), ended, EXACT)
 
     def take_least(self, solutions: Sequence[Equilibria]) -> None:
@@ -281,7 +281,7 @@ class SolutionBlock:
         otherwise: status and reason of points that are no solutions
         """
         rows, loose = self.rows, self.rows.body.loose
-        judged = judge(rows, self.v, self.acceptance, refine=True, finishing=True)
+        judged = judge(rows, self.v, self.acceptance, refine=True)
         differs = np.any(judged.v != self.v, axis=1)
         if np.any(differs):
             moved, again = np.flatnonzero(differs), np.flatnonzero(differs & judged.accepted)

@@ -122,7 +122,7 @@ def _by_bundle(
     tried, missed, least = list[Outcome](), None, np.inf
     for start, x0 in _starts(problem, branch, neighbour):
         tried.append(outcome := solve_with_bundle(problem, x0, max_iterations, min(ACCURACY, acceptance.aim)))
-        judged = judge(problem.rows, outcome.x[None], acceptance, refine=True, finishing=True)
+        judged = judge(problem.rows, outcome.x[None], acceptance, refine=True)
         if missed is None or judged.residual[0] < least:
             missed = (Status.INCLUSION_VIOLATED, UNFIT) if outcome.converged else (outcome.status, outcome.reason)
             least = judged.residual[0]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.accuracy.norms import Line, Modulus, Triangles
-from tcstudy.contact.active_set import finish
+from tcstudy.contact.active_set import polished
 from tcstudy.contact.block import TIE
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.errors import GeometryFailed
@@ -118,7 +118,7 @@ def _on_exact_branch(study: Study, level: Level, place: int, one: SolvedLevel, l
     if study.exact is None or study.solver.branch != "lowest" or not least.ok or least.numbers.get("unique") == 1:
         return least
     start = exact_at(study.exact, one.line)
-    close, _ = finish(level.condensed(study.scenes[place]).problem, start)
+    close = polished(level.condensed(study.scenes[place]).problem, start, exact=False).v
     near = replace(study, solver=replace(study.solver, branch="continued"))
     found = solution_of(study, level, solve_point(near, level, place, close))
     if not found.ok or np.linalg.norm(found.v - start) >= np.linalg.norm(least.v - start):

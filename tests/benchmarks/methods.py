@@ -17,7 +17,7 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
 
-from tcstudy.contact.active_set import finish
+from tcstudy.contact.active_set import polished
 from tcstudy.contact.bundle.contact import solve_with_bundle
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.problem import ContactProblem
@@ -121,7 +121,7 @@ def _finished(problem: ContactProblem, run: Callable[[Watched], Outcome], x0: Ar
         return Attempt(watch.best.v, False, out_of_time=True)
     residual = problem.inclusion_residual(v)
     if residual > TOLERANCE:
-        v, _ = finish(problem, v)
+        v = polished(problem, v, exact=False).v
         residual = problem.inclusion_residual(v)
     return Attempt(v, residual <= TOLERANCE)
 

@@ -1,47 +1,47 @@
-"""finish: from perturbed solutions back to exact ones, and never to a worse point."""
+"""Newton's method on identified pieces: from perturbed solutions back to exact ones, never to a worse point."""
 
 import numpy as np
 import pytest
 
-from tcstudy.contact.active_set import ActivePieces, finish, solve_on
-from tcstudy.contact.contact import nearest_minimum
+from tcstudy.contact.active_set import extended, polished
+from tcstudy.contact.certificates import certify
+from tcstudy.contact.contact import nearest_minimum, solve_contact
 from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.status import Status
 from tcstudy.laws.laws import Laws
+from tcstudy.laws.shapes import tresca
+from tcstudy.scene.study import TOLERANCE, Acceptance
 from tests.contact import contact_cases as cases
+from tests.contact.ill_conditioned import body
 
 
 def one_node(law: Laws, load: float, stiffness: float = 1.0) -> ContactProblem:
     return ContactProblem(np.array([[stiffness]]), np.array([load]), np.array([1.0]), law)
 
 
-def test_known_solutions_of_one_node() -> None:
-    """Ã = c = 1, b = 1 − 2s up to 0.4, then 0.2: with l̃ = 0.8 the slips 0, 0.2 and 0.6 satisfy the inclusion."""
-    law = cases.slip_weakening(1.0, 0.2, 0.4)
-    problem = one_node(law, 0.8)
-    for start, slip in ((0.01, 0.0), (0.7, 0.6), (0.55, 0.6)):
-        v, residual = finish(problem, np.array([start]))
-        assert residual <= 1e-15
-        assert v[0] == pytest.approx(slip, abs=1e-15)
-    falling = ActivePieces(np.array([-1]), np.array([2]))
-    assert solve_on(problem, falling, np.array([0.3]), 2)[0] == pytest.approx(0.2, abs=1e-15)
+STEP = cases.linear_law("step", [0.1], [-1.0], [1.0], (0.0, 0.0))
+FALLING = cases.slip_weakening(1.0, 0.2, 0.4)
 
 
-def test_resting_nodes_are_set_to_the_kink_bitwise() -> None:
-    law = cases.linear_law("step", [0.1], [-1.0], [1.0], (0.0, 0.0))
-    v, residual = finish(one_node(law, 0.3), np.array([0.1 + 1e-7]))
-    assert v[0] == law.kinks[0]
-    assert residual == 0.0
-
-
-def test_exponential_piece_is_solved_to_rounding() -> None:
-    """2 s + ½ + ½ exp(−10 s) = 1.3, solved here by bisection."""
-    low, high = 0.1, 1.0
-    for _ in range(200):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if 2 * middle + 0.5 + 0.5 * np.exp(-10 * middle) < 1.3 else (low, middle)
-    v, residual = finish(one_node(cases.exponential_decay(), 1.3, 2.0), np.array([0.5]))
-    assert v[0] == pytest.approx(low, rel=1e-14)
-    assert residual <= 1e-15
+@pytest.mark.parametrize("exact", [False, True])
+@pytest.mark.parametrize(
+    ("law", "load", "stiffness", "start", "slip"),
+    [
+        (FALLING, 0.8, 1.0, 0.01, 0.0),
+        (FALLING, 0.8, 1.0, 0.7, 0.6),
+        (FALLING, 0.8, 1.0, 0.55, 0.6),
+        (STEP, 0.3, 1.0, 0.1 + 1e-7, 0.1),  # on the kink to the bit
+        # 2 s + ½ + ½ exp(−10 s) = 1.3
+        (cases.exponential_decay(), 1.3, 2.0, 0.5, 0.39519573750922377),
+        # a falling piece whose slope cancels Ã: Newton has no step
+        (cases.slip_weakening(1.0, 0.5, 0.5), 1.01, 1.0, 0.25, 0.25),
+    ],
+)
+def test_one_node(law: Laws, load: float, stiffness: float, start: float, slip: float, exact: bool) -> None:
+    end = polished(one_node(law, load, stiffness), np.array([start]), exact=exact)
+    assert end.v[0] == pytest.approx(slip, rel=4e-15, abs=1e-15)
+    assert end.v[0] == law.kinks[0] or law is not STEP
+    assert (end.residual <= 1e-15) == (start != slip)
 
 
 @pytest.mark.parametrize("smooth", [False, True])
@@ -53,26 +53,81 @@ def test_perturbed_solutions_are_restored(smooth: bool, error: float) -> None:
         problem = cases.random_problem(rng, 40, max_kinks=9, smooth=smooth)
         solution, _ = nearest_minimum(problem, np.zeros(40), 1e-12)
         length = problem.law.s_scale or float(np.max(np.abs(solution)))
-        v, residual = finish(problem, solution + error * length * rng.normal(size=40))
-        assert residual <= 1e-12
-        assert cases.independent_residual(problem, v) <= 1e-12
+        end = polished(problem, solution + error * length * rng.normal(size=40), exact=False)
+        assert end.residual <= 1e-12
+        assert cases.independent_residual(problem, end.v) <= 1e-12
 
 
 def test_a_point_is_never_made_worse() -> None:
-    """Also far from any solution and with few steps, where the identification may cycle."""
+    """Also far from any solution, where the identification may cycle."""
     for seed in range(40):
         rng = np.random.default_rng([seed, 6])
         problem = cases.random_problem(rng, 10, smooth=seed % 2 == 1)
         v = rng.normal(size=10)
-        before = problem.inclusion_residual(v)
-        point, residual = finish(problem, v, newton_steps=int(rng.integers(1, 4)))
-        assert residual <= before
-        assert residual == problem.inclusion_residual(point)
+        end = polished(problem, v, exact=False)
+        assert end.residual <= problem.inclusion_residual(v)
+        assert end.residual == problem.inclusion_residual(end.v)
 
 
-def test_singular_pieces_return_the_start() -> None:
-    """A falling piece whose slope cancels Ã exactly: Newton has no step, the point comes back unchanged."""
-    law = cases.slip_weakening(1.0, 0.5, 0.5)
-    v, residual = finish(one_node(law, 1.01), np.array([0.25]))
-    assert v[0] == 0.25
-    assert residual > 0.0
+def rail(m: int, strain: float = 7.2e-4) -> ContactProblem:
+    """A long bar of stiffness 1 and length 1, held at x = 0, that a thermal strain pushes out against friction 1e-3.
+
+    m cells; −u″ + b(u) = 0, u′(1) = strain
+    """
+    h = 1.0 / m
+    A = (2.0 * np.eye(m) - np.eye(m, k=1) - np.eye(m, k=-1)) / h
+    A[-1, -1] = 1.0 / h
+    load, c = np.zeros(m), np.full(m, h)
+    load[-1], c[-1] = strain, 0.5 * h
+    return ContactProblem(A, load, c, tresca(1e-3))
+
+
+def test_slender_bar_is_solved_although_one_double_cannot_hold_it() -> None:
+    problem = rail(1600, 9.137e-4)
+    answer = solve_contact(problem)
+    assert answer.status == Status.CONVERGED
+    assert not answer.limited
+    assert answer.inclusion_residual <= TOLERANCE < extended(problem, answer.v).residual
+    length = 9.137e-4 / 1e-3
+    assert answer.v[-1] == pytest.approx(0.5 * 1e-3 * length**2, rel=1e-6)
+    assert extended(problem, answer.v, answer.v_low).xi == pytest.approx(answer.xi, abs=0.0)
+    assert certify(problem, answer.v, residual=answer.inclusion_residual).unique
+
+
+def test_written_tolerance_is_met_or_refused() -> None:
+    assert solve_contact(rail(400), tolerance=1e-14).inclusion_residual <= 1e-14
+    refused = solve_contact(rail(400), tolerance=1e-300)
+    assert refused.status != Status.CONVERGED or refused.inclusion_residual == 0.0
+
+
+def test_refinement_only_ever_improves() -> None:
+    rng = np.random.default_rng(5)
+    problem = rail(60)
+    solution = solve_contact(problem).v
+    for _ in range(10):
+        v = solution * (1.0 + 1e-9 * rng.normal(size=60))
+        after = polished(problem, v, 1e-13)
+        assert after.residual <= min(1e-13, extended(problem, v).residual)
+        assert np.all(np.abs(after.v_low) <= 0.5 * np.spacing(np.abs(after.v)))
+        assert np.all(after.v_low[after.v == 0.0] == 0.0)
+
+
+@pytest.mark.parametrize("solver", ["separable-newton", "bundle-newton"])
+def test_one_policy_for_both_solvers(solver: str) -> None:
+    answer = solve_contact(rail(60), solver)
+    assert answer.status == Status.CONVERGED
+    assert Acceptance().accepts(answer.inclusion_residual, answer.rounding)
+
+
+def test_what_rounding_limits_is_a_solution_by_default_only() -> None:
+    """A body of condition 1e16 leaves refinement no factor to work with; that is said; a written tolerance refuses."""
+    rng = np.random.default_rng(5)
+    A = body(rng, 20, 1e16)
+    problem = ContactProblem(A, A @ rng.normal(size=20), np.ones(20), tresca(1e-4))
+    answer = solve_contact(problem)
+    assert answer.status == Status.CONVERGED
+    assert answer.limited
+    assert TOLERANCE < answer.inclusion_residual <= answer.rounding
+    strict = solve_contact(problem, tolerance=TOLERANCE)
+    assert strict.status == Status.INCLUSION_VIOLATED
+    assert "rounding alone leaves" in strict.reason

@@ -20,7 +20,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.active_set import finish
+from tcstudy.contact.active_set import polished
 from tcstudy.contact.bundle.newton import BundleNewton, Oracle, State
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.contact.status import Outcome
@@ -60,9 +60,10 @@ def solve_with_bundle(
 
         Its energy must not be higher, nor lower by more than `left`: the descent is the bundle's.
         """
-        v, residual = finish(problem, x)
-        change = problem.energy_change(x, v)[0]
-        return v if residual <= max(inclusion or 0.0, problem.xi_rounding(v)) and -left <= change <= 0.0 else None
+        end = polished(problem, x, exact=False)
+        change = problem.energy_change(x, end.v)[0]
+        good = end.residual <= max(inclusion or 0.0, problem.xi_rounding(end.v))
+        return end.v if good and -left <= change <= 0.0 else None
 
     length = float(np.linalg.norm(problem.frictionless())) or problem.law.s_scale
     method = BundleNewton(tolerance, max_iterations or 2000, length or None, base=problem.A_tilde)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.active_set import finish
+from tcstudy.contact.active_set import polished
 from tcstudy.contact.path.record import Path
 from tcstudy.contact.path.smooth import SmoothPath
 from tcstudy.laws.laws import Laws
@@ -128,7 +128,7 @@ def solutions_of(law: Laws, path: Path, t: float) -> list[PathSolution]:
     """The solutions of the law that the path's law approximates, by Newton's method from those of the path.
 
     Each node keeps its place: on the same jump, or on the piece of `law` in which it lies. A solution that does not
-    carry over (its residual says so) is handed to active_set.finish; judge every answer by its residual.
+    carry over (its residual says so) is handed to active_set.polished; judge every answer by its residual.
     """
     problem, curve = path.problem.with_law(law).at(t), SmoothPath(path, law)
     found: list[PathSolution] = []
@@ -138,9 +138,9 @@ def solutions_of(law: Laws, path: Path, t: float) -> list[PathSolution]:
         if point is not None:
             v, residual = point.v, problem.inclusion_residual(point.v)
         if not residual <= CARRIED:
-            other, other_residual = finish(problem, solution.v)
-            if point is None or other_residual < residual:
-                v, residual = other, other_residual
+            other = polished(problem, solution.v, exact=False)
+            if point is None or other.residual < residual:
+                v, residual = other.v, other.residual
         found.append(PathSolution(v, problem.energy(v), solution.stable, solution.piece, residual))
     return found
 
