@@ -110,19 +110,14 @@ def _parts(tables: Laws, piece: Index, width: Array, count: int) -> list[Array]:
     if count == 1:
         return [width]
     rates = [np.where(a.take(piece) != 0.0, r.take(piece), 0.0) for a, r in tables.exponentials]
-    rate = rates[0] if len(rates) == 1 else np.where(rates[0] != 0.0, rates[0], rates[1])
-    inner, covered = [], np.zeros(len(width))
+    grows = np.where(rates[0] != 0.0, rates[0], rates[-1]) < 0.0
+    parts, covered = [], np.zeros(len(width))
     with np.errstate(divide="ignore"):
-        for fine in np.sort([np.minimum(width, _DECAY / np.abs(one)) for one in rates], axis=0):
-            inner += [(fine - covered) / count] * count
+        for fine in np.sort([np.minimum(width, _DECAY / np.abs(rate)) for rate in rates], axis=0):
+            parts += [(fine - covered) / count] * count
             covered = fine
-    ahead, behind = (np.where(way * rate > 0.0, width - covered, 0.0) for way in (-1.0, 1.0))
-    return [ahead, *(inner if len(rates) == 1 else _turned(inner, rate < 0.0)), behind]
-
-
-def _turned(parts: list[Array], back: NDArray[np.bool_]) -> list[Array]:
-    """The parts in the opposite order where `back` is True."""
-    return [np.where(back, last, first) for first, last in zip(parts, reversed(parts), strict=True)]
+    parts.append(width - covered)
+    return [np.where(grows, last, first) for first, last in zip(parts, reversed(parts), strict=True)]
 
 
 def start_excess(value: Array, zeta: Array) -> Array:
@@ -185,44 +180,33 @@ def energy_reach(load: float | Array, push: float | Array, c: Array, lambda_1: f
 
 def value_range(laws: Laws, low: Array, high: Array) -> tuple[Array, Array]:
     """(least, largest) value of the filled graph of b on [low, high] (shape of low) [Pa]."""
-    tables, law = laws.tables, laws.index
-    least, largest = np.full(low.shape, np.inf), np.full(low.shape, -np.inf)
-
-    def meet(inside: NDArray[np.bool_] | bool, value: Array) -> None:
-        np.minimum(least, value, out=least, where=inside)
-        np.maximum(largest, value, out=largest, where=inside)
-
-    for s in (low, high):
-        at = tables.locate(s, law)
-        meet(True, tables.value(s, at.piece))
-        if np.any(at.on):
-            meet(at.on, tables.value(s, at.piece + at.on))
-    for kink in range(tables.kinks.shape[1]):
-        s = tables.kinks[:, kink]
-        inside = (low <= s[law]) & (s[law] <= high)
+    law, ends = laws.index, [laws.interval(s) for s in (low, high)]
+    least, largest = np.minimum(ends[0][0], ends[1][0]), np.maximum(ends[0][1], ends[1][1])
+    for s, below, above in zip(*(x.T for x in _extremes(laws.tables)), strict=True):
+        own = s[law]
+        inside = (low <= own) & (own <= high)
         if np.any(inside):
-            s, piece = np.where(np.isfinite(s), s, 0.0), tables.first + kink
-            meet(inside, tables.value(s, piece)[law])
-            meet(inside, tables.value(s, piece + 1)[law])
-    if not tables.piecewise_linear:
-        turning, value = _turning_points(tables)
-        for column in np.flatnonzero(np.any(np.isfinite(turning), axis=0)):
-            s = turning[:, column][law]
-            meet((low <= s) & (s <= high), value[:, column][law])
+            np.minimum(least, below[law], out=least, where=inside)
+            np.maximum(largest, above[law], out=largest, where=inside)
     return least, largest
 
 
-def _turning_points(tables: Laws) -> tuple[Array, Array]:
-    """(L, K+1) slip inside a piece where b′, which is monotone there, vanishes, NaN where it does not; b there."""
-    if "turning" not in tables.facts:
-        reach = far(tables)[:, None]
-        piece = tables.first[:, None] + np.arange(tables.q.shape[1])
+def _extremes(tables: Laws) -> tuple[Array, Array, Array]:
+    """(L, n) slips where b̂ may be extreme, NaN for none, and its (least, largest) value there.
+
+    The kinks, and where b′, which is monotone on a piece, vanishes inside one.
+    """
+    if "extremes" not in tables.facts:
+        s, reach, piece = np.full(tables.q.shape, np.nan), far(tables)[:, None], tables.addresses
         low, high = np.clip(tables.lower, -reach, reach), np.clip(tables.upper, -reach, reach)
-        rises, found = (tables.slope(s, piece) > 0.0 for s in (low, high)), np.full(low.shape, np.nan)
-        turns = tables.bent & (low < high) & np.not_equal(*rises)
-        found[turns] = slip_of_slope(tables, piece[turns], low[turns], high[turns], 0.0)
-        tables.facts["turning"] = found, tables.value(found, piece)
-    return tables.facts["turning"]
+        rises = [tables.slope(end, piece) > 0.0 for end in (low, high)]
+        turns = tables.bent & (low < high) & (rises[0] != rises[1])
+        s[turns] = slip_of_slope(tables, piece[turns], low[turns], high[turns], 0.0)
+        b, at_kinks = tables.value(s, piece), (tables.b_left, tables.b_right)
+        used = np.append(np.ones(tables.kinks.shape[1], dtype=bool), np.any(turns, axis=0))
+        found = (tables.kinks, s), (np.minimum(*at_kinks), b), (np.maximum(*at_kinks), b)
+        tables.facts["extremes"] = tuple(np.concatenate(pair, axis=1)[:, used] for pair in found)
+    return tables.facts["extremes"]
 
 
 def slip_of_slope(laws: Laws, piece: Index, low: Array, high: Array, slope: float) -> Array:

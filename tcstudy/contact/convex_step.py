@@ -19,6 +19,8 @@ costs one Cholesky factor of Ã plus a diagonal.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
@@ -43,9 +45,9 @@ def convex_step(problem: ContactProblem, v: Array) -> Array | None:
     Nodes on an up-jump at the minimum are put on it bitwise.
     """
     law, c, index = problem.law, problem.c, problem.law.node_index(problem.m)
-    if not any(np.any(law.laws[k].kinds == UP) or np.ptp(np.maximum(law.laws[k].q, 0.0)) for k in np.unique(index)):
+    (s, h, gamma, sign, kink), slope = _elements(law.tables, index)
+    if not len(s):
         return None
-    (s, h, gamma, sign, kink), slope = _by_node(law, index)
     descent = slopes(problem, v, problem.xi(v)).descent
     piece = np.where(descent <= 0.0, law.piece(v, +1), law.piece(v, -1))
     own = piece if law.one else piece - law.tables.first[index]
@@ -61,11 +63,12 @@ def convex_step(problem: ContactProblem, v: Array) -> Array | None:
     reach = float(np.max(np.abs(problem.l_tilde) + c * size) / np.min(diagonal))
     reach = max(float(np.max(np.abs(v - s))), reach if np.isfinite(reach) else 0.0)
     w, e = v.copy(), np.where(capped, 0.5 * h, size)
-    x = np.stack([e, np.where(capped, h - e, 1.0)])  # h − e is a variable of its own, as it would lose its digits
+    # h − e is a variable of its own, as it would lose its digits; without a cap x⁺ = 0, here y = 0 beside an x of 1
+    x = np.stack([e, np.where(capped, h - e, 1.0)])
     gap = sign * (v - s) - gamma * e
     y = np.stack([np.maximum(-gap, 0.0) + reach, np.where(capped, np.maximum(gap, 0.0) + reach, 0.0)])
     kinds = 1.0 + float(np.mean(capped))
-    first = mu = float(np.sum(x[0] * y[0]) + np.sum(x[1] * y[1])) / (e.size * kinds)  # x⁺ = 0 without a cap
+    first = mu = float(np.sum(x * y)) / (e.size * kinds)
     for _ in range(_STEPS):
         if mu <= _SMALL * first:
             break
@@ -86,15 +89,12 @@ def convex_step(problem: ContactProblem, v: Array) -> Array | None:
             with np.errstate(divide="ignore", invalid="ignore"):
                 ends = [np.where(d < 0.0, -share * z / d, 1.0) for z, d in ((x, dx), (y, dy))]
             length = min(1.0, float(np.min(ends)))
-            after = float(
-                np.sum((x[0] + length * dx[0]) * (y[0] + length * dy[0]))
-                + np.sum((x[1] + length * dx[1]) * (y[1] + length * dy[1]))
-            )
+            after = float(np.sum((x + length * dx) * (y + length * dy)))
             target = both * (mu * min(1.0, after / (mu * e.size * kinds)) ** 3 - x * y - dx * dy)  # of the corrector
         if not (length > 1e-6 and np.all(np.isfinite(dw))):
             break
         w, x, y = w + length * dw, x + length * dx, y + length * dy
-        mu = float(np.sum(x[0] * y[0]) + np.sum(x[1] * y[1])) / (e.size * kinds)
+        mu = float(np.sum(x * y)) / (e.size * kinds)
     if not mu <= 1e-3 * first:
         return None
     reach = max(float(np.max(np.abs(w - s))), float(np.finfo(float).tiny))
@@ -103,36 +103,32 @@ def convex_step(problem: ContactProblem, v: Array) -> Array | None:
     return w
 
 
-def _by_node(law: Laws, index: NDArray[np.intp]) -> tuple[Array, Array]:
-    """(s, h, γ, sign, kink) of the elements of b_↑ at every node (5, n, m), and the least slopes (m,).
+def _elements(laws: Laws, index: NDArray[np.intp]) -> tuple[list[Array], Array]:
+    """(s, h, γ, sign, kink) of the elements of b_↑ at every node (n, m) each, and the least slopes (m,).
 
-    sign: −1 for the outer piece on the left, whose slip counts to the left;  kink: index of the kink of an up-jump, −1
-    A node with fewer elements than others has some of sign 0 and of the scale of b, which act on nothing.
+    laws: tables;  sign: −1 for the outer piece on the left, whose slip counts to the left;  kink: of an up-jump its
+    index, −1 for a piece. Exponential pieces rise from end to end. A node with fewer elements than others has some of
+    sign 0 and of the scale of b, which act on nothing.
     """
-    own = [_elements(one) for one in law.laws]
-    most = max(len(rows) for rows, _ in own)
-    padded = np.tile([[0.0], [law.b_scale or 1.0], [0.0], [0.0], [-1.0]], (most, 1, len(index)))
-    for k, (rows, _) in enumerate(own):
-        padded[: len(rows), :, index == k] = np.array(rows).reshape(len(rows), 5, 1)
-    return padded.transpose(1, 0, 2), np.array([least for _, least in own])[index]
-
-
-def _elements(law: Laws) -> tuple[list[tuple[float, float, float, float, int]], float]:
-    """(s, h, γ, sign and kink of every element, least slope) of a law; exponential pieces rise from end to end."""
-    kinks, last = law.kinks, len(law.kinks)
-    rise = np.maximum(law.q, 0.0)
-    for piece in np.flatnonzero(law.bent):
-        if 0 < piece < last:
-            ends = law.value(kinks[piece - 1 : piece + 1], np.full(2, piece))
-            rise[piece] = max(0.0, float(ends[1] - ends[0]) / float(kinks[piece] - kinks[piece - 1]))
-    least = float(rise.min())
-    rows = []
-    for k in np.flatnonzero(law.kinds == UP):
-        rows.append((float(kinks[k]), float(law.b_right[k] - law.b_left[k]), 0.0, 1.0, int(k)))
-    for piece in np.flatnonzero(rise > least):
-        steeper = float(rise[piece]) - least
-        outer = piece in (0, last)
-        height = np.inf if outer else steeper * float(kinks[piece] - kinks[piece - 1])
-        left = piece == 0
-        rows.append((float(kinks[0 if left else piece - 1]), height, 1.0 / steeper, -1.0 if left else 1.0, -1))
-    return rows, least
+    low, high, up = laws.lower, laws.upper, laws.kinds == UP
+    outer = ~(np.isfinite(low) & np.isfinite(high))
+    ends = [np.where(outer, laws.s_0, s) for s in (low, high)]
+    width, start, end = np.where(outer, 1.0, ends[1] - ends[0]), *(laws.value(s, laws.addresses) for s in ends)
+    rise = np.maximum(np.where(laws.bent & ~outer, (end - start) / width, laws.q), 0.0)
+    least = np.min(rise, axis=1, keepdims=True)
+    rises, steeper = (rise > least) & (low < high), np.where(rise > least, rise - least, 1.0)
+    sign = np.where(np.isfinite(low), 1.0, -1.0)
+    jumps: tuple[Any, ...] = laws.kinks, laws.b_right - laws.b_left, np.zeros(up.shape), 1.0, np.arange(up.shape[1])
+    pieces: tuple[Any, ...] = (
+        np.where(np.isfinite(low), low, high),
+        np.where(outer, np.inf, steeper * width),
+        1.0 / steeper,
+        sign,
+        -1.0,
+    )
+    found, none = [], (0.0, laws.at(index).b_scale or 1.0, 0.0, 0.0, -1.0)
+    used = np.any(np.append(up, rises, axis=1)[np.unique(index)], axis=0)
+    for of_jump, of_piece, nothing in zip(jumps, pieces, none, strict=True):
+        column = np.append(np.where(up, of_jump, nothing), np.where(rises, of_piece, nothing), axis=1)
+        found.append(column[:, used][index].T)
+    return found, least[index, 0]

@@ -74,7 +74,7 @@ def _arcs(tables: Laws, kappa: float) -> _Arcs:
     rows = np.flatnonzero(tables.falls > kappa)
     reach = (far(tables) + 4.0 * tables.scales / kappa)[rows, None]
     low, high = np.clip(tables.lower[rows], -reach, reach), np.clip(tables.upper[rows], -reach, reach)
-    piece = tables.first[rows, None] + np.arange(low.shape[1])
+    piece = tables.addresses[rows]
     begins, ends = (tables.slope(s, piece) > -kappa for s in (low, high))
     real, turn = low < high, np.where(begins, high, low)
     turns = real & (begins != ends)

@@ -160,7 +160,7 @@ class LawPieces:
         inside = np.where(np.isfinite(low), low + apart, np.where(np.isfinite(high), high - apart, self.s_0))
         both = np.isfinite(low) & np.isfinite(high)
         inside[both] = 0.5 * (low[both] + high[both])
-        return np.asarray(self.bend(inside, self._addresses) < 0.0)
+        return np.asarray(self.bend(inside, self.addresses) < 0.0)
 
     @Fact
     def lower(self) -> Array:
@@ -178,7 +178,8 @@ class LawPieces:
         return np.arange(self.q.size // self.q.shape[-1], dtype=np.intp) * self.q.shape[-1]
 
     @Fact
-    def _addresses(self) -> Index:
+    def addresses(self) -> Index:
+        """(…, K+1) of all pieces."""
         return np.arange(self.q.size, dtype=np.intp).reshape(self.q.shape)
 
     @Fact
@@ -186,7 +187,7 @@ class LawPieces:
         """(…, K+1) each: b left and right of the kink at the end of every piece, 0 without one, and their rounding."""
         real = np.isfinite(self.upper)
         s, found, noise = np.where(real, self.upper, self.s_0), [], np.zeros(self.q.shape)
-        for address in (self._addresses, self._addresses + real):
+        for address in (self.addresses, self.addresses + real):
             found.append(np.where(real, self.value(s, address), 0.0))
             noise += self.terms(s, address)
         return found[0], found[1], 8 * np.finfo(float).eps * noise
@@ -218,7 +219,7 @@ class LawPieces:
         """(2, …, K+1) b′ at both ends of every piece, which bound it in between, limits at ±∞ included [Pa/m]."""
         finite = [np.isfinite(ends) for ends in (self.lower, self.upper)]
         at = [np.where(known, s, self.s_0) for known, s in zip(finite, (self.lower, self.upper), strict=True)]
-        slopes = (self.slope(s, self._addresses) for s in at)
+        slopes = (self.slope(s, self.addresses) for s in at)
         return np.stack([np.where(known, b, self.q) for known, b in zip(finite, slopes, strict=True)])
 
     @Fact
@@ -232,7 +233,7 @@ class LawPieces:
         """(…, K+1) which of REGIONS every piece is."""
         slopes, zero = self.end_slopes, np.clip(0.0, self.lower, self.upper)
         zero = np.where(np.isfinite(zero), zero, self.s_0)
-        value, noise = self.value(zero, self._addresses), 8 * np.finfo(float).eps * self.terms(zero, self._addresses)
+        value, noise = self.value(zero, self.addresses), 8 * np.finfo(float).eps * self.terms(zero, self.addresses)
         softens, flat = slopes.sum(axis=0) < 0.0, np.all(slopes == 0.0, axis=0)  # b′ is monotone on a piece
         found = np.where(flat & (value == 0.0), BARE, YIELDED).astype(np.int8)
         found[(zero == 0.0) & (np.abs(value) <= noise) & ~flat] = ELASTIC
@@ -354,7 +355,7 @@ class LawPieces:
         lower, upper = self.lower, self.upper
         inner, right = np.isfinite(lower) & np.isfinite(upper), np.real(upper) > 0.0
         x, y = np.where(inner, lower, 0.0), np.where(inner, upper, 0.0)
-        part = np.where(inner, self.piece_integral(self._addresses, x, y), 0.0)
+        part = np.where(inner, self.piece_integral(self.addresses, x, y), 0.0)
         after = np.cumsum(np.where(right, part, 0.0), axis=-1)
         before = np.cumsum(np.where(right, 0.0, part)[..., ::-1], axis=-1)[..., ::-1]
         none = np.zeros((*part.shape[:-1], 1))
