@@ -22,7 +22,7 @@ from tcstudy.contact.active_set import judge, polished
 from tcstudy.contact.all_solutions import Equilibria, of_rows
 from tcstudy.contact.boxes import Limits
 from tcstudy.contact.certificates import Certificate, Proofs, row_of
-from tcstudy.contact.descent import TOLERANCE, Descended, descend, descend_nested
+from tcstudy.contact.descent import TOLERANCE, descend, descend_nested
 from tcstudy.contact.problem import CondensedBody, ContactProblem, kept
 from tcstudy.contact.search import envelope_starts, move_starts
 from tcstudy.contact.status import Status
@@ -159,29 +159,24 @@ class SolutionBlock:
             v = self.neighbours[near]
             residual = judge(self.rows.take(near), v, self.acceptance).residual
             there = residual <= self.acceptance.aim
-            ended = Descended(v[there], residual[there], np.zeros(np.count_nonzero(there), dtype=np.intp))
-            self.offer(near[there], ended, NEIGHBOUR)
+            self.offer(near[there], v[there], residual[there], NEIGHBOUR)
             self.begin_from(near[~there], v[~there], NEIGHBOUR)
         zero, minima = np.zeros((len(far), self.rows.body.m)), self.branch != "lowest"
         self.begin_from(far, zero, ZERO, nested=True, minima=minima)
 
     def begin_from(self, points: Index, v: Array, start: int, nested: bool = False, minima: bool = True) -> Index:
         """Descend from v (n, m), keep and certify what has less energy, and return the points left without proof."""
-        run = descend_nested if nested else descend
-        return self.improve(points, run(self.smooth.take(points), v, self.aim, minima), start)
-
-    def improve(self, points: Index, ended: Descended, start: int) -> Index:
-        """The same with ends of descents (n, m) that are known."""
-        self.certify(points[self.offer(points, ended, start)])
+        ended = (descend_nested if nested else descend)(self.smooth.take(points), v, self.aim, minima)
+        self.offer(points, ended.v, ended.residual, start, ended.steps)
         return self.unproved(points)
 
-    def offer(self, points: Index, ended: Descended, start: int) -> Flags:
-        """Keep the ends of descents of different points that have less energy; whether each has (n,)."""
-        rows, energy = self.rows.take(points), self.rows.take(points).energy(ended.v)
-        accepted = ended.residual <= self.acceptance.aim
+    def offer(self, points: Index, v: Array, residual: Array, start: int, steps: Index | int = 0) -> Flags:
+        """Keep and certify ends (n, m) of different points that have less energy; whether each has (n,)."""
+        rows, energy = self.rows.take(points), self.rows.take(points).energy(v)
+        accepted = residual <= self.acceptance.aim
         doubtful = np.flatnonzero(~accepted)
         if len(doubtful):
-            accepted[doubtful] = judge(rows.take(doubtful), ended.v[doubtful], self.acceptance).accepted
+            accepted[doubtful] = judge(rows.take(doubtful), v[doubtful], self.acceptance).accepted
         found = self.energies[points, start]
         self.energies[points, start] = np.where(accepted, np.fmin(found, energy), found)
         known = np.isfinite(self.energy[points])
@@ -189,14 +184,11 @@ class SolutionBlock:
         lower = accepted & (~self.solved[points] | (energy < self.energy[points] - slack))
         kept = lower | ~known
         own = points[kept]
-        self.v[own], self.energy[own], self.solved[own] = ended.v[kept], energy[kept], accepted[kept]
-        self.start[own], self.steps[own] = start, ended.steps[kept]
-        return lower
-
-    def certify(self, points: Index) -> None:
-        """Prove a global minimum where that is possible."""
+        self.v[own], self.energy[own], self.solved[own] = v[kept], energy[kept], accepted[kept]
+        self.start[own], self.steps[own] = start, np.broadcast_to(steps, len(points))[kept]
         if self.proofs is not None:
-            self.proofs.prove_lowest(points[self.solved[points]], self.v)
+            self.proofs.prove_lowest(points[lower], self.v)
+        return lower
 
     def unproved(self, points: Index) -> Index:
         """Those of the points whose solution is not known to have the least energy."""
@@ -233,11 +225,9 @@ class SolutionBlock:
             moved = np.zeros(len(self.v), dtype=bool)
             for rank in range(int(np.max(promise, initial=-1)) + 1):
                 mine = np.flatnonzero((promise == rank) & ~moved[owners])
-                part = Descended(ended.v[mine], ended.residual[mine], ended.steps[mine])
-                moved[owners[mine]] |= self.offer(owners[mine], part, ESCAPE)
-            points = np.flatnonzero(moved)
-            self.certify(points)
-            points = self.unproved(points)
+                one = ended.v[mine], ended.residual[mine], ESCAPE, ended.steps[mine]
+                moved[owners[mine]] |= self.offer(owners[mine], *one)
+            points = self.unproved(np.flatnonzero(moved))
 
     def begin_elsewhere(self) -> None:
         """What no start has solved from the other plain ones, without coarse copies."""
@@ -245,10 +235,8 @@ class SolutionBlock:
         for start in (ZERO,) if body.loose else (ZERO, FRICTIONLESS):
             points = np.flatnonzero(~self.solved)
             if len(points):
-                zero = np.zeros((len(points), body.m))
-                self.begin_from(
-                    points, self.rows.l_tilde[points] @ body.inverse if start == FRICTIONLESS else zero, start
-                )
+                loads = self.rows.l_tilde[points]
+                self.begin_from(points, loads @ body.inverse if start == FRICTIONLESS else 0.0 * loads, start)
 
     def begin_at(self, exact: Array) -> None:
         """Newton's method on the pieces that the exact solution is on; unique solutions are known."""
@@ -256,8 +244,7 @@ class SolutionBlock:
         self.energies[only, EXACT] = self.energy[only]
         for p in np.flatnonzero(~only):
             end = polished(self.rows.single(int(p)), exact, exact=False)
-            ended = Descended(end.v[None], np.array([end.residual]), np.zeros(1, dtype=np.intp))
-            self.improve(np.array([p]), ended, EXACT)
+            self.offer(np.array([p]), end.v[None], np.array([end.residual]), EXACT)
 
     def take_least(self, solutions: Sequence[Equilibria]) -> None:
         """The least of all solutions of every point, where these are proved to be all of the law itself."""
@@ -269,9 +256,9 @@ class SolutionBlock:
         changed = np.flatnonzero(proved & (~self.solved | higher))
         if len(changed):
             v = np.array([solutions[i].v[0] for i in changed.tolist()])
-            judged = judge(self.rows.take(changed), v, self.acceptance)
-            ended = Descended(v, judged.residual, np.zeros(len(v), dtype=np.intp))
-            proved[changed] = self.offer(changed, ended, ESCAPE)
+            proved[changed] = self.offer(
+                changed, v, judge(self.rows.take(changed), v, self.acceptance).residual, ESCAPE
+            )
         self.proofs.lowest |= proved
         self.proofs.unique |= proved & np.array([len(one) == 1 for one in solutions], dtype=bool)
 
@@ -290,9 +277,8 @@ class SolutionBlock:
         missed = otherwise or (Status.INCLUSION_VIOLATED, STALLED)
         if otherwise is None and loose:
             missed = Status.NOT_POSITIVE_DEFINITE, NOT_POSITIVE_DEFINITE
-        reasons = [""] * len(self.v)
-        for p in np.flatnonzero(~judged.accepted):
-            reasons[p] = failure(float(judged.residual[p]), float(judged.rounding[p]), self.acceptance, missed[1])
+        numbers = zip(judged.residual.tolist(), judged.rounding.tolist(), judged.accepted.tolist(), strict=True)
+        reasons = tuple("" if good else failure(x, noise, self.acceptance, missed[1]) for x, noise, good in numbers)
         certificate = None
         if prove and self.proofs is not None:
             self.proofs.prove_strict(np.flatnonzero(judged.accepted), judged.v)
@@ -306,7 +292,7 @@ class SolutionBlock:
             limited=judged.accepted & (judged.residual > self.acceptance.aim),
             energy=self.energy,
             status=np.where(judged.accepted, Status.CONVERGED, missed[0]).astype(np.int8),
-            reason=tuple(reasons),
+            reason=reasons,
             start=self.start,
             energies=self.energies,
             iterations=self.steps,

@@ -233,7 +233,8 @@ def global_minimum(rows: ContactProblem, v: Array, low: Array, high: Array) -> F
         row, node = np.nonzero(lower[open_] < upper[open_])
         row = open_[row]
         own_v, own_zeta, own_low, own_high = (x[row, node][:, None] for x in (v, zeta, low, high))
-        again, _ = bends_below_tangent(rows.law.nodes(row, node), own_v, own_zeta, own_low, own_high)
+        index = np.broadcast_to(rows.law.index, v.shape)[row, node][:, None]
+        again, _ = bends_below_tangent(rows.law.at(index), own_v, own_zeta, own_low, own_high)
         upper[row, node] = again[:, 0]
         proved[open_] = definite(rows.body, -upper[open_])
     return proved

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.active_set import judge
 from tcstudy.contact.block import NOT_POSITIVE_DEFINITE, Answer, SolutionBlock, solve_block
-from tcstudy.contact.descent import Descended, descend
+from tcstudy.contact.descent import descend
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.contact.status import Outcome, Status
 from tcstudy.scene.study import (
@@ -127,7 +127,7 @@ def _by_bundle(
             missed = (Status.INCLUSION_VIOLATED, UNFIT) if outcome.converged else (outcome.status, outcome.reason)
             least = judged.residual[0]
             block.energy[~block.solved] = np.inf  # so that it takes the place of what has more
-        block.offer(here, Descended(judged.v, judged.residual, here), start)
+        block.offer(here, judged.v, judged.residual, start)
         if branch != "lowest" and block.solved[0]:
             break
     if branch == "lowest" and exact is not None:

@@ -48,9 +48,9 @@ class _Arcs(NamedTuple):
 
 
 def moreau_envelopes(laws: Laws, kappa: float) -> Laws:
-    """The tables of b_κ; κ > 0 [Pa/m]. Laws that nowhere fall faster than κ stay as they are."""
+    """b_κ of the laws in use; κ > 0 [Pa/m]. Those that nowhere fall faster than κ stay as they are."""
     tables = laws.tables
-    arcs = _arcs(tables, kappa)
+    arcs = _arcs(tables, np.intersect1d(np.flatnonzero(tables.falls > kappa), laws.index), kappa)
     land, leave, sigma = np.full((3, len(arcs.law)), -np.inf)  # of every arc, of the one before it, of both
     new = np.append(False, arcs.law[1:] == arcs.law[:-1])
     while np.any(new):
@@ -69,9 +69,8 @@ def on_tangent(envelopes: Laws, kappa: float, s: Array) -> Flags:
     return ~at.on & (envelopes.q.take(at.piece) == -kappa) & ~envelopes.bent.take(at.piece)
 
 
-def _arcs(tables: Laws, kappa: float) -> _Arcs:
-    """The arcs of the laws that fall faster than κ, law by law from left to right."""
-    rows = np.flatnonzero(tables.falls > kappa)
+def _arcs(tables: Laws, rows: Index, kappa: float) -> _Arcs:
+    """The arcs of the named laws, law by law from left to right."""
     reach = (far(tables) + 4.0 * tables.scales / kappa)[rows, None]
     low, high = np.clip(tables.lower[rows], -reach, reach), np.clip(tables.upper[rows], -reach, reach)
     piece = tables.addresses[rows]

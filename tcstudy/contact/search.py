@@ -55,7 +55,7 @@ def envelope_starts(rows: ContactProblem, v: Array) -> tuple[Array, Flags]:
     stiffest = float(np.max(np.diagonal(rows.body.A_tilde) / rows.body.c))
     ceiling = np.minimum(rows.law.omega_by_row, stiffest)
     while len(at):
-        laws = moreau_envelopes(rows.law.in_use(), kappa)
+        laws = moreau_envelopes(rows.law, kappa)
         smooth = ContactProblem.on(rows.body, rows.l_tilde, laws)
         nested = first and rows.body.shared
         ended = (

@@ -108,26 +108,11 @@ class Laws(LawPieces):
         """The law of one node, as one for all."""
         return self if self.one else self.laws[int(self.index[node])]
 
-    def nodes(self, row: Index, node: Index) -> Laws:
-        """The laws of single nodes (n,) of rows, each as a row of its own."""
-        index = self.index
-        return self.at(index[row, np.minimum(node, index.shape[1] - 1)][:, None])
-
     def of_row(self, row: int) -> Laws:
         """The laws of one row's nodes, or the law that all have."""
         used, index = np.unique(self.index[row], return_inverse=True)
         own = [self.laws[k] for k in used]
         return own[0] if len(own) == 1 else Laws.of(own, index)
-
-    def rows(self, laws: Index) -> Laws:
-        """The tables of the named laws, with what is known of them."""
-        found = Laws(self.name, self.kinks[laws], *(x[laws] for x in self.pieces))
-        return found.known(kind_above=self.kind_above[laws], scales=self.scales[laws], falls=self.falls[laws])
-
-    def in_use(self) -> Laws:
-        """The same with tables that hold the laws in use."""
-        used, index = np.unique(self.index, return_inverse=True)
-        return self.rows(used).at(index.reshape(self.index.shape))
 
     def groups(self, m: int) -> list[tuple[Laws, Index]]:
         """Every law that some of m nodes have, as one for all, with its nodes."""
@@ -196,8 +181,6 @@ class Laws(LawPieces):
 
     def piece(self, s: Slips, side: int = 1) -> Index:
         """Address of the piece that holds s; at a kink the piece to its right (side=1) or left (side=-1)."""
-        if self.one:
-            return np.searchsorted(self.kinks.real, np.asarray(s), side="right" if side > 0 else "left")
         at = self.locate(s)
         return at.piece + at.on if side > 0 else at.piece
 
