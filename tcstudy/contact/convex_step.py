@@ -40,14 +40,12 @@ _SMALL = 1e-14
 
 
 def convex_step(problem: ContactProblem, v: Array) -> Array | None:
-    """The minimum of the model at v (m,), None if b nowhere rises or the iteration fails.
+    """The minimum of the model at v (m,), None if the iteration fails.
 
     Nodes on an up-jump at the minimum are put on it bitwise.
     """
     law, c, index = problem.law, problem.c, problem.law.node_index(problem.m)
     (s, h, gamma, sign, kink), slope = _elements(law.tables, index)
-    if not len(s):
-        return None
     descent = slopes(problem, v, problem.xi(v)).descent
     piece = np.where(descent <= 0.0, law.piece(v, +1), law.piece(v, -1))
     own = piece if law.one else piece - law.tables.first[index]
@@ -57,6 +55,9 @@ def convex_step(problem: ContactProblem, v: Array) -> Array | None:
     matrix, load = problem.A_tilde.copy(), problem.l_tilde - c * rest
     diagonal = matrix.reshape(-1)[:: len(v) + 1]
     diagonal += c * slope
+    if not len(s):
+        _, w, info = scipy.linalg.lapack.dposv(matrix, load, lower=1)
+        return w if info == 0 else None
     capped = np.isfinite(h)
     both = np.stack([np.ones(h.shape), capped])  # of e with x⁻ and, where there is a cap, of h − e with x⁺
     size = float(np.max(np.abs(h[capped]), initial=0.0)) or problem.traction_scale

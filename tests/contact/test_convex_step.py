@@ -50,9 +50,10 @@ def test_convex_model_of_a_convex_law_is_the_problem() -> None:
         assert problem.inclusion_residual(found) <= 1e-5
 
 
-def test_law_that_nowhere_rises_has_no_such_model() -> None:
-    problem = ContactProblem(np.eye(2), np.ones(2), np.ones(2), linear(1.0))
-    assert convex_step(problem, np.zeros(2)) is None
+def test_model_of_a_spring_is_a_linear_system() -> None:
+    found = convex_step(ContactProblem(np.eye(2), np.ones(2), np.ones(2), linear(1.0)), np.zeros(2))
+    assert found is not None
+    assert found == pytest.approx([0.5, 0.5], rel=1e-14)
 
 
 @pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
