@@ -198,6 +198,7 @@ def draw(
     map: tuple[str, str] | None = None,
     of: str | None = None,
     law: bool = False,
+    deform: float | None = None,
     size: str | tuple[float, float] | None = None,
     ax: Axes | None = None,
     panel: str | None = None,
@@ -212,6 +213,9 @@ def draw(
     ax, panel: draw one panel into axes of a figure of your own, the first or that of the name; returns that figure.
               `ax.legend()` says what its lines are
 
+    of:       of the body of a point: theta, sigma_x, sigma_y, tau_xy, von_mises, sigma_1 or sigma_2 in place of θ
+    deform:   how many times as large as they are its displacements are drawn; a round number that suits unless given
+
     Of a run, in place of a point:
     x, y, by:  curves of the number y ("slip_length") over the parameter x, one for each value of the parameter `by`
     map, of:   a map of the number `of` over two parameters, map=("alpha", "theta_bar")
@@ -222,7 +226,7 @@ def draw(
     """
     from tcstudy.reports.figures.draw import Wanted, figure_of, picture
 
-    wanted = Wanted(at, level, x, y, by, map, of, law, size, ax, panel)
+    wanted = Wanted(at, level, x, y, by, map, of, law, deform, size, ax, panel)
     if not isinstance(file, Result | str | FilePath) or str(file).lower().endswith((".yaml", ".yml")):
         from tcstudy.commands.scene import draw_study
 

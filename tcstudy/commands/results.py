@@ -69,8 +69,9 @@ def _show(options: argparse.Namespace, file: Path) -> None:
     Option("--y", metavar="NUMBER", help=_Y),
     Option("--by", metavar="NAME", help="a curve for each value of this swept parameter"),
     Option("--map", metavar="NAME,NAME", help="a map over two swept parameters"),
-    Option("--of", metavar="NUMBER", help="what the map is of, e.g. u_T_max"),
+    Option("--of", metavar="NUMBER", help="what the map is of, e.g. u_T_max; of a point: sigma_x, von_mises …"),
     Option("--law", action="store_true", help="the friction law of a point with all its nodes on it"),
+    Option("--deform", type=float, metavar="FACTOR", help="how large displacements of a point are drawn"),
     Option("--size", metavar="WIDTHxHEIGHT", help="size of the picture, e.g. 8x10cm"),
 )
 def draw(options: argparse.Namespace) -> int:
@@ -101,7 +102,7 @@ def _draw_study(options: argparse.Namespace) -> int:
     """Draw the scene of a study."""
     from tcstudy.commands.scene import draw_study
 
-    if given := [one for one in ("level", "x", "y", "by", "map", "of", "law") if getattr(options, one)]:
+    if given := [one for one in ("level", "x", "y", "by", "map", "of", "law", "deform") if getattr(options, one)]:
         fail(f"--{given[0]}: a study that was not run has no results to draw; leave it out")
     target = options.picture or Path("results") / f"{options.file.stem}.scene.png"
     try:

@@ -40,31 +40,29 @@ def draw_study(
     look = style.Look(style.size_in_inches(size) if isinstance(size, str) else size)
     with style.styled(look):
         fault: StudyError | None = None
-        figure: Figure | None = None
         try:
             figure = scene_figure(read_study(study, overrides, swept=None) if isinstance(study, Path) else study, look)
         except StudyError as error:
-            fault = error
-            if (body := body_as_given(study, overrides)) and body.outline:
-                figure = _of_faults(study.stem, body, error, look)
-        if figure is not None and target is not None:
+            if (body := body_as_given(study, overrides)) is None or body.outline is None:
+                raise
+            figure, fault = _of_faults(study.stem, body, error, look), error
+        if target is not None:
             style.save(figure, target, look.dpi)
         if fault is not None:
             raise fault
-        return style.shown(figure, look.dpi) if target is None and figure is not None else None
+        return style.shown(figure, look.dpi) if target is None else None
 
 
 def scene_figure(study: Study, look: Any) -> Figure:
     """The figure of a study that was read."""
     from tcstudy.reports.figures import scene
 
+    first = study
     if study.variants:
-        own = next((one for one in study.variants if one.study is not None), None)
-        if own is None or own.study is None:
+        made = [one.study for one in study.variants if one.study is not None]
+        if not made:
             raise DrawError(f"no geometry of the sweep can be made: {study.variants[0].reason}")
-        first = own.study
-    else:
-        first = study
+        first = made[0]
     try:
         shape = _coarsest(first)
     except GeometryFailed as error:
@@ -126,11 +124,9 @@ def _of_faults(title: str, body: Body, error: StudyError, look: Any) -> Figure:
     for problem in error.problems:
         edge = re.match(r"boundary\.(\w+)", problem.key)
         number = re.match(r"body\.outline\[(\d+)\]", problem.key)
-        name = edge[1] if edge else ""
-        if edge and (meant := re.match(r"did you mean '(\w+)'", problem.remedy)) and problem.key == f"boundary.{name}":
-            name = meant[1]
-        if number and int(number[1]) < len(body.outline.edges):
-            edges = body.outline.edges
+        meant = re.match(r"did you mean '(\w+)'", problem.remedy) if problem.key.count(".") == 1 else None
+        name = meant[1] if edge and meant else edge[1] if edge else ""
+        if number and int(number[1]) < len(edges := body.outline.edges):
             name = edges[-1 - int(number[1]) if body.outline.turned else int(number[1])].name
         where = f"line {problem.line}: " if problem.line else ""
         if name in {one.name for one in body.edges}:

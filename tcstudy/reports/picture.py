@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.reading import refuse_geometries, sweep_dims
+from tcstudy.data.reading import GEOMETRIES, by_point, sweep_dims
 from tcstudy.data.schema import STICKS
 from tcstudy.data.store import open_results
 from tcstudy.laws.composed import NO_JOINTS, Joints
@@ -157,16 +157,17 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
     """
     with open_results(path) as tree:
         root = tree.to_dataset()
-        refuse_geometries(root.attrs, "a picture of a point")
-        where = locate(root, point)
-        number = level_number(root, level)
+        where, number = locate(root, point), level_number(root, level)
         check_solved(root, where, number)
+        words = describe(root, where)
+        if GEOMETRIES in root.attrs:
+            tree, root, where = _own_geometry(tree, root, where)
         study = stored_study(root)
         group = tree[f"level_{number}"].to_dataset().isel(where, missing_dims="ignore")
         line = contact_line(group)
         return Picture(
             at=root.isel(where).isel(level=number).load(),
-            point=describe(root, where),
+            point=words,
             level=number,
             line=line,
             body=body_fields(group),
@@ -175,6 +176,18 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
             held=_held_slip(line, group),
             scene=None if study is None else scene_at(study, [where[d] for d in sweep_dims(root)]),
         )
+
+
+def _own_geometry(tree: Any, root: Any, where: Mapping[str, int]) -> tuple[Any, Any, dict[str, int]]:
+    """The part of a file that the geometry of a point has, its table, and the place of the point in it."""
+    of = by_point(root["geometry"], root)
+    place = int(
+        np.ravel_multi_index([where[dim] for dim in sweep_dims(root)], [root.sizes[d] for d in sweep_dims(root)])
+    )
+    tree = tree[f"geometry_{of[place]}"]
+    own = tree.to_dataset(inherit=False)
+    index = np.unravel_index(np.count_nonzero(of[:place] == of[place]), [own.sizes[dim] for dim in sweep_dims(own)])
+    return tree, own, {dim: int(i) for dim, i in zip(sweep_dims(own), index, strict=True)}
 
 
 def ends_held(line: LineFields, group: Any) -> list[tuple[int, int]]:

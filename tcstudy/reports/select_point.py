@@ -71,11 +71,16 @@ def parameter(data: Any, given: str, holder: str = "file") -> str:
     return name
 
 
-def quantity(data: Any, given: str) -> str:
-    """The name of a number that the file has by sweep point and level; raises DrawError with those that it has."""
+def numbers_of(data: Any) -> list[str]:
+    """Names of the numbers that a file has by sweep point and level, in its order."""
     dims = set(data["status"].dims)
     numbers = [str(name) for name in data.data_vars if set(data[name].dims) == dims and data[name].dtype.kind in "fi"]
-    held = [name for name in numbers if "flag_values" not in data[name].attrs]
+    return [name for name in numbers if "flag_values" not in data[name].attrs]
+
+
+def quantity(data: Any, given: str) -> str:
+    """The name of a number that the file has by sweep point and level; raises DrawError with those that it has."""
+    held = numbers_of(data)
     if given not in held:
         raise DrawError(f"the file has no number {given!r} by point and level; {_has(given, held, 30)}")
     return given
@@ -119,28 +124,20 @@ def fitting(
     wanted = _by_name(data, point or {}, "file")
     if twice := [name for name in wanted if name in free]:
         raise DrawError(f"{twice[0]} is drawn with all its values; leave it out of the point")
-    grid = data.attrs["sweep_mode"] == "grid"
-    labels = labels_by_point(data)
-    keep = np.ones(data["status"].isel(level=0).size, dtype=bool)
     fixed = []
     for name in axis_names(data):
-        if name in free or (name not in wanted and not grid):
-            continue
-        axis = data[name]
-        place = int(np.argmax(_fits(name, axis, wanted[name], "file"))) if name in wanted else 0
-        keep &= labels[name] == axis.values[place]
-        shown, unit = axis_labels(data, name, 6)
-        fixed.append(Fixed(name, shown[place], unit, name not in wanted and len(shown) > 1))
-    if not keep.any():
-        raise DrawError(f"no point of the file has {' and '.join(one.words for one in fixed)} together")
-    return keep, fixed
+        if name not in free and (name in wanted or data.attrs["sweep_mode"] == "grid"):
+            place = int(np.argmax(_fits(name, data[name], wanted[name], "file"))) if name in wanted else 0
+            shown, unit = axis_labels(data, name, 6)
+            fixed.append(Fixed(name, shown[place], unit, name not in wanted and len(shown) > 1))
+            wanted[name] = data[name].values[place].item()
+    return matching(data, wanted), fixed
 
 
 def labels_by_point(data: Any) -> dict[str, NDArray[Any]]:
     """(P,) labels of each swept parameter at all points of the sweep, in C order."""
-    dims = sweep_dims(data)
-    index = np.indices([data.sizes[dim] for dim in dims]).reshape(len(dims), -1)
-    return {name: data[name].values[index[dims.index(str(data[name].dims[0]))]] for name in axis_names(data)}
+    like = data["status"].isel(level=0)
+    return {name: data[name].broadcast_like(like).transpose(*like.dims).values.ravel() for name in axis_names(data)}
 
 
 def level_number(data: Any, level: int) -> int:

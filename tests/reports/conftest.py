@@ -9,6 +9,8 @@ import pytest
 
 import tcstudy
 from tcstudy.cli import main
+from tcstudy.read.study import read_study_text
+from tcstudy.study.run import execute
 from tests.reports.figures.draw_cases import (
     ALPHA,
     TAU,
@@ -57,4 +59,23 @@ def fitted(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The fit of the gallery on a coarse mesh."""
     path, config = tmp_path_factory.mktemp("fit") / "pull.nc", Path(__file__).parents[2] / "configs" / "pull_fit.yaml"
     assert main(["run", str(config), "--set", "mesh.maxh=8 mm", "--set", "fit.starts=1", "--output", str(path)]) == 0
+    return path
+
+
+PADS = """
+title: Pads of several thicknesses
+body: {rectangle: {width: 60 mm, height: 10 mm}}
+boundary: {bottom: contact, top: {role: clamped, u_x: 2 mm, u_y: 0}, left: free, right: free}
+material: {E: 5 MPa, nu: 0.3}
+friction: {law: slip-weakening, tau_s: 80 kPa, tau_k: 20 kPa, delta: 1 mm}
+mesh: {maxh: 5 mm, levels: 2}
+sweep: {boundary.top.u_x: [1 mm, 2 mm], body.rectangle.height: [20 mm, 5 mm, 10 mm]}
+output: {fields: true}
+"""
+
+
+@pytest.fixture(scope="session")
+def pads(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("pads") / "pads.nc"
+    execute(read_study_text(PADS), path)
     return path

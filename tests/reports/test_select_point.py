@@ -23,7 +23,6 @@ from tests.reports.figures.draw_cases import level_record, point_record
         (None, "alpha = 25 W m-2 K-1, friction = tresca"),
         ({"alpha": 100}, "alpha = 100 W m-2 K-1, friction = tresca"),
         ({"alpha": 100.0001, "friction": "tresca"}, "alpha = 100 W m-2 K-1, friction = tresca"),
-        ({"alpha": "100"}, "alpha = 100 W m-2 K-1, friction = tresca"),
         ({"alpha": "0.01 W/(cm^2*K)"}, "alpha = 100 W m-2 K-1, friction = tresca"),
         ({"friction": "softening"}, "alpha = 25 W m-2 K-1, friction = softening"),
         ({"heat.alpha": 100}, "alpha = 100 W m-2 K-1, friction = tresca"),

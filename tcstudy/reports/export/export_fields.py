@@ -119,7 +119,8 @@ def _write_point(
         np.append(np.arange(part.start, part.stop), [part.start] if line.closed(part) else []).astype(np.intp)
         for part in line.parts
     ]
-    fields = [*map(stored, ("u_T", "xi", "arclength", "c")), Values("state", states)]
+    names = ("u_T", "xi", *(["section_force"] if "section_force" in group else []), "arclength", "c")
+    fields = [*map(stored, names), Values("state", states)]
     about.append(Values("state_meanings", ", ".join(f"{code} {word}" for code, word in enumerate(words))))
     write_vtk(folder / f"{name}.vtp", np.column_stack([line.x, line.y]), chains, fields, (), about)
     yield i, LINE, "contact line", f"{name}.vtp"

@@ -33,12 +33,12 @@ LOOKS = (
     {"color": style.INK, "marker": "^", "markersize": 4, "linewidth": 1.1},
 )
 """Of the first, second and third error of a panel: one that lies on another hides it not."""
-PANEL, LEGEND_LINE = 2.55, 0.18
-"""Height of a panel and of a line of its legend [inch]."""
+PANEL = 2.55
+"""Height of a panel [inch]."""
 BESIDE = 0.2
-"""Room for the number of a triangle left of the finest mesh, as a part of the range of h."""
-APART = 1.7
-"""Factor between a curve and its triangle."""
+"""Room for the order left of the finest mesh, as a part of the range of h."""
+BELOW = 1.7
+"""Factor between the finest error and the line of the order to expect."""
 
 _SYMBOLS = {measure.name: measure.symbol for measure in ERRORS}
 
@@ -57,6 +57,7 @@ def draw_convergence(path: Path, point: Mapping[str, Value] | None, look: style.
     used = [name for symbol, _, names in GROUPS if symbol in panels for name in names if _drawable(at, name)]
     marks = {
         "relative errors": True,
+        "dotted: orders to expect": True,
         "dashed: pre-asymptotic": any(_verdict(at, name) == "pre_asymptotic" for name in used),
         f"pale: a guess ({sentences.GUESS}) from two levels": any(_two_points(at, name) for name in used),
         "hollow: did not converge": bool((at["status"].values != int(PointStatus.OK)).any()),
@@ -71,10 +72,7 @@ def draw_convergence(path: Path, point: Mapping[str, Value] | None, look: style.
         grid(axes)
         axes.minorticks_off()
         style.few_ticks(axes.yaxis)
-        low, high = np.log10(axes.get_ylim())
-        room = (LEGEND_LINE * len(axes.get_legend_handles_labels()[1]) + 0.05) / PANEL  # below all curves
-        axes.set_ylim(10 ** (high - (high - low) / (1 - room)), 10**high)
-        axes.legend(loc="lower right", frameon=False, fontsize=style.pt(8.5), handlelength=1.6, borderaxespad=0.1)
+        axes.legend(loc="best", framealpha=0.7, edgecolor="none", fontsize=style.pt(8.5), handlelength=1.6)
     return sheet.finish(), words or data.attrs["title"]
 
 
@@ -104,12 +102,14 @@ def convergence_panels(at: Any) -> dict[str, Panel]:
             (one for one in BY_ITSELF if one.split("_", 1)[1] in names and one in at), (":", "-."), strict=False
         ):
             panel.line(h, at[beside].values, color=style.INK, linestyle=dash, linewidth=1.2, label=beside.split("_")[0])
-        _triangles(panel, at, h, names, ok)
+        for order, (fine, size) in _finest(at, names, h, ok).items():
+            ends = np.array([size, h[ok].max()])
+            panel.line(ends, fine / BELOW * (ends / size) ** order, color=style.PALE, linewidth=0.9, linestyle=":")
+            panel.note(f"{order:g}", (size, fine / BELOW), (-4, -3), ha="right", fontsize=8.5, color=style.PALE)
         drawn = np.array([at[f"error_{name}"].values > 0 for name in names]).any(axis=0)
         panel.ticks = across(h[drawn]).tolist(), [f"{value:.2g}" for value in across(h[drawn])]
-        left, right = np.log10(np.quantile(across(h[drawn]), [0.0, 1.0]))
-        span = (right - left) or 1.0
-        panel.limits[0] = 10 ** (left - BESIDE * span), 10 ** (right + 0.06 * span)
+        left, right = across(h[drawn]).min(), across(h[drawn]).max()
+        panel.limits[0] = left * (left / right) ** BESIDE, right * (right / left) ** 0.06 if right > left else None
     return found
 
 
@@ -127,29 +127,15 @@ def _two_points(at: Any, name: str) -> bool:
     return bool(np.isfinite(at[f"slope_{name}"]) and not np.isfinite(at[f"slope_error_{name}"]))
 
 
-def _triangles(panel: Panel, at: Any, h: Array, names: list[str], ok: Any) -> None:
-    """At the finest step a triangle for each expected order: above the highest curve, below the others."""
-    curves: dict[float, tuple[float, float, float, float]] = {}
-    finest: list[float] = []
+def _finest(at: Any, names: list[str], h: Array, ok: Any) -> dict[float, tuple[float, float]]:
+    """By expected order the least error of those with that order at its finest step, and that step."""
+    found: dict[float, tuple[float, float]] = {}
     for name in names:
-        error = np.where(ok, at[f"error_{name}"].values, np.nan)
-        known, order = np.flatnonzero(error > 0), round(float(at[f"expected_{name}"]), 2)
-        finest += error[known[-1:]].tolist()
-        if order > 0 and len(known) >= 2:
-            a, b = known[-2:]
-            if order not in curves or error[b] < curves[order][3]:
-                curves[order] = (h[a], error[a], h[b], error[b])
-    highest = max(curves, key=lambda order: curves[order][3], default=0.0) if len(curves) > 1 else 0.0
-    for order, (right, coarse, left, fine) in curves.items():
-        steep, above = (right / left) ** order, order == highest
-        over, under = max(fine * steep, coarse, *(e * steep for e in finest)), min(coarse, fine * steep)
-        top = APART * over if above else under / APART
-        low = top / steep
-        corner = (left, top) if above else (right, low)
-        ring = [left, right, corner[0], left], [low, top, corner[1], low]
-        panel.line(*ring, color=style.PALE, linewidth=0.9)
-        how = {"va": "center", "ha": "right" if above else "left", "fontsize": 8.5}
-        panel.note(f"{order:g}", (corner[0], np.sqrt(low * top)), (-3 if above else 3, 0), **how)
+        error, order = np.where(ok, at[f"error_{name}"].values, np.nan), round(float(at[f"expected_{name}"]), 2)
+        known = np.flatnonzero(error > 0)
+        if order > 0 and len(known) > 1:
+            found[order] = min(found.get(order, (np.inf, 0.0)), (float(error[known[-1]]), float(h[known[-1]])))
+    return found
 
 
 def math_symbol(symbol: str) -> str:
@@ -191,10 +177,6 @@ def cost_figure(data: Any, measure: str, look: style.Look) -> Figure:
         grid(axes)
         for axis in (axes.xaxis, axes.yaxis):
             style.few_ticks(axis)
-    if (champion := best(found)) is not None:  # named in the corner that falling curves leave free
-        how: Any = {"color": COLOURS[champion[0]], "fontweight": "bold", "fontsize": style.pt(8.5)}
-        time = sheet.panels["time"]
-        time.text(0.03, 0.04, f"fastest: {', '.join(champion)}", transform=time.transAxes, **how)
     sheet.panels["unknowns"].margins(x=0.15)
     if len(sheet.heights) == 1:
         sheet.panels["unknowns"].set_ylabel("")

@@ -10,13 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.errors import DrawError
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.edges import ROLES, chained, directions, draw_edge, evenly, joined
+from tcstudy.reports.figures.edges import FILLS, ROLES, chained, directions, draw_edge, evenly, joined
 from tcstudy.reports.figures.panels import Array, Scale, note, scale
 from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.picture import BodyFields, LineFields, Picture
 from tcstudy.reports.stored_study import NamedEdge, nearest
+from tcstudy.reports.stresses import COMPONENTS, recovered
 from tcstudy.reports.text import number, pretty
+from tcstudy.scene.records import Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,19 +58,19 @@ class Drawn:
         return (self.box[3] - self.box[2]) / self.per_inch
 
 
-def exaggeration(body: BodyFields) -> float:
-    """A factor 1, 2 or 5 times a power of ten that makes the displacement visible; 1 for a body at rest."""
-    largest = float(np.hypot(*body.u.T).max())
+def exaggeration(xy: Array, u: Array) -> float:
+    """A factor 1, 2 or 5 times a power of ten that makes displacements u (…, n, 2) visible; 1 for a body at rest."""
+    largest = float(np.hypot(u[..., 0], u[..., 1]).max())
     if largest == 0.0:
         return 1.0
-    wanted = SHOWN * math.hypot(*np.ptp(body.xy, axis=0)) / largest
+    wanted = SHOWN * math.hypot(*np.ptp(xy, axis=0)) / largest
     power = 10.0 ** math.floor(math.log10(wanted))
     return float(f"{max(step for step in (1, 2, 5) if step == 1 or step * power <= wanted) * power:.1g}")
 
 
-def drawn(body: BodyFields, length_units: str, widest: float = 5.9, highest: float = 4.4) -> Drawn:
-    """Scale a body to its panel, at most so wide and high [inch]."""
-    factor = exaggeration(body)
+def drawn(body: BodyFields, length_units: str, widest: float, highest: float, factor: float | None = None) -> Drawn:
+    """Scale a body to its panel, at most so wide and high [inch]; factor: of displacements, None for one that suits."""
+    factor = exaggeration(body.xy, body.u) if factor is None else factor
     axis = scale("", np.ptp(body.xy, axis=0), length_units)
     still, moved = axis(body.xy), axis(body.xy + factor * body.u)
     low, high = (end(np.concatenate([still, moved]), axis=0) for end in (np.min, np.max))
@@ -76,13 +79,49 @@ def drawn(body: BodyFields, length_units: str, widest: float = 5.9, highest: flo
     return Drawn(moved, still, axis, factor, (low[0], high[0], low[1], high[1]), per_inch)
 
 
-def draw_body(sheet: Sheet, axes: Axes, picture: Picture, shape: Drawn) -> None:
-    """Fill the panel and put the colour bar of the temperature to its right."""
+@dataclass(frozen=True)
+class Field:
+    """What the body is coloured with: triangles and values (n,) at their nodes of each part, and what is said of it."""
+
+    name: str
+    units: str
+    parts: tuple[tuple[Indices, Array], ...]
+    told: str = ""
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The least and the greatest value."""
+        values = np.concatenate([values[np.unique(triangles)] for triangles, values in self.parts])
+        return float(values.min()), float(values.max())
+
+
+def field_of(picture: Picture, name: str | None) -> Field | None:
+    """The field of a name of COMPONENTS, or the temperature, None where there is none. Raises DrawError."""
+    body = picture.body
+    if body is None:
+        if name is not None:
+            raise DrawError("of: the run kept no fields of the body; run it again with output.fields: true")
+        return None
+    if name in (None, "theta"):
+        found = (body.triangles, body.theta) if body.theta is not None else None
+        return found and Field(r"temperature $\theta$", body.theta_units, (found,))
+    if name not in COMPONENTS:
+        raise DrawError(f"of: the body has no field {name!r}; it has theta, {', '.join(COMPONENTS)}")
+    if picture.scene is None:
+        raise DrawError("the study in the file cannot be read any more, so its materials are not known")
+    (label, component), (sigma, error) = COMPONENTS[name], recovered(body, picture.scene.material)
+    parts = tuple((body.triangles[body.region == k], component(sigma[k])) for k in np.unique(body.region))
+    told = f"stress recovered from elements, estimated error {number(100.0 * error, 2)} %"
+    return Field(label, picture.line.traction_units, parts, told)
+
+
+def draw_body(sheet: Sheet, axes: Axes, picture: Picture, shape: Drawn, field: Field | None) -> None:
+    """Fill the panel and put the colour bar of the field to its right."""
     body = picture.body
     assert body is not None
     axes.set(xlabel=f"x{shape.axis.label}", ylabel=f"y{shape.axis.label}")
     axes.set_aspect("equal", adjustable="datalim")
-    said = _fill(sheet, axes, shape, body)
+    said = _fill(sheet, axes, shape, body, field)
     axes.set_title(f"Deformed body (deformation × {shape.factor:g}; dashed: undeformed){said}", loc="left")
     if len(body.triangles) <= FINE:
         axes.triplot(*shape.moved.T, body.triangles, color=style.INK, linewidth=0.4, alpha=0.25)
@@ -90,6 +129,8 @@ def draw_body(sheet: Sheet, axes: Axes, picture: Picture, shape: Drawn) -> None:
     undeformed = joined(chained(shape.still[rim]))
     axes.plot(*undeformed, color=style.INK, alpha=0.6, linewidth=0.9, linestyle=(0, (5, 3)))
     axes.plot(*joined(chained(shape.moved[rim])), color=style.INK, linewidth=1.0)
+    for k in np.unique(body.region)[1:]:
+        _draw_region(axes, shape, body, int(k), picture.scene)
     _draw_edges(axes, shape, picture.edges, rim, nearest(body.xy[rim].mean(axis=1), picture.edges))
     _draw_contact(axes, shape, contact_chains(body.xy, rim, picture.line), picture.line)
     for source in picture.sources:
@@ -98,23 +139,39 @@ def draw_body(sheet: Sheet, axes: Axes, picture: Picture, shape: Drawn) -> None:
     axes.set_ylim(*shape.box[2:], auto=True)
 
 
-def _fill(sheet: Sheet, axes: Axes, shape: Drawn, body: BodyFields) -> str:
-    """Colour the body in bands between round temperatures, with a bar; or evenly, and return what there is to say."""
+def _fill(sheet: Sheet, axes: Axes, shape: Drawn, body: BodyFields, field: Field | None) -> str:
+    """Colour the body in bands between round values, with a bar; or evenly, and return what there is to say."""
     from matplotlib.colors import ListedColormap
     from matplotlib.ticker import MaxNLocator
     from matplotlib.tri import Triangulation
 
-    theta, (x, y) = body.theta, shape.moved.T
-    if theta is None or np.ptp(theta) <= UNIFORM * np.abs(theta).max():
-        colour = ListedColormap([style.SHADE if theta is None else style.EVEN])
-        axes.tripcolor(x, y, body.triangles, facecolors=np.zeros(len(body.triangles)), cmap=colour)
-        if theta is None:
+    x, y = shape.moved.T
+    low, high = field.ends if field else (0.0, 0.0)
+    if field is None or high - low <= UNIFORM * max(abs(low), abs(high)):
+        colours = FILLS if field is None and body.region.any() else [style.EVEN if field else style.SHADE]
+        shown = body.region % len(colours)
+        axes.tripcolor(x, y, body.triangles, facecolors=shown, cmap=ListedColormap(colours), vmax=len(colours) - 0.5)
+        if field is None:
             return ""
-        return rf",  $\theta$ = {number(float(theta.mean()))} {pretty(body.theta_units)}".rstrip() + " everywhere"
-    bands = MaxNLocator(nbins=12, steps=[1, 2, 2.5, 5, 10]).tick_values(theta.min(), theta.max())
-    filled = axes.tricontourf(Triangulation(x, y, body.triangles), theta, levels=bands, cmap=style.HEAT)
-    sheet.bar(axes, filled, style.labelled(r"temperature $\theta$", body.theta_units))
-    return ""
+        symbol = field.name.rpartition(" ")[2]
+        return f",  {symbol} = {number(0.5 * (low + high))} {pretty(field.units)}".rstrip() + " everywhere"
+    axis = scale(field.name, [low, high], field.units)
+    bands = MaxNLocator(nbins=12, steps=[1, 2, 2.5, 5, 10]).tick_values(low / axis.one, high / axis.one)
+    how: dict[str, Any] = {"levels": bands, "cmap": style.HEAT if low >= 0.0 or not field.told else style.SIGNED}
+    for triangles, values in field.parts:
+        filled = axes.tricontourf(Triangulation(x, y, triangles), axis(values), **how)
+    sheet.bar(axes, filled, axis.label)
+    return f";  {field.told}" if field.told else ""
+
+
+def _draw_region(axes: Axes, shape: Drawn, body: BodyFields, k: int, scene: Scene | None) -> None:
+    """The outline of a region with a material of its own, with its name where there is room."""
+    own = body.triangles[body.region == k]
+    axes.plot(*joined(chained(shape.moved[boundary_edges(body.xy, own)])), color=style.INK, linewidth=0.7)
+    places = shape.moved[np.unique(own)]
+    name, size = scene.material.regions[k - 1][0] if scene else "", np.ptp(places, axis=0) / shape.per_inch
+    if size[0] > style.LETTER * len(name) and size[1] > 2 * style.LETTER:
+        note(axes, name, 0.5 * (places.min(axis=0) + places.max(axis=0)), (0, 0), ha="center", va="center", bbox=GROUND)
 
 
 def _draw_edges(axes: Axes, shape: Drawn, named: Sequence[NamedEdge], rim: Indices, of: NDArray[np.int8]) -> None:

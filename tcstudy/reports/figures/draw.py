@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-OF_RUN = ("x", "y", "by", "map", "of", "law")
+OF_RUN = ("x", "y", "by", "map", "of", "law", "deform")
 """What chooses among the pictures of a run."""
 LOOK = ("size", "ax", "panel")
 """What all pictures take."""
@@ -52,6 +52,7 @@ class Wanted:
     map: tuple[str, str] | None = None
     of: str | None = None
     law: bool = False
+    deform: float | None = None
     size: str | tuple[float, float] | None = None
     ax: Axes | None = None
     panel: str | None = None
@@ -66,13 +67,12 @@ class Wanted:
         for name in given:
             if name not in DRAWN_BY[kind] and not (name == "at" and not self.at):
                 raise UsageError(f"{name}: the picture of a {kind} file does not depend on it; leave it out")
-        if kind != "run":
-            return
-        for one, other in (("x", "y"), ("y", "x"), ("map", "of"), ("of", "map"), ("by", "x")):
+        for one, other in (("x", "y"), ("y", "x"), ("map", "of"), ("by", "x")) if kind == "run" else ():
             if one in given and other not in given:
                 raise UsageError(f"{one}: give {other}, too, for example {EXAMPLES[other]}")
-        modes = [name for name in ("x", "map", "law") if name in given]
-        if len(modes) > 1:
+        modes = [name for name in ("x", "map", "law", "deform", "of") if name in given]
+        modes = modes[:1] if modes in (["map", "of"], ["deform", "of"]) else modes
+        if kind == "run" and len(modes) > 1:
             raise UsageError(f"{modes[0]}: {modes[1]} is another picture; choose one of them")
 
 
@@ -136,4 +136,4 @@ def _drawn(file: Path, kind: Kind, wanted: Wanted, look: style.Look) -> tuple[Fi
         names = ", ".join(f"{edge}: {law.name}" if edge else law.name for edge, law in laws[0])
         return law_figure(point, laws, look), f"law {names}, {where}"
     fields = "" if point.body else " (contact line only: the run kept no fields, see output.fields)"
-    return point_figure(point, look), f"{where}{fields}"
+    return point_figure(point, look, wanted.of, wanted.deform), f"{where}{fields}"

@@ -24,6 +24,8 @@ ROLES: dict[str, dict[str, Any]] = {
     "free": {"color": style.INK, "linewidth": 1.0},
 }
 """How edges of each role are drawn."""
+FILLS = ("#f3f1ea", "#cfe3f2", "#f6dcc6", "#d3ead9", "#efd4e4", "#f5ebc0", "#d9d9d9")
+"""Of the body and of its regions."""
 HATCH = 0.1
 """How far apart the ticks of a held edge stand along it [inch]."""
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.body import Drawn, draw_body, drawn
+from tcstudy.reports.figures.body import Drawn, draw_body, drawn, field_of
 from tcstudy.reports.figures.panels import Panel, Scale, scale
 from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.picture import NEAR, LineFields, Picture
@@ -24,11 +24,15 @@ FEW = 60
 """Contact nodes up to which each one gets a dot."""
 
 
-def point_figure(picture: Picture, look: style.Look) -> Figure:
-    """The figure of one point; call it within `style.styled()` for its letters."""
+def point_figure(picture: Picture, look: style.Look, of: str | None = None, factor: float | None = None) -> Figure:
+    """The figure of one point; call it within `style.styled()` for its letters.
+
+    of: the field of the body (`field_of`);  factor: of its displacement, None for one that suits
+    """
     line, body, at = picture.line, picture.body, picture.at
     width = (look.size[0] / (look.letters / style.USUAL) if look.size else style.WIDTH) - BESIDE
-    shape = drawn(body, line.length_units, width, BODY) if body else None
+    shape = drawn(body, line.length_units, width, BODY, factor) if body else None
+    field = field_of(picture, of)
     below = ["upper", "lower", *(["section"] if line.section else [])]
     rows, heights = [[name] for name in below], [PANEL] * len(below)
     if shape:
@@ -43,7 +47,7 @@ def point_figure(picture: Picture, look: style.Look) -> Figure:
     aligned = shape is not None and origin_below(line) is not None
     along = _draw_line(sheet, picture, width, aligned)
     if shape:
-        draw_body(sheet, sheet.panels["body"], picture, shape)
+        draw_body(sheet, sheet.panels["body"], picture, shape, field)
     figure = sheet.finish()
     if shape and aligned:  # the body has the width of its panel now
         for name in below:

@@ -19,7 +19,7 @@ from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.edges import HATCH, ROLES, chained, directions, draw_edge, evenly
+from tcstudy.reports.figures.edges import FILLS, HATCH, ROLES, chained, directions, draw_edge, evenly
 from tcstudy.reports.figures.law import draw_law, slip_range
 from tcstudy.reports.figures.panels import Array, Panel, scale
 from tcstudy.reports.figures.sheet import Sheet
@@ -45,8 +45,6 @@ WIDEST, LONGEST = 21, 24
 MOST_LAWS, MOST_VALUES = 6, 5
 FINE = 0.04
 """Width and height of triangles below which their sides would only darken the picture [inch]."""
-FILLS = ("#f3f1ea", "#cfe3f2", "#f6dcc6", "#d3ead9", "#efd4e4", "#f5ebc0", "#d9d9d9")
-"""Of the body and of its regions."""
 
 
 @dataclass(frozen=True)

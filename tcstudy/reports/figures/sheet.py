@@ -37,8 +37,6 @@ APART = 0.8
 """Room between keys and panels, relative to the letters of the keys."""
 SMALLEST = 0.3
 """Panels can shrink to this part of their usual height."""
-LINES = 2
-"""Most lines of a label beside a panel, if there is a shorter one."""
 
 
 class Sheet:
@@ -66,7 +64,6 @@ class Sheet:
         if self.wide < NARROW:
             own = {name: high for row, high in zip(rows, heights, strict=True) for name in row if name != "."}
             rows, heights = [[name] for name in own], list(own.values())
-        self._labels: dict[Axes, tuple[str, ...]] = {}
         head = self._lines(heading, LARGE, fontweight="bold")
         head += [line for fact in facts for line in self._lines(fact, SMALL)]
         foot = [line for text in (*feet, *look.remarks) for line in self._lines(text, SMALL)]
@@ -124,11 +121,10 @@ class Sheet:
             columnspacing=1.2,
         )  # fmt: skip
 
-    def bar(self, axes: Axes, drawn: Any, *label: str) -> Colorbar:
-        """A colour bar beside a panel; labels as for `label`."""
-        bar = axes.figure.colorbar(drawn, ax=axes, aspect=25.0, pad=0.02, fraction=0.04)
+    def bar(self, axes: Axes, drawn: Any, label: str) -> Colorbar:
+        """A colour bar beside a panel."""
+        bar = axes.figure.colorbar(drawn, ax=axes, aspect=25.0, pad=0.02, fraction=0.04, label=label)
         bar.outline.set_visible(False)
-        self.label(bar.ax, *label)
         return bar
 
     def share(self, *names: str) -> None:
@@ -137,11 +133,6 @@ class Sheet:
             if self.panels[name] is not self.look.into:
                 self.panels[name].tick_params(labelbottom=False)
                 self.panels[name].set_xlabel("")
-
-    def label(self, axes: Axes, *texts: str) -> None:
-        """What stands beside a panel, wrapped to its height: the first text that does in two lines, or the last."""
-        axes.set_ylabel(texts[0])
-        self._labels[axes] = texts
 
     def finish(self) -> Figure:
         """Lay everything out; returns the figure."""
@@ -177,8 +168,7 @@ class Sheet:
         box, wider = axes.get_position(), 1.15 if self.wide >= NARROW else 1.0
         across = self.look.columns(wider * box.width * self.width)
         up = self.look.columns(box.height * self.height)
-        texts = [_wrapped(text, up) for text in self._labels.get(axes, (axes.get_ylabel(),))]
-        axes.set_ylabel(next((text for text in texts if text.count("\n") < LINES), texts[-1]), linespacing=1.0)
+        axes.set_ylabel(_wrapped(axes.get_ylabel(), up), linespacing=1.0)
         axes.set_xlabel(_wrapped(axes.get_xlabel(), across))
         title = self.look.columns((1.0 - box.x0) * self.width - EDGE * self.em) if len(self.panels) < 2 else across
         axes.set_title(_wrapped(axes.get_title(loc="left"), title), loc="left")

@@ -46,6 +46,8 @@ LETTER = 0.09
 HEAT = "YlOrRd"
 """Colour map of the body: light enough for dark lines and letters on most of its range."""
 
+SIGNED = "RdYlBu_r"
+"""Colour map of what may have either sign."""
 
 USUAL, LEAST = 9.5, 7.0
 """Usual size of letters [pt]; of those in a small picture, the least that journals print."""

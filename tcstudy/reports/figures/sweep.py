@@ -43,8 +43,6 @@ COUNTS = ("solutions", "stable_solutions")
 MARKS = "osD^vPX"
 MOST_NAMED, MOST_MARKS = 10, 60
 """Curves that a legend names (more of them, by a number, are told apart by a colour bar); points that get marks."""
-SHORT = {"u_T_max": "max $|u_T|$", "theta_mean": r"mean $\theta$", "lambda_1": r"$\lambda_1$", "omega": r"$\omega$"}
-"""Numbers on small sheets whose names are no words."""
 COLOURS = "viridis"
 """Evenly light for every kind of colour vision, and in grey."""
 GONE: dict[str, Any] = {"hatch": "xxx", "edgecolor": style.PALE, "linewidth": 0.0}
@@ -192,12 +190,6 @@ def _sheet(sweep: SweepPicture, look: style.Look) -> tuple[Sheet, Axes, Scale]:
     return sheet, sheet.panels[""], scale(style.with_symbols(sweep.long_name), known, sweep.units)
 
 
-def _short(sweep: SweepPicture, up: Scale) -> str:
-    """The number in fewer words, with its unit, where the whole ones find no room."""
-    name = SHORT.get(sweep.quantity, sweep.quantity.replace("_", " "))
-    return name + up.label[up.label.rindex(" [") :] if up.label.endswith("]") else name
-
-
 def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
     """One number over the first parameter of the sweep, a curve for each value of the second if there is one."""
     x, by = sweep.parameters[0], sweep.parameters[1] if len(sweep.parameters) > 1 else None
@@ -232,7 +224,6 @@ def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
     for at, colour in gone:
         axes.plot(at, 0.0 * at, "x", color=colour, markersize=5, clip_on=False, zorder=5,
                   transform=axes.get_xaxis_transform())  # fmt: skip
-    sheet.label(axes, up.label, _short(sweep, up))
     if panel.log[0]:
         axes.minorticks_off()
     if by and bar and len(by.labels) > MOST_NAMED:
@@ -267,7 +258,7 @@ def map_figure(sweep: SweepPicture, look: style.Look) -> Figure:
     else:
         drawn = _cells(sheet, axes, sweep, values, how)
     axes.set(xlabel=sweep.parameters[0].title, ylabel=sweep.parameters[1].title)
-    bar = sheet.bar(axes, drawn, up.label, _short(sweep, up))
+    bar = sheet.bar(axes, drawn, up.label)
     if counts:
         numbers = np.unique(values[np.isfinite(values)])
         bar.set_ticks(numbers.tolist(), labels=[f"{n:.0f}" for n in numbers])
@@ -352,11 +343,8 @@ def _outlined(axes: Axes, which: Flags, look: dict[str, Any], name: str) -> None
 
 def _fold_lines(axes: Axes, values: Array) -> None:
     """Lines between cells with different numbers of equilibria."""
-
-    def differ(a: Array, b: Array) -> NDArray[np.intp]:
-        return np.argwhere(np.isfinite(a) & np.isfinite(b) & (a != b))
-
-    for row, column in differ(values[:, 1:], values[:, :-1]):
-        axes.plot([column + 1] * 2, [row, row + 1], **FOLD)
-    for row, column in differ(values[1:], values[:-1]):
-        axes.plot([column, column + 1], [row + 1] * 2, **FOLD)
+    for cells, turned in ((values, False), (values.T, True)):
+        a, b = cells[:, 1:], cells[:, :-1]
+        for row, column in np.argwhere(np.isfinite(a) & np.isfinite(b) & (a != b)):
+            ends = [column + 1] * 2, [row, row + 1]
+            axes.plot(*(ends[::-1] if turned else ends), **FOLD)

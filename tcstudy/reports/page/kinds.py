@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tcstudy.data.measured import MEASURES
-from tcstudy.data.reading import asked, each_point
+from tcstudy.data.reading import each_point
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.accuracy import convergence_panels, cost_panels
 from tcstudy.reports.figures.fit import fit_panels
@@ -27,7 +27,7 @@ from tcstudy.reports.page.parts import (
     text_parts,
     words,
 )
-from tcstudy.reports.page.point_part import geometry
+from tcstudy.reports.page.point_part import geometry, section_force
 from tcstudy.reports.page.stored import Stored
 from tcstudy.reports.select_point import describe
 from tcstudy.reports.stored_study import at_rest
@@ -137,15 +137,9 @@ def line_part_of(stored: Stored, data: Any, pieces: Any, kept: Any, box: Contain
 
 
 def _units(data: Any) -> Json:
-    return {f"{name}_units": str(data[name].attrs["units"]) for name in ("u_T", "xi")}
+    return {f"{name}_units": str(data[name].attrs["units"]) for name in ("u_T", "xi")} | {"N_units": "N m-1"}
 
 
-NUMBERS = (
-    "friction_resultant", "u_T_max", "slip_length", "breathing_length", "debonded_length", "softening_length",
-    "yielded_length", "elastic_length", "stored", "dissipated", "work", "released", "closure", "energy",
-    "jumps", "inclusion_residual", "identity", "parts", "iterations",
-)  # fmt: skip
-"""Numbers of a step in the order in which they are shown."""
 FACTS = ("friction_resultant", "u_T_max", "slip_length", "dissipated", "jumps", "inclusion_residual", "proved")
 """Those of the step that is looked at."""
 MEMORY = ("kappa", "plastic")
@@ -163,7 +157,8 @@ def history_parts(stored: Stored, part: Any, without: tuple[str, ...], box: Cont
     step_names = [str(one) for one in data["step_name"].values]
     columns = [column("step", "step", "1", steps, box), column("name", "name", "1", step_names, box)]
     columns += [column("cycle", "cycle", "1", data["cycle"].values, box)]
-    for name in (*loads, *(one for one in (*NUMBERS, *asked(data)) if one in data)):
+    numbers = [str(name) for name, one in data.data_vars.items() if one.dims == ("step",) and "units" in one.attrs]
+    for name in dict.fromkeys([*loads, *(one for one in numbers if "flag_values" not in data[one].attrs)]):
         title = symbol(name) if name in loads else str(data[name].attrs["long_name"])
         columns.append(column(name, title, str(data[name].attrs["units"]), data[name].values, box))
     columns.append(column("proved", "proved", "1", [proved(data.isel(step=i)) for i in steps], box))
@@ -181,6 +176,7 @@ def history_parts(stored: Stored, part: Any, without: tuple[str, ...], box: Cont
             "line": geometry(data, box) | _units(data) | {"rest": at_rest(stored.study) and not held},
             "u_T": box.rows(data["u_T"].values),
             "xi": box.rows(data["xi"].values),
+            **section_force(data, lambda values: values.values, box),
             "state": box.array(moved, "i1"),
             "moves": list(history_summary.MOVES),
             "memory": [

@@ -5,18 +5,20 @@ Live data are what the page needs to solve contact problems by itself: those of 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from tcstudy.data.reading import by_point
 from tcstudy.data.schema import STICKS
-from tcstudy.reports.figures.body import boundary_edges
+from tcstudy.reports.figures.body import boundary_edges, exaggeration
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.law_part import frictions_of, node_part
 from tcstudy.reports.page.stored import Stored
 from tcstudy.reports.picture import contact_line, ends_held
 from tcstudy.reports.stored_study import at_rest, law_of_nodes, nearest, outline, sources
+from tcstudy.reports.text import DIGITS
 from tcstudy.scene.contact_states import ContactState, node_states
 from tcstudy.scene.study import Study
 
@@ -36,11 +38,9 @@ def body_part(stored: Stored, level: int, box: Container) -> Json:
     group = stored.groups[level]
     x, y, triangles = (group[name].values for name in ("node_x", "node_y", "triangle"))
 
-    def field(name: str) -> Json:
-        values = by_point(group[name], stored.data)
-        return box.fields(np.where(np.isfinite(values), values, 0.0))
-
-    xy = np.column_stack([x, y])
+    xy, named = np.column_stack([x, y]), outline(stored.study)
+    fields = {name: by_point(group[name], stored.data) for name in ("u_x", "u_y", "theta") if name in group}
+    fields = {name: np.where(np.isfinite(values), values, 0.0) for name, values in fields.items()}
     edges = boundary_edges(xy, triangles.astype(np.intp))
     return {
         "level": level,
@@ -48,11 +48,11 @@ def body_part(stored: Stored, level: int, box: Container) -> Json:
         "y": box.array(y, "f4"),
         "triangle": box.array(triangles, "u2" if len(x) < 65536 else "i4"),
         "boundary": box.array(edges, "i4"),
-        "edge": box.array(nearest(xy[edges].mean(axis=1), outline(stored.study)), "i1"),
-        "u_x": field("u_x"),
-        "u_y": field("u_y"),
-        "theta": field("theta") if "theta" in group else None,
+        "edge": box.array(nearest(xy[edges].mean(axis=1), named), "i1"),
+        "factor": exaggeration(xy, np.stack([fields["u_x"], fields["u_y"]], axis=-1)),
+        "theta": None,
         "theta_units": str(group["theta"].attrs["units"]) if "theta" in group else "1",
+        **{name: box.fields(values) for name, values in fields.items()},
     }
 
 
@@ -67,12 +67,19 @@ def line_part(stored: Stored, level: int, box: Container) -> Json:
         "u_T": box.rows(u_T),
         "xi": box.rows(xi),
         **held,
+        **section_force(group, lambda values: by_point(values, stored.data), box),
         **_equilibria(stored, group, box),
         "state": box.array(_states(stored, group, u_T), "i1"),
         "u_T_units": str(group["u_T"].attrs["units"]),
         "xi_units": str(group["xi"].attrs["units"]),
         "rest": at_rest(stored.study),
     }
+
+
+def section_force(data: Any, rows: Callable[[Any], Any], box: Container) -> Json:
+    """N along the line where it was asked for; rows: makes (P, m) values of the variable."""
+    N = data.get("section_force")
+    return {} if N is None else {"N": box.rows(rows(N)), "N_units": str(N.attrs["units"])}
 
 
 def _equilibria(stored: Stored, group: Any, box: Container) -> Json:
@@ -134,17 +141,20 @@ def geometry(group: Any, box: Container) -> Json:
 def live_part(stored: Stored, box: Container) -> Json | None:
     """The finest level that has live data; None where no point is valid or the run kept none.
 
-    A_tilde is symmetric: its lower triangle by rows.
+    A_tilde is symmetric: its lower triangle by rows. proved: λ₁ less its error, which ω is to be below.
     """
     usable = [n for n, data in stored.live.items() if "load" in data and np.any(data["valid"].values == 1.0)]
     if not usable or stored.study is None:
         return None
-    level = max(usable)
+    level, run = max(usable), stored.data
+    lambda_1, error = (by_point(run[name], run)[:, level] for name in ("lambda_1", "lambda_1_error"))
     data, A_tilde = stored.live[level], stored.live[level]["A_tilde"].values
     return {
         "level": level,
         "A": box.array(A_tilde[np.tril_indices(len(A_tilde))]),
         "c": box.array(stored.groups[level]["c"].values),
+        "lambda_1": box.array(lambda_1),
+        "proved": box.array(lambda_1 * (1.0 - np.maximum(error, DIGITS))),
         **{
             name: box.array(by_point(data[name], stored.data))
             for name in ("stiffness", "valid", "load", "mechanical_load")

@@ -10,21 +10,14 @@ from tcstudy.data.reading import asked, axis_names, by_point, sweep_dims
 from tcstudy.data.records import PointStatus
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.stored import Stored
+from tcstudy.reports.select_point import numbers_of
 from tcstudy.reports.text import named, study_unit
 
 ROOM_FOR_DOUBLES = 300_000
 """Bytes of numbers up to which the page has all digits; beyond it has seven (the energy always has all)."""
 
-QUANTITIES = (
-    "u_T_max", "solutions", "stable_solutions", "slip_length", "breathing_length", "debonded_length",
-    "softening_length", "yielded_length", "elastic_length", "friction_resultant", "shear_max", "shear_max_at", "energy",
-    "theta_mean",
-    "uniqueness_margin", "inclusion_residual", "error_estimate", "error_bound_relative", "goal", "goal_estimate",
-    "goal_error", "iterations",
-    "lambda_1", "omega", "time_solve", "time_condense", "heat_balance", "evaluations",
-)  # fmt: skip
-"""Numbers by sweep point and level in the order in which they are offered; after the first come those asked for."""
-
+DIAGNOSTIC = ("inclusion_", "iterations", "evaluations", "heat_balance", "time_", "lambda_1_error")
+"""How numbers begin that stand after the others."""
 SUMS = ("dissipated", "released", "work", "jumps")
 """Numbers of which a point of a history has the sum over its steps."""
 FLAGS = ("status", "unique", "strict_minimum", "global_minimum", "heat_status", "start_used", "complete")
@@ -38,15 +31,13 @@ def run_part(stored: Stored, box: Container) -> Json:
     def flat(name: str) -> Any:
         return by_point(data[name], data)
 
-    requested = asked(data)
-    names = [
-        name for name in (QUANTITIES[0], *requested, *QUANTITIES[1:]) if name in data and np.isfinite(flat(name)).any()
-    ]
+    held = [name for name in numbers_of(data) if np.isfinite(flat(name)).any()]
+    first = [name for name in ("u_T_max", *asked(data)) if name in held]
+    names = [*first, *sorted((name for name in held if name not in first), key=lambda n: n.startswith(DIAGNOSTIC))]
     kind = "f8" if data["status"].size * len(names) * 8 <= ROOM_FOR_DOUBLES else "f4"
     return {
         **sweep_of(data),
         "levels": level_numbers(data),
-        "stop": [str(one) for one in data["stop"].values] if "stop" in data else [],
         "numbers": {
             name: {
                 "long_name": ": ".join(data[name].attrs.get(key, "") for key in ("long_name", "comment")).rstrip(": "),
@@ -55,7 +46,7 @@ def run_part(stored: Stored, box: Container) -> Json:
             }
             for name in names
         },
-        "asked": [name for name in requested if name in names],
+        "asked": [name for name in asked(data) if name in names],
         "flags": {name: box.array(flat(name), "i1") for name in FLAGS if name in data},
         **reasons(flat("reason"), box),
         "starts": [str(one) for one in data["start"].values],
@@ -81,7 +72,6 @@ def history_run(data: Any, box: Container) -> Json:
     return {
         **sweep_of(data),
         "levels": {name: [values] for name, values in level_numbers(data).items()},
-        "stop": [],
         "numbers": {
             name: {"long_name": about[name]["long_name"], "units": about[name]["units"], "v": box.array(values)}
             for name, values in totals.items()

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import html
 import json
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 from tcstudy.data.files import check_writable, replace_file
 from tcstudy.data.provenance import remarks_of
@@ -98,16 +101,18 @@ def _lines(stored: Stored) -> int:
 
 def _has(stored: Stored, part: str) -> bool:
     """Whether leaving a part out would save anything."""
-    if stored.kind == "history":
-        return part in ("memory", "lines")
-    homes = [home for home in stored.homes or (stored,) if home is not None and stored.kind == "run"]
-    having = {
-        "levels": any(len(home.groups) > 1 for home in homes),
-        "live": bool(stored.live),
-        "body": any(drawn_level(home) is not None for home in homes),
-        "lines": any(home.groups for home in homes),
-    }
-    return having.get(part, False)
+    if stored.kind != "run":
+        return stored.kind == "history" and part in ("memory", "lines")
+    homes = [home for home in stored.homes or (stored,) if home is not None]
+    return part != "memory" and any(
+        {
+            "levels": len(home.groups) > 1,
+            "live": home.live,
+            "body": drawn_level(home) is not None,
+            "lines": home.groups,
+        }[part]
+        for home in homes
+    )
 
 
 def page(stored: Stored, without: tuple[str, ...] = ()) -> str:
@@ -144,14 +149,29 @@ def _about(stored: Stored) -> Json:
         "solver": str(attrs["solver"]),
         "states": STATES,
         "proofs": sentences.PROVED_STEPS if stored.kind == "history" else sentences.PROVED,
-        "symbols": {name: symbol(name) for name in names if name.partition("_")[0] in GREEK}
-        | {name: name for name in asked(stored.data)},
+        "symbols": {
+            **{
+                str(name): _titled(one.attrs) for name, one in stored.data.data_vars.items() if "long_name" in one.attrs
+            },
+            **{
+                name: symbol(name)
+                for name in names
+                if name.partition("_")[0] in GREEK and name not in stored.data.data_vars
+            },
+            **{name: name for name in asked(stored.data)},
+        },
         "tolerance": float(attrs["solver_tolerance"]),
         "provenance": {name: str(attrs[name]) for name in told},
         "versions": json.loads(attrs["versions"]),
         "overrides": str(attrs["overrides"]).splitlines(),
         "yaml": str(attrs["study_yaml"]),
     }
+
+
+def _titled(attrs: Mapping[str, Any]) -> str:
+    """The long name of a number, with λ₁ and its like as the page writes them."""
+    text = re.sub(r"\blambda_1\b", "λ₁", str(attrs["long_name"]))
+    return re.sub(r"\bomega\b", "ω", text).replace("|xi|", "|ξ|").replace("|u_T|", "|u_T|")
 
 
 def _content(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
@@ -189,11 +209,34 @@ def _run_content(stored: Stored, without: tuple[str, ...], box: Container) -> Js
             content["lines"][level] = line_part(stored, live["level"], box)
     measured = {"convergence": ("Measured convergence (tcstudy converge)", convergence_parts),
                 "cost": ("Accuracy against cost (tcstudy cost)", cost_parts)}  # fmt: skip
+    content["advice"] = _advice(stored)
     content["beside"] = []
     for other in stored.beside:
         title, parts = measured[other.kind]
         content["beside"].append(section(title, other.kind, *parts(other.data, box)))
     return content
+
+
+def _advice(stored: Stored) -> list[str]:
+    """What the run could have had beside what it has."""
+    data, body = (
+        stored.data,
+        any("u_x" in group for home in stored.homes or (stored,) if home for group in home.groups.values()),
+    )
+    stops = [str(one) for one in data["stop"].values if str(one)] if "stop" in data else []
+    told = {
+        f"Refinement ended because {stops[-1] if stops else ''}.": bool(stops),
+        "With output: {fields: true} the page also shows the body's temperature and deformation.": not body,
+        "A page of one geometry can solve in the browser: tcstudy export FILE.nc --geometry --at NAME=VALUE -o ONE.nc, "
+        "then tcstudy report ONE.nc, of a run with output: {live: true}.": bool(stored.homes),
+        "With output: {live: true} the contact problem can be solved here, in the browser, while sliders move.": (
+            not stored.homes and not stored.live
+        ),
+        "tcstudy converge measures errors and compares them with the orders to expect; "
+        "its file beside this one is shown here, too.": data.sizes["level"] > 2
+        and all(one.kind != "convergence" for one in stored.beside),
+    }
+    return [line for line, wanted in told.items() if wanted]
 
 
 def _home(stored: Stored, without: tuple[str, ...], box: Container) -> Json:

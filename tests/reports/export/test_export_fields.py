@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import tcstudy
 from tcstudy.errors import DrawError
 from tcstudy.reports.export.export_fields import write_fields
 from tcstudy.reports.picture import BodyFields
-from tcstudy.reports.stresses import stresses, von_mises
+from tcstudy.reports.stresses import principal, recovered, stresses, von_mises
 from tcstudy.scene.records import Material
 from tests.reports.figures.draw_cases import result
 
@@ -37,6 +38,27 @@ def test_stresses_of_closed_forms() -> None:
     assert np.allclose(sigma[:, 3], MU * 4e-4, rtol=1e-12)
     assert np.allclose(energy, 0.5 * MU * 16e-8, rtol=1e-12)
     assert np.allclose(von_mises(sigma), np.sqrt(3.0) * MU * 4e-4, rtol=1e-12)
+
+
+def test_recovered_stresses_are_exact_where_they_are_constant_and_jump_between_materials() -> None:
+    plate = body([[1e-4, 0.0], [0.0, 0.0]], 0.0)
+    sigma, error = recovered(plate, STRAIN)
+    assert np.allclose(sigma[0], stresses(plate, STRAIN)[0][0], rtol=1e-12)
+    assert error < 1e-12
+    assert np.allclose(principal(sigma[0], 1.0), (LAM + 2 * MU) * 1e-4, rtol=1e-12)
+    assert np.allclose(principal(sigma[0], -1.0), LAM * 1e-4, rtol=1e-12)
+    soft = replace(STRAIN, lam=LAM / 2, mu=MU / 2)
+    two = replace(STRAIN, regions=(("soft", soft),))
+    sigma, error = recovered(replace(plate, region=np.array([0, 1], dtype=np.int8)), two)
+    assert np.allclose(sigma[0, [0, 1, 2], 0], (LAM + 2 * MU) * 1e-4, rtol=1e-12)
+    assert np.allclose(sigma[1, [0, 3, 2], 0], (LAM + 2 * MU) / 2 * 1e-4, rtol=1e-12)
+    assert error < 1e-12
+    bent = replace(plate, u=plate.u + 1e-4 * np.array([[0, 0], [1, 0], [0, 0], [0, 0]]))
+    sigma, error = recovered(bent, STRAIN)
+    constant = stresses(bent, STRAIN)[0]
+    area = np.array([2.5, 2.0])
+    assert np.allclose(sigma[0, 0], area @ constant / area.sum(), rtol=1e-12)
+    assert 0.01 < error < 1.0
 
 
 def test_stresses_of_free_expansion() -> None:

@@ -139,36 +139,34 @@ def shown_steps(axes: Any) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
     return values[::2], np.append(edges[::2], edges[-1])
 
 
-def texts(figure: Figure) -> str:
-    found = [text.get_text() for text in figure.texts]
-    for axes in figure.axes:
-        found += [axes.get_title(loc="left"), axes.get_xlabel(), axes.get_ylabel()]
-        found += [text.get_text() for text in axes.texts]
-    return "\n".join(found)
+def texts_of(figure: Figure) -> list[tuple[str, Any]]:
+    """The texts that one sees and their boxes [pixel]; numbers at ticks outside an axis are not seen."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.text import Text
+
+    renderer, hidden = FigureCanvasAgg(figure).get_renderer(), set()
+    figure.draw(renderer)
+    for axis in (one for axes in figure.axes for one in (axes.xaxis, axes.yaxis)):
+        low, high = sorted(axis.get_view_interval())
+        slack = 1e-9 * (high - low)
+        ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
+        hidden |= {id(t.label1) for t in ticks if not low - slack <= t.get_loc() <= high + slack}
+    shown = [text for text in figure.findobj(Text) if isinstance(text, Text) and text.get_visible()]
+    seen = [text for text in shown if id(text) not in hidden and text.get_text().strip()]
+    return [(text.get_text(), text.get_window_extent(renderer)) for text in seen]
+
+
+def off_the_page(figure: Figure) -> list[str]:
+    """Texts that reach over the edges of the picture."""
+    page = figure.bbox.padded(1.0)
+    return [
+        text for text, box in texts_of(figure) if not (page.contains(box.x0, box.y0) and page.contains(box.x1, box.y1))
+    ]
 
 
 def crowded(figure: Figure) -> list[str]:
     """Texts that overlap another one or leave the picture."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.text import Text
-
-    renderer = FigureCanvasAgg(figure).get_renderer()
-    figure.draw(renderer)
-    hidden = set()
-    for axes in figure.axes:
-        for axis in (axes.xaxis, axes.yaxis):
-            low, high = sorted(axis.get_view_interval())
-            slack = 1e-9 * (high - low)
-            hidden |= {id(t.label1) for t in axis.get_major_ticks() if not low - slack <= t.get_loc() <= high + slack}
-    shown = [text for text in figure.findobj(Text) if isinstance(text, Text) and text.get_visible()]
-    shown = [text for text in shown if id(text) not in hidden]
-    boxes = [(text.get_text(), text.get_window_extent(renderer)) for text in shown if text.get_text().strip()]
-    page = figure.bbox
-    found = [
-        f"{text} leaves the picture"
-        for text, box in boxes
-        if box.x0 < page.x0 or box.x1 > page.x1 or box.y0 < page.y0 or box.y1 > page.y1
-    ]
+    found, boxes = off_the_page(figure), texts_of(figure)
     for i, (text, box) in enumerate(boxes):
         found += [f"{text} overlaps {other}" for other, rival in boxes[:i] if box.overlaps(rival)]
     return found
@@ -207,20 +205,6 @@ def example_laws() -> tuple[Laws, ...]:
 
 LOOKS = [style.Look(), style.Look((3.15, 8.0)), style.Look((6.7, 9.5))]
 """Usual, of one column of a paper, of a page."""
-
-
-def off_the_page(figure: Figure) -> list[str]:
-    """Texts of a figure that reach over its edges, but for numbers at ticks, of which some lie outside an axis."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.text import Text
-
-    FigureCanvasAgg(figure).draw()
-    wide, high = figure.bbox.width, figure.bbox.height
-    ticks = {text for axes in figure.axes for axis in (axes.xaxis, axes.yaxis) for text in axis.findobj(Text)}
-    ticks -= {label for axes in figure.axes for label in (axes.xaxis.label, axes.yaxis.label)}
-    found = [text for text in figure.findobj(Text) if text.get_text().strip() and text not in ticks]
-    boxes = [(text.get_text(), text.get_window_extent()) for text in found]
-    return [name for name, box in boxes if box.x0 < -1 or box.y0 < -1 or box.x1 > wide + 1 or box.y1 > high + 1]
 
 
 RAIL = """

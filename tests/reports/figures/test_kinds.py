@@ -25,7 +25,6 @@ from tcstudy.reports.figures.sweep import SweepPicture, curves_figure, map_figur
 from tcstudy.reports.picture import read_picture
 from tcstudy.reports.stored_study import law_of_nodes
 from tcstudy.reports.terminal.path_summary import seen_folds
-from tcstudy.reports.terminal.summary import text_of
 from tcstudy.scene.contact_states import ContactState, node_states
 from tcstudy.study.history_run import execute_history
 from tcstudy.study.path_run import execute_path
@@ -173,12 +172,9 @@ def test_sizes(grid: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("wanted", "message"),
     [
-        (Wanted(x="alhpa", y="slip_length"), "no swept parameter 'alhpa'; did you mean 'alpha'"),
         (Wanted(x="alpha", y="slip_lenght"), "no number 'slip_lenght' .* did you mean 'slip_length'"),
-        (Wanted(x="alpha", y="status"), "no number 'status'"),
         (Wanted(map=("alpha", "alpha"), of="energy"), "alpha is named twice"),
         (Wanted(x="alpha", y="energy", at={"alpha": 25}), "alpha is drawn with all its values"),
-        (Wanted(x="alpha", y="energy", level=7), "no level 7"),
         (Wanted(x="alpha"), "x: give y, too"),
         (Wanted(law=True, map=("alpha", "friction"), of="u_T_max"), "map: law is another picture"),
         (Wanted(size=(3.0, 1.0)), "size: .* cm is the least height"),
@@ -251,19 +247,10 @@ def test_a_line_is_cut_at_the_ends_of_the_range() -> None:
     np.testing.assert_allclose(y, [[3.0, 4.0], [4.0, 5.0], [5.0, 2.0]])
 
 
-def test_a_path_without_folds_loop_and_requests(pad: Path, tmp_path: Path) -> None:
+def test_a_path_without_folds_loop_and_requests(tmp_path: Path) -> None:
     execute_path(read_study_text(PLAIN), tmp_path / "plain.nc")
     picture(tmp_path / "plain.nc", tmp_path / "plain.png")
     assert (tmp_path / "plain.png").stat().st_size > 5_000
-    text, other = text_of(pad), text_of(tmp_path / "plain.nc")
-    rows = [line.split() for line in text.splitlines() if line.split()[3:4] in (["yes"], ["no"])]
-    assert [row[0] for row in rows] == ["0.8"] * 3 + ["0.9"] * 5 + ["1"] * 3
-    assert [row[4] for row in rows].count("yes") == 3
-    small = seen_folds(load_root(pad, "path"))[1]
-    for words in ("J m⁻¹ lost", "(rising)", "(falling)", f"8 folds and {small} turn"):
-        assert words in text
-    assert "0 folds" in other
-    assert "hysteresis" not in other
 
 
 # -- histories and fits ------------------------------------------------------------------------------------------------

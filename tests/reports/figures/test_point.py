@@ -12,10 +12,11 @@ pytest.importorskip("matplotlib")
 
 
 import tcstudy
+from tcstudy.errors import DrawError, UsageError
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.body import boundary_edges, contact_chains, exaggeration
-from tcstudy.reports.figures.draw import picture
+from tcstudy.reports.figures.draw import Wanted, picture
 from tcstudy.reports.figures.edges import chained, joined
 from tcstudy.reports.figures.point import point_figure, stick_ranges, stick_text
 from tcstudy.reports.picture import read_picture
@@ -58,7 +59,7 @@ def test_the_deformed_body_is_the_mesh_moved_by_the_stated_factor(grid: Path) ->
     shown = read_picture(grid, {"alpha": 100}, 0)
     assert shown.body
     body = figure_of(shown).axes[0]
-    factor = exaggeration(shown.body)
+    factor = exaggeration(shown.body.xy, shown.body.u)
     assert f"deformation × {factor:g};" in body.get_title(loc="left")
     mesh, record = level_record(0, True).fields, point_record((1, 0), level_record(0, True))
     rim = boundary_edges(shown.body.xy, shown.body.triangles)
@@ -74,7 +75,7 @@ def test_the_deformed_body_is_the_mesh_moved_by_the_stated_factor(grid: Path) ->
 def test_the_exaggeration_is_round_and_visible(grid: Path, largest: float) -> None:
     body = read_picture(grid).body
     assert body
-    factor = exaggeration(replace(body, u=body.xy * [largest / WIDTH, 0.0]))
+    factor = exaggeration(body.xy, body.xy * [largest / WIDTH, 0.0])
     assert f"{factor:.0e}"[0] in "125"
     assert factor == float(f"{factor:.0e}")
     assert 0.02 < factor * largest / np.hypot(WIDTH, HEIGHT) <= 0.0601 or (largest, factor) == (0.0, 1.0)
@@ -208,6 +209,29 @@ sweep: {boundary.left.u_x: [0.2, 0.1, 0.3]}
         assert np.allclose(np.array(moved.held, dtype=float), [[u_x, 0.25]], rtol=1e-12)
     upper, _ = contact_panels(figure_of(moved))
     assert len(shown_line(upper)[0]) == len(moved.line.u_T) + 2
+
+
+def test_stresses_are_drawn_with_their_error_and_a_factor_that_is_chosen(
+    block: Path, pads: Path, tmp_path: Path
+) -> None:
+    point = read_picture(block)
+    with style.styled():
+        figure = point_figure(point, style.Look(), "von_mises", 50.0)
+    title = figure.axes[0].get_title(loc="left").replace("\n", " ")
+    assert "deformation × 50;" in title
+    assert "estimated error" in title
+    assert figure.axes[-1].get_ylabel().startswith("von Mises")
+    for wanted, message in (
+        (Wanted(of="sigma"), "has no field 'sigma'"),
+        (Wanted(of="tau_xy", law=True), "another picture"),
+    ):
+        with pytest.raises((DrawError, UsageError), match=message):
+            picture(block, tmp_path / "a.png", wanted)
+    high = read_picture(pads, {"height": 0.02, "u_x": 0.002})  # each geometry has its own mesh
+    assert high.body is not None
+    assert np.ptp(high.body.xy[:, 1]) == pytest.approx(0.02)
+    assert np.abs(high.line.u_T).max() == pytest.approx(float(high.at["u_T_max"]))
+    assert np.abs(read_picture(pads, {"height": 0.02, "u_x": 0.001}).line.u_T).max() < np.abs(high.line.u_T).max()
 
 
 # -- the file ----------------------------------------------------------------------------------------------------------

@@ -45,25 +45,6 @@ def history(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-PADS = """
-title: Pads of several thicknesses
-body: {rectangle: {width: 60 mm, height: 10 mm}}
-boundary: {bottom: contact, top: {role: clamped, u_x: 2 mm, u_y: 0}, left: free, right: free}
-material: {E: 5 MPa, nu: 0.3}
-friction: {law: slip-weakening, tau_s: 80 kPa, tau_k: 20 kPa, delta: 1 mm}
-mesh: {maxh: 5 mm, levels: 2}
-sweep: {boundary.top.u_x: [1 mm, 2 mm], body.rectangle.height: [20 mm, 5 mm, 10 mm]}
-output: {fields: true}
-"""
-
-
-@pytest.fixture(scope="session")
-def pads(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("pads") / "pads.nc"
-    execute(read_study_text(PADS), path)
-    return path
-
-
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
     window = Browser(tmp_path_factory.mktemp("profile"))

@@ -39,8 +39,3 @@ def test_fields_of_many_points_need_few_modes() -> None:
     assert back["factor"].shape == (60, 3)
     modes = back["mode"]["rows"] * back["mode"]["scale"][:, None]
     assert np.max(np.abs(back["factor"] @ modes - fields)) <= 1.1e-3 * np.ptp(fields)
-
-
-def test_packing_is_reproducible() -> None:
-    one, other = (Container().packed({"a": 1}) for _ in range(2))
-    assert one == other

@@ -91,16 +91,6 @@ def test_states_of_nodes_stand_in_the_data(result: Path) -> None:
     tree.close()
 
 
-def test_a_fit_has_its_data_and_doubts(fitted: Path) -> None:
-    found, stored = data_of(write_page(fitted, fitted.with_suffix(".html")).path), read(fitted).data
-    columns = {one["name"]: one["v"] for one in found["sections"][2]["parts"][0]["columns"]}
-    np.testing.assert_array_equal(columns["residual"], stored["residual"].values)
-    table, said = found["sections"][1]["parts"][:2]
-    assert [row[0] for row in table["rows"]] == ["friction.tau_s", "friction.delta"]
-    assert any(line.startswith("mesh:") for line in said["lines"])
-    assert found["verdict"]["text"].startswith("friction.tau_s = 7.")
-
-
 def test_labels_of_pictures_are_plain_text() -> None:
     assert words(r"max $|u_T|$ of $\\bar\\theta$ [K]".replace("\\\\", "\\")) == "max |u_T| of θ̄ [K]"
     assert words(r"$\int\xi\,$ds for \$5, $N^{-0.35}$") == "∫ξds for $5, N^-0.35"

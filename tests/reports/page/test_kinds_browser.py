@@ -51,9 +51,6 @@ def test_the_address_of_a_history_brings_its_view_back(browser: Browser, history
     page = shown(browser, history, "#yof=dissipated&xof=step&step=3&at=2,1&theme=dark")
     assert "energy dissipated in the step over step" in text_of(page, "#steps")
     assert "step: 3" in text_of(page, "#point")
-    page.open(history.with_suffix(".html"), "#yof=none&xof=-1&step=99&at=9&vs=x")
-    assert "step: 16, back" in text_of(page, "#point")
-    assert page.complaints() == []
 
 
 def test_a_geometry_is_chosen_and_its_body_and_line_are_drawn(browser: Browser, pads: Path) -> None:
@@ -87,8 +84,10 @@ def test_a_fit_shows_its_data_numbers_and_law(browser: Browser, fitted: Path) ->
 
 
 @pytest.mark.parametrize("width", [390, 1280])
-def test_nothing_sticks_out(browser: Browser, history: Path, pads: Path, fitted: Path, width: int) -> None:
-    for file in (history, pads, fitted):
+def test_nothing_sticks_out(
+    browser: Browser, result: Path, history: Path, pads: Path, fitted: Path, width: int
+) -> None:
+    for file in (result, history, pads, fitted):
         written = write_page(file, file.with_suffix(".html")).path
         browser.size(width, 900, phone=width < 500)
         browser.open(written)

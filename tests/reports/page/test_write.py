@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tcstudy.data.files import StoreError
+from tcstudy.cli import main
 from tcstudy.errors import PageError
-from tcstudy.reports.figures.body import ROLES
+from tcstudy.reports.figures.edges import ROLES
 from tcstudy.reports.page import write
 from tcstudy.reports.page.write import write_page
 from tests.reports.page.unpacked import data_of
@@ -18,6 +18,17 @@ from tests.reports.page.unpacked import data_of
 @pytest.fixture(scope="module")
 def page(result: Path) -> Path:
     return write_page(result, result.with_suffix(".html")).path
+
+
+def test_the_page_lies_beside_its_file_and_has_a_name_of_its_own(
+    result: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["report", str(result)]) == 0
+    assert capsys.readouterr().out.startswith(f"{result.with_suffix('.html')}: ")
+    with pytest.raises(SystemExit) as stop:
+        main(["report", str(result), "-o", str(tmp_path)])
+    assert stop.value.code == 2
+    assert "a page's name ends in .html" in capsys.readouterr().err
 
 
 def test_a_page_needs_nothing_from_outside(page: Path) -> None:
@@ -39,11 +50,6 @@ def test_numbers_of_every_point_and_level_are_in_the_page(page: Path, result: Pa
     slip = tree["level_1"]["u_T"].values.reshape(6, -1)
     assert np.max(np.abs(line["u_T"]["rows"] * line["u_T"]["scale"][:, None] - slip)) <= 1e-4 * np.max(np.abs(slip))
     tree.close()
-
-
-def test_laws_stand_in_the_order_of_the_file(page: Path) -> None:
-    laws = data_of(page)["laws"]
-    assert [laws["laws"][i]["name"] for i in laws["index"]] == ["tresca", "slip-weakening"] * 3
 
 
 def test_of_too_many_points_some_are_kept_and_it_is_said(
@@ -103,11 +109,6 @@ def test_nothing_but_a_page_is_overwritten(result: Path, tmp_path: Path) -> None
     with pytest.raises(PageError, match="would be lost"):
         write_page(result, other)
     assert other.read_text() == "title: mine\n"
-
-
-def test_no_result_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(StoreError):
-        write_page(tmp_path / "none.nc", tmp_path / "page.html")
 
 
 def test_a_page_knows_every_role() -> None:

@@ -193,7 +193,6 @@ def test_an_error_that_is_not_there(file: Path) -> None:
 def test_the_chart(file: Path) -> None:
     target = file.with_name("a.svg")
     assert picture(file, target) == f"{target}: u in energy, tau = 0.01"
-    assert "fastest:" in target.read_text()
     assert "own settings" in target.read_text()
 
 

@@ -106,13 +106,6 @@ TC.Plot = class {
     return this.over.appendChild(node);
   }
   text(px, py, s, attrs = {}) { return this.over.appendChild(TC.svgNode("text", { x: px, y: py, class: "halo", ...attrs }, s)); }
-  // Texts beside the ends of lines {y, text, look}, `gap` below one another or more, the last one no lower than `low`.
-  ends(all, gap, right, low = Infinity) {
-    all.sort((a, b) => a.y - b.y);
-    for (let i = 1; i < all.length; i++) all[i].y = Math.max(all[i].y, all[i - 1].y + gap);
-    const over = Math.max(0, (all.length ? all[all.length - 1].y : 0) - low);
-    for (const e of all) this.text(this.right + right, e.y - over + 4, e.text, { style: `fill:${e.look.stroke}` });
-  }
   vertical(x, attrs = {}) { return this.inner.appendChild(TC.svgNode("line", { x1: this.px(x), x2: this.px(x), y1: this.top, y2: this.bottom, stroke: "var(--soft)", ...attrs })); }
 };
 

@@ -49,14 +49,7 @@ TC.field = function (fields, p) {
   return out;
 };
 
-// Results in words; parameters have their symbols from the page's data.
-TC.WORDS = {
-  lambda_1: "λ₁", u_T_max: "largest |u_T|", solutions: "number of equilibria", stable_solutions: "stable equilibria", slip_length: "slip length", friction_resultant: "friction resultant ∫ξ",
-  energy: "energy", theta_mean: "mean θ", uniqueness_margin: "λ₁ − ω", inclusion_residual: "inclusion residual", error_estimate: "estimated error", error_bound_relative: "bound of the error",
-  iterations: "solver steps", time_solve: "time to solve", time_condense: "time to condense", heat_balance: "heat balance defect", goal: "goal",
-  goal_estimate: "estimated error of goal", goal_error: "error of goal", evaluations: "evaluations", h_max: "longest edge h",
-};
-TC.symbol = (name) => TC.WORDS[name] || TC.data.symbols[name] || name.replace(/_/g, " ");
+TC.symbol = (name) => TC.data.symbols[name] || name.replace(/_/g, " ");
 
 TC.UP = { "-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴", 5: "⁵", 6: "⁶", 7: "⁷", 8: "⁸", 9: "⁹" };
 TC.unit = function (units) {
@@ -107,7 +100,6 @@ TC.axisLabel = function (axis, i) {
 };
 TC.axisText = (axis, i) => `${TC.axisLabel(axis, i)} ${TC.axisScale(axis).unit}`.trim();
 TC.axisTitle = (axis) => TC.titled(TC.symbol(axis.name), TC.axisScale(axis));
-TC.percent = (x) => (x >= 1e-5 ? `${Number((100 * x).toPrecision(2))} %` : TC.number(x, 2));
 TC.range = (values, none = [0, 1]) => {
   let lo = Infinity, hi = -Infinity;
   for (const v of values) if (Number.isFinite(v)) { if (v < lo) lo = v; if (v > hi) hi = v; }

@@ -8,7 +8,7 @@ TC.live = {
     if (!L || L.m) return;
     const m = (L.m = L.c.length), full = new Float64Array(m * m);
     for (let i = 0, k = 0; i < m; i++) for (let j = 0; j <= i; j++, k++) full[i * m + j] = full[j * m + i] = L.A[k];
-    Object.assign(L, { A: full, line: TC.data.lines[String(L.level)], lambda: {} });
+    Object.assign(L, { A: full, line: TC.data.lines[String(L.level)] });
   },
   law: (p) => TC.data.laws.laws[TC.data.laws.index[p]],
   // Why a point cannot be solved here; empty if it can.
@@ -18,8 +18,6 @@ TC.live = {
     if (TC.run.proof(p, L.level) !== "unique") return `What is known of it: ${TC.data.proofs[TC.run.proof(p, L.level)]}. Only problems with one solution are solved here; the stored results show its state.`;
     return "";
   },
-  // λ₁ of the body of point p: its value and a proved lower bound.
-  lambda(p) { const L = TC.data.live, by = L.stiffness[p]; return L.lambda[by] || (L.lambda[by] = TC.lambda1(TC.live.stiffness(p), L.c)); },
   stiffness(p) { const L = TC.data.live, by = L.stiffness[p]; return by === 1 ? L.A : L.A.map((x) => x * by); },
   base: () => ({ load: 1, strength: 1, slip: 1 }),
   // The problem of a point with its mechanical load and its law scaled.
@@ -28,7 +26,7 @@ TC.live = {
     return new TC.Problem(TC.live.stiffness(p), Float64Array.from(whole, (x, i) => x + (set.load - 1) * own[i]), L.c, new TC.Law(TC.live.law(p).pieces, set.strength, set.slip));
   },
   omega: (p, set) => (Number.isFinite(TC.live.law(p).omega) ? (TC.live.law(p).omega * set.strength) / set.slip : Infinity),
-  unique: (p, set) => TC.live.omega(p, set) < TC.live.lambda(p).proved,
+  unique: (p, set) => TC.live.omega(p, set) < TC.data.live.proved[p],
   draw() {
     TC.live.setup();
     const s = TC.state, main = document.getElementById("main"), p = TC.run.flat(s.at);
@@ -75,8 +73,8 @@ TC.live = {
     TC.fill(left);
     TC.fill(right);
     if (!set) return;
-    const units = TC.data.unit_system === "none" ? "1" : "Pa m-1", omega = TC.live.omega(p, set), line = L.line, lambda = TC.live.lambda(p), drawn = TC.scaledLaw(TC.live.law(p), set.strength, set.slip);
-    const numbers = `λ₁ = ${TC.quantity(lambda.value, units)}, ω = ${omega === Infinity ? "∞" : TC.quantity(omega, units)}`, law = (cases) => [TC.h3("The law, and where every node stands"), TC.point.lawPlot(TC.width(right), drawn, cases, line).plot.svg];
+    const units = TC.data.unit_system === "none" ? "1" : "Pa m-1", omega = TC.live.omega(p, set), line = L.line, drawn = TC.scaledLaw(TC.live.law(p), set.strength, set.slip);
+    const numbers = `λ₁ = ${TC.quantity(L.lambda_1[p], units)}, ω = ${omega === Infinity ? "∞" : TC.quantity(omega, units)}`, law = (cases) => TC.point.lawPlot(TC.width(right), "The law, and where every node stands", drawn, cases, line);
     if (!TC.live.unique(p, set)) { TC.fill(right, TC.el("p", {}, TC.el("span", { class: "badge" }, "not solved here: ω is not below λ₁")), TC.note(`${numbers}; soften the fall of the law, or look at the stored results`), law([])); return; }
     const problem = TC.live.problem(p, set), begun = performance.now(), answer = TC.solve(problem), time = performance.now() - begun;
     if (!answer.converged) { TC.fill(right, TC.el("p", {}, TC.el("span", { class: "badge bad" }, "no solution found"), ` residual ${TC.number(answer.residual, 2)}`), TC.note(numbers)); return; }

@@ -36,7 +36,7 @@ TC.part = {
 
   panel(p, width) {
     const range = (k) => {
-      const axis = "xy"[k], plain = ["line", "fill", "cells", "arrow"], values = p.items.filter((i) => plain.includes(i.kind) || (k && i.kind === "across")).flatMap((i) => TC.range(Array.from(i[axis]).filter((v) => !p.log[k] || v > 0), []));
+      const axis = "xy"[k], plain = ["line", "marks", "fill", "cells", "arrow"], values = p.items.filter((i) => plain.includes(i.kind) || (k && i.kind === "across")).flatMap((i) => TC.range(Array.from(i[axis]).filter((v) => !p.log[k] || v > 0), []));
       const found = TC.pad(TC.range(values, p.log[k] ? [1, 10] : [0, 1]), p.items.some((i) => i.kind === "cells") ? 0 : 0.06, p.log[k]), given = p.limits[k] || [null, null];
       return found.map((v, e) => given[e] ?? v);
     };
@@ -77,14 +77,14 @@ TC.part = {
   },
 
   line(p, width) {
-    const line = { ...p.line, moves: p.moves }, m = line.x.length, k = TC.state.step, host = TC.el("div"), one = { line, u: TC.row(p.u_T, k), xi: TC.row(p.xi, k), state: p.state.subarray(k * m, (k + 1) * m) };
+    const line = { ...p.line, moves: p.moves }, m = line.x.length, k = TC.state.step, host = TC.el("div"), one = { line, u: TC.row(p.u_T, k), xi: TC.row(p.xi, k), N: p.N && TC.row(p.N, k), state: p.state.subarray(k * m, (k + 1) * m) };
     TC.point.profiles(host, line, [one], { ...TC.point.frame(line, width), shape: false }, "");
     const by = TC.scale(TC.range(line.arclength), line.u_T_units);
     for (const own of p.memory || []) {
       const v = TC.row(own.v, k), scale = TC.scale(v, own.units), items = line.parts.map((part) => ({ kind: "line", x: line.arclength.slice(part.a, part.b).map((s) => s / by.by), y: v.slice(part.a, part.b).map((q) => q / scale.by), colour: "var(--c3)", width: 1.8 }));
       if (v.some((q) => q !== 0)) host.append(TC.part.panel({ title: `What the nodes remember: ${own.title}`, labels: [TC.titled("arc length", by), TC.titled(own.name, scale)], log: [false, false], limits: [null, null], items, high: 170 }, width));
     }
-    if (p.law) host.append(TC.h3(`Friction law (${p.law.name})`), TC.point.lawPlot(Math.min(width, 560), p.law, [one], line).plot.svg);
+    if (p.law) host.append(TC.point.lawPlot(Math.min(width, 560), `Friction law (${p.law.name})`, p.law, [one], line));
     return host;
   },
 };
@@ -99,6 +99,14 @@ TC.draw_item = {
     const every = Math.ceil(i.x.length / 2000);
     if (mark) for (let k = 0; k < i.x.length; k += every) if (Number.isFinite(i.x[k]) && Number.isFinite(i.y[k])) plot.inner.append(mark(plot.px(i.x[k]), plot.py(i.y[k])));
     if (i.label) key.set(i.label, TC.entry(28, 12, [joined ? TC.dash(28, 6, TC.look(i)) : "", mark ? mark(14, 6) : ""], i.label));
+  },
+  // Marks of their own looks, each with its tip and what a click does: shape, r, stroke, fill(k), tip(k), pick(k).
+  marks(plot, i) {
+    for (let k = 0; k < i.x.length; k++) if (Number.isFinite(i.x[k]) && Number.isFinite(i.y[k])) {
+      const mark = TC.marker(i.shape, plot.px(i.x[k]), plot.py(i.y[k]), i.r, { fill: i.fill(k), stroke: i.stroke || i.fill(k), "stroke-width": 1.5, "fill-opacity": i.alpha, class: i.pick && "mark", onclick: i.pick && (() => i.pick(k)) });
+      if (i.tip) mark.append(TC.svgNode("title", {}, i.tip(k)));
+      plot.over.append(mark);
+    }
   },
   fill(plot, i, key) {
     const d = Array.from(i.x, (x, k) => `${k ? "L" : "M"}${plot.px(x).toFixed(1)},${plot.py(i.y[k]).toFixed(1)}`).join("");

@@ -30,24 +30,16 @@ TC.point = {
       s.vs ? TC.el("button", { "aria-label": "swap", onclick: () => TC.set({ vs: s.at, at: s.vs }) }, "swap") : null,
       s.vs ? TC.el("span", { class: "note" }, TC.run.flat(s.vs) === p ? "kept; now choose another point" : `dashed: ${TC.run.words(s.vs)}`) : null,
       d.body ? TC.el("label", {}, TC.el("span", {}, "deformation: ", TC.el("output", { id: "deform-text" })), TC.el("input", { type: "range", min: 0, max: 3, step: 0.05, value: s.deform, "aria-label": "deformation", oninput: (e) => { s.deform = Number(e.target.value); TC.writeState(); TC.point.body(p); } })) : null);
-    const left = TC.panel(), right = TC.panel();
+    const left = (TC.point.left = TC.panel()), right = TC.panel(), vs = s.vs && TC.run.flat(s.vs) !== p ? TC.run.flat(s.vs) : null;
     TC.fill(host, head, buttons, TC.el("div", { class: "columns wide" }, left, right));
-    const vs = s.vs && TC.run.flat(s.vs) !== p ? TC.run.flat(s.vs) : null;
-    if (line && proof === "failed" && !Number.isFinite(TC.row(line.u_T, p)[0])) {
-      TC.point.left = left;
-      const frame = TC.point.frame(line, TC.width(left));
-      if (frame.shape) TC.point.bodyPanel(left, p, line, frame);
-    } else if (line) {
-      const shownLevel = d.lines[String(level)] === line ? level : r.nlevels - 1;
-      const cases = [p, vs].filter((k) => k !== null && TC.point.line(k, level)).map((k) => TC.point.contact(TC.point.line(k, level), k));
-      const shown = TC.point.equilibrium(line, p);
+    const frame = line && TC.point.frame(line, TC.width(left));
+    if (frame && frame.shape) TC.point.bodyPanel(left, p, line, frame);
+    if (line && (proof !== "failed" || Number.isFinite(TC.row(line.u_T, TC.point.own(p))[0]))) {
+      const cases = [p, vs].filter((k) => k !== null && TC.point.line(k, level)).map((k) => TC.point.contact(TC.point.line(k, level), k)), shown = TC.point.equilibrium(line, p);
       if (shown !== null) cases[0] = { ...cases[0], ...TC.point.state(line, shown) };
-      const width = TC.width(left), frame = TC.point.frame(line, width);
-      TC.point.left = left;
-      if (frame.shape) TC.point.bodyPanel(left, p, line, frame);
-      TC.point.profiles(left, line, cases, frame, shownLevel !== level ? `level ${shownLevel} (the page holds no contact line of level ${level})` : "");
+      TC.point.profiles(left, line, cases, frame, d.lines[String(level)] !== line ? `level ${r.nlevels - 1} (the page holds no contact line of level ${level})` : "");
       TC.point.law(right, line, cases, p, vs);
-    } else if (proof !== "failed") left.append(TC.note("The page was made without contact lines; the file has them."));
+    } else if (!line && proof !== "failed") left.append(TC.note("The page was made without contact lines; the file has them."));
     if (line && line.every) TC.point.equilibria(right, line, p);
     TC.point.energies(right, p, level);
     TC.point.table(right, p, vs, level);
@@ -55,7 +47,7 @@ TC.point = {
   // Slip, friction and state at every contact node of a point, with the line that they are on.
   contact(line, p) {
     const q = TC.point.own(p), m = line.x.length;
-    return { line, u: TC.row(line.u_T, q), held: line.held_u_T ? TC.row(line.held_u_T, q) : null, xi: TC.row(line.xi, q), state: line.state.subarray(q * m, (q + 1) * m) };
+    return { line, u: TC.row(line.u_T, q), held: line.held_u_T ? TC.row(line.held_u_T, q) : null, xi: TC.row(line.xi, q), N: line.N && TC.row(line.N, q), state: line.state.subarray(q * m, (q + 1) * m) };
   },
   // Of points whose equilibria are all stored: the number of the one chosen among those of the line, null for the solution.
   equilibrium(line, p) {
@@ -63,7 +55,7 @@ TC.point = {
     const q = TC.point.own(p), first = line.every.first[q], k = Number(TC.state.eq) || 0;
     return k < line.every.first[q + 1] - first ? first + k : null;
   },
-  state(line, k) { const m = line.x.length, e = line.every; return { u: TC.row(e.u_T, k), xi: TC.row(e.xi, k), state: e.state.subarray(k * m, (k + 1) * m) }; },
+  state(line, k) { const m = line.x.length, e = line.every; return { u: TC.row(e.u_T, k), xi: TC.row(e.xi, k), N: null, state: e.state.subarray(k * m, (k + 1) * m) }; },
   equilibria(host, line, p) {
     const q = TC.point.own(p), e = line.every, first = e.first[q], count = e.first[q + 1] - first, all = TC.run.flag("complete", p, TC.state.level), units = TC.data.run.numbers.energy.units, chosen = TC.point.equilibrium(line, p);
     const told = all === 1 ? `${count} of ${count} equilibria, proved` : all === 2 ? `${count} equilibria of the law's polygon` : `at least ${count} equilibria`;
@@ -87,14 +79,6 @@ TC.point = {
     const used = (bx[1] - bx[0]) / per;
     return { shape, width, margin, bx, by, per, along, scale, used, top: 34, high: (by[1] - by[0]) / per };
   },
-  exaggeration() {
-    const b = TC.point.here.body;
-    if (b.factor) return b.factor;
-    let most = 0;
-    for (let q = 0; q < Math.min(61, b.u_x.factor.shape[0]); q++) { const x = TC.field(b.u_x, q), y = TC.field(b.u_y, q); for (let i = 0; i < x.length; i += 7) most = Math.max(most, Math.hypot(x[i], y[i])); }
-    const [x0, x1] = TC.range(b.x), [y0, y1] = TC.range(b.y), wanted = most > 0 ? (0.06 * Math.hypot(x1 - x0, y1 - y0)) / most : 1, power = 10 ** Math.floor(Math.log10(wanted));
-    return (b.factor = most > 0 ? [5, 2, 1].find((f) => f * power <= wanted) * power : 1);
-  },
   bodyPanel(host, p, line, frame) {
     const extra = 26, width = frame.width, height = Math.ceil(frame.high + 2 * frame.top + extra), d = TC.point.here;
     const canvas = TC.el("canvas", { style: `width:${width}px;height:${height}px`, role: "img", "aria-label": "the body" }), svg = TC.svgNode("svg", { width, height, role: "img", "aria-label": "the body with the roles of its edges" });
@@ -108,18 +92,14 @@ TC.point = {
   roleKey() {
     const used = [...new Set((TC.point.here.outline || []).map((e) => e.role))];
     if (!used.length) return TC.el("span");
-    const out = TC.el("div", { class: "legend" });
-    for (const role of Object.keys(TC.ROLES).filter((r) => used.includes(r))) {
-      const { words, ...look } = TC.ROLES[role];
-      out.append(TC.el("span", { style: "display:inline-block;margin-right:14px" }, TC.svgNode("svg", { width: 28, height: 10, style: "display:inline-block;margin-right:5px;vertical-align:1px" }, TC.svgNode("line", { x1: 0, x2: 28, y1: 5, y2: 5, ...look })), words));
-    }
-    if ((TC.point.here.sources || []).length) out.append(TC.el("span", { style: "display:inline-block" }, TC.svgNode("svg", { width: 28, height: 12, style: "display:inline-block;margin-right:5px;vertical-align:-1px" }, TC.svgNode("rect", { x: 1, y: 1, width: 26, height: 10, fill: "none", stroke: "var(--bad)", "stroke-width": 1.5, "stroke-dasharray": "4 3" })), "heated"));
-    return out;
+    const roles = Object.keys(TC.ROLES).filter((r) => used.includes(r)).map((role) => { const { words, ...look } = TC.ROLES[role]; return TC.entry(28, 10, [TC.dash(28, 5, look)], words); });
+    const heater = TC.svgNode("rect", { x: 1, y: 1, width: 26, height: 10, fill: "none", stroke: "var(--bad)", "stroke-width": 1.5, "stroke-dasharray": "4 3" });
+    return TC.legend(...roles, (TC.point.here.sources || []).length ? TC.entry(28, 12, [heater], "heated") : "");
   },
   toPx(frame, x, y) { return [frame.margin.left + (x - frame.bx[0]) / frame.per, frame.top + frame.high - (y - frame.by[0]) / frame.per]; },
   body(p) {
     const { canvas, svg, frame, line, ratio } = TC.point.panel, b = TC.point.here.body, g = canvas.getContext("2d");
-    const factor = b && TC.run.flag("status", p, b.level) === 1 ? TC.point.exaggeration() * TC.state.deform : 0, text = document.getElementById("deform-text");
+    const factor = b && TC.run.flag("status", p, b.level) === 1 ? b.factor * TC.state.deform : 0, text = document.getElementById("deform-text");
     if (text) text.textContent = `× ${TC.number(factor, 2)}`;
     g.setTransform(ratio, 0, 0, ratio, 0, 0);
     g.clearRect(0, 0, canvas.width, canvas.height);
@@ -166,10 +146,9 @@ TC.point = {
       const known = TC.point.here.outline && b.edge[k] >= 0 ? TC.point.here.outline[b.edge[k]].role : "free";
       (byRole[known] = byRole[known] || []).push(`M${X[edges[2 * k]].toFixed(1)},${Y[edges[2 * k]].toFixed(1)}L${X[edges[2 * k + 1]].toFixed(1)},${Y[edges[2 * k + 1]].toFixed(1)}`);
     }
-    for (const role of ["free", "traction", "convection", "clamped", "contact"]) if (byRole[role]) {
+    for (const role of Object.keys(TC.ROLES).reverse()) if (byRole[role]) {
       const { words, ...look } = TC.ROLES[role];
-      over.push(TC.svgNode("path", { d: byRole[role].join(""), fill: "none", "stroke-linecap": "butt", ...look, ...(role === "convection" || role === "traction" ? { "stroke-dasharray": null } : {}) }));
-      if (role === "convection" || role === "traction") over[over.length - 1].setAttribute("stroke-width", 3);
+      over.push(TC.svgNode("path", { d: byRole[role].join(""), fill: "none", ...look, "stroke-dasharray": null }));
     }
     TC.point.heated(over, frame);
   },
@@ -224,86 +203,81 @@ TC.point = {
       over.push(TC.svgNode("text", { x, y: y + 4, class: "halo soft", "text-anchor": nx > 0.5 ? "start" : nx < -0.5 ? "end" : "middle" }, e.name));
     }
   },
+  // What runs along the contact line, each over the same axis: slip and section force from node to node, friction on segments.
+  ALONG: [["u", "slip", "slip u_T", "u_T_units", "var(--c1)"], ["xi", "friction", "friction ξ = −S_T", "xi_units", "var(--c2)"], ["N", "section force", "section force N", "N_units", "var(--c3)"]],
   profiles(host, line, cases, frame, note) {
-    const width = frame.width, right = frame.along && frame.shape ? width - frame.margin.left - frame.used : 20;
-    const by = frame.scale.by, sense = (on, part) => (frame.along && part.b - part.a > 1 && on.x[part.b - 1] < on.x[part.a] ? -1 : 1);
-    const place = (on, part, s) => (frame.along ? (on.x[part.a] + sense(on, part) * (s - on.arclength[part.a])) / by : s / by);
-    const ends = cases.flatMap(({ line: on }) => on.parts.flatMap((part) => [place(on, part, part.cells[0]), place(on, part, part.cells[part.cells.length - 1])]));
-    const xr = frame.along && frame.shape ? TC.range([...frame.bx.map((v) => v / by), ...ends]) : TC.range(ends), margin = { left: frame.margin.left, right, top: 20, bottom: 10 };
-    const slips = cases.flatMap((c) => [...TC.range(c.u), ...(c.held ? Array.from(c.held).filter(Number.isFinite) : [])]), us = TC.scale(slips, line.u_T_units), xs = TC.scale(cases.flatMap((c) => TC.range(c.xi)), line.xi_units);
-    const label = TC.titled(frame.along ? "x" : "arc length along the contact line", frame.scale);
-    const upper = new TC.Plot({ width, height: 178, x: xr, y: TC.pad(TC.range([0, ...slips.map((v) => v / us.by)])), ylabel: TC.titled("slip u_T", us), margin: { ...margin, bottom: 8 }, xnone: true, label: "slip along the contact line" });
-    const lower = new TC.Plot({ width, height: 214, x: xr, y: TC.pad(TC.range([0, ...cases.flatMap((c) => TC.range(c.xi).map((v) => v / xs.by))])), xlabel: label, ylabel: TC.titled("friction ξ = −S_T", xs), margin: { ...margin, top: 8, bottom: 46 }, label: "friction along the contact line" });
+    const width = frame.width, by = frame.scale.by, whole = frame.along && frame.shape, margin = { left: frame.margin.left, right: whole ? width - frame.margin.left - frame.used : 20 };
+    const sense = (on, part) => (frame.along && part.b - part.a > 1 && on.x[part.b - 1] < on.x[part.a] ? -1 : 1), start = (on, i) => (frame.along ? on.x : on.arclength)[i] / by;
+    const place = (on, part, s) => start(on, part.a) + (sense(on, part) * (s - on.arclength[part.a])) / by;
+    const ends = cases.flatMap(({ line: on }) => on.parts.flatMap((part) => [place(on, part, part.cells[0]), place(on, part, part.cells[part.cells.length - 1])])), x = TC.range([...(whole ? frame.bx.map((v) => v / by) : []), ...ends]);
+    const rows = TC.point.ALONG.filter(([key]) => cases[0][key]), plots = rows.map(([key, word, title, units, stroke], k) => {
+      const last = k === rows.length - 1, values = cases.flatMap((c) => TC.range([...(c[key] || []), ...(key === "u" && c.held ? c.held : [])], [])), scale = TC.scale(values, line[units]), y = TC.pad(TC.range([0, ...values.map((v) => v / scale.by)]));
+      const room = { ...margin, top: k ? 8 : 20, bottom: last ? 46 : 8 };
+      return { key, word, scale, stroke, plot: new TC.Plot({ width, height: 150 + room.top + room.bottom, x, y, xlabel: last ? TC.titled(frame.along ? "x" : "arc length along the contact line", frame.scale) : "", ylabel: TC.titled(title, scale), margin: room, xnone: !last, label: `${word} along the contact line` }) };
+    });
     cases.forEach((c, k) => {
-      const dash = k ? { "stroke-dasharray": "6 4", opacity: 0.85 } : {}, line = c.line, pos = frame.along ? line.x : line.arclength, edge = (part, s) => place(line, part, s);
-      for (const part of line.parts) {
-        const xsPart = [], uPart = [];
-        for (let i = part.a; i < part.b; i++) { xsPart.push(pos[i] / by); uPart.push(c.u[i] / us.by); }
-        const a = edge(part, part.cells[0]), b = edge(part, part.cells[part.cells.length - 1]);
-        const slip = [0, 1].map((e) => TC.point.heldSlip(c, part, e) / us.by);
-        if (Number.isFinite(slip[0])) { xsPart.unshift(a); uPart.unshift(slip[0]); }
-        if (Number.isFinite(slip[1])) { xsPart.push(b); uPart.push(slip[1]); }
-        if (part.closed) { xsPart.push(b); uPart.push(c.u[part.a] / us.by); }
-        upper.line(xsPart, uPart, { stroke: "var(--c1)", "stroke-width": 2, ...dash });
-        const edges = Array.from(part.cells, (s) => edge(part, s)), values = [];
-        for (let i = part.a; i < part.b; i++) values.push(c.xi[i] / xs.by);
-        if (part.closed) { edges[0] = pos[part.a] / by; edges.push(edges[0] + (edges[edges.length - 1] - edge(part, part.cells[0]))); values.push(values[0]); }
-        lower.steps(edges, values, { stroke: "var(--c2)", "stroke-width": 1.8, ...dash });
-        if (k) continue;
-        for (let i = part.a; i < part.b; i++) {
-          const l = upper.px(edge(part, part.cells[i - part.a])), r = upper.px(edge(part, part.cells[i - part.a + 1]));
-          upper.over.append(TC.svgNode("rect", { x: Math.min(l, r), y: 4, width: Math.abs(r - l) + 0.4, height: 9, fill: TC.stateOf(line, c.state[i]).colour }));
+      const on = c.line, dash = k ? { "stroke-dasharray": "6 4", opacity: 0.85 } : {};
+      for (const part of on.parts) {
+        const nodes = [...Array(part.b - part.a).keys()].map((i) => part.a + i), edges = Array.from(part.cells, (s) => place(on, part, s)), [a, b] = [edges[0], edges[edges.length - 1]], slip = [0, 1].map((e) => TC.point.heldSlip(c, part, e));
+        if (part.closed) { edges[0] = start(on, part.a); edges.push(edges[0] + b - a); }
+        for (const { key, scale, stroke, plot } of plots) if (c[key]) {
+          const at = nodes.map((i) => start(on, i)), values = nodes.map((i) => c[key][i] / scale.by), look = { stroke, "stroke-width": 2, ...dash };
+          if (part.closed) { at.push(b); values.push(values[0]); }
+          if (key === "xi") { plot.steps(edges, values, look); continue; }
+          const [first, after] = key === "u" ? slip.map((u) => (Number.isFinite(u) ? [u / scale.by] : [])) : [[], []];
+          plot.line([...first.map(() => a), ...at, ...after.map(() => b)], [...first, ...values, ...after], look);
         }
-        for (const [held, at, u] of [[part.held[0], a, slip[0]], [part.held[1], b, slip[1]]]) if (held) for (const plot of [upper, lower]) {
-          const x = plot.px(at), y = plot.py(plot === upper && Number.isFinite(u) ? u : 0);
-          plot.over.append(TC.svgNode("path", { d: `M${x},${y - 8}V${y + 8}M${x},${y - 8}l-5,5M${x},${y - 2}l-5,5M${x},${y + 4}l-5,5`, stroke: "var(--ink)", "stroke-width": 1.5, fill: "none" }, TC.svgNode("title", {}, "held end")));
+        if (k) continue;
+        for (const i of nodes) {
+          const [l, r] = [0, 1].map((e) => plots[0].plot.px(place(on, part, part.cells[i - part.a + e])));
+          plots[0].plot.over.append(TC.svgNode("rect", { x: Math.min(l, r), y: 4, width: Math.abs(r - l) + 0.4, height: 9, fill: TC.stateOf(on, c.state[i]).colour }));
+        }
+        for (const { key, scale, plot } of plots) for (const e of [0, 1]) if (part.held[e]) {
+          const px = plot.px([a, b][e]), py = plot.py(key === "u" && Number.isFinite(slip[e]) ? slip[e] / scale.by : 0);
+          plot.over.append(TC.svgNode("path", { d: `M${px},${py - 8}V${py + 8}M${px},${py - 8}l-5,5M${px},${py - 2}l-5,5M${px},${py + 4}l-5,5`, stroke: "var(--ink)", "stroke-width": 1.5, fill: "none" }, TC.svgNode("title", {}, "held end")));
         }
       }
     });
-    const held = line.parts.some((part) => part.held[0] || part.held[1]), shares = TC.STATES.map(() => 0), total = line.c.reduce((a, b) => a + b, 0);
+    const shares = TC.STATES.map(() => 0), total = line.c.reduce((a, b) => a + b, 0);
     for (let i = 0; i < line.c.length; i++) shares[cases[0].state[i]] += line.c[i] / total;
-    const key = TC.el("div", { class: "legend" }, shares.map((_, k) => TC.stateOf(line, k)).map((st, k) => (shares[k] > 0 ? TC.swatch(st.colour, `${st.name} (${Math.round(100 * shares[k])} %)`) : null)).filter(Boolean));
-    if (held) key.append(TC.el("span", {}, "hatched bar: held end"));
-    TC.point.hover(upper, lower, line, cases[0], us, xs);
-    host.append(TC.h3(`Slip and friction along ${line.edges.join(", ") || "the contact line"}`), upper.svg, lower.svg, key);
-    if (note) host.append(TC.note(note));
+    const key = TC.legend(...shares.map((part, k) => { const st = TC.stateOf(line, k); return part > 0 ? TC.swatch(st.colour, `${st.name} (${Math.round(100 * part)} %)`) : ""; }), line.parts.some((part) => part.held[0] || part.held[1]) ? "hatched bar: held end" : "");
+    TC.point.hover(plots, line, cases[0], (i) => start(line, i));
+    host.append(TC.h3(`${plots.length > 2 ? "Slip, friction and section force" : "Slip and friction"} along ${line.edges.join(", ") || "the contact line"}`), ...plots.map(({ plot }) => plot.svg), key, note ? TC.note(note) : "");
   },
-  hover(upper, lower, line, c, us, xs) {
-    const marks = [upper, lower].map((plot) => plot.over.appendChild(TC.svgNode("line", { y1: plot.top, y2: plot.bottom, stroke: "var(--ink)", "stroke-width": 1, visibility: "hidden", "pointer-events": "none" })));
-    const text = upper.text(upper.right, 30, "", { "text-anchor": "end", visibility: "hidden" });
-    const frame = TC.point.frame(line, upper.width), pos = (i) => (frame.along ? line.x[i] : line.arclength[i]) / frame.scale.by;
-    for (const plot of [upper, lower]) {
+  // The values at the node under the pointer.
+  hover(plots, line, c, pos) {
+    const marks = plots.map(({ plot }) => plot.over.appendChild(TC.svgNode("line", { y1: plot.top, y2: plot.bottom, stroke: "var(--ink)", "stroke-width": 1, visibility: "hidden", "pointer-events": "none" })));
+    const first = plots[0].plot, text = first.text(first.right, 30, "", { "text-anchor": "end", visibility: "hidden" }), seen = (word) => [...marks, text].forEach((one) => one.setAttribute("visibility", word));
+    for (const { plot } of plots) {
       plot.svg.addEventListener("pointermove", (e) => {
         const v = plot.ix(e.clientX - plot.svg.getBoundingClientRect().left);
         let best = 0;
         for (let i = 1; i < c.u.length; i++) if (Math.abs(pos(i) - v) < Math.abs(pos(best) - v)) best = i;
-        marks.forEach((mark, k) => { const x = [upper, lower][k].px(pos(best)); mark.setAttribute("x1", x); mark.setAttribute("x2", x); mark.setAttribute("visibility", "visible"); });
-        text.textContent = `u_T = ${TC.number(c.u[best] / us.by)} ${us.unit}, ξ = ${TC.number(c.xi[best] / xs.by)} ${xs.unit}, ${TC.stateOf(line, c.state[best]).name}`;
-        text.setAttribute("visibility", "visible");
+        for (const mark of marks) for (const side of ["x1", "x2"]) mark.setAttribute(side, plot.px(pos(best)));
+        text.textContent = `${plots.map(({ key, word, scale }) => `${word} ${TC.number(c[key][best] / scale.by)} ${scale.unit}`).join(", ")}, ${TC.stateOf(line, c.state[best]).name}`;
+        seen("visible");
       });
-      plot.svg.addEventListener("pointerleave", () => { marks.forEach((m) => m.setAttribute("visibility", "hidden")); text.setAttribute("visibility", "hidden"); });
+      plot.svg.addEventListener("pointerleave", () => seen("hidden"));
     }
   },
   // The law with the place of every node on it.
-  lawPlot(width, law, cases, line, extra = {}) {
-    const us = cases.flatMap((c) => TC.range(c.u)), widest = Math.max(...us.map(Math.abs), 0), all = [...us, 0];
-    const reach = law.reach > 0 ? Math.min(law.reach, Math.max(3 * widest, 0.2 * law.reach)) : widest || 1;
-    const both = Math.min(...all) < -0.02 * widest, lo = Math.min(both ? -0.6 * reach : -0.12 * reach, ...all), hi = Math.max(both && Math.max(...all) < 0.02 * widest ? 0.12 * reach : reach, ...all);
-    const us_ = TC.scale([lo, hi], line.u_T_units), bs = [];
+  lawPlot(width, title, law, cases, line) {
+    const us = cases.flatMap((c) => TC.range(c.u)), widest = Math.max(...us.map(Math.abs), 0), all = [...us, 0], reach = law.reach > 0 ? Math.min(law.reach, Math.max(3 * widest, 0.2 * law.reach)) : widest || 1;
+    const both = Math.min(...all) < -0.02 * widest, lo = Math.min(both ? -0.6 * reach : -0.12 * reach, ...all), hi = Math.max(both && Math.max(...all) < 0.02 * widest ? 0.12 * reach : reach, ...all), bs = [0];
     for (const [ss, b] of law.curves) ss.forEach((s, i) => { if (s >= lo && s <= hi) bs.push(b[i]); });
     for (const [s, l, r] of law.jumps) if (s >= lo && s <= hi) bs.push(l, r);
     for (const c of cases) bs.push(...TC.range(c.xi));
-    const ys = TC.scale(bs, line.xi_units), range = extra.yrange || TC.pad(TC.range([...bs.map((v) => v / ys.by), 0]), 0.08);
-    const plot = new TC.Plot({ width, height: 270, x: extra.xrange || TC.pad([lo / us_.by, hi / us_.by], 0.02), y: range, xlabel: TC.titled("slip u_T", us_), ylabel: TC.titled("ξ", ys), margin: { left: 60, right: 12, top: 10, bottom: 46 }, label: "friction law with operating points" });
-    for (const [ss, b] of law.curves) {
-      const s = ss.slice(), v = b.slice(), n = s.length; // outer pieces go on straight
-      if (ss === law.curves[law.curves.length - 1][0] && hi > s[n - 1]) { s.push(hi * 1.2); v.push(v[n - 1] + ((v[n - 1] - v[n - 2]) / (s[n - 1] - s[n - 2])) * (hi * 1.2 - s[n - 1])); }
-      if (ss === law.curves[0][0] && lo < s[0]) { s.unshift(lo * 1.2); v.unshift(v[0] - ((v[1] - v[0]) / (s[2] - s[1])) * (s[1] - lo * 1.2)); }
-      plot.line(s.map((x) => x / us_.by), v.map((x) => x / ys.by), { stroke: "var(--ink)", "stroke-width": 1.6 });
-    }
-    for (const [s, l, r, kind] of law.jumps) plot.line([s / us_.by, s / us_.by], [l / ys.by, r / ys.by], { stroke: kind > 0 ? "var(--c1)" : "var(--c2)", "stroke-width": kind > 0 ? 3 : 2, "stroke-dasharray": kind > 0 ? "" : "4 3" });
-    cases.forEach((c, k) => { for (let i = 0; i < c.u.length; i++) if (Number.isFinite(c.u[i])) plot.inner.append(TC.svgNode("circle", { cx: plot.px(c.u[i] / us_.by), cy: plot.py(c.xi[i] / ys.by), r: 3.2, fill: k ? "none" : TC.stateOf(line, c.state[i]).colour, stroke: TC.stateOf(line, c.state[i]).colour, "stroke-width": 1, "fill-opacity": 0.55 })); });
-    return { plot, us: us_, ys };
+    const u = TC.scale([lo, hi], line.u_T_units), y = TC.scale(bs, line.xi_units), put = (s, b) => ({ x: Array.from(s, (v) => v / u.by), y: Array.from(b, (v) => v / y.by) }), items = [], last = law.curves.length - 1;
+    law.curves.forEach(([ss, b], k) => {
+      const s = ss.slice(), v = b.slice(), n = s.length, on = (i, j, x) => v[i] + ((v[i] - v[j]) / (s[i] - s[j])) * (x - s[i]); // outer pieces go on straight
+      if (k === last && hi > s[n - 1]) { v.push(on(n - 1, n - 2, 1.2 * hi)); s.push(1.2 * hi); }
+      if (k === 0 && lo < s[0]) { v.unshift(on(0, 1, 1.2 * lo)); s.unshift(1.2 * lo); }
+      items.push({ kind: "line", ...put(s, v), colour: "var(--ink)", width: 1.6 });
+    });
+    for (const [s, l, r, kind] of law.jumps) items.push({ kind: "line", ...put([s, s], [l, r]), colour: kind > 0 ? "var(--c1)" : "var(--c2)", width: kind > 0 ? 3 : 2, dash: kind > 0 ? "" : "4 3" });
+    cases.forEach((c, k) => items.push({ kind: "marks", ...put(c.u, c.xi), shape: "circle", r: 3.2, alpha: k ? 0 : 0.55, fill: (i) => TC.stateOf(line, c.state[i]).colour }));
+    const limits = [TC.pad([lo / u.by, hi / u.by], 0.02), TC.pad(TC.range(bs.map((v) => v / y.by)), 0.08)];
+    return TC.part.panel({ title, labels: [TC.titled("slip u_T", u), TC.titled("ξ", y)], log: [false, false], limits, items, high: 270 }, width);
   },
   law(host, line, cases, p, vs) {
     const laws = TC.point.lawsOf(p), strength = TC.point.strength(line, p), units = line.xi_units === "1" ? "1" : "Pa m-1";
@@ -311,9 +285,8 @@ TC.point = {
     laws.forEach((law, k) => {
       const other = vs !== null && TC.point.lawsOf(vs)[k] !== law ? " (the compared point has another law; its places are drawn all the same)" : "";
       const edge = strength && TC.data.laws.edges[k] ? ` of ${TC.data.laws.edges[k]}` : "", scaled = strength && [...strength].some((s) => s > 0 && Math.abs(s - 1) > 1e-4);
-      const { plot } = TC.point.lawPlot(TC.width(host), law, strength ? cases.map((c) => TC.point.onEdge(c, strength, k)) : cases, line);
-      const omega = law.omega === Infinity || law.omega === null ? "∞" : TC.quantity(law.omega, units);
-      host.append(TC.h3(`Friction law${edge} (${law.name}) and where every node stands on it`), plot.svg, TC.legend(`steepest fall ω = ${omega}; thick: up-jump (sticking), dashed: down-jump${scaled ? "; ξ divided by the strength at its node" : ""}${other}`));
+      const omega = law.omega === Infinity || law.omega === null ? "∞" : TC.quantity(law.omega, units), own = strength ? cases.map((c) => TC.point.onEdge(c, strength, k)) : cases;
+      host.append(TC.point.lawPlot(TC.width(host), `Friction law${edge} (${law.name}) and where every node stands on it`, law, own, line), TC.legend(`steepest fall ω = ${omega}; thick: up-jump (sticking), dashed: down-jump${scaled ? "; ξ divided by the strength at its node" : ""}${other}`));
     });
   },
   // The nodes of one edge's law, without gaps in the bond, ξ as the law has it.
@@ -324,13 +297,9 @@ TC.point = {
   energies(host, p, level) {
     const r = TC.data.run, e = TC.run.energies(p, level), found = e.map((v, k) => ({ v, name: r.starts[k], used: TC.run.flag("start_used", p, level) === k })).filter((o) => Number.isFinite(o.v));
     if (!found.length) return;
-    const least = Math.min(...found.map((o) => o.v)), size = Math.max(...found.map((o) => Math.abs(o.v))) || 1, most = Math.max(...found.map((o) => o.v - least)), width = TC.width(host);
-    const svg = TC.svgNode("svg", { width, height: found.length * 24 + 4, role: "img", "aria-label": "energies of all starts" }), units = r.numbers.energy ? r.numbers.energy.units : "1";
-    found.forEach((o, k) => {
-      const gap = o.v - least, same = gap <= 1e-9 * size, w = same ? 0 : (gap / most) * (width - 330);
-      svg.append(TC.svgNode("text", { x: 104, y: k * 24 + 16, "text-anchor": "end", "font-weight": o.used ? 700 : 400 }, o.name), TC.svgNode("rect", { x: 112, y: k * 24 + 4, width: Math.max(2, w), height: 15, fill: o.used ? "var(--c1)" : "var(--c6)" }), TC.svgNode("text", { x: 120 + w, y: k * 24 + 16 }, same ? `${TC.quantity(o.v, units, 5)}${o.used ? ", stored" : ""}` : `+ ${TC.quantity(gap, units, 3)}${o.used ? ", stored" : ""}`));
-    });
-    host.append(TC.h3("Energy of the solution that each start leads to"), svg, TC.note(TC.run.several(p, level) > 1 ? "Different energies: more than one solution was found." : "All starts lead to the same energy."));
+    const least = Math.min(...found.map((o) => o.v)), size = Math.max(...found.map((o) => Math.abs(o.v))) || 1, units = r.numbers.energy ? r.numbers.energy.units : "1";
+    const told = (gap) => (gap <= 1e-9 * size ? "least" : `+ ${TC.quantity(gap, units, 3)}`), rows = found.map((o) => [o.name, TC.quantity(o.v, units, 5), told(o.v - least), o.used ? "stored" : ""]);
+    host.append(TC.h3("Energy of the solution that each start leads to"), TC.wide(["start", "energy", "", ""], rows, (k) => (k === 0 || k === 3) && "text"), TC.note(TC.run.several(p, level) > 1 ? "Different energies: more than one solution was found." : "All starts lead to the same energy."));
   },
   table(host, p, vs, level) {
     const r = TC.data.run, cell = (name, k) => TC.quantity(TC.run.value(name, k, level), r.numbers[name].units, 5), names = Object.keys(r.numbers).filter((n) => Number.isFinite(TC.run.value(n, p, level)) || TC.run.value(n, p, level) === Infinity);

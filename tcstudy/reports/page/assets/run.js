@@ -232,18 +232,10 @@ TC.run = {
     const r = TC.data.run, s = TC.state, present = new Set();
     let several = false;
     for (let p = 0; p < r.points; p++) { present.add(TC.run.proof(p, s.level)); several = several || TC.run.several(p, s.level) > 1; }
-    const out = TC.el("div", { class: "legend" });
-    for (const proof of ["unique", "global", "local", "nothing", "failed"].filter((k) => present.has(k))) {
-      const svg = TC.svgNode("svg", { width: 26, height: 16, style: "display:inline-block;vertical-align:-3px;margin:0 5px 0 0", role: "img", "aria-label": proof });
-      const box = (fill, extra = {}) => svg.append(TC.svgNode("rect", { x: 0.5, y: 0.5, width: 25, height: 15, fill, stroke: "var(--soft)", ...extra }));
-      if (proof === "failed") { box("var(--shade)"); svg.append(TC.svgNode("path", { d: "M3,3L23,13M23,3L3,13", stroke: "var(--bad)", "stroke-width": 2 })); } else { box("#9aa"); if (proof !== "unique") box(`url(#${proof}-d)`); }
-      out.append(TC.el("span", { style: "display:inline-block;margin-right:16px" }, svg, TC.data.proofs[proof]));
-    }
-    if (several) {
-      const svg = TC.svgNode("svg", { width: 26, height: 16, style: "display:inline-block;vertical-align:-3px;margin:0 5px 0 0", role: "img", "aria-label": "several" });
-      svg.append(TC.svgNode("rect", { x: 2, y: 2, width: 22, height: 12, fill: "#9aa", stroke: "#d55e00", "stroke-width": 3 }));
-      out.append(TC.el("span", { style: "display:inline-block" }, svg, "starts led to different solutions"));
-    }
+    const box = (fill, look = {}) => TC.svgNode("rect", { x: 1, y: 1, width: 24, height: 14, fill, stroke: "var(--soft)", ...look }), entry = (shapes, text) => TC.entry(26, 16, shapes, text, "vertical-align:-3px;margin-right:5px");
+    const shapes = (proof) => (proof === "failed" ? [box("var(--shade)"), TC.svgNode("path", { d: "M3,3L23,13M23,3L3,13", stroke: "var(--bad)", "stroke-width": 2 })] : [box("#9aa"), proof === "unique" ? "" : box(`url(#${proof}-d)`)]);
+    const out = TC.legend(...TC.run.PROOFS.filter((k) => present.has(k)).reverse().map((proof) => entry(shapes(proof), TC.data.proofs[proof])));
+    if (several) out.append(entry([box("#9aa", { stroke: "#d55e00", "stroke-width": 3 })], "starts led to different solutions"));
     return out;
   },
   MOST_MARKS: 1500, // on the map and beside it; of more points a picture shows how their values are spread
@@ -269,51 +261,32 @@ TC.run = {
       for (let p = 0; p < r.points; p++) { const key = by ? TC.axisLabel(by, p) : ""; if (!groups.has(key)) groups.set(key, []); groups.get(key).push({ p, x: ax.numeric ? place(p) : ax.values.indexOf(ax.values[p]) }); }
       for (const [name, pts] of groups) series.push({ name, pts: pts.sort((a, b) => a.x - b.x), on: pts.some((o) => o.p === s.at[0]) });
     }
-    const every = series.flatMap((g) => g.pts), get = (o) => (TC.run.flag("status", o.p, s.level) === 1 ? TC.run.value(s.q, o.p, s.level) : NaN);
-    const scale = TC.scale(every.map(get), q.units), ys = every.map(get).map((v) => v / scale.by);
+    const every = series.flatMap((g) => g.pts), get = (o) => (TC.run.flag("status", o.p, s.level) === 1 ? TC.run.value(s.q, o.p, s.level) : NaN), scale = TC.scale(every.map(get), q.units), items = [];
     const many = series.length > TC.run.MOST_CURVES || every.length > TC.run.MOST_MARKS, single = every.length > TC.run.MOST_MARKS * TC.run.MOST_CURVES ? [] : series.filter((g) => g.on && g.pts.length <= TC.run.MOST_MARKS);
-    const names = series.map((g) => g.name), room = by && !many ? Math.min(130, 14 + 7 * Math.max(...names.map((n) => n.length))) : 14;
-    const plot = new TC.Plot({ width, height: 330, x: TC.pad(TC.range(every.map((o) => o.x)), 0.03), y: TC.pad(TC.range(ys)), xlabel: TC.axisTitle(ax), ylabel: TC.titled(TC.symbol(s.q), scale), margin: { left: 66, right: room, top: 10, bottom: 46 },
-      xticks: ax.numeric ? undefined : [...new Set(ax.values)].map((_, i) => i), xtext: ax.numeric ? undefined : (i) => [...new Set(ax.values)][i] });
-    const ends = [];
     if (many) {
-      const parts = TC.run.spread(every, (o) => get(o) / scale.by), x = parts.map((o) => o.x), edge = [...x, ...x.slice().reverse()], ring = [...parts.map((o) => o.low), ...parts.map((o) => o.high).reverse()];
-      plot.line(edge, ring, { fill: "var(--soft)", "fill-opacity": 0.22, stroke: "none" });
-      plot.line(x, parts.map((o) => o.middle), { stroke: "var(--soft)", "stroke-width": 2 });
+      const parts = TC.run.spread(every, (o) => get(o) / scale.by), x = parts.map((o) => o.x);
+      items.push({ kind: "fill", x: [...x, ...x.slice().reverse()], y: [...parts.map((o) => o.low), ...parts.map((o) => o.high).reverse()], colour: "var(--soft)", alpha: 0.22 }, { kind: "line", x, y: parts.map((o) => o.middle), colour: "var(--soft)", width: 2 });
     }
     (many ? single : series).forEach((g, k) => {
-      const look = TC.series(k), v = g.pts.map((o) => get(o) / scale.by);
-      if (!ax.drawn) plot.line(g.pts.map((o) => o.x), v, { ...look, "stroke-width": g.on ? 2.8 : 1.5, opacity: g.on ? 1 : 0.75 });
-      g.pts.forEach((o, i) => {
-        if (!Number.isFinite(v[i])) return;
-        const shown = TC.marker(TC.SHAPES[k % 4], plot.px(o.x), plot.py(v[i]), g.pts.length > 40 ? 2 : 3.6, { fill: TC.run.proof(o.p, s.level) === "unique" ? look.stroke : "var(--bg)", stroke: look.stroke, "stroke-width": 1.6, class: "mark" });
-        shown.append(TC.svgNode("title", {}, `${TC.run.words(TC.run.index(o.p))}\n${TC.quantity(get(o), q.units)}`));
-        shown.addEventListener("click", () => TC.set({ at: TC.run.index(o.p) }));
-        plot.over.append(shown);
-      });
-      const last = v.map(Number.isFinite).lastIndexOf(true);
-      if (last >= 0) ends.push({ y: plot.py(v[last]), text: g.name, look });
+      const look = TC.series(k), at = { x: g.pts.map((o) => o.x), y: g.pts.map((o) => get(o) / scale.by) };
+      if (!ax.drawn) items.push({ kind: "line", ...at, colour: look.stroke, dash: look["stroke-dasharray"], width: g.on ? 2.8 : 1.5, alpha: g.on ? 1 : 0.75, label: g.name });
+      items.push({ kind: "marks", ...at, shape: TC.SHAPES[k % 4], r: g.pts.length > 40 ? 2 : 3.6, stroke: look.stroke, fill: (i) => (TC.run.proof(g.pts[i].p, s.level) === "unique" ? look.stroke : "var(--bg)"),
+        tip: (i) => `${TC.run.words(TC.run.index(g.pts[i].p))}\n${TC.quantity(get(g.pts[i]), q.units)}`, pick: (i) => TC.set({ at: TC.run.index(g.pts[i].p) }) });
     });
-    const here = TC.run.flat(s.at), mine = every.find((o) => o.p === here);
-    if (mine && Number.isFinite(get(mine))) plot.over.append(TC.svgNode("circle", { cx: plot.px(mine.x), cy: plot.py(get(mine) / scale.by), r: 8, fill: "none", stroke: "var(--ink)", "stroke-width": 2 }));
-    if (room > 14) plot.ends(ends, 14, 10, plot.bottom);
+    const mine = every.find((o) => o.p === TC.run.flat(s.at)), names = [...new Set(ax.values)];
+    if (mine) items.push({ kind: "marks", x: [mine.x], y: [get(mine) / scale.by], shape: "circle", r: 8, stroke: "var(--ink)", fill: () => "none" });
     const kept = by ? `${TC.symbol(by.name)} of the point below` : "the other numbers as at the point below";
     const note = many ? `grey: from the least to the greatest value, and the median${by ? ` over ${TC.symbol(by.name)}` : ""}; ${single.length ? `curve: ${kept}; ` : ""}ring: the point below` : `${by ? `one curve for each ${TC.symbol(by.name)}; ` : ""}filled marks: proved unique; ring: the point below`;
-    TC.fill(host, TC.h3(`${TC.symbol(s.q)} over ${TC.symbol(ax.name)}`), TC.note(note), plot.svg);
+    TC.fill(host, TC.h3(`${TC.symbol(s.q)} over ${TC.symbol(ax.name)}`), TC.note(note), TC.part.panel({ labels: [TC.axisTitle(ax), TC.titled(TC.symbol(s.q), scale)], log: [false, false], limits: [null, null], ticks: ax.numeric ? null : [names.map((_, i) => i), names], items, high: 330 }, width));
   },
   accuracy(host) {
-    const r = TC.data.run, s = TC.state, p = TC.run.flat(s.at), out = [], width = Math.min(560, TC.width(host));
-    const narrow = TC.width(host) < 760, half = narrow ? TC.width(host) : Math.floor(TC.width(host) / 2 - 14);
+    const r = TC.data.run, s = TC.state, p = TC.run.flat(s.at), out = [];
+    const half = TC.width(host) < 760 ? TC.width(host) : Math.floor(TC.width(host) / 2 - 14);
     if (r.nlevels > 1) out.push(TC.el("div", { class: "columns" }, TC.panel(TC.run.changes(half, p)), TC.panel(TC.run.costs(p))));
     else out.push(TC.note("The study has one mesh; add levels to see how the numbers converge."));
-    out.push(TC.h3("What would be better"), TC.el("ul", {}, TC.run.advice(p).map((t) => TC.el("li", {}, t))));
+    if (TC.data.advice.length) out.push(TC.h3("What would be better"), TC.el("ul", {}, TC.data.advice.map((t) => TC.el("li", {}, t))));
     TC.fill(host, out);
     for (const one of TC.data.beside || []) { const box = TC.el("div"); host.append(TC.h3(one.title), box); TC.show(box, one.parts); }
-  },
-  // Whether ∫ξ all but cancels, so that a change relative to it says nothing.
-  cancels(name, a, p, level) {
-    const line = name === "friction_resultant" && TC.point.line(p, level);
-    return line && Math.abs(a) <= 1e-3 * TC.point.contact(line, p).xi.reduce((t, x, i) => t + Math.abs(x) * line.c[i], 0);
   },
   ROUNDING: 1e-12, // relative changes below it are none
   CONVERGED: ["u_T_max", "slip_length", "friction_resultant", "energy", "error_estimate", "error_bound_relative"],
@@ -326,26 +299,16 @@ TC.run = {
       const e = name.startsWith("error_") ? v : v.map((x, l) => (l === 0 ? NaN : Math.abs(x - v[l - 1]) / last));
       series.push({ name, xs: h.map((x) => x / scale.by), ys: e.map((x) => (x > TC.run.ROUNDING ? x : NaN)), what: TC.symbol(name) });
     }
-    const ys = series.flatMap((g) => g.ys).filter((v) => v > 0), xs = series[0].xs;
-    if (!ys.length) return [TC.h3("Convergence over the levels"), TC.note("The numbers do not change from level to level.")];
-    const plot = new TC.Plot({ width, height: 300, x: TC.pad(TC.range(xs.slice(1)), 0.12, true), y: TC.pad(TC.range(ys), 0.12, true), xlog: true, ylog: true, xlabel: halved ? TC.titled("longest edge h", scale) : "1/√unknowns", ylabel: "relative change from the level before", margin: { left: 74, right: 14, top: 10, bottom: 46 } });
-    const hi = xs.length > 1 ? xs[1] : xs[0], lo = Math.min(...xs), top = Math.max(...ys);
-    for (const order of [1, 2]) {
-      plot.line([lo, hi], [top * (lo / hi) ** order, top], { stroke: "var(--soft)", "stroke-width": 1, "stroke-dasharray": "3 3" });
-      const y = Math.max(top * (lo / hi) ** order, plot.y[0]), x = top * (lo / hi) ** order >= plot.y[0] ? lo : hi * (plot.y[0] / top) ** (1 / order);
-      plot.text(plot.px(x) + 4, plot.py(y) - 5, `order ${order}`, { class: "soft halo" });
-    }
-    const legend = TC.el("div", { class: "legend" });
-    series.forEach((g, k) => {
-      const look = TC.series(k);
-      if (!g.ys.some((v) => v > 0)) { legend.append(TC.el("span", { style: "display:inline-block;margin-right:14px" }, `${g.what}: does not change`)); return; }
-      plot.line(g.xs, g.ys, look);
-      g.xs.forEach((x, i) => { if (g.ys[i] > 0) plot.over.append(TC.marker(TC.SHAPES[k % 4], plot.px(x), plot.py(g.ys[i]), 4, { fill: look.stroke })); });
-      const n = g.ys.length, rate = n > 2 && (halved || g.name.startsWith("error_")) ? Math.log(g.ys[n - 2] / g.ys[n - 1]) / Math.log(g.xs[n - 2] / g.xs[n - 1]) : NaN;
-      const shapes = [TC.dash(26, 6, look), TC.marker(TC.SHAPES[k % 4], 13, 6, 4, { fill: look.stroke })];
-      legend.append(TC.entry(26, 12, shapes, `${g.what}${Number.isFinite(rate) ? `: last order ${rate.toFixed(1).replace("-", "−")}?` : ""}`, "vertical-align:-1px;margin-right:5px"));
+    const known = series.filter((g) => g.ys.some((v) => v > 0)), still = series.filter((g) => !known.includes(g)).map((g) => g.what);
+    if (!known.length) return [TC.h3("Convergence over the levels"), TC.note("The numbers do not change from level to level.")];
+    const xs = series[0].xs.slice(1), hi = Math.max(...xs), lo = Math.min(...xs), top = Math.max(...known.flatMap((g) => g.ys.filter((v) => v > 0))), items = [];
+    for (const order of [1, 2]) items.push({ kind: "line", x: [lo, hi], y: [top * (lo / hi) ** order, top], colour: "var(--soft)", width: 1, dash: "3 3" }, { kind: "note", x: [lo], y: [top * (lo / hi) ** order], shift: [4, 9], text: `order ${order}` });
+    known.forEach((g, k) => {
+      const n = g.ys.length, look = TC.series(k), rate = n > 2 && (halved || g.name.startsWith("error_")) ? Math.log(g.ys[n - 2] / g.ys[n - 1]) / Math.log(g.xs[n - 2] / g.xs[n - 1]) : NaN;
+      items.push({ kind: "line", x: g.xs, y: g.ys, colour: look.stroke, dash: look["stroke-dasharray"], width: 2, mark: "os^D"[k % 4], size: 4, label: `${g.what}${Number.isFinite(rate) ? `: last order ${rate.toFixed(1).replace("-", "−")}?` : ""}` });
     });
-    return [TC.h3("Convergence over the levels, of this point"), plot.svg, legend, TC.note("Where slip meets stick or an end is held expect order 1 for ∫ξ and slip length, up to 2 for energy and slip without singular corners. ?: a guess from two steps. The orders to expect at every corner: tcstudy converge.")];
+    const panel = TC.part.panel({ title: "Convergence over the levels, of this point", labels: [halved ? TC.titled("longest edge h", scale) : "1/√unknowns", "relative change from the level before"], log: [true, true], limits: [null, null], items, high: 300 }, width);
+    return [panel, still.length ? TC.note(`${still.join(", ")}: does not change`) : null, TC.note("Where slip meets stick or an end is held expect order 1 for ∫ξ and slip length, up to 2 for energy and slip without singular corners. ?: a guess from two steps. The orders to expect at every corner: tcstudy converge.")];
   },
   STAGES: [["time_mesh", "mesh"], ["time_assemble", "matrices"], ["time_condense", "condensing, all points"], ["time_solve", "contact, all points"]],
   // Sizes of the levels, of the geometry of the point, and their wall times of the whole sweep.
@@ -353,26 +316,6 @@ TC.run = {
     const r = TC.data.run, own = TC.run.levels(p), all = [...Array(r.points).keys()], sum = (name, l) => (r.levels[name] ? r.levels[name][l] : all.reduce((t, k) => t + (TC.run.value(name, k, l) || 0), 0));
     const rows = own.h_max.map((h, l) => [l, TC.quantity(h, r.units.h_max, 3), own.n_dof[l], own.n_contact[l], ...TC.run.STAGES.map(([name]) => TC.quantity(sum(name, l), "s", 2))]);
     return [TC.h3("Levels, and their wall time in the whole sweep"), TC.wide(["level", "longest edge", "unknowns", "on the contact line", ...TC.run.STAGES.map(([, words]) => words)], rows)];
-  },
-  advice(p) {
-    const r = TC.data.run, out = [], last = r.nlevels - 1, name = r.file || TC.data.file;
-    const stop = r.stop.filter(Boolean);
-    if (stop.length) out.push(`Refinement ended because ${stop[stop.length - 1]}.`);
-    if (last > 0 && r.numbers.friction_resultant) {
-      const change = (name) => { const a = TC.run.value(name, p, last), b = TC.run.value(name, p, last - 1); return TC.run.cancels(name, a, p, last) ? NaN : Math.abs(a - b) / Math.abs(a); };
-      const most = ["friction_resultant", "u_T_max", "energy"].filter((n) => r.numbers[n] && Number.isFinite(change(n))).sort((m, n) => change(n) - change(m))[0], e = most ? change(most) : NaN, what = `At this point the ${TC.symbol(most || "energy").replace(/ ∫ξ$/, "")}`;
-      if (e > 0.01) out.push(`${what} still changed by ${TC.percent(e)}: one more level (mesh.levels: ${last + 2}) halves that if errors fall like h, at about four times the unknowns; tcstudy cost shows what graded and adaptive meshes need.`);
-      else if (Number.isFinite(e)) out.push(`${what} changed by ${TC.percent(e)} with the last level, and nothing else by more; one level less takes about a quarter of the unknowns.`);
-    }
-    let open = 0, several = 0;
-    for (let k = 0; k < r.points; k++) { open += ["local", "nothing"].includes(TC.run.proof(k, last)); several += TC.run.several(k, last) > 1; }
-    if (open) out.push(`For ${open} of ${r.points} points other solutions with less energy are not excluded: a section path follows the equilibria on the branch from rest.`);
-    if (several) out.push(`For ${several} points different starts led to different solutions; the stored one is that of ${TC.data.yaml.includes("branch:") ? "the branch that the study asks for" : "the least energy found"}.`);
-    if (!TC.point.home(p).body) out.push("With output: {fields: true} the page also shows the body's temperature and deformation.");
-    if (TC.data.homes) out.push("A page of one geometry can solve in the browser: tcstudy export FILE.nc --geometry --at NAME=VALUE -o ONE.nc, then tcstudy report ONE.nc, of a run with output: {live: true}.");
-    else if (!TC.data.live) out.push("With output: {live: true} the contact problem can be solved here, in the browser, while sliders move.");
-    if (!TC.data.beside.some((one) => one.id === "convergence") && last > 1) out.push("tcstudy converge measures errors and compares them with the orders to expect; its file beside this one is shown here, too.");
-    return out;
   },
   rows(host) {
     // a long table is made again only where its numbers or its order change
@@ -388,7 +331,7 @@ TC.run = {
       const d = TC.run.dim(a.name);
       columns.push({ title: TC.axisTitle(a), csv: a.name + (a.units !== "1" ? ` [${a.units}]` : ""), left: !a.numeric, get: (p) => a.values[TC.run.index(p)[d]], text: (p) => TC.axisLabel(a, TC.run.index(p)[d]) });
     }
-    for (const name of Object.keys(r.numbers).filter((n) => !["lambda_1", "omega", "evaluations", "time_condense", "heat_balance"].includes(n))) {
+    for (const name of Object.keys(r.numbers).filter((n) => !/^(time_condense|lambda_1|omega|evaluations|heat_balance|inclusion_rounding|.*_error)/.test(n))) {
       const n = r.numbers[name], scale = TC.scale(points.map((p) => n.v[p * r.nlevels + level]), n.units);
       columns.push({ title: TC.titled(TC.symbol(name), scale), csv: name + (n.units !== "1" ? ` [${n.units}]` : ""), get: (p) => n.v[p * r.nlevels + level], text: (p) => TC.number(n.v[p * r.nlevels + level] / scale.by) });
     }

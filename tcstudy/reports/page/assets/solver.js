@@ -123,28 +123,3 @@ TC.leastOfNode = function (law, s0, traction, stiffness) {
     if (s !== end || sign * slope(s, k + sign) >= 0) return s;
   }
 };
-
-// Smallest eigenvalue of C^-½ A C^-½ by inverse iteration; `proved` is a lower bound that a factorisation confirms.
-TC.lambda1 = function (A, c) {
-  const m = c.length, S = new Float64Array(m * m), root = c.map((x) => 1 / Math.sqrt(x));
-  for (let i = 0; i < m; i++) for (let j = 0; j < m; j++) S[i * m + j] = A[i * m + j] * root[i] * root[j];
-  const L = Float64Array.from(S);
-  if (!TC.cholesky(L, m)) return { value: NaN, proved: 0 };
-  let v = new Float64Array(m).fill(1 / Math.sqrt(m)), value = 0;
-  for (let k = 0; k < 300; k++) {
-    const w = TC.backsolve(L, m, v), size = Math.hypot(...w), before = value;
-    v = w.map((x) => x / size);
-    value = 1 / size;
-    if (Math.abs(value - before) <= 1e-12 * value) break;
-  }
-  // S − (bound + rounding of a factorisation) I has a factor, so that no eigenvalue lies below the bound
-  let trace = 0;
-  for (let i = 0; i < m; i++) trace += S[i * m + i];
-  const rounding = 4 * m * 2 ** -52 * trace;
-  for (const margin of [1e-6, 1e-3, 0.1]) {
-    const bound = value * (1 - margin) - rounding, M = Float64Array.from(S);
-    for (let i = 0; i < m; i++) M[i * m + i] -= bound + rounding;
-    if (bound > 0 && TC.cholesky(M, m)) return { value, proved: bound };
-  }
-  return { value, proved: 0 };
-};
