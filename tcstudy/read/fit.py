@@ -8,8 +8,9 @@ could never decide is refused here; what they do not decide in the end is said w
 from __future__ import annotations
 
 import hashlib
+import json
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import pairwise
 
@@ -18,6 +19,7 @@ import numpy as np
 from tcstudy.errors import StudyError, UserFault
 from tcstudy.laws.derivatives import POINTS
 from tcstudy.read.asked import differentiable, named_number
+from tcstudy.read.document import whole_key
 from tcstudy.read.fields import Context, Fields, none_after_fault, out_of_bounds
 from tcstudy.read.history import check_fit
 from tcstudy.read.node import Node
@@ -31,7 +33,7 @@ from tcstudy.scene.key import Key
 from tcstudy.scene.parameters import Number, affine_numbers, path_of
 from tcstudy.scene.points import GEOMETRIC
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import MeshPlan
+from tcstudy.scene.study import MeshPlan, Study
 from tcstudy.scene.units import LENGTH, NONE, NUMBER
 
 NO_NOISE = "must be above 0", "give the standard deviation of the noise"
@@ -77,6 +79,38 @@ def read_fit(
     return plan
 
 
+def read_tests(ctx: Context, root: Node, study: Study, read: Callable[[tuple[str, ...]], Study]) -> Study:
+    """The study with those of the further tests of its fit: each is the study with other data and values.
+
+    read: the study with options like those of `--set`. Raises StudyError with the faults of all tests.
+    """
+    found, items, first = list[Study](), root.at("fit", "tests"), study.fit
+    assert items is not None
+    assert first is not None
+    for item in items.value if isinstance(items.value, tuple) else ():
+        fields = Fields(ctx, item, "fit_test")
+        remedy, given = "write {loads.f_x: 2 MPa}", fields["with"]
+        values = ctx.mapping(given, "values by key path", remedy) if given else {}
+        own: dict[str, object] = {key: node.plain() for key, node in values.items()}
+        own |= {f"fit.{name}": node.plain() for name in ("data", "noise") if (node := fields[name])} | {"fit.tests": []}
+        replaced = tuple(f"{whole_key(root, key)}." for key in own)
+        keys = {text: f"{whole_key(root, text.partition('=')[0].strip())}." for text in study.overrides}
+        options = [text for text, key in keys.items() if not key.startswith(replaced)]
+        options += [f"{key}={json.dumps(value, ensure_ascii=False)}" for key, value in own.items()]
+        try:
+            found.append(read(tuple(options)))
+        except StudyError as error:
+            for problem in error.problems:
+                ctx.errors.at(item, f"{problem.key}: {problem.what}" if problem.key else problem.what, problem.remedy)
+    plans = [first, *(one.fit for one in found if one.fit)]
+    if found and sum(plan.count for plan in plans) <= len(first.parameters):
+        ctx.errors.at(items, "all data together are fewer than the numbers to find", "measure more")
+    if ctx.errors.problems:
+        raise StudyError(ctx.errors.problems)
+    together = hashlib.sha256("".join(plan.sha256 for plan in plans).encode()).hexdigest()
+    return replace(study, tests=tuple(found), fit=replace(first, sha256=together if found else first.sha256))
+
+
 def _check(fields: Fields, plan: FitPlan) -> None:
     """What goes together: columns with the comparison, data with the numbers to find."""
     names, n, k = [one.name for one in plan.measured], plan.count, len(plan.parameters)
@@ -86,7 +120,7 @@ def _check(fields: Fields, plan: FitPlan) -> None:
         return
     if (plan.place is None) != ("u_T" not in names):
         fields.fault("data", 'a profile of u_T needs the columns x and u_T; write {x: "x [mm]", u_T: "u [um]"}')
-    if n <= k:
+    if n <= k and "tests" not in fields.values:  # which are counted together
         fields.fault("data", f"{n} data cannot decide {k} numbers; measure more, or fit fewer numbers")
     if plan.smooth and sum(one.number.path[-2:-1] == (POINTS,) for one in plan.parameters) < 3:
         remedy = "fit friction.points.0, friction.points.1 and so on, or remove smooth"

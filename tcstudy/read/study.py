@@ -14,7 +14,7 @@ from tcstudy.read.body import read_body, with_named_region
 from tcstudy.read.document import apply_overrides, compose, load_text, with_sweep
 from tcstudy.read.exact import derived_scenes, read_exact, without_loads
 from tcstudy.read.fields import Context, Fields
-from tcstudy.read.fit import read_fit
+from tcstudy.read.fit import read_fit, read_tests
 from tcstudy.read.history import read_history
 from tcstudy.read.node import Collector, Node
 from tcstudy.read.parameters import read_parameters
@@ -85,7 +85,10 @@ def read_study_text(
     said = with_sweep(overrides, sweep.written()) if sweep.tabled else overrides
     if sweep.axes and geometric(root, sweep):
         return read_variants(ctx, root, sweep, overrides, said, partial(_one_body, header))
-    return _one_body(header, ctx, root, sweep, said)
+    study = _one_body(header, ctx, root, sweep, said)
+    if root.at("fit", "tests") is None:
+        return study
+    return read_tests(ctx, root, study, lambda options: read_study_text(text, name, options, source))
 
 
 def _one_body(header: dict[str, Any], ctx: Context, root: Node, sweep: Sweep, said: tuple[str, ...]) -> Study:

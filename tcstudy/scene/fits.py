@@ -25,6 +25,7 @@ STEP = ("step",)
 
 _FITTED = "{friction.tau_s: {start: 4 MPa, within: [1 MPa, 50 MPa]}}"
 _NAMED = '{friction_resultant: "P [N/mm]"}'
+_TESTS = f"[{{data: {{file: short.csv, columns: {_NAMED}}}, with: {{parameters.L: 50 mm}}}}]"
 
 FITS: tuple[Key, ...] = (
     key("fit", "section", "[numbers of the study from measurements](#numbers-from-measurements)"),
@@ -36,9 +37,13 @@ FITS: tuple[Key, ...] = (
     key("fit.seed", "integer", "of the other starts", least=0, default=0),
     key("fit.loss", "choice", "`soft_l1`: outliers count less", words=LOSSES, default=LOSSES[0]),
     key("fit.level", "integer", "mesh level (default: finest)", least=0),
+    key("fit.tests", "sections", "further tests that the same numbers explain", example=_TESTS, of=("fit_test",)),
     key("fit.smooth", "flag", "a law by points without turns that the data do not ask for", default=False),
     needed("fit_data.file", "text", "a CSV table beside the study", example="pull.csv"),
     needed("fit_data.columns", "named texts", "what the study calls a column, and its heading", u.NONE, _NAMED),
+    needed("fit_test.data", "section", "its table of measurements", of=("fit_data",)),
+    key("fit_test.noise", "named quantities", "its noise (default: that of the fit)"),
+    key("fit_test.with", "named quantities", "values that the study has in this test, by key path"),
     needed("fit_parameter.start", "quantity", "where the search begins", example="4 MPa"),
     needed("fit_parameter.within", "span", "where it may go", example="[1 MPa, 50 MPa]"),
     key("fit_parameter.scale", "choice", "`log` by default where `within` is positive", words=SCALES),
@@ -93,7 +98,7 @@ class FitPlan:
     given, measured: columns that the scene gets, and that are compared with its results
     parameters:      the numbers to find
     scene:           that of the study, with its own values
-    file, sha256:    the table and its checksum
+    file, sha256:    the table and its checksum; of several tests the first one's name, and that of all checksums
     level:           mesh level, None for the finest
     smooth:          whether laws by points are to be as straight as the data let them
     history:         the load history at whose steps was measured, None for static points

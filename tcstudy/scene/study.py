@@ -318,6 +318,7 @@ class Study:
     units:  "SI" or "none" (dimensionless)
     design: how the points were drawn, None if the study lists them
     variants: one study for each geometry where the sweep varies the body or its meshes; `mesh` is that of the first
+    tests:  one study for each further test of a fit, with its own data and values
     """
 
     title: str
@@ -338,6 +339,7 @@ class Study:
     fit: FitPlan | None = None
     design: Design | None = None
     variants: tuple[Variant, ...] = ()
+    tests: tuple[Study, ...] = ()
 
     def __repr__(self) -> str:
         """One line: a whole study would fill pages."""

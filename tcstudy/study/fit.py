@@ -12,7 +12,7 @@ where the error falls with the size of the elements, a third of it where it fall
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +33,7 @@ from tcstudy.laws.pieces import GrowthError
 from tcstudy.laws.shapes import LawError
 from tcstudy.offline.level import Level
 from tcstudy.read.scenes import Scenery
-from tcstudy.scene.fits import FitPlan
+from tcstudy.scene.fits import FitColumn, FitPlan
 from tcstudy.scene.study import Study
 from tcstudy.study.fit_models import Compared, FitModel
 from tcstudy.study.fit_smooth import Smoothed, smoothed
@@ -51,7 +51,39 @@ DRAWN = 1e-4
 """Error of straight pieces in the place of exponential ones that nobody sees in a picture of the curve."""
 
 
-def fit(study: Study, progress: Progress | None = None) -> Record:
+@dataclass(frozen=True)
+class Tests:
+    """All tests of a fit as one model of the numbers to find: their residuals one after the other."""
+
+    models: list[FitModel]
+
+    @classmethod
+    def of(cls, study: Study) -> Tests:
+        """The first test is the study itself. Raises GeometryFailed."""
+        return cls([model_of(one, one.fit) for one in (study, *study.tests) if one.fit is not None])
+
+    def __call__(self, p: Array) -> tuple[Array, Array]:
+        """Residuals and Jacobian, for the minimiser."""
+        parts = [model.compared(p) for model in self.models]
+        return np.concatenate([one.residual for one in parts]), np.concatenate([one.jacobian for one in parts])
+
+    @property
+    def known_noise(self) -> bool:
+        return all(model.plan.known_noise for model in self.models)
+
+    @property
+    def columns(self) -> list[tuple[FitModel, FitColumn]]:
+        """The measured columns of all tests, in the order of their residuals."""
+        return [(model, column) for model in self.models for column in model.plan.measured]
+
+    @property
+    def groups(self) -> list[NDArray[np.intp]]:
+        """Residuals of each measured column."""
+        ends = np.cumsum([len(column.values) for _, column in self.columns])
+        return np.split(np.arange(ends[-1]), ends[:-1])
+
+
+def fit(study: Study, progress: Progress = lambda text: None) -> Record:
     """The numbers that the section `fit` asks for.
 
     progress: told what is done
@@ -60,40 +92,39 @@ def fit(study: Study, progress: Progress | None = None) -> Record:
     plan = study.fit
     if plan is None:
         raise FitError("the study has no section fit; add fit: {data: {file: ..., columns: ...}, parameters: ...}")
-    model = model_of(study, plan)
-    box = box_of(plan)
+    tests, box = Tests.of(study), box_of(plan)
     try:
-        fits, failures = _fits(model, box, progress)
+        fits, failures = _fits(plan, tests, box, progress)
     except (NotPositiveDefinite, LawError, GrowthError) as error:
         raise FitError(str(error)) from error
     smooth = min(fits, key=lambda one: one.minimum.cost)
     best = smooth.minimum
-    found = replace(model, law_error=DRAWN).compared(best.p)
-    if found.early:
-        raise FitError(f"the path that fits best ends early: {found.early}")
-    said = _uncertainty(plan, box, smooth)
-    minima = different([one.minimum for one in fits], box, plan.known_noise)
-    record = _record(plan, model, box, minima, failures, found, said)
-    if progress is not None:
-        progress("the same on a mesh of half the size")
-    shift = mesh_shift(model, best, box, said, smooth.prior)
+    found = [replace(model, law_error=DRAWN).compared(best.p) for model in tests.models]
+    if early := next((one.early for one in found if one.early), ""):
+        raise FitError(f"the path that fits best ends early: {early}")
+    said = _uncertainty(plan, tests, box, smooth)
+    minima = different([one.minimum for one in fits], box, tests.known_noise)
+    record = _record(plan, tests, box, minima, failures, found, said)
+    progress("the same on a mesh of half the size")
+    shift = mesh_shift(tests, best, box, said, smooth.prior)
     weighed = {"smooth_weight": smooth.weight, "numbers_decided": smooth.numbers} if plan.smooth else {}
     return Record("fit", FIT, {**record.values, "mesh_shift": shift}, {**record.attributes, **weighed})
 
 
-def mesh_shift(model: FitModel, best: Minimum, box: Box, said: Uncertainty, prior: Array) -> Array:
-    """(k,) how far a mesh of half the size would move the estimates, in standard errors; NaN on bounds, and all of it
-    where that mesh gives no result."""
-    free, shift = np.flatnonzero(~said.at_bound), np.full(len(best.p), np.nan)
+def mesh_shift(tests: Tests, best: Minimum, box: Box, said: Uncertainty, prior: Array) -> Array:
+    """(k,) how far meshes of half the size would move the estimates, in standard errors; NaN on bounds, and all of it
+    where such a mesh gives no result."""
+    free, shift, finer = np.flatnonzero(~said.at_bound), np.full(len(best.p), np.nan), list[Compared]()
     try:
-        level = Level(refine_uniformly(model.level.mesh), model.plan.scene, held=held(model.plan))
-        finer = replace(model, level=level).compared(best.p)
+        for model in tests.models:
+            level = Level(refine_uniformly(model.level.mesh), model.plan.scene, held=held(model.plan))
+            finer.append(replace(model, level=level).compared(best.p))
     except (FitError, GeometryFailed, NotPositiveDefinite, MemoryError):
         return shift
     own = np.concatenate([best.jacobian * box.rate(best.p), prior])[:, free]
-    if not finer.early and np.all(np.isfinite(said.standard_error[free])):
-        change = np.append(best.residual - finer.residual, np.zeros(len(prior)))
-        step = np.linalg.lstsq(own, change)[0]
+    if not any(one.early for one in finer) and np.all(np.isfinite(said.standard_error[free])):
+        change = best.residual - np.concatenate([one.residual for one in finer])
+        step = np.linalg.lstsq(own, np.append(change, np.zeros(len(prior))))[0]
         shift[free] = step * box.rate(best.p)[free] / said.standard_error[free]
     return shift
 
@@ -103,9 +134,11 @@ def model_of(study: Study, plan: FitPlan) -> FitModel:
     meshes = Meshes(study)
     last = study.mesh.levels - 1 if plan.level is None else plan.level
     mesh = [meshes.next(i) for i in range(last + 1)][-1]
-    sigma = [_noise(column.noise, column.values) for column in (*plan.measured, *plan.given)]
-    count = len(plan.measured[0].values)
-    noise = np.repeat(sigma[: len(plan.measured)], count)
+    sigma = [
+        ESTIMATED * (float(np.ptp(c.values)) or float(np.max(np.abs(c.values))) or 1.0) if c.noise is None else c.noise
+        for c in (*plan.measured, *plan.given)
+    ]
+    noise = np.repeat(sigma[: len(plan.measured)], len(plan.measured[0].values))
     level = Level(mesh, plan.scene, held=held(plan))
     return FitModel(plan, Scenery.of(study), level, noise, sigma[-1] if plan.given else 1.0, study.solver.tolerance)
 
@@ -115,116 +148,103 @@ def held(plan: FitPlan) -> bool:
     return plan.history is None or not plan.history.loose
 
 
-def _noise(given: float | None, values: Sequence[float]) -> float:
-    if given is not None:
-        return given
-    return ESTIMATED * (float(np.ptp(values)) or float(np.max(np.abs(values))) or 1.0)
-
-
 def box_of(plan: FitPlan) -> Box:
     """Where the numbers may lie."""
     low, high, log = (np.array([getattr(one, name) for one in plan.parameters]) for name in ("low", "high", "log"))
     return Box(low, high, log)
 
 
-def groups_of(plan: FitPlan) -> list[NDArray[np.intp]]:
-    """Residuals of each measured column."""
-    count = len(plan.measured[0].values)
-    return [np.arange(i * count, (i + 1) * count) for i in range(len(plan.measured))]
-
-
-def _fits(model: FitModel, box: Box, progress: Progress | None) -> tuple[list[Smoothed], list[str]]:
+def _fits(plan: FitPlan, tests: Tests, box: Box, progress: Progress) -> tuple[list[Smoothed], list[str]]:
     """What the starts lead to, and why some lead nowhere."""
-    plan, found, failures = model.plan, list[Smoothed](), list[str]()
+    found, failures = list[Smoothed](), list[str]()
     first = np.array([one.start for one in plan.parameters])
     for number, start in enumerate(box.starts(first, plan.starts, plan.seed)):
         try:
             if plan.smooth:
-                one = smoothed(model, start, box, plan)
+                one = smoothed(tests, start, box, plan)
             else:
-                one = Smoothed(minimise(model, start, box, plan.loss), np.zeros((0, len(start))), 0.0, len(start))
-            _check_depends(plan, one.minimum, box)
+                one = Smoothed(minimise(tests, start, box, plan.loss), np.zeros((0, len(start))), 0.0, len(start))
+            p = one.minimum.p
+            scale = np.where(box.log, p, np.maximum(np.abs(p), box.high - box.low))
+            size = np.linalg.norm(one.minimum.jacobian * scale, axis=0)
+            blind = [a.number.name for a, s in zip(plan.parameters, size, strict=True) if s <= BLIND * size.max()]
+            if blind:
+                what = f"the data do not depend on {', '.join(blind)} there"
+                raise FitError(f"{what}; begin elsewhere, or leave it out of the fit")
         except FitError as error:
             failures.append(str(error))
             continue
         found.append(one)
-        if progress is not None:
-            progress(f"start {number + 1} of {plan.starts}: {one.minimum.evaluations} evaluations")
-        if _uncertainty(plan, box, one).settled:
+        progress(f"start {number + 1} of {plan.starts}: {one.minimum.evaluations} evaluations")
+        if _uncertainty(plan, tests, box, one).settled:
             break
     if not found:
         raise FitError(failures[0] if plan.starts == 1 else f"no start led to a result: {failures[0]}")
     return found, failures
 
 
-def _uncertainty(plan: FitPlan, box: Box, found: Smoothed) -> Uncertainty:
+def _uncertainty(plan: FitPlan, tests: Tests, box: Box, found: Smoothed) -> Uncertainty:
     asked = (found.prior, found.numbers) if plan.smooth else (None, None)
-    return uncertainty(found.minimum, box, groups_of(plan), plan.known_noise, *asked)
-
-
-def _check_depends(plan: FitPlan, best: Minimum, box: Box) -> None:
-    """Raise FitError for numbers that nothing measured depends on where a start led to."""
-    p = best.p
-    size = np.linalg.norm(best.jacobian * np.where(box.log, p, np.maximum(np.abs(p), box.high - box.low)), axis=0)
-    blind = [one.number.name for one, s in zip(plan.parameters, size, strict=True) if s <= BLIND * size.max()]
-    if blind or not size.max() > 0.0:
-        names = ", ".join(blind or [one.number.name for one in plan.parameters])
-        raise FitError(f"the data do not depend on {names} there; begin elsewhere, or leave it out of the fit")
+    return uncertainty(found.minimum, box, tests.groups, tests.known_noise, *asked)
 
 
 def _record(
     plan: FitPlan,
-    model: FitModel,
+    tests: Tests,
     box: Box,
     minima: list[list[Minimum]],
     failures: list[str],
-    found: Compared,
+    found: list[Compared],
     said: Uncertainty,
 ) -> Record:
-    best, names = minima[0][0], [one.number.name for one in plan.parameters]
-    count = len(plan.measured[0].values)
-    given = np.tile(plan.given[0].values if plan.given else np.arange(count, dtype=float), len(plan.measured))
+    best, names, columns = minima[0][0], [one.number.name for one in plan.parameters], tests.columns
+    files = [f" in {Path(model.plan.file).name}" if len(tests.models) > 1 else "" for model, _ in columns]
+    given = [model.plan.given[0].values if model.plan.given else range(len(c.values)) for model, c in columns]
+    datum_given = np.concatenate(given).astype(float)
+    feet = [one.foot[:, 0] for one in found if len(one.foot)]
     values: dict[str, Any] = {
         "parameter": np.array(names, dtype=object),
         "parameter_units": np.array([one.number.units for one in plan.parameters], dtype=object),
         "estimate": best.p,
-        "standard_error": said.standard_error,
-        "interval": said.interval,
         "parameter_start": np.array([one.start for one in plan.parameters]),
         "parameter_within": np.stack([box.low, box.high], axis=1),
         "logarithmic": box.log.astype(np.int8),
         "at_bound": said.at_bound.astype(np.int8),
-        "covariance": said.covariance,
-        "singular_value": said.singular_value,
+        **{name: getattr(said, name) for name in ("standard_error", "interval", "covariance", "singular_value")},
         "singular_vector": said.direction,
-        "measured_column": np.repeat(np.arange(len(plan.measured), dtype=np.int32), count),
-        "datum": np.concatenate([column.values for column in plan.measured]),
-        "datum_given": given,
-        "predicted": found.predicted,
-        "predicted_given": found.foot[:, 0] if len(found.foot) else given,
+        "measured_column": np.concatenate([np.full(len(own), i, np.int32) for i, own in enumerate(tests.groups)]),
+        "datum": np.concatenate([column.values for _, column in columns]),
+        "datum_given": datum_given,
+        "predicted": np.concatenate([one.predicted for one in found]),
+        "predicted_given": np.concatenate(feet) if feet else datum_given,
         "residual": best.residual,
         "jacobian": best.jacobian * box.rate(best.p),
-        "noise": model.noise,
+        "noise": np.concatenate([model.noise for model in tests.models]),
         "cost": np.array(best.costs),
         "start_cost": np.array([same[0].cost for same in minima]),
         "start_estimate": np.array([same[0].p for same in minima]),
         "start_evaluations": np.array([same[0].evaluations for same in minima], dtype=np.int32),
         "start_count": np.array([len(same) for same in minima], dtype=np.int32),
-        **_law(plan, model, best, said),
+        **_law(plan, tests.models[0], best, said),
     }
-    if found.path is not None:
-        values["curve_given"], values["curve_measured"] = found.path.curve.T
-        values["fold_vertex"] = found.path.folds.astype(np.int32)
+    if paths := [one.path for one in found if one.path is not None]:
+        gap = np.full((1, 2), np.nan)  # between the curves of two tests
+        curves = [part for path in paths for part in (path.curve, gap)][:-1]
+        firsts = np.cumsum([0, *(len(path.curve) + 1 for path in paths)])
+        values["curve_given"], values["curve_measured"] = np.concatenate(curves).T
+        values["fold_vertex"] = np.concatenate(
+            [first + path.folds for first, path in zip(firsts, paths, strict=False)]
+        ).astype(np.int32)
     weak = [product(row, names) for row in said.direction[len(names) - said.weak :]]
     attributes = {
         "compare": plan.compare,
         "loss": plan.loss,
-        "data_file": Path(plan.file).name,
+        "data_file": ", ".join(dict.fromkeys(Path(model.plan.file).name for model in tests.models)),
         "data_sha256": plan.sha256,
         "given": "; ".join(f"{column.name} [{column.units}]" for column in plan.given),
-        "measured": "; ".join(f"{column.name} [{column.units}]" for column in plan.measured),
-        "known_noise": np.int32(plan.known_noise),
-        "given_noise": model.given_noise,
+        "measured": "; ".join(f"{c.name}{file} [{c.units}]" for (_, c), file in zip(columns, files, strict=True)),
+        "known_noise": np.int32(tests.known_noise),
+        "given_noise": tests.models[0].given_noise,
         "chi_square": said.chi_square,
         "degrees_of_freedom": np.int32(said.freedom),
         "fit_probability": said.fit_p,
@@ -233,13 +253,13 @@ def _record(
         "information_criterion": said.information,
         "not_determined": "; ".join(weak),
         "determined": ", ".join(product(row, names) for row in said.direction[: max(1, len(names) - said.weak)]),
-        "solves": np.int32(model.solves),
+        "solves": np.int32(sum(model.solves for model in tests.models)),
         "evaluations": np.int32(best.evaluations),
         "starts": np.int32(plan.starts),
         "starts_tried": np.int32(sum(map(len, minima)) + len(failures)),
         "starts_failed": np.int32(len(failures)),
         "start_failure": failures[0] if failures else "",
-        "noise_assumed": plan.assumed_noise,
+        "noise_assumed": "; ".join(dict.fromkeys(filter(None, (model.plan.assumed_noise for model in tests.models)))),
         "message": best.message,
     }
     return Record("fit", FIT, values, attributes)
@@ -265,9 +285,7 @@ def _law(plan: FitPlan, model: FitModel, best: Minimum, said: Uncertainty) -> di
     return {"law_slip": slips, "law_traction": law.value(slips, piece), "law_error": error}
 
 
-def execute_fit(
-    study: Study, output: Path, progress: Progress | None = None, command: Sequence[str] = ("tcstudy",)
-) -> None:
+def execute_fit(study: Study, output: Path, progress: Progress, command: Sequence[str] = ("tcstudy",)) -> None:
     """Fit and write the file. Raises FitError, StoreError or GeometryFailed."""
     tell(remarks := warnings(study))
     with threadpool_limits(1, user_api="blas"):

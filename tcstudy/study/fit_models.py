@@ -107,11 +107,6 @@ class FitModel:
         matrix = np.array([[column.get(path, 0.0) for column in columns] for path in paths])
         return [Sensitivity(".".join(path), path, "") for path in paths], matrix
 
-    def __call__(self, p: Array) -> tuple[Array, Array]:
-        """Residuals and Jacobian, for the minimiser."""
-        found = self.compared(p)
-        return found.residual, found.jacobian
-
     def compared(self, p: Array) -> Compared:
         """The study with the numbers p against the data. Raises FitError where it has no solution."""
         scene = self.scene(p)

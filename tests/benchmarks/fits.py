@@ -23,7 +23,7 @@ from threadpoolctl import threadpool_limits
 from tcstudy.accuracy.fitted import minimise, uncertainty
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.fits import FitColumn, FitPlan
-from tcstudy.study.fit import box_of, groups_of, model_of
+from tcstudy.study.fit import Tests, box_of
 from tests.study.test_fit_history import FOUND, PULLED, RIGID, returned
 
 Array = NDArray[np.float64]
@@ -139,14 +139,15 @@ def run(case: Case, draws: int, seed: int) -> None:
         plan, with_data = plan_of(case, Path(name))
         study = read_study_text(case.text, source=Path(name) / "fit.yaml")
     rng, start = np.random.default_rng(seed), np.array([one.start for one in plan.parameters])
-    model, box = model_of(study, plan), box_of(plan)
+    tests, box = Tests.of(study), box_of(plan)
+    (model,) = tests.models
     held, apart, evaluations, worst = np.zeros(len(start)), [], [], 0.0
     clock = time.perf_counter()
     for _ in range(draws):
         model.plan = with_data(case.data + rng.normal(size=case.data.shape) * case.noise)
         model.solves = 0
-        best = minimise(model, start, box)
-        said = uncertainty(best, box, groups_of(plan), plan.known_noise)
+        best = minimise(tests, start, box)
+        said = uncertainty(best, box, tests.groups, plan.known_noise)
         held += (said.interval[:, 0] <= case.truth) & (case.truth <= said.interval[:, 1])
         apart.append((best.p - case.truth) / said.standard_error)
         evaluations.append(best.evaluations)

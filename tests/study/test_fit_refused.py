@@ -25,7 +25,7 @@ REFUSED = {
         "nu: {start: 0.3, within: [0, 0.6]",
     ): "between -1 and 0.5",
     ("start: 2 MPa", "start: 40 MPa"): "lies outside within",
-    ("[0.2 MPa, 20 MPa]", "[-1 MPa, 20 MPa]"): "friction.tau = -1e+06: tau: must be at least 0",
+    ("[0.2 MPa, 20 MPa]", "[-1 MPa, 20 MPa]"): "friction.tau = -1e+06: must be at least 0",
     ("mesh: {maxh: 20 mm}", "mesh: {maxh: 20 mm}\nsweep: {tau: [1 MPa, 2 MPa]}"): "but the study has a sweep",
     ("  noise", "  compare: orthogonal\n  noise"): "distances to a path need two columns",
     ("alpha_T: {start: 8e-6", "heat.theta: {start: 8e-6"): "is not a unit of a temperature",
