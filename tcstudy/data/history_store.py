@@ -22,7 +22,7 @@ from tcstudy.data.records import LevelRecord, PointStatus, Row, decode, row_of
 from tcstudy.data.schema import BESIDE, DIFFERENCE, JOINTS, REGIONS, FileVariable, region_variables
 from tcstudy.data.store import Record, load_root, missing
 from tcstudy.data.tables import HISTORY, LINE, MESH_LEVEL
-from tcstudy.data.writer import axis_name, file_places
+from tcstudy.data.writer import axis_name
 from tcstudy.scene.histories import START
 from tcstudy.scene.study import Study
 
@@ -137,10 +137,9 @@ def read_known(path: Path, study: Study) -> tuple[Values, dict[str, Any]] | None
         name = variable.name
         if variable.dtype == "f8" and not (name in data and np.array_equal(data[name].values[both], own[both])):
             raise StoreError(f"{path} holds a history with other steps; {remedy}")
-    places = file_places(study, np.arange(points))
     for name, every in values.items():
         stored: NDArray[Any] = data[name].values
-        known = stored.reshape((points, *stored.shape[len(study.shape) :]))[places]
+        known = stored.reshape((points, *stored.shape[len(study.shape) :]))
         where = at_step(every, slice(None), both)
         every[where] = known[where]
     return values, dict(data.attrs)

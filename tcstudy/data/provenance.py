@@ -18,7 +18,7 @@ import re
 import shlex
 import subprocess
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from functools import cache
 from importlib import metadata
@@ -66,42 +66,23 @@ def tell_stored(path: Path) -> None:
     tell(remarks_of(attributes(path)))
 
 
-@dataclass(frozen=True)
-class Provenance:
-    """What is known of a run beside its study.
-
-    history:    date and command, one line per step
-    versions:   package → version
-    git_commit: commit of the study's checkout, with "-dirty" if the study or a tracked file differs; or "unknown"
-    remarks:    warnings that the file keeps
-    """
-
-    history: str
-    versions: tuple[tuple[str, str], ...]
-    git_commit: str
-    remarks: tuple[Remark, ...] = ()
-
-
 def collect(
     study: Study, command: Sequence[str], now: datetime | None = None, remarks: Sequence[Remark] = ()
-) -> Provenance:
-    """Provenance of a run started with `command` (the words of the command line) at `now`."""
+) -> dict[str, Any]:
+    """Global attributes of a result file: those of CF, and all that is needed to repeat the run.
+
+    command: the words of the command line, run at `now`;  remarks: warnings that the file keeps
+    """
     date = (now or datetime.now(UTC)).isoformat(timespec="seconds")
     versions = {"python": platform.python_version(), **package_versions(PACKAGES)}
     words = re.sub(r"^__main__\.py\b", "tcstudy", shlex.join(without_directories(command)))  # of python -m
-    told = tuple(replace(one, text=without_paths(one.text)) for one in remarks)
-    return Provenance(f"{date} {words}", tuple(versions.items()), git_commit(study.source), told)
-
-
-def global_attributes(study: Study, provenance: Provenance) -> dict[str, Any]:
-    """Global attributes of the result file: those of CF, and all that is needed to repeat the run."""
-    versions = dict(provenance.versions)
+    told = [{"text": without_paths(one.text), "where": one.where} for one in remarks]
     return {
         "Conventions": CONVENTIONS,
         "title": study.title or "untitled study",
         "institution": study.institution or "unspecified",
-        "source": f"tcstudy {versions.get('tcstudy', 'unknown')}",
-        "history": provenance.history,
+        "source": f"tcstudy {versions['tcstudy']}",
+        "history": f"{date} {words}",
         "references": REFERENCES,
         "solver": " ".join(study.solver.names),
         "solver_tolerance": Acceptance(study.solver.tolerance).aim,
@@ -113,8 +94,8 @@ def global_attributes(study: Study, provenance: Provenance) -> dict[str, Any]:
         "overrides": "\n".join(without_directories(study.overrides)),
         "versions": json.dumps(versions),
         "program": program(),
-        "git_commit": provenance.git_commit,
-        **({WARNINGS: json.dumps(list(map(asdict, provenance.remarks)))} if provenance.remarks else {}),
+        "git_commit": git_commit(study.source),
+        **({WARNINGS: json.dumps(told)} if told else {}),
     }
 
 

@@ -16,11 +16,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tcstudy.data import schema
+from tcstudy.data import reading, schema
 from tcstudy.data.files import StoreError, write_dataset
 from tcstudy.data.on_request import line_variables, variables
-from tcstudy.data.provenance import CONTENT, Kind, Provenance, global_attributes, kind_of, without_paths
-from tcstudy.data.reading import attributes
+from tcstudy.data.provenance import CONTENT, Kind, kind_of, without_paths
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import MISSING_COUNT, SWEEP, FileVariable, PointStatus
 from tcstudy.data.writer import (
@@ -28,8 +27,6 @@ from tcstudy.data.writer import (
     Places,
     axis_problems,
     define,
-    file_places,
-    in_file_order,
     put,
     put_all,
     put_axes,
@@ -54,12 +51,13 @@ KEPT = "finished points are kept in the journal"
 
 
 def write(
-    path: Path, study: Study, levels: Sequence[LevelRecord], records: Records, provenance: Provenance
+    path: Path, study: Study, levels: Sequence[LevelRecord], records: Records, attributes: Mapping[str, Any]
 ) -> tuple[int, int]:
     """Write all results of a run to `path`, replacing an old file in one step.
 
     Returns how many solutions were sought, on all levels, and how many of them failed.
 
+    attributes: global ones (`tcstudy.data.provenance`)
     records: all of them, or a function that gives them anew for every pass: neither they nor the results need fit
              into memory. Of two records of one point the last one counts; points without any stay "not run"
 
@@ -69,7 +67,7 @@ def write(
         raise StoreError("; ".join(problems))
     counts: list[tuple[int, int]] = []
     make = lambda nc: counts.append(fill(nc, study, levels, records))  # noqa: E731
-    write_dataset(path, global_attributes(study, provenance), make, KEPT)
+    write_dataset(path, attributes, make, KEPT)
     return counts[-1]
 
 
@@ -88,7 +86,7 @@ class Record:
     attributes: Mapping[str, Any]
 
 
-def write_record(path: Path, study: Study, record: Record, provenance: Provenance) -> None:
+def write_record(path: Path, study: Study, record: Record, attributes: Mapping[str, Any]) -> None:
     """Write a record to `path`, replacing an old file in one step; raises StoreError if that is not possible."""
     texts = {name: without_paths(v) if isinstance(v, str) else v for name, v in record.attributes.items()}
 
@@ -98,12 +96,12 @@ def write_record(path: Path, study: Study, record: Record, provenance: Provenanc
             put_axes(nc, study)
         for name in swept:
             rows = np.asarray(values[name])
-            values[name] = in_file_order(study, rows.reshape((*study.shape, *rows.shape[1:])))
+            values[name] = rows.reshape((*study.shape, *rows.shape[1:]))
         if "reason" in values:
             values["reason"] = np.vectorize(without_paths, otypes=[object])(values["reason"])
         put_all(nc, record.tables, values, study)
 
-    write_dataset(path, global_attributes(study, provenance) | {CONTENT: record.kind, **texts}, make)
+    write_dataset(path, {**attributes, CONTENT: record.kind, **texts}, make)
 
 
 def root_variables(study: Study) -> tuple[FileVariable, ...]:
@@ -132,7 +130,7 @@ def open_results(path: Path) -> xarray.DataTree:
 
     Raises StoreError if there is no file, if it is not a result file or if its run has not finished.
     """
-    attributes(path)
+    reading.attributes(path)
     import xarray  # here, because a run needs no xarray and its import takes longer than writing the file
 
     return xarray.open_datatree(path, engine="netcdf4")
@@ -140,7 +138,7 @@ def open_results(path: Path) -> xarray.DataTree:
 
 def open_root(path: Path, group: str = "") -> xarray.Dataset:
     """The same of the root alone, or of one group, in the order of the file: of many geometries it takes less time."""
-    attributes(path)
+    reading.attributes(path)
     import xarray
 
     return xarray.open_dataset(path, engine="netcdf4", group=group or None)
@@ -252,7 +250,7 @@ def fill(nc: netCDF4.Dataset, study: Study, levels: Sequence[LevelRecord], recor
         for part in now:
             part.begin()
         for block in records() if callable(records) else records:
-            places = file_places(study, block.points)
+            places = block.points
             if first:
                 _put_fields(groups.get(block.level), study, block, places)
                 if block.solutions:
@@ -312,7 +310,6 @@ def _make_group(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF
             put(group, schema.REGION, study, level.fields["region"], **dict(named))
     live = {v.name: level.fields[name] for v in schema.LIVE if (name := schema.LIVE_PREFIX + v.name) in level.fields}
     if live:
-        live |= {v.name: in_file_order(study, live[v.name]) for v in schema.LIVE if SWEEP in v.dims}
         put_all(group.createGroup("live"), schema.LIVE, live, study)
     put_all(group, (*schema.CONTACT, *schema.JOINTS), {**vars(level), **level.fields}, study)
     _put_held(group, study, level.fields)
@@ -337,7 +334,7 @@ def _put_held(group: netCDF4.Group, study: Study, fields: Mapping[str, np.ndarra
     # u_T [m] is made of what the edges prescribe
     slips = [[float(along @ prescribed(scene, edge, x, y)) for x, y, edge, along in ends] for scene in some]
     values = np.array(slips)[of].reshape(*study.shape, -1)
-    put_all(group, schema.HELD, {**fields, "held_u_T": in_file_order(study, values)}, study)
+    put_all(group, schema.HELD, {**fields, "held_u_T": values}, study)
     names = (name for name, _ in study.scenes[0].boundary)
     group["held_edge"].setncatts(dict(schema.flags("contact_corner", *names, first=-1)))
 

@@ -9,16 +9,15 @@ place of its number in the variable `geometry`, by point.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tcstudy.data.files import write_dataset
-from tcstudy.data.provenance import Provenance, global_attributes
 from tcstudy.data.reading import GEOMETRIES, refuse_changed
 from tcstudy.data.records import BlockRecord
 from tcstudy.data.schema import POINT, SWEEP, FileVariable
@@ -28,10 +27,8 @@ from tcstudy.data.writer import (
     COMPRESSED,
     SMALL,
     define,
-    file_places,
     geometry_dims,
     geometry_place,
-    in_file_order,
     put,
 )
 from tcstudy.errors import UsageError
@@ -46,7 +43,7 @@ NUMBER = FileVariable("geometry", "i4", "1", "number of the geometry", (SWEEP,),
 
 
 def write_variants(
-    path: Path, study: Study, files: Sequence[Path | None], others: Sequence[BlockRecord], provenance: Provenance
+    path: Path, study: Study, files: Sequence[Path | None], others: Sequence[BlockRecord], attributes: Mapping[str, Any]
 ) -> tuple[int, int]:
     """Join the files of the geometries into one, replacing an old file in one step.
 
@@ -82,7 +79,7 @@ def write_variants(
                 with opened(file) as own:
                     _fill(own, nc[f"geometry_{number}"])
 
-    write_dataset(path, global_attributes(study, provenance) | {GEOMETRIES: len(files)}, make, KEPT)
+    write_dataset(path, {**attributes, GEOMETRIES: len(files)}, make, KEPT)
     return counts[0]
 
 
@@ -98,11 +95,8 @@ def extract(path: Path, number: int, target: Path) -> None:
 def _table(study: Study, variant: Variant, file: Path) -> Iterable[BlockRecord]:
     """The points of one geometry, without what has the length of its mesh."""
     assert variant.study is not None
-    count = len(variant.places)
-    places = np.empty(count, dtype=np.intp)
-    places[file_places(variant.study, np.arange(count))] = variant.places
     wanted = np.ones((len(study.scenes), study.mesh.levels), dtype=bool)
-    for block in read_blocks(file, study, places, wanted):
+    for block in read_blocks(file, study, variant.places, wanted):
         yield replace(block, u_T=None, xi=None, sticks=None, fields={}, solutions={})
 
 
@@ -111,7 +105,7 @@ def _put_numbers(nc: netCDF4.Dataset, study: Study, files: Sequence[Path | None]
     numbers = np.full(len(study.scenes), -1, dtype=np.int32)
     for number, (variant, file) in enumerate(zip(study.variants, files, strict=True)):
         numbers[variant.places] = -1 if file is None else number
-    put(nc, NUMBER, study, in_file_order(study, numbers.reshape(study.shape)))
+    put(nc, NUMBER, study, numbers.reshape(study.shape))
 
 
 def _copy(source: netCDF4.Dataset, target: netCDF4.Dataset) -> None:

@@ -60,8 +60,7 @@ def geometry_place(study: Study, variant: Variant) -> Any:
     """Where a geometry stands along these dimensions."""
     if study.mode != "grid":
         return variant.places
-    axes = outer_axes(study)
-    return tuple(int(axis_places(axis)[i]) for axis, i in zip(axes, variant.index, strict=True))
+    return tuple(variant.index)
 
 
 def expand(dims: tuple[str, ...], study: Study) -> tuple[str, ...]:
@@ -91,32 +90,6 @@ def axis_labels(axis: Axis) -> np.ndarray[Any, Any]:
     if any(isinstance(label, str) for label in axis.labels):
         return np.array([str(label) for label in axis.labels], dtype=object)
     return np.array(axis.labels, dtype=float)
-
-
-def axis_order(axis: Axis) -> np.ndarray[Any, Any]:
-    """Which label stands at each place of the file's dimension: in ascending order where the study's go up and down.
-
-    CF wants monotonic coordinates. Texts stay in their order: as the values of a dimension they are no strict CF
-    coordinate, but as a label variable of another name `data.sel(friction="tresca")` would find no index.
-    """
-    labels = axis_labels(axis)
-    if labels.dtype == object or np.all(np.diff(labels) > 0.0) or np.all(np.diff(labels) < 0.0):
-        return np.arange(len(labels))
-    return np.argsort(labels, kind="stable")
-
-
-def axis_places(axis: Axis) -> np.ndarray[Any, Any]:
-    """Place of every label along the file's dimension."""
-    return np.argsort(axis_order(axis))
-
-
-def file_places(study: Study, points: Places) -> Places:
-    """(P,) where points of the sweep stand in the file, both counted in C order."""
-    if study.mode != "grid" or not study.shape:
-        return points
-    index = np.unravel_index(points, study.shape)
-    moved = tuple(axis_places(axis)[i] for axis, i in zip(study.axes, index, strict=True))
-    return np.ravel_multi_index(moved, study.shape)
 
 
 def axis_problems(study: Study) -> list[str]:
@@ -228,20 +201,12 @@ def put_axes(nc: netCDF4.Dataset, study: Study) -> None:
         dims = _dims_of(study, (axis,))
         new = define(nc, FileVariable(axis_name(axis), kind, axis.units, "", dims, coordinate=True), study)
         new.setncatts(axis_attributes(axis))
-        new[...] = labels[axis_order(axis)] if study.mode == "grid" else labels
+        new[...] = labels
 
 
 def put_names(nc: netCDF4.Dataset, dim: str, names: Iterable[str], long_name: str, study: Study) -> None:
     """A dimension with texts as its coordinate."""
     put(nc, FileVariable(dim, "str", "", long_name, (dim,), coordinate=True), study, list(names))
-
-
-def in_file_order(study: Study, values: NDArray[Any]) -> NDArray[Any]:
-    """Values by point, the sweep's dimensions first, with every axis sorted as in the file."""
-    if study.mode == "grid":
-        for d, axis in enumerate(study.axes):
-            values = np.take(values, axis_order(axis), axis=d)
-    return values
 
 
 def attributes(variable: FileVariable, study: Study) -> dict[str, Any]:

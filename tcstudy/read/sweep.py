@@ -52,6 +52,18 @@ class SweptAxis:
         values, labels = zip(*((self.values[k], self.labels[k]) for k in places), strict=True)
         return replace(self, values=values, labels=labels)
 
+    def ascending(self) -> SweptAxis:
+        """The same, its numbers in ascending order where they go up and down: CF wants monotonic coordinates.
+
+        Texts stay in their order: as the values of a dimension they are no strict CF coordinate, but as a label
+        variable of another name `data.sel(friction="tresca")` would find no index.
+        """
+        if any(isinstance(label, str) for label in self.labels):
+            return self
+        labels = [float(label) for label in self.labels]
+        order = sorted(range(len(labels)), key=labels.__getitem__)
+        return self if order in ([*range(len(labels))], [*reversed(range(len(labels)))]) else self.at(order)
+
 
 @dataclass(frozen=True)
 class Sweep:
@@ -119,6 +131,7 @@ def read_sweep(ctx: Context, root: Node, overrides: Sequence[str]) -> Sweep:
     _check_law_parameters(ctx, axes, root.child("friction"))
     if len(ctx.errors) > before:
         return Sweep()
+    axes = [axis.ascending() for axis in axes] if mode == "grid" else axes
     sweep = Sweep("grid" if mode == "grid" else "list", tuple(axes), node.child("h"), design, tabled)
     sweep = _of_sections(ctx, root, sweep)
     if ctx.named:

@@ -14,7 +14,6 @@ import shapely
 from numpy.typing import NDArray
 
 from tcstudy.data.schema import JOINTS
-from tcstudy.data.writer import axis_order
 from tcstudy.errors import StudyError
 from tcstudy.laws.composed import NO_JOINTS, EdgeLaws, Joints, law_along
 from tcstudy.laws.laws import Laws
@@ -55,18 +54,10 @@ def stored_study(data: Any, swept: bool = True) -> Study | None:
         return None
 
 
-def file_order(study: Study) -> list[int]:
-    """The scene of every point of the file: a file has axes that go up and down sorted, the study has not."""
-    numbers = np.arange(len(study.scenes)).reshape(study.shape)
-    if study.mode == "grid" and study.axes:
-        numbers = numbers[np.ix_(*(axis_order(axis) for axis in study.axes))]
-    return [int(i) for i in numbers.ravel()]
-
-
 def scene_at(study: Study, index: Sequence[int]) -> Scene:
     """The scene of the point at a place of the file, which is its index along each dimension of the sweep."""
     number = int(np.ravel_multi_index(tuple(index), study.shape)) if study.shape else 0
-    return study.scenes[file_order(study)[number]]
+    return study.scenes[number]
 
 
 def law_of_nodes(friction: Laws | EdgeLaws, group: Any) -> Laws:

@@ -15,16 +15,15 @@ import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.provenance import Provenance, program, study_sha256
+from tcstudy.data.provenance import program, study_sha256
 from tcstudy.data.reading import attributes, refuse_changed
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.data.stored import opened, read_blocks, read_geometries, read_levels, read_status
-from tcstudy.data.writer import file_places
 from tcstudy.errors import StoreError, StudyError, shortened
 from tcstudy.read.document import tree_of, with_sweep
 from tcstudy.read.node import Node
@@ -116,8 +115,7 @@ class Kept:
     def of(cls, path: Path, stored: Study, study: Study, asked: NDArray[np.bool_], group: str = "") -> Kept:
         """asked: (P,) of those that are not in the file."""
         status = read_status(path, group)
-        places = np.empty(len(status), dtype=np.intp)
-        places[file_places(stored, np.arange(len(places)))] = places_in(study, stored)
+        places = places_in(study, stored)
         asked = asked.copy()
         asked[places] |= np.any(status != PointStatus.NOT_RUN, axis=1)
         todo = np.repeat(asked[:, None], study.mesh.levels, axis=1)
@@ -142,12 +140,12 @@ class Kept:
         levels = range(self.study.mesh.levels) if len(idle) else ()
         return [all_failed(self.study, level, idle, PointStatus.NOT_RUN, "") for level in levels]
 
-    def before(self, provenance: Provenance) -> Provenance:
-        """The provenance with the file's history before it."""
+    def before(self, attributes: Mapping[str, Any]) -> Mapping[str, Any]:
+        """The attributes of a run with the file's history before its own."""
         if not len(self.places):
-            return provenance
+            return attributes
         with opened(self.path, self.group) as nc:
-            return replace(provenance, history=f"{nc.getncattr('history')}\n{provenance.history}")
+            return {**attributes, "history": f"{nc.getncattr('history')}\n{attributes['history']}"}
 
     def of_geometries(self) -> Iterator[Kept]:
         """The same of every geometry of the study, by its group in the file."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tcstudy.data import store
 from tcstudy.data.journal import Journal
-from tcstudy.data.provenance import Provenance
+from tcstudy.data.provenance import collect
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.scene.study import Study
 
@@ -128,11 +128,11 @@ def write(
     study: Study,
     levels: Sequence[LevelRecord],
     records: Sequence[Record] | Callable[[], Iterable[Record]],
-    provenance: Provenance,
+    attributes: Mapping[str, Any] | None = None,
 ) -> tuple[int, int]:
     """`store.write` of points."""
     blocks = lambda: (alone(record, study.shape) for record in (records() if callable(records) else records))  # noqa: E731
-    return store.write(path, study, levels, blocks, provenance)  # type: ignore[arg-type]
+    return store.write(path, study, levels, blocks, attributes or collect(study, ["tcstudy", "run", "study.yaml"]))  # type: ignore[arg-type]
 
 
 class PointJournal(Journal):

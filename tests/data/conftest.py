@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from tcstudy.data import schema
-from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import LevelRecord, PointStatus
 from tcstudy.data.schema import FileVariable
 from tcstudy.scene.study import Axis, MeshPlan, OutputPlan, SolverPlan, Study
@@ -129,21 +128,12 @@ def points(study: Study) -> list[PointRecord]:
 
 
 @pytest.fixture
-def provenance() -> Provenance:
-    return Provenance(
-        "2026-01-02T03:04:05+00:00 tcstudy run study.yaml", (("python", "3.11"), ("tcstudy", "0.1")), "abc"
-    )
-
-
-@pytest.fixture
 def output(tmp_path: Path) -> Path:
     return tmp_path / "results" / "study.nc"
 
 
 @pytest.fixture
-def written(
-    output: Path, study: Study, levels: tuple[LevelRecord, ...], points: list[PointRecord], provenance: Provenance
-) -> Path:
+def written(output: Path, study: Study, levels: tuple[LevelRecord, ...], points: list[PointRecord]) -> Path:
     """The file of the study with all points."""
-    write(output, study, levels, points, provenance)
+    write(output, study, levels, points)
     return output

@@ -14,7 +14,6 @@ import pytest
 
 from tcstudy.data import files
 from tcstudy.data.files import StoreError, check_writable
-from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import LevelRecord
 from tcstudy.data.store import open_results
 from tcstudy.scene.study import Study
@@ -36,14 +35,13 @@ def test_a_full_disk_leaves_the_old_file(
     study: Study,
     levels: Levels,
     points: Points,
-    provenance: Provenance,
     step: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     before = written.read_bytes()
     monkeypatch.setattr(os, step, _fail)
     with pytest.raises(StoreError, match=r"No space left on device.*Free some space"):
-        write(written, study, levels, points[:1], provenance)
+        write(written, study, levels, points[:1])
     assert written.read_bytes() == before
     assert os.listdir(written.parent) == [written.name]
 
@@ -52,13 +50,12 @@ _LIMITED = """
 import resource, sys
 from pathlib import Path
 sys.path.insert(0, str(Path(sys.argv[2]).parents[1]))
-from tests.data.conftest import make_level, make_point, make_study, Provenance
+from tests.data.conftest import make_level, make_point, make_study
 from tcstudy.data.files import StoreError
 from tests.data.by_points import write
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]), int(sys.argv[3])))
 try:
-    write(Path(sys.argv[1]), make_study(), [make_level(0), make_level(1)], [make_point((0, 0, 0), 0)],
-          Provenance("now", (), "unknown"))
+    write(Path(sys.argv[1]), make_study(), [make_level(0), make_level(1)], [make_point((0, 0, 0), 0)])
 except StoreError as error:
     print(error)
     sys.exit(3)
@@ -83,9 +80,7 @@ def _environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": str(Path(files.__file__).parents[2])}
 
 
-def test_an_interrupt_leaves_the_old_file(
-    written: Path, study: Study, levels: Levels, points: Points, provenance: Provenance
-) -> None:
+def test_an_interrupt_leaves_the_old_file(written: Path, study: Study, levels: Levels, points: Points) -> None:
     before = written.read_bytes()
 
     def interrupted() -> Iterator[PointRecord]:
@@ -93,19 +88,17 @@ def test_an_interrupt_leaves_the_old_file(
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        write(written, study, levels, interrupted, provenance)
+        write(written, study, levels, interrupted)
     assert written.read_bytes() == before
     assert os.listdir(written.parent) == [written.name]
 
 
-def test_a_write_protected_file_is_not_replaced(
-    written: Path, study: Study, levels: Levels, points: Points, provenance: Provenance
-) -> None:
+def test_a_write_protected_file_is_not_replaced(written: Path, study: Study, levels: Levels, points: Points) -> None:
     written.chmod(0o444)
     assert any("write-protected" in problem for problem in check_writable(written, 0))
     before = written.read_bytes()
     with pytest.raises(StoreError, match="write-protected"):
-        write(written, study, levels, points, provenance)
+        write(written, study, levels, points)
     assert written.read_bytes() == before
 
 
@@ -139,14 +132,14 @@ def test_files_that_are_no_finished_results_are_refused(tmp_path: Path, written:
 
 
 def test_a_directory_without_permission_is_named_as_such(
-    output: Path, study: Study, levels: Levels, provenance: Provenance, monkeypatch: pytest.MonkeyPatch
+    output: Path, study: Study, levels: Levels, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(*_: object, **__: object) -> None:
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(Path, "touch", refuse)  # the superuser, who may run the tests, is refused nothing
     with pytest.raises(StoreError, match=r"Permission denied\. Make the place writable"):
-        write(output, study, levels, [], provenance)
+        write(output, study, levels, [])
 
 
 def test_a_file_that_is_no_result_is_not_overwritten(tmp_path: Path, written: Path) -> None:
@@ -171,9 +164,7 @@ def test_names_that_no_result_can_have(tmp_path: Path, name: str, part: str) -> 
     problem.encode()
 
 
-def test_what_killed_writers_left_goes_and_what_others_write_stays(
-    output: Path, study: Study, provenance: Provenance
-) -> None:
+def test_what_killed_writers_left_goes_and_what_others_write_stays(output: Path, study: Study) -> None:
     ended = subprocess.Popen([sys.executable, "-c", ""])
     ended.wait()
     host = files.aside_of(output).name.split(".")[-2].partition("-")[0]
@@ -190,5 +181,5 @@ def test_what_killed_writers_left_goes_and_what_others_write_stays(
     folder = output.parent / f".{output.name}.{host}-{ended.pid}.abcd_123.tmp"
     folder.mkdir()
     (folder / "0.nc").touch()
-    write(output, study, [], [], provenance)
+    write(output, study, [], [])
     assert sorted(os.listdir(output.parent)) == sorted([output.name, *others])

@@ -17,7 +17,6 @@ import pytest
 from tcstudy.data.provenance import (
     collect,
     git_commit,
-    global_attributes,
     study_sha256,
     without_paths,
 )
@@ -70,7 +69,7 @@ def test_without_git_the_commit_is_unknown(checkout: Path, tmp_path: Path, monke
 
 
 def test_attributes_tell_all_that_a_repetition_needs(study: Study) -> None:
-    attributes = global_attributes(study, collect(study, ["tcstudy", "run", "study.yaml"]))
+    attributes = collect(study, ["tcstudy", "run", "study.yaml"])
     assert attributes["study_yaml"] == study.text
     assert attributes["overrides"] == "mesh.levels=2"
     assert attributes["solver"] == "separable-newton"
@@ -80,7 +79,7 @@ def test_attributes_tell_all_that_a_repetition_needs(study: Study) -> None:
     assert versions["python"] == platform.python_version()
     assert {"numpy", "scipy", "ngsolve", "xarray", "netCDF4", "tcstudy"} < versions.keys()
     assert attributes["source"] == f"tcstudy {versions['tcstudy']}"
-    nameless = global_attributes(replace(study, title="", institution=""), collect(study, ["tcstudy"]))
+    nameless = collect(replace(study, title="", institution=""), ["tcstudy"])
     assert (nameless["title"], nameless["institution"]) == ("untitled study", "unspecified")
 
 

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from tcstudy.data import schema
-from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import PointStatus
 from tcstudy.scene.study import Axis, Study
 from tests.data.by_points import write
@@ -21,19 +20,12 @@ from tests.data.compliance import cf_faults
 from tests.data.conftest import make_level, make_point
 
 
-@pytest.fixture(params=["grid", "numbers", "zigzag", "list", "single", "dimensionless"])
-def written(
-    request: pytest.FixtureRequest,
-    output: Path,
-    study: Study,
-    list_study: Study,
-    provenance: Provenance,
-) -> Path:
+@pytest.fixture(params=["grid", "numbers", "list", "single", "dimensionless"])
+def written(request: pytest.FixtureRequest, output: Path, study: Study, list_study: Study) -> Path:
     """Files of all kinds of sweep, with whole-body fields."""
     kinds = {
         "grid": study,
         "numbers": replace(study, axes=study.axes[:2]),
-        "zigzag": replace(study, axes=(replace(study.axes[1], values=(20, 0, 40), labels=(20.0, 0.0, 40.0)),)),
         "list": list_study,
         "single": replace(study, axes=()),
         "dimensionless": replace(study, units="none", axes=(Axis("alpha", ("heat", "alpha"), (1,), (1.0,), "1"),)),
@@ -41,7 +33,7 @@ def written(
     chosen = kinds[request.param]
     levels = [make_level(n, fields=True) for n in range(2)]
     points = [make_point(index, n, fields=True) for n in range(2) for index in np.ndindex(chosen.shape)]
-    write(output, chosen, levels, points, provenance)
+    write(output, chosen, levels, points)
     return output
 
 

@@ -13,7 +13,6 @@ import pytest
 
 from tcstudy.data import schema
 from tcstudy.data.files import StoreError
-from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import LevelRecord, PointStatus
 from tcstudy.data.store import open_results
 from tcstudy.scene.study import Study
@@ -55,10 +54,10 @@ def test_levels_come_back_exactly(written: Path, levels: Levels) -> None:
 
 
 def test_not_run_points_are_visible_and_keep_integers_integer(
-    output: Path, study: Study, levels: Levels, points: Points, provenance: Provenance
+    output: Path, study: Study, levels: Levels, points: Points
 ) -> None:
     missing = points.pop()
-    write(output, study, levels, points, provenance)
+    write(output, study, levels, points)
     with open_results(output) as tree:
         here = tree.to_dataset().isel(dict(zip(tree["status"].dims, (*missing.index, missing.level), strict=True)))
         assert here["status"] == PointStatus.NOT_RUN
@@ -74,11 +73,9 @@ def test_not_run_points_are_visible_and_keep_integers_integer(
         assert nc["iterations"][...].mask.sum() == 1
 
 
-def test_a_failed_point_keeps_its_reason_and_what_it_has(
-    output: Path, study: Study, levels: Levels, provenance: Provenance
-) -> None:
+def test_a_failed_point_keeps_its_reason_and_what_it_has(output: Path, study: Study, levels: Levels) -> None:
     reason = "Ã is singular: is an edge of /srv/someone/body.step clamped? (slope 3 N/m)"
-    write(output, study, levels, [failed((1, 2, 0), 1, reason)], provenance)
+    write(output, study, levels, [failed((1, 2, 0), 1, reason)])
     with open_results(output) as tree:
         here = tree.to_dataset().isel(alpha=1, theta_bar=2, friction=0, level=1)
         assert here["status"] == PointStatus.SINGULAR
@@ -88,30 +85,11 @@ def test_a_failed_point_keeps_its_reason_and_what_it_has(
         assert here["iterations"] == -1
 
 
-def test_an_axis_that_goes_up_and_down_is_sorted_and_points_keep_their_labels(
-    output: Path, study: Study, levels: Levels, provenance: Provenance
-) -> None:
-    """CF wants monotonic coordinates; one that falls is monotonic and stays as it is."""
-    alpha = replace(study.axes[0], labels=(100.0, 25.0))
-    theta_bar = replace(study.axes[1], labels=(20.0, 0.0, 40.0))
-    zigzag = replace(study, axes=(alpha, theta_bar))
-    points = [make_point(index, 1, fields=True) for index in np.ndindex(zigzag.shape)]
-    write(output, zigzag, [levels[0], make_level(1, fields=True)], points, provenance)
-    with open_results(output) as tree:
-        assert tree["alpha"].values.tolist() == [100.0, 25.0]
-        assert tree["theta_bar"].values.tolist() == [0.0, 20.0, 40.0]
-        for p in points:
-            here = {"alpha": alpha.labels[p.index[0]], "theta_bar": theta_bar.labels[p.index[1]]}
-            assert float(tree["energy"].sel(here).sel(level=1)) == p.numbers["energy"]
-            np.testing.assert_array_equal(tree["level_1"]["u_T"].sel(here), p.u_T)
-            np.testing.assert_array_equal(tree["level_1"]["theta"].sel(here), p.fields["theta"])
-
-
-def test_whole_body_fields_stand_on_their_mesh(output: Path, study: Study, provenance: Provenance) -> None:
+def test_whole_body_fields_stand_on_their_mesh(output: Path, study: Study) -> None:
     levels = [make_level(n, fields=True) for n in range(2)]
     points = [make_point(i, n, fields=True) for n in range(2) for i in np.ndindex(study.shape)]
     missing = points.pop()
-    write(output, study, levels, points, provenance)
+    write(output, study, levels, points)
     with open_results(output) as tree:
         for p in points:
             for name, values in p.fields.items():
@@ -124,29 +102,25 @@ def test_whole_body_fields_stand_on_their_mesh(output: Path, study: Study, prove
         assert group["theta"].attrs["mesh"] == "mesh"
 
 
-def test_a_writer_that_fails_leaves_nothing(
-    output: Path, study: Study, levels: Levels, points: Points, provenance: Provenance
-) -> None:
+def test_a_writer_that_fails_leaves_nothing(output: Path, study: Study, levels: Levels, points: Points) -> None:
     with pytest.raises(ValueError, match="broadcast"):
-        write(output, study, levels, [replace(points[0], u_T=np.zeros(5))], provenance)
+        write(output, study, levels, [replace(points[0], u_T=np.zeros(5))])
     assert os.listdir(output.parent) == []
 
 
-def test_names_of_axes_that_collide_are_refused(
-    output: Path, study: Study, levels: Levels, points: Points, provenance: Provenance
-) -> None:
+def test_names_of_axes_that_collide_are_refused(output: Path, study: Study, levels: Levels, points: Points) -> None:
     for name, text in (("energy", "name of a result"), ("node", "name of a result"), ("a b", "letters")):
         bad = replace(study, axes=(replace(study.axes[0], name=name, path=(name,)), *study.axes[1:]))
         with pytest.raises(StoreError, match=text):
-            write(output, bad, levels, points, provenance)
+            write(output, bad, levels, points)
     twice = replace(study, axes=(study.axes[0], study.axes[0]))
     with pytest.raises(StoreError, match="two swept parameters are named 'alpha'"):
-        write(output, twice, levels, [], provenance)
+        write(output, twice, levels, [])
 
 
 @pytest.mark.parametrize("mode", ["grid", "list"])
 def test_an_axis_with_the_name_of_a_result_gets_its_path_for_a_name(
-    output: Path, list_study: Study, provenance: Provenance, mode: Literal["grid", "list"]
+    output: Path, list_study: Study, mode: Literal["grid", "list"]
 ) -> None:
     alpha, friction = list_study.axes
     axes = (
@@ -155,7 +129,7 @@ def test_an_axis_with_the_name_of_a_result_gets_its_path_for_a_name(
     )
     named = replace(list_study, mode=mode, axes=axes)
     points = [make_point(index, 1, fields=True) for index in np.ndindex(named.shape)]
-    write(output, named, [make_level(n, fields=True) for n in range(2)], points, provenance)
+    write(output, named, [make_level(n, fields=True) for n in range(2)], points)
     with open_results(output) as tree:
         assert tree["heat_theta"].values.tolist() == [100.0, 25.0]
         assert tree["heat_omega"].values.tolist() == ["tresca", "decay"]
@@ -168,9 +142,7 @@ def _counts(level: LevelRecord) -> tuple[int, int]:
     return level.n_contact, len(level.fields.get("node_x", ()))
 
 
-def test_expected_bytes_is_close_to_the_file(
-    written: Path, study: Study, levels: Levels, provenance: Provenance
-) -> None:
+def test_expected_bytes_is_close_to_the_file(written: Path, study: Study, levels: Levels) -> None:
     size = written.stat().st_size
     assert size <= schema.expected_bytes(study, [_counts(level) for level in levels]) <= 2 * size
     n = 2000
@@ -183,7 +155,7 @@ def test_expected_bytes_is_close_to_the_file(
     rng = np.random.default_rng(1)  # what cannot be compressed
     points = [replace(make_point(index, 0), u_T=rng.random(n), xi=rng.random(n)) for index in np.ndindex(study.shape)]
     points = [replace(point, sticks=rng.integers(0, 2, n).astype(np.int8)) for point in points]
-    write(written, study, [long, levels[1]], points, provenance)
+    write(written, study, [long, levels[1]], points)
     assert schema.expected_bytes(study, [_counts(long), _counts(levels[1])]) == pytest.approx(
         written.stat().st_size, rel=0.25
     )

@@ -31,7 +31,7 @@ from tcstudy.errors import UsageError
 from tcstudy.reports.export.vtk_files import SYMMETRIC, Values, write_collection, write_vtk
 from tcstudy.reports.picture import body_fields, contact_line
 from tcstudy.reports.select_point import Value, labels, level_number, matching
-from tcstudy.reports.stored_study import file_order, law_of_nodes, stored_study
+from tcstudy.reports.stored_study import law_of_nodes, stored_study
 from tcstudy.reports.stresses import stresses, von_mises
 from tcstudy.scene.contact_states import ContactState, node_states
 from tcstudy.scene.records import Scene
@@ -70,10 +70,9 @@ def write_fields(path: Path, folder: Path, point: Mapping[str, Value] | None = N
         group, study = tree[f"level_{n}"].to_dataset(), stored_study(root)
         points, wanted = each_point(root), matching(root, point or {})
         solved = by_point(root["status"], root)[:, n] == PointStatus.OK
-        order = [] if study is None else file_order(study)
         files: list[tuple[int, int, str, str]] = []
         for i in np.flatnonzero(wanted & solved):
-            scene = None if study is None else study.scenes[order[i]]
+            scene = None if study is None else study.scenes[int(i)]
             labelled = labels(root, points[i])
             files += _write_point(path.stem, folder, int(i), labelled, group.isel(points[i]), scene)
         pvd = folder / f"{path.stem}.pvd"

@@ -12,7 +12,6 @@ from tcstudy.reports.figures.law import curves, slip_range
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.stored import Stored
 from tcstudy.reports.picture import LineFields
-from tcstudy.reports.stored_study import file_order
 from tcstudy.scene.points import combinations
 
 SAMPLES, DECAYS = 60, 6.0
@@ -44,7 +43,6 @@ def frictions_of(stored: Stored) -> tuple[list[Laws | EdgeLaws], NDArray[np.intp
     if stored.study is None or not stored.swept:
         return [], np.empty(0, dtype=np.intp)
     some, of = combinations(stored.study.scenes, "friction")
-    of = of[file_order(stored.study)]
     of = of if stored.kept is None else of[stored.kept]
     _, first = np.unique(of, return_index=True)
     order = of[np.sort(first)]  # as the file has them

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.data.provenance import Provenance
+from tcstudy.data.provenance import collect
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.data.store import write
 from tcstudy.errors import DrawError, UsageError
@@ -99,7 +99,7 @@ def test_a_long_table_takes_little_memory(tmp_path: Path, monkeypatch: pytest.Mo
     numbers = {"u_T_max": np.arange(n) / 7.0, "energy": -np.arange(n) / 3.0}
     none = {"u_T": None, "xi": None, "sticks": None}
     block = BlockRecord(0, plan.shape, np.arange(n), np.full(n, PointStatus.OK, dtype=np.int8), {}, numbers, **none)
-    write(tmp_path / "long.nc", plan, (), [block], Provenance("now", (), "abc"))
+    write(tmp_path / "long.nc", plan, (), [block], collect(plan, ["tcstudy"]))
     tracemalloc.start()
     assert write_table(tmp_path / "long.nc", tmp_path / "long.csv") == 2 * n
     peak = tracemalloc.get_traced_memory()[1]

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import LevelRecord, PointStatus
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import SHAPES
@@ -112,7 +111,7 @@ def result(
         for level in levels
         for index in np.ndindex(plan.shape)
     ]
-    write(path, plan, levels, points, Provenance("now", (("python", "3.11"),), "abc"))
+    write(path, plan, levels, points)
     return path
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tcstudy.data.provenance import Provenance
 from tcstudy.data.records import LevelRecord, PointStatus
 from tcstudy.data.schema import BALANCED, LIMITED, UNBALANCED
 from tcstudy.reports.terminal.summary import summary
@@ -46,7 +45,7 @@ def text_of(tmp_path: Path):  # type: ignore[no-untyped-def]
     study = study_over((ALPHA,))
 
     def text(*points: PointRecord) -> str:
-        write(tmp_path / "plate.nc", study, [level(0), level(1)], points, Provenance("now", (("python", "3"),), "abc"))
+        write(tmp_path / "plate.nc", study, [level(0), level(1)], points)
         return summary(tmp_path / "plate.nc")
 
     return text
@@ -84,7 +83,7 @@ def test_solvers_side_by_side(tmp_path: Path) -> None:
                    "solver_time": (0.25, 1.0), "solver_difference": (0.0, 0.0 if i else 0.125)}  # fmt: skip
         points += [replace(point(i, n), numbers=numbers) for n in range(2)]
     points[-1] = missed(2, 1, "3e-09")
-    write(tmp_path / "plate.nc", study, [level(0), level(1)], points, Provenance("now", (("python", "3"),), "abc"))
+    write(tmp_path / "plate.nc", study, [level(0), level(1)], points)
     rows = [line.split() for line in summary(tmp_path / "plate.nc").splitlines() if "-newton " in line]
     assert rows[-2:] == [
         ["separable-newton", "1e-14", "20", "1.2", "5/5", "–"],
