@@ -35,6 +35,7 @@ def variables(study: Study) -> tuple[FileVariable, ...]:
     assert study.history is not None
     without = {v.name for v in REGIONS} - {v.name for v in region_variables(study)}
     without |= {"plastic"} if study.history.memory.stiffness is None else set()
+    without |= {"debonded_from", "debonded_to"} if "debonded_length" in without else set()
     without |= {"jumped"} if study.history.branch != "continued" else set()
     return (*(v for v in HISTORY if v.name not in without), *step_variables(study))
 
@@ -108,7 +109,7 @@ def history_record(study: Study, line: LevelRecord, values: Values) -> Record:
     """All that is known so far."""
     plan, loads = study.history, load_variables(study)
     assert plan is not None
-    told: dict[str, str] = {"memory": plan.memory.name, "branch": plan.branch}
+    told: dict[str, str] = {"memory": plan.memory.words, "branch": plan.branch}
     told["loads"] = " ".join(variable.name for variable, _ in loads if variable.dtype == "f8")
     table = (*LINE, *MESH_LEVEL, *JOINTS, *(variable for variable, _ in loads), *variables(study))
     return Record("history", table, {**vars(line), **line.fields, **{v.name: x for v, x in loads}, **values}, told)

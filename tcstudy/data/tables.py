@@ -175,6 +175,7 @@ _INTEGRAL = f"integral of -S_T over the contact line, {_PER}"
 _LOOSE = "0 where only friction holds the body"
 _WORK = f"-1/2 (v + v before) dl, summed over parts of the step, {_PER}"
 _CLOSURE = f"work - d(energy + stored) - dissipated - released, {_PER}"
+_DEBONDED = "where kappa passes the slip at which the law has fallen, linear between nodes; missing where it is nowhere"
 STEPS: tuple[FileVariable, ...] = (
     FileVariable("status", "i1", "1", "status of the step", _AT_STEP, extra=STATUS),
     result("energy", "J m-1", "energy of body and loads", f"1/2 v A v - l v at the contact nodes, {_PER}", _AT_STEP),
@@ -196,6 +197,8 @@ STEPS: tuple[FileVariable, ...] = (
     result("u_T_max", "m", "largest |u_T|", "tangential displacement on the contact line", _AT_STEP),
     result("slip_length", "m", "length that slipped in the step", dims=_AT_STEP),
     *(replace(v, dims=_AT_STEP, comment=f"{v.comment}, at kappa in place of u_T") for v in REGIONS),
+    result("debonded_from", "m", "arclength from which the bond is debonded", _DEBONDED, _AT_STEP),
+    result("debonded_to", "m", "arclength up to which the bond is debonded", _DEBONDED, _AT_STEP),
     flag("unique", "only solution of the step", dims=_AT_STEP),
     flag("strict_minimum", "strict local energy minimum", dims=_AT_STEP),
     flag("global_minimum", "least energy of the step", dims=_AT_STEP),

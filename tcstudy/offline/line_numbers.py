@@ -12,8 +12,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.fem.boundary import ContactLine
 from tcstudy.laws.laws import Laws
-from tcstudy.laws.pieces import BARE, REGIONS, UP
+from tcstudy.laws.pieces import BARE, DEBONDED, REGIONS, UP
 from tcstudy.offline.level import Level
 from tcstudy.scene.records import Scene
 
@@ -80,3 +81,25 @@ def region_lengths(level: Level, laws: Laws, v: Array, held: Array) -> dict[str,
         slips = ((first != 0.0) | (second != 0.0)) @ length
         found["breathing_length"] = np.where(sticks, slips, np.nan)
     return found
+
+
+def debonded_front(line: ContactLine, law: Laws, kappa: Array) -> dict[str, float]:
+    """`debonded_from`, `debonded_to`: arclengths between which a bond is debonded whose nodes have slipped by up to
+    kappa (m,), linear between them; NaN where it is nowhere, nothing for a law that never has fallen [m].
+    """
+    table, m = law.tables, line.m
+    debonded = (table.regions == DEBONDED) & (table.lower >= 0.0)
+    if not np.any(debonded):
+        return {}
+    beyond = kappa - np.min(np.where(debonded, table.lower, np.inf), axis=1)[law.node_index(m)]
+    at, x = np.flatnonzero(beyond >= 0.0), line.arclength
+
+    def passed(node: int, other: int, end: float) -> float:
+        if not 0 <= other < m:
+            return end
+        return float(x[node] + beyond[node] / (beyond[node] - beyond[other]) * (x[other] - x[node]))
+
+    if not len(at):
+        return {"debonded_from": np.nan, "debonded_to": np.nan}
+    whole = float(line.lengths.sum())
+    return {"debonded_from": passed(at[0], at[0] - 1, 0.0), "debonded_to": passed(at[-1], at[-1] + 1, whole)}

@@ -270,7 +270,9 @@ class Context:
                 return None
             case "field" | "component":
                 return self.scalar(node, dimension, varies=True)
-            case "choice":
+            case "choice by edge" if isinstance(node.value, Mapping):
+                return {name: self.choice(item, row.words) for name, item in node.children.items()}
+            case "choice" | "choice by edge":
                 return self.choice(node, row.words)
             case "flag":
                 if not isinstance(node.value, bool):

@@ -249,8 +249,8 @@ def _parameter(
                 memory = replace(memory, stiffness=end)
             elif not why:
                 scene = scenery.at(scene, {number.path: end})
-            for law in scene.laws if memory and not why else ():
-                memory.check(law)  # type: ignore[union-attr]
+            if memory and not why:
+                memory.fits(scene.friction)
         except StudyError as error:
             why = error.problems[0].what
         except UnfitLaw as error:

@@ -20,7 +20,7 @@ from tcstudy.scene.histories import MOST_STEPS, HistoryLine, HistoryPlan, Keys, 
 from tcstudy.scene.keys import rows
 from tcstudy.scene.parameters import FACTORED, Number, affine_numbers, path_of
 from tcstudy.scene.points import distinct
-from tcstudy.scene.records import Scene
+from tcstudy.scene.records import Contact, Scene
 from tcstudy.scene.study import SEPARABLE, MeshPlan
 
 GONE = {
@@ -54,23 +54,22 @@ def read_history(
     ctx.sound()
     if base is None:
         return None
-    memory = Memory(fields.value("memory"), **fields.given(("stiffness",)))
+    memory = _memory(ctx, fields, base)
     known = dict(affine_numbers(base))
     lines = _lines(ctx, fields, known, swept)
     ctx.sound()
-    if memory.name == "elastic-plastic" and memory.stiffness is None:
+    if "elastic-plastic" in memory.names and memory.stiffness is None:
         fields.missing("stiffness")
-    elif memory.name != "elastic-plastic" and fields["stiffness"]:
-        what = f"belongs to memory: elastic-plastic, but the study has memory: {memory.name}"
+    elif "elastic-plastic" not in memory.names and fields["stiffness"]:
+        what = f"belongs to memory: elastic-plastic, but the study has memory: {memory.words}"
         fields.fault("stiffness", what, "remove it, or change the memory", on_key=True)
     ctx.sound()
-    for law in (law for scene in distinct(scenes, "friction") for law in scene.laws):
-        try:
-            memory.check(law)
-        except UnfitLaw as error:
-            what, _, remedy = str(error).rpartition("; ")
-            fields.fault("memory", what, remedy)
-            break
+    try:
+        for scene in distinct(scenes, "friction"):
+            memory.fits(scene.friction)
+    except UnfitLaw as error:
+        what, _, remedy = str(error).rpartition("; ")
+        fields.fault("memory", what, remedy)
     _refuse(ctx, root, mesh)
     used = dict.fromkeys(keys for line in lines for keys, _ in line.values)
     parameters = tuple((keys, ctx.cf(known[keys].row.dimension), float(known[keys].value)) for keys in used)  # type: ignore[arg-type]
@@ -80,6 +79,23 @@ def read_history(
         remedy = f"{MOST_STEPS} are possible; write fewer cycles or steps"
         fields.fault("steps", f"the history has {plan.steps} steps", remedy, on_key=True)
     return replace(plan, loose=any(supports_fault(s.body, s.boundary) for s in distinct(scenes, "boundary")))
+
+
+def _memory(ctx: Context, fields: Fields, base: Scene) -> Memory:
+    """The memory, or one for every contact edge, of which none may be left out."""
+    given, stiffness, own = fields.value("memory"), fields.value("stiffness"), base.edges(Contact)
+    if not isinstance(given, Mapping):
+        return Memory(given, stiffness)
+    for edge in given.keys() - set(own):
+        what, remedy = f"{edge} is no contact edge", f"use {', '.join(own)}"
+        ctx.errors.at(fields.values["memory"].children[edge], what, remedy, on_key=True)
+    ctx.sound()
+    for edge in own:
+        if edge not in given:
+            fields.fault("memory", f"says nothing of {edge}, which is in contact, too", f"add {edge}: friction")
+    ctx.sound()
+    edges = tuple((edge, given[edge]) for edge in own)
+    return Memory(edges[0][1], stiffness, edges if len(set(given.values())) > 1 else ())
 
 
 def _lines(

@@ -200,6 +200,7 @@ FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     "text": lambda one: SOME_TEXT,
     "name": lambda one: {"type": "string", "pattern": NAME},
     "choice": lambda one: {"enum": list(one.words)},
+    "choice by edge": lambda one: {"anyOf": [{"enum": list(one.words)}, _named({"enum": list(one.words)})]},
     "quantity": lambda one: VALUE,
     "field": lambda one: _number(one, FIELD_TEXT),
     "component": lambda one: _number(one, FIELD_TEXT),

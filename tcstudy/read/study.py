@@ -96,7 +96,8 @@ def _one_body(header: dict[str, Any], ctx: Context, root: Node, sweep: Sweep, sa
     root = with_swept_keys(without_loads(ctx, root, sweep) if root.child("exact") else root, sweep)
     Fields(ctx, root, "", REQUIRED)
     memory = root.at("history", "memory")
-    reader = SceneReader(ctx, root, sweep, loose=memory is not None and memory.value == "friction")
+    loose = memory is not None and {one.value for one in memory.children.values() or (memory,)} == {"friction"}
+    reader = SceneReader(ctx, root, sweep, loose=loose)
     scenes = reader.read()
     ctx.errors.point = ""
     body, base = reader.body, reader.base

@@ -11,11 +11,13 @@ Hughes, Computational Inelasticity (1998) (return mapping). Here only what a stu
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeVar, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tcstudy.laws.composed import EdgeLaws, Joints
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
 from tcstudy.scene.key import key, needed
@@ -42,15 +44,58 @@ class UnfitLaw(ValueError):
 class Memory:
     """What every node of the contact line remembers.
 
-    name:      one of MEMORIES, or "none"
+    name:      one of MEMORIES, or "none";  edges: which one each contact edge has, if they differ
     stiffness: k of `elastic-plastic`, None for the others [Pa/m]
     """
 
     name: MemoryName
     stiffness: float | None = None
+    edges: tuple[tuple[str, MemoryName], ...] = ()
+
+    @property
+    def words(self) -> str:
+        """For reports."""
+        return ", ".join(f"{edge}: {name}" for edge, name in self.edges) or self.name
+
+    @property
+    def names(self) -> set[MemoryName]:
+        """All that some edge has."""
+        return {name for _, name in self.edges} or {self.name}
+
+    def by_node(
+        self, law: Laws, edge_names: Sequence[str], edge: NDArray[np.integer], joints: Joints
+    ) -> NDArray[np.str_] | None:
+        """(m,) names of nodes on edges by number; None where all have one.
+
+        A node between edges of different memories has one for the law of both: `damage` if it is among them and can be
+        made of that law, else `friction`, which is an error of first order in the length of its cell.
+        """
+        if not self.edges:
+            return None
+        of = np.array([dict(self.edges)[name] for name in edge_names])
+        found = of[edge]
+        for node, before in zip(joints.node, of[joints.edge], strict=True):
+            if before != found[node]:
+                found[node] = self._between(law.single(int(node)), (before, found[node]))
+        return found
+
+    def _between(self, law: Laws, names: Sequence[str]) -> MemoryName:
+        try:
+            replace(self, name="damage").check(law)
+        except UnfitLaw:
+            return "friction"
+        return "damage" if "damage" in names else "friction"
+
+    def fits(self, friction: Laws | EdgeLaws) -> None:
+        """Raise UnfitLaw unless the memory of every edge can be made of its law."""
+        laws = [("", friction)] if isinstance(friction, Laws) else [(edge, law) for edge, law, _ in friction.laws]
+        for edge, law in laws:
+            for on, name in self.edges or (("", self.name),):
+                if not (on and edge) or on == edge:
+                    replace(self, name=name).check(law)
 
     def check(self, law: Laws) -> None:
-        """Raise UnfitLaw unless the memory can be made of every node's law."""
+        """Raise UnfitLaw unless the memory `name` can be made of every node's law."""
         for own in law.laws:
             if own.vanishes or self.name == "none":
                 continue
@@ -59,12 +104,6 @@ class Memory:
                 self._check_spring(own)
             elif self.name == "damage":
                 _check_secant(own)
-
-    def omega(self, omega: float) -> float:
-        """Steepest fall of any step's law, from ω of the law itself: λ₁ above it proves all steps unique [Pa/m]."""
-        if self.stiffness is None:
-            return omega
-        return self.stiffness * omega / (self.stiffness - omega)
 
     def _check_spring(self, law: Laws) -> None:
         """Backward Euler needs a return map with one answer: the law falls less steeply than the spring."""
@@ -205,7 +244,7 @@ class HistoryPlan:
 
 HISTORY = (
     key("history", "section", "[loads one after the other, friction that remembers](#load-histories)"),
-    needed("history.memory", "choice", "what a contact node remembers", example="friction", words=MEMORIES),
+    needed("history.memory", "choice by edge", "what a contact node remembers", example="friction", words=MEMORIES),
     needed("history.steps", "sections", "lines: loads by path or short name, what they become", least=1, of=("step",)),
     key("history.repeat", "integer", "cycles of all lines", default=1, least=1, most=MOST_STEPS),
     key("history.branch", "choice", "which solution of a step", words=HISTORY_BRANCHES, default="continued"),

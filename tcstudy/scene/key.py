@@ -21,7 +21,8 @@ number: one for the whole body; quantity, quantities, span: one, some, two of a 
 field: a number or an expression in x and y; component: that or `free`; vector: two fields; displacement: two
 components; named places: a point a name;
 section: a mapping of its own; sections, points: a list of them, or by name; names: of regions, or a shape;
-one or more: of the words; words: a list of any; sweep points: a list of them, or their number;
+one or more: of the words; words: a list of any; choice by edge: a word, or one for each contact edge;
+sweep points: a list of them, or their number;
 sizes: one or more numbers; law: a friction law; material: the keys of one, whole ones by name in a sweep."""
 
 

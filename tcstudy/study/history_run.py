@@ -43,7 +43,7 @@ from tcstudy.executors import in_order
 from tcstudy.fem.study_meshes import Meshes
 from tcstudy.laws.composed import row_laws
 from tcstudy.offline.level import Level
-from tcstudy.offline.line_numbers import region_lengths
+from tcstudy.offline.line_numbers import debonded_front, region_lengths
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.histories import UnfitLaw
 from tcstudy.scene.parameters import loaded_scene
@@ -257,6 +257,7 @@ def _of_point(study: Study, level: Level, scene: Scene, row: Values, point: int)
         found |= {"status": STATUS[step.status], "u_T": step.v, "u_T_max": np.max(np.abs(step.v), initial=0.0)}
         found |= {"friction_resultant": body.c @ step.xi, "slip_length": body.c[step.v != before].sum()}
         found |= {name: length for name, (length,) in region_lengths(level, laws, step.kappa[None], beside).items()}
+        found |= debonded_front(level.line, problem.law, step.kappa)
         if step.solved:
             found |= requested.of(loaded_scene(scene, at[n]), step.v) if requested is not None else {}
             found |= next(slopes, {})

@@ -43,7 +43,9 @@ def problem_of(
     first = at[0].problem
     lambda_1 = None if plan.loose else level.lambda_1(scene)
     body = CondensedBody.known(first.A_tilde, first.c, first.A_error, lambda_1=lambda_1, loose=plan.loose)
-    problem = HistoryProblem(body, first.law, plan.memory, plan.branch, tolerance)
+    line = level.line
+    names = plan.memory.by_node(first.law, line.edge_names, line.edge, line.joints)
+    problem = HistoryProblem(body, first.law, plan.memory, plan.branch, tolerance, names)
     l_tilde = [one.problem.l_tilde for one in at]
     loads = [l_tilde[0]]
     for i, j, share, *_ in plan.schedule():

@@ -73,6 +73,38 @@ def test_laws_that_a_memory_cannot_be_made_of() -> None:
         read_study_text(one_sided, "study.yaml")
 
 
+BY_EDGE = BASE.replace(
+    "rectangle: {width: 20 m, height: 1 m}",
+    "outline: [{from: [0, 0], edge: bond}, {from: [9, 0], edge: joint}, {from: [20, 0], edge: right}, "
+    "{from: [20, 1], edge: top}, {from: [0, 1], edge: left}]",
+).replace("bottom: contact", "bond: contact, joint: contact")
+
+
+@pytest.mark.parametrize(
+    ("memory", "said"),
+    [
+        ("{bond: damage, joint: friction}", ""),
+        ("{bond: friction, joint: friction}", ""),
+        ("{bond: damage}", "memory: says nothing of joint, which is in contact, too; add joint: friction"),
+        ("{bond: damage, joints: friction}", "memory.joints: joints is no contact edge; use bond, joint"),
+        ("{bond: damage, joint: glue}", "memory.joint: must be one of friction, elastic-plastic, damage"),
+        ("{bond: elastic-plastic, joint: friction}", "stiffness: is missing"),
+    ],
+)
+def test_memory_by_edge(memory: str, said: str) -> None:
+    text = BY_EDGE.replace("memory: friction", f"memory: {memory}")
+    if said:
+        with pytest.raises(StudyError) as info:
+            read_study_text(text)
+        assert said in str(info.value)
+        return
+    plan = read_study_text(text).history
+    assert plan is not None
+    assert plan.memory.words == ("bond: damage, joint: friction" if "damage" in memory else "friction")
+    if "damage" not in memory:
+        assert read_study_text(text.replace("left: clamped", "left: free")).history.loose  # type: ignore[union-attr]
+
+
 def test_a_load_in_two_lines_has_a_fault_in_each() -> None:
     for old, new, said in (
         ("theta: 5 K}\nfriction", "theta: 5*x}\nfriction", "varies in space (5*x), but in a history it is one number"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,8 +22,8 @@ from tcstudy.reports.text import counted
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-ROWS = ((("loop", "loop"), 3.1), (("motion", "motion"), 1.35), (("spent", "change"), 1.0))
-"""Panels, and their heights [inch]."""
+HEIGHTS = {"loop": 3.1, "motion": 1.35, "front": 1.35, "spent": 1.0}
+"""Of panels, or of the first in their row [inch]."""
 MOTION = (style.SHADE, style.SERIES[5], style.SERIES[4], style.VERMILLION)
 """Colours of MOVES."""
 ROOM = 0.16, 0.1
@@ -78,7 +79,9 @@ def history_figure(data: Any, x: str, y: str, point: str, look: style.Look) -> F
     panels = history_panels(data, x, y)
     told = [f"memory: {data.attrs['memory']}", counted(data.sizes["step"] - 1, "step"), last_change(data).words]
     facts = [style.point_words(point), ";  ".join(filter(None, told))]
-    rows = ROWS[: 3 if "spent" in panels else 2]
+    rows = [
+        (("spent", "change") if name == "spent" else (name, name), HEIGHTS[name]) for name in panels if name in HEIGHTS
+    ]
     sheet = Sheet(look, data.attrs["title"], facts, *zip(*rows, strict=True))
     for name, panel in panels.items():
         panel.draw(sheet.panels[name])
@@ -89,11 +92,14 @@ def history_figure(data: Any, x: str, y: str, point: str, look: style.Look) -> F
 
 
 def history_panels(data: Any, x: str, y: str) -> dict[str, Panel]:
-    """Its panels by name: the loop of y over x, what nodes do, and of several whole cycles what each changes."""
+    """Its panels by name: the loop of y over x, what nodes do, where the bond is debonded over the load, and of several
+    whole cycles what each changes."""
     cycle = data["cycle"].values
     whole, count = np.unique(cycle[cycle > 0], return_counts=True)
     whole = whole[count == count.max(initial=0)]
     found = {"loop": _loop(data, x, y), "motion": _motion(data)}
+    if "debonded_to" in data and np.any(data["debonded_to"] > data["debonded_from"]):
+        found["front"] = _front(data, x)
     if len(whole) < 2:
         return found
     spent = np.array([data["dissipated"].values[cycle == c].sum() for c in whole])
@@ -111,13 +117,26 @@ def history_panels(data: Any, x: str, y: str) -> dict[str, Panel]:
     return found
 
 
+def _axis(data: Any, name: str) -> Scale:
+    """Of a load or another number by step."""
+    title = style.symbol(name) if name in str(data.attrs["loads"]).split() else data[name].attrs.get("long_name", name)
+    return scale(title, data[name].values, str(data[name].attrs.get("units", "1")))
+
+
+def _front(data: Any, x: str) -> Panel:
+    """Where the debonded stretch of the contact line begins and ends over x, dots at steps."""
+    _, arclength, ends = contact_nodes(data)
+    panel = Panel(_axis(data, x), replace(arclength, label=arclength.label.replace("arclength", "debonded from, to")))
+    for name, sign in (("debonded_from", "v"), ("debonded_to", "^")):
+        panel.line(data[x].values, data[name].values, color=style.VERMILLION, linewidth=1.2, marker=sign, markersize=4)
+    panel.window(data[x].values, np.zeros(1), ROOM)
+    panel.limits[1] = 0.0, 1.04 * float(arclength(ends[-1]))
+    return panel
+
+
 def _loop(data: Any, x: str, y: str) -> Panel:
     """y over x through all steps, the last cycle heavy; dots, last of all, at steps with names; rings at jumps."""
-    loads, values = str(data.attrs["loads"]).split(), np.stack([data[x].values, data[y].values])
-    titles = (style.symbol(one) if one in loads else data[one].attrs.get("long_name", one) for one in (x, y))
-    units = (str(data[one].attrs.get("units", "1")) for one in (x, y))
-    x_axis, y_axis = (scale(*one) for one in zip(titles, values, units, strict=True))
-    panel = Panel(x_axis, y_axis)
+    values, panel = np.stack([data[x].values, data[y].values]), Panel(_axis(data, x), _axis(data, y))
     panel.across(0.0)
     cycle, names = data["cycle"].values, data["step_name"].values
     last, jumps = slice(max(int(np.flatnonzero(cycle >= cycle[-1])[0]) - 1, 0), None), data["jumps"].values > 0

@@ -355,7 +355,7 @@ def varied(study: Study) -> str:
         return f"Fit: {', '.join(one.number.name for one in study.fit.parameters)}"
     if study.history is not None:
         loads = f"History: {counted(study.history.steps, 'step')} of {', '.join(map(symbol, study.history.names))}"
-        return ".  ".join(filter(None, [f"{loads}, memory {study.history.memory.name}", swept]))
+        return ".  ".join(filter(None, [f"{loads}, memory {study.history.memory.words}", swept]))
     if study.path is not None:
         ends = (with_unit(x, study.path.units) for x in (study.path.begin, study.path.end))
         return f"Path along {study.path.name} from {' to '.join(ends)}"
