@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from tcstudy.expressions.expression import CONSTANTS, FUNCTIONS, VARIABLES, ExpressionError, parse
 from tcstudy.read.fields import Context
 from tcstudy.read.node import Node
-from tcstudy.scene.named import Named, carried
+from tcstudy.scene.named import Named, units_of
 from tcstudy.scene.units import DIMENSIONS, NONE, Dimension, UnitError, dimensions_of, split_quantity, to_si
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ def _dimension(ctx: Context, text: str) -> Dimension:
     if ctx.units == "none" or not ctx.named:
         return NONE
     try:
-        found = carried(parse(text, tuple(ctx.named)), ctx.named).of
+        found = units_of(parse(text, tuple(ctx.named)), ctx.named)
     except (ExpressionError, UnitError):  # which whoever reads the number says
         return NONE
     return next((one for one in DIMENSIONS if dimensions_of(one.si) == found), NONE)

@@ -1,18 +1,23 @@
 """Named numbers of a study, and the units of expressions that are made of them.
 
-Units are carried through an expression by its own fold: sums need equal ones, functions and exponents plain numbers.
-Coordinates are numbers of metres, as in every expression in x and y: what they multiply has no units that are followed.
+Units are carried through an expression by its own fold over pint's quantities: sums need equal ones, functions and
+exponents plain numbers. Coordinates are numbers of metres, as in every expression in x and y: where they occur, units
+are not followed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from tcstudy.expressions.expression import FUNCTIONS, VARIABLES, Expression, parse
-from tcstudy.scene.units import Dimension, UnitError, dimensions_of, in_si
+from tcstudy.scene.units import Dimension, UnitError, dimensions_of, in_si, registry
+
+KEEPING = ("abs", "sqrt", "min", "max")
+"""Functions of numbers with units."""
 
 
 class Named(NamedTuple):
@@ -22,74 +27,41 @@ class Named(NamedTuple):
     dimension: Dimension
 
 
-@dataclass(frozen=True)
-class Carried:
-    """What units a part of an expression has: exponents of the base units, None where coordinates leave that open."""
+def units_of(expression: Expression, named: Mapping[str, Named]) -> Any:
+    """Exponents of the base units of an expression with names in it; None where coordinates leave them open.
 
-    of: Any
+    Raises UnitError where units do not go together.
+    """
+    if expression.variables & {*VARIABLES}:
+        return None
+    from pint import DimensionalityError
 
-    def same(self, other: Carried | float) -> Carried:
-        """This, of a sum."""
-        two = other if isinstance(other, Carried) else Carried(dimensions_of(""))
-        if self.of is None or two.of is None:
-            return Carried(None)
-        if self.of != two.of:
-            remedy = "give all terms the same unit; a number with a unit needs a name under parameters"
-            raise UnitError(f"adds or compares {self} and {two}", remedy)
-        return self
+    def plain(name: str) -> Callable[..., Any]:
+        def of(*values: Any) -> Any:
+            for one in values:
+                if not getattr(one, "dimensionless", True):
+                    what = f"takes a function or a power of a number with units ({in_words(one.dimensionality)})"
+                    raise UnitError(what, "divide it by a number of the same units first")
+            return FUNCTIONS[name](*values)
 
-    def product(self, other: Carried | float, sign: int = 1) -> Carried:
-        """Of a product, or a quotient."""
-        two = other.of if isinstance(other, Carried) else dimensions_of("")
-        return Carried(None if self.of is None or two is None else self.of * two**sign)
+        return of
 
-    def __str__(self) -> str:
-        words = " ".join(f"{name.strip('[]')}^{power:g}" for name, power in (self.of or {}).items())
-        return words.replace("^1 ", " ").removesuffix("^1") or "a plain number"
-
-    __add__ = __radd__ = __sub__ = __rsub__ = same
-    __mul__ = __rmul__ = product
-
-    def __neg__(self) -> Carried:
-        return self
-
-    def __truediv__(self, other: Carried | float) -> Carried:
-        return self.product(other, -1)
-
-    def __rtruediv__(self, other: float) -> Carried:
-        return Carried(None if self.of is None else self.of**-1)
-
-    def __pow__(self, exponent: Carried | float) -> Carried:
-        if isinstance(exponent, Carried):
-            return self.plain(exponent)
-        return Carried(None if self.of is None else self.of**exponent)
-
-    def __rpow__(self, base: float) -> Carried:
-        return self.plain()
-
-    def plain(self, *others: Carried | float) -> Carried:
-        """This of a function that takes plain numbers only."""
-        for one in (self, *others):
-            if isinstance(one, Carried) and one.of not in (None, dimensions_of("")):
-                what = f"takes a function or a power of a number with units ({one})"
-                raise UnitError(what, "divide it by a number of the same units first")
-        return self
+    functions = {name: function if name in KEEPING else plain(name) for name, function in FUNCTIONS.items()}
+    quantity = registry().Quantity
+    given = {name: quantity(np.float64(one.value), one.dimension.si or "dimensionless") for name, one in named.items()}
+    try:
+        with np.errstate(all="ignore"):
+            return getattr(expression.fold(given, functions), "dimensionality", dimensions_of(""))
+    except DimensionalityError as error:
+        one, two = (in_words(dimensions_of(str(unit))) for unit in (error.units1, error.units2))
+        remedy = "give all terms the same unit; a number with a unit needs a name under parameters"
+        raise UnitError(f"adds or compares {one} and {two}", remedy) from None
 
 
-_KEEPING: dict[str, Callable[..., Carried]] = {
-    "abs": lambda one: one,
-    "sqrt": lambda one: one**0.5,
-    "min": Carried.same,
-    "max": Carried.same,
-}
-_CARRYING: dict[str, Callable[..., Carried]] = {name: _KEEPING.get(name, Carried.plain) for name in FUNCTIONS}
-
-
-def carried(expression: Expression, named: Mapping[str, Named]) -> Carried:
-    """The units of an expression with names in it. Raises UnitError where they do not go together."""
-    units = {name: Carried(dimensions_of(one.dimension.si)) for name, one in named.items()}
-    found = expression.fold(units | dict.fromkeys(VARIABLES, Carried(None)), _CARRYING)
-    return found if isinstance(found, Carried) else Carried(dimensions_of(""))
+def in_words(dimensionality: Any) -> str:
+    """Exponents of base units as a text: length^2 time^-1."""
+    words = " ".join(f"{name.strip('[]')}^{power:g}" for name, power in dimensionality.items())
+    return words.replace("^1 ", " ").removesuffix("^1") or "a plain number"
 
 
 _parsed = lru_cache(maxsize=4096)(parse)
@@ -105,8 +77,8 @@ def expression_of(text: str, named: Mapping[str, Named], dimension: Dimension | 
     if not named or found.variables <= {*VARIABLES}:
         return found
     if dimension is not None:
-        units = carried(found, named)
-        if units.of not in (None, dimensions_of(""), dimensions_of(dimension.si)):
-            what = f"{text!r} is {units}, not {dimension.name}{in_si(dimension)}"
+        units = units_of(found, named)
+        if units not in (None, dimensions_of(""), dimensions_of(dimension.si)):
+            what = f"{text!r} is {in_words(units)}, not {dimension.name}{in_si(dimension)}"
             raise UnitError(what, "look at the units of its names")
     return found.bound({name: one.value for name, one in named.items()})

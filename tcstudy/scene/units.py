@@ -141,7 +141,7 @@ def text_in(value: float, unit: str, size: float) -> str | None:
 @lru_cache(maxsize=64)
 def dimensions_of(unit: str) -> Any:
     """Exponents of the base units of a unit in pint's words."""
-    return _registry().parse_units(unit or "dimensionless").dimensionality
+    return registry().parse_units(unit or "dimensionless").dimensionality
 
 
 @lru_cache(maxsize=1024)
@@ -155,16 +155,16 @@ def _factor(unit: str, dimension: Dimension) -> float:
     # Exponents have one digit: a chain of powers is a typing error and could keep the unit library busy for ever.
     if not UNIT.fullmatch(spelt) or re.search(r"\d\d|\^[^A-Za-z]*\^", spelt):
         raise UnitError(f"{unit[:40]!r} is not a unit", _unknown_remedy(unit, dimension))
-    registry = _registry()
+    units = registry()
     try:
-        one = registry.Quantity(1.0, registry.parse_units(spelt))
-        zero = registry.Quantity(0.0, registry.parse_units(spelt))
+        one = units.Quantity(1.0, units.parse_units(spelt))
+        zero = units.Quantity(0.0, units.parse_units(spelt))
     except Exception:  # the parser of pint lets errors of its tokenizer and its arithmetic through
         raise UnitError(f"{unit[:40]!r} is not a known unit", _unknown_remedy(unit, dimension)) from None
     if not one.is_compatible_with(dimension.si or "dimensionless"):
         raise UnitError(f"{unit!r} is not a unit of {dimension.name}{in_si(dimension)}", example)
     if dimension == TEMPERATURE and zero.to("K").magnitude != 0.0:
-        difference = f"delta_{registry.parse_units(spelt)}".replace("degree_Celsius", "degC")
+        difference = f"delta_{units.parse_units(spelt)}".replace("degree_Celsius", "degC")
         difference = difference.replace("degree_Fahrenheit", "degF")
         remedy = f"write K or {difference}: temperatures are differences to the stress-free state"
         raise UnitError(f"{unit!r} has its own zero", remedy)
@@ -194,7 +194,7 @@ def _unknown_remedy(unit: str, dimension: Dimension) -> str:
 
 
 @lru_cache(maxsize=1)
-def _registry() -> Any:
+def registry() -> Any:
     """The unit registry; imported here because most of the package never needs it."""
     import pint
 

@@ -73,5 +73,5 @@ def test_reading_imports_no_mesher_and_no_units_without_need() -> None:
 def test_units_that_need_no_parser_are_what_the_parser_says() -> None:
     for dimension in units.DIMENSIONS:
         for unit, factor in {**units.PLAIN.get(dimension, {}), dimension.si: 1.0}.items():
-            quantity = units._registry().Quantity(1.0, unit or "dimensionless")
+            quantity = units.registry().Quantity(1.0, unit or "dimensionless")
             assert float(f"{quantity.to(dimension.si or 'dimensionless').magnitude:.15g}") == factor
