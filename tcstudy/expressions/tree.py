@@ -122,25 +122,8 @@ ATOM, SIGN = 5, 3
 
 
 def to_text(order: Order, longest: int) -> str:
-    """The tree as text that `parse` reads back, or if that has more than `longest` characters its beginning and a hash.
-
-    Trees of one text are one function: the hash is that of all nodes.
-    """
-    size: dict[TreeNode, int] = {}
-    for node in order:  # an upper bound, parentheses and blanks included
-        own = len(node.label) + 5 if not node.parts else 7 + (len(node.name) if node.kind == "Call" else 0)
-        size[node] = own + sum(size[part] + 4 for part in node.parts)
-    if size[order[-1]] <= 2 * longest:
-        text = _written(order)
-        if len(text) <= longest:
-            return text
-    short = order if size[order[-1]] <= 100 * longest else ()
-    begin = _written(short)[:60] + " … " if short else ""
-    return f"{begin}[{len(order)} operations, {_digest(order)}]"
-
-
-def _written(order: Order) -> str:
-    """The text, with parentheses only where the grammar needs them."""
+    """The tree as text that `parse` reads back, with parentheses only where the grammar needs them. What has more than
+    `longest` characters ends in a hash of all nodes, so that trees of one text are one function."""
     done: dict[TreeNode, tuple[str, int]] = {}
 
     def inner(node: TreeNode, least: int) -> str:
@@ -149,19 +132,22 @@ def _written(order: Order) -> str:
 
     for node in order:
         if node.kind == "Number":
-            done[node] = node.label, ATOM if node.value >= 0 and not node.label.startswith("-") else 0
+            text, rank = node.label, ATOM if node.value >= 0 and not node.label.startswith("-") else 0
         elif node.kind == "Coordinate":
-            done[node] = node.name, ATOM
+            text, rank = node.name, ATOM
         elif node.kind == "Negative":
-            done[node] = f"-{inner(node.parts[0], SIGN + 1)}", 1
+            text, rank = f"-{inner(node.parts[0], SIGN + 1)}", 1
         elif node.kind == "Call":
-            done[node] = f"{node.name}({', '.join(done[part][0] for part in node.parts)})", ATOM
+            text, rank = f"{node.name}({', '.join(done[part][0] for part in node.parts)})", ATOM
         else:
             rank = PRIORITY[node.name]
             left = inner(node.parts[0], rank + (node.name == "**"))
             right = inner(node.parts[1], rank + 1)
             sign = f" {node.name} " if rank == 1 else "^" if rank == PRIORITY["**"] else node.name
-            done[node] = f"{left}{sign}{right}", rank
+            text = f"{left}{sign}{right}"
+        if len(text) > longest:  # before the texts of shared parts grow without bound
+            return f"{text[:60]} … [{len(order)} operations, {_digest(order)}]"
+        done[node] = text, rank
     return done[order[-1]][0]
 
 

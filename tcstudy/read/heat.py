@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from tcstudy.read.body import INLINE, REGION_SHAPES
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.node import Node, hint
-from tcstudy.scene.keys import rows
+from tcstudy.scene.keys import row, rows
 from tcstudy.scene.records import EdgeHeat, Heat, Material, Role, exchanges
 
 Boundary = tuple[tuple[str, Role], ...]
@@ -39,28 +39,11 @@ def read_edge_heat(ctx: Context, fields: Fields, kind: str) -> EdgeHeat | None:
     return EdgeHeat(**own.given())
 
 
-def needed_of_heat(boundary: Node | None) -> tuple[str, ...]:
-    """The keys of `heat` that edges leave to it; both where no edge says anything of heat by itself."""
-    exchanging, alone = [], True
-    for node in boundary.children.values() if boundary else ():
-        word = node.child("role") if isinstance(node.value, Mapping) else node
-        convection = word is not None and word.value == "convection"
-        place = node if convection else node.child("heat")
-        said = {*EXCHANGE} & {*place.value} if place and isinstance(place.value, Mapping) else None
-        if convection or (said or set()) - {"flux"}:
-            exchanging.append(said or set())
-        alone = alone and not said and (convection or said is None)
-    return tuple(key for key in HEAT if alone or any(key not in said for said in exchanging))
-
-
 @none_after_fault
-def read_heat(
-    ctx: Context, node: Node | None, regions: tuple[str, ...] | None, required: tuple[str, ...] = HEAT
-) -> Heat:
+def read_heat(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) -> Heat:
     """The heat problem; zero temperature without the section; None after a fault.
 
-    regions:  names of the regions of the body; None if they are not known
-    required: keys that edges leave to the section
+    regions: names of the regions of the body; None if they are not known
     """
     if node is None:
         return Heat()
@@ -70,7 +53,7 @@ def read_heat(
             what = f"theta is the known temperature, so {', '.join(others)} would not be used"
             ctx.errors.once(fields.values["theta"], what, "keep theta alone, or remove it to compute the temperature")
         return Heat(**fields.given(("theta",)))
-    fields = Fields(ctx, node, "heat", required)
+    fields = Fields(ctx, node, "heat")
     return Heat(**fields.given((*HEAT, "q")), omega=_omega(ctx, fields["omega"], regions))
 
 
@@ -118,6 +101,12 @@ def check_heat(ctx: Context, root: Node, heat: Heat, boundary: Boundary, materia
                 remedy = "add heat: {alpha: ..., theta_bar: ...}, or make the edge free or traction"
             ctx.errors.once(root.nearest("boundary", edge), f"{what} has no meaning, because {why}", remedy)
         return
+    for key in (
+        HEAT if section is not None and isinstance(section.value, Mapping) else ()
+    ):  # what edges leave to the section
+        if not root.at("heat", key) and (not own or any(getattr(given, key) is None for _, given in passing)):
+            said = f"is missing; add {key}: {ctx.example(row('heat', key).suggestion)}"
+            ctx.errors.at(root.nearest("heat"), said, key=f"heat.{key}")
     if not (passing or held or own) and heat.q == 0.0:  # no heat comes or goes: an alpha then is a doubt, no fault
         return
     places = (("material",), *(("materials", name) for name, _ in material.regions))

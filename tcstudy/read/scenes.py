@@ -21,7 +21,7 @@ from tcstudy.read.body import check_shape, read_body, with_named_region
 from tcstudy.read.checks import check_boundary, check_finite, check_laws, supports, supports_fault
 from tcstudy.read.document import tree_of
 from tcstudy.read.fields import Context
-from tcstudy.read.heat import check_heat, needed_of_heat, read_heat
+from tcstudy.read.heat import check_heat, read_heat
 from tcstudy.read.node import Collector, Node, put, put_number
 from tcstudy.read.parameters import read_parameters, users, words_in
 from tcstudy.read.physics import read_boundary, read_friction, read_loads, read_materials
@@ -55,7 +55,6 @@ class SceneReader:
             self.regions = tuple(region.name for region in self.body.regions)
             body = snapped(self.body) if self.regions else self.body
             self.body = body if check_shape(ctx, body, root) else None
-        self.needed_of_heat = needed_of_heat(root.child("boundary"))
         self.order = sorted(range(len(sweep.axes)), key=lambda i: len(sweep.axes[i].parameter.path))
         self.touching = {s: [i for i in self.order if self.touches(sweep.axes[i].parameter.path, s)] for s in SECTIONS}
         self.supports: set[tuple[object, ...]] = set()
@@ -162,7 +161,7 @@ class SceneReader:
         named = tuple((name, self.named[name]) for name in words)
         body = (self.body, self.loose) if section == "boundary" else None
         key, before = (
-            (section, *nodes, named, self.names, self.regions, self.needed_of_heat, body),
+            (section, *nodes, named, self.names, self.regions, body),
             len(self.ctx.errors),
         )
         if key in self.ctx.known:
@@ -178,7 +177,7 @@ class SceneReader:
         if section == "loads":
             return read_loads(self.ctx, node)
         if section == "heat":
-            return read_heat(self.ctx, node, self.regions, self.needed_of_heat)
+            return read_heat(self.ctx, node, self.regions)
         if root is None or node is None:
             return None
         if section == "material":

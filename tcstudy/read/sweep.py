@@ -9,13 +9,11 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import combinations
 from typing import Any, Literal
 
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.document import whole_key
 from tcstudy.read.fields import Context, only_key
-from tcstudy.read.heat import needed_of_heat
 from tcstudy.read.node import Mark, Node, hint, nearest, place_of, put_number, split_path
 from tcstudy.read.parameters import check_swept_names
 from tcstudy.read.physics import ALL_KEYS, keys_of, laws_by_edge
@@ -133,7 +131,7 @@ def read_sweep(ctx: Context, root: Node, overrides: Sequence[str]) -> Sweep:
         return Sweep()
     axes = [axis.ascending() for axis in axes] if mode == "grid" else axes
     sweep = Sweep("grid" if mode == "grid" else "list", tuple(axes), node.child("h"), design, tabled)
-    sweep = _of_sections(ctx, root, sweep)
+    sweep = _of_sections(root, sweep)
     if ctx.named:
         check_swept_names(ctx, root, sweep, (*SECTIONS, "materials", *GEOMETRIC))
     _check_options(ctx, root, sweep, overrides)
@@ -169,27 +167,10 @@ def may_vary(ctx: Context, root: Node, node: Node) -> dict[Keys, Parameter]:
     return known | {path: Parameter(path, one) for path, one in rows_of.items()}
 
 
-def _of_sections(ctx: Context, root: Node, sweep: Sweep) -> Sweep:
-    """The sweep without parameters of a section that is not there and that they do not make by themselves.
-
-    What is missing then is the section, not one of its keys in the sweep. The optional section `heat` is recorded here.
-    """
-    enough = {
-        "material": combinations(("E", "nu", "lambda", "mu"), 2),  # two that do not go together are told as such
-        "heat": (("theta",), needed_of_heat(root.child("boundary"))),
-        "loads": (("f",), ("f_x",), ("f_y",)),
-    }
-    lost = set()
-    for section in SECTIONS:
-        swept = [axis for axis in sweep.axes if axis.parameter.path[0] == section and axis.values]
-        given = {axis.parameter.path[-1] for axis in swept}
-        made = section in given or any({*keys} <= given for keys in enough.get(section, ()))
-        if swept and not made and root.child(section) is None:
-            lost.add(section)
-            if not rows("")[section].required:
-                remedy = "add heat: {alpha: ..., theta_bar: ...}, or remove it from the sweep"
-                ctx.errors.at(root, f"is missing, but {swept[0].key} is swept", remedy, key=section)
-    return replace(sweep, axes=tuple(axis for axis in sweep.axes if axis.parameter.path[0] not in lost))
+def _of_sections(root: Node, sweep: Sweep) -> Sweep:
+    """The sweep without parameters of a boundary or a friction that is not there: that is missing, not its keys."""
+    lost = {section for section in ("boundary", "friction") if root.child(section) is None}
+    return replace(sweep, axes=tuple(a for a in sweep.axes if a.parameter.path[0] not in lost or a.parameter.is_whole))
 
 
 def _check_options(ctx: Context, root: Node, sweep: Sweep, overrides: Sequence[str]) -> None:

@@ -27,6 +27,7 @@ _MESH, _SOLVER = MeshPlan((), 1), SolverPlan()
 _PATH = {name: field.default for name, field in PathPlan.__dataclass_fields__.items()}
 _BODY, _MATERIAL = "{rectangle: {width: 200 mm, height: 100 mm}}", "{E: 210 GPa, nu: 0.3}"
 _EDGES = "{bottom: contact, left: clamped, top: free, right: free}"
+_HEAT = "{alpha: 100 W/(m^2*K), theta_bar: 20 K}"
 _LAW, _SIZE = "{law: tresca, tau: 20 MPa}", "{maxh: 10 mm}"
 MODES = ("grid", "zip", "list", *DESIGNS)
 _QUANTITIES = ("forces", "reactions", "section_force", "theta_edges", "von_mises")
@@ -46,7 +47,9 @@ ROWS: tuple[Key, ...] = (
     needed("material", "material", "isotropic: `E`, `nu` or `lambda`, `mu`", example=_MATERIAL, swept=True),
     key("materials", "named sections", "of regions that have a material of their own", of=("material",)),
     key("loads", "section", "forces in the body"),
-    key("heat", "section", "`alpha` and `theta_bar`, or a known `theta`; [from which zero](#heat-by-edge)"),
+    key(
+        "heat", "section", "`alpha` and `theta_bar`, or `theta` itself; [from which zero](#heat-by-edge)", example=_HEAT
+    ),
     needed("friction", "law", "a law, or one for each contact edge: `{EDGE: {law: …}, …}`", example=_LAW, swept=True),
     needed("mesh", "section", "element sizes; [which meshes there are](#meshes-that-follow-the-error)", example=_SIZE),
     key("solver", "section", "a name, a list of names, which the summary compares, or its keys", short="name"),

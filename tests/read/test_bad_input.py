@@ -190,10 +190,10 @@ def test_the_values_of_a_sweep_are_set_by_path_or_short_name(key: str) -> None:
 @pytest.mark.parametrize(
     ("lost", "sweep", "missing"),
     [
-        ("material", "nu: [0.3, 0.4]", "1:1: material: is missing"),
+        ("material", "nu: [0.3, 0.4]", "18:14: material.E: is missing"),
         ("boundary", "boundary.top.pressure: [1, 2]", "1:1: boundary: is missing"),
         ("friction", "delta: [20 um, 40 um]", "1:1: friction: is missing"),
-        ("heat", "alpha: [25, 100]", "1:1: heat: is missing, but alpha is swept"),
+        ("heat", "alpha: [25, 100]", "18:17: heat.theta_bar: is missing"),
     ],
 )
 def test_a_missing_section_is_not_looked_for_in_the_sweep(lost: str, sweep: str, missing: str) -> None:
