@@ -51,20 +51,25 @@ def sobol(f: Array, seed: int = 0) -> tuple[Index, Index]:
     return _estimate(ratios[:, :d]), _estimate(ratios[:, d:] / 2.0)
 
 
-def correlation_ratios(x: Array, y: Array, seed: int = 0) -> Index:
+def correlation_ratios(x: Array, y: Array, named: tuple[bool, ...] = (), seed: int = 0) -> Index:
     """Var(E[y|x_i])/Var(y) from (N, d) inputs and (N,) values, in ½√N classes of equally many points each.
+
+    Of independent inputs, however they were drawn, it is the first-order index. named: (d,) inputs with a class a value
 
     The share that N points in that many classes have by chance alone is taken off: 1 − (1 − η²)(N − 1)/(N − classes).
     """
     rng, N = np.random.default_rng(seed), len(y)
     samples = [np.arange(N), *(rng.integers(0, N, (RESAMPLES // 10, N)))]
-    return _estimate(np.array([[_ratio(x[one, i], y[one]) for i in range(x.shape[1])] for one in samples]))
+    named = named or (False,) * x.shape[1]
+    return _estimate(np.array([[_ratio(x[one, i], y[one], own) for i, own in enumerate(named)] for one in samples]))
 
 
-def _ratio(x: Array, y: Array) -> float:
+def _ratio(x: Array, y: Array, named: bool) -> float:
     N = len(y)
-    classes = max(2, math.isqrt(N) // 2)
-    parts = np.array_split(y[np.argsort(x, kind="stable")], classes)
+    parts = np.array_split(y[np.argsort(x, kind="stable")], max(2, math.isqrt(N) // 2))
+    if named:
+        parts = [y[x == value] for value in np.unique(x)]
+    classes = len(parts)
     within = sum(float(((part - part.mean()) ** 2).sum()) for part in parts)
     whole = float(((y - y.mean()) ** 2).sum())
     flat = whole <= N * (ROUNDING * float(np.abs(y).max())) ** 2

@@ -17,7 +17,7 @@ _OUTPUT = "folder of the fields (default: FILE), or the table (default: FILE.csv
 _TABLES = "of a convergence file: the point whose tables to show"
 _Y = "what the curves are of, e.g. slip_length; of a path mean-slip, max-slip or friction; of costs an error, e.g. u_L2"
 _PICTURE = "a .png, .svg or .pdf file (default of a study: results/<study>.scene.png)"
-_INDICES = "of a run with mode: saltelli: the number whose Sobol indices to show (default: slip_length)"
+_INDICES = "of a run with drawn points: the number whose Sobol indices to show (of mode: saltelli slip_length)"
 
 
 @command(
@@ -51,11 +51,11 @@ def _show(options: argparse.Namespace, file: Path) -> None:
     kind = kind_of(file)
     if point_of(options) and kind != "convergence":
         fail("--at chooses tables of a convergence file, which this is not; leave it out")
-    drawn = kind == "run" and attributes(file).get("design_mode") == SALTELLI
-    if options.of is not None and not drawn:
+    design = attributes(file).get("design_mode") if kind == "run" else None
+    if options.of is not None and design is None:
         remedy = f"run its study with sweep: {{mode: {SALTELLI}, points: 256, PARAMETER: {{uniform: [a, b]}}}}"
         fail(f"--of: the points of {file} are no design for indices; {remedy}")
-    shared.say(options, file, of=(options.of or "slip_length") if drawn else None)
+    shared.say(options, file, of=options.of or ("slip_length" if design == SALTELLI else None))
 
 
 @command(

@@ -76,12 +76,13 @@ def axis_name(axis: Axis) -> str:
 def axis_attributes(axis: Axis) -> dict[str, Any]:
     """Attributes of the coordinate variable of a swept parameter."""
     attrs: dict[str, Any] = {"long_name": ".".join(axis.path)}
+    drawn = {"distribution": axis.distribution} if axis.distribution else {}
     if axis_labels(axis).dtype == object:  # texts have no units
-        return attrs
+        return attrs | drawn
     attrs["units"] = axis.units
     if axis.written[0]:
         attrs |= {"study_unit": axis.written[0], "study_unit_size": axis.written[1]}
-    attrs |= {"distribution": axis.distribution} if axis.distribution else {}
+    attrs |= drawn
     return attrs | dict(DIFFERENCE) if axis.units == "K" else attrs
 
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -23,13 +24,15 @@ from tcstudy.read.document import load_text
 from tcstudy.read.fields import Context, Fields, none_after_fault, only_key
 from tcstudy.read.node import Mark, Node
 from tcstudy.scene import keys as table
-from tcstudy.scene.designs import ENDS, PARAMETERS, SALTELLI, Design, Distribution, count, cube
-from tcstudy.scene.parameters import NUMBERS, WHOLE, Parameter
+from tcstudy.scene.designs import ENDS, PARAMETERS, SALTELLI, Design, Distribution, correlated, count, cube
+from tcstudy.scene.parameters import NUMBERS, WHOLE, Parameter, path_of
 from tcstudy.scene.units import NONE, NUMBER, common_unit, split_quantity
 
 CELL = re.compile(r'\s*("(?:[^"]|"")*"|[^,"]*)\s*(?:,|$)')
 HEAD = re.compile(r"([^\s\[\]]+)\s*(?:\[(.+)\])?")
 MOST_VALUES = 400_000
+OF_DESIGNS = ("points", "seed", "correlation")
+"""Keys of a sweep whose points are drawn."""
 Columns = list[tuple[str, Node, Parameter, tuple[Node, ...]]]
 """Key, its place, its parameter and its values."""
 
@@ -139,13 +142,16 @@ def read_design(ctx: Context, node: Node, mode: str, most: int, d: int) -> Desig
     return Design(mode, n, start) if len(ctx.errors) == before else None
 
 
-def draw(ctx: Context, design: Design, items: Mapping[str, tuple[Node, Parameter]]) -> dict[str, Drawn]:
-    """The drawn values by key; none if a distribution could not be read."""
+def draw(
+    ctx: Context, design: Design, items: Mapping[str, tuple[Node, Parameter]], correlation: Node | None = None
+) -> dict[str, Drawn]:
+    """The drawn values by key; none if a distribution, or the correlation, could not be read."""
     read = {key: _distribution(ctx, node, parameter, design.mode) for key, (node, parameter) in items.items()}
-    if not items or any(found is None for found in read.values()):
+    R = _correlation(ctx, correlation, design.mode, {p.path: i for i, (_, p) in enumerate(items.values())})
+    if not items or R is None or any(found is None for found in read.values()):
         return {}
-    drawn: dict[str, Drawn] = {}
-    for (key, found), u in zip(read.items(), cube(design, len(items)).T, strict=True):
+    drawn, points = dict[str, Drawn](), cube(design, len(items))
+    for (key, found), u in zip(read.items(), (points if correlation is None else correlated(points, R)).T, strict=True):
         node, parameter = items[key]
         if isinstance(found, Distribution):
             inner = next(iter(node.value.values())).value if isinstance(node.value, Mapping) else ()
@@ -161,6 +167,34 @@ def draw(ctx: Context, design: Design, items: Mapping[str, tuple[Node, Parameter
             said = f"choice({', '.join(names or [entry.text() for entry in entries])})"
             drawn[key] = tuple(entries[i] for i in which), tuple(names[i] for i in which if names), said
     return drawn
+
+
+@none_after_fault
+def _correlation(
+    ctx: Context, node: Node | None, mode: str, places: Mapping[tuple[str, ...], int]
+) -> np.ndarray[Any, Any] | None:
+    """The correlation matrix of the drawn parameters; None after a fault. places: of each by its path"""
+    R = np.eye(len(places))
+    pairs = ctx.mapping(node, "pairs to numbers", 'write {"E, tau_s": 0.6}', least=0) if node else {}
+    for key, item in pairs.items():
+        rho, two = ctx.quantity(item, NONE), [path_of(name.strip()) for name in key.split(",")]
+        at = [places.get(path, places.get(("parameters", *path), -1)) for path in two]
+        if len(at) != 2 or at[0] == at[1] or -1 in at:
+            names = ", ".join(path[-1] for path in places)
+            ctx.errors.at(item, f"{key!r} is no pair of drawn parameters", f"name two of {names}", on_key=True)
+        elif not -1.0 < rho < 1.0:
+            ctx.errors.at(item, f"is {rho:g}", "a correlation lies between -1 and 1, without these")
+        else:
+            R[at[0], at[1]] = R[at[1], at[0]] = rho
+    ctx.sound()
+    if pairs and node is not None:
+        if mode == SALTELLI:
+            ctx.errors.at(node, f"mode: {SALTELLI} takes its parameters as independent", "use mode: sobol or random")
+        elif np.linalg.eigvalsh(R)[0] <= 0.0:
+            ctx.errors.at(node, "no parameters can be correlated like this: the matrix is not positive definite",
+                          "bring the numbers nearer to 0")  # fmt: skip
+    ctx.sound()
+    return R
 
 
 Choice = dict[str, Node] | tuple[Node, ...]

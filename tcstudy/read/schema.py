@@ -72,7 +72,8 @@ def schema() -> Schema:
     for named in ("", "named_"):  # which keys a sweep knows depends on the section `parameters`
         made[f"{named}point"] = _sweep(_at_point, ()) | {"additionalProperties": VALUE if named else False}
         points = replace(row("sweep", "points"), of=(f"{named}point",))
-        made[f"{named}sweep"] = _sweep(_swept, (row("sweep", "mode"), points, row("sweep", "seed"), row("sweep", "h")))
+        beside = (points if name == "points" else one for name, one in rows("sweep").items())
+        made[f"{named}sweep"] = _sweep(_swept, tuple(beside))
         made[f"{named}sweep"] |= {"additionalProperties": _swept(NAMED) if named else False}
     made["step"] |= {"additionalProperties": VALUE, "minProperties": 1}
     whole = _section("", ("body", "boundary"))

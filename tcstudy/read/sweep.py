@@ -17,7 +17,7 @@ from tcstudy.read.fields import Context, only_key
 from tcstudy.read.node import Mark, Node, hint, nearest, place_of, put_number, split_path
 from tcstudy.read.parameters import check_swept_names
 from tcstudy.read.physics import ALL_KEYS, keys_of, laws_by_edge
-from tcstudy.read.points import draw, read_design, read_table
+from tcstudy.read.points import OF_DESIGNS, draw, read_design, read_table
 from tcstudy.scene.designs import DESIGNS, Design
 from tcstudy.scene.histories import short_names
 from tcstudy.scene.key import Key
@@ -113,12 +113,12 @@ def read_sweep(ctx: Context, root: Node, overrides: Sequence[str]) -> Sweep:
     mode = ctx.choice(item, MODES) if (item := node.child("mode")) else "list" if tabled else "grid"
     given = {key: item for key, item in node.value.items() if key not in ("mode", "h")}
     if mode in DESIGNS:
-        items = {key: item for key, item in given.items() if key not in ("points", "seed")}
+        items = {key: item for key, item in given.items() if key not in OF_DESIGNS}
         found = {key: (item, p) for key, item in items.items() if (p := _parameter(ctx, key, item, known))}
         if not items:
             ctx.errors.at(node, "has no parameter to draw; add one, for example alpha: {uniform: [25, 100]}")
         design = read_design(ctx, node, mode, MAX_POINTS, len(items))
-        drawn = draw(ctx, design, found) if design else {}
+        drawn = draw(ctx, design, found, node.child("correlation")) if design else {}
         axes = [_axis(ctx, key, *found[key], *three) for key, three in drawn.items()]  # type: ignore[arg-type]
     elif mode == "list":
         axes = _point_list(ctx, node, given, known)
@@ -229,7 +229,7 @@ def _parameter(ctx: Context, key: str, item: Node, known: Mapping[Keys, Paramete
     same = [".".join(keys) for keys, p in known.items() if keys[-1] == path[-1] and not p.idle]
     if path[0] in FIXED:
         what, remedy = f"{path[0]} cannot be swept", FIXED[path[0]]
-    elif key in ("points", "seed"):
+    elif key in OF_DESIGNS:
         what = f"{key} {'are' if key == 'points' else 'is'} for modes that list or draw points"
         remedy = f"add mode: list, or one of {', '.join(DESIGNS)}"
     elif same:

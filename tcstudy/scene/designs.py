@@ -80,6 +80,18 @@ def cube(design: Design, d: int) -> Cube:
     return np.maximum(u, LEAST)
 
 
+def correlated(u: Cube, R: Cube) -> Cube:
+    """Points (P, d) whose columns keep their uniform distributions and depend on each other by a Gaussian copula.
+
+    R: (d, d) correlation of the normal scores z = Φ⁻¹(u): z' = z Lᵀ with R = L Lᵀ, u' = Φ(z'). Ranks have the
+    correlation 6/π asin(ρ/2) (Kruskal, J. Amer. Stat. Assoc. 53 (1958) 814). A point depends on itself alone, so that a
+    design still grows; the cells of a Latin hypercube are kept in the first column only.
+    """
+    from scipy.special import ndtr, ndtri
+
+    return np.clip(ndtr(ndtri(u) @ np.linalg.cholesky(R).T), LEAST, 1.0 - LEAST)
+
+
 def _sobol(n: int, d: int, rng: np.random.Generator) -> Cube:
     """The first n points of a scrambled sequence; drawn up to a power of two, which the library has no doubts about."""
     from scipy.stats import qmc

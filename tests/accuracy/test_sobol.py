@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.accuracy.sobol import jump, sobol
+from tcstudy.accuracy.sobol import correlation_ratios, jump, sobol
 from tcstudy.scene.designs import Design, cube
 
 N = 1024
@@ -29,6 +29,23 @@ def test_indices_of_ishigami_are_the_closed_form_within_their_intervals() -> Non
         assert np.all((estimate.low <= exact) & (exact <= estimate.high))
     moved = sobol(1e-6 * f + 3.0)
     np.testing.assert_allclose(moved[0].value, sobol(f)[0].value, rtol=1e-7)
+
+
+@pytest.mark.parametrize("mode", ["random", "latin-hypercube", "sobol"])
+def test_given_points_have_first_orders_whatever_drew_them(mode: str) -> None:
+    u = cube(Design(mode, 4096, 1), 3)
+    estimate = correlation_ratios(u, ishigami(u))
+    np.testing.assert_allclose(estimate.value, FIRST, atol=0.03)
+    assert np.all((estimate.low <= FIRST + 0.01) & (estimate.high + 0.01 >= FIRST))
+
+
+def test_a_choice_has_the_share_of_the_means_of_its_values() -> None:
+    """y = (0, 3, 1)_c + x: Var E[y|c] = 14/9, Var x = 1/12."""
+    rng = np.random.default_rng(2)
+    c, x = rng.integers(0, 3, 5000), rng.random(5000)
+    exact = np.array([14 / 9, 1 / 12]) / (14 / 9 + 1 / 12)
+    found = correlation_ratios(np.stack([c, x], axis=1), np.array([0.0, 3.0, 1.0])[c] + x, (True, False))
+    np.testing.assert_allclose(found.value, exact, atol=0.01)
 
 
 def test_what_does_not_vary_has_no_indices_but_zero() -> None:

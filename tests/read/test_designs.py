@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tcstudy.data.writer import sweep_points
@@ -51,6 +52,19 @@ def test_a_design_grows_by_its_own_points_only() -> None:
     assert places_in(new, old).tolist() == list(range(8))
     with pytest.raises(StoreError, match="not the first of this design; keep mode, seed"):
         merge_studies(old, drawn("sobol", 16, seed=8))
+
+
+def test_drawn_numbers_are_correlated_by_pairs() -> None:
+    of = "E: {normal: {mean: 2 GPa, sigma: 1 MPa}}, tau_s: {normal: {mean: 2 MPa, sigma: 1 kPa}}, points: 2000"
+    study = swept(f'{{mode: sobol, {of}, correlation: {{"tau_s, material.E": -0.7}}}}')
+    assert np.corrcoef([axis.labels for axis in study.axes])[0, 1] == pytest.approx(-0.7, abs=0.02)
+    for said, mode, remedy in (
+        ('{"E, nu": 0.5}', "sobol", "is no pair of drawn parameters; name two of E, tau_s"),
+        ('{"E, tau_s": 1.5}', "random", "a correlation lies between -1 and 1"),
+        ('{"E, tau_s": 0.5}', "saltelli", "takes its parameters as independent"),
+    ):
+        with pytest.raises(StudyError, match=remedy):
+            swept(f"{{mode: {mode}, {of}, correlation: {said}}}")
 
 
 def test_laws_are_chosen_by_name() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import special
 
-from tcstudy.scene.designs import DESIGNS, Design, Distribution, count, cube
+from tcstudy.scene.designs import DESIGNS, Design, Distribution, correlated, count, cube
 
 
 @pytest.mark.parametrize("mode", DESIGNS)
@@ -19,6 +19,16 @@ def test_a_longer_design_begins_with_the_shorter_one(mode: str, few: int, many: 
     assert np.array_equal(two[: len(one)], one)
     assert np.all((two > 0.0) & (two < 1.0))
     assert not np.array_equal(cube(Design(mode, few, 8), 3), one)
+
+
+@pytest.mark.parametrize("mode", ["random", "latin-hypercube", "sobol"])
+def test_a_copula_gives_its_correlation_and_keeps_the_distributions(mode: str) -> None:
+    R = np.array([[1.0, 0.6, -0.3], [0.6, 1.0, 0.0], [-0.3, 0.0, 1.0]])
+    u = correlated(cube(Design(mode, 4096, 5), 3), R)
+    np.testing.assert_allclose(np.corrcoef(special.ndtri(u).T), R, atol=0.03)
+    np.testing.assert_allclose(np.corrcoef(u.T), 6 / np.pi * np.arcsin(R / 2), atol=0.03)  # of ranks
+    assert np.max(np.abs(np.sort(u, axis=0) - (np.arange(4096) + 0.5)[:, None] / 4096)) < 0.03
+    assert np.array_equal(correlated(cube(Design(mode, 2048, 5), 3), R), u[:2048])
 
 
 @pytest.mark.parametrize("n", [1, 5, 20, 96])

@@ -17,6 +17,7 @@ from tcstudy.errors import UsageError
 from tcstudy.read.node import hint
 from tcstudy.reports.terminal.tables import plain_table, wrapped
 from tcstudy.reports.text import number
+from tcstudy.scene.designs import SALTELLI
 
 Array = NDArray[np.float64]
 ORDERS = ("first order", "total")
@@ -35,58 +36,87 @@ class SobolIndices:
     tables: dict[str, dict[str, Index]]
 
 
-def sample(file: Path, of: str) -> tuple[tuple[str, ...], Array, Array, str, float, bool]:
+@dataclass(frozen=True, eq=False)
+class Sample:
     """A stored number at the points of a design, on the finest level.
 
-    Returns the swept parameters (d,), their values (n, d + 2, d), the number (n, d + 2), NaN where there is no
-    solution, its units, the steps in which it comes, and whether every solution is certified to be the only one.
-    Raises UsageError if there is no such number.
+    names: swept parameters (d,);  x: (n, r, d) their values, of a choice its number among them;  named: (d,) whether so
+    f:     (n, r) the number, NaN where there is no solution: r = d + 2 points a row of mode: saltelli, else 1
+    step:  in which it comes;  unique: whether every solution is certified to be the only one
     """
+
+    names: tuple[str, ...]
+    named: tuple[bool, ...]
+    x: Array
+    f: Array
+    units: str
+    step: float
+    unique: bool
+
+
+def sample(file: Path, of: str) -> Sample:
+    """Raises UsageError if there is no such number."""
     with reading(file), netCDF4.Dataset(file) as nc:
-        names = [name for name, one in nc.variables.items() if "distribution" in one.ncattrs()]
+        drawn = {name: one for name, one in nc.variables.items() if "distribution" in one.ncattrs()}
         known = [name for name, v in nc.variables.items() if v.dimensions == ("point", "level") and v.dtype == "f8"]
         if of not in known:
             remedy = hint(of, known, f"choose of {', '.join(known)}")
             raise UsageError(f"{file} has no number {of!r} at its points; {remedy}")
         level = nc.dimensions["level"].size - 1
         values, ok = np.ma.filled(nc[of][:, level].astype(float), np.nan), nc["status"][:, level] == PointStatus.OK
-        x = np.column_stack([np.asarray(nc[name][:], dtype=float) for name in names])
-        group, shape = nc.groups.get(f"level_{level}"), (-1, len(names) + 2)
-        step = float(np.max(group["c"][:])) if of == "slip_length" and group is not None else 0.0
-        unique = bool(np.all(nc["unique"][:, level][ok] == 1))
-        f = np.where(ok, values, np.nan).reshape(shape)
-        return tuple(names), x.reshape(*shape, len(names)), f, str(nc[of].units), step, unique
+        columns = (np.unique(one[:], return_inverse=True)[1] if one.dtype is str else one[:] for one in drawn.values())
+        x = np.column_stack(list(columns))
+        rows = len(drawn) + 2 if nc.getncattr("design_mode") == SALTELLI else 1
+        group = nc.groups.get(f"level_{level}")
+        return Sample(
+            tuple(drawn),
+            tuple(one.distribution.startswith("choice") for one in drawn.values()),
+            x.astype(float).reshape(-1, rows, len(drawn)),
+            np.where(ok, values, np.nan).reshape(-1, rows),
+            str(nc[of].units),
+            float(np.max(group["c"][:])) if of == "slip_length" and group is not None else 0.0,
+            bool(np.all(nc["unique"][:, level][ok] == 1)),
+        )
 
 
 def indices(file: Path, of: str) -> SobolIndices:
     """The indices of a number; raises UsageError where too few points have a solution."""
-    names, x, f, units, step, unique = sample(file, of)
-    whole = np.isfinite(f).all(axis=1)
+    found = sample(file, of)
+    whole = np.isfinite(found.f).all(axis=1)
     if np.count_nonzero(whole) < 2:
         raise UsageError(f"{of} has no whole rows of the design: too few points have a solution")
-    f, x = f[whole], x[whole]
-    said = [f"{f.size} points of {len(f)} base points, {f'{LEVEL:.0%}'} confidence by resampling them"]
+    f, x, rows = found.f[whole], found.x[whole], found.f.shape[1]
+    confidence = f"{f'{LEVEL:.0%}'} confidence by resampling them"
+    said = [f"{f.size} points of {len(f)} base points, {confidence}"]
+    if rows == 1:
+        said = [f"{f.size} points, {confidence}; totals need points of their own (mode: {SALTELLI})"]
     if lost := int(np.count_nonzero(~whole)):
-        said.append(f"left out: {lost} base points with a point that has no solution or no {of}")
-    gap = None if unique else jump(f[:, :2].ravel(), step, f[:, 2:].ravel())
+        which = "base points with a point that has" if rows > 1 else "points with"
+        said.append(f"left out: {lost} {which} no solution or no {of}")
+
+    def shares(y: Array) -> dict[str, Index]:
+        if rows > 1:
+            return dict(zip(ORDERS, sobol(y), strict=True))
+        return {ORDERS[0]: correlation_ratios(x[:, 0], y[:, 0], found.named)}
+
+    gap = None if found.unique else jump(f[:, :2].ravel(), found.step, f[:, 2:].ravel())
     if gap is None:
-        why = "every solution is certified to be the only one" if unique else "no gap among the values"
+        why = "every solution is certified to be the only one" if found.unique else "no gap among the values"
         said.append(f"one side: {why}")
-        return SobolIndices(of, names, said, {f"Indices of {of}": dict(zip(ORDERS, sobol(f), strict=True))})
+        return SobolIndices(of, found.names, said, {f"Indices of {of}": shares(f)})
     above = f > (gap[0] + gap[1]) / 2.0
-    units = f" {units}" if units != "1" else ""
+    units = f" {found.units}" if found.units != "1" else ""
     share = above[:, :2].mean()
     said.append(
         f"{of} leaves a gap: {1 - share:.1%} of the points lie at {number(gap[0])}{units} or below, {share:.1%} at "
         f"{number(gap[1])}{units} or above, none between; a mean over both sides is a value that no point has"
     )
-    sides = dict(zip(ORDERS, sobol(above.astype(float)), strict=True))
-    tables = {"Indices of the side on which a point lies": sides}
+    tables = {"Indices of the side on which a point lies": shares(above.astype(float))}
     for word, side in (("Below", ~above[:, :2]), ("Above", above[:, :2])):
         y, inputs = f[:, :2][side], x[:, :2][side]
         mean = f"mean {number(float(y.mean()))}{units}, standard deviation {number(float(y.std()))}{units}"
-        tables[f"{word}: {mean}"] = {"correlation ratio": correlation_ratios(inputs, y)}
-    return SobolIndices(of, names, said, tables)
+        tables[f"{word}: {mean}"] = {"correlation ratio": correlation_ratios(inputs, y, found.named)}
+    return SobolIndices(of, found.names, said, tables)
 
 
 def indices_text(file: Path, of: str) -> str:

@@ -43,8 +43,8 @@ def finished(folder: Path, text: str) -> Path:
 
 def test_a_body_that_sticks_has_the_indices_of_a_linear_function(tmp_path: Path) -> None:
     file = finished(tmp_path, LINEAR)
-    _, inputs, f, *_ = sample(file, "friction_resultant")
-    x = np.column_stack([np.ones(f.size), inputs.reshape(-1, 2)])
+    found = sample(file, "friction_resultant")
+    f, x = found.f, np.column_stack([np.ones(found.f.size), found.x.reshape(-1, 2)])
     slopes, *_ = np.linalg.lstsq(x, f.ravel(), rcond=None)
     np.testing.assert_allclose(x @ slopes, f.ravel(), rtol=1e-10)
     parts = slopes[1:] ** 2 * [1 / 12, 0.25]
@@ -86,8 +86,19 @@ def test_the_example(tmp_path: Path) -> None:
     assert max(side, key=lambda name: side[name]) == "tau_s"
 
 
+def test_points_that_were_there_have_first_orders_of_numbers_and_choices(tmp_path: Path) -> None:
+    """∫ξ is linear in a and in the law's elastic stiffness chosen by name nothing: the body sticks."""
+    drawn = "a: {uniform: [0, 1]}, friction: {one: {law: tresca, tau: 1000}, two: {law: tresca, tau: 2000}}"
+    file = finished(tmp_path, LINEAR.split("sweep:")[0] + f"sweep: {{mode: latin-hypercube, points: 256, {drawn}}}\n")
+    found = indices(file, "friction_resultant")
+    assert found.said[0].startswith("256 points, 95% confidence by resampling them; totals need")
+    [(_, columns)] = found.tables.items()
+    np.testing.assert_allclose(columns["first order"].value, [1.0, 0.0], atol=0.02)
+    assert "first order" in indices_text(file, "friction_resultant")
+
+
 def test_points_without_a_design_have_no_indices(tmp_path: Path) -> None:
-    file = finished(tmp_path, LINEAR.replace("saltelli, points: 128", "random, points: 3"))
+    file = finished(tmp_path, LINEAR.split("sweep:")[0] + "sweep: {a: [0, 1]}\n")
     said = tcstudy_command("show", file, "--of", "slip_length")
     assert said.returncode == 2
     assert "no design for indices; run its study with sweep: {mode: saltelli, points: 256" in said.stderr
