@@ -4,8 +4,9 @@ In a cell every node is *free* (displacement u_i moves, force g_i = k_i u_i + co
 *held* (u_i fixed on a kink, force g_i moves). With x_i = u_i of a free node, g_i of a held one, increments satisfy
 Au + g = τ l + r: m equations for m + 1 coordinates (x, τ), one line. Which coordinate measures the line (the *driver*)
 is free, τ or that of any node: with a fast one the system is regular whenever the line is unique, at folds and on
-upright pieces too. A node that passes to its next piece, or another driver, is a change of rank one: O(m) for what is
-asked of the inverse, and changes enter it many at a time, in matrix products.
+upright pieces too. A node that passes to its next piece drives both cells, so that only its own column changes; to let
+it drive is a change of rank one: O(m) for what is asked of the inverse, and changes enter it many at a time, in matrix
+products.
 
 Sources: Lemke, Manage. Sci. 11 (1965) 681–689 (what has left a piece drives the next one); Cottle, Pang & Stone, The
 Linear Complementarity Problem (1992), §2.3 (principal pivots); Haynsworth, Linear Algebra Appl. 1 (1968) 73–81
@@ -20,13 +21,13 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-_dgemv, _dgemm, _dgecon = scipy.linalg.blas.dgemv, scipy.linalg.blas.dgemm, scipy.linalg.lapack.dgecon
+_dgemv, _dgemm = scipy.linalg.blas.dgemv, scipy.linalg.blas.dgemm
 
 CAPACITY = 32
 """Changes of rank one that wait before they enter the inverse as one matrix product."""
 
-SOUND = 0.02
-"""A coordinate may drive a cell if it is no slower than this part of the fastest one."""
+SLOW = 1e-3
+"""A coordinate slower than this part of the fastest one does not drive: as many digits would be lost."""
 
 LOST_RANK = 1e-14
 """Reciprocal condition number below which a cell, its rows scaled, has no unique line."""
@@ -40,10 +41,9 @@ class SingularCellError(ArithmeticError):
 
 
 class BasisInverse:
-    """(x, τ) of the present cell by (ν, z): z is the driver's coordinate, ν_i what a node is off its piece.
+    """(x, τ) = T ν + way z of the present cell: z is the driver's coordinate, ν_i what a node is off its piece.
 
-    A free node's u = x, g = k x + ν, a held one's u = ν, g = x. A node that changes its piece has (x, ν) = R (x′, ν′)
-    with R of size two, so that all else follows by one elimination.
+    A free node's u = x, g = k x + ν, a held one's u = ν, g = x.
 
     A:    (m, m) symmetric positive definite stiffness, scaled to O(1)
     load: (m,) load per unit of τ, in the same units, its largest entry 1
@@ -54,39 +54,36 @@ class BasisInverse:
     def __init__(self, A: Array, load: Array, free: Flags, k: Array) -> None:
         self.A, self.load, self.m, self.free, self.k = A, load, len(load), free.copy(), k.copy()
         self.left, self.right = (np.zeros((self.m + one, CAPACITY), order="F") for one in (1, 0))
-        self.factorisations = 0
+        self.way, self.factorisations = np.zeros(self.m + 1), 0
         self.refactor()
 
     def refactor(self) -> None:
         """The inverse from A itself, by the fastest coordinate. Raises SingularCellError if the line is not unique."""
         self.factorisations += 1
-        self.size, self.stale, before = 0, True, getattr(self, "way", None)
+        self.size, self.stale, self.driver, before = 0, True, -1, self.way
         self._negatives: int | None = None
-        m, F, R = self.m, np.flatnonzero(self.free), np.flatnonzero(~self.free)
-        n, scale = len(F), 1.0 / np.sqrt(1.0 + np.abs(self.k[F]))
-        S = np.empty((n + 1, n + 1), order="F")
+        m, A, F, R = self.m, self.A, np.flatnonzero(self.free), np.flatnonzero(~self.free)
+        n, scale, moving = len(F), 1.0 / np.sqrt(1.0 + np.abs(self.k[F])), np.append(F, m)
+        S = np.empty((n + 1, n + 1))
         S[:n, :n], S[:n, n] = self._H(F) * scale[:, None] * scale, -self.load[F] * scale
         S[n] = np.random.default_rng(n).uniform(0.5, 1.0, n + 1)  # any border that the line does not lie in
         S[n, ::2] *= -1.0
-        norm = float(np.max(np.sum(np.abs(S), axis=0)))
-        lu, pivots, info = scipy.linalg.lapack.dgetrf(S)
-        if info != 0 or not _dgecon(lu, norm)[0] > LOST_RANK:
+        try:
+            inverse = np.linalg.inv(S)
+        except np.linalg.LinAlgError:
+            raise SingularCellError from None
+        if not np.linalg.norm(S, 1) * np.linalg.norm(inverse, 1) * LOST_RANK < 1.0:
             raise SingularCellError
-        inverse, _ = scipy.linalg.lapack.dgetri(lu, pivots, overwrite_lu=1)
         inverse[:n] *= scale[:, None]
-        moving = np.append(F, m)
-        self.T = T = np.empty((m + 1, m), order="F")
-        way = np.empty(m + 1)
+        self.T, way = np.empty((m + 1, m), order="F"), np.empty(m + 1)
         by_force = inverse[:, :n] * -scale
-        T[np.ix_(moving, F)], way[moving] = by_force, inverse[:, n]
-        if len(R):
-            T[np.ix_(moving, R)] = by_force @ self.A[np.ix_(F, R)]
-            onto = np.concatenate([-self.A[np.ix_(R, F)], self.load[R, None]], axis=1)
-            T[R], way[R] = onto @ T[moving], onto @ way[moving]
-            T[np.ix_(R, R)] -= self.A[np.ix_(R, R)]
+        self.T[np.ix_(moving, F)], self.T[np.ix_(moving, R)] = by_force, by_force @ A[np.ix_(F, R)]
+        way[moving] = inverse[:, n]
+        onto = np.concatenate([-A[np.ix_(R, F)], self.load[R, None]], axis=1)
+        self.T[R], way[R] = onto @ self.T[moving], onto @ way[moving]
+        self.T[np.ix_(R, R)] -= A[np.ix_(R, R)]
         fastest = int(np.argmax(np.abs(way)))
-        kept = before is None or before[fastest] * way[fastest] >= 0.0
-        self.stale, self.way = False, way if kept else -way
+        self.stale, self.way = False, way if before[fastest] * way[fastest] >= 0.0 else -way
         self.drive(fastest)
 
     def _H(self, F: NDArray[np.intp]) -> Array:
@@ -97,7 +94,7 @@ class BasisInverse:
     def reload(self, load: Array) -> None:
         """Another load per unit of τ."""
         self.load = load
-        if not abs(self.way[self.m]) > SOUND * np.max(np.abs(self.way)):
+        if abs(self.way[self.m]) <= SLOW * np.max(np.abs(self.way)):
             return self.refactor()
         self.drive(self.m)
         self.way = self.moved(load)
@@ -106,67 +103,44 @@ class BasisInverse:
 
     def drive(self, i: int) -> None:
         """Let the coordinate of node i (m: τ) measure the line."""
-        row, speed = self._row(i), self.way.item(i)
-        at = self._add(self.way / -speed, row)
-        self.T[i], self.left[i, : at + 1] = 0.0, 0.0
-        self.way /= abs(speed)
-        self.driver = i
+        if i != self.driver:
+            row, n = self._row(i), self._room()
+            self.left[:, n], self.right[:, n] = self.way / -self.way[i], row
+            self.T[i], self.left[i, : n + 1], self.size, self.driver = 0.0, 0.0, n + 1, i
+        self.way /= abs(self.way[i])
 
     def place(self, i: int, free: bool, k: float) -> None:
         """Move node i to a piece on which it is free with stiffness k, or held; it goes on in the same sense.
 
-        Of the node, the driver and all others that drives which is fast in both cells: no digits are lost on the way.
+        (x, ν) = R (x′, ν′) of this node, R of size two; z = ±x gives all else. Where the node is slow in either cell
+        the inverse becomes stale and waits for `settle`.
         """
         was_free, before = self.free.item(i), self.k.item(i)
         self.free[i], self.k[i] = free, k
         if (free == was_free and k == before) or self.stale:
             return
+        if abs(self.way[i]) <= SLOW * np.abs(self.way).max():
+            self.stale = True
+            return
+        self.drive(i)
         if free:
             a, b, c, d = (1.0, 0.0, k - before, 1.0) if was_free else (k, 1.0, 1.0, 0.0)
         else:
             a, b, c, d = 0.0, 1.0, 1.0, -before
-        row, column, speed = self._row(i), self._column(i), self.way.item(i)
-        pivot = a - row.item(i) * c
-        after = pivot * self.way + (c * speed) * column
-        after[i] = speed
-        fast, faster = np.abs(self.way), np.abs(after)
-        most = fast.item(fast.argmax()), faster.item(faster.argmax())
-        if not 0.0 < most[1] < np.inf:
-            self.stale = True
-            return
-        turned = self.way.item(self.m) / most[0], after.item(self.m) / most[1]
-        if self._negatives is None or min(abs(turned[0]), abs(turned[1])) <= STILL:
-            self._negatives = None
-        elif turned[0] * turned[1] < 0.0:  # their quotient is det H′/det H: one eigenvalue has changed its sign
-            both = was_free and free
-            self._negatives += (-1 if k > before else 1) if both else -1 if was_free else 1
-        driver, clear = self.driver, SOUND * (abs(a) + abs(a - pivot))
-        if not (min(1.0 / most[0], faster.item(driver) / most[1]) >= SOUND and abs(pivot) >= clear):
-            share = np.minimum(fast / most[0], faster / most[1])
-            driver = i if abs(speed) >= SOUND * max(most) else int(share.argmax())
-            if not share[driver] > STILL:
-                self.stale = True
-                return
-            if driver != self.driver:
-                self.drive(driver)
-                row, column, speed = self._row(i), self._column(i), self.way.item(i)
-        pivot = a - row.item(i) * c
-        if driver == i:
-            self.way, new = a * self.way + (c * speed) * column, (b * speed) * self.way + d * column
-            self.way[i], new[i] = speed, 0.0
-        else:
-            own = (row.item(i) * d - b) / pivot
-            self.way = pivot * self.way + (c * speed) * column
-            self.way[i], new = speed, (d + c * own) * column
-            at = self._add((c / pivot) * column, row)
-            row /= pivot
-            new[i] = row[i] = own
-            self.T[i], self.left[i, : at + 1] = row, 0.0
-        self.way /= abs(self.way[driver])
+        way, column, speed = self.way, self._column(i), self.way.item(i)
+        self.way, new = a * way + (c * speed) * column, (b * speed) * way + d * column
+        self.way[i], new[i] = speed, 0.0
         self.T[:, i], self.right[i, : self.size] = new, 0.0
+        after, most = self.way.item(self.m), np.abs(self.way).max()
+        self.stale = not SLOW * most < 1.0
+        if abs(way.item(self.m)) <= STILL * np.abs(way).max() or abs(after) <= STILL * most:
+            self._negatives = None
+        elif self._negatives is not None and way.item(self.m) * after < 0.0:
+            # their quotient is det H′/det H: one eigenvalue has changed its sign
+            self._negatives += (-1 if k > before else 1) if was_free and free else -1 if was_free else 1
 
     def settle(self) -> None:
-        """After several changes, of which some may have been singular: the inverse of the last cell."""
+        """After changes, of which some may have been singular: the inverse of the last cell."""
         if self.stale:
             self.refactor()
 
@@ -202,15 +176,12 @@ class BasisInverse:
         n = self.size
         return _dgemv(1.0, self.left[:, :n], self.right[i, :n], 1.0, self.T[:, i]) if n else self.T[:, i].copy()
 
-    def _add(self, left: Array, right: Array) -> int:
-        """T + left rightᵀ; its place among the changes that wait."""
+    def _room(self) -> int:
+        """Place for a change among those that wait."""
         if self.size == CAPACITY:
             self.T = _dgemm(1.0, self.left, self.right, 1.0, self.T, trans_b=1, overwrite_c=1)
             self.size = 0
-        at = self.size
-        self.left[:, at], self.right[:, at] = left, right
-        self.size += 1
-        return at
+        return self.size
 
 
 def positive_eigenvalues(matrix: Array) -> int:

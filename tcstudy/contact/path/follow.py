@@ -4,7 +4,7 @@ For a piecewise-linear law the filled graph of b̂ is a polygonal line at every 
 piece of the line, (u, ξ, t) moves along a straight line; at the end of it one node goes on to the next piece of its
 graph, and the path continues in the next cell. Nothing is approximated and nothing is iterated: folds (t turns), stick,
 slip, up- and down-jumps and unstable solutions all are vertices of one polygon. Several nodes at once, starts on a
-vertex and pieces with a singular matrix are part of the method (walk, start).
+vertex and pieces with a singular matrix are part of the method (walk, corner).
 
 Orientation: what keeps the path from turning round is that the node that has reached its bound goes on in the same
 sense along its graph. Generically the pieces then form a curve without branches, so a cell is entered at most once:
@@ -24,10 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.contact.path.basis_inverse import SingularCellError
-from tcstudy.contact.path.problem import ParametricProblem
+from tcstudy.contact.path.corner import cross, onward, rays
+from tcstudy.contact.path.problem import Codes, ParametricProblem
 from tcstudy.contact.path.record import Path, PathStatus
-from tcstudy.contact.path.start import Ray, locate, onward, rays
-from tcstudy.contact.path.walk import Codes, Walk
+from tcstudy.contact.path.start import locate
+from tcstudy.contact.path.walk import Ray, Walk
 from tcstudy.scene.study import Acceptance, Direction
 
 __all__ = ["Follower", "ParametricProblem", "Path", "PathStatus"]
@@ -35,8 +36,8 @@ __all__ = ["Follower", "ParametricProblem", "Path", "PathStatus"]
 Array = NDArray[np.float64]
 Progress = Callable[[int, float], None]
 
-TOGETHER = 64
-"""Vertices whose residuals are checked together, after which the point is balanced again."""
+TOGETHER, AGAIN = 64, 4
+"""Vertices whose residuals are checked together, after which the point is balanced again, and where that failed."""
 
 AIM = 0.1
 """Part of the tolerance that is worked for with fresh factorisations, as far as rounding lets it be reached."""
@@ -63,11 +64,6 @@ class Follower:
     tolerance: float | None = None
     stable_only: bool = False
     one_way: bool = False
-
-    @property
-    def acceptance(self) -> Acceptance:
-        """The test that every vertex passes."""
-        return Acceptance(self.tolerance)
 
     def follow(
         self,
@@ -115,72 +111,77 @@ class Follower:
 class _Half:
     """One direction of one path.
 
-    rows: blocks of t, u, traction, residual of the vertices;  codes, stable: of the pieces
-    keys: of the cells, the present one last;  known: cells that end the path
+    vertices: (x, codes) of each, the start first;  blocks: t, u, traction, residual of those that are accurate
+    codes, stable: of the pieces;  keys: of the cells entered, the present one last;  known: cells that end the path
     """
 
     def __init__(self, options: Follower, walk: Walk, ray: Ray, known: set[bytes]) -> None:
-        self.options, self.walk, self.start, self.end = options, walk, ray, PathStatus.SINGULAR
-        self.codes, self.stable, self.keys = list[Codes](), list[bool](), [ray.codes.tobytes()]
+        self.options, self.walk, self.begin = options, walk, ray
+        self.end: PathStatus | None = None
+        self.vertices, self.codes, self.stable = [(ray.x, ray.codes)], list[Codes](), list[bool]()
+        self.keys, self.blocks = [ray.codes.tobytes()], list[tuple[Array, ...]]()
         self.others = known - {self.keys[0]}
-        self.known, self.rows = self.others.copy(), [self._vertices([(ray.x, ray.codes)])]
-        walk.range = np.array([options.t_min, options.t_max])
-        walk.put(ray.codes, ray.x)
-        walk.along(ray.dx)
+        self.known = self.others.copy()
+        walk.put(ray)
+        walk.low[-1], walk.high[-1] = options.t_min * walk.size, options.t_max * walk.size
 
     def follow(self, progress: Progress | None = None) -> None:
         """Some pieces at a time until something ends the path.
 
-        If their vertices are not accurate they are followed again with a fresh inverse, one by one; if even that does
-        not help the path ends.
+        If their vertices are not accurate they are followed again from a fresh inverse, each with a correction; if even
+        that does not help the path ends.
         """
-        walk, acceptance, mark = self.walk, self.options.acceptance, self.start
-        status: PathStatus | None = None
-        done, every, again, reached = 0, TOGETHER, False, 0.0
-        while status is None:
-            points = list[tuple[Array, Codes]]()
-            try:
-                while status is None and len(points) < every:
-                    status = self._piece(points, every == 1)
-            except SingularCellError:
-                status = PathStatus.SINGULAR
-            new = self._vertices(points or [(mark.x, mark.codes)])
-            at = int(np.argmax(new[3]))
-            worst, good, limit = float(new[3][at]), AIM * acceptance.aim, acceptance.aim
-            if not worst <= good:
-                noise = walk.problem.xi_rounding(float(new[0][at]), new[1][at])
-                limit = acceptance.limit(noise)
-                good = min(limit, max(good, 0.5 * noise, reached))
-            accurate = not points or worst <= (limit if again else good)
-            if accurate and points:
-                self.rows.append(new)
-                done, reached = done + len(points), 0.0 if worst <= good else 2.0 * worst
-                every, walk.tie = min(2 * every, TOGETHER), walk.usual_tie
-            elif not accurate:
-                del self.stable[done:], self.codes[done:], self.keys[done + 1 :]
-                status = PathStatus.LOST_ACCURACY if again else None
-            try:
-                if status is None and accurate:
-                    if worst > good:
-                        walk.basis.refactor()
-                    walk.balance()
-                    walk.straighten()
-                    mark = Ray.here(walk)
-                elif status is None:
-                    self.known, every = self.others | set(self.keys[1:]), 1
-                    walk.put(mark.codes, mark.x)
-                    walk.basis.refactor()
-                    walk.along(mark.dx)
-                    walk.tie = max(1e-2 * walk.usual_tie, 1e-14)  # it may have been no tie
-            except SingularCellError:
-                return
-            again = not accurate
+        walk, accept, mark = self.walk, Acceptance(self.options.tolerance), self.begin
+        p, count, reached = walk.problem, TOGETHER, 0.0
+        while self.end is None:
+            done = len(self.stable)
+            for careful in (False, True):
+                count = AGAIN if careful else min(2 * count, TOGETHER)
+                self.end = self._some(mark, done, count, careful)
+                points = walk.points(*(np.array(rows) for rows in zip(*self.vertices[done:], strict=True)))
+                off = np.max(np.abs(points.defect) / p.c, axis=1) / p.traction_scale
+                worst, good, limit, at = float(off.max()), AIM * accept.aim, accept.aim, int(off.argmax())
+                if not worst <= good:
+                    noise = p.xi_rounding(float(points.t[at]), points.u[at])
+                    limit = accept.limit(noise)
+                    good = min(limit, max(good, 0.5 * noise, reached))
+                if worst <= (limit if careful else good):
+                    break
+            else:
+                self.end = PathStatus.LOST_ACCURACY
+                self._back_to(done + max(0, int(np.argmin(off <= limit)) - 1))
+            new = slice(min(done, 1), len(self.vertices) - done)
+            self.blocks.append((points.t[new], points.u[new], points.traction[new], off[new]))
+            reached, walk.tie = 2.0 * worst if careful else 0.0, walk.usual_tie
+            if self.end is None:
+                walk.balance()
+                walk.straighten()
+                mark = walk.here
             if progress is not None:
                 progress(len(self.stable), walk.t)
-        self.end = status
 
-    def _piece(self, points: list[tuple[Array, Codes]], each: bool) -> PathStatus | None:
-        """Follow the present piece to its end, a point more, and enter the next one; each: with a correction."""
+    def _some(self, mark: Ray, done: int, count: int, careful: bool) -> PathStatus | None:
+        """A count of pieces from the mark on, which `done` led to; careful: from a fresh inverse, each corrected."""
+        walk = self.walk
+        try:
+            if careful:
+                self._back_to(done)
+                walk.basis.stale = True
+                walk.put(mark)
+                walk.tie = max(1e-2 * walk.usual_tie, 1e-14)  # it may have been no tie
+            end = None
+            while end is None and len(self.stable) < done + count:
+                end = self._piece(careful)
+        except SingularCellError:
+            return PathStatus.SINGULAR
+        return end
+
+    def _back_to(self, pieces: int) -> None:
+        del self.stable[pieces:], self.codes[pieces:], self.vertices[pieces + 1 :], self.keys[pieces + 1 :]
+        self.known = self.others | set(self.keys[1:])
+
+    def _piece(self, careful: bool) -> PathStatus | None:
+        """Follow the present piece to its end and enter the next one; careful: with a correction there."""
         walk, options, stable = self.walk, self.options, self.walk.stable
         if len(self.stable) >= options.max_pieces:
             return PathStatus.PIECE_LIMIT
@@ -190,69 +191,51 @@ class _Half:
             speed = walk.graph.outward[walk.codes] * walk.dx[:-1]
             if float(speed.min()) < -BACKWARD * float(np.abs(walk.dx).max()):
                 return PathStatus.TURNS
-        home, (step, first) = len(self.keys) > 1 and self.keys[-1] == self.keys[0], walk.reach()
-        if home:
-            walk.x, at = self.start.x.copy(), np.empty(0, dtype=np.intp)
-        elif not np.isfinite(step):
+        step, first = walk.reach()
+        if not np.isfinite(step):
             return PathStatus.UNBOUNDED
-        else:
-            at = walk.arrive(step, first)
-            if first == walk.m and each:
-                walk.correct(np.array([first]))
-        self.stable.append(stable)
-        self.codes.append(walk.codes.copy())
-        points.append((walk.x.copy(), self.codes[-1]))
-        if home or first == walk.m:
-            return PathStatus.CLOSED_LOOP if home else PathStatus.RANGE_END
-        walk.cross(at)
-        if len(at) > 1 or each:
+        at = walk.arrive(step, first)
+        if first == walk.m and careful:
+            walk.correct(np.array([first]))
+        self._add(stable)
+        if first == walk.m:
+            return PathStatus.RANGE_END
+        cross(walk, at)
+        if len(at) > 1 or careful:
             walk.balance()
-            points[-1] = walk.x.copy(), walk.codes.copy()
+            self.vertices[-1] = walk.x.copy(), walk.codes.copy()
         key = walk.codes.tobytes()
         self.keys.append(key)
         if key == self.keys[0]:
-            gap = np.abs(walk.x - self.start.x)[:-1]
-            if not np.all(gap <= walk.tie * walk.scale):
-                return None
-            points[-1] = self.start.x, self.start.codes
+            if np.any(np.abs(walk.x - self.begin.x)[:-1] > walk.tie * walk.scale):
+                self._add(walk.stable)  # the start lies inside its cell
+            self.vertices[-1] = self.begin.x, self.begin.codes
             return PathStatus.CLOSED_LOOP
         if key in self.known:
             return PathStatus.TURNED_BACK
         self.known.add(key)
         return None
 
-    def _vertices(self, points: list[tuple[Array, Codes]]) -> tuple[Array, Array, Array, Array]:
-        """(t (n,), u (n, m), ξ/c (n, m), residual (n,)) of points of the walk."""
-        p, walk = self.walk.problem, self.walk
-        x, codes = (np.array(rows) for rows in zip(*points, strict=True))
-        t, (u, traction) = x[:, -1] / walk.size, walk.graph.points(codes, x[:, :-1], walk.weight)
-        defect = p.l_0 + t[:, None] * p.l_1 - u @ p.A_tilde - p.c * traction
-        return t, u, traction, np.max(np.abs(defect) / p.c, axis=1) / walk.traction
+    def _add(self, stable: bool) -> None:
+        """The present piece, with the point at its end."""
+        self.stable.append(stable)
+        self.codes.append(self.walk.codes.copy())
+        self.vertices.append((self.walk.x.copy(), self.codes[-1]))
 
 
 def _joined(walk: Walk, halves: list[_Half]) -> Path:
     """The path from its forward half and, if there is one, the backward half (reversed and put in front)."""
-    ahead, back = halves[0], halves[1] if len(halves) > 1 else None
-    (t, u, traction, residual), codes, stable = _columns(ahead), ahead.codes, ahead.stable
-    begin: PathStatus = ahead.end if ahead.end == PathStatus.CLOSED_LOOP else PathStatus.START
-    if back is not None:
-        both = zip(_columns(back), _columns(ahead), strict=True)
-        t, u, traction, residual = (np.concatenate([before[:0:-1], after]) for before, after in both)
-        codes, stable, begin = [*back.codes[::-1], *codes], [*back.stable[::-1], *stable], back.end
-    return Path(
-        walk.problem,
-        t,
-        u,
-        traction,
-        residual,
-        np.array(stable, dtype=bool),
-        np.array(codes, dtype=np.int32).reshape(len(codes), walk.m),
-        len(back.codes) if back is not None else 0,
-        begin,
-        ahead.end,
-        walk.basis.factorisations,
-    )
-
-
-def _columns(half: _Half) -> list[Array]:
-    return [np.concatenate(column) for column in zip(*half.rows, strict=True)]
+    ahead, *back = halves
+    t, u, traction, residual = (np.concatenate(parts) for parts in zip(*ahead.blocks, strict=True))
+    codes, stable, end = ahead.codes, ahead.stable, ahead.end
+    begin: PathStatus | None = end if end == PathStatus.CLOSED_LOOP else PathStatus.START
+    if back:
+        blocks = (np.concatenate(parts)[:0:-1] for parts in zip(*back[0].blocks, strict=True))
+        both = zip(blocks, (t, u, traction, residual), strict=True)
+        t, u, traction, residual = (np.concatenate(parts) for parts in both)
+        codes, stable, begin = [*back[0].codes[::-1], *codes], [*back[0].stable[::-1], *stable], back[0].end
+    assert begin is not None
+    assert end is not None
+    pieces = np.array(codes, dtype=np.int32).reshape(len(codes), walk.m)
+    start, flags = len(back[0].codes) if back else 0, np.array(stable, dtype=bool)
+    return Path(walk.problem, t, u, traction, residual, flags, pieces, start, begin, end, walk.basis.factorisations)

@@ -93,15 +93,15 @@ def test_lost_accuracy_is_noticed_and_repaired(error: float, monkeypatch: pytest
     """Every matrix product is spoilt by a relative error; the residuals stay where they were and so does the path."""
     problem = softening_line(100, 0.01)
     exact = Follower(t_min=0.0, t_max=3.0).follow(problem, np.zeros(100), 0.0, "forward")
-    add, rng = BasisInverse._add, np.random.default_rng(0)
+    room, rng = BasisInverse._room, np.random.default_rng(0)
 
-    def spoilt(self: BasisInverse, left: np.ndarray, right: np.ndarray) -> int:
-        full, at = self.size == CAPACITY, add(self, left, right)
+    def spoilt(self: BasisInverse) -> int:
+        full, at = self.size == CAPACITY, room(self)
         if full:
             self.T *= 1.0 + error * rng.normal(size=self.T.shape)
         return at
 
-    monkeypatch.setattr(BasisInverse, "_add", spoilt)
+    monkeypatch.setattr(BasisInverse, "_room", spoilt)
     path = Follower(t_min=0.0, t_max=3.0).follow(problem, np.zeros(100), 0.0, "forward")
     assert path.end == PathStatus.RANGE_END
     assert path.residual.max() <= 1e-11
