@@ -44,51 +44,47 @@ def _polygon(law: Laws, allowed: float, s_max: float) -> Laws:
         one = Laws(law.name, law.kinks, law.s_0, law.b_0, law.q, law.a, law.r)
         two = Laws(law.name, law.kinks, law.s_0, zero, zero, law.a_2, law.r_2)
         return total(_polygon(one, 0.5 * allowed, s_max), _polygon(two, 0.5 * allowed, s_max))
-    ends = np.concatenate([[-np.inf], law.kinks, [np.inf]])
-    kinks: list[float] = []
-    pieces: list[tuple[float, float, float]] = []
-    for k in range(len(law.q)):
-        nodes, offsets = _nodes(law, k, float(ends[k]), float(ends[k + 1]), s_max, allowed)
-        kinks += [*nodes[1:-1], *([nodes[-1]] if k + 1 < len(law.q) else [])]
-        pieces += _sides(law, k, nodes, offsets)
-    s_0, b_0, q = (np.array(column) for column in zip(*pieces, strict=True))
-    zero = np.zeros(len(q))
-    return Laws(f"{law.name}, piecewise linear", np.array(kinks), s_0, b_0, q, zero, zero)
+    ends, kinks, sides = np.concatenate([[-np.inf], law.kinks, [np.inf]]), list[float](), list[tuple[float, ...]]()
+    for k, (q, a, r, anchor) in enumerate(zip(law.q, law.a, law.r, law.s_0, strict=True)):
+        left, right = ends[k : k + 2].tolist()
+        corners, below = [left, right], [0.0, 0.0]
+        if not (straight := a == 0.0 or r == 0.0):
+            corners, below = _corners(abs(a), r, anchor, left, right, s_max, allowed)
+        kinks += corners[1:] if k + 1 < len(law.q) else corners[1:-1]
+        both = zip(corners, below, strict=True)
+        b = [float(law.value(s, k)) - math.copysign(z, a) if math.isfinite(s) else 0.0 for s, z in both]
+        for (x, b_x), (y, b_y) in pairwise(zip(corners, b, strict=True)):
+            if straight or corners == [-np.inf, np.inf]:
+                sides.append((anchor, law.b_0[k] + a, q))
+            elif math.isfinite(x) and math.isfinite(y):  # hung on its end nearer to s = 0
+                sides.append((*((x, b_x) if abs(x) <= abs(y) else (y, b_y)), (b_y - b_x) / (y - x)))
+            else:  # the linear part goes on
+                sides.append((*((x, b_x) if math.isfinite(x) else (y, b_y)), q))
+    s_0, b_0, slope = (np.array(column) for column in zip(*sides, strict=True))
+    zero = np.zeros(len(slope))
+    return Laws(f"{law.name}, piecewise linear", np.array(kinks), s_0, b_0, slope, zero, zero)
 
 
-Corners = tuple[list[float], list[float]]
-
-
-def _nodes(law: Laws, k: int, left: float, right: float, s_max: float, allowed: float) -> Corners:
-    """Ends of the sides of piece k, its own ends included (±∞ where it has none), and how far |b| is below there."""
-    a, r, anchor = abs(float(law.a[k])), float(law.r[k]), float(law.s_0[k])
-    if a == 0.0 or r == 0.0:
-        return [left, right], [0.0, 0.0]
+def _corners(
+    a: float, r: float, anchor: float, left: float, right: float, s_max: float, allowed: float
+) -> tuple[list[float], list[float]]:
+    """Ends of the sides of a piece with a exp(−r (s − anchor)), a > 0, and how far they are below it; left and right
+    are the first and the last."""
     if r < 0.0:  # the mirror image, so that an odd law stays odd to the bit
-        nodes, offsets = _decaying(a, -r, -anchor, -right, -left, s_max, allowed)
-        return [-s for s in nodes[::-1]], offsets[::-1]
-    return _decaying(a, r, anchor, left, right, s_max, allowed)
-
-
-def _decaying(a: float, r: float, anchor: float, left: float, right: float, s_max: float, allowed: float) -> Corners:
-    """Corners for a exp(−r (s − anchor)), a, r > 0, between left and right."""
-    faded = anchor + float(np.log(a / (2.0 * allowed))) / r  # a constant serves for all that is left beyond
+        corners, below = _corners(a, -r, -anchor, -right, -left, s_max, allowed)
+        return [-s for s in corners[::-1]], below[::-1]
+    faded = anchor + math.log(a / (2.0 * allowed)) / r  # a constant serves for all that is left beyond
     first, last = max(left, -s_max), min(right, s_max)
-    fades = not np.isfinite(right) and faded < last
+    fades = not math.isfinite(right) and faded < last
     last = max(faded, first) if fades else last
     if last <= first:
         return [left, right], [0.0, 0.0]
-    height = a * float(np.exp(-r * (first - anchor)))
-    tail = allowed if fades else 0.0
+    height, tail = a * math.exp(-r * (first - anchor)), allowed if fades else 0.0
     cuts, error = _equal(allowed / height, r * (last - first), tail / height)
-    inner = [first + x / r for x in cuts[1:-1]]
-    nodes = [first, *inner, last]
-    offsets = [0.0, *[error * height] * len(inner), tail]
-    if left < first:
-        nodes, offsets = [left, *nodes], [0.0, *offsets]
-    if right > last:
-        nodes, offsets = [*nodes, right], [*offsets, 0.0]
-    return nodes, offsets
+    corners = [first, *(first + x / r for x in cuts[1:-1]), last]
+    below = [0.0, *[error * height] * (len(cuts) - 2), tail]
+    before, after = ([left] if left < first else []), ([right] if right > last else [])
+    return [*before, *corners, *after], [*[0.0] * len(before), *below, *[0.0] * len(after)]
 
 
 def _equal(allowed: float, length: float, tail: float) -> tuple[list[float], float]:
@@ -97,23 +93,22 @@ def _equal(allowed: float, length: float, tail: float) -> tuple[list[float], flo
     tail: how far the last corner lies below the curve
     """
     cuts = _march(allowed, length, tail)
-    low, high, best = 0.0, allowed, allowed
+    low, high = 0.0, allowed
     for _ in range(20 if len(cuts) < 300 else 0):
         middle = 0.5 * (low + high)
         tried = _march(middle, length, tail)
         if len(tried) == len(cuts):
-            high, best, cuts = middle, middle, tried
+            high, cuts = middle, tried
         else:
             low = middle
-    return cuts, best
+    return cuts, high
 
 
 def _march(error: float, length: float, tail: float) -> list[float]:
     """Corners one after the other, every side as long as the error allows."""
     cuts, begin = [0.0], 0.0
     while True:
-        height = float(np.exp(-cuts[-1]))
-        rest = length - cuts[-1]
+        height, rest = math.exp(-cuts[-1]), length - cuts[-1]
         if _excess(rest, begin / height, tail / height) <= error / height:
             return [*cuts, length]
         if len(cuts) > MAX_CELLS:
@@ -134,25 +129,3 @@ def _excess(h: float, z_0: float, z_1: float) -> float:
     fall = (float(-np.expm1(-h)) + z_1 - z_0) / h
     where = min(max(-math.log(fall), 0.0), h) if fall > 0.0 else h
     return -z_0 - fall * where - math.expm1(-where)
-
-
-def _sides(law: Laws, k: int, nodes: list[float], offsets: list[float]) -> list[tuple[float, float, float]]:
-    """(anchor, value there, slope) of the lines between consecutive nodes, each hung on its end nearer to s = 0.
-
-    Beyond the first and last finite node it is the linear part that goes on.
-    """
-    q, a = float(law.q[k]), float(law.a[k])
-    way = math.copysign(1.0, a)
-    sides = []
-    for (x, z_x), (y, z_y) in pairwise(zip(nodes, offsets, strict=True)):
-        inner = bool(np.isfinite(x) and np.isfinite(y))
-        from_x = abs(x) <= abs(y) if inner else bool(np.isfinite(x))
-        anchor, offset = (x, z_x) if from_x else (y, z_y)
-        if a == 0.0 or not np.isfinite(anchor):
-            sides.append((float(law.s_0[k]), float(law.b_0[k]) + a, q))
-            continue
-        slope = q
-        if inner:
-            slope = (float(law.value(y, k) - law.value(x, k)) - way * (z_y - z_x)) / (y - x)
-        sides.append((anchor, float(law.value(anchor, k)) - way * offset, slope))
-    return sides

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.contact.all_solutions import Equilibria, all_solutions
-from tcstudy.contact.boxes import OVER_LOADS, Limits, PolygonProblems, reach_of
+from tcstudy.contact.boxes import EPS, OVER_LOADS, Limits, PolygonProblems, inverse_of, reach_of
 from tcstudy.contact.path.follow import Follower
 from tcstudy.contact.path.problem import ParametricProblem
 from tcstudy.contact.path.query import solutions_at
@@ -30,8 +30,6 @@ from tcstudy.scene.study import Direction
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Flags = NDArray[np.bool_]
-Codes = NDArray[np.int32]
-EPS = float(np.finfo(float).eps)
 
 SLABS = 16
 """Parts of the interval that the search begins from; each is proved, or given up, by itself."""
@@ -91,35 +89,35 @@ def all_branches(
     stopped = bool(np.any(cells.stopped))
     listed = [all_solutions(problem.at(t), limits) if stopped or not low <= t <= high else None for t in at]
     inside = [x.sides for t, x in zip(at, listed, strict=True) if x is not None and low <= t <= high]
-    codes = _codes(problem, np.unique(np.concatenate([cells.sides, *inside]), axis=0))
-    parts = [segments(problem, codes[i : i + _CELLS], low, high) for i in range(0, max(len(codes), 1), _CELLS)]
+    sides = np.unique(np.concatenate([cells.sides, *inside]), axis=0)
+    parts = [segments(boxes, sides[i : i + _CELLS]) for i in range(0, max(len(sides), 1), _CELLS)]
     found = Segments(*map(np.concatenate, zip(*parts, strict=True)))
     one, undecided = found.found == Found.ONE, int(np.count_nonzero(found.found == Found.UNDECIDED))
-    codes, u, t, open_end = codes[one], found.u[one], found.t[one], found.open_end[one]
+    keys, u, s, open_end = [row.tobytes() for row in sides[one]], found.u[one], found.s[one], found.open_end[one]
     on_branch, branches, missing = set[bytes](), list[Path](), 0
-    known, follower = {code.tobytes() for code in codes}, Follower(low, high, MOST_PIECES)
-    for i, h in [*np.argwhere(open_end).tolist(), *((i, 0) for i in range(len(codes)))]:
-        if codes[i].tobytes() in on_branch:
+    follower, side_of = Follower(low, high, MOST_PIECES), _sides(problem)
+    for i, h in [*np.argwhere(open_end).tolist(), *((i, 0) for i in range(len(keys)))]:
+        if keys[i] in on_branch:
             continue
-        way: Direction = ("forward" if t[i, h] == low else "backward") if open_end[i, h] else "both"
-        branch = follower.follow(problem, u[i, h], float(t[i, h]), way)
-        through = {code.tobytes() for code in branch.codes} | {codes[i].tobytes()}
+        t = high if s[i, h] == 1.0 else low + float(s[i, h]) * (high - low)
+        way: Direction = ("forward" if t == low else "backward") if open_end[i, h] else "both"
+        branch = follower.follow(problem, u[i, h], t, way)
+        through = {row.tobytes() for row in side_of[branch.codes]} | {keys[i]}
         ends = {branch.begin, branch.end} - {PathStatus.START}
-        missing += len(through - known) + (len(ends) > 1 or not ends <= {PathStatus.RANGE_END, PathStatus.CLOSED_LOOP})
+        missing += len(through.difference(keys))
+        missing += len(ends) > 1 or not ends <= {PathStatus.RANGE_END, PathStatus.CLOSED_LOOP}
         on_branch |= through
         branches.append(branch)
     reason = _reason(cells.stopped, undecided or missing, edge, (low, high)) or _even(branches, (low, high))
     return Branches(tuple(branches), reason, int(cells.boxes.sum()), tuple(listed))
 
 
-def _codes(problem: ParametricProblem, sides: Index) -> Codes:
-    """Codes within the laws' graphs of sides (n, m) of their polygons, which leave out jumps that are none."""
-    tables = problem.law.tables
-    kept = np.ones((len(tables.kinks), 2 * tables.kinks.shape[1] + 1), dtype=bool)
-    kept[:, 1::2] = tables.kinds != BEND
-    order = np.argsort(~kept, axis=-1, kind="stable")
-    row = np.zeros(problem.m, dtype=np.intp) if problem.law.one else problem.law.node_index(problem.m)
-    return np.asarray(order[row, sides] + problem.graph.first, dtype=np.int32)
+def _sides(problem: ParametricProblem) -> Index:
+    """Side of its polygon that every code of the laws' graph is; the polygons leave out jumps that are none."""
+    kinds = problem.law.tables.kinds
+    kept = np.ones((len(kinds), 2 * kinds.shape[1] + 1), dtype=bool)
+    kept[:, 1::2] = kinds != BEND
+    return np.asarray((np.cumsum(kept, axis=-1) - 1).ravel(), dtype=np.intp)
 
 
 def _reason(stopped: Flags, undecided: int, edge: Array, ends: tuple[float, float]) -> str:
@@ -163,75 +161,68 @@ class Segments(NamedTuple):
     """The solutions of n cells.
 
     found: (n,) of Found; where it is not ONE the rest means nothing
-    u:     (n, 2, m) displacements at both ends [m];  t: (n, 2) the parameter there
-    open_end: (n, 2) whether t reaches an end of its range there, which t then is to the bit
+    u:     (n, 2, m) displacements at both ends [m];  s: (n, 2) share of the interval there
+    open_end: (n, 2) whether s reaches an end of the interval there, which it then is to the bit
     """
 
     found: NDArray[np.int8]
     u: Array
-    t: Array
+    s: Array
     open_end: Flags
 
 
-def segments(problem: ParametricProblem, codes: NDArray[np.integer], t_min: float, t_max: float) -> Segments:
-    """The exact segment of every cell, t between t_min and t_max.
+def segments(problems: PolygonProblems, sides: Index) -> Segments:
+    """The exact segment of every cell, of which the nodes are on these sides (n, m), s between 0 and 1.
 
-    codes: (n, m) code of a piece that every node's law has, as `ParametricProblem.graph` counts them
-    Coordinates x_i (u_i of a free node, the force of a held one) and t, in units y of their pieces, obey m equations
-    N y = r: one line y = α + γ s, s along the direction of the line, about, which the last row of B = [N; γᵀ] adds;
-    it is cut by the ends of the pieces. Proof: with Y the inverse of B, ‖I − YB‖ < 0.01 bounds the error of every
-    coordinate; ONE and NONE hold whatever rounding does within that.
+    Places τ_i on the sides and s, in units of the columns, are x with m equations N x = r: one line x = α + γ σ, σ
+    along the direction of the line, about, which the last row of B = [N; γᵀ] adds; it is cut by the ends 0 and 1.
+    Proof: with Y the inverse of B, ‖I − YB‖ < 0.01 bounds the error of every coordinate; ONE and NONE hold whatever
+    rounding does within that.
     Sources: Cottle, Pang & Stone, The Linear Complementarity Problem (1992), §2.3 (principal pivots); Rump, Acta Numer.
     19 (2010) 287–449, §10 (verified linear systems).
     """
-    graph, A, c, m, n = problem.graph, problem.A_tilde, problem.c, problem.m, len(codes)
-    rows, free, kink, length = np.arange(n), graph.free[codes], graph.kink[codes], t_max - t_min
-    moves, b_slope, anchor, start = free.astype(float), graph.slope[codes], graph.anchor[codes], graph.start[codes]
-    slope, unit = np.where(free, c * b_slope, 1.0), np.where(free, 1.0, c)  # bounds of a held node are tractions
-    low, high = graph.low[codes] * unit, graph.high[codes] * unit
-    typical = problem.traction_scale * c * np.where(free, 1.0 / np.diagonal(A), 1.0)
-    width = np.where(np.isfinite(high - low), high - low, typical)
-    base = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high - width, 0.0))
-    fixed, load = moves * base + kink, problem.load(t_min)
-    N = np.empty((n, m, m + 1))
-    N[..., :m], N[..., m] = A * (moves * width)[:, None, :], -problem.l_1 * length
-    N[:, np.arange(m), np.arange(m)] += slope * width
-    r = load - fixed @ A - moves * c * (start - b_slope * anchor) - slope * base
-    size = np.abs(problem.l_0) + (abs(t_min) + length) * np.abs(problem.l_1) + np.abs(fixed) @ np.abs(A)
-    size += np.abs(moves * c * start) + np.abs(moves * slope * anchor) + np.abs(slope * base)
-    scale = np.abs(N).max(axis=-1)
-    N, r, size = N / scale[..., None], r / scale, size / scale
-    B = np.concatenate([N, np.linalg.qr(N.swapaxes(1, 2), mode="complete")[0][..., None, :, m]], axis=1)
-    Y = np.linalg.pinv(B) if n else B
-    rho = np.abs(np.eye(m + 1) - Y @ B).sum(axis=-1).max(axis=-1)
-    rho += 2 * m * EPS * (np.abs(Y) @ np.abs(B)).sum(axis=-1).max(axis=-1)
+    (n, m), c, rows = sides.shape, problems.c, np.arange(len(sides))
+    assert problems.l_1 is not None
+    p, D = problems.ends(np.zeros(n, dtype=np.intp), sides)
+    M, size, scale = problems.matrix(D)
+    l_1, load, largest = np.abs(problems.l_1), problems.load[0], np.abs(p) + np.abs(D)
+    scale = np.concatenate([scale, np.full((n, 1), l_1.max())], axis=-1)
+    N = np.concatenate([M, np.broadcast_to(-problems.l_1[:, None], (n, m, 1))], axis=-1)
+    unit = np.abs(N / scale[:, None]).max(axis=-1)
+    N /= unit[..., None]
+    line = np.linalg.qr((N / scale[:, None]).swapaxes(1, 2), mode="complete")[0][..., m] * scale
+
+    def products(w: Array) -> Array:
+        return np.column_stack([(size(w[:, :m]) + l_1 * w[:, m:]) / unit, np.sum(np.abs(line * w), axis=-1)])
+
+    Y, rho = inverse_of(np.concatenate([N, line[:, None]], axis=1), products, scale)
+    r = (load - p[..., 0] @ problems.A - c * p[..., 1]) / unit
+    off = 4.0 * (m + 8) * EPS * (np.abs(load) + largest[..., 0] @ problems.size_of_A + c * largest[..., 1]) / unit
     alpha, gamma = (Y[..., :m] @ r[..., None])[..., 0], Y[..., m]
-    noise = (np.abs(Y[..., :m]) @ (4 * m * EPS * size)[..., None])[..., 0]
-    noise += (rho / (1 - np.minimum(rho, 0.5)))[:, None] * (np.abs(alpha) + np.abs(gamma)).max(axis=-1, keepdims=True)
-    low, high, base, width = (
-        np.concatenate([x, np.full((n, 1), of_t)], axis=-1)
-        for x, of_t in ((low, t_min), (high, t_max), (base, t_min), (width, length))
-    )
-    first, last = (low - base) / width, (high - base) / width
-    flat, rising = np.abs(gamma) <= noise, gamma > 0
+    noise, far = (np.abs(Y[..., :m]) @ off[..., None])[..., 0], np.sqrt(m + 1.0) * scale.max(axis=-1, keepdims=True)
+    terms = np.abs(alpha) + noise + far * np.abs(gamma)
+    share = np.where(np.isfinite(rho), rho / (1.0 - np.minimum(rho, 0.5)), 0.0)
+    noise += share[:, None] * terms.max(axis=-1, keepdims=True)
+    flat, rising = far * np.abs(gamma) <= noise, gamma > 0.0
+    alpha, gamma, noise = alpha / scale, gamma / scale, noise / scale
     with np.errstate(divide="ignore", invalid="ignore"):
-        to_first, to_last, error = (first - alpha) / gamma, (last - alpha) / gamma, noise / np.abs(gamma)
-    enter = np.where(flat, -np.inf, np.where(rising, to_first, to_last))
-    leave, error = np.where(flat, np.inf, np.where(rising, to_last, to_first)), np.where(flat, 0.0, error)
-    out = (flat & ((alpha < first - 2 * noise) | (alpha > last + 2 * noise))).any(axis=-1)
-    doubt = (flat & ~((alpha > first + 2 * noise) & (alpha < last - 2 * noise))).any(axis=-1)
+        to_0, to_1, error = -alpha / gamma, (1.0 - alpha) / gamma, np.where(flat, 0.0, noise / np.abs(gamma))
+    enter = np.where(flat, -np.inf, np.where(rising, to_0, to_1))
+    leave = np.where(flat, np.inf, np.where(rising, to_1, to_0))
+    out = (flat & ((alpha < -2.0 * noise) | (alpha > 1.0 + 2.0 * noise))).any(axis=-1)
+    doubt = (flat & ~((alpha > 2.0 * noise) & (alpha < 1.0 - 2.0 * noise))).any(axis=-1)
     out |= (enter - error).max(axis=-1) > (leave + error).min(axis=-1)
     sure = (enter + error).max(axis=-1) < (leave - error).min(axis=-1)
     node = np.stack([np.argmax(enter, axis=-1), np.argmin(leave, axis=-1)], axis=1)
-    s = np.stack([enter[rows, node[:, 0]], leave[rows, node[:, 1]]], axis=1)
+    ends = np.stack([enter[rows, node[:, 0]], leave[rows, node[:, 1]]], axis=1)
     later, sooner = enter + error, leave - error  # which facet comes first has to be sure as well
     later[rows, node[:, 0]], sooner[rows, node[:, 1]] = -np.inf, np.inf
-    sure &= later.max(axis=-1) < s[:, 0] - error[rows, node[:, 0]]
-    sure &= sooner.min(axis=-1) > s[:, 1] + error[rows, node[:, 1]]
-    decided = np.where(out, Found.NONE, np.where(sure & ~doubt, Found.ONE, Found.UNDECIDED))
-    ends = alpha[:, None] + gamma[:, None] * np.where(np.isfinite(s), s, 0.0)[..., None]
-    # the slip of the node that ends its piece is that end to the bit
-    facets = np.stack([np.where(rising, low, high), np.where(rising, high, low)], axis=1)
-    x = np.where(np.arange(m + 1) == node[..., None], facets, base[:, None] + width[:, None] * ends)
-    u, t = np.where(free[:, None], x[..., :m], kink[:, None]), x[..., m]
-    return Segments(np.where(rho < 0.01, decided, Found.UNDECIDED).astype(np.int8), u, t, node == m)
+    sure &= later.max(axis=-1) < ends[:, 0] - error[rows, node[:, 0]]
+    sure &= sooner.min(axis=-1) > ends[:, 1] + error[rows, node[:, 1]]
+    found = np.where(out, Found.NONE, np.where(sure & ~doubt, Found.ONE, Found.UNDECIDED))
+    found = np.where(np.isfinite(rho), found, Found.UNDECIDED).astype(np.int8)
+    x = alpha[:, None] + gamma[:, None] * np.where(np.isfinite(ends), ends, 0.0)[..., None]
+    facets = np.stack([~rising, rising], axis=1).astype(float)
+    x = np.where(np.arange(m + 1) == node[..., None], facets, x)
+    u = p[:, None, :, 0] + x[..., :m] * D[:, None, :, 0]
+    return Segments(found, u, x[..., m], node == m)

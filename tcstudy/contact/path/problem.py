@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.laws import Laws
@@ -100,15 +100,12 @@ Codes = NDArray[np.int32]
 class ScaledBody:
     """A stiffness in units of its mean diagonal.
 
-    stiffness:  mean diagonal of Ã [Pa];  A: Ã divided by it
-    compliance: largest of some diagonal entries of A⁻¹;  spread: ‖A⁻¹‖₁, about
-    blur:       rounding of a displacement relative to the largest one, about: ε √m times a condition number of Ã
+    stiffness: mean diagonal of Ã [Pa];  A: Ã divided by it
+    blur:      rounding of a displacement relative to the largest one, about: ε √m times a condition number of Ã
     """
 
     stiffness: float
     A: Array
-    compliance: float
-    spread: float
     blur: float
 
     @classmethod
@@ -124,9 +121,8 @@ class ScaledBody:
             )
         probes = np.unique(np.linspace(0, len(part) - 1, 16).astype(int))
         columns = scipy.linalg.lapack.dpotrs(factor, np.eye(len(part))[:, probes], lower=1)[0]
-        compliance, size = float(np.max(np.abs(columns), initial=0.0)), float(np.linalg.norm(A, np.inf))
-        spread = float(np.max(np.sum(np.abs(columns), axis=0), initial=0.0))
-        return cls(stiffness, A, compliance, spread, float(np.sqrt(m) * np.finfo(float).eps * compliance * size))
+        condition = np.max(np.abs(columns), initial=0.0) * np.linalg.norm(A, np.inf)
+        return cls(stiffness, A, float(np.sqrt(m) * np.finfo(float).eps * condition))
 
 
 @dataclass(frozen=True)
@@ -167,11 +163,8 @@ class LawGraph:
         """
         moves = self.free[codes].astype(float)
         u = moves * x + self.kink[codes]
-        return u, self.on_segment(codes, u) + (1.0 - moves) * (x / weight)
-
-    def on_segment(self, codes: Codes, s: Array) -> Array:
-        """b(s) of the named segments [Pa]."""
-        return np.asarray(self.start[codes] + self.slope[codes] * (s - self.anchor[codes]))
+        on_segment = self.start[codes] + self.slope[codes] * (u - self.anchor[codes])
+        return u, on_segment + (1.0 - moves) * (x / weight)
 
 
 def by_code(law: Laws, answer: Callable[[Laws], NDArray[Any]]) -> NDArray[Any]:
@@ -193,23 +186,29 @@ def law_graph(law: Laws) -> LawGraph:
         )
     table = law.tables
     laws, count = table.kinks.shape
-    shape, real = (laws, 2 * count + 1), np.isfinite(table.kinks)
-    free, codes = np.zeros(shape, dtype=bool), np.arange(laws * shape[1], dtype=np.int32).reshape(shape)
-    low, high, slope, anchor, start, kink = (np.zeros(shape) for _ in range(6))
-    free[:, 0::2] = True
-    low[:, 0::2], high[:, 0::2] = table.lower, table.upper
-    anchor[:, 0::2], start[:, 0::2], slope[:, 0::2] = table.pieces[:3]
-    low[:, 1::2], high[:, 1::2] = (f(table.b_left, table.b_right) for f in (np.minimum, np.maximum))
-    kink[:, 1::2] = np.where(real, table.kinks, 0.0)
-    sense = np.ones(shape, dtype=np.int8)
-    sense[:, 1::2] = np.where(table.kinds == DOWN, -1, 1)
-    before, after = codes - 1, codes + 1
-    bends = real & (table.kinds == BEND)
+    real, jumps = np.isfinite(table.kinks), (table.b_left, table.b_right)
+
+    def row(segments: ArrayLike, sides: ArrayLike) -> NDArray[Any]:
+        found = np.empty((laws, 2 * count + 1), dtype=np.result_type(segments, sides))
+        found[:, 0::2], found[:, 1::2] = segments, sides
+        return found.ravel()
+
+    codes = np.arange(laws * (2 * count + 1), dtype=np.int32).reshape(laws, -1)
+    before, after, bends, falls = codes - 1, codes + 1, real & (table.kinds == BEND), row(False, table.kinds == DOWN)
     after[:, :-1:2] += bends
     before[:, 2::2] -= bends
     before[:, 0] = after[np.arange(laws), 2 * np.count_nonzero(real, axis=1)] = -1
-    falls = sense < 0
-    low_after, high_after = np.where(falls, after, before), np.where(falls, before, after)
-    first = codes[:1, 0] if law.one else codes[law.index, 0]
-    moving = (free.ravel(), low.ravel(), high.ravel(), sense.ravel(), low_after.ravel(), high_after.ravel())
-    return LawGraph(*moving, slope.ravel(), anchor.ravel(), start.ravel(), kink.ravel(), first)
+    s_0, b_0, q = table.pieces[:3]
+    return LawGraph(
+        free=row(True, False),
+        low=row(table.lower, np.minimum(*jumps)),
+        high=row(table.upper, np.maximum(*jumps)),
+        sense=np.where(falls, -1, 1).astype(np.int8),
+        after_low=np.where(falls, after.ravel(), before.ravel()),
+        after_high=np.where(falls, before.ravel(), after.ravel()),
+        slope=row(q, 0.0),
+        anchor=row(s_0, 0.0),
+        start=row(b_0, 0.0),
+        kink=row(0.0, np.where(real, table.kinks, 0.0)),
+        first=codes[:1, 0] if law.one else codes[law.index, 0],
+    )

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tcstudy.contact.all_solutions import all_solutions
-from tcstudy.contact.boxes import Limits
+from tcstudy.contact.boxes import Limits, PolygonProblems
 from tcstudy.contact.path.complete import Found, _even, all_branches, segments
 from tcstudy.contact.path.problem import ParametricProblem
 from tcstudy.contact.path.query import solutions_at
@@ -112,6 +112,11 @@ def test_a_corner_within_rounding_and_a_lost_rank_are_left_undecided() -> None:
     """Two equal springs under equal loads let go together; of a cell beside that vertex nothing is claimed."""
     law = slip_weakening(1.0, 0.2, 0.4)
     problem = ParametricProblem(np.eye(2), np.zeros(2), np.ones(2), np.ones(2), law)
-    codes = np.array([[3, 3], [3, 4], [4, 4]])
-    assert list(segments(problem, codes, -0.5, 0.5).found) == [Found.ONE, Found.NONE, Found.NONE]
-    assert list(segments(problem, codes, 0.0, 2.0).found) == [Found.UNDECIDED] * 3
+    sides = np.array([[2, 2], [2, 3], [3, 3]])
+
+    def found(begin: float, end: float) -> list[int]:
+        load, per_s = problem.load(begin)[None], problem.l_1 * (end - begin)
+        return list(segments(PolygonProblems(np.eye(2), problem.c, law, load, np.full(2, 9.0), per_s), sides).found)
+
+    assert found(-0.5, 0.5) == [Found.ONE, Found.NONE, Found.NONE]
+    assert found(0.0, 2.0) == [Found.UNDECIDED] * 3
