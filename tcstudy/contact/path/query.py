@@ -134,14 +134,13 @@ def solutions_of(law: Laws, path: Path, t: float) -> list[PathSolution]:
     found: list[PathSolution] = []
     for solution in solutions_at(path, t):
         point = curve.at(solution.piece, (np.zeros(problem.m), 1.0), t, solution.v, t)
-        v, residual = solution.v, float("inf")
-        if point is not None:
-            v, residual = point.v, problem.inclusion_residual(point.v)
+        v = solution.v if point is None else point.v
+        residual = np.inf if point is None else problem.inclusion_residual(v)
         if not residual <= CARRIED:
             other = polished(problem, solution.v, exact=False)
             if point is None or other.residual < residual:
                 v, residual = other.v, other.residual
-        found.append(PathSolution(v, problem.energy(v), solution.stable, solution.piece, residual))
+        found.append(solution._replace(v=v, energy=problem.energy(v), residual=residual))
     return found
 
 
@@ -159,15 +158,18 @@ class Lowest(NamedTuple):
 
 def lowest(path: Path) -> Lowest:
     """The piece of least energy among all solutions on the path, for every t that it reaches."""
-    values = np.unique(path.t)
-    low, high = np.minimum(path.t[:-1], path.t[1:]), np.maximum(path.t[:-1], path.t[1:])
+    values, (t, energy, w) = np.unique(path.t), (path.t, path.energy, path.conjugate)
+    low, high = np.minimum(t[:-1], t[1:]), np.maximum(t[:-1], t[1:])
     found: list[tuple[float, float, int]] = []
     for a, b in pairwise(values):
-        if b - a <= SHORT * (values[-1] - values[0]):
+        k = np.flatnonzero((low <= a) & (high >= b))
+        if b - a <= SHORT * (values[-1] - values[0]) or not len(k):
             continue
-        pieces = np.flatnonzero((low <= a) & (high >= b))
-        for s_0, s_1, i in _envelope(*_parabolas(path, pieces, a, b)) if len(pieces) else ():
-            begin, end, piece = a + s_0 * (b - a), a + s_1 * (b - a), int(pieces[i])
+        slope = (w[k + 1] - w[k]) / (t[k + 1] - t[k])
+        at_a = w[k] + slope * (a - t[k])
+        e = energy[k] - 0.5 * (w[k] + at_a) * (a - t[k])  # L̃ = e + f s + g s², s = 0 at a and 1 at b
+        for s_0, s_1, i in _envelope(e, -at_a * (b - a), -0.5 * slope * (b - a) ** 2):
+            begin, end, piece = a + s_0 * (b - a), a + s_1 * (b - a), int(k[i])
             if found and found[-1][2] == piece:
                 begin = found.pop()[0]
             found.append((begin, end, piece))
@@ -175,40 +177,22 @@ def lowest(path: Path) -> Lowest:
     return Lowest(np.array(columns[0]), np.array(columns[1]), np.array(columns[2], dtype=np.intp))
 
 
-def _parabolas(path: Path, pieces: Index, a: float, b: float) -> tuple[Array, Array, Array]:
-    """(e, f, g) of L̃ = e + f s + g s² on every piece, with s = 0 at t = a and s = 1 at t = b."""
-    t_0, t_1 = path.t[pieces], path.t[pieces + 1]
-    w_0, w_1 = path.conjugate[pieces], path.conjugate[pieces + 1]
-    slope = (w_1 - w_0) / (t_1 - t_0)
-    at_a = w_0 + slope * (a - t_0)
-    e = path.energy[pieces] - 0.5 * (w_0 + at_a) * (a - t_0)
-    return e, -at_a * (b - a), -0.5 * slope * (b - a) ** 2
-
-
 def _envelope(e: Array, f: Array, g: Array) -> list[tuple[float, float, int]]:
     """(from, to, which) of the lower envelope of e + f s + g s² on 0 ≤ s ≤ 1."""
     noise = 1e-13 * float(np.max(np.abs(e) + np.abs(f) + np.abs(g)))
-    s, parts = 0.0, []
-    first = e + f * 1e-6 + g * 1e-12 - np.min(e)
-    now = int(np.argmin(first))
+    s, parts, now = 0.0, [], int(np.argmin(e - np.min(e) + f * 1e-6 + g * 1e-12))
     for _ in range(2 * len(e) + 1):
-        crossing = _next_crossing(e - e[now], f - f[now], g - g[now], s, noise)
-        which = int(np.argmin(crossing))
-        if not crossing[which] < 1.0:
+        d, h, q = e - e[now], f - f[now], g - g[now]  # which others fall through zero first beyond s?
+        root = np.sqrt(np.maximum(h * h - 4.0 * d * q, 0.0))
+        half = -0.5 * (h + np.where(h >= 0.0, root, -root))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x = np.stack([half / q, d / half])
+            falls = (h + 2.0 * q * x < 0.0) & (h * h > 4.0 * d * q) & (x > s + 1e-9) & (x < 1.0)
+        falls &= np.minimum(d + h + q, 0.0) < -noise  # a branch that only touches is no change
+        x = np.where(falls, x, np.inf).min(axis=0)
+        which = int(np.argmin(x))
+        if not x[which] < 1.0:
             break
-        parts.append((s, float(crossing[which]), now))
-        s, now = float(crossing[which]), which
+        parts.append((s, float(x[which]), now))
+        s, now = float(x[which]), which
     return [*parts, (s, 1.0, now)]
-
-
-def _next_crossing(e: Array, f: Array, g: Array, s: float, noise: float) -> Array:
-    """Where e + f s + g s² first falls through zero beyond s; inf where it does not before 1."""
-    root = np.sqrt(np.maximum(f * f - 4.0 * e * g, 0.0))
-    q = -0.5 * (f + np.where(f >= 0.0, root, -root))
-    result = np.full(len(e), np.inf)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for x in (q / g, e / q):
-            falls = (f + 2.0 * g * x < 0.0) & (f * f > 4.0 * e * g) & (x > s + 1e-9) & (x < 1.0)
-            deep = np.minimum(e + f + g, 0.0) < -noise  # a branch that only touches is no change
-            result = np.where(falls & deep & (x < result), x, result)
-    return result
