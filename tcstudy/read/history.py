@@ -23,12 +23,6 @@ from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Contact, Scene
 from tcstudy.scene.study import SEPARABLE, MeshPlan
 
-GONE = {
-    "substeps": ("is gone: every step follows its exact path", "leave it out"),
-    "healing": ("is gone: films do not heal", "leave it out, or write a study of its own for each separate event"),
-}
-"""Keys of earlier versions, what became of them and what to do."""
-
 
 @none_after_fault
 def read_history(
@@ -45,11 +39,6 @@ def read_history(
     base: the scene without the sweep, None if it has faults of its own;  scenes: of the sweep
     """
     swept = [axis.parameter.path for axis in sweep.axes]
-    if isinstance(node.value, Mapping):
-        for key in GONE.keys() & node.value.keys():
-            ctx.errors.at(node.value[key], *GONE[key], on_key=True)
-        node = replace(node, value={key: one for key, one in node.value.items() if key not in GONE})
-        ctx.before = len(ctx.errors)  # they stop nothing else
     fields = Fields(ctx, node, "history")
     ctx.sound()
     if base is None:

@@ -30,6 +30,7 @@ HistoryBranch = Literal["continued", "lowest"]
 HISTORY_BRANCHES: tuple[HistoryBranch, ...] = get_args(HistoryBranch)
 Keys = tuple[str, ...]
 T = TypeVar("T")
+V = TypeVar("V", float, NDArray[np.float64])
 MOST_STEPS = 100_000
 """Steps of one history."""
 START = "start"
@@ -232,14 +233,18 @@ class HistoryPlan:
                 for j in range(1, line.count + 1):
                     yield before, before + 1, j / line.count, line.name if j == line.count else "", cycle + 1
 
-    def loads(self) -> list[dict[Keys, float]]:
-        """Those of every step, step 0 included."""
-        at = self.stations()
+    def along(self, at: Sequence[V]) -> list[V]:
+        """Of every step, step 0 included, what is affine in the loads, from what it is at the stations."""
         found = [at[0]]
         for i, j, share, *_ in self.schedule():
-            between = {keys: at[i][keys] + share * (at[j][keys] - at[i][keys]) for keys in at[i]}
-            found.append(at[i] if share == 0.0 else at[j] if share == 1.0 else between)
+            found.append(at[j] if share == 1.0 else at[i] + share * (at[j] - at[i]))
         return found
+
+    def loads(self) -> list[dict[Keys, float]]:
+        """Those of every step, step 0 included."""
+        keys, at = [keys for keys, *_ in self.parameters], self.stations()
+        rows = self.along([np.array([values[key] for key in keys]) for values in at])
+        return [dict(zip(keys, row.tolist(), strict=True)) for row in rows]
 
 
 HISTORY = (

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from itertools import chain
 
 import numpy as np
@@ -46,11 +45,7 @@ def problem_of(
     line = level.line
     names = plan.memory.by_node(first.law, line.edge_names, line.edge, line.joints)
     problem = HistoryProblem(body, first.law, plan.memory, plan.branch, tolerance, names)
-    l_tilde = [one.problem.l_tilde for one in at]
-    loads = [l_tilde[0]]
-    for i, j, share, *_ in plan.schedule():
-        loads.append(l_tilde[j] if share == 1.0 else l_tilde[i] + share * (l_tilde[j] - l_tilde[i]))
-    return problem, loads
+    return problem, plan.along([one.problem.l_tilde for one in at])
 
 
 def with_stiffness(plan: HistoryPlan, values: dict[Keys, float]) -> HistoryPlan:
@@ -67,9 +62,8 @@ def followed(
     Raises NotPositiveDefinite, UnfitLaw, and KeyError for a load that the scene does not have.
     """
     problem, loads = problem_of(plan, level, scene, tolerance)
-    at = [level.temperature(loaded_scene(scene, values)).mean for values in plan.stations()]
-    means = [at[0], *(at[i] + share * (at[j] - at[i]) for i, j, share, *_ in plan.schedule())]
-    yield from zip(history(problem, loads), means, strict=False)
+    means = [level.temperature(loaded_scene(scene, values)).mean for values in plan.stations()]
+    yield from zip(history(problem, loads), plan.along(means), strict=False)
 
 
 def step_derivatives(study: Study, level: Level, scene: Scene, point: int) -> Iterator[dict[str, float]]:
@@ -77,14 +71,46 @@ def step_derivatives(study: Study, level: Level, scene: Scene, point: int) -> It
 
     They begin with step 0 wherever the history goes on. Histories of other numbers that end early have no more of them.
     """
-    varied = _Varied(study, level, scene, point)
-    middle, beside = varied.steps(None, 0.0), dict[str, tuple[float, list[Iterator[Array]]]]()
+    scenery, tolerance, c = Scenery.of(study), study.solver.tolerance, level.line.c
+    assert study.history is not None
+    plan: HistoryPlan = study.history
+
+    def steps(number: Sensitivity | None = None, value: float = 0.0) -> Iterator[Array]:
+        """The STEP_QUANTITIES of all steps with this value of a number, as far as they are solved."""
+        own, varied = plan, scene
+        if number is not None and number.path == STIFFNESS:
+            own = with_stiffness(plan, {STIFFNESS: value})
+        elif number is not None:
+            varied = scenery.at(scene, {number.path: value}, point)
+        for step, mean in followed(own, level, varied, tolerance):
+            if step.solved:
+                yield np.array([np.max(np.abs(step.v), initial=0.0), c @ step.xi, mean])
+
+    def begun(number: Sensitivity, value: float) -> Iterator[Array] | None:
+        """The same; None where the number cannot have this value."""
+        found = steps(number, value)
+        try:
+            return chain([next(found)], found)
+        except (StudyError, ValueError, NotPositiveDefinite, StopIteration):
+            return None
+
+    def beside(number: Sensitivity) -> tuple[float, list[Iterator[Array]]]:
+        """The scale of a number, and the histories above and below it, or on the one side where it can be."""
+        value, scale = _value(plan, level, scene, number)
+        up, down = ([begun(number, value + way * h * scale) for h in STEPS] for way in (1.0, -1.0))
+        if all(up) and all(down):
+            return scale, [one for one in (*up, *down) if one]
+        one, way = (up, 1.0) if all(up) else (down, -1.0)
+        third = begun(number, value + way * HALFWAY * scale)
+        return way * scale, [each or iter(()) for each in (*one, third)]
+
+    varied = dict[str, tuple[float, list[Iterator[Array]]]]()
     for number in study.output.sensitivity:
         with suppress(KeyError):  # a law of the sweep that has no such parameter
-            beside[number.name] = varied.beside(number)
-    for row in middle:
+            varied[number.name] = beside(number)
+    for row in steps():
         found: dict[str, float] = {STATUS: DIFFERENTIABLE}
-        for name, (scale, others) in beside.items():
+        for name, (scale, others) in varied.items():
             rows = np.array([next(other, np.full(len(row), np.nan)) for other in others])
             one = one_sided(row, rows, scale) if len(rows) == 3 else two_sided(row, rows[:2], rows[2:], scale)
             found |= {name_of(q, name): float(x) for q, x in zip(STEP_QUANTITIES, one, strict=True)}
@@ -93,67 +119,19 @@ def step_derivatives(study: Study, level: Level, scene: Scene, point: int) -> It
         yield found
 
 
-@dataclass(frozen=True)
-class _Varied:
-    """A history of the scene of a point with other numbers."""
+def _value(plan: HistoryPlan, level: Level, scene: Scene, number: Sensitivity) -> tuple[float, float]:
+    """(value, scale) of a number; of a load at least that which is as much as friction bears.
 
-    study: Study
-    level: Level
-    scene: Scene
-    point: int
-
-    def steps(self, number: Sensitivity | None, value: float) -> Iterator[Array]:
-        """The STEP_QUANTITIES of all steps with this value of a number, as far as they are solved.
-
-        Raises StudyError, UnfitLaw or NotPositiveDefinite where it cannot have the value.
-        """
-        plan, scene = self.study.history, self.scene
-        assert plan is not None
-        if number is not None and number.path == STIFFNESS:
-            plan = with_stiffness(plan, {STIFFNESS: value})
-        elif number is not None:
-            scene = self._scenery.at(scene, {number.path: value}, self.point)
-        for step, mean in followed(plan, self.level, scene, self.study.solver.tolerance):
-            if step.solved:
-                yield np.array([np.max(np.abs(step.v), initial=0.0), self.level.line.c @ step.xi, mean])
-
-    @cached_property
-    def _scenery(self) -> Scenery:
-        return Scenery.of(self.study)
-
-    def beside(self, number: Sensitivity) -> tuple[float, list[Iterator[Array]]]:
-        """The scale of a number, and the histories above and below it, or on the one side where it can be.
-
-        Raises KeyError for a number that the scene does not have.
-        """
-        value, scale = self._value(number)
-        up, down = ([self._begun(number, value + way * h * scale) for h in STEPS] for way in (1.0, -1.0))
-        if all(up) and all(down):
-            return scale, [one for one in (*up, *down) if one]
-        one, way = (up, 1.0) if all(up) else (down, -1.0)
-        third = self._begun(number, value + way * HALFWAY * scale)
-        return way * scale, [each or iter(()) for each in (*one, third)]
-
-    def _begun(self, number: Sensitivity, value: float) -> Iterator[Array] | None:
-        """Its steps; None where it cannot have this value."""
-        steps = self.steps(number, value)
-        try:
-            first = next(steps)
-        except (StudyError, ValueError, NotPositiveDefinite, StopIteration):
-            return None
-        return chain([first], steps)
-
-    def _value(self, number: Sensitivity) -> tuple[float, float]:
-        """(value, scale) of a number; of a load at least that which is as much as friction bears."""
-        if number.path == STIFFNESS:
-            assert self.study.history is not None
-            value = float(self.study.history.memory.stiffness or 0.0)
-            return value, value
-        value, level, scene = float(dict(numbers(self.scene))[number.path].value), self.level, self.scene  # type: ignore[arg-type]
-        law, units = level.law(scene), {"1": 1.0, "Pa": scene.laws[0].b_scale, "m": scene.laws[0].s_scale}
-        if is_load(number.path):
-            right = WholeBody(level, scene, np.zeros(level.line.m)).right_side(change_of(level, scene, number))
-            change = np.max(np.abs(right), initial=0.0)
-            full = law.b_scale * float(np.max(level.condensed(scene).problem.c)) / change if change else abs(value)
-            return value, max(abs(value), full) or 1.0
-        return value, abs(value) or units.get(number.units, 0.0) or level.lambda_1(scene)
+    Raises KeyError for a number that the scene does not have.
+    """
+    if number.path == STIFFNESS:
+        value = float(plan.memory.stiffness or 0.0)
+        return value, value
+    value = float(dict(numbers(scene))[number.path].value)  # type: ignore[arg-type]
+    law, units = level.law(scene), {"1": 1.0, "Pa": scene.laws[0].b_scale, "m": scene.laws[0].s_scale}
+    if is_load(number.path):
+        right = WholeBody(level, scene, np.zeros(level.line.m)).right_side(change_of(level, scene, number))
+        change = np.max(np.abs(right), initial=0.0)
+        full = law.b_scale * float(np.max(level.condensed(scene).problem.c)) / change if change else abs(value)
+        return value, max(abs(value), full) or 1.0
+    return value, abs(value) or units.get(number.units, 0.0) or level.lambda_1(scene)

@@ -72,33 +72,24 @@ def hysteresis(
     last = replace(HistoryStep.virgin(problem.m), v=v, load=load, xi=problem.at(begin).xi(v) / problem.c,
                    stored=float(problem.c @ problem.law.j(v)), energy=history.energy(v, load))  # fmt: skip
     for _ in range(MOST_CYCLES):
-        there, reason = _driven(history, last, problem, begin, end)
-        halves = [there]
-        if not reason:
-            back, reason = _driven(history, there.now, problem, end, begin)
-            halves.append(back)
-        ways = [way for half in halves for way in half.ways]
+        first, ways, jumps, there, lost, area = last, list[Way](), list[Jump](), 0, 0.0, 0.0
+        for one, other in ((begin, end), (end, begin)):
+            step = ContinuedStep(history, last, problem.load(other))
+            reason = "" if step.run() else f"at t = {_between(step.t, one, other):g}: {step.reason}"
+            for jump in step.jumps:
+                jumps.append(jump._replace(ways=len(ways) + jump.ways, t=float(_between(jump.t, one, other))))
+            ways += [way._replace(t=_between(way.t, one, other)) for way in step.ways]
+            there = len(jumps) if other == end else there
+            lost, area = lost + step.now.released, area + step.now.work
+            last = step.now
+            if reason:
+                break
         size = max((float(np.max(np.abs(way.v))) for way in ways), default=0.0)
-        first, last = last, halves[-1].now
         closed = not reason and bool(np.max(np.abs(last.v - first.v)) <= CLOSED * size)
         if closed or reason:
             break
-    before = len(there.ways)
-    jumps = [*there.jumps, *(jump._replace(ways=before + jump.ways) for half in halves[1:] for jump in half.jumps)]
-    lost, area = sum(half.now.released for half in halves), sum(half.now.work for half in halves)
-    return Hysteresis(tuple(ways), tuple(jumps), len(there.jumps), lost, area, closed, reason)
+    return Hysteresis(tuple(ways), tuple(jumps), there, lost, area, closed, reason)
 
 
-def _driven(
-    history: HistoryProblem, last: HistoryStep, problem: ParametricProblem, begin: float, end: float
-) -> tuple[ContinuedStep, str]:
-    """The step from one end to the other, its shares turned into t, and why it ended early."""
-    step = ContinuedStep(history, last, problem.load(end))
-    reason = "" if step.run() else f"at t = {begin + step.t * (end - begin):g}: {step.reason}"
-    step.ways = [way._replace(t=_between(way.t, begin, end)) for way in step.ways]
-    step.jumps = [jump._replace(t=float(_between(np.array(jump.t), begin, end))) for jump in step.jumps]
-    return step, reason
-
-
-def _between(share: Array, begin: float, end: float) -> Array:
+def _between(share: float | Array, begin: float, end: float) -> Array:
     return np.where(share == 1.0, end, begin + share * (end - begin))
