@@ -10,24 +10,9 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 
-def submatrix(M: Array, nodes: Index) -> Array:
-    """M[nodes, nodes] of growing nodes as a new matrix; slices where these follow one another, as a zone that slips."""
-    n = len(nodes)
-    first, last = (int(nodes[0]), int(nodes[-1])) if n else (0, -1)
-    if last - first == n - 1:
-        return M[first : last + 1, first : last + 1].copy()
-    left = int(np.searchsorted(nodes - np.arange(n), first, side="right"))  # nodes of the first run
-    if last - int(nodes[left]) != n - left - 1:
-        return M.take(nodes, axis=0).take(nodes, axis=1)  # faster than one fancy index
-    matrix, a, b = np.empty((n, n)), slice(first, first + left), slice(last - n + left + 1, last + 1)
-    matrix[:left, :left], matrix[:left, left:] = M[a, a], M[a, b]
-    matrix[left:, :left], matrix[left:, left:] = M[b, a], M[b, b]
-    return matrix
-
-
 def with_diagonal(M: Array, nodes: Index, added: Array) -> Array:
     """M[nodes, nodes] + diag `added`."""
-    matrix = submatrix(M, nodes)
+    matrix = M.take(nodes, axis=0).take(nodes, axis=1)  # faster than one fancy index
     matrix.reshape(-1)[:: len(nodes) + 1] += added
     return matrix
 
