@@ -209,15 +209,17 @@ def _extremes(tables: Laws) -> tuple[Array, Array, Array]:
     return tables.facts["extremes"]
 
 
-def slip_of_slope(laws: Laws, piece: Index, low: Array, high: Array, slope: float) -> Array:
+def slip_of_slope(laws: Laws, piece: Index, low: Array, high: Array, slope: Array | float) -> Array:
     """Where b′ of the addressed pieces passes `slope` between low and high, (n,) each."""
-    way, middle = np.where(laws.slope(low, piece) > slope, -1.0, 1.0), 0.5 * (low + high)
+    slope, middle = np.broadcast_to(slope, low.shape), 0.5 * (low + high)
+    way = np.where(laws.slope(low, piece) > slope, -1.0, 1.0)
     s_0, _, q, a, r, *_ = laws.numbers(piece)
     with np.errstate(divide="ignore", invalid="ignore"):
         start = s_0 - np.log((q - slope) / (r * a)) / r  # of one exponential the slip itself
 
     def excess(k: Index, s: Array) -> tuple[Array, Array, Array]:
-        return way[k] * (laws.slope(s, piece[k]) - slope), way[k] * laws.bend(s, piece[k]), np.abs(q[k]) + abs(slope)
+        value = way[k] * (laws.slope(s, piece[k]) - slope[k])
+        return value, way[k] * laws.bend(s, piece[k]), np.abs(q[k]) + np.abs(slope[k])
 
     return rising_zeros(excess, np.where((low < start) & (start < high), start, middle), low, high)
 

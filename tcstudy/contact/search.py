@@ -18,6 +18,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from tcstudy.contact.bounds import largest_push, rising_zeros, slip_of_slope
 from tcstudy.contact.descent import descend
 from tcstudy.contact.envelopes import moreau_envelopes, on_tangent
 from tcstudy.contact.factors import factor_free
@@ -39,8 +40,6 @@ GROWTH = 4.0
 of single nodes; 92 were above it before."""
 PROMISES = 2
 """How many promises of a move are put to the test."""
-_STEPS = 5
-"""Newton steps for the stationary point on an exponential piece; a linear one needs one."""
 _NO_GAIN = 1e-10
 """Gains below this part of the terms that they are made of are rounding."""
 
@@ -75,102 +74,83 @@ def move_starts(rows: ContactProblem, v: Array) -> tuple[Array, Index, Index]:
     """
     body, xi = rows.body, rows.xi(v)
     s = slopes(rows, v, xi)
-    free, added = s.free, body.c * rows.law.slope(v, s.piece)
-    stiffness, factors = np.full(v.shape, np.nan), {}
-    for i in range(len(v)):
-        nodes = np.flatnonzero(free[i])
-        factor, info = factor_free(body.A_tilde, nodes, added[i, nodes])
-        if info == 0:
-            stiffness[i] = relaxed_stiffness(body.A_tilde, nodes, np.flatnonzero(~free[i]), factor, added[i, nodes])
-            factors[i] = nodes, factor
-    known = np.array(sorted(factors), dtype=np.intp)
-    c = body.c
-    laws = rows.law.of_nodes(known)
-    gain, place = best_places(laws, laws.index, v[known], xi[known] / c, stiffness[known] / c)
-    gain = gain * c
-    starts, owners, promises = [], [], []
-    for i, own_gain, own_place in zip(known, gain, place, strict=True):
-        order = np.argsort(own_gain, kind="stable")[: min(PROMISES, np.count_nonzero(own_gain))]
-        for promise, node in enumerate(order):
-            step = follow(body.A_tilde, *factors[int(i)], int(node), float(own_place[node] - v[i, node]))
-            starts.append(v[i] + step)
-            owners.append(i)
-            promises.append(promise)
-    shape = len(starts), v.shape[1]
-    return np.array(starts).reshape(shape), np.array(owners, dtype=np.intp), np.array(promises, dtype=np.intp)
+    added, response = body.c * rows.law.slope(v, s.piece), dict[int, Array]()
+    for i, free in enumerate(s.free):
+        nodes = np.flatnonzero(free)
+        found = responses(body.A_tilde, nodes, added[i, nodes])
+        response |= {} if found is None else {i: found}
+    known, c = np.array(list(response), dtype=np.intp), body.c
+    stiffness = np.array([np.einsum("ij,ji->i", body.A_tilde, one) for one in response.values()]).reshape(-1, body.m)
+    gain, place = best_places(rows.law.of_nodes(known), v[known], xi[known] / c, stiffness / c)
+    starts, owners, promises = [np.empty((0, body.m))], list[int](), list[int]()
+    for i, own_gain, own_place in zip(known.tolist(), gain * c, place, strict=True):
+        nodes = np.argsort(own_gain, kind="stable")[: min(PROMISES, np.count_nonzero(own_gain))]
+        starts.append(v[i] + response[i].T[nodes] * (own_place - v[i])[nodes, None])
+        owners += [i] * len(nodes)
+        promises += range(len(nodes))
+    return np.concatenate(starts), np.array(owners, dtype=np.intp), np.array(promises, dtype=np.intp)
 
 
-def relaxed_stiffness(A: Array, free: Index, resting: Index, factor: Array, added: Array) -> Array:
-    """(m,) k_i: how stiff a node is while the free ones follow; factor: Cholesky, lower, of H = A_FF + diag added."""
-    stiffness = np.diagonal(A).copy()
+def responses(A: Array, free: Index, added: Array) -> Array | None:
+    """(m, m) columns: how nodes move if one moves by 1 and the free ones relax; None unless A_FF + diag `added` ≻ 0.
+
+    The stiffness k_i of a node so moved is that of its column, (A · response)_ii.
+    """
+    factor, info = factor_free(A, free, added)
+    if info != 0:
+        return None
+    response, held = np.eye(len(A)), np.setdiff1d(np.arange(len(A)), free)
     if len(free):
-        inverse = np.tril(scipy.linalg.lapack.dtrtri(factor, lower=1)[0])
-        stiffness[free] = 1.0 / np.einsum("ij,ij->j", inverse, inverse) - added
-        if len(resting):
-            held = scipy.linalg.blas.dtrmm(1.0, inverse, A.take(free, axis=0).take(resting, axis=1), lower=1)
-            stiffness[resting] -= np.einsum("ij,ij->j", held, held)
-    return stiffness
+        half = np.tril(scipy.linalg.lapack.dpotri(factor, lower=1)[0])
+        inverse = half + np.tril(half, -1).T
+        response[np.ix_(free, free)] = inverse / np.diagonal(inverse)
+        response[np.ix_(free, held)] = -inverse @ A[np.ix_(free, held)]
+    return response
 
 
-def follow(A: Array, free: Index, factor: Array, node: int, move: float) -> Array:
-    """(m,) step of all nodes if one is moved and the free ones relax."""
-    step, place = np.zeros(len(A)), int(np.searchsorted(free, node))
-    if place < len(free) and free[place] == node:
-        unit = np.zeros(len(free))
-        unit[place] = 1.0
-        response = scipy.linalg.lapack.dpotrs(factor, unit, lower=1)[0]
-        step[free] = response * (move / response[place])
-    elif len(free):
-        step[free] = -move * scipy.linalg.lapack.dpotrs(factor, A[free, node], lower=1)[0]
-    step[node] = move
-    return step
-
-
-def best_places(tables: Laws, law: Index, v: Array, force: Array, k: Array) -> tuple[Array, Array]:
+def best_places(laws: Laws, v: Array, force: Array, k: Array) -> tuple[Array, Array]:
     """(φ, s), shape of v: the least φ, 0 where nothing is gained, and where it is taken [Pa·m, m]."""
-    gain, place, at = np.zeros(v.shape), v.copy(), tables.locate(v, law)
+    tables, law, at = laws.tables, laws.index, laws.locate(v)
+    gain, place, reach = np.zeros(v.shape), v.copy(), (np.abs(force) + largest_push(tables)[law]) / k
 
     def consider(s: Array) -> None:
         known = np.isfinite(s)
         s = np.where(known, s, v)
         move = s - v
-        parts = 0.5 * k * move**2, -force * move, tables.integral(v, s, at, tables.locate(s, law))
-        phi = parts[0] + parts[1] + parts[2]
-        size = np.abs(parts[0]) + np.abs(parts[1]) + np.abs(parts[2])
-        better = known & (phi < -_NO_GAIN * size) & (phi < gain)
+        parts = np.stack([0.5 * k * move**2, -force * move, laws.integral(v, s, at)])
+        phi = parts.sum(axis=0)
+        better = known & (phi < -_NO_GAIN * np.abs(parts).sum(axis=0)) & (phi < gain)
         gain[better], place[better] = phi[better], s[better]
 
     for column in range(tables.q.shape[1]):
-        if not np.all(np.isinf(tables.lower[:, column])) or column == 0:
-            for s in _stationary(tables, law, column, v, force, k):
-                consider(s)
-    for column in np.flatnonzero(np.any(tables.kinds == UP, axis=0)).tolist():
-        s = np.where(tables.kinds[:, column] == UP, tables.kinks[:, column], np.nan)[law]
-        consider(np.broadcast_to(s, v.shape))
+        piece = np.broadcast_to((tables.first + column)[law], v.shape)
+        if np.any(tables.lower[:, column] < tables.upper[:, column]):
+            consider(_stationary(tables, piece, v, force, k, reach))
+        if column and np.any(tables.kinds[:, column - 1] == UP):
+            consider(np.where(tables.kind_above.take(piece - 1) == UP, tables.lower.take(piece), np.nan))
     return gain, place
 
 
-def _stationary(tables: Laws, law: Index, column: int, v: Array, force: Array, k: Array) -> list[Array]:
-    """Stationary slips of φ inside one piece of every law, NaN where there is none or v is on that piece.
+def _stationary(tables: Laws, piece: Index, v: Array, force: Array, k: Array, reach: Array) -> Array:
+    """Where φ is least inside the addressed pieces, NaN where it is not or v is on that piece.
 
-    Newton begins at the end of the piece that is nearest to v. A law that falls like an exponential is steepest there
-    and φ concave; so it begins also where the slip would be without the exponential, beyond the minimum.
+    b′ is monotone on a piece, so that φ′ = b + k (s − v) − ξ/c rises on one part of it at most; reach: of zeros from v
     """
-    piece = np.broadcast_to((tables.first + column)[law], v.shape)
-    low, high = tables.lower.take(piece), tables.upper.take(piece)
-    elsewhere = ((v <= low) | (v >= high)) & (low < high)
-    starts, steps = [np.clip(v, low, high)], 1
-    if np.any(tables.bent[:, column]):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            q = tables.q.take(piece)
-            beyond = (force + k * v - tables.b_0.take(piece) + q * tables.s_0.take(piece)) / (q + k)
-        starts, steps = [starts[0], np.clip(beyond, low, high)], _STEPS
-    found = []
-    for s in starts:
-        s = np.where(elsewhere & np.isfinite(s), s, np.nan)
-        for _ in range(steps):
-            slope = tables.slope(s, piece) + k
-            defect = tables.value(s, piece) + k * (s - v) - force
-            s = np.where(slope > 0.0, np.clip(s - defect / np.where(slope > 0.0, slope, 1.0), low, high), np.nan)
-        found.append(np.where((low < s) & (s < high), s, np.nan))
-    return found
+    ends = [np.clip(end.take(piece), v - reach, v + reach) for end in (tables.lower, tables.upper)]
+    inside = np.flatnonzero((ends[0] < ends[1]) & ((v <= ends[0]) | (v >= ends[1])))
+    found, address = np.full(v.size, np.nan), piece.ravel()[inside]
+    own_v, own_force, own_k, low, high = (x.ravel()[inside] for x in (v, force, k, *ends))
+
+    def climb(i: Index | slice, s: Array) -> tuple[Array, Array, Array]:
+        value, slope = tables.value_and_slope(s, address[i])
+        rest = own_k[i] * (s - own_v[i]) - own_force[i]
+        return value + rest, slope + own_k[i], np.abs(value) + np.abs(rest)
+
+    rises = [climb(slice(None), s)[1] > 0.0 for s in (low, high)]
+    turns = np.flatnonzero(rises[0] != rises[1])
+    turn = slip_of_slope(tables, address[turns], low[turns], high[turns], -own_k[turns])
+    low[turns], high[turns] = np.where(rises[0][turns], low[turns], turn), np.where(rises[1][turns], high[turns], turn)
+    below, above = (climb(slice(None), s)[0] for s in (low, high))
+    on = np.flatnonzero((below < 0.0) & (above > 0.0) & (rises[0] | rises[1]))
+    found[inside[on]] = rising_zeros(lambda i, s: climb(on[i], s), 0.5 * (low + high)[on], low[on], high[on])
+    return found.reshape(v.shape)

@@ -71,7 +71,7 @@ def test_bends_are_those_of_the_laws_and_few_parts_never_less() -> None:
 
 @pytest.mark.parametrize("kappa", [0.5, 3.0, 20.0])
 def test_envelopes_of_many_laws_are_those_of_each_alone(kappa: float) -> None:
-    envelopes = moreau_envelopes(TABLES, kappa)
+    envelopes = moreau_envelopes(TABLES.at(np.arange(len(LAWS))), kappa)
     s = np.linspace(-1.2, 1.2, 501)
     for k, law in enumerate(LAWS):
         alone = moreau_envelopes(law, kappa).laws[0]
