@@ -69,13 +69,11 @@ def verdict(data: Any) -> tuple[str, str, bool]:
     at = f" at step {str(data['step_name'].values[n]) or n}"
     at += f" of cycle {cycle}" if (cycle := int(data["cycle"].values[n])) > 1 else ""
     at += f" ({words})" if (words := describe(data, each_point(data)[p])) else ""
-    lengths = {}
-    for key, told in LENGTHS.items():
-        own = (
-            by_point(data[f"{key}_length"], data)[solved] if f"{key}_length" in data and key != "slip" else np.zeros(1)
-        )
-        if (most := float(np.nanmax(own, initial=0.0))) > 0.0:
-            lengths[told] = "", with_unit(most, units, 3)
+    own = {told: data.get(f"{key}_length") for key, told in LENGTHS.items() if key != "slip"}
+    longest = {
+        told: np.nanmax(by_point(one, data)[solved], initial=0.0) for told, one in own.items() if one is not None
+    }
+    lengths = {told: ("", with_unit(float(most), units, 3)) for told, most in longest.items() if most > 0.0}
     moves = slip[p, n] > 0.0
     answer = [sentences.slipped(with_unit(float(slip[p, n]), units), at, lengths) if moves else "nothing slips"]
     if points == 1:
@@ -112,32 +110,31 @@ def _loads(data: Any) -> list[str]:
 
 
 def _table(part: Any, all_cycles: bool) -> str:
-    """A line for every named step; sums of energies are since the named step before."""
-    done = part["status"].values == PointStatus.OK
+    """A line for every named step."""
     names, cycle = part["step_name"].values, part["cycle"].values
-    rows = [i for i in np.flatnonzero(done) if names[i]]
-    last = int(cycle[rows[-1]]) if rows else 0
-    listed = [i for i in rows if all_cycles or cycle[i] < MOST_CYCLES or cycle[i] == last]
-    columns: dict[str, Array] = {}
-    for name in _loads(part):
-        columns[name] = part[name].values[listed]
-    ends = np.array(listed, dtype=int)
-    columns["max |u_T|"] = _read(part["u_T_max"].values, part["u_T_max"].values)[ends]
-    columns["∫ξ"] = _read(part["friction_resultant"].values, np.abs(part["xi"].values) @ part["c"].values)[ends]
-    starts = {i: (rows[k - 1] + 1 if k else 0) for k, i in enumerate(rows)}
+    rows = np.flatnonzero((part["status"].values == PointStatus.OK) & (names != "")).tolist()
+    listed = [i for i in rows if all_cycles or cycle[i] < MOST_CYCLES or cycle[i] == cycle[rows[-1]]]
+    begins = dict(zip(rows, [0, *(i + 1 for i in rows[:-1])], strict=True))
+
+    def since(name: str) -> Array:
+        """Sums of energies since the named step before."""
+        values = _read(part[name].values, spent)
+        return np.array([values[begins[i] : i + 1].sum() for i in listed])
+
     spent = part["dissipated"].values + part["released"].values + part["stored"].values
-    for name in ("dissipated", "released"):
-        columns[name] = np.array([_read(part[name].values, spent)[starts[i] : i + 1].sum() for i in listed])
-    closure = np.array([_read(part["closure"].values, spent)[starts[i] : i + 1].sum() for i in listed])
-    columns |= {name: part[name].values[listed] for name in asked(part)}
-    units = {"max |u_T|": "u_T_max", "∫ξ": "friction_resultant"}
+    pull, slip = part["friction_resultant"].values, part["u_T_max"].values
+    columns: list[tuple[str, str, Array]] = [(name, name, part[name].values[listed]) for name in _loads(part)]
+    columns.append(("max |u_T|", "u_T_max", _read(slip, slip)[listed]))
+    columns.append(("∫ξ", "friction_resultant", _read(pull, np.abs(part["xi"].values) @ part["c"].values)[listed]))
+    columns += [(name, name, since(name)) for name in ("dissipated", "released")]
+    columns += [(name, name, part[name].values[listed]) for name in asked(part)]
     header, cells = ["step", "cycle"], [[str(names[i]) for i in listed], [str(cycle[i]) for i in listed]]
-    for name, values in columns.items():
-        divisor, unit = prefix(list(values), str(part[units.get(name, name)].attrs.get("units", "1")))
-        header.append(headed(name, unit))
+    for title, name, values in columns:
+        divisor, unit = prefix(list(values), str(part[name].attrs.get("units", "1")))
+        header.append(headed(title, unit))
         cells.append([number(value / divisor, 6) for value in values])
     with np.errstate(divide="ignore", invalid="ignore"):
-        cells.append([number(x, 2) for x in closure / columns["dissipated"]])
+        cells.append([number(x, 2) for x in since("closure") / since("dissipated")])
     cells.append([proved(part.isel(step=i), none="–") for i in listed])
     table = plain_table([*header, "closure/dissipated", "proved"], list(zip(*cells, strict=True)))
     return table + ("\n  …" if len(listed) < len(rows) else "")
@@ -170,20 +167,13 @@ def _slip_rounding(part: Any) -> float:
 
 def sentences_of(part: Any) -> list[str]:
     """Change from cycle to cycle, energies, and why the history ended early."""
-    found = []
-    status = part["status"].values
-    done = np.flatnonzero(status == PointStatus.OK)
+    done = np.flatnonzero(part["status"].values == PointStatus.OK)
+    reason = str(part["reason"].values.item())
     if not len(done):
-        return [f"no step was solved: {part['reason'].values.item()}"]
-    if words := last_change(part).words:
-        found.append(words)
-    worst = float(np.nanmax(part["inclusion_residual"].values[done]))
+        return [f"no step was solved: {reason}"]
+    worst, defect = (float(np.nanmax(part[name].values[done])) for name in ("inclusion_residual", "identity"))
     jumps = int(part["jumps"].values[done].sum())
-    more = f", {counted(jumps, 'jump')}" if jumps else ""
-    found.append(
-        f"{counted(len(done) - 1, 'step')} solved, worst residual {number(worst, 2)}, energy identity to "
-        f"{number(float(np.nanmax(part['identity'].values[done])), 2)}{more}"
-    )
-    if reason := str(part["reason"].values.item()):
-        found.append(f"ended at step {len(done)}: {reason}")
-    return found
+    told = f"{counted(len(done) - 1, 'step')} solved, worst residual {number(worst, 2)}, energy identity to "
+    told += number(defect, 2) + (f", {counted(jumps, 'jump')}" if jumps else "")
+    ended = f"ended at step {len(done)}: {reason}" if reason else ""
+    return list(filter(None, [last_change(part).words, told, ended]))
