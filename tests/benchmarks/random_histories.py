@@ -1,23 +1,24 @@
-"""Does a history depend on its steps, does its energy ever rise? `python -m tests.benchmarks.random_histories [N]`
+"""Does a history depend on its steps, does its energy ever rise? `python -m tests.benchmarks.random_histories [N [first
+[parts]]]`
 
 N random histories (2,000 unless given) of 3 to 30 nodes and 6 loads; three memories; laws that fall, jump down or up
 and climb to a peak, by up to 6 λ₁ where they do not jump. Each is followed along its path with its loads as they are
-and each in 100 equal steps (--parts). Told are steps that fail, closures below −1e-9 of what is dissipated, and end
+and each in 100 equal steps. Told are steps that fail, closures below −1e-9 of what is dissipated, and end
 states apart by more than 1e-8 of the largest slip.
 """
 
 from __future__ import annotations
 
-import argparse
+import sys
 from collections import Counter
-from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
-from tcstudy.contact.history.steps import next_step
+from tcstudy.contact.history.steps import history
 from tcstudy.contact.problem import least_eigenvalue
 from tcstudy.laws.laws import Laws
 from tcstudy.matrices import law
@@ -102,69 +103,40 @@ def _film(rng: np.random.Generator, lambda_1: float, memory: str) -> Laws:
     return law(points=[(float(x), float(y)) for x, y in zip(s * stretch, tau, strict=True)])
 
 
-@dataclass(frozen=True)
-class Followed:
-    """What came of a history: its last step, and of all steps the least closure and what is dissipated and released."""
-
-    last: HistoryStep
-    closure: float
-    allowed: float
-    dissipated: float
-    released: float
-    jumps: int
-
-
-def followed(body: HistoryProblem, loads: list[Array], parts: int = 1) -> Followed:
+def followed(body: HistoryProblem, loads: list[Array], parts: int) -> list[HistoryStep]:
     """The history with every load in so many equal steps, as far as steps are solved."""
-    last, begin, steps = HistoryStep.virgin(body.body.m), np.zeros(body.body.m), list[HistoryStep]()
-    for load in loads:
-        for part in range(1, parts + 1):
-            last = next_step(body, last, load if part == parts else begin + (part / parts) * (load - begin))
-            steps.append(last)
-            if not last.solved:
-                break
-        if not last.solved:
-            break
-        begin = load
-    dissipated = sum(step.dissipated for step in steps)
-    allowed = CLOSED * dissipated + ROUNDING * max(step.stored for step in steps)
-    closure, released = min(step.closure for step in steps), sum(step.released for step in steps)
-    return Followed(last, closure, allowed, dissipated, released, sum(step.jumps for step in steps))
+    ends = [np.zeros(body.body.m), *loads]
+    every = (one + k / parts * (two - one) for one, two in pairwise(ends) for k in range(1, parts + 1))
+    return list(history(body, every))
 
 
 def judged(seed: int, parts: int = 100) -> tuple[list[str], str]:
     """(what is wrong with a history, its numbers)."""
     body, loads = random_history(seed)
-    one, many = followed(body, loads), followed(body, loads, parts)
-    found = []
-    for name, some in (("in 1", one), (f"in {parts}", many)):
-        if not some.last.solved:
-            found.append(f"{name} fails")
-        if some.closure < -some.allowed:
-            found.append(f"{name} uphill")
-    slips = [some.last.v for some in (one, many)]
-    apart = float(np.max(np.abs(slips[0] - slips[1]))) / (float(np.max(np.abs(slips[0]))) or 1.0)
-    if one.last.solved and many.last.solved and apart > SAME:
+    found, said, ends = [], [body.memory.name, f"m {body.body.m}"], []
+    for count in (1, parts):
+        steps = followed(body, loads, count)
+        spent, closure = sum(step.dissipated for step in steps), min(step.closure for step in steps)
+        if not steps[-1].solved:
+            found.append(f"in {count} fails")
+        if closure < -CLOSED * spent - ROUNDING * max(step.stored for step in steps):
+            found.append(f"in {count} uphill")
+        jumps, released = sum(step.jumps for step in steps), sum(step.released for step in steps)
+        said.append(f"in {count}: {jumps} jumps, released {released:.10g}, closure {closure:.1e} of {spent:.3g}")
+        said.append(steps[-1].reason)
+        ends.append(steps[-1])
+    apart = float(np.max(np.abs(ends[0].v - ends[1].v))) / (float(np.max(np.abs(ends[0].v))) or 1.0)
+    if ends[0].solved and ends[1].solved and apart > SAME:
         found.append("apart")
-    numbers = (
-        f"{body.memory.name}, m {body.body.m}, jumps {one.jumps} and {many.jumps}, released {one.released:.10g} and "
-        f"{many.released:.10g}, closure {one.closure:.1e} and {many.closure:.1e} of {one.dissipated:.3g}, apart "
-        f"{apart:.1e} {one.last.reason} {many.last.reason}"
-    )
-    return found, numbers
+    return found, f"{', '.join(filter(None, said))}; apart {apart:.1e}"
 
 
-def main(arguments: list[str] | None = None) -> None:
+def main(count: int = 2000, first: int = 0, parts: int = 100) -> None:
     """A line for every history with which something is wrong, and the counts."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("count", nargs="?", type=int, default=2000)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--parts", type=int, default=100)
-    options = parser.parse_args(arguments)
     counts: Counter[str] = Counter()
     with threadpool_limits(1, user_api="blas"):
-        for seed in range(options.first, options.first + options.count):
-            found, numbers = judged(seed, options.parts)
+        for seed in range(first, first + count):
+            found, numbers = judged(seed, parts)
             counts.update(found or ["well"])
             if found:
                 print(f"{seed}: {', '.join(found)}; {numbers}", flush=True)
@@ -172,4 +144,4 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(*map(int, sys.argv[1:]))

@@ -62,17 +62,6 @@ def test_load_and_the_force_on_a_rigid_edge_do_not_change_together() -> None:
         read_study_text(both.replace("{theta: 60 K, in: 8, name: hot}", "{load: 2}"))
 
 
-def test_laws_that_a_memory_cannot_be_made_of() -> None:
-    law = "law: slip-weakening, tau_s: 2 MPa, tau_k: 1 MPa, delta: 1 mm"
-    rising = BASE.replace(law, "points: [[0 mm, 0 MPa], [1 mm, 1 MPa], [2 mm, 3 MPa]], law: piecewise-linear")
-    assert read_study_text(rising).history
-    with pytest.raises(StudyError, match=r"8:11: history.memory: damage needs a law whose secant b\(s\)/s never rises"):
-        read_study_text(rising.replace("memory: friction", "memory: damage"), "study.yaml")
-    one_sided = BASE.replace(law, "points: [[-1 mm, -1 MPa], [1 mm, 2 MPa]], law: piecewise-linear, odd: false")
-    with pytest.raises(StudyError, match="a history needs an odd law"):
-        read_study_text(one_sided, "study.yaml")
-
-
 BY_EDGE = BASE.replace(
     "rectangle: {width: 20 m, height: 1 m}",
     "outline: [{from: [0, 0], edge: bond}, {from: [9, 0], edge: joint}, {from: [20, 0], edge: right}, "

@@ -14,10 +14,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-import tcstudy
 from tcstudy.contact.history.problem import HistoryStep
 from tcstudy.data.records import PointStatus
-from tcstudy.errors import StoreError, UsageError
+from tcstudy.errors import StoreError
 from tcstudy.executors import ProcessExecutor
 from tcstudy.read.study import read_study_text
 from tcstudy.study import history_run, workers
@@ -99,16 +98,6 @@ def test_a_killed_history_keeps_its_steps(tmp_path: Path) -> None:
             assert np.array_equal(a[name].values, b[name].values, equal_nan=b[name].dtype.kind == "f"), name
 
 
-def test_a_sweep_multiplies_histories(tmp_path: Path) -> None:
-    """Points stand in the order of the file's axes; each is the history of its own scene."""
-    study = SOFT + "sweep: {tau_s: [25 MPa, 20 MPa], alpha_T: [1e-5, 1.2e-5]}\n"
-    steps = "{memory: friction, steps: [{theta: 60 K}, {theta: 0 K}]}"
-    data = followed(tmp_path, study, steps)
-    assert data["u_T"].dims == ("tau_s", "alpha_T", "step", "node")
-    one = followed(tmp_path, SOFT, steps, name="b.nc")
-    assert np.array_equal(data["u_T"].sel(tau_s=20e6, alpha_T=1.2e-5).values, one["u_T"].values)
-
-
 SWEPT = (
     f"{SOFT}history: {{memory: friction, steps: [{{theta: 60 K, in: 3}}, {{theta: 0 K}}]}}\n"
     "sweep: {tau_s: [25 MPa, 20 MPa], alpha_T: [1e-5, 1.2e-5, 1.4e-5]}\n"
@@ -139,6 +128,10 @@ def test_workers_find_the_same_histories_and_one_that_kills_them_is_told(
         summary = execute_history(study, tmp_path / "b.nc", lambda *at: told.append(at), jobs=2)
     assert (summary.points, summary.ended) == (6, 1)
     assert [point for point, *_ in told] == [0, 1, 2, 3, 4, 5]
+    with xr.open_dataset(tmp_path / "a.nc") as a:
+        assert a["u_T"].dims == ("tau_s", "alpha_T", "step", "node")
+        own = followed(tmp_path, SOFT, SWEPT.partition("history: ")[2].partition("\n")[0], name="one.nc")
+        assert np.array_equal(a["u_T"].sel(tau_s=20e6, alpha_T=1.2e-5).values, own["u_T"].values)
     with xr.open_dataset(tmp_path / "b.nc") as b:
         reasons = b["reason"].transpose("tau_s", "alpha_T").values.ravel()
         assert sum("signal SIGKILL" in str(reason) for reason in reasons) == 1
@@ -188,46 +181,3 @@ def test_a_step_without_solution_ends_the_history(tmp_path: Path) -> None:
     assert status[5:] == [0, 0, 0]
     assert data["reason"].item()
     assert np.all(np.isnan(data["u_T_max"].values[5:]))
-
-
-def test_commands_without_memory_refuse_a_history(tmp_path: Path) -> None:
-    study = tcstudy.Study.from_dict(
-        {
-            "body": {"rectangle": {"width": 1.0, "height": 0.5}},
-            "boundary": {"bottom": "contact", "left": "clamped", "top": "free", "right": "free"},
-            "material": {"E": 1.0, "nu": 0.3, "alpha_T": 0.1},
-            "heat": {"theta": 0.0},
-            "friction": {"law": "tresca", "tau": 0.01},
-            "mesh": {"maxh": 0.25},
-            "units": "none",
-            "history": {"memory": "friction", "steps": [{"theta": 1.0, "in": 2, "name": "hot"}]},
-        }
-    )
-    for command in (tcstudy.converge, tcstudy.cost):
-        with pytest.raises(UsageError, match="has no memory; use tcstudy run, or --set history=null"):
-            command(study, tmp_path / "no.nc")
-    tree = tcstudy.run(study, tmp_path / "yes.nc")
-    assert tree["step_name"].values.tolist() == ["start", "", "hot"]
-    assert "load history" in " ".join(tcstudy.plan(study).notes)
-
-
-ONE_PEAK = """
-units: none
-body: {rectangle: {width: 2.1107, height: 0.76242}}
-boundary: {bottom: contact, top: {role: clamped, u_x: 0, u_y: 0}, left: free, right: free}
-material: {E: 1, nu: 0.2778, alpha_T: 1}
-heat: {theta: 0}
-friction: {law: piecewise-linear, points: [[0, 1], [0.07354257941696714, 1.15], [0.3712149246761198, 0.3]]}
-mesh: {maxh: 0.2638}
-"""
-
-
-def test_a_node_that_turns_back_as_another_passes_its_peak_rests(tmp_path: Path) -> None:
-    """No energy is gained, and the end does not depend on the steps on the way there."""
-    ends = []
-    for count in ("1", "10"):
-        step = f"{{boundary.top.u_x: 3.3277545, theta: -1.9727693, in: {count}}}"
-        data = followed(tmp_path, ONE_PEAK, f"{{memory: friction, steps: [{step}]}}", name=f"{count}.nc")
-        assert float(data["closure"].min()) >= -1e-9 * float(data["dissipated"].sum())
-        ends.append([*data["u_T"].values[-1], float(data["released"].sum())])
-    assert ends[0] == pytest.approx(ends[1], rel=1e-8)

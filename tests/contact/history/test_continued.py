@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
 from tcstudy.contact.history.steps import history
-from tcstudy.contact.path.corner import Corner
 from tcstudy.laws.laws import Laws
 from tcstudy.matrices import law
 from tcstudy.scene.histories import Memory
@@ -105,16 +104,6 @@ def test_nodes_that_are_pushed_back_before_a_front_are_not_seen_by_one_descent()
     apart = [np.max(np.abs(v - exact)) / np.max(exact) for v in (one, some, small_steps(A, 1.0, loads, 128))]
     assert apart[0] > 0.02
     assert apart[2] < 0.2 * apart[1] < 0.1 * apart[0]
-
-
-def test_a_zone_that_goes_on_is_not_released_node_by_node(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where one node turns back after the other the rest of the line goes on as it went: one exchange each."""
-    enter, asked = Corner.enter, []
-    monkeypatch.setattr(Corner, "enter", lambda corner, far: asked.append(far) or enter(corner, far))
-    steps = followed(long_cells(60), [np.append(np.zeros(59), pull) for pull in (50.0, 0.0)])
-    assert steps[-1].parts > 20
-    print(len(asked), steps[-1].parts)
-    assert len(asked) <= 3 * steps[-1].parts
 
 
 @pytest.mark.parametrize("memory", [Memory("friction"), Memory("damage")], ids=lambda memory: memory.name)

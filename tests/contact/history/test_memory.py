@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from tcstudy.contact.history.memory import MemoryModel, NodeState
-from tcstudy.contact.path.problem import law_graph
 from tcstudy.laws.composed import nodal
 from tcstudy.laws.laws import Laws
 from tcstudy.matrices import law
@@ -88,19 +87,3 @@ def test_what_has_slipped_so_far_moves_along_the_law() -> None:
 def test_laws_that_cannot_be_remembered_are_refused(memory: Memory, law: Laws, said: str) -> None:
     with pytest.raises(UnfitLaw, match=said):
         MemoryModel(memory, law, 3)
-
-
-@pytest.mark.parametrize(("memory", "law"), [case for case in CASES if case[1].piecewise_linear])
-def test_the_graph_of_all_rows_is_that_of_their_laws(memory: Memory, law: Laws) -> None:
-    """Code by code as the path follower makes it law by law; rows may have more codes, which none reaches."""
-    m = len(KAPPA)
-    rows = MemoryModel(memory, law, m).next_law(NodeState(np.zeros(m), KAPPA, np.zeros(m)))
-    whole = law_graph(rows)
-    for i in range(m):
-        own, first = law_graph(rows.single(i)), int(whole.first[i])
-        count = len(own.free)
-        for name in ("free", "low", "high", "sense", "slope", "anchor", "start", "kink"):
-            assert np.array_equal(getattr(whole, name)[first : first + count], getattr(own, name))
-        for name in ("after_low", "after_high"):
-            after = getattr(whole, name)[first : first + count]
-            assert np.array_equal(np.where(after < 0, -1, after - first), getattr(own, name))

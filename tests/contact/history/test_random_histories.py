@@ -10,6 +10,7 @@ from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
 from tcstudy.contact.history.steps import next_step
 from tcstudy.matrices import law
 from tcstudy.scene.histories import Memory
+from tests.benchmarks.random_histories import judged
 from tests.contact.history.cases import remembering
 
 Array = NDArray[np.float64]
@@ -67,3 +68,9 @@ def test_every_step_reaches_its_load_with_its_energies_in_order(seed: int, curve
         assert np.array_equal(again.v, step.v)
         assert again.work == 0.0
         last = step
+
+
+@pytest.mark.parametrize("seed", [73, 191])
+def test_no_jump_leads_uphill_and_steps_do_not_matter(seed: int) -> None:
+    """They had jumped to more energy where a node passes its peak as another turns back."""
+    assert judged(seed, parts=4)[0] == []
