@@ -119,7 +119,7 @@ class Result:
 
         picture = picture_html(self)
         said, below = html.escape(self.summary), html.escape(f"{self.file}" + (f" ({self.note})" if self.note else ""))
-        tables = html.escape(text_of(self.file, False, "text", None, None))
+        tables = html.escape(text_of(self.file))
         return f"<p><b>{said}</b></p>{picture}<details><summary>{below}</summary><pre>{tables}</pre></details>"
 
 

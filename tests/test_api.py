@@ -113,12 +113,6 @@ def yaml_of(study: tcstudy.Study) -> dict[str, object]:
     return dict(YAML(typ="safe").load(study.to_yaml()))
 
 
-def test_cost(study: tcstudy.Study, tmp_path: Path) -> None:
-    chart = tcstudy.cost(study.with_(mesh_levels=2), tmp_path / "cost.nc")
-    errors = chart["error_u_energy"]
-    assert 0.0 < float(errors.min()) < float(errors.max()) < 1.0
-
-
 def test_faults_are_one_line(study: tcstudy.Study, tmp_path: Path) -> None:
     with pytest.raises(tcstudy.UsageError, match="the study has a section path"):
         tcstudy.run(study, tmp_path / "none.nc", append=True)
@@ -131,11 +125,3 @@ def test_faults_are_one_line(study: tcstudy.Study, tmp_path: Path) -> None:
     with pytest.raises(tcstudy.StudyError, match=r"^small:\d+:\d+: mesh\.maxh: "):
         tcstudy.Study.from_dict({**SECTIONS, "mesh": {"maxh": -1.0}}, "small")
     assert not list(tmp_path.iterdir())
-
-
-def test_a_starter_study_and_the_schema_it_names(tmp_path: Path) -> None:
-    file = tcstudy.init(tmp_path / "mine.yaml")
-    assert len(tcstudy.load(file).scenes) == 6
-    assert (tmp_path / "study.schema.json").exists()
-    with pytest.raises(tcstudy.UsageError, match="is there already"):
-        tcstudy.init(file)

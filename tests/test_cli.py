@@ -64,31 +64,24 @@ def test_show_says_what_other_files_are(folder: Path) -> None:
     results = CONFIGS.parent / "results"
     said = tcstudy_command("show", results / "peers.nc", cwd=folder)
     assert said.returncode == 0, said.stderr
-    assert "data of a benchmark" in said.stdout
-    assert "made by python -m tests.benchmarks.peers" in said.stdout
+    assert "no results of a study" in said.stdout
+    assert "python -m tests.benchmarks.peers" in said.stdout
     assert tcstudy_command("show", results / "peers.nc", "--json", cwd=folder).returncode == 2
 
 
 def test_draw(folder: Path) -> None:
     assert tcstudy_command("run", "block.yaml", cwd=folder).returncode == 0
-    result = tcstudy_command("draw", "results/block.nc", "a.png", "--at", "tau=0.01", "--level", "0", cwd=folder)
-    assert result.returncode == 0, result.stderr
-    assert (folder / "a.png").read_bytes()[:4] == b"\x89PNG"
-    wrong = tcstudy_command("draw", "results/block.nc", "b.png", "--at", "tua=0.01", cwd=folder)
-    assert wrong.returncode == 2
-    assert "tau" in wrong.stderr
-    assert wrong.stderr.count("\n") == 1
-    assert not (folder / "b.png").exists()
     words = ("--x", "tau", "--y", "slip_length", "--size", "8x10cm")
     curves = tcstudy_command("draw", "results/block.nc", "c.png", *words, cwd=folder)
     assert (curves.returncode, curves.stdout) == (0, "c.png: slip_length over tau, level 1\n"), curves.stderr
-    law = tcstudy_command("draw", "results/block.nc", "l.png", "--law", "--at", "tau=0.01", cwd=folder)
-    assert (law.returncode, law.stdout) == (0, "l.png: law tresca, tau = 0.01, level 1\n"), law.stderr
-    for text, said in (("--map", "--map: name two"), ("--of", "--of: give map"), ("--size", "--size: 'tau' is none")):
-        wrong = tcstudy_command("draw", "results/block.nc", "b.png", text, "tau", cwd=folder)
-        assert wrong.returncode == 2
-        assert wrong.stderr.startswith(said)
-        assert wrong.stderr.count("\n") == 1
+    for words, said in (
+        (("--at", "tua=0.01"), "tau"),
+        (("--map", "tau"), "--map: name two"),
+        (("--size", "tau"), "--size: "),
+    ):
+        wrong = tcstudy_command("draw", "results/block.nc", "b.png", *words, cwd=folder)
+        assert (wrong.returncode, wrong.stderr.count("\n")) == (2, 1)
+        assert said in wrong.stderr
     assert not (folder / "b.png").exists()
 
 
@@ -104,32 +97,6 @@ def test_plan_touches_nothing(folder: Path) -> None:
     assert sorted(p.name for p in folder.iterdir()) == ["block.yaml"]
     found = json.loads(tcstudy_command("run", "block.yaml", "--dry-run", "--json", cwd=folder).stdout)
     assert (found["points"], len(found["levels"]), found["factorisations"]) == (2, 2, 1)
-
-
-@pytest.mark.parametrize("dry", [[], ["--dry-run"]], ids=["run", "dry run"])
-@pytest.mark.parametrize(
-    ("old", "new", "line"),
-    [
-        ("bottom: contact", "botom: contact", "block.yaml:3:12: boundary.botom: "),
-    ],
-)
-def test_bad_input_is_one_line_and_exit_code_2(folder: Path, dry: list[str], old: str, new: str, line: str) -> None:
-    (folder / "block.yaml").write_text(STUDY.replace(old, new))
-    result = tcstudy_command("run", "block.yaml", *dry, cwd=folder)
-    assert result.returncode == 2
-    assert line in result.stderr
-    assert "Traceback" not in result.stderr
-    assert result.stdout == ""
-    assert sorted(p.name for p in folder.iterdir()) == ["block.yaml"]
-
-
-def test_unwritable_output(folder: Path) -> None:
-    (folder / "taken").write_text("a file, not a directory")
-    for dry in ([], ["--dry-run"]):
-        result = tcstudy_command("run", "block.yaml", "--output", "taken/out.nc", *dry, cwd=folder)
-        assert result.returncode == 2
-        assert "taken" in result.stderr
-        assert "Traceback" not in result.stderr
 
 
 @pytest.mark.parametrize(

@@ -18,19 +18,6 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_the_shipped_study(tmp_path: Path) -> None:
-    config = CONFIGS / "convergence.yaml"
-    result = tcstudy_command("converge", config, "--plot", "a.png", "--set", "mesh.levels=4", cwd=tmp_path)
-    assert result.returncode == 0, result.stderr
-    assert "reference: the exact solution" in result.stdout
-    assert "u in H¹" in result.stdout
-    assert "does not fall" not in result.stdout
-    assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
-    with xarray.open_dataset(tmp_path / "results" / "convergence.convergence.nc") as data:
-        assert float(data["rate_u_H1"][-1]) == pytest.approx(1.0, abs=0.03)
-        assert float(data["expected_xi_max"]) == 0.5
-
-
 def test_the_study_with_derived_loads(tmp_path: Path) -> None:
     """Its plan says what was derived, its report has the exact numbers."""
     config = CONFIGS / "manufactured.yaml"
@@ -47,15 +34,6 @@ def test_the_study_with_derived_loads(tmp_path: Path) -> None:
         assert data["exact_slip_length"].values == pytest.approx([1.0, 1.0])
 
 
-def test_nested_levels_and_formats(folder: Path) -> None:
-    for form, sign in (("text", "tau = 0.005\n──"), ("markdown", "## tau = 0.005")):
-        result = tcstudy_command("converge", "block.yaml", "--format", form, "--output", "a.nc", "-v", cwd=folder)
-        assert result.returncode == 0, result.stderr
-        assert sign in result.stdout
-        assert "level 3, the finest" in result.stdout
-    assert sorted(p.name for p in folder.iterdir()) == ["a.nc", "block.yaml"]
-
-
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -65,7 +43,6 @@ def test_nested_levels_and_formats(folder: Path) -> None:
         (("--at", "tau"), "NAME=VALUE"),
         (("--at", "tau=0.7"), "no point of the study has tau = 0.7"),
         (("--quiet", "--json"), "--quiet and --json exclude each other"),
-        (("--json", "--format", "markdown"), "--json and --format exclude each other"),
         (("--plot", "a.png", "--at", "tau=0.7"), "no point of the study has tau = 0.7"),
         (("--output", "block.yaml/a.nc"), "block.yaml"),
     ],

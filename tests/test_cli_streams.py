@@ -67,15 +67,6 @@ def test_what_could_not_be_printed_is_no_success(tmp_path: Path, words: str) -> 
     assert b"No space left on device; what was to be printed is lost" in result.stderr
 
 
-def test_no_control_character_reaches_the_terminal(tmp_path: Path) -> None:
-    (tmp_path / "block.yaml").write_text(STUDY)
-    planned = tcstudy_command("run", "block.yaml", "--dry-run", cwd=tmp_path)
-    refused = tcstudy_command("run", "block.yaml", "--dry-run", "--set", "tile=\x1b[31m", cwd=tmp_path)
-    assert (planned.returncode, refused.returncode) == (0, 2)
-    assert "\x1b" not in "".join((*planned[1:], *refused[1:]))
-    assert planned.stdout.startswith("\\x1b[31mred\\x1b]0;own\\x07\n")
-
-
 def test_missing_memory_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     def greedy(options: object) -> int:
         raise MemoryError

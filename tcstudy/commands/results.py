@@ -14,7 +14,7 @@ from tcstudy.commands.shared import FILE, MANNER, OK, Option, at, check_manner, 
 from tcstudy.errors import StoreError, StudyError, UsageError
 
 _OUTPUT = "folder of the fields (default: FILE), or the table (default: FILE.csv, FILE.json)"
-_TABLES = "of a convergence file: the point whose tables to show"
+_POINTS = "of a run the points to list, of a convergence file the point whose tables to show"
 _Y = "what the curves are of, e.g. slip_length; of a path mean-slip, max-slip or friction; of costs an error, e.g. u_L2"
 _PICTURE = "a .png, .svg or .pdf file (default of a study: results/<study>.scene.png)"
 _INDICES = "of a run with drawn points: the number whose Sobol indices to show (of mode: saltelli slip_length)"
@@ -24,7 +24,7 @@ _INDICES = "of a run with drawn points: the number whose Sobol indices to show (
     "print the summary of a result file",
     FILE,
     *MANNER,
-    at(_TABLES),
+    at(_POINTS),
     Option("--of", metavar="NUMBER", help=_INDICES),
 )
 def show(options: argparse.Namespace) -> int:
@@ -49,8 +49,8 @@ def _show(options: argparse.Namespace, file: Path) -> None:
     from tcstudy.scene.designs import SALTELLI
 
     kind = kind_of(file)
-    if point_of(options) and kind != "convergence":
-        fail("--at chooses tables of a convergence file, which this is not; leave it out")
+    if point_of(options) and kind not in ("convergence", "run"):
+        fail(f"--at: what is said of a {kind} is of all its points; leave it out")
     design = attributes(file).get("design_mode") if kind == "run" else None
     if options.of is not None and design is None:
         remedy = f"run its study with sweep: {{mode: {SALTELLI}, points: 256, PARAMETER: {{uniform: [a, b]}}}}"
@@ -142,7 +142,7 @@ FORMS = ("vtu", *TABLES)
     Option("--csv", action="store_true", help="a row a point and level, columns `name [unit]`"),
     Option("--json", action="store_true", help="the same rows as objects"),
     Option("--geometry", action="store_true", help="of a sweep over geometries the run of one, named by --at"),
-    Option("-o", "--output", type=shared.target, metavar="TARGET", help=_OUTPUT),
+    Option("-o", "--output", type=shared.named, metavar="TARGET", help=_OUTPUT),
     at("only points with this value (may be repeated)"),
     Option("--level", type=int, metavar="N", help="mesh level of --vtu (default: the finest)"),
 )

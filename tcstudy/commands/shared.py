@@ -6,7 +6,7 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -56,7 +56,7 @@ class Command:
         parser.set_defaults(read=None, kept=self.kept, run=self.run)
         for option in self.options:
             action = parser.add_argument(*option.flags, **option.told)
-            if option.told.get("type") in (named, file_name, target):
+            if option.told.get("type") in (named, file_name):
                 action.complete = COMPLETED  # type: ignore[attr-defined]  # where shtab looks for it
 
 
@@ -78,26 +78,14 @@ def file_name(text: str) -> Path:
     """The name of a file to write; a Path would forget that the text named a folder."""
     if text.endswith(("/", os.sep)):
         raise argparse.ArgumentTypeError(f"{text} is a folder; give the name of a file in it")
-    return target(text)
-
-
-def target(text: str) -> Path:
-    """The name of a file or folder to write, which takes one line wherever it is named."""
-    path = named(text)
-    if printable(text) != text:
-        raise argparse.ArgumentTypeError(f"{text} has characters that no line shows; give a name without them")
-    with suppress(ValueError):  # of names that files.check_writable refuses
-        try:
-            path.exists()
-        except OSError as error:
-            raise argparse.ArgumentTypeError(f"{text[:60]}: {error.strerror}; give another name") from None
-    return path
+    return named(text)
 
 
 def named(text: str) -> Path:
-    """A path, which is not empty."""
-    if not text.strip():
-        raise argparse.ArgumentTypeError("the name is empty; give the name of a file")
+    """A path, which takes one line wherever it is named."""
+    if not text.strip() or printable(text) != text:
+        what = "has characters that no line shows" if text.strip() else "is empty"
+        raise argparse.ArgumentTypeError(f"the name {text} {what}; give the name of a file")
     return Path(text)
 
 
@@ -121,7 +109,6 @@ STUDY = (
     Option("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides", help=_SET),
 )
 FILE = Option("file", type=named, metavar="FILE.nc")
-FORMAT = Option("--format", choices=("text", "markdown"), default="text", help="form of the tables")
 FORCE = Option("--force", action="store_true", help=_FORCE)
 DASK = Option("--dask", metavar="ADDRESS", help=_DASK)
 JOBS = Option("--jobs", type=count, metavar="N", help=_JOBS)
@@ -167,11 +154,10 @@ def say(options: argparse.Namespace, path: Path, below: Sequence[str] = (), of: 
     with reading(path):
         remarks = remarks_of(attributes(path))
         if not (options.quiet or options.json):
-            form, point = getattr(options, "format", "text"), point_of(options) if hasattr(options, "at") else None
+            point = point_of(options) if hasattr(options, "at") else None
             with spoken(options):
-                print("\n".join([text_of(path, options.verbose, form, point, of).rstrip("\n"), *below]))
-                if form == "text":
-                    print("".join(wrapped(f"  warning: {one}") + "\n" for one in remarks), end="")
+                print("\n".join([text_of(path, options.verbose, point, of).rstrip("\n"), *below]))
+                print("".join(wrapped(f"  warning: {one}") + "\n" for one in remarks), end="")
             return
         if options.quiet:
             tell(remarks)
@@ -199,8 +185,7 @@ def note(options: argparse.Namespace, text: str) -> None:
 def check_manner(options: argparse.Namespace) -> None:
     """Raise UsageError for manners that exclude each other."""
     given = [name for name in ("quiet", "verbose", "json") if getattr(options, name, False)]
-    given += ["format"] if getattr(options, "format", "text") != "text" else []
-    if len(given) > 1 and given != ["verbose", "format"]:
+    if len(given) > 1:
         fail(f"--{given[0]} and --{given[1]} exclude each other; leave one out")
 
 

@@ -12,8 +12,9 @@ Sobol indices, as `tcstudy show` has them, are something else.)
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import product
 
 from tcstudy.data.schema import POINT_LEVEL, SECTION, SWEEP, FileVariable, count, flags, result
 from tcstudy.scene.records import Clamped, Contact, Free
@@ -54,7 +55,8 @@ def step_variables(study: Study) -> tuple[FileVariable, ...]:
     given = replace(study, output=replace(study.output, sensitivity=()))
     dims = {POINT_LEVEL: (SWEEP, "step"), SECTION.dims: (SWEEP, "step", "node")}
     own = [replace(v, dims=dims[v.dims]) for v in (*variables(given), *line_variables(study))]
-    return (*own, *step_derivatives(study.output.sensitivity))
+    numbers = study.output.sensitivity
+    return (*own, *derivatives(numbers, STEP_QUANTITIES, (SWEEP, "step"))) if numbers else tuple(own)
 
 
 def _probes(study: Study) -> Iterator[FileVariable]:
@@ -118,34 +120,23 @@ def name_of(quantity: str, number: str) -> str:
     return f"{SENSITIVITY}{quantity}_{number.replace('.', '_')}"
 
 
-def derivatives(numbers: Sequence[Sensitivity]) -> tuple[FileVariable, ...]:
-    """The variables of a study that asks for these."""
-    what = "where a node begins to slide, comes to rest or passes a kink, to 1e-9"
-    verdict = FileVariable(STATUS, "i1", "1", "verdict on derivatives", extra=flags(*_VERDICTS))
-    at_event = replace(count(EVENTS, "contact nodes at an event", extra=()), comment=what)
-    return (verdict, at_event, *(_by(number, one, POINT_LEVEL) for number in numbers for one in QUANTITIES))
+def derivatives(
+    numbers: Sequence[Sensitivity], of: Iterable[str] = QUANTITIES, dims: tuple[str, ...] = POINT_LEVEL
+) -> Iterator[FileVariable]:
+    """The variables of a study that asks for these, of points, or of the steps of a history."""
+    steps = "step" in dims
+    told = "difference of whole histories; missing where both sides differ" if steps else _AT_SOLUTION
+    yield FileVariable(STATUS, "i1", "1", "verdict on derivatives", dims, extra=flags(*_VERDICTS))
+    if not steps:
+        yield replace(count(EVENTS, "contact nodes at an event", extra=()), comment=_EVENT)
+    for number, quantity in product(numbers, of):
+        (units, what), extra = QUANTITIES[quantity], (("ancillary_variables", STATUS),)
+        name, over = name_of(quantity, number.name), quotient(units, number.units)
+        yield FileVariable(name, "f8", over, f"{what} by {number.name}", dims, extra=extra, comment=told)
 
 
-def step_derivatives(numbers: Sequence[Sensitivity]) -> tuple[FileVariable, ...]:
-    """The same at every step of a history; none without numbers."""
-    dims = (SWEEP, "step")
-    verdict = FileVariable(STATUS, "i1", "1", "verdict on derivatives", dims, extra=flags(*_VERDICTS))
-    what = "difference of whole histories; missing where both sides differ"
-    return (
-        (verdict, *(_by(number, one, dims, what) for number in numbers for one in STEP_QUANTITIES)) if numbers else ()
-    )
-
-
-def _by(
-    number: Sensitivity,
-    quantity: str,
-    dims: tuple[str, ...],
-    told: str = "at the solution, while its nodes keep their pieces of b",
-) -> FileVariable:
-    units, what = QUANTITIES[quantity]
-    name, over = name_of(quantity, number.name), quotient(units, number.units)
-    extra = (("ancillary_variables", STATUS),)
-    return FileVariable(name, "f8", over, f"{what} by {number.name}", dims, extra=extra, comment=told)
+_AT_SOLUTION = "at the solution, while its nodes keep their pieces of b"
+_EVENT = "where a node begins to slide, comes to rest or passes a kink, to 1e-9"
 
 
 def quotient(units: str, by: str) -> str:

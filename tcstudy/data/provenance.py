@@ -147,12 +147,12 @@ def git_commit(source: Path | None) -> str:
     if source is None:
         return "unknown"
     directory = source.resolve().parent
-    commit = _git(directory, "rev-parse", "--verify", "HEAD")
-    changes = _git(directory, "status", "--porcelain", "--untracked-files=no")
-    if commit is None or changes is None:
-        return "unknown"
-    tracked = _git(directory, "ls-files", "--error-unmatch", "--", source.name) is not None
-    return commit if tracked and not changes else f"{commit}-dirty"
+    commit = _git(directory, "describe", "--always", "--exclude=*", "--abbrev=40", "--dirty")
+    if commit is None or commit.endswith("-dirty"):
+        return commit or "unknown"
+    return (
+        commit if _git(directory, "ls-files", "--error-unmatch", "--", source.name) is not None else f"{commit}-dirty"
+    )
 
 
 def _git(directory: Path, *arguments: str) -> str | None:

@@ -1,22 +1,16 @@
-"""What an existing file is, found out before the netCDF library opens it here; the sweep of one that is open.
+"""What an existing file is, found out before the netCDF library opens it; the sweep of one that is open.
 
 A result file ends in a seal, a SHA-256 of all bytes before it, which tells without the library that tcstudy wrote the
-file and that no byte has changed since: on a damaged file the library may crash or never come back. It ignores what
-follows the end that a file states; a program that changes the file cuts the seal off. A file whose seal is whole is
-read at once. Any other one is read to its end by a child process first, where a crash or a hang is told, and what fails
-on it later is the file's fault, told in one line.
-
-`python -m tcstudy.data.reading FILE` is that child: it prints the global attributes as JSON.
+file and that no byte has changed since. It ignores what follows the end that a file states; a program that changes the
+file cuts the seal off. A file whose seal is broken is refused; one without a seal is read, which is told, and what
+fails on it is the file's fault, told in one line.
 """
 
 from __future__ import annotations
 
 import hashlib
-import json
 import math
 import os
-import subprocess
-import sys
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -31,88 +25,9 @@ from tcstudy.errors import StoreError, tell
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-SECONDS = 60.0
-"""For reading; an ordinary file takes a fraction of one."""
-_SLACK, _FACTOR = 100_000_000, 1000
-"""A file may state so many bytes, and so many times its size, of values (compressed ones, or never written)."""
-_SLAB = 1 << 26
-"""Bytes above which a variable is read piece by piece."""
-
 
 class Unreadable(Exception):
     """The file cannot be read; the text says why."""
-
-
-def probe(file: Path) -> dict[str, Any]:
-    """The global attributes of a file all of which can be read. Raises Unreadable, OSError."""
-    now = file.stat()
-    return dict(_probe(os.path.realpath(file), now.st_ino, now.st_size, now.st_mtime_ns))
-
-
-@lru_cache(maxsize=16)
-def _probe(file: str, *_stamp: int) -> dict[str, Any]:
-    command = [sys.executable, "-m", __name__, file]
-    environment = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONWARNINGS": "ignore"}
-    try:
-        done = subprocess.run(
-            command, stdin=subprocess.DEVNULL, capture_output=True, timeout=SECONDS, env=environment, check=False
-        )
-    except subprocess.TimeoutExpired as error:
-        raise Unreadable("the netCDF library does not come to an end with it") from error
-    if done.returncode not in (0, 1):
-        raise Unreadable("the netCDF library crashes on it")
-    try:
-        answer = json.loads(done.stdout)
-    except ValueError as error:
-        raise Unreadable("the netCDF library cannot read it") from error
-    if done.returncode:
-        raise Unreadable(str(answer))
-    return dict(answer)
-
-
-def read_all(file: str) -> dict[str, Any]:
-    """The global attributes, after every attribute and value of the file has been read once."""
-    import netCDF4
-
-    with netCDF4.Dataset(file) as nc:
-        nc.set_auto_maskandscale(False)
-        groups = list(_groups(nc))
-        variables = [variable for group in groups for variable in group.variables.values()]
-        sizes = [int(v.size) * (8 if v.dtype is str else int(v.dtype.itemsize)) for v in variables]
-        if sum(sizes) > _SLACK + _FACTOR * os.path.getsize(file):
-            raise Unreadable(f"it states {sum(sizes):.2g} bytes of values, which it cannot hold")
-        for holder in (*groups, *variables):
-            plain_attributes(holder)
-        for variable, size in zip(variables, sizes, strict=True):
-            for part in range(variable.shape[0]) if size > _SLAB and variable.ndim else (...,):
-                variable[part]
-        return plain_attributes(nc)
-
-
-def plain_attributes(holder: Any) -> dict[str, Any]:
-    """The attributes of a dataset, group or variable by name, as JSON can hold them."""
-    values = {name: holder.getncattr(name) for name in holder.ncattrs()}
-    return {name: value.tolist() if hasattr(value, "tolist") else value for name, value in values.items()}
-
-
-def _groups(group: Any) -> Iterator[Any]:
-    yield group
-    for inner in group.groups.values():
-        yield from _groups(inner)
-
-
-def _main(file: str) -> int:
-    try:
-        answer, code = json.dumps(read_all(file), default=str), 0
-    except Exception as error:  # whatever it is called, the file is at fault
-        text = (error.strerror if isinstance(error, OSError) else None) or f"{error}"
-        answer, code = json.dumps(text.splitlines()[0] if text else type(error).__name__), 1
-    print(answer)
-    return code
-
-
-if __name__ == "__main__":
-    raise SystemExit(_main(sys.argv[1]))
 
 
 _MARK = b"\ntcstudy result, sha256 "
@@ -184,10 +99,8 @@ def is_foreign(file: Path) -> bool:
     """Whether there is a file that does not say it is a result of tcstudy; an empty one is no loss. Raises OSError."""
     if not file.is_file() or not file.stat().st_size or seal_of(file) != Seal.NONE:
         return False
-    if not _is_netcdf(file):
-        return True
     try:
-        return not _says_ours(probe(file))
+        return not _says_ours(_attributes(file))
     except Unreadable:
         return True
 
@@ -218,17 +131,20 @@ def attributes(path: Path) -> dict[str, Any]:
 
 
 def _attributes(path: Path) -> dict[str, Any]:
-    seal = seal_of(path)
-    if seal == Seal.BROKEN:
+    if (seal := seal_of(path)) == Seal.BROKEN:
         raise Unreadable("its checksum is wrong")
-    if seal == Seal.NONE:
-        if not _is_netcdf(path):
-            raise Unreadable("it does not begin like one")
-        return probe(path)
+    if seal == Seal.NONE and not _is_netcdf(path):
+        raise Unreadable("it does not begin like one")
     import netCDF4
 
-    with netCDF4.Dataset(path) as nc:
-        return plain_attributes(nc)
+    try:
+        with netCDF4.Dataset(path) as nc:
+            values = {name: nc.getncattr(name) for name in nc.ncattrs()}
+    except (OSError, RuntimeError) as error:
+        if seal == Seal.WHOLE:
+            raise
+        raise Unreadable(getattr(error, "strerror", None) or str(error)) from error
+    return {name: value.tolist() if hasattr(value, "tolist") else value for name, value in values.items()}
 
 
 def change_of(path: Path) -> str:

@@ -83,6 +83,12 @@ def read_mesh(ctx: Context, root: Node, body: Body | None, scenes: Sequence[Scen
 @none_after_fault
 def _mesh(ctx: Context, section: Node) -> MeshPlan:
     fields = Fields(ctx, section, "mesh")
+    if (one := fields["tolerance"]) and isinstance(one.value, Mapping) and len(one.value) == 1:
+        what, size = next(iter(one.children.items()))
+        fields.fault(
+            "tolerance", "is a number, what it is of stands beside it", f"write tolerance: {size.text()}, of: {what}"
+        )
+        ctx.sound()
     node, sizes = fields["maxh"], fields.value("maxh") if fields["maxh"] else ()
     for i, (coarse, fine) in enumerate(pairwise(sizes), start=1):
         if node and fine >= coarse:

@@ -6,7 +6,7 @@ values that touch it, so 10^4 points cost little more than their distinct values
 
 from __future__ import annotations
 
-import math
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -28,7 +28,7 @@ from tcstudy.read.physics import read_boundary, read_friction, read_loads, read_
 from tcstudy.read.sweep import SECTIONS, Sweep
 from tcstudy.scene.parameters import Keys, numbers, path_scene
 from tcstudy.scene.points import Scenes
-from tcstudy.scene.records import Body, Edge, Scene
+from tcstudy.scene.records import Body, Scene
 from tcstudy.scene.study import Study
 from tcstudy.shapes.faults import snapped
 
@@ -94,12 +94,14 @@ class SceneReader:
         """All combinations of the values of the axes that touch a section, and (P,) which one each point has."""
         axes, sizes = self.touching[section], [len(axis.values) for axis in self.sweep.axes]
         if self.sweep.mode == "grid":
-            own = [sizes[i] for i in axes]
-            places = np.unravel_index(np.arange(math.prod(sizes)), sizes)
-            of = np.ravel_multi_index([places[i] for i in axes], own) if own else np.zeros(len(places[0]))
-            return list(np.ndindex(*own)), np.asarray(of, dtype=np.int32)
-        every = range(sizes[0]) if axes else [0]
-        return [(i,) * len(axes) for i in every], np.resize(np.array(every, dtype=np.int32), sizes[0])
+            one = np.zeros([1] * len(sizes), dtype=np.int32)
+            for i in axes:
+                steps = np.arange(sizes[i], dtype=np.int32).reshape([-1 if d == i else 1 for d in range(len(sizes))])
+                one = one * np.int32(sizes[i]) + steps
+            return list(itertools.product(*(range(sizes[i]) for i in axes))), np.broadcast_to(one, sizes).ravel()
+        found: dict[Indices, int] = {}
+        of = [found.setdefault((i,) * len(axes), len(found)) for i in range(sizes[0])]
+        return list(found), np.array(of, dtype=np.int32)
 
     def _at(self, section: str, key: Indices, base: Any) -> tuple[Node | None, Any]:
         """The study with nothing but a section, the values at `key` of the axes that touch it put in; and its record.
@@ -181,7 +183,7 @@ class SceneReader:
         if section == "material":
             return read_materials(self.ctx, node, root.child("materials"), self.regions)
         if section == "friction":
-            return read_friction(self.ctx, node, self._contact_lines())
+            return read_friction(self.ctx, node)
         boundary = read_boundary(self.ctx, node, self.names)
         if boundary and self.body:
             if not self.loose and (held := supports(boundary)) not in self.supports:
@@ -190,17 +192,6 @@ class SceneReader:
                     self.ctx.errors.at(node, *fault)
             check_boundary(self.ctx, node, self.body, boundary)
         return boundary
-
-    def _contact_lines(self) -> dict[str, list[Edge]]:
-        """The edges of an outline where its study has contact, by name, and all by the name ""."""
-        roles = self.root.child("boundary")
-        children = roles.children if roles and self.body and self.body.outline is not None else {}
-        contact = {name for name, own in children.items() if "contact" in (own.value, (own.child("role") or own).value)}
-        edges = [edge for loop in self.body.loops for edge in loop.edges] if self.body and contact else []
-        return {
-            "": [edge for edge in edges if edge.name in contact],
-            **{name: [edge for edge in edges if edge.name == name] for name in contact},
-        }
 
     def _compare(self, root: Node, values: Mapping[str, Any]) -> None:
         """Checks across the sections of one scene."""

@@ -15,7 +15,7 @@ from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.fields import LISTS, PAIRS, SOME
 from tcstudy.read.plans import IN_SWEEP
 from tcstudy.scene.key import Key
-from tcstudy.scene.keys import OF_ALL_LAWS, law_rows, of_role, row, rows
+from tcstudy.scene.keys import law_rows, of_role, row, rows
 from tcstudy.scene.parameters import SHORT, WHOLE, sweepable
 from tcstudy.scene.study import PROVED, Quantity
 from tcstudy.scene.units import NONE
@@ -65,7 +65,7 @@ def schema() -> Schema:
     made = {section: _section(section) for section in (*sections, "values", *drawn, "goal") if section != "point"}
     made["boundary"] |= {"allOf": [_takes("role", role, of_role(role)) for role in row("boundary", "role").words]}
     laws = {law: tuple(one.name for one in law_rows(law)) for law in SHAPES}
-    made["friction"] |= {"allOf": [_takes("law", law, (*OF_ALL_LAWS, *names)) for law, names in laws.items()]}
+    made["friction"] |= {"allOf": [_takes("law", law, ("strength", *names)) for law, names in laws.items()]}
     made["body"] |= {"oneOf": [{"required": [name]} for name in ("outline", "rectangle", "file")]}
     for shape in ("circle", "rectangle"):  # of a region they have no edge
         made["hole"]["properties"][shape] |= {"required": ["edge"]}
@@ -154,14 +154,9 @@ def _by_path(items: Schema) -> Schema:
     return {"type": "object", "minProperties": 1, "additionalProperties": items}
 
 
-def _bounded(one: Key, kind: str) -> Schema:
-    bounds = {"minimum": one.least, "exclusiveMinimum": one.above, "maximum": one.most, "exclusiveMaximum": one.below}
-    number = int if kind == "integer" else float
-    return {"type": kind, **{name: number(bound) for name, bound in bounds.items() if bound is not None}}
-
-
 def _number(one: Key, text: Schema = NUMBER_TEXT) -> Schema:
-    return {"anyOf": [_bounded(one, "number"), text]}
+    bounds = {"minimum": one.least, "exclusiveMinimum": one.above, "maximum": one.most, "exclusiveMaximum": one.below}
+    return {"anyOf": [{"type": "number", **{k: v for k, v in bounds.items() if v is not None}}, text]}
 
 
 def _sub_section(one: Key) -> Schema:
@@ -186,6 +181,11 @@ def _fragment(one: Key) -> Schema:
     return FRAGMENTS[kind](one)
 
 
+def _integer(one: Key) -> Schema:
+    bounds = {"minimum": one.least, "maximum": one.most}
+    return {"type": "integer", **{k: int(v) for k, v in bounds.items() if v is not None}}
+
+
 def _sizes_or_tolerance(one: Key) -> Schema:
     """h of a sweep."""
     made = {name: _described(row("mesh", name)) for name in IN_SWEEP}
@@ -196,7 +196,7 @@ def _sizes_or_tolerance(one: Key) -> Schema:
 LAW_BY_EDGE = _by_path(_ref("friction")) | {"not": {"required": ["law"]}}
 FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     "number": _number,
-    "integer": lambda one: _bounded(one, "integer"),
+    "integer": _integer,
     "flag": lambda one: {"type": "boolean"},
     "text": lambda one: SOME_TEXT,
     "name": lambda one: {"type": "string", "pattern": NAME},

@@ -1,4 +1,4 @@
-"""The files of fits, histories and sweeps over geometries keep the conventions that other programs read them by."""
+"""Files of all kinds keep the conventions that other programs read them by."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from tests.data.compliance import cf_faults
 CONFIGS = Path(__file__).parents[2] / "configs"
 CASES = {
     "fit": ("pull_fit", ["mesh.maxh=10 mm", "fit.starts=1"]),
+    "path": ("path", ["mesh.levels=1"]),
     "history": ("pipeline_cycles", ["mesh.maxh=20 m"]),
     "run": ("thickness_map", ["mesh.levels=1", "sweep={parameters.H: [8 mm, 16 mm]}"]),
 }

@@ -63,7 +63,7 @@ except StoreError as error:
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="file size limits are a matter of POSIX")
-@pytest.mark.parametrize("limit", [1, 4096, 20_000, 40_000])
+@pytest.mark.parametrize("limit", [1, 20_000])
 def test_a_disk_that_fills_while_netcdf_writes_leaves_the_old_file(written: Path, limit: int) -> None:
     before = written.read_bytes()
     assert len(before) > limit
@@ -129,17 +129,6 @@ def test_files_that_are_no_finished_results_are_refused(tmp_path: Path, written:
         nc.title = "midway"
     with pytest.raises(StoreError, match="is unfinished"):
         open_results(tmp_path / "midway.nc")
-
-
-def test_a_directory_without_permission_is_named_as_such(
-    output: Path, study: Study, levels: Levels, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refuse(*_: object, **__: object) -> None:
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr(Path, "touch", refuse)  # the superuser, who may run the tests, is refused nothing
-    with pytest.raises(StoreError, match=r"Permission denied\. Make the place writable"):
-        write(output, study, levels, [])
 
 
 def test_a_file_that_is_no_result_is_not_overwritten(tmp_path: Path, written: Path) -> None:

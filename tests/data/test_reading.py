@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 
 from tcstudy.data import provenance as provenance_module
-from tcstudy.data import reading as probe_module
 from tcstudy.data.files import StoreError, check_writable
 from tcstudy.data.provenance import holds
-from tcstudy.data.reading import Seal, Unreadable, attributes, change_of, is_foreign, read_all, reading, seal_of
+from tcstudy.data.reading import Seal, attributes, change_of, is_foreign, reading, seal_of
 from tcstudy.data.store import open_results, write
 from tcstudy.scene.study import Study
 from tcstudy.study.append import stored_study
@@ -72,34 +71,6 @@ def test_files_of_strangers_are_not_overwritten(tmp_path: Path) -> None:
     for file in (mine, classic, hdf):
         assert "exists and is no result file; it would be lost" in check_writable(file, 0)[0]
     assert check_writable(old, 0) == []
-
-
-def test_what_crashes_or_hangs_the_library_is_told(written: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with netCDF4.Dataset(written, "a") as nc:
-        nc.setncattr("title", "edited")
-    for seconds, script, what in (
-        (60.0, "import os; os.abort()", "crashes"),
-        (0.5, "import time; time.sleep(60)", "does not come to an end"),
-    ):
-        monkeypatch.setattr(probe_module, "SECONDS", seconds)
-        real = probe_module.subprocess.run
-
-        def instead(command: list[str], real=real, script=script, **more: object):  # type: ignore[no-untyped-def]
-            return real([command[0], "-c", script], **more)
-
-        with monkeypatch.context() as patch:
-            patch.setattr(probe_module.subprocess, "run", instead)
-            probe_module._probe.cache_clear()
-            with pytest.raises(StoreError, match=what):
-                attributes(written)
-
-
-def test_a_file_that_states_more_than_it_can_hold_is_not_read(tmp_path: Path) -> None:
-    with netCDF4.Dataset(tmp_path / "bomb.nc", "w") as nc:
-        nc.createDimension("t", 10**12)
-        nc.createVariable("v", "f8", ("t",), chunksizes=(1000,))
-    with pytest.raises(Unreadable, match="which it cannot hold"):
-        read_all(str(tmp_path / "bomb.nc"))
 
 
 @pytest.mark.skipif(os.name == "nt", reason="pipes and sockets of POSIX")

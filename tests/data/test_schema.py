@@ -20,14 +20,12 @@ from tests.data.compliance import cf_faults
 from tests.data.conftest import make_level, make_point
 
 
-@pytest.fixture(params=["grid", "numbers", "list", "single", "dimensionless"])
+@pytest.fixture(params=["grid", "list", "dimensionless"])
 def written(request: pytest.FixtureRequest, output: Path, study: Study, list_study: Study) -> Path:
     """Files of all kinds of sweep, with whole-body fields."""
     kinds = {
         "grid": study,
-        "numbers": replace(study, axes=study.axes[:2]),
         "list": list_study,
-        "single": replace(study, axes=()),
         "dimensionless": replace(study, units="none", axes=(Axis("alpha", ("heat", "alpha"), (1,), (1.0,), "1"),)),
     }
     chosen = kinds[request.param]
@@ -117,8 +115,3 @@ def test_compliance_checker_finds_no_fault(written: Path, tmp_path: Path, capsys
     # the checker itself stumbles over text coordinates and over groups; these are no findings about the file
     known = {"check_coordinate_variables_strict_monotonicity", "check_invalid_same_named_dimension_across_groups"}
     assert stumbled <= known
-
-
-def test_tables_have_no_name_twice() -> None:
-    for table in (schema.ROOT, (*schema.CONTACT, *schema.MESH, *schema.FIELDS)):
-        assert len({v.name for v in table}) == len(table)

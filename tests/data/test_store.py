@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -39,18 +38,6 @@ def test_every_number_of_every_point_comes_back_exactly(written: Path, points: P
         np.testing.assert_array_equal(groups[p.level]["u_T"].values[p.index], p.u_T)
         np.testing.assert_array_equal(groups[p.level]["sticks"].values[p.index], p.sticks)
         np.testing.assert_array_equal(groups[p.level]["xi"].values[p.index], p.xi)
-
-
-def test_levels_come_back_exactly(written: Path, levels: Levels) -> None:
-    with open_results(written) as tree:
-        for level in levels:
-            for name in ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble"):
-                assert tree[name].values[level.level] == getattr(level, name)
-            group = tree[f"level_{level.level}"]
-            assert group.sizes["node"] == level.n_contact
-            for name in ("arclength", "x", "y", "c", "edge"):
-                np.testing.assert_array_equal(group[name].values, getattr(level, name))
-            assert group["edge"].attrs["flag_meanings"].split() == list(level.edge_names)
 
 
 def test_not_run_points_are_visible_and_keep_integers_integer(
@@ -100,12 +87,6 @@ def test_whole_body_fields_stand_on_their_mesh(output: Path, study: Study) -> No
         np.testing.assert_array_equal(group["node_y"].values, levels[1].fields["node_y"])
         assert group["mesh"].attrs["face_node_connectivity"] == "triangle"
         assert group["theta"].attrs["mesh"] == "mesh"
-
-
-def test_a_writer_that_fails_leaves_nothing(output: Path, study: Study, levels: Levels, points: Points) -> None:
-    with pytest.raises(ValueError, match="broadcast"):
-        write(output, study, levels, [replace(points[0], u_T=np.zeros(5))])
-    assert os.listdir(output.parent) == []
 
 
 def test_names_of_axes_that_collide_are_refused(output: Path, study: Study, levels: Levels, points: Points) -> None:

@@ -12,12 +12,13 @@ The table goes through memory some thousand rows at a time. Left out: what lies 
 
 from __future__ import annotations
 
+import csv
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -28,10 +29,8 @@ from tcstudy.data.store import open_root
 from tcstudy.errors import StoreError, UsageError
 from tcstudy.reports.select_point import Value, matching
 
-if TYPE_CHECKING:
-    import pandas
-
-VALUES = 2**18
+Row = tuple[Any, ...]
+VALUES = 2**20
 """Values that are in memory at a time."""
 ROWS = {"path": "vertex", "fit": "row"}
 """Dimension of the rows where there is no status, by the kind of the file."""
@@ -64,26 +63,28 @@ def write_table(path: Path, target: Path, point: Mapping[str, Value] | None = No
         def make(aside: Path) -> None:
             nonlocal written
             with open(aside, "w", encoding="utf-8", newline="") as stream:
-                for frame in _frames(columns, dims, sizes, wanted):
-                    write(stream, frame, {**about, "units": units}, not written)
-                    written += len(frame)
+                for rows in _rows(columns, dims, sizes, wanted):
+                    write(stream, rows, units, None if written else about)
+                    written += len(rows)
                 stream.write("" if target.suffix == ".csv" else "\n]}\n")
 
         replace_file(target, make, sealed=False)
     return written
 
 
-def _csv(stream: IO[str], frame: pandas.DataFrame, about: Mapping[str, Any], first: bool) -> None:
-    titles = [name if unit in ("", "1") else f"{name} [{unit}]" for name, unit in about["units"].items()]
-    frame.to_csv(stream, header=titles if first else False, index=False, lineterminator="\n")
+def _csv(stream: IO[str], rows: Sequence[Row], units: Mapping[str, str], about: Mapping[str, Any] | None) -> None:
+    writer = csv.writer(stream, lineterminator="\n")
+    if about is not None:
+        writer.writerow([name if unit in ("", "1") else f"{name} [{unit}]" for name, unit in units.items()])
+    writer.writerows(rows)
 
 
-def _json(stream: IO[str], frame: pandas.DataFrame, about: Mapping[str, Any], first: bool) -> None:
-    if first:
-        stream.write(f'{json.dumps(about, ensure_ascii=False)[:-1]}, "rows": [\n')
-    whole = frame.astype(object).where(frame.notna(), None).replace({math.inf: "inf", -math.inf: "-inf"})
-    rows = (json.dumps(row, ensure_ascii=False, allow_nan=False) for row in whole.to_dict("records"))
-    stream.write(("" if first else ",\n") + ",\n".join(rows))
+def _json(stream: IO[str], rows: Sequence[Row], units: Mapping[str, str], about: Mapping[str, Any] | None) -> None:
+    if about is not None:
+        stream.write(f'{json.dumps({**about, "units": units}, ensure_ascii=False)[:-1]}, "rows": [\n')
+    finite = ([str(cell) if cell in (math.inf, -math.inf) else cell for cell in row] for row in rows)
+    texts = (json.dumps(dict(zip(units, row, strict=True)), ensure_ascii=False, allow_nan=False) for row in finite)
+    stream.write(",\n" * (about is None) + ",\n".join(texts))
 
 
 def _columns(data: Any, dims: tuple[str, ...]) -> dict[str, Any]:
@@ -97,30 +98,28 @@ def _columns(data: Any, dims: tuple[str, ...]) -> dict[str, Any]:
     return found
 
 
-def _frames(columns: Mapping[str, Any], dims: tuple[str, ...], sizes: list[int], wanted: Any) -> Iterator[Any]:
+def _rows(columns: Mapping[str, Any], dims: tuple[str, ...], sizes: Sequence[int], wanted: Any) -> Iterator[list[Row]]:
     """Rows in C order of their index, some thousand at a time; the last dimension of a run's is the level."""
-    import pandas
-
-    step = max(1, VALUES // len(columns) // math.prod(sizes[1:]))
+    inner = math.prod(sizes[1:])
+    step = max(1, VALUES // len(columns) // inner)
     for start in range(0, sizes[0], step):
         shape = dict(zip(dims, (min(step, sizes[0] - start), *sizes[1:]), strict=True))
-        cells = {name: _cells(one.isel({dims[0]: slice(start, start + step)}, missing_dims="ignore"), shape)
-                 for name, one in columns.items()}  # fmt: skip
-        frame = pandas.DataFrame(cells, copy=False)
-        if wanted is not None:
-            frame = frame[wanted[(start * math.prod(sizes[1:]) + np.arange(len(frame))) // sizes[-1]]]
-        if len(frame):
-            yield frame
+        index = np.arange(start * inner, start * inner + math.prod(shape.values()))
+        kept = slice(None) if wanted is None else np.flatnonzero(wanted[index // sizes[-1]])
+        cut = {dims[0]: slice(start, start + step)}
+        cells = (_cells(one.isel(cut, missing_dims="ignore"), shape, kept) for one in columns.values())
+        if rows := list(zip(*cells, strict=True)):
+            yield rows
 
 
-def _cells(one: Any, shape: Mapping[str, int]) -> Any:
-    """The values of a variable in all rows; flags as words, counts that there are not as NA."""
-    import pandas
-
-    values, attrs = one.set_dims(shape).transpose(*shape).values.ravel(), one.attrs
+def _cells(one: Any, shape: Mapping[str, int], kept: Any) -> list[Any]:
+    """The values of a variable in the rows that are kept, flags as words; None where there is none."""
+    array, attrs = one.set_dims(shape).transpose(*shape).values.ravel()[kept], one.attrs
+    values: list[Any] = array.tolist()
     if "flag_meanings" in attrs:
         words = dict(zip(np.atleast_1d(attrs["flag_values"]).tolist(), attrs["flag_meanings"].split(), strict=True))
-        return pandas.Series(values).map(words)
-    if "valid_min" in attrs:
-        return pandas.arrays.IntegerArray(values.astype("i8"), values < attrs["valid_min"])
-    return values
+        return [words.get(value) for value in values]
+    if array.dtype.kind == "f":
+        return [None if value != value else value for value in values]
+    least = attrs.get("valid_min")
+    return values if least is None else [None if value < least else value for value in values]

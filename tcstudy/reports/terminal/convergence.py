@@ -82,7 +82,9 @@ def verdict(data: Any) -> tuple[str, str, bool]:
     found = [(m.symbol, VERDICTS[int(v)]) for m in ERRORS if shown(data, m.name)
              for v in by_point(data[f"verdict_{m.name}"], data)]  # fmt: skip
     solved = bool(np.all(data["status"].values == int(PointStatus.OK)))
-    return sentences.orders(found, solved) + ".", "", solved and all(verdict != "slower" for _, verdict in found)
+    lack = next((text for text in str(data.attrs["notes"]).split("\n") if text.startswith("No errors")), None)
+    told = lack if lack and not found else f"{sentences.orders(found, solved)}."
+    return told, "", solved and all(verdict != "slower" for _, verdict in found)
 
 
 def shown(at: Any, name: str) -> bool:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tcstudy.accuracy.rates import dominated
-from tcstudy.data.measured import MEASURES, STAGES
+from tcstudy.data.measured import MEASURES
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import DrawError
 from tcstudy.reports.sentences import percent
@@ -111,12 +111,6 @@ def settings(data: Any, measure: str) -> list[Setting]:
     least = [min(o.time for o, one in zip(found, first, strict=True) if one is s or o is s) for s in found]
     beaten = dominated(np.where(counts, least, np.nan), np.array([s.error for s in found]))
     return [replace(s, dominated=bool(b)) for s, b in zip(found, beaten, strict=True)]
-
-
-def stages(data: Any, one: Setting) -> dict[str, float]:
-    """Wall time of each stage of a setting's fastest run [s]."""
-    f, s = (data[name].values.tolist().index(getattr(one, name)) for name in ("family", "solver"))
-    return {name: float(data[f"time_{name}"].values[f, s, one.level]) for name in STAGES if f"time_{name}" in data}
 
 
 def front(found: Sequence[Setting]) -> list[Setting]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.reports.terminal.tables import Heading, Part, Table
-from tcstudy.reports.text import counted, number, prefix, with_unit
+from tcstudy.reports.text import counted, number, prefix
 
 WIDE = 1.0
 """Half width of an interval, of the estimate, above which the data hardly say anything of a number."""
@@ -26,11 +26,10 @@ BAND = 1.96
 
 
 def parts(data: Any) -> Iterator[Part]:
-    """What a fit found: its numbers, what speaks for and against them, where other starts end."""
+    """What a fit found: its numbers, what speaks for and against them."""
     yield Heading(str(data.attrs["title"]), 1)
     yield _estimates(data)
     yield "\n".join(f"  {line}" for line in [*(told for told, _ in fit_doubts(data)), _work(data)])
-    yield from _starts(data)
 
 
 def verdict(data: Any) -> tuple[str, str, bool]:
@@ -168,17 +167,3 @@ def _tried(data: Any) -> list[tuple[str, bool]]:
         return [(told, False)]
     names = "another minimum agrees" if rivals == 1 else f"{rivals} other minima agree"
     return [(told, False), (f"{names} with the data about as well as the lowest", True)]
-
-
-def _starts(data: Any) -> Iterator[Table]:
-    """Other minima, if several starts found any."""
-    if data.sizes.get("start", 1) < 2:
-        return
-    rows = []
-    for k in range(data.sizes["start"]):
-        found = zip(data["start_estimate"].values[k], data["parameter_units"].values, strict=True)
-        count = [str(int(data["start_count"][k]))] if "start_count" in data else []
-        cost = number(2.0 * float(data["start_cost"][k]), 4)
-        rows.append((*count, cost, *(with_unit(x, str(units)) for x, units in found)))
-    header = (*(["starts"] if "start_count" in data else []), "Σ r²", *map(str, data["parameter"].values))
-    yield Table("Distinct minima that starts end in; the first is the lowest:", header, tuple(rows))

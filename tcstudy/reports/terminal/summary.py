@@ -1,27 +1,27 @@
 """What the terminal says of any result file; of a run one table of levels, one of the finest level's points.
 
-What a study that names several solvers says of them: one row per solver over all points and levels. What a netCDF file
-is that holds no study, such as those of the benchmarks: its title, maker and variables.
+What a study that names several solvers says of them: one row per solver over all points and levels.
 """
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tcstudy.data.on_request import DIFFERENTIABLE
 from tcstudy.data.provenance import kind_of
-from tcstudy.data.reading import GEOMETRIES, Unreadable, asked, axis_names, by_point, of_largest, probe, sweep_dims
+from tcstudy.data.reading import GEOMETRIES, asked, axis_names, by_point, of_largest, sweep_dims
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import LIMITED, OF_POLYGON, UNBALANCED
-from tcstudy.data.store import load_root, open_results
-from tcstudy.reports.select_point import Value, axis_labels, describe
+from tcstudy.data.store import load_root, open_root
+from tcstudy.reports.select_point import Value, axis_labels, describe, matching
 from tcstudy.reports.sentences import equilibria, locks, of_the_body
 from tcstudy.reports.terminal import convergence, cost, fit, history_summary, path_summary
 from tcstudy.reports.terminal.tables import (
+    WIDE,
     Part,
     TextColumn,
     columns_table,
@@ -44,17 +44,12 @@ SIZES = "h_max: longest edge; mesh.maxh is what the mesher aims at, its longest 
 """Measured on all uniform meshes in configs/ and eight more."""
 
 
-def text_of(
-    file: Path,
-    full: bool = False,
-    form: str = "text",
-    point: Mapping[str, Value] | None = None,
-    of: str | None = None,
-) -> str:
+def text_of(file: Path, full: bool = False, point: Mapping[str, Value] | None = None, of: str | None = None) -> str:
     """Its sentences and tables, from the file alone. Raises StoreError.
 
-    full:  all rows, steps and tables;  form: one of tables.FORMATS, of a convergence or cost file
-    point: of a convergence file, whose tables to show;  of: of a design, the number whose indices to show
+    full:  all rows, steps and tables
+    point: labels of the points of a run to list, or of that of a convergence to show
+    of:    of a design, the number whose indices to show
     """
     kind = kind_of(file)
     if kind != "run":
@@ -62,8 +57,8 @@ def text_of(
         heading, *rest = parts_of(data, kind, full, point)
         text, how, _ = verdict_of(data, kind, file)
         first = [] if kind == "cost" else [f"{text} {how[:1].upper()}{how[1:]}{'.' * bool(how)}".rstrip()]
-        return render([heading, *first, *rest], form)
-    text = summary(file, None if full else MOST_ROWS)
+        return render([heading, *first, *rest])
+    text = summary(file, None if full else MOST_ROWS, point)
     if of:
         from tcstudy.reports.terminal.indices import indices_text
 
@@ -95,26 +90,26 @@ def parts_of(data: Any, kind: str, full: bool = False, point: Mapping[str, Value
     return fit.parts(data)
 
 
-def summary(path: Path, most: int | None = MOST_ROWS) -> str:
-    """Text for the terminal, read from the result file alone. Raises StoreError if it is not one.
+def summary(path: Path, most: int | None = MOST_ROWS, point: Mapping[str, Value] | None = None) -> str:
+    """Text for the terminal, read from the result file alone. Raises StoreError if it is not one, DrawError.
 
-    most: points that are listed, None for all
+    most: points that are listed, None for all;  point: labels that these have
     """
-    with open_results(path) as tree:
-        data = tree.to_dataset().drop_vars(NOT_SAID, errors="ignore").load()
-    extremes, data = _extremes(data), of_largest(data)
+    with open_root(path) as root:
+        data = of_largest(root.drop_vars(NOT_SAID, errors="ignore").load())
+    several = f"  {data.attrs.get(GEOMETRIES)} geometries: the largest h_max, dofs and contact, the least λ₁"
     stopped = f"  stopped: {data['stop'].values[-1]}" if "stop" in data and data["stop"].values[-1] else ""
     told = run_verdict(path)["text"]
     parts = [
         data.attrs["title"],
         f"  {told}",
         _levels(data),
-        extremes,
+        several if GEOMETRIES in data.attrs else "",
         stopped,
-        _points(data, most),
+        _points(data, most, point or {}),
         solver_table(data),
     ]
-    parts += [_derivatives(data), *(f"  {line}" for line in _said(data))]
+    parts += [f"  {line}" for line in _said(data)]
     return wrapped("\n\n".join(part for part in parts if part))
 
 
@@ -178,34 +173,17 @@ EVERY_LEGEND = (
 """Without and with exponential laws."""
 
 
-def _extremes(data: Any) -> str:
-    """Which of several geometries the table of levels means; empty for one."""
-    if GEOMETRIES not in data.attrs:
-        return ""
-    fine = data.isel(level=-1)
-    dims = [str(dim) for dim in fine["n_dof"].dims]
-    outer = data.drop_vars([name for name in axis_names(data) if str(data[name].dims[0]) not in dims])
-    said = []
-    for title, name, sign in (("h_max", "h_max", 1.0), ("dofs", "n_dof", 1.0), ("λ₁", "lambda_1", -1.0)):
-        values = sign * fine[name].transpose(*dims, ...).values.astype(float)
-        if not np.isfinite(values).any():
-            return ""
-        place = np.unravel_index(int(np.nanargmax(values)), values.shape)
-        said.append(f"{title} of {describe(outer, dict(zip(dims, map(int, place), strict=False)))}")
-    what = f"{data.attrs[GEOMETRIES]} geometries: the largest h_max, dofs and contact, the least λ₁"
-    return f"  {what}; on level {int(fine['level'])} {'; '.join(said)}"
-
-
-def _points(data: Any, most: int | None) -> str:
+def _points(data: Any, most: int | None, point: Mapping[str, Value]) -> str:
     """One row per point on the finest level, with what changed in ∫ξ since the level before."""
     dims, fine = sweep_dims(data), data.isel(level=-1)
-    total = fine["status"].size
-    n = total if most is None else min(most, total)
-    place = dict(zip(dims, np.unravel_index(np.arange(n), [data.sizes[d] for d in dims]), strict=True)) if dims else {}
+    own = np.flatnonzero(matching(data, point)) if point else np.arange(fine["status"].size)
+    shown = own[:most]
+    n, sizes = len(shown), [data.sizes[d] for d in dims]
+    place = dict(zip(dims, np.unravel_index(shown, sizes), strict=True)) if dims else {}
     near = data.isel({dim: slice(int(index.max()) + 1) for dim, index in place.items()})
 
     def first(name: str, level: int = -1) -> Any:
-        return by_point(data[name].isel(level=level), data)[:n]
+        return by_point(data[name].isel(level=level), data)[shown]
 
     status = first("status")
     solved, run = status == PointStatus.OK, status != PointStatus.NOT_RUN
@@ -215,7 +193,9 @@ def _points(data: Any, most: int | None) -> str:
         columns.append(TextColumn(headed(axis, unit), [texts[i] for i in place[str(data[axis].dims[0])]]))
     labels = len(columns)
     usual = [one for one in _COLUMNS if one[0] in fine and np.isfinite(fine[one[0]].values).any()]
-    for name, title, rank in (*usual, *((name, name, 0) for name in asked(data))):
+    # a reaction is the force of a held edge: once is enough
+    more = [n for n in asked(data) if not (n.startswith("reaction_") and n.replace("reaction_", "force_", 1) in fine)]
+    for name, title, rank in (*usual, *((name, name, 0) for name in more)):
         divisor, unit = scales[name] = prefix(fine[name].values, fine[name].attrs["units"])
         cells = [number(value / divisor) for value in first(name)]
         cells = [c if good or c == "–" else f"({c})" for c, good in zip(cells, solved, strict=True)]
@@ -247,37 +227,15 @@ def _points(data: Any, most: int | None) -> str:
         )
     if np.any(run & ~solved):
         legend.append("failed: no solution; the numbers in (parentheses) are those of the last step")
-    parts = [f"  Level {int(fine['level'])}, the finest:" + (f" first {n} of {total} points" if n < total else "")]
-    if wanted and not fits([*columns, *wanted, *rest]):
+    parts = [
+        f"  Level {int(fine['level'])}, the finest:" + (f" first {n} of {len(own)} points" if n < len(own) else "")
+    ]
+    if wanted and not fits([*columns, *wanted, *rest], WIDE):
         parts += [columns_table([*columns, *rest]), "  Asked for by output:"]
         parts += [split_table([*columns[:labels], *wanted], labels)]
     else:
         parts += [columns_table([*columns, *wanted, *rest])]
     return "\n\n".join([*parts, "\n".join(f"  {line}" for line in legend)])
-
-
-def _derivatives(data: Any) -> str:
-    """The derivatives of the first point on the finest level that has them; the file has those of all."""
-    if "sensitivity_status" not in data:
-        return ""
-    from tcstudy.data.on_request import DIFFERENTIABLE, QUANTITIES, STATUS
-
-    fine = data.isel(level=-1)
-    places = np.argwhere(fine[STATUS].values == DIFFERENTIABLE)
-    known = f"known at {len(places)} of {fine[STATUS].size} points of the finest level, NaN at events and folds"
-    title = f"  Derivatives at the solution ({known})"
-    if not len(places):
-        return f"{title}."
-    at = fine.isel(dict(zip(fine[STATUS].dims, (int(i) for i in places[0]), strict=True)))
-    first = f"sensitivity_{next(iter(QUANTITIES))}_"
-    numbers = [str(name).removeprefix(first) for name in data if str(name).startswith(first)]
-    shown = [(quantity, title) for quantity, title, _ in _COLUMNS if quantity in QUANTITIES]
-    rows = []
-    for one in numbers:
-        found = [at[f"sensitivity_{quantity}_{one}"] for quantity, _ in shown]
-        rows.append([one, *(f"{number(value)} {value.attrs['units']}".removesuffix(" 1") for value in found)])
-    where = _point(data, [*places[0], data.sizes["level"] - 1])
-    return f"{title}; at {where}:\n\n" + plain_table(["by", *(name for _, name in shown)], rows)
 
 
 def _said(data: Any) -> Iterator[str]:
@@ -286,6 +244,10 @@ def _said(data: Any) -> Iterator[str]:
     failed = [tuple(place) for place in np.argwhere((status != PointStatus.OK) & (status != PointStatus.NOT_RUN))]
     reasons = data["reason"].values if failed else {}
     yield from failure_lines(Failure(PointStatus(int(status[p])), str(reasons[p]), _point(data, p)) for p in failed)
+    if "sensitivity_status" in data:
+        known = np.count_nonzero(data["sensitivity_status"].isel(level=-1).values == DIFFERENTIABLE)
+        of = data["status"].isel(level=-1).size
+        yield f"derivatives known at {known} of {of} points of the finest level, NaN at events and folds: sensitivity_…"
     if len(places := np.argwhere(status == PointStatus.NOT_RUN)):
         yield f"not run: {len(places)} of {total} places of the grid (for example {_point(data, places[0])})"
     if len(places := np.argwhere(data["inclusion_status"].values == LIMITED)):
@@ -352,36 +314,13 @@ def solver_table(data: Any) -> str:
     return legend + "\n\n" + plain_table(header, rows)
 
 
-SHOWN = 200
-"""Characters of an attribute that are shown."""
-WIDEST = 48
-"""Characters of a meaning."""
-BENCHMARKS = "tests.benchmarks"
-
-
 def other_text(path: Path) -> str:
-    """What the file is; empty where it holds a study, whole or not, and where nothing can be read."""
-    import netCDF4
+    """What xarray says of a file that holds no study; empty where it holds one, or nothing can be read."""
+    import xarray
 
     try:
-        told = {name: str(value) for name, value in probe(path).items()}
-        with netCDF4.Dataset(path) as nc:  # all of it was read by the probe
-            if "study_yaml" in told or not nc.variables:
-                return ""
-            rows = [_row(name, variable) for name, variable in nc.variables.items()]
-    except (Unreadable, OSError):
+        with xarray.open_dataset(path, engine="netcdf4") as data:
+            told = f"{path}: no results of a study, so there is no summary of it; what it has:\n\n{data}"
+            return "" if "study_yaml" in data.attrs or not data.variables else told
+    except (OSError, RuntimeError, ValueError):
         return ""
-    maker = told.pop("source", "")
-    benchmark = "data of a benchmark" if BENCHMARKS in maker else "a data file that tcstudy did not write as results"
-    lines = [told.pop("title", path.name), "", f"  {benchmark}; no results of a study, so there is no summary of it"]
-    lines += [f"  made by {maker}"] * bool(maker)
-    lines += [f"  {name}: {value[:SHOWN]}{'…' * (len(value) > SHOWN)}" for name, value in told.items()]
-    table = plain_table(("variable", "dimensions", "unit", "meaning"), rows, (0, 1, 3, 2))
-    return wrapped("\n".join([*lines, "", table]))
-
-
-def _row(name: str, variable: object) -> tuple[str, str, str, str]:
-    sizes = zip(variable.dimensions, variable.shape, strict=True)  # type: ignore[attr-defined]
-    units, meaning = (str(getattr(variable, key, "")) for key in ("units", "long_name"))
-    dims = ", ".join(f"{dim} {size}" for dim, size in sizes)
-    return name, dims, units, textwrap.shorten(meaning, WIDEST, placeholder=" …")

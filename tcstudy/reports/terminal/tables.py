@@ -1,18 +1,17 @@
-"""Tables as plain text or Markdown, from the same cells."""
+"""Tables and words as plain text that fits the terminal."""
 
 from __future__ import annotations
 
+import math
 import re
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 
-FORMATS = ("text", "markdown")
-
-WIDTH = 110
-"""Characters of a line of running text."""
+WIDTH, WIDE = 110, 200
+"""Characters of a line of running text; of a table that may be split, where no terminal says how wide it is."""
 
 
 @dataclass(frozen=True)
@@ -57,10 +56,9 @@ def fitting(width: int | None) -> Iterator[None]:
         _width.reset(token)
 
 
-def render(parts: Sequence[Part], form: str) -> str:
-    """All parts in one of FORMATS."""
-    one = {"text": _text, "markdown": _markdown}[form]
-    return "\n\n".join(one(part) for part in parts) + "\n"
+def render(parts: Iterable[Part]) -> str:
+    """All parts as text."""
+    return "\n\n".join(map(_text, parts)) + "\n"
 
 
 def _text(part: Part) -> str:
@@ -122,17 +120,16 @@ def columns_table(columns: Sequence[TextColumn]) -> str:
     return "\n".join([text, wrapped(f"  no room for {', '.join(gone)} (-v has all)")] if gone else [text])
 
 
-def fits(columns: Sequence[TextColumn]) -> bool:
-    """Whether a table of all these columns has room."""
-    width = _width.get()
-    return width is None or sum(max(map(len, column.lines)) + 2 for column in columns) <= width
+def fits(columns: Sequence[TextColumn], otherwise: float = math.inf) -> bool:
+    """Whether a table of all these columns has room; otherwise: characters of a line that is no terminal's."""
+    return sum(max(map(len, column.lines)) + 2 for column in columns) <= (_width.get() or otherwise)
 
 
 def split_table(columns: Sequence[TextColumn], labels: int) -> str:
     """All columns in as many tables as the width asks for, each with the first `labels` columns."""
     parts = list[list[TextColumn]]([[]])
     for column in columns[labels:]:
-        if parts[-1] and not fits([*columns[:labels], *parts[-1], column]):
+        if parts[-1] and not fits([*columns[:labels], *parts[-1], column], WIDE):
             parts.append([])
         parts[-1].append(column)
     return "\n\n".join(_aligned([column.lines for column in (*columns[:labels], *part)]) for part in parts)
@@ -152,19 +149,3 @@ def _aligned(cells: Sequence[Sequence[str]]) -> str:
 def _numeric(column: Sequence[str]) -> bool:
     """Whether every cell looks like a number, alone, in parentheses or missing; such columns are aligned right."""
     return all(not cell or cell[0].isdigit() or cell[0] in "-+–∞−(" for cell in column)
-
-
-def _markdown(part: Part) -> str:
-    if isinstance(part, Heading):
-        return f"{'#' * part.level} {part.text}"
-    if isinstance(part, str):
-        return part
-    right = [_numeric(column) for column in zip(*part.rows, strict=True)]
-    lines = [f"**{part.caption}**", "", _cells(part.header)]
-    lines += ["|" + "|".join("--:" if aligned else ":--" for aligned in right) + "|"]
-    lines += [_cells(row) for row in part.rows]
-    return "\n".join([*lines, *(f"\n{note}" for note in part.notes)])
-
-
-def _cells(row: Sequence[str]) -> str:
-    return "| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |"

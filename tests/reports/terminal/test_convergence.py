@@ -95,7 +95,6 @@ def test_the_tables(file):
     assert "5.000 ± 0.01" in text
     assert "Note: Mind it." in text
     assert "tau = 1 MPa" in text
-    assert text_of(file, True, "markdown").count("0.50") == text.count("0.50")
 
 
 def test_the_plot(file, tmp_path, monkeypatch):

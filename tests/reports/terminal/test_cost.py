@@ -7,29 +7,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import xarray
-from matplotlib.axes import Axes
-from matplotlib.text import Text
 
 from tcstudy.accuracy.rates import dominated
 from tcstudy.data.measured import COST_TABLE, STAGES
 from tcstudy.data.provenance import collect
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import Record, load_root, write_record
-from tcstudy.errors import DrawError
 from tcstudy.reports.figures.draw import picture
 from tcstudy.reports.terminal.cost import (
     advice,
     best,
     front,
-    measure_of,
     parts,
     settings,
     stretches,
 )
 from tcstudy.reports.terminal.summary import text_of
 from tcstudy.reports.terminal.tables import render
-from tests.data.compliance import cf_faults
 from tests.verification.scenes import RECTANGLE, study_of
 
 FAMILIES, SOLVERS = ("uniform", "graded"), ("separable-newton", "bundle-newton")
@@ -121,19 +115,6 @@ def test_advice_names_what_is_faster_and_more_accurate(file: Path) -> None:
     assert "Faster and more accurate: graded, level 3, separable-newton: 0.25 of the error in 0.50 of the time" in text
 
 
-def test_two_families_that_begin_with_one_mesh_share_its_time(file: Path) -> None:
-    """Their two timings differ by noise alone, which must not make either of them the fastest."""
-    dofs, error, time = N.astype(np.int32), made().values["error_u_energy"].copy(), made().values["time"].copy()
-    dofs[1, 0], error[1, :, 0] = N[0, 0], error[0, :, 0]
-    time[1, :, 0] *= 0.5
-    error[1, :, 1:] = 0.07  # nowhere else better
-    study = study_of(RECTANGLE)
-    fields = {"n_dof": dofs, "n_contact": dofs // 20, "error_u_energy": error, "time": time}
-    write_record(file, study, made(**fields), collect(study, ["tcstudy"]))
-    (only,) = stretches(settings(load_root(file, "cost"), "u_energy"))
-    assert only.family == "uniform"
-
-
 def test_one_mesh_of_two_families_is_once_on_the_front(file: Path) -> None:
     """Whichever of its two timings happens to be the least: it counts in the simplest family, with that time."""
     error, time = made().values["error_u_energy"].copy(), made().values["time"].copy()
@@ -170,41 +151,13 @@ def test_own_settings_that_failed_are_said_to_have_failed(file: Path) -> None:
     assert told[-1] == "The study's own settings (graded, level 3, bundle-newton) were not solved."
 
 
-@pytest.mark.parametrize("form", ["text", "markdown"])
-def test_the_report_says_it_all(file: Path, form: str) -> None:
-    text = text_of(file, form=form)
+def test_the_report_says_it_all(file: Path) -> None:
+    text = text_of(file)
     assert text.count("Wall time from the body") == 1
     for words in ("tau = 0.01", "exact solution", "Look twice.", "9600", "least of 3 runs"):
         assert words in text
-    if form == "text":
-        assert "6.4†" in text
-        assert "(2.000e-02)" not in text  # the first solver was solved there
-        assert "1.6*" in text
-    other = render(list(parts(load_root(file, "cost"), "xi_L2")), form)
+    assert "6.4†" in text
+    assert "(2.000e-02)" not in text  # the first solver was solved there
+    assert "1.6*" in text
+    other = render(parts(load_root(file, "cost"), "xi_L2"))
     assert "3.200e-01" in other
-
-
-def test_an_error_that_is_not_there(file: Path) -> None:
-    with pytest.raises(DrawError, match=r"theta_L2.*u_energy, xi_L2"):
-        measure_of(load_root(file, "cost"), "theta_L2")
-    assert measure_of(load_root(file, "cost"), None) == "u_energy"
-
-
-def test_the_chart(file: Path) -> None:
-    target = file.with_name("a.svg")
-    assert picture(file, target) == f"{target}: u in energy, tau = 0.01"
-    assert "own settings" in target.read_text()
-
-
-def _within(axes: Axes, text: Text) -> bool:
-    low, high = axes.get_xlim()
-    return bool(low <= text.get_position()[0] <= high)
-
-
-def test_the_file_keeps_to_cf(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    text, stumbled = cf_faults(file, tmp_path, capsys)
-    assert not text
-    assert stumbled <= {"check_coordinate_variables_strict_monotonicity"}  # the checker's own, over names on an axis
-    with xarray.open_dataset(file) as data:
-        assert data["time"].dims == ("family", "solver", "level", "run")
-        assert data["time"].attrs["units"] == "s"

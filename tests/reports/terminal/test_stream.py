@@ -7,7 +7,7 @@ import io
 
 import pytest
 
-from tcstudy.reports.terminal.stream import Stream, is_lost, raw_terminal, spelled, visible
+from tcstudy.reports.terminal.stream import Stream, is_lost, visible
 
 
 class Broken(io.StringIO):
@@ -28,13 +28,6 @@ def test_control_characters_become_visible() -> None:
     assert visible("m\nθ̄ – ✓") == "m\nθ̄ – ✓"
 
 
-def test_a_progress_bar_may_move_the_cursor() -> None:
-    stream = io.StringIO()
-    raw_terminal(Stream(stream)).write("\r\x1b[K")  # type: ignore[arg-type]
-    assert stream.getvalue() == "\r\x1b[K"
-    assert raw_terminal(stream) is stream
-
-
 @pytest.mark.parametrize(
     ("encoding", "shown"),
     [("ascii", "lambda1 int xi 2 - u ... ?"), ("cp1252", "lambda1 int xi ² – µ … ?"), ("utf-8", "λ₁ ∫ξ ² – µ … 漢")],
@@ -46,11 +39,6 @@ def test_what_an_encoding_lacks_is_spelled(encoding: str, shown: str) -> None:
     out.flush()
     assert raw.getvalue().decode(encoding) == shown + "\n"
     assert out.lost is None
-
-
-def test_every_sign_of_the_reports_has_a_spelling() -> None:
-    signs = "αβθλμνξσωΓΔ∂∫∞−–─×·≤≥→√₁²¹³µ…"
-    assert "?" not in spelled(signs, "ascii")
 
 
 @pytest.mark.parametrize(("number", "lost"), [(errno.ENOSPC, True), (errno.EPIPE, False)])

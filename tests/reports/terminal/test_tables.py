@@ -1,6 +1,6 @@
-"""One table in two forms."""
+"""Tables and words that fit."""
 
-from tcstudy.reports.terminal.tables import Heading, Table, fitting, plain_table, render, wrapped
+from tcstudy.reports.terminal.tables import Table, fitting, plain_table, render, wrapped
 
 TABLE = Table(
     "Error of u_T",
@@ -10,18 +10,10 @@ TABLE = Table(
 
 
 def test_text_aligns_numbers_right():
-    lines = render([TABLE], "text").splitlines()
+    lines = render([TABLE]).splitlines()
     assert lines[2] == "  level  u_T in L²(Γ_C)  verdict"
     assert lines[4] == "      0       1.250e-02  too few"
     assert lines[5] == "     10       (3.1e-03)  100 % & more"
-
-
-def test_markdown():
-    lines = render([Heading("Title", 1), TABLE, "words"], "markdown").splitlines()
-    assert lines[0] == "# Title"
-    assert "|--:|--:|:--|" in lines
-    assert "| 10 | (3.1e-03) | 100 % & more |" in lines
-    assert lines[-1] == "words"
 
 
 def test_columns_go_by_importance_and_are_named():
