@@ -119,6 +119,5 @@ def test_answers_agree_with_tcstudy(text: str, browser: Browser, tmp_path: Path)
         assert answer["converged"]
         assert np.max(np.abs(np.array(answer["v"]) - own.v)) <= AGREEMENT * np.max(np.abs(own.v))
         assert answer["residual"] <= AGREEMENT
-        assert answer["energy"] == pytest.approx(own.energy, rel=AGREEMENT)
     assert solved >= SETTINGS // 5
     assert browser.complaints() == []

@@ -7,8 +7,6 @@ TC.Law = class {
     this.left = this.kinks.map((s, k) => this.value(s, k));
     this.right = this.kinks.map((s, k) => this.value(s, k + 1));
     this.ups = this.kinks.filter((_, k) => this.kind[k] > 0);
-    this.at = new Float64Array(K); // ∫ of b from the first kink to each kink
-    for (let k = 1; k < K; k++) this.at[k] = this.at[k - 1] + this.pieceIntegral(k, this.kinks[k - 1], this.kinks[k]);
     const ends = [0, K].filter((k) => this.q[k] === 0).map((k) => Math.abs(this.b0[k]));
     this.scale = Math.max(0, ...Array.from(this.left, Math.abs), ...Array.from(this.right, Math.abs), ...ends);
   }
@@ -21,23 +19,6 @@ TC.Law = class {
   value(s, k) { const d = s - this.s0[k]; return this.b0[k] + this.q[k] * d + (this.a[k] === 0 ? 0 : this.a[k] * Math.exp(-this.r[k] * d)); }
   slope(s, k) { return this.q[k] - (this.a[k] === 0 ? 0 : this.a[k] * this.r[k] * Math.exp(-this.r[k] * (s - this.s0[k]))); }
   b(s, side) { return this.value(s, this.piece(s, side)); }
-  pieceIntegral(k, x, y) {
-    const step = y - x;
-    let total = step * (this.b0[k] + this.q[k] * (x - this.s0[k] + 0.5 * step));
-    if (this.a[k] !== 0) {
-      const rate = this.r[k], larger = rate * step >= 0 ? x : y, decay = Math.abs(rate * step);
-      total += this.a[k] * Math.exp(-rate * (larger - this.s0[k])) * (decay === 0 ? step : (step * -Math.expm1(-decay)) / decay);
-    }
-    return total;
-  }
-  // ∫ b from x to y without cancellation.
-  integral(x, y) {
-    if (x === y) return 0;
-    const rising = y > x, first = this.piece(x, rising ? 1 : -1), last = this.piece(y, rising ? -1 : 1);
-    if (first === last) return this.pieceIntegral(first, x, y);
-    const leave = rising ? first : first - 1, enter = rising ? last - 1 : last;
-    return this.pieceIntegral(first, x, this.kinks[leave]) + (this.at[enter] - this.at[leave]) + this.pieceIntegral(last, this.kinks[enter], y);
-  }
   onJump(s) { const k = this.piece(s, -1); return k < this.kinks.length && this.kinks[k] === s && this.kind[k] !== 0; }
   nextUp(s, direction) {
     if (direction > 0) { for (const u of this.ups) if (u > s) return u; return Infinity; }

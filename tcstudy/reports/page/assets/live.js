@@ -83,6 +83,6 @@ TC.live = {
     const one = { line, u: answer.v, xi: answer.xi.map((x, i) => x / L.c[i]), state: answer.rests.map((rests) => (rests ? 0 : 1)), held: TC.point.contact(line, p).held };
     TC.point.profiles(left, line, stored ? [one, stored] : [one], { ...TC.point.frame(line, TC.width(left)), shape: false }, stored ? "dashed: the stored solution of this point" : "");
     TC.fill(right, TC.el("p", {}, TC.el("span", { class: "badge good" }, "only solution (ω < λ₁)"), ` residual ${TC.number(answer.residual, 2)}, ${TC.number(time, 2)} ms`),
-      TC.note(`${numbers}; largest |u_T| = ${TC.quantity(Math.max(...answer.v.map(Math.abs)), line.u_T_units)}, energy ${TC.quantity(answer.energy, TC.data.run.numbers.energy ? TC.data.run.numbers.energy.units : "1", 6)}`), law([one]));
+      TC.note(`${numbers}; largest |u_T| = ${TC.quantity(Math.max(...answer.v.map(Math.abs)), line.u_T_units)}`), law([one]));
   },
 };

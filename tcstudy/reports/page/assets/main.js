@@ -65,16 +65,7 @@ TC.toggle = function () {
   TC.writeState();
   TC.draw();
 };
-TC.keys = function () {
-  const box = document.getElementById("keys"), d = TC.data, rows = [];
-  if (d.run && d.run.varied.length > 1) rows.push(["arrow keys", "move the point on the map (click the map first)"], ["shift-click", "compare with that cell"]);
-  if (TC.count || d.run) rows.push(["[  ]", TC.count ? "one state back, one on" : "coarser, finer level"]);
-  if (d.run && d.run.varied.length) rows.push(["q", "next quantity"]);
-  if (d.run && !d.steps) rows.push(["c", "compare with this point"]);
-  rows.push(["d", "light or dark"], ["Esc", "close this"]);
-  box.replaceChildren(TC.h3("Keys"), TC.el("table", { class: "facts" }, TC.el("tbody", {}, rows.map(([k, t]) => TC.el("tr", {}, TC.el("td", {}, TC.el("kbd", {}, k)), TC.el("td", {}, t))))), TC.note("The address of the page holds what is shown: copy it to come back here."), TC.el("button", { onclick: () => box.close() }, "close"));
-  box.showModal();
-};
+TC.keys = () => document.getElementById("keys").showModal();
 TC.start().catch((error) => {
   document.getElementById("main").textContent = `The page cannot be drawn: ${error}. It needs a browser of 2023 or later.`;
   console.error(error);
