@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".yaml", ".yml")
 """Of studies."""
+ARC_PIECES = 64
 
 
 def draw_study(
@@ -105,14 +106,13 @@ def _coarsest(study: Study) -> SceneShape:
 
 def _outline(body: Body) -> dict[str, Any]:
     """(k, 2, 2) fine straight pieces of every edge [m]."""
-    from tcstudy.shapes.edges import edge_line, loop_size
+    from tcstudy.shapes.edges import edge_points
 
     found: dict[str, list[Any]] = {}
-    for loop in body.loops:
-        for edge in loop.edges:
-            points = np.array(edge_line(edge, loop_size(loop)).coords)
-            found.setdefault(edge.name, []).append(np.stack([points[:-1], points[1:]], axis=1))
-    return {name: np.concatenate(parts) for name, parts in found.items()}
+    for edge in body.edges:
+        points = edge_points(edge, 1 if edge.through is None else ARC_PIECES)
+        found.setdefault(edge.name, []).extend(np.stack([points[:-1], points[1:]], axis=1))
+    return {name: np.array(pieces) for name, pieces in found.items()}
 
 
 def _of_faults(title: str, body: Body, error: StudyError, look: Any) -> Figure:

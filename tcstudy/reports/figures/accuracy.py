@@ -223,10 +223,9 @@ def cost_panels(data: Any, measure: str) -> dict[str, Panel]:
         beaten = " (beaten)" * own_setting.dominated
         time.line(own_setting.time, own_setting.error, **star, label=f"the study's own{beaten}")
         unknowns.line(own_setting.n_dof, own_setting.error, **star)
-    ink = {"color": style.INK, "marker": "o", "markersize": 4.5, "linestyle": "none"}
-    time.line([], [], **ink, label="best at its error")
     if not all(s.solved and not s.dominated for s in found):
-        time.line([], [], **ink, markerfacecolor="white", label="open: beaten, or not converged")
+        open_ = {"color": style.INK, "marker": "o", "markersize": 4.5, "linestyle": "none", "markerfacecolor": "white"}
+        time.line([], [], **open_, label="open: beaten, or not converged")
     errors = [s.error for s in found if s.error > 0]
     if errors:
         time.limits[1] = unknowns.limits[1] = min(errors) / 1.6, max(errors) * 1.6

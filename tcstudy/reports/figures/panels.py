@@ -180,40 +180,45 @@ NAMED = 60
 """Dots whose names may stand beside them."""
 
 
+SIDES = ((1, 1.0), (-1, 1.0), (1, -1.0), (-1, -1.0), (0, 2.3), (0, -2.3))
+"""Where a name may stand beside its dot: to which side, and how many letters above."""
+
+
 def place_names(axes: Axes, panel: Panel) -> None:
     """The names of a panel, once its axes have their place."""
     from matplotlib.patheffects import withStroke
 
     letters, inch = style.pt(8.5), axes.figure.dpi / 72.0
-    taken: dict[str, tuple[float, float, float]] = {}
-    left, right = axes.bbox.x0 / inch, axes.bbox.x1 / inch
-    share = np.linspace(0.0, 1.0, 60)[:, None]
-    beside = [(side, up) for up in (4.0, -4.0 - letters) for side in (6.0, -6.0)]
-    beside += [(0.0, up) for up in (4.0 + 1.4 * letters, -4.0 - 2.4 * letters)]
-    lines = [np.column_stack([x, y]) for kind, x, y, _ in panel.items if kind == "line" and len(x) > 1]
-    drawn = [axes.transData.transform(xy)[:, None] / inch for xy in lines]
+    left, right = axes.bbox.x0 / inch + letters, axes.bbox.x1 / inch
+
+    def placed(x: Array, y: Array) -> Array:
+        return np.asarray(axes.transData.transform(np.column_stack([x, y])) / inch)
+
+    share = np.linspace(0.0, 1.0, 60)[:, None, None]
+    drawn = [placed(x, y) for kind, x, y, _ in panel.items if kind == "line" and len(x) > 1]
     curve = np.concatenate([((1.0 - share) * xy[:-1] + share * xy[1:]).reshape(-1, 2) for xy in drawn])
-    named = [item for item in panel.items if item[0] == "names"]
-    dots = np.concatenate([axes.transData.transform(np.column_stack(item[1:3])) / inch for item in named] or [curve])
-    for _, xs, ys, how in named:
-        for name, *at in list(zip(how["texts"], xs, ys, strict=True))[:NAMED]:
-            x, y = axes.transData.transform(at) / inch
-            wide, free = LETTER * letters * len(name), list[tuple[int, tuple[float, float], float]]()
-            for shift in beside if name not in taken else ():
-                start, low = x + shift[0] - 0.5 * (1.0 - np.sign(shift[0])) * wide, y + shift[1]
-                apart = (start + wide < a or start > b or abs(low - h) > 1.2 * letters for a, b, h in taken.values())
-                if left + letters < start and start + wide <= right and all(apart):
-                    middle, half = np.array([start + wide / 2, low + letters / 2]), np.array([wide, letters]) / 2
-                    hits = int((np.abs(curve - middle) < half).all(axis=1).sum())
-                    others = dots[np.hypot(*(dots - (x, y)).T) > letters]
-                    hits += DOT * int((np.abs(others - middle) < half + letters).all(axis=1).sum())
-                    free.append((hits, shift, start))
+    taken: dict[str, tuple[Array, Array]] = {}
+    for _, xs, ys, how in (item for item in panel.items if item[0] == "names"):
+        dots = placed(xs, ys)
+        for name, x, y, dot in list(zip(how["texts"], xs, ys, dots, strict=True))[:NAMED]:
+            half, others = (
+                0.5 * letters * np.array([LETTER * len(name), 1.0]),
+                dots[np.hypot(*(dots - dot).T) > letters],
+            )
+            free = list[tuple[int, float, float]]()
+            for side, up in SIDES if name not in taken else ():
+                shift = np.array([side * (6.0 + half[0]), up * letters])
+                centre = dot + shift
+                apart = (np.any(np.abs(centre - other) > wide + half) for other, wide in taken.values())
+                if left < centre[0] - half[0] and centre[0] + half[0] <= right and all(apart):
+                    hits = int(np.all(np.abs(curve - centre) < half, axis=1).sum())
+                    hits += DOT * int(np.all(np.abs(others - centre) < half + letters, axis=1).sum())
+                    free.append((hits, *shift.tolist()))
             if free:
-                _, shift, start = min(free, key=lambda one: one[0])
-                taken[name] = (start, start + wide, y + shift[1])
+                _, *moved = min(free, key=lambda one: one[0])
+                taken[name] = dot + moved, half
                 white = [withStroke(linewidth=2.0, foreground="white")]
-                ha = "left" if shift[0] > 0 else "right" if shift[0] < 0 else "center"
-                note(axes, name, at, shift, ha=ha, fontsize=letters, path_effects=white)
+                note(axes, name, (x, y), moved, ha="center", va="center", fontsize=letters, path_effects=white)
 
 
 def grid(axes: Axes) -> None:

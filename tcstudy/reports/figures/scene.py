@@ -280,24 +280,15 @@ def role_words(role: Role, si: bool) -> Iterator[str]:
             f"{name} {'free' if u is None else '= ' + _value(u, 'm', si)}"
             for name, u in zip(names, role.u, strict=True)
         )
-    if any(one != 0.0 for one in role.g):
-        yield f"g = ({', '.join(_value(one, 'Pa', si) for one in role.g)})"
-    if role.pressure != 0.0:
-        yield f"pressure {_value(role.pressure, 'Pa', si)}"
-    if any(role.force):
-        yield f"force ({', '.join(_value(one, 'N m-1', si) for one in role.force)})"
-    if role.moment:
-        yield f"moment {_value(role.moment, 'N', si)}"
-    if any(role.spring):
-        yield from (
-            f"{k} = {_value(one, 'Pa m-1', si)}" for k, one in zip(("k_N", "k_T"), role.spring, strict=True) if one
-        )
-    heat = role.heat or EdgeHeat()
-    for name, own, units in (("θ", heat.theta, "K"), ("α", heat.alpha, "W m-2 K-1"), ("θ̄", heat.theta_bar, "K")):
-        if own is not None:
-            yield f"{name} = {_value(own, units, si)}"
-    if heat.flux != 0.0:
-        yield f"flux {_value(heat.flux, 'W m-2', si)}"
+    heat, (k_N, k_T) = role.heat or EdgeHeat(), role.spring
+    loads = (("g", role.g, "Pa"), ("pressure", [role.pressure], "Pa"), ("force", role.force, "N m-1"),
+             ("moment", [role.moment or 0.0], "N"), ("k_N", [k_N], "Pa m-1"), ("k_T", [k_T], "Pa m-1"),
+             ("flux", [heat.flux], "W m-2"))  # fmt: skip
+    told = [one for one in loads if any(value != 0.0 for value in one[1])]
+    films = (("θ", [heat.theta], "K"), ("α", [heat.alpha], "W m-2 K-1"), ("θ̄", [heat.theta_bar], "K"))
+    for name, values, units in (*told, *(one for one in films if one[1] != [None])):
+        texts = ", ".join(_value(value, units, si) for value in values)
+        yield f"{name} = ({texts})" if len(values) > 1 else f"{name} = {texts}"
 
 
 def material_words(material: Material, si: bool) -> str:
@@ -321,19 +312,18 @@ def scene_facts(study: Study, lambda_1: float | None) -> Iterator[str]:
         parts.append(f"α = {_value(heat.alpha, 'W m-2 K-1', si)}, θ̄ = {_value(heat.theta_bar, 'K', si)}")
         parts += [f"q = {_value(heat.q, 'W m-3', si)}"] if heat.q and not heat.omega else []
     yield ";  ".join(parts)
-    omegas = [law.omega for scene in distinct(study.scenes, "friction") for law in scene.laws]
-    least, most = min(omegas), max(omegas)
-    unit = "Pa m-1" if si else "1"
-    ends = dict.fromkeys(
-        "0" if x == 0.0 else with_unit(x, unit) if np.isfinite(x) else number(x) for x in (least, most)
+    omegas, unit = (
+        [law.omega for one in distinct(study.scenes, "friction") for law in one.laws],
+        "Pa m-1" if si else "1",
     )
-    fall = f"ω = {' to '.join(ends)}"
-    if lambda_1 is None:
-        yield f"Steepest fall of the law {fall}"
-    else:
-        sure = "one solution" if most < lambda_1 else "several solutions may exist" if least >= lambda_1 else (
+    least, most = min(omegas), max(omegas)
+    ends = dict.fromkeys(with_unit(x, unit) if np.isfinite(x) and x else number(x) for x in (least, most))
+    told = f"Steepest fall of the law ω = {' to '.join(ends)}"
+    if lambda_1 is not None:
+        told += f", stiffness λ₁ ≈ {with_unit(lambda_1, unit)} on this mesh: " + (
+            "one solution" if most < lambda_1 else "several solutions may exist" if least >= lambda_1 else
             "one solution for laws with ω below it, several may exist for others")  # fmt: skip
-        yield f"Steepest fall of the law {fall}, stiffness λ₁ ≈ {with_unit(lambda_1, unit)} on this mesh: {sure}"
+    yield told
     yield varied(study)
 
 
@@ -386,9 +376,7 @@ def laws_drawn(study: Study) -> dict[str, Laws]:
 
 
 def _in_units(law: Laws, key: str, value: float, si: bool) -> str:
-    units = (
-        next((one.dimension for one in SHAPES[law.made.shape].parameters if one.name == key), "") if law.made else ""
-    )
+    units = {one.name: one.dimension for one in SHAPES[law.made.shape].parameters}.get(key, "") if law.made else ""
     return with_unit(value, units.replace("/m", " m-1") if units and si else "1")
 
 

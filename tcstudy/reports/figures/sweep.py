@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.data.reading import by_point
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import NOT_ALL
 from tcstudy.data.store import open_results
@@ -128,32 +129,29 @@ def read_sweep(
         keep, fixed = fitting(data, point, names)
         needed = (name, "status", "unique", "start_energy", "complete", "omega", "lambda_1", *BAND)
         at = data[[key for key in dict.fromkeys(needed) if key in data]].isel(level=n).load()
-        dims, by_point = [str(dim) for dim in at["status"].dims], labels_by_point(data)
+        labelled = labels_by_point(data)
 
-        def flat(key: str, missing: float) -> NDArray[Any]:
-            if key not in at:
-                return np.full((int(keep.sum()), 1), missing)
-            held = at[key].broadcast_like(at["status"]).transpose(*dims, ...)
-            return held.values.reshape(len(keep), -1)[keep]
+        def flat(key: str) -> NDArray[Any]:
+            return by_point(at[key], at)[keep] if key in at else np.full(int(keep.sum()), np.nan)
 
-        status, values, unique = flat("status", 0)[:, 0], flat(name, np.nan)[:, 0], flat("unique", 0)[:, 0] == 1
+        status, values, unique = flat("status"), flat(name), flat("unique") == 1
         good = (status == PointStatus.OK) & np.isfinite(values) & ((values != -1) | (values.dtype.kind == "f"))
         with np.errstate(invalid="ignore"):
             of = ["lambda_1", *(one for one in BAND if one in at)]
-            excess = [np.where(good, flat("omega", np.nan)[:, 0] - flat(one, np.nan)[:, 0], np.nan) for one in of]
+            excess = [np.where(good, flat("omega") - flat(one), np.nan) for one in of]
         return SweepPicture(
             title=str(data.attrs["title"]),
             level=n,
             quantity=name,
             long_name=str(data[name].attrs.get("long_name", name)),
             units=str(data[name].attrs.get("units", "1")),
-            parameters=tuple(_along(data[one], one, by_point[one][keep]) for one in names),
+            parameters=tuple(_along(data[one], one, labelled[one][keep]) for one in names),
             fixed=tuple(one.words + (" (its first value)" if one.first else "") for one in fixed),
             left_out=_left_out(status, good),
             values=np.where(good, values.astype(float), np.nan),
             proved=unique,
-            several=several(flat("start_energy", 0.0), unique),
-            at_least=flat("complete", 0)[:, 0] == NOT_ALL if name in COUNTS and "complete" in at else None,
+            several=several(flat("start_energy"), unique),
+            at_least=flat("complete") == NOT_ALL if name in COUNTS and "complete" in at else None,
             excess=excess[0],
             band=tuple(excess[1:]),
         )
@@ -192,12 +190,14 @@ def _sheet(sweep: SweepPicture, look: style.Look) -> tuple[Sheet, Axes, Scale]:
 
 def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
     """One number over the first parameter of the sweep, a curve for each value of the second if there is one."""
+    from matplotlib import colormaps
+
     x, by = sweep.parameters[0], sweep.parameters[1] if len(sweep.parameters) > 1 else None
     sheet, axes, up = _sheet(sweep, look)
     panel, gone = Panel(Scale(x.title), up), list[tuple[Array, Any]]()
     across = x.numbers if x.numbers is not None else np.arange(len(x.labels), dtype=float)
-    bar = by is not None and by.numbers is not None and len(by.labels) > len(style.SERIES)
-    colours = _shades(len(by.labels)) if by and bar else style.SERIES
+    shaded = by is not None and by.numbers is not None and len(by.labels) > len(style.SERIES)
+    colours = list(colormaps[COLOURS](np.linspace(0.0, 0.92, len(by.labels)))) if by and shaded else style.SERIES
     for k in range(len(by.labels) if by else 1):
         own = np.flatnonzero(by.place == k) if by else np.arange(len(sweep.values))
         own = own[np.argsort(x.place[own], kind="stable")]
@@ -215,8 +215,8 @@ def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
         spread = [float(np.ptp(step) / np.mean(step)) for step in (np.diff(across), np.diff(np.log(across)))]
         if spread[1] < spread[0]:  # the values were spaced like that
             panel.log = True, False
-            few = range(0, len(across), -(-len(across) // 9))
-            panel.ticks = [float(across[i]) for i in few], [x.labels[i] for i in few]
+            few = slice(None, None, -(-len(across) // 9))
+            panel.ticks = across[few].tolist(), x.labels[few]
     if len(np.unique(sweep.values[np.isfinite(sweep.values)])) == 1:
         axes.margins(y=0.5)
     panel.draw(axes)
@@ -226,21 +226,14 @@ def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
                   transform=axes.get_xaxis_transform())  # fmt: skip
     if panel.log[0]:
         axes.minorticks_off()
-    if by and bar and len(by.labels) > MOST_NAMED:
+    if by and by.numbers is not None and len(by.labels) > MOST_NAMED:
         from matplotlib.cm import ScalarMappable
         from matplotlib.colors import Normalize
 
-        assert by.numbers is not None
         sheet.bar(axes, ScalarMappable(Normalize(by.numbers.min(), by.numbers.max()), COLOURS), by.title)
     elif by:
         sheet.key(place="right upper" if sheet.wide >= BESIDE else "lower center", title=by.title)
     return sheet.finish()
-
-
-def _shades(count: int) -> list[Any]:
-    import matplotlib
-
-    return list(matplotlib.colormaps[COLOURS](np.linspace(0.0, 0.92, count)))
 
 
 def map_figure(sweep: SweepPicture, look: style.Look) -> Figure:
@@ -268,12 +261,11 @@ def map_figure(sweep: SweepPicture, look: style.Look) -> Figure:
 
 def _steps(known: Array) -> dict[str, Any]:
     """A colour for each number of equilibria."""
-    from matplotlib import colormaps
     from matplotlib.colors import BoundaryNorm
 
     numbers = np.unique(known)
     edges = np.concatenate([[numbers[0] - 1.0], 0.5 * (numbers[1:] + numbers[:-1]), [numbers[-1] + 1.0]])
-    return {"cmap": colormaps[COLOURS].resampled(len(numbers)), "norm": BoundaryNorm(edges, len(numbers))}
+    return {"cmap": COLOURS, "norm": BoundaryNorm(edges, 256)}
 
 
 def _scattered(axes: Axes, sweep: SweepPicture, values: Array, how: dict[str, Any]) -> Any:
@@ -281,13 +273,10 @@ def _scattered(axes: Axes, sweep: SweepPicture, values: Array, how: dict[str, An
     x, y = (one.numbers[one.place] for one in sweep.parameters if one.numbers is not None)
     known = np.isfinite(values)
     drawn = axes.scatter(x[known], y[known], 20, values[known], linewidths=0, **how)
-    kinds: tuple[tuple[Flags, str, dict[str, Any]], ...] = (
-        (known & sweep.proved, "proved unique", {"marker": "o", "markerfacecolor": "none", "markersize": 4.6}),
-        (~known, "no solution", {"marker": "x", "markersize": 4.0}),
-    )
-    for which, name, look in kinds:
+    for which, name, mark in ((known & sweep.proved, "proved unique", "o"), (~known, "no solution", "x")):
         if which.any():
-            axes.plot(x[which], y[which], linestyle="none", color=style.INK, markeredgewidth=0.8, label=name, **look)
+            look: dict[str, Any] = {"color": style.INK, "markerfacecolor": "none", "markersize": 4.6, "label": name}
+            axes.plot(x[which], y[which], mark, markeredgewidth=0.8, **look)
     return drawn
 
 

@@ -11,6 +11,7 @@ from tcstudy.data.records import PointStatus
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.stored import Stored
 from tcstudy.reports.select_point import numbers_of
+from tcstudy.reports.sentences import several
 from tcstudy.reports.text import named, study_unit
 
 ROOM_FOR_DOUBLES = 300_000
@@ -47,7 +48,10 @@ def run_part(stored: Stored, box: Container) -> Json:
             for name in names
         },
         "asked": [name for name in asked(data) if name in names],
-        "flags": {name: box.array(flat(name), "i1") for name in FLAGS if name in data},
+        "flags": {
+            **{name: box.array(flat(name), "i1") for name in FLAGS if name in data},
+            "several": box.array(several(flat("start_energy"), flat("unique") == 1), "i1"),
+        },
         **reasons(flat("reason"), box),
         "starts": [str(one) for one in data["start"].values],
         "start_energy": box.array(flat("start_energy"), "f8"),

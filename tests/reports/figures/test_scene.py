@@ -49,20 +49,21 @@ mesh: {maxh: 20 mm}
 """
 
 
-def test_edges_with_faults_are_marked(tmp_path: Path) -> None:
-    file, target = tmp_path / "crossed.yaml", tmp_path / "crossed.svg"
-    file.write_text(CROSSED, encoding="utf-8")
-    with pytest.raises(StudyError, match="cross or touch"):
+@pytest.mark.parametrize(
+    ("text", "message", "marks"),
+    [
+        (CROSSED, "cross or touch", ["line 4: edge 1", "did you mean"]),
+        (
+            CROSSED.replace("[-20 mm, -30 mm]", "[0 mm, 60 mm]").replace("left: clampd", "lfet: clamped"),
+            "no edge 'lfet'; did you mean 'left'",
+            ["line 8: boundary.lfet: the body has", "line 8: the body has"],  # above, and at the edge that may be meant
+        ),
+    ],
+)
+def test_edges_with_faults_are_marked(tmp_path: Path, text: str, message: str, marks: list[str]) -> None:
+    file, target = tmp_path / "faulty.yaml", tmp_path / "faulty.svg"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(StudyError, match=message):
         draw_study(file, target)
-    drawn = re.sub(r"\s+", " ", target.read_text(encoding="utf-8"))
-    assert "line 4: edge 1" in drawn
-    assert "did you mean" in drawn
-
-
-def test_the_edge_that_a_mistyped_one_may_mean_is_marked(tmp_path: Path) -> None:
-    file, target = tmp_path / "typo.yaml", tmp_path / "typo.svg"
-    file.write_text(CROSSED.replace("[-20 mm, -30 mm]", "[0 mm, 60 mm]").replace("left: clampd", "lfet: clamped"))
-    with pytest.raises(StudyError, match="no edge 'lfet'; did you mean 'left'"):
-        draw_study(file, target)
-    drawn = re.sub(r"\s+", " ", target.read_text(encoding="utf-8"))
-    assert len(re.findall(r"line 8: (?:boundary.lfet: )?the body has", drawn)) == 2  # above, and at the edge
+    drawn = re.sub(r"\s+", " ", re.sub(r"<[^>]*>", "", target.read_text(encoding="utf-8")))
+    assert all(mark in drawn for mark in marks)

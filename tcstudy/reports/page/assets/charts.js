@@ -17,18 +17,13 @@ TC.ticks = function (lo, hi, count) {
   return out.length ? out : [lo];
 };
 TC.logTicks = function (lo, hi, count) {
-  const a = Math.floor(Math.log10(lo) + 1e-9), b = Math.ceil(Math.log10(hi) - 1e-9), out = [];
-  const inside = (v) => v >= lo * 0.999 && v <= hi * 1.001;
-  const every = Math.max(1, Math.ceil((b - a) / Math.max(1, count)));
-  for (let e = a; e <= b; e += every) if (inside(10 ** e)) out.push(10 ** e);
-  if (out.length < 3) {
-    for (const parts of [[1, 2, 5], [1, 1.5, 2, 3, 5, 7]]) {
-      out.length = 0;
-      for (let e = a - 1; e <= b; e++) for (const s of parts) if (inside(s * 10 ** e)) out.push(s * 10 ** e);
-      if (out.length > 2) break;
-    }
+  const a = Math.floor(Math.log10(lo) + 1e-9), b = Math.ceil(Math.log10(hi) - 1e-9), every = Math.max(1, Math.ceil((b - a) / Math.max(1, count)));
+  for (const parts of [[1], [1, 2, 5], [1, 1.5, 2, 3, 5, 7]]) {
+    const out = [];
+    for (let e = a; e <= b; e += parts.length > 1 ? 1 : every) out.push(...parts.map((s) => s * 10 ** e).filter((v) => v >= lo * 0.999 && v <= hi * 1.001));
+    if (out.length > 2) return out;
   }
-  return out.length ? out : [lo, hi];
+  return [lo, hi];
 };
 TC.tickText = function (ticks) {
   const most = Math.max(...ticks.map(Math.abs)), step = ticks.length > 1 ? Math.min(...ticks.slice(1).map((t, i) => Math.abs(t - ticks[i]))) : most;

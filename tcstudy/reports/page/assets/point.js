@@ -299,7 +299,7 @@ TC.point = {
     if (!found.length) return;
     const least = Math.min(...found.map((o) => o.v)), size = Math.max(...found.map((o) => Math.abs(o.v))) || 1, units = r.numbers.energy ? r.numbers.energy.units : "1";
     const told = (gap) => (gap <= 1e-9 * size ? "least" : `+ ${TC.quantity(gap, units, 3)}`), rows = found.map((o) => [o.name, TC.quantity(o.v, units, 5), told(o.v - least), o.used ? "stored" : ""]);
-    host.append(TC.h3("Energy of the solution that each start leads to"), TC.wide(["start", "energy", "", ""], rows, (k) => (k === 0 || k === 3) && "text"), TC.note(TC.run.several(p, level) > 1 ? "Different energies: more than one solution was found." : "All starts lead to the same energy."));
+    host.append(TC.h3("Energy of the solution that each start leads to"), TC.wide(["start", "energy", "", ""], rows, (k) => (k === 0 || k === 3) && "text"), TC.note(TC.run.several(p, level) ? "Different energies: more than one solution was found." : "All starts lead to the same energy."));
   },
   table(host, p, vs, level) {
     const r = TC.data.run, cell = (name, k) => TC.quantity(TC.run.value(name, k, level), r.numbers[name].units, 5), names = Object.keys(r.numbers).filter((n) => Number.isFinite(TC.run.value(n, p, level)) || TC.run.value(n, p, level) === Infinity);

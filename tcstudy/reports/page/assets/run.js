@@ -48,18 +48,7 @@ TC.run = {
   energies(p, level) { const r = TC.data.run, k = r.starts.length; return r.start_energy ? Array.from(r.start_energy.slice((p * r.nlevels + level) * k, (p * r.nlevels + level + 1) * k)) : []; },
   // Sizes of the levels, of the geometry of point p where there are several.
   levels: (p) => TC.point.home(p).levels || TC.data.run.levels,
-  several(p, level) {
-    const r = TC.data.run, known = (r.counted = r.counted || new Int8Array(r.points * r.nlevels).fill(-1)), at = p * r.nlevels + level;
-    return known[at] >= 0 ? known[at] : (known[at] = TC.run.count(p, level));
-  },
-  // Number of different energies among the starts.
-  count(p, level) {
-    if (TC.run.proof(p, level) === "unique") return 1; // what differs then is rounding
-    const e = TC.run.energies(p, level).filter(Number.isFinite).sort((a, b) => a - b), size = Math.max(...e.map(Math.abs), 0);
-    let count = e.length ? 1 : 0;
-    for (let i = 1; i < e.length; i++) if (e[i] - e[i - 1] > 1e-9 * size) count++;
-    return count;
-  },
+  several: (p, level) => TC.run.flag("several", p, level) === 1, // starts led to different energies
   words(at) {
     const r = TC.data.run;
     if (!r.axes.length) return "the one point of the study";
@@ -155,16 +144,16 @@ TC.run = {
     const area = (inset, look) => (round ? TC.svgNode("circle", { cx: x + w / 2, cy: y + h / 2, r: Math.max(0, w / 2 - inset), ...look }) : TC.svgNode("rect", { x: x + inset, y: y + inset, width: Math.max(0, w - 2 * inset), height: Math.max(0, h - 2 * inset), ...look }));
     const s = TC.state, p = points[points.length >> 1], known = points.map((k) => TC.run.PROOFS.indexOf(TC.run.proof(k, s.level))), proof = TC.run.PROOFS[Math.min(...known)];
     const all = points.filter((_, i) => known[i] > 0).map((k) => TC.run.value(s.q, k, s.level)).sort((a, b) => a - b), v = all.length ? all[all.length >> 1] : NaN, rgb = shade.of(v), tone = TC.dark(rgb) ? "l" : "d";
-    const several = points.reduce((most, k) => Math.max(most, TC.run.several(k, s.level)), 0), units = TC.data.run.numbers[s.q].units;
+    const several = points.some((k) => TC.run.several(k, s.level)), units = TC.data.run.numbers[s.q].units;
     const g = TC.svgNode("g", { class: "cell", "data-point": p });
     const tip = `${points.length > 1 ? `${points.length} points about ` : ""}${TC.run.words(TC.run.index(p))}\n${TC.symbol(s.q)} = ${TC.quantity(v, units)}${points.length > 1 ? ` (median; ${TC.quantity(all[0], units)} to ${TC.quantity(all[all.length - 1], units)})` : ""}\n${TC.data.proofs[proof]}`;
-    g.append(TC.svgNode("title", {}, tip + (several > 1 ? `\n${several} different energies found` : "")));
+    g.append(TC.svgNode("title", {}, tip + (several ? "\nstarts led to different solutions" : "")));
     if (proof === "failed") {
       g.append(area(0, { fill: "var(--shade)", stroke: "var(--bad)" }), TC.svgNode("path", { d: `M${x + 4},${y + 4}L${x + w - 4},${y + h - 4}M${x + w - 4},${y + 4}L${x + 4},${y + h - 4}`, stroke: "var(--bad)", "stroke-width": 2 }));
     } else {
       g.append(area(0, { fill: TC.css(rgb) }));
       if (proof !== "unique") g.append(round ? TC.run.dot(proof, x + w / 2, y + h / 2, w / 3, tone) : area(0, { fill: `url(#${proof}-${tone})` }));
-      if (several > 1) g.append(area(round ? 1 : 2.5, { fill: "none", stroke: "#d55e00", "stroke-width": round ? 2 : 3 }));
+      if (several) g.append(area(round ? 1 : 2.5, { fill: "none", stroke: "#d55e00", "stroke-width": round ? 2 : 3 }));
       if (numbers) {
         const text = TC.number(v / scale.by, 3), wide = 7.2 * text.length + 6;
         g.append(TC.svgNode("rect", { x: x + w / 2 - wide / 2, y: y + h / 2 - 8, width: wide, height: 16, fill: TC.css(rgb) }), TC.svgNode("text", { x: x + w / 2, y: y + h / 2 + 4.5, "text-anchor": "middle", style: `fill:${TC.dark(rgb) ? "#fff" : "#111"}` }, text));
@@ -231,7 +220,7 @@ TC.run = {
   key() {
     const r = TC.data.run, s = TC.state, present = new Set();
     let several = false;
-    for (let p = 0; p < r.points; p++) { present.add(TC.run.proof(p, s.level)); several = several || TC.run.several(p, s.level) > 1; }
+    for (let p = 0; p < r.points; p++) { present.add(TC.run.proof(p, s.level)); several = several || TC.run.several(p, s.level); }
     const box = (fill, look = {}) => TC.svgNode("rect", { x: 1, y: 1, width: 24, height: 14, fill, stroke: "var(--soft)", ...look }), entry = (shapes, text) => TC.entry(26, 16, shapes, text, "vertical-align:-3px;margin-right:5px");
     const shapes = (proof) => (proof === "failed" ? [box("var(--shade)"), TC.svgNode("path", { d: "M3,3L23,13M23,3L3,13", stroke: "var(--bad)", "stroke-width": 2 })] : [box("#9aa"), proof === "unique" ? "" : box(`url(#${proof}-d)`)]);
     const out = TC.legend(...TC.run.PROOFS.filter((k) => present.has(k)).reverse().map((proof) => entry(shapes(proof), TC.data.proofs[proof])));
