@@ -22,7 +22,7 @@ from tcstudy.reports.text import counted
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-HEIGHTS = {"loop": 3.1, "motion": 1.35, "front": 1.35, "spent": 1.0}
+HEIGHTS = {"loop": 3.1, "motion": 1.35, "front": 1.35, "section": 1.3, "spent": 1.0}
 """Of panels, or of the first in their row [inch]."""
 MOTION = (style.SHADE, style.SERIES[5], style.SERIES[4], style.VERMILLION)
 """Colours of MOVES."""
@@ -85,7 +85,7 @@ def history_figure(data: Any, x: str, y: str, point: str, look: style.Look) -> F
     sheet = Sheet(look, data.attrs["title"], facts, *zip(*rows, strict=True))
     for name, panel in panels.items():
         panel.draw(sheet.panels[name])
-    sheet.key("motion")
+    sheet.key("motion", *(["section"] if "section" in panels else []))
     figure = sheet.finish()
     place_names(sheet.panels["loop"], panels["loop"])
     return figure
@@ -100,6 +100,7 @@ def history_panels(data: Any, x: str, y: str) -> dict[str, Panel]:
     found = {"loop": _loop(data, x, y), "motion": _motion(data)}
     if "debonded_to" in data and np.any(data["debonded_to"] > data["debonded_from"]):
         found["front"] = _front(data, x)
+    found |= {"section": _section(data)} if "section_force" in data else {}
     if len(whole) < 2:
         return found
     spent = np.array([data["dissipated"].values[cycle == c].sum() for c in whole])
@@ -159,6 +160,20 @@ def _arrows(panel: Panel, x: Array, y: Array) -> None:
         if len(part) and size[k] > LONG:
             places = [(x[k] + share * step[k], y[k] + share * (y[k + 1] - y[k])) for share in (0.45, 0.58)]
             panel.arrow(places[0], places[1], 18.0, color=style.BLUE, linewidth=0.0)
+
+
+def _section(data: Any) -> Panel:
+    """The force of the section along the contact line after the last steps with names, or after the last."""
+    (nodes, s, _), N, names = contact_nodes(data), data["section_force"], data["step_name"].values
+    title = "Force of the section, positive in tension"
+    panel = Panel(s, scale("$N$", N.values, str(N.attrs["units"])), title)
+    panel.across(0.0)
+    shown = [*np.flatnonzero(names != "")[-len(style.SERIES) :]] or [len(names) - 1]
+    for i, colour in zip(shown, style.SERIES, strict=False):
+        panel.line(
+            data["arclength"].values[nodes], N.values[i, nodes], color=colour, label=f"N: {names[i] or 'step'} ({i})"
+        )
+    return panel
 
 
 def _motion(data: Any) -> Panel:

@@ -137,7 +137,8 @@ def line_part_of(stored: Stored, data: Any, pieces: Any, kept: Any, box: Contain
 
 
 def _units(data: Any) -> Json:
-    return {f"{name}_units": str(data[name].attrs["units"]) for name in ("u_T", "xi")} | {"N_units": "N m-1"}
+    held = {"u_T": "u_T", "xi": "xi", "N": "section_force"}
+    return {f"{name}_units": str(data[key].attrs["units"]) for name, key in held.items() if key in data}
 
 
 FACTS = ("friction_resultant", "u_T_max", "slip_length", "dissipated", "jumps", "inclusion_residual", "proved")

@@ -32,7 +32,7 @@ def run_part(stored: Stored, box: Container) -> Json:
     def flat(name: str) -> Any:
         return by_point(data[name], data)
 
-    held = [name for name in numbers_of(data) if np.isfinite(flat(name)).any()]
+    held = [name for name in numbers_of(data) if name != "inclusion_rounding" and np.isfinite(flat(name)).any()]
     first = [name for name in ("u_T_max", *asked(data)) if name in held]
     names = [*first, *sorted((name for name in held if name not in first), key=lambda n: n.startswith(DIAGNOSTIC))]
     kind = "f8" if data["status"].size * len(names) * 8 <= ROOM_FOR_DOUBLES else "f4"
