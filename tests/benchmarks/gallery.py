@@ -42,7 +42,7 @@ DRAWN: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
     "singular": ((FIELDS, "mesh.levels=8"), {}),
     "welded_rail": ((), {"at": {"theta": 60, "friction": "peaked"}}),
     "pipeline_end": ((), {"at": {"theta": 100}}),
-    "slab": ((), {"at": {"theta": "30.0", "friction": "bonded"}}),
+    "slab": ((), {"at": {"theta": "30 K", "friction": "bonded"}}),
     "die": ((), {"at": {"theta": 150, "friction": "brittle"}}),
     "ring": ((FIELDS,), {"at": {"u_T": "8 mm", "friction": "softening"}, "of": "tau_xy"}),
     "rail_year": ((), {}),
