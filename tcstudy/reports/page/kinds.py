@@ -27,7 +27,7 @@ from tcstudy.reports.page.parts import (
     text_parts,
     words,
 )
-from tcstudy.reports.page.point_part import geometry, section_force
+from tcstudy.reports.page.point_part import along, geometry
 from tcstudy.reports.page.stored import Stored
 from tcstudy.reports.select_point import describe
 from tcstudy.reports.stored_study import at_rest
@@ -101,7 +101,9 @@ def path_sections(stored: Stored, box: Container) -> list[Json]:
     first, scaled = inside[0] if inside else vertices // 2, scale("", t, units)
     unit = scaled.label.strip(" []")
     texts = [f"{symbol(name)} = {value:.4g} {unit}".rstrip() for value in scaled(t[keep])]
-    line = line_part_of(stored, data, np.minimum(keep, pieces - 1), keep, box)
+    laws, state = law_part(stored), data["state"].values[np.minimum(keep, pieces - 1)]
+    line = _line(data, keep, state, False, box)
+    line["law"] = laws["laws"][0] if laws is not None and "edges" not in laws else None  # the one that all nodes have
     told = [one for one in path_summary.parts(data) if isinstance(one, str)]
     title = "1  All equilibria of the range" if int(data.get("complete", 0)) else "1  Equilibria on this path"
     slider = states("along the path", texts, int(np.argmin(np.abs(keep - first))))
@@ -120,25 +122,6 @@ def path_sections(stored: Stored, box: Container) -> list[Json]:
             section(f"{len(found) + 1}  All vertices", "table", sheet_part(vertex, "path", states=True, chart=chart))
         )
     return found
-
-
-def line_part_of(stored: Stored, data: Any, pieces: Any, kept: Any, box: Container) -> Json:
-    """The contact line at the kept vertices of a path, with the one law that all nodes have."""
-    laws = law_part(stored)
-    law = laws["laws"][0] if laws is not None and "edges" not in laws else None
-    return {
-        "part": "line",
-        "line": geometry(data, box) | _units(data) | {"rest": False},
-        "u_T": box.rows(data["u_T"].values[kept]),
-        "xi": box.rows(data["xi"].values[kept]),
-        "state": box.array(data["state"].values[pieces], "i1"),
-        "law": law,
-    }
-
-
-def _units(data: Any) -> Json:
-    held = {"u_T": "u_T", "xi": "xi", "N": "section_force"}
-    return {f"{name}_units": str(data[key].attrs["units"]) for name, key in held.items() if key in data}
 
 
 FACTS = ("friction_resultant", "u_T_max", "slip_length", "dissipated", "jumps", "inclusion_residual", "proved")
@@ -172,13 +155,7 @@ def history_parts(stored: Stored, part: Any, without: tuple[str, ...], box: Cont
         motion = panel_part(panels.pop("motion"), box, (steps, middle), 250)
         held = any(name.startswith("u_") for name in loads)
         moved = history_summary.motion(data["u_T"].values, data["jumped"].values if "jumped" in data else None)
-        line = {
-            "part": "line",
-            "line": geometry(data, box) | _units(data) | {"rest": at_rest(stored.study) and not held},
-            "u_T": box.rows(data["u_T"].values),
-            "xi": box.rows(data["xi"].values),
-            **section_force(data, lambda values: values.values, box),
-            "state": box.array(moved, "i1"),
+        line = _line(data, slice(None), moved, at_rest(stored.study) and not held, box) | {
             "moves": list(history_summary.MOVES),
             "memory": [
                 column(name, str(data[name].attrs["long_name"]), str(data[name].attrs["units"]), [], box)
@@ -194,6 +171,12 @@ def history_parts(stored: Stored, part: Any, without: tuple[str, ...], box: Cont
     energies = [panel_part(one, box, high=220) for one in (*_energies(data), *panels.values())]
     sheet = sheet_part(columns, "steps", states=True, chart=(names[0], "friction_resultant"))
     return {"point": point, "accuracy": [beside(*energies)], "table": [sheet]}
+
+
+def _line(data: Any, kept: Any, state: Any, rest: bool, box: Container) -> Json:
+    """The contact line in the states that are kept."""
+    line = geometry(data, box) | along(data, lambda values: values.values[kept], box) | {"rest": rest}
+    return {"part": "line", "line": line, "state": box.array(state, "i1")}
 
 
 def _energies(data: Any) -> list[Panel]:

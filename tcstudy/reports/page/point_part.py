@@ -59,27 +59,27 @@ def body_part(stored: Stored, level: int, box: Container) -> Json:
 def line_part(stored: Stored, level: int, box: Container) -> Json:
     """One level's contact line with u_T, ξ and states of all points, flattened in C order of the sweep."""
     group = stored.groups[level]
-    u_T, xi = (by_point(group[name], stored.data) for name in ("u_T", "xi"))
+    u_T = by_point(group["u_T"], stored.data)
     held = {"held_u_T": box.rows(by_point(group["held_u_T"], stored.data))} if "held_u_T" in group else {}
     return {
         **geometry(group, box),
         **node_part(stored, contact_line(group), box),
-        "u_T": box.rows(u_T),
-        "xi": box.rows(xi),
+        **along(group, lambda values: by_point(values, stored.data), box),
         **held,
-        **section_force(group, lambda values: by_point(values, stored.data), box),
         **_equilibria(stored, group, box),
         "state": box.array(_states(stored, group, u_T), "i1"),
-        "u_T_units": str(group["u_T"].attrs["units"]),
-        "xi_units": str(group["xi"].attrs["units"]),
         "rest": at_rest(stored.study),
     }
 
 
-def section_force(data: Any, rows: Callable[[Any], Any], box: Container) -> Json:
-    """N along the line where it was asked for; rows: makes (P, m) values of the variable."""
-    N = data.get("section_force")
-    return {} if N is None else {"N": box.rows(rows(N)), "N_units": str(N.attrs["units"])}
+ALONG = {"u_T": "u_T", "xi": "xi", "N": "section_force"}
+
+
+def along(data: Any, rows: Callable[[Any], Any], box: Container) -> Json:
+    """What runs along the contact line, with its units; rows: makes (P, m) values of a variable."""
+    held = {name: data[key] for name, key in ALONG.items() if key in data}
+    units = {f"{name}_units": str(one.attrs["units"]) for name, one in held.items()}
+    return {name: box.rows(rows(one)) for name, one in held.items()} | units
 
 
 def _equilibria(stored: Stored, group: Any, box: Container) -> Json:

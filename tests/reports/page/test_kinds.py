@@ -30,7 +30,7 @@ def test_a_history_has_its_steps_and_a_sweep_of_totals(history: Path) -> None:
         spent = next(one["v"] for one in sheet["columns"] if one["name"] == "dissipated")
         np.testing.assert_array_equal(spent, by_point(data["dissipated"], data)[p])
         line = own["point"][-1]["parts"][0]
-        shown = line["u_T"]["rows"] * line["u_T"]["scale"][:, None]
+        shown = line["line"]["u_T"]["rows"] * line["line"]["u_T"]["scale"][:, None]
         assert np.max(np.abs(shown - u[p])) <= 1e-4 * np.max(np.abs(u[p]))
         moved, largest = np.diff(u[p], axis=0), np.abs(u[p]).max()
         assert np.all(line["state"][1:][moved > 1e-8 * largest] == 1)

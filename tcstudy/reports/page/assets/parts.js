@@ -77,7 +77,7 @@ TC.part = {
   },
 
   line(p, width) {
-    const line = { ...p.line, moves: p.moves }, m = line.x.length, k = TC.state.step, host = TC.el("div"), one = { line, u: TC.row(p.u_T, k), xi: TC.row(p.xi, k), N: p.N && TC.row(p.N, k), state: p.state.subarray(k * m, (k + 1) * m) };
+    const line = { ...p.line, moves: p.moves }, m = line.x.length, k = TC.state.step, host = TC.el("div"), one = { line, u: TC.row(line.u_T, k), xi: TC.row(line.xi, k), N: line.N && TC.row(line.N, k), state: p.state.subarray(k * m, (k + 1) * m) };
     TC.point.profiles(host, line, [one], { ...TC.point.frame(line, width), shape: false }, "");
     const by = TC.scale(TC.range(line.arclength), line.u_T_units);
     for (const own of p.memory || []) {
