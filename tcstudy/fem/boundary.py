@@ -97,15 +97,9 @@ def values_at(scalar: Scalar, points: Array) -> Array:
 
 def curve_normals(mesh: PlaneMesh, curve: int) -> tuple[Indices, Array]:
     """Nodes of a boundary curve and the outward unit normals of the exact curve there."""
-    segments = mesh.segments[mesh.segment_curve == curve]
-    nodes = np.unique(segments)
-    normals = mesh.geometry.curves[curve].normal(mesh.points[nodes])
-    tangent = mesh.points[segments[:, 1]] - mesh.points[segments[:, 0]]
-    outward = np.zeros((mesh.n_points, 2))
-    for side in (0, 1):  # the body is on a segment's left, so its outward normal is (t₂, −t₁)
-        np.add.at(outward, segments[:, side], np.column_stack([tangent[:, 1], -tangent[:, 0]]))
-    sign = np.sign(np.einsum("ij,ij->i", outward[nodes], normals))
-    return nodes, normals * sign[:, None]
+    own = mesh.segment_curve == curve
+    nodes, first = np.unique(mesh.segments[own], return_index=True)
+    return nodes, mesh.end_normals[own].reshape(-1, 2)[first]
 
 
 def _cross(a: Array, b: Array) -> Array:
@@ -146,7 +140,7 @@ class ContactLine:
     xy:        (m, 2) coordinates [m];  c: (m,) segment lengths [m]
     edge:      (m,) index into edge_names of the edge the node lies on
     segments:  (s, 2) all segments of Γ_C, clamped nodes included, in order;  ends: (s, 2, 2) their ends [m]
-    which:     (s,) their places among all boundary segments of the mesh
+    which:     (s,) their places among all boundary segments of the mesh;  segment_edge: (s,) index into edge_names
     joints:    the nodes where one edge ends and another begins, `edge` being that which begins
     """
 
@@ -159,6 +153,7 @@ class ContactLine:
     segments: Indices
     ends: Array
     which: Indices
+    segment_edge: Indices
     joints: Joints = NO_JOINTS
 
     @property
@@ -229,7 +224,7 @@ def contact_line(mesh: PlaneMesh, frames: Frames, names: tuple[str, ...]) -> Con
     into = own[segments[:, 1]]
     meets = np.flatnonzero((into >= 0) & (on[into] != edge))
     joints = Joints(into[meets], edge[meets], halves[meets, 1] / c[segments[meets, 1]])
-    return ContactLine(nodes, at, mesh.points[nodes], c[nodes], on, names, segments, ends, which, joints)
+    return ContactLine(nodes, at, mesh.points[nodes], c[nodes], on, names, segments, ends, which, edge, joints)
 
 
 def _halves(mesh: PlaneMesh, segments: Indices, lengths: Array, free: NDArray[np.bool_]) -> Array:

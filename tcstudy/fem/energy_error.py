@@ -41,6 +41,7 @@ from tcstudy.expressions.expression import Expression
 from tcstudy.fem.boundary import values_at
 from tcstudy.fem.estimators import (
     ContactTraction,
+    acting,
     on_segments,
     own_strain,
     strain_energy,
@@ -131,12 +132,9 @@ def edge_residual(mesh: PlaneMesh, u: Array, sigma: Array, scene: Scene, frictio
     for index, curve in enumerate(curves):
         here, role = mesh.segment_curve == index, roles[curve.name]
         at, axes = edges.at[here], (edges.normal[here], tangent(edges.normal[here]))
-        # what σn should be where it is free: g − p n − ξ_h t, what acts on the whole edge, and what springs take
-        target = np.stack([values_at(component, at) for component in role.g], axis=-1)
-        target = target - values_at(role.pressure, at)[..., None] * axes[0][:, None]
+        # what σn should be where it is free: what acts on the edge, −ξ_h t, and what springs take
+        target = acting(mesh, curve.name, replace(role, moment=None) if role.moment else role, at, axes[0])
         target = target - friction.xi[here][..., None] * axes[1][:, None]
-        if any(role.force):  # also where regions cut the edge
-            target = target + np.array(role.force) / sum(c.length for c in curves if c.name == curve.name)
         for k, d in zip(role.spring, axes, strict=True):
             target = target - k * np.einsum("sqd,sd->sq", moved[here], d)[..., None] * d[:, None]
         if role.frame != "nt":

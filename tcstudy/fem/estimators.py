@@ -7,10 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.fem.boundary import ContactLine
+from tcstudy.fem.boundary import ContactLine, values_at
 from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.fem.rigid import edge_arms
 from tcstudy.laws.composed import EdgeLaws, law_along
 from tcstudy.laws.laws import Laws
+from tcstudy.scene.records import Role
 from tcstudy.shapes.triangles import GAUSS, TriangleGeometry
 
 Array = NDArray[np.float64]
@@ -56,6 +58,19 @@ def on_segments(nodal: Array, segments: NDArray[np.intp]) -> Array:
     return np.stack([(1.0 - w) * first + w * second for w in GAUSS], axis=1)
 
 
+def acting(mesh: PlaneMesh, name: str, role: Role, at: Array, normal: Array) -> Array:
+    """(s, 2, 2) g − p n of an edge, and what its resultant and its moment spread over it, at points (s, 2, 2) [Pa]."""
+    found = np.stack([values_at(component, at) for component in role.g], axis=-1)
+    found = found - values_at(role.pressure, at)[..., None] * normal[:, None]
+    found = found + np.array(role.force) / sum(curve.length for curve in mesh.geometry.curves if curve.name == name)
+    if role.moment:
+        length, (nodes, _, arms) = mesh.boundary.length[mesh.on(name)], edge_arms(mesh, name)
+        arm = at - (mesh.points[nodes[0]] - arms[0])
+        turn = np.stack([-arm[..., 1], arm[..., 0]], axis=-1)
+        found = found + role.moment * turn / np.einsum("s,sgd,sgd->", 0.5 * length, arm, arm)
+    return found
+
+
 @dataclass(frozen=True)
 class ContactTraction:
     """ξ_h on the boundary segments: linear between contact nodes, zero off Γ_C.
@@ -80,9 +95,7 @@ def contact_traction(
     ends_slip = np.where(np.isnan(ends_slip), held, ends_slip)
     traction = np.stack([(1.0 - w) * ends_xi[:, 0] + w * ends_xi[:, 1] for w in GAUSS], axis=1)
     slip = np.stack([ends_slip[:, 0] + w * (ends_slip[:, 1] - ends_slip[:, 0]) for w in GAUSS], axis=1)
-    names = [curve.name for curve in mesh.geometry.curves]
-    edge = np.array([line.edge_names.index(name) if name in line.edge_names else -1 for name in names])
-    at = np.repeat(edge[mesh.segment_curve[on]], 2), edges.at[on].reshape(-1, 2)
+    at = np.repeat(line.segment_edge, 2), edges.at[on].reshape(-1, 2)
     low, high = law_along(law, line.edge_names, *at).interval(slip.ravel())
     result, defect = np.zeros((2, len(mesh.segments), 2))
     result[on] = traction

@@ -107,6 +107,16 @@ class PlaneMesh(TriangleGeometry):
         return BoundaryEdges(length, normal, ends[:, None, 0] + GAUSS[None, :, None] * along[:, None])
 
     @cached_property
+    def end_normals(self) -> Array:
+        """(s, 2, 2) outward unit normals of the exact curves at both ends of every boundary segment."""
+        found = np.empty((len(self.segments), 2, 2))
+        for i, curve in enumerate(self.geometry.curves):
+            own = self.segment_curve == i
+            nodes, place = np.unique(self.segments[own], return_inverse=True)
+            found[own] = curve.normal(self.points[nodes])[place.reshape(-1, 2)]
+        return found * np.sign(np.einsum("sed,sd->se", found, self.boundary.normal))[..., None]
+
+    @cached_property
     def owner(self) -> Indices:
         """(s,) the triangle at each boundary segment."""
         return self.sides_at(self.segments) // 3
@@ -270,23 +280,14 @@ class CurveEnd:
 
 def curve_ends(mesh: PlaneMesh) -> list[CurveEnd]:
     """All of them, in the order of the curves that begin there."""
-    ending = {int(b): i for i, (_, b) in enumerate(mesh.segments)}
-    found = []
+    ending, found = {int(b): i for i, (_, b) in enumerate(mesh.segments)}, []
     for after, (node, _) in enumerate(mesh.segments.tolist()):
-        pair = ending[node], after
-        curves = int(mesh.segment_curve[pair[0]]), int(mesh.segment_curve[after])
+        before = ending[node]
+        curves = int(mesh.segment_curve[before]), int(mesh.segment_curve[after])
         if curves[0] != curves[1]:
-            first, second = (_normal(mesh, i, node) for i in pair)
-            found.append(CurveEnd(node, curves, (first, second)))
+            normals = mesh.end_normals[before, 1].tolist(), mesh.end_normals[after, 0].tolist()
+            found.append(CurveEnd(node, curves, normals))
     return sorted(found, key=lambda end: end.curves[1])
-
-
-def _normal(mesh: PlaneMesh, segment: int, node: int) -> Point:
-    """Outward unit normal of the exact curve of a segment at one of its nodes."""
-    along = mesh.points[mesh.segments[segment, 1]] - mesh.points[mesh.segments[segment, 0]]
-    x, y = mesh.geometry.curves[mesh.segment_curve[segment]].normal(mesh.points[[node]])[0]
-    outward = along[1] * x - along[0] * y > 0.0
-    return (float(x), float(y)) if outward else (-float(x), -float(y))
 
 
 def _check(geometry: Geometry, points: Array, segments: Indices, curve: Indices, area: float) -> None:

@@ -28,8 +28,7 @@ from tcstudy.contact.block import solve_block
 from tcstudy.contact.path.chords import piecewise_linear
 from tcstudy.contact.problem import CondensedBody
 from tcstudy.fem.boundary import values_at
-from tcstudy.fem.estimators import own_strain, stress_of
-from tcstudy.fem.rigid import edge_arms
+from tcstudy.fem.estimators import acting, own_strain, stress_of
 from tcstudy.laws.composed import nodal
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.equilibrium import EquilibriumBody
@@ -142,19 +141,11 @@ class ErrorBounds:
 
     def _tractions(self, scene: Scene, dual: EquilibriumBody) -> Array:
         """(s, 2, 2) what acts on the boundary, in x and y at the Gauss points of its segments [Pa]."""
-        mesh, (length, normal, _) = self.level.mesh, self.level.mesh.boundary
+        mesh = self.level.mesh
         found = np.zeros((len(mesh.segments), 2, 2))
         for name, role in scene.boundary:
             on = mesh.on(name)
-            at = dual.gauss_points[on]
-            found[on] += np.stack([values_at(component, at) for component in role.g], axis=-1)
-            found[on] -= values_at(role.pressure, at)[..., None] * normal[on, None]
-            found[on] += np.array(role.force) / length[on].sum()
-            if role.moment:
-                nodes, _, arms = edge_arms(mesh, name)
-                arm = at - (mesh.points[nodes[0]] - arms[0])
-                turn = np.stack([-arm[..., 1], arm[..., 0]], axis=-1)
-                found[on] += role.moment * turn / np.einsum("s,sgd,sgd->", 0.5 * length[on], arm, arm)
+            found[on] = acting(mesh, name, role, dual.gauss_points[on], mesh.boundary.normal[on])
         return found
 
     def _prescribed(self, scene: Scene) -> Array:
@@ -172,13 +163,10 @@ class ErrorBounds:
 
     def law(self, scene: Scene) -> Laws:
         """The law of every segment of Γ_C."""
-        friction, line, mesh = scene.friction, self.level.line, self.level.mesh
+        friction, line = scene.friction, self.level.line
         if isinstance(friction, Laws):
             return friction
-        of_curve = {curve: line.edge_names.index(mesh.geometry.curves[curve].name) for curve in
-                    np.unique(mesh.segment_curve[line.which]).tolist()}  # fmt: skip
-        edge = np.array([of_curve[curve] for curve in mesh.segment_curve[line.which].tolist()])
-        index, strength = friction.along(line.edge_names, edge, line.ends.mean(axis=1))
+        index, strength = friction.along(line.edge_names, line.segment_edge, line.ends.mean(axis=1))
         return nodal([law for _, law, _ in friction.laws], index, strength)
 
 

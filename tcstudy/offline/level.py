@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -77,20 +78,11 @@ def swept_parts(scenes: Sequence[Scene]) -> tuple[Where, ...]:
     return swept if len(swept) < len(found) else ()
 
 
-@dataclass(frozen=True)
-class Condensed:
-    """One scene on one level, ready to solve.
-
-    problem:  Ã, l̃, c, law
-    constant: what the total potential energy L_θ(u) has beside L̃(u₁) [J/m]
-    time:     wall time spent on factorisation and loads for this scene [s]
-    band:     λ₁ of the body itself, where it is asked for
-    """
+class Condensed(NamedTuple):
+    """One scene on one level: Ã, l̃, c, law, and what the total potential energy L_θ(u) has beside L̃(u₁) [J/m]."""
 
     problem: ContactProblem
     constant: float
-    time: float
-    band: Band | None = None
 
 
 @dataclass(frozen=True)
@@ -324,13 +316,10 @@ class Level:
 
         Raises NotPositiveDefinite if the body is not held or the material is not elastic.
         """
-        start = time.perf_counter()
         l_tilde, constant = self._load(scene)
         body = self._body(scene)
         A_tilde = body.A_tilde(scene.material.mu)
-        problem = ContactProblem(A_tilde, l_tilde, self.line.c, self.law(scene), body.lambda_1_error)
-        band = self.band(scene) if self.guarantee else None
-        return Condensed(problem, constant, time.perf_counter() - start, band)
+        return Condensed(ContactProblem(A_tilde, l_tilde, self.line.c, self.law(scene), body.lambda_1_error), constant)
 
     def _load(self, scene: Scene) -> tuple[Array, float]:
         """l̃ (m,) [N/m], and what the energy has beside L̃ [J/m]."""

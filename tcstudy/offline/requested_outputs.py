@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from tcstudy.fem.estimators import own_strain, stress_of
 from tcstudy.offline.level import Level
 from tcstudy.offline.line_numbers import EQUAL
-from tcstudy.offline.section_forces import edge_forces, section_force
-from tcstudy.scene.records import Clamped, Contact, Scene
+from tcstudy.offline.section_forces import edge_forces, section_force, support_forces
+from tcstudy.scene.records import Scene
 from tcstudy.scene.study import OutputPlan, Probe
 from tcstudy.shapes.triangles import TriangleGeometry
 
@@ -52,7 +52,9 @@ class RequestedOutputs:
                 x, y = mesh.corners[worst := int(np.argmax(size))].mean(axis=0)
                 found |= {"von_mises_max": float(size[worst]), "von_mises_x": float(x), "von_mises_y": float(y)}
         if "reactions" in wanted:
-            found |= self._reactions(scene, u)
+            for name, force in support_forces(level, scene, u).items():
+                x, y = force.sum(axis=1)
+                found |= {f"reaction_{name}_x": float(x), f"reaction_{name}_y": float(y)}
         if "forces" in wanted:
             for name, force in edge_forces(level, scene, u).items():
                 x, y = force.reshape(2, -1).sum(axis=1)
@@ -99,20 +101,6 @@ class RequestedOutputs:
                 value: Array = (1.0 - share) * first + share * second
                 found[f"{start}_u_T"] = float(value @ along) / float(np.hypot(*along))
         return {name: float(value) for name, value in found.items()}
-
-    def _reactions(self, scene: Scene, u: Array) -> dict[str, float]:
-        """Force of every support on the body, x and y; a node where two meet counts to the first, clamped before
-        contact."""
-        mesh, found = self.level.mesh, dict[str, float]()
-        rest, taken = self.level.reactions(scene, u).reshape(2, -1), np.zeros(mesh.n_points, dtype=bool)
-        for name, role in sorted(scene.boundary, key=lambda item: not isinstance(item[1], Clamped)):
-            if isinstance(role, Clamped | Contact):
-                nodes = mesh.nodes_on(name)
-                nodes = nodes[~taken[nodes]]
-                taken[nodes] = True
-                x, y = rest[:, nodes].sum(axis=1)
-                found |= {f"reaction_{name}_x": float(x), f"reaction_{name}_y": float(y)}
-        return found
 
 
 def _place(mesh: TriangleGeometry, at: Array) -> tuple[int, Array]:

@@ -23,23 +23,29 @@ STRAIGHT = 1e-9
 """Sine of the angle up to which two segments of the contact line have one direction."""
 
 
-def edge_forces(level: Level, scene: Scene, u: Array) -> dict[str, Array]:
-    """(2n,) force of every edge on the nodes in x and y, without those of free edges [N/m]; u (2n,) [m]
+def support_forces(level: Level, scene: Scene, u: Array) -> dict[str, Array]:
+    """(2, n) force of every edge that holds or touches the body on its nodes, r = Au + Su − l_θ there [N/m].
 
-    A node where two edges hold the body counts to the first, clamped before contact.
+    A node where two of them meet counts to the first, clamped before contact.
     """
-    mesh, taken = level.mesh, np.zeros(level.mesh.n_points, dtype=bool)
-    rest, found = level.reactions(scene, u).reshape(2, -1), dict[str, Array]()
-    acting = [(name, role) for name, role in scene.boundary if not isinstance(role, Free)]
-    for name, role in sorted(acting, key=lambda item: not isinstance(item[1], Clamped)):
-        force = np.zeros((2, mesh.n_points))
+    rest, taken, found = level.reactions(scene, u).reshape(2, -1), np.zeros(level.mesh.n_points, dtype=bool), {}
+    for name, role in sorted(scene.boundary, key=lambda item: not isinstance(item[1], Clamped)):
         if isinstance(role, Clamped | Contact):
-            nodes = mesh.nodes_on(name)
-            nodes = nodes[~taken[nodes]]
-            taken[nodes], force[:, nodes] = True, rest[:, nodes]
-        own = sum((factor * level.vector(load) for load, factor in mechanical_terms((0.0, 0.0), ((name, role),))), 0.0)
-        own = own - level.forces(u, (), ((name, *role.spring),) if any(role.spring) else ())
-        found[name] = force.ravel() + own
+            own = np.isin(np.arange(len(taken)), level.mesh.nodes_on(name)) & ~taken
+            taken |= own
+            found[name] = np.where(own, rest, 0.0)
+    return found
+
+
+def edge_forces(level: Level, scene: Scene, u: Array) -> dict[str, Array]:
+    """(2n,) force of every edge on the nodes in x and y, without those of free edges [N/m]; u (2n,) [m]"""
+    found = {name: force.ravel() for name, force in support_forces(level, scene, u).items()}
+    for name, role in scene.boundary:
+        if not isinstance(role, Free):
+            terms = mechanical_terms((0.0, 0.0), ((name, role),))
+            own = sum((factor * level.vector(load) for load, factor in terms), np.zeros(2 * level.mesh.n_points))
+            own -= level.forces(u, (), ((name, *role.spring),) if any(role.spring) else ())
+            found[name] = found[name] + own if name in found else own
     return found
 
 

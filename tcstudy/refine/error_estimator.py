@@ -36,7 +36,7 @@ class Estimate:
 
     n_dof:      displacement unknowns of the level
     energy:     relative error √(Σ η_K²)/‖u_h‖ in the energy norm
-    value:      J(u_h) of the goal, NaN without one;  limit: estimated J(u);  change: J(u_{h/2}) − J(u_h)
+    value:      J(u_h) of the goal, NaN without one;  limit: estimated J(u)
     goal:       estimated |J(u) − J(u_h)|, in the unit of J
     error:      what the tolerance is compared with: relative error of the goal, or in the energy norm without one
     indicators: (t,) shares of the triangles in error² (energy) or error (goal)
@@ -47,7 +47,6 @@ class Estimate:
     energy: float
     value: float
     limit: float
-    change: float
     goal: float
     error: float
     indicators: Array
@@ -119,7 +118,7 @@ class ErrorEstimator:
         squares, norm = self.energy_squares(scene, problem, v, u)
         energy = _ratio(math.sqrt(float(squares.sum())), norm)
         if goal.quantity == "energy":
-            return Estimate(n_dof, energy, nan, nan, nan, nan, energy, squares, np.empty(0))
+            return Estimate(n_dof, energy, nan, nan, nan, energy, squares, np.empty(0))
         if self._halved is None:
             self._halved = Halved(self.level, scene, self.scenes)
         found = goal_error(goal, self._halved, scene, problem, v, u)
@@ -135,7 +134,7 @@ class ErrorEstimator:
         # A goal may not feel the solution, for example u_T where the body sticks.
         shares = found.shares if np.any(found.shares) else squares
         relative, hidden = _ratio(error, abs(value)), found.hidden
-        return Estimate(n_dof, energy, value, found.limit, found.change, error, relative, shares, hidden)
+        return Estimate(n_dof, energy, value, found.limit, error, relative, shares, hidden)
 
     def energy_squares(self, scene: Scene, problem: ContactProblem, v: Array, u: Array) -> tuple[Array, float]:
         """(t,) η_K² of the energy norm [J/m] and ‖u_h‖ [√(J/m)] of a solution v (m,) with the displacement u (2n,)."""

@@ -67,7 +67,7 @@ from tcstudy.fem.meshes import CurveEnd, PlaneMesh, curve_ends
 from tcstudy.refine.ends import hidden_effects
 from tcstudy.refine.fronts import fronts, slip_length
 from tcstudy.refine.goals import dual, goal_value, lost, steps, torn, weight_of_friction
-from tcstudy.refine.halved import Halved, Pair
+from tcstudy.refine.halved import Halved, contributions, shares
 from tcstudy.scene.records import BODY, Scene
 from tcstudy.scene.study import Goal
 
@@ -84,7 +84,6 @@ class GoalError:
     limit:  estimated J(u);  error: what |J(u) − J(u_h)| is by that limit, in the unit of J, infinite where the finer
             problem failed
     spread: by how much the limit changes with the order it is extrapolated with
-    change: what the finer mesh changes of J(u_h); slip lengths on it have their fronts located
     shares: (t,) what each triangle may contribute to the error
     hidden: (s,) what the segments of Γ_C hide of it, in the unit of J: part of `error`
     """
@@ -92,7 +91,6 @@ class GoalError:
     limit: float
     error: float
     spread: float
-    change: float
     shares: Array
     hidden: Array
 
@@ -107,70 +105,58 @@ def goal_error(goal: Goal, halved: Halved, scene: Scene, problem: ContactProblem
     answer = solve_contact(finer, tolerance=ACCEPTED, branch="continued", neighbour=halved.start(v, u))
     value, w = goal_value(goal, problem, line, v), answer.v
     if answer.status != Status.CONVERGED:
-        return GoalError(value, np.inf, 0.0, 0.0, np.zeros(len(mesh.triangles)), np.zeros(len(line.segments)))
+        return GoalError(value, np.inf, 0.0, np.zeros(len(mesh.triangles)), np.zeros(len(line.segments)))
     better, z_T = fine.displacement(scene, w), np.zeros(fine.line.m)
     with suppress(scipy.linalg.LinAlgError):  # a turning point
         z_T = dual(goal, finer, fine.line, w)
-    pair = Pair(goal, halved, scene, (problem, finer), (v, w), (halved.carry(u), better), z_T)
-    parts, shares = pair.contributions(), pair.shares()
+    z = fine.extension(scene, z_T)
+    carried = halved.carry(u)
+    parts = contributions(goal, halved, scene, (problem, finer), (v, w), (carried, better), z)
+    marking = shares(halved, scene, problem.xi(v) / line.c, better - carried, z)
     hidden = halved.on_segments(hidden_effects(goal, fine.line, finer, w, better, z_T))
     # steps of the law, moved by half a cell of the finer level
     lacks = np.max(np.abs(weight_of_friction(goal) - z_T[fine.line.unknowns]), axis=1)
     stepped = halved.on_segments(0.5 * fine.line.lengths * steps(fine.line, finer, w) * lacks)
-    shares += mesh.from_segments(stepped, line.which)
+    marking += mesh.from_segments(stepped, line.which)
     stick, found = problem.law.sticking(v), fronts(line, problem, v)
     at = [line.ends[front.segment].mean(axis=0) for front in found]
     places = np.array(at + ([np.array(goal.at)] if goal.at is not None else [])).reshape(-1, 2)
-    parted = regions(halved, scene, stick, places, stepped > 0.0)
+    factors, region = regions(halved, scene, stick, places, stepped > 0.0)
     change = goal_value(goal, finer, fine.line, w) - value
     # what is known apart from the parts of the change: the limit over J(u_h) without them, and their own doubt
-    apart, rest_of_change, doubt, loose = 0.0, change, float(hidden.sum() + stepped.sum()), 0.0
+    apart, doubt, loose = 0.0, float(hidden.sum() + stepped.sum()), 0.0
     if goal.quantity == "slip_length":
         own, (length, unsure) = slip_length(line, problem, v)[0], slip_length(fine.line, finer, w)
-        apart, rest_of_change, doubt, change = own - value, length - own, doubt + unsure, length - value
+        apart, change, doubt = own - value, length - own, doubt + unsure
         for front in found:  # half of the cell: what the nodes leave open
             around = np.flatnonzero(np.any(np.isin(mesh.triangles, line.segments[front.segment]), axis=1))
-            shares[around] += 0.5 * front.width / len(around)
+            marking[around] += 0.5 * front.width / len(around)
     elif goal.quantity == "friction_resultant":
         missing = lost(line, problem, v)
         gained = missing - halved.on_segments(lost(fine.line, finer, w))
         parts[halved.middles] -= gained
-        apart, rest_of_change = float(missing.sum()), change - float(gained.sum())
+        apart, change = float(missing.sum()), change - float(gained.sum())
         loose = float(np.abs(2.0 * gained - missing).sum())
         doubt += float(torn(fine.line, finer, w).sum())
-        shares += mesh.from_segments(np.abs(missing) + torn(line, problem, v), line.which)
+        marking += mesh.from_segments(np.abs(missing) + torn(line, problem, v), line.which)
     # the rest of the change by parts, each with the factor of its place
-    nonlinear = rest_of_change - float(parts.sum())
-    spread = DIFFERENCE * math.hypot(*parted.sums(parts).tolist(), nonlinear) + loose
-    rest = apart + (float(parted.factors @ parts) + SMOOTH * nonlinear)
-    return GoalError(value + rest, abs(rest) + doubt, spread, change, shares, hidden)
+    nonlinear = change - float(parts.sum())
+    spread = DIFFERENCE * math.hypot(*np.bincount(region, parts).tolist(), nonlinear) + loose
+    rest = apart + (float(factors @ parts) + SMOOTH * nonlinear)
+    return GoalError(value + rest, abs(rest) + doubt, spread, marking, hidden)
 
 
 SMOOTH, FIRST, DIFFERENCE = 4.0 / 3.0, 2.0, 1.0 / 3.0
 """1/(1 − 2^{−p}) for p = 2 and for p = 1, and by how much their mean differs from the first."""
 
 
-@dataclass(frozen=True)
-class Regions:
-    """What the nodes of the finer mesh belong to.
-
-    factors: (n_f,) from what a node contributes to a change to its part of J(u) − J(u_h)
-    region:  (n_f,) the part of the body, from 0 on, whose contributions go by one order
-    """
-
-    factors: Array
-    region: NDArray[np.intp]
-
-    def sums(self, parts: Array) -> Array:
-        """Contributions (n_f,) summed over each region."""
-        return np.asarray(np.bincount(self.region, parts))
-
-
 def regions(
     halved: Halved, scene: Scene, sticks: NDArray[np.bool_], more: Array, stepped: NDArray[np.bool_] | None = None
-) -> Regions:
-    """Every singular corner with the triangles that touch it, and the nodes that are nearest to one end of a curve.
+) -> tuple[Array, NDArray[np.intp]]:
+    """(n_f,) of the nodes of the finer mesh: factors from what they contribute to a change to its part of J(u) −
+    J(u_h), and regions, from 0 on, whose contributions go by one order.
 
+    Regions are every singular corner with the triangles that touch it, and the nodes nearest to one end of a curve.
     sticks:  (m,) whether the contact nodes stick;  more: (k, 2) other places with nodes of their own, beside curve ends
     stepped: (s,) segments of Γ_C of the level on which the law steps
     """
@@ -189,7 +175,7 @@ def regions(
         around = np.concatenate([halved.middles[stepped], line.segments[stepped].ravel()])
         factors[around] = np.maximum(factors[around], FIRST)
         region[around] = region.max() + 1
-    return Regions(factors, region)
+    return factors, region
 
 
 def _singular(mesh: PlaneMesh, scene: Scene, near: Sticks) -> list[tuple[int, float]]:

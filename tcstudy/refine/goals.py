@@ -129,9 +129,3 @@ def dual(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array) -> Ar
         load = w[slip] + tangent[slip] * a[slip] - problem.A_tilde[np.ix_(slip, stick)] @ a[stick]
         z[slip] = scipy.linalg.solve(matrix, load, assume_a="sym")
     return z
-
-
-def lumping(line: ContactLine, xi: Array, z: Array) -> Array:
-    """(s,) Σ c_i ξ_i z_i − ∫ ξ_h z_h on the segments of Γ_C, h/6 Δξ Δz between two free contact nodes [J/m]."""
-    xi_step, z_step = (np.diff(np.append(x, np.nan)[line.unknowns], axis=1)[:, 0] for x in (xi, z))
-    return np.nan_to_num(line.lengths / 6.0 * xi_step * z_step)

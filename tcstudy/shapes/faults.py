@@ -213,30 +213,25 @@ def check_body(body: Body) -> list[Fault]:
     Lengths are compared with the size of the body. Holes and regions are compared with one another and with the
     outline only where each is sound by itself.
     """
-    if body.outline is None:
-        return _regions_alone(body.regions)
-    faults = coordinate_faults(body.outline, "body.outline")
-    if faults or not body.outline.edges:
-        return faults or [Fault("body.outline", "the outline has no edge", "give at least three edges")]
-    size = rough_size(body.outline)
-    faults = loop_faults(body.outline, "body.outline", size)
-    wrong, holes = _sound([(f"body.holes[{i}]", hole) for i, hole in enumerate(body.holes)], size)
-    others, regions = _sound([(f"body.regions.{region.name}", region.loop) for region in body.regions], size)
-    if faults:
-        return [*faults, *wrong, *others]
-    outline, gap = loop_polygon(body.outline, size), TOLERANCE * size
-    return [*wrong, *others, *_hole_faults(outline, holes, gap), *_region_faults(outline, holes, regions, gap)]
-
-
-def _regions_alone(regions: tuple[Region, ...]) -> list[Fault]:
-    """What is wrong with regions, each by itself and among one another, where the body is not known yet."""
-    named = [(f"body.regions.{region.name}", region.loop) for region in regions]
-    faults = [fault for place, loop in named for fault in coordinate_faults(loop, place)]
-    if faults or not named:
+    outline = [] if body.outline is None else [("body.outline", body.outline)]
+    named = [(f"body.regions.{region.name}", region.loop) for region in body.regions]
+    first = outline or named  # where the body is not known yet, its regions alone
+    faults = [fault for place, loop in first for fault in coordinate_faults(loop, place)]
+    if faults or not first:
         return faults
-    size = max(rough_size(loop) for _, loop in named)
-    faults, sound = _sound(named, size)
-    return [*faults, *_overlap_faults(sound, TOLERANCE * size)]
+    if body.outline is not None and not body.outline.edges:
+        return [Fault("body.outline", "the outline has no edge", "give at least three edges")]
+    size = max(rough_size(loop) for _, loop in first)
+    gap = TOLERANCE * size
+    wrong, shapes = _sound(outline, size)
+    others, holes = _sound([(f"body.holes[{i}]", hole) for i, hole in enumerate(body.holes)], size)
+    more, regions = _sound(named, size)
+    faults = [*wrong, *others, *more]
+    if not outline:
+        return [*faults, *_overlap_faults(regions, gap)]
+    for _, shape in shapes:
+        faults += [*_hole_faults(shape, holes, gap), *_region_faults(shape, holes, regions, gap)]
+    return faults
 
 
 def _sound(named: list[tuple[str, Loop]], size: float) -> tuple[list[Fault], list[_Named]]:

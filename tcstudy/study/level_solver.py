@@ -83,7 +83,7 @@ class LevelSolver:
     def exact(self) -> Array | None:
         """(m,) the exact solution at the contact nodes, a start where the study gives one."""
         exact = self.study.exact
-        return None if exact is None else exact_at(exact, contact_line(self.study, self.level))
+        return None if exact is None else exact_at(exact, contact_line(self.level))
 
     def solve(self, finished: Sequence[BlockRecord] = ()) -> Iterator[BlockRecord]:
         """Solve the points of the level of which an earlier run left nothing, block by block in their order.

@@ -135,7 +135,7 @@ def empty_level(study: Study, level: Level) -> SolvedLevel:
         h_max=mesh.h_max,
         n_dof=level.frames.n_dof,
         mesh=Triangles(mesh.points, mesh.triangles),
-        line=contact_line(study, level),
+        line=contact_line(level),
         edges=tuple(level.line.edge_names[e] for e in level.line.edge),
         segment_curve=mesh.segment_curve[level.line.which],
         solutions={},

@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 from tcstudy.accuracy.norms import Line
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.exact.numbers import exact_u_T
-from tcstudy.fem.boundary import curve_normals
 from tcstudy.offline.level import Level
-from tcstudy.scene.records import Contact
 from tcstudy.scene.study import Exact, Study
 
 Array = NDArray[np.float64]
@@ -58,14 +56,7 @@ def exact_at(exact: Exact, line: Line) -> Array:
     return line.at_nodes(exact_u_T(exact))
 
 
-def contact_line(study: Study, level: Level) -> Line:
+def contact_line(level: Level) -> Line:
     """The contact line with the exact curve's normals at both ends of every segment."""
-    names, mesh, segments = study.scenes[0].edges(Contact), level.mesh, level.line.segments
-    curve = mesh.segment_curve[level.line.which]
-    normals = np.empty((len(segments), 2, 2))
-    for i, one in enumerate(mesh.geometry.curves):
-        if one.name in names:
-            nodes, at = curve_normals(mesh, i)
-            own = curve == i
-            normals[own] = at[np.searchsorted(nodes, segments[own])]
-    return Line(mesh.points, segments, normals, level.line.nodes, level.line.c)
+    line, mesh = level.line, level.mesh
+    return Line(mesh.points, line.segments, mesh.end_normals[line.which], line.nodes, line.c)

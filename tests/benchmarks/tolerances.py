@@ -8,14 +8,11 @@ Fronts:    stick meets slip in closed form (tests.verification.goal_scenes.front
            coarse meshes of three sizes
 Judged by: true relative error of the last solution over the tolerance; above 1 the tolerance is missed. The truth of a
            scene is tests.benchmarks.tolerance_reference; tolerances that it is not good enough for (SHARP) are left out
-Plain:     the rule that takes J(u_{h/2}) − J(u_h) as one whole that falls by four, on the same meshes: where it would
-           have stopped, and whether it would have been right
 """
 
 from __future__ import annotations
 
 import argparse
-import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -24,7 +21,6 @@ import numpy as np
 
 from tcstudy.contact.contact import solve_contact
 from tcstudy.offline.level import Level
-from tcstudy.refine.error_estimator import COMPARED
 from tcstudy.refine.family import Family
 from tcstudy.scene.study import Goal, MeshPlan, Study
 from tests.benchmarks.tolerance_reference import reference
@@ -83,7 +79,7 @@ class SceneTrial:
     """One tolerance of a scene.
 
     ratio:   true error over tolerance;  estimate: estimated error over tolerance;  met: the run says that it is
-    seconds: wall time;  plain, plain_dof: ratio and unknowns where the plain rule stops, NaN and 0 if it does not
+    seconds: wall time
     """
 
     scene: int
@@ -95,15 +91,12 @@ class SceneTrial:
     estimate: float
     n_dof: int
     seconds: float
-    plain: float
-    plain_dof: int
 
     def __str__(self) -> str:
-        plain = f"plain {self.plain:5.2f} {self.plain_dof:6d} dofs" if self.plain_dof else "plain: no stop"
         said = "MISSED" if self.met and self.ratio > 1.0 else "met" if self.met else "not met, and says so"
         return (
             f"{self.scene:4d} {self.law:17} {self.goal:18} {self.tolerance:5.0e} {said:6} error {self.ratio:5.2f} "
-            f"estimate {self.estimate:5.2f} (of the tolerance) {self.n_dof:6d} dofs {self.seconds:5.1f} s | {plain}"
+            f"estimate {self.estimate:5.2f} (of the tolerance) {self.n_dof:6d} dofs {self.seconds:5.1f} s"
         )
 
 
@@ -122,10 +115,10 @@ def scene_trials(count: int, seed: int, seconds: float = SECONDS) -> Iterator[Sc
 
 
 def judged(scene: int, study: Study, goal: Goal, tolerance: float, true: float) -> SceneTrial:
-    """Run to one tolerance, and see where the plain rule stops on the same meshes."""
+    """Run to one tolerance."""
     plan = MeshPlan(study.mesh.maxh, 20, "adaptive", goal=goal, tolerance=tolerance, max_dofs=MOST)
     family, problem = Family(replace(study, mesh=plan)), study.scenes[0]
-    start, plain, plain_dof, before = time.perf_counter(), math.nan, 0, math.nan
+    start = time.perf_counter()
     for i in range(plan.levels):
         level = Level(family.next(i), problem)
         condensed = level.condensed(problem)
@@ -133,33 +126,23 @@ def judged(scene: int, study: Study, goal: Goal, tolerance: float, true: float) 
         assert estimator is not None
         estimator.look((), problem, solve_contact(condensed.problem).v)
         found, n_dof = estimator.estimates[()], level.frames.n_dof
-        limit = found.value + 4.0 / 3.0 * found.change
-        whole = 4.0 / 3.0 * abs(found.change) + max(abs(found.change) / 3.0, np.nan_to_num(0.5 * abs(limit - before)))
-        before = limit
-        if i >= COMPARED and not plain_dof and whole <= tolerance * abs(found.value):
-            plain, plain_dof = abs(found.value - true) / abs(true) / tolerance, n_dof
         if stop := estimator.stop(i + 1 == plan.levels):
             break
     ratio, estimate = abs(found.value - true) / abs(true) / tolerance, found.error / tolerance
     law, elapsed = problem.friction.name, time.perf_counter() - start
     met = stop.startswith(f"tolerance {tolerance:g} met")
-    return SceneTrial(scene, goal.quantity, law, tolerance, met, ratio, estimate, n_dof, elapsed, plain, plain_dof)
+    return SceneTrial(scene, goal.quantity, law, tolerance, met, ratio, estimate, n_dof, elapsed)
 
 
 def scene_table(found: list[SceneTrial]) -> str:
-    """How many were met, by how much the others are missed, and the cost against the plain rule."""
+    """How many were met, by how much the others are missed."""
     claimed = [t for t in found if t.met]
     ratios = np.array([t.ratio for t in claimed])
-    both = [t for t in claimed if t.plain_dof]
-    plain = np.array([t.plain for t in both])
-    growth = np.array([t.n_dof / t.plain_dof for t in both])
     effectivity = np.array([t.estimate / t.ratio for t in claimed if t.ratio > 0.0])
     return (
         f"met {np.count_nonzero(ratios <= 1)} of {len(ratios)} that say so, worst {ratios.max():.2f}, median "
         f"{np.median(ratios):.2f}; {len(found) - len(claimed)} stopped at max_dofs or max_levels and say so\n"
-        f"estimate over error: median {np.median(effectivity):.2f}, least {effectivity.min():.2f}\n"
-        f"plain rule: {np.count_nonzero(plain > 1)} of {len(plain)} missed, worst {plain.max():.2f}; unknowns over its "
-        f"own: mean {growth.mean():.2f}, median {np.median(growth):.2f}"
+        f"estimate over error: median {np.median(effectivity):.2f}, least {effectivity.min():.2f}"
     )
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
 
 from tcstudy.accuracy.norms import Triangles
@@ -86,14 +85,3 @@ def test_slip_length_by_hand(u_x: str, law: str, expected: float) -> None:
     )
     assert study.exact is not None
     assert exact_slip_length(study.exact, study.scenes[0]) == pytest.approx(expected, abs=1e-12)
-
-
-def test_the_exact_energy_does_not_need_a_fine_mesh() -> None:
-    study = closed_forms.ring(1)
-    assert study.exact is not None
-    (mesh,) = meshes(study)
-    plain = mesh.integral(lambda x, y: np.ones_like(x))
-    assert plain == pytest.approx(3 / 8 * math.radians(70), rel=0.02)
-    assert plain != pytest.approx(3 / 8 * math.radians(70), rel=1e-4)
-    whole = plain + sliver_integral(study.scenes[0].body, mesh, lambda x, y: np.ones_like(x))
-    assert whole == pytest.approx(3 / 8 * math.radians(70), rel=1e-8)

@@ -133,25 +133,6 @@ def test_alpha_whose_ratios_are_kept_share_one_set_of_modes(monkeypatch: pytest.
     assert counted(monkeypatch, *apart)[0] == 3
 
 
-def test_rate_of_a_chosen_temperature() -> None:
-    """θ = sin 2x cosh 2y is harmonic: held on one edge, exchanged on one, a flux through two: O(h²) in L²."""
-    theta, slope = "sin(2*x)*cosh(2*y)", "4*2*cos(2*x)*cosh(2*y)"  # k ∂θ/∂x
-    text = SLAB.replace("mesh: {maxh: 0.25}", "mesh: {maxh: 0.25, levels: 4}")
-    text = text.replace("bottom: contact", "bottom: {role: contact, heat: {flux: 0}}")
-    text = text.replace("top: free", 'top: {role: free, heat: {flux: "8*sin(2*x)*sinh(2*y)"}}')
-    text = text.replace("LEFT", f'{{role: clamped, heat: {{theta: "{theta}"}}}}')
-    study = study_of(text.replace("RIGHT", f'{{role: convection, alpha: 3, theta_bar: "{theta} + {slope}/3"}}'))
-    errors = []
-    for level in levels_of(study):
-        x, y = level.mesh.points.T
-        off = level.temperature(study.scenes[0]).theta - np.sin(2 * x) * np.cosh(2 * y)
-        area = level.heat.nodal_area
-        errors.append(float(np.sqrt(area @ off**2)))
-    rates = np.log2(np.array(errors[:-1]) / errors[1:])
-    assert np.all(rates[1:] > 1.9), rates
-    assert errors[-1] < 4e-4
-
-
 def test_what_edges_say_like_the_section_is_the_same_study() -> None:
     """Also for estimated errors, of a goal too; a held temperature is the limit of a large α."""
     own = "{role: convection, alpha: 0.8, theta_bar: 0.2, g: [0.01, 0]}"

@@ -32,7 +32,9 @@ def line_of(m: int, held: tuple[int, ...] = ()) -> ContactLine:
         whole = [i for i in (a, b) if i not in held]
         c[whole] += 1.0 / len(whole)
     edge = np.zeros(len(free), np.int8)
-    return ContactLine(free, s[free], at[free], c[free], edge, ("base",), segments, ends, np.arange(m))
+    return ContactLine(
+        free, s[free], at[free], c[free], edge, ("base",), segments, ends, np.arange(m), np.zeros(m, int)
+    )
 
 
 def problem_of(line: ContactLine) -> ContactProblem:

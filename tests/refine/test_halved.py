@@ -9,7 +9,7 @@ from tcstudy.contact.contact import solve_contact
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import Family
 from tcstudy.refine.goals import dual, goal_value
-from tcstudy.refine.halved import Halved, Pair
+from tcstudy.refine.halved import Halved, contributions
 from tcstudy.scene.study import Goal
 from tests.verification.scenes import study_of
 
@@ -35,7 +35,8 @@ def changes(text: str, goal: Goal) -> tuple[float, np.ndarray]:
     v, w = solve_contact(condensed.problem).v, solve_contact(finer.problem).v
     u = (halved.carry(coarse.displacement(scene, v)), fine.displacement(scene, w))
     z_T = dual(goal, finer.problem, fine.line, w)
-    parts = Pair(goal, halved, scene, (condensed.problem, finer.problem), (v, w), u, z_T).contributions()
+    z = fine.extension(scene, z_T)
+    parts = contributions(goal, halved, scene, (condensed.problem, finer.problem), (v, w), u, z)
     values = goal_value(goal, finer.problem, fine.line, w), goal_value(goal, condensed.problem, coarse.line, v)
     return values[0] - values[1], parts
 

@@ -12,8 +12,6 @@ import tcstudy
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.fem.energy_error import coupling, edge_residual, heat_estimate
 from tcstudy.fem.estimators import contact_traction
-from tcstudy.refine.goals import lumping
-from tcstudy.refine.halved import Halved
 from tcstudy.scene.study import Goal, MeshPlan, Study
 from tcstudy.shapes.triangles import GAUSS
 from tcstudy.study.run import run
@@ -102,18 +100,14 @@ def test_what_heat_does_to_a_goal() -> None:
     """β∫θ div z = ∫qζ + α∫θ̄ζ with the dual temperature ζ, for z = (x²y, xy): what c(ζ, θ) = l(ζ) says."""
     study = study_of(WARM)
     scene, level = study.scenes[0], levels_of(study)[1]
-    halved = Halved(level, scene)
-    fine, triangles, heat = halved.level, halved.level.mesh, halved.level.heat
-    x, y = fine.mesh.points.T
-    z = np.concatenate([x**2 * y, x * y])
-    slope = triangles.gradient(z.reshape(2, -1).T)
-    mean = fine.temperature(scene).theta[fine.mesh.triangles].mean(axis=1) * triangles.area
-    work = scene.material.beta * float(mean @ (slope[:, 0, 0] + slope[:, 1, 1]))
-    zeta = halved.dual_temperature(scene, z)
+    mesh, heat, (x, y) = level.mesh, level.heat, level.mesh.points.T
+    slope = mesh.gradient(np.stack([x**2 * y, x * y], axis=1))
+    dilation = scene.material.beta * mesh.area * (slope[:, 0, 0] + slope[:, 1, 1])
+    zeta = level.temperatures.response(scene, mesh.incidence @ dilation / 3.0)
     put_in = zeta @ heat.source(scene.heat.q, ()) + scene.heat.alpha * float(
         zeta[heat.kept_nodes] @ heat.surroundings(scene.heat.theta_bar)
     )
-    assert put_in == pytest.approx(work, rel=1e-10)
+    assert put_in == pytest.approx(float(dilation @ level.temperature(scene).theta[mesh.triangles].mean(axis=1)))
 
 
 def test_friction_between_the_nodes() -> None:
@@ -139,20 +133,6 @@ def test_friction_between_the_nodes() -> None:
     only_xi = replace(traction, defect=0.0 * traction.defect)
     edges, without = (edge_residual(triangles, *at_rest, scene, t) for t in (traction, only_xi))
     assert np.flatnonzero(edges > without * (1 + 1e-12)).tolist() == [triangles.owner[wrong[0]]]
-
-
-def test_lumping_against_quadrature() -> None:
-    """Σ c_i ξ_i z_i − ∫ξ_h z_h between the outermost free nodes of a straight line, by Simpson's rule."""
-    level = levels_of(study_of(RECTANGLE, "mesh.levels=1"))[0]
-    line = level.line
-    s = line.arclength
-    xi, z = np.sin(3 * s), np.cos(2 * s) + s
-    h = np.diff(s)
-    trapezoid = h / 2 * (xi[1:] * z[1:] + xi[:-1] * z[:-1])
-    middle = 0.25 * (xi[1:] + xi[:-1]) * (z[1:] + z[:-1])
-    simpson = h / 6 * (xi[1:] * z[1:] + 4 * middle + xi[:-1] * z[:-1])
-    found = lumping(line, xi, z)
-    assert float(found.sum()) == pytest.approx(float((trapezoid - simpson).sum()), rel=1e-10)
 
 
 def test_oscillating_data_are_seen() -> None:
