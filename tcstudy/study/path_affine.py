@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from tcstudy.contact.bounds import solution_boxes
@@ -16,7 +17,7 @@ from tcstudy.contact.path.follow import Follower, ParametricProblem, Path
 from tcstudy.contact.path.start import NoSolutionError
 from tcstudy.contact.status import Status
 from tcstudy.errors import PathError
-from tcstudy.offline.level import Condensed, Level
+from tcstudy.offline.level import Level
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Branch, Direction
 
@@ -32,25 +33,16 @@ class AffineLoad:
 
     problem:  Ã, l̃₀, l̃₁, c and the law
     defect:   largest |l̃ − l̃₀ − t l̃₁| at the values that were checked, relative to the largest |l̃|
-    origin, length, coefficients: constant(t) = k₀ + k₁ s + k₂ s² with s = (t − origin)/length [J/m]
+    constant: what the total potential energy has beside L̃(u₁), eq. (20), a parabola of t [J/m]
     """
 
     problem: ParametricProblem
     defect: float
-    origin: float
-    length: float
-    coefficients: tuple[float, float, float]
+    constant: Polynomial
 
-    def constant(self, t: Array) -> Array:
-        """What the total potential energy has beside L̃(u₁), eq. (20) [J/m] (shape of t)."""
-        s = (np.asarray(t, dtype=float) - self.origin) / self.length
-        k_0, k_1, k_2 = self.coefficients
-        return np.asarray(k_0 + s * (k_1 + s * k_2))
 
-    def constant_rate(self, t: Array) -> Array:
-        """Derivative of `constant` by t."""
-        s = (np.asarray(t, dtype=float) - self.origin) / self.length
-        return np.asarray((self.coefficients[1] + 2.0 * s * self.coefficients[2]) / self.length)
+SHARES = np.array([0.0, 1.0, 0.4, 0.75])
+"""Where between two values of t the load is taken: the first two give it, it is checked at the others."""
 
 
 def affine_load(level: Level, scene_of: Callable[[float], Scene], begin: float, end: float, name: str) -> AffineLoad:
@@ -60,32 +52,27 @@ def affine_load(level: Level, scene_of: Callable[[float], Scene], begin: float, 
     Raises PathError if l̃ is not affine in t or does not depend on it.
     """
     length = end - begin
-    shares = (0.0, 1.0, 0.4, 0.75)
-    solved: list[Condensed] = []
-    for share in shares:
-        t = end if share == 1.0 else begin + share * length
-        solved.append(level.condensed(scene_of(t)))
-        if not np.array_equal(solved[0].problem.A_tilde, solved[-1].problem.A_tilde):
-            raise PathError(f"the stiffness changes with {name}: a path needs a parameter of the loads alone")
-    loads = [c.problem.l_tilde for c in solved]
-    l_1 = (loads[1] - loads[0]) / length
-    l_0 = loads[0] - begin * l_1
-    size = max(float(np.max(np.abs(load), initial=0.0)) for load in loads)
-    difference = float(np.max(np.abs(loads[1] - loads[0]), initial=0.0))
-    if difference <= 1e-13 * size:
+    solved = [level.condensed(scene_of(end if x == 1.0 else begin + x * length)) for x in SHARES.tolist()]
+    first = solved[0].problem
+    if not all(np.array_equal(first.A_tilde, one.problem.A_tilde) for one in solved):
+        raise PathError(f"the stiffness changes with {name}: a path needs a parameter of the loads alone")
+    loads = np.array([one.problem.l_tilde for one in solved])
+    change, size = loads[1] - loads[0], float(np.max(np.abs(loads), initial=0.0))
+    if np.max(np.abs(change), initial=0.0) <= 1e-13 * size:
         raise PathError(f"the load on the contact line does not depend on {name}; choose another path.parameter")
-    checked = zip(shares[2:], loads[2:], strict=True)
-    off = max(float(np.max(np.abs(load - loads[0] - share * (loads[1] - loads[0])))) for share, load in checked)
+    off = float(np.max(np.abs(loads - loads[0] - SHARES[:, None] * change)))
     if off > AFFINE * size:
         raise PathError(
             f"the load is not affine in {name} (relative deviation {off / size:.1e} from a straight line), so there "
             "is no piecewise-linear path along it; use a sweep"
         )
-    first = solved[0].problem
-    problem = ParametricProblem(first.A_tilde, l_0, l_1, first.c, first.law, (begin, end), first.A_error)
-    at_1, at_04 = (c.constant - solved[0].constant for c in solved[1:3])  # of a parabola
+    l_1 = change / length
+    span = begin, end
+    problem = ParametricProblem(first.A_tilde, loads[0] - begin * l_1, l_1, first.c, first.law, span, first.A_error)
+    at_1, at_04 = (one.constant - solved[0].constant for one in solved[1:3])  # of a parabola
     k_2 = (at_1 - at_04 / 0.4) / 0.6
-    return AffineLoad(problem, off / size, begin, length, (solved[0].constant, at_1 - k_2, k_2))
+    constant = Polynomial([solved[0].constant, at_1 - k_2, k_2], domain=span, window=(0.0, 1.0))
+    return AffineLoad(problem, off / size, constant)
 
 
 def straightened(

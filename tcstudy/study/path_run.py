@@ -130,7 +130,7 @@ def _curve(setting: _Setting, path: Path) -> Values:
         "u_T": path.u,
         "xi": path.traction,
         "energy": path.energy + load.constant(path.t),
-        "energy_rate": load.constant_rate(path.t) - path.conjugate,
+        "energy_rate": load.constant.deriv()(path.t) - path.conjugate,
         "residual": path.residual,
         "stable": path.stable,
         "state": state,
@@ -153,18 +153,20 @@ def _curve(setting: _Setting, path: Path) -> Values:
 
 def _branches(setting: _Setting, path: Path, every: Branches) -> Values:
     """All branches one after the other."""
-    branches, known, m = every.branches, {code.tobytes() for code in path.codes}, path.problem.m
-    t, energy = (np.concatenate([np.zeros(0), *(getattr(b, name) for b in branches)]) for name in ("t", "energy"))
-    u, xi = (np.concatenate([np.zeros((0, m)), *(getattr(b, name) for b in branches)]) for name in ("u", "traction"))
+    branches, known = every.branches, {code.tobytes() for code in path.codes}
+
+    def of_all(name: str) -> Array:
+        return np.concatenate([getattr(path, name)[:0], *(getattr(b, name) for b in branches)])
+
     return {
         "complete": int(every.complete),
-        "at_complete": _known(setting, every),
+        "at_complete": np.array([every.complete_at(t) for t in setting.plan.at], dtype=bool),
         "branch_of": np.repeat(np.arange(len(branches)), [len(b.t) for b in branches]),
-        "branch_parameter": t,
-        "branch_energy": energy + setting.load.constant(t),
-        "branch_u_T": u,
-        "branch_xi": xi,
-        "branch_stable": np.concatenate([np.zeros(0, bool), *(np.append(b.stable, False) for b in branches)]),
+        "branch_parameter": of_all("t"),
+        "branch_energy": of_all("energy") + setting.load.constant(of_all("t")),
+        "branch_u_T": of_all("u"),
+        "branch_xi": of_all("traction"),
+        "branch_stable": np.concatenate([path.stable[:0], *(np.append(b.stable, False) for b in branches)]),
         "branch_loop": [int(b.end == PathStatus.CLOSED_LOOP) for b in branches],
         "branch_on_path": [any(code.tobytes() in known for code in b.codes) for b in branches],
     }
@@ -174,39 +176,21 @@ SAME = 1e-7
 """Of the largest slip, by which the same solution may differ on the path and on its branch."""
 
 
-def _beside(path: Path, every: Branches, i: int, t: float, found: list[PathSolution]) -> list[PathSolution]:
-    """The solutions at t, the requested value i: those on the path, and what is known beside them."""
-    problem, all_of_them = path.problem.at(t), list(found)
-    known = [(one.v, one.stable) for branch in every.branches for one in solutions_at(branch, t)]
-    if (listed := every.listed[i]) is not None:
-        known += zip(listed.v, listed.stable, strict=True)
-    for v, stable in known:
-        size = SAME * float(np.max(np.abs(v), initial=0.0))
-        if all(np.max(np.abs(v - one.v)) > size for one in all_of_them):
-            all_of_them.append(PathSolution(v, problem.energy(v), bool(stable), -1, problem.inclusion_residual(v)))
-    return all_of_them
-
-
-def _known(setting: _Setting, every: Branches) -> Array:
-    """Whether all solutions at each of the requested values are known by proof."""
-    low, high = sorted((setting.plan.begin, setting.plan.end))
-    pairs = zip(setting.plan.at, every.listed, strict=True)
-    return np.array([low <= t <= high and every.complete if x is None else x.complete for t, x in pairs], bool)
-
-
 def _solutions(setting: _Setting, path: Path, every: Branches | None) -> Values:
     """Solutions on the path at the requested values; those of a smooth law by Newton's method from its stand-in's.
 
     every: all branches, whose solutions are added; of a smooth law they are those of another problem
     """
     at, law, known = np.array(setting.plan.at), setting.load.problem.law, np.zeros(len(setting.plan.at), dtype=bool)
-    if not law.piecewise_linear:
-        found = [solutions_of(law, path, t) for t in at.tolist()]
-    else:
-        found = [solutions_at(path, t) for t in at.tolist()]
-        if every is not None:
-            known = _known(setting, every)
-            found = [_beside(path, every, i, float(at[i]), group) for i, group in enumerate(found)]
+    found = list[list[PathSolution]]()
+    for n, t in enumerate(at.tolist()):
+        found.append(solutions_at(path, t) if law.piecewise_linear else solutions_of(law, path, t))
+        if every is not None and law.piecewise_linear:
+            problem, known[n] = path.problem.at(t), every.complete_at(t)
+            for v, stable in every.solutions(t):
+                size = SAME * float(np.max(np.abs(v), initial=0.0))
+                if all(np.max(np.abs(v - one.v)) > size for one in found[n]):
+                    found[n].append(PathSolution(v, problem.energy(v), stable, -1, problem.inclusion_residual(v)))
     count = np.array([len(group) for group in found], dtype=np.intp)
     i, rows = np.repeat(np.arange(len(at)), count), [solution for group in found for solution in group]
     problems = [setting.load.problem.at(float(t)) for t in at[i]]

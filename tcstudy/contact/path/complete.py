@@ -10,7 +10,7 @@ branch ends inside, and the number of solutions is odd at every t.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
@@ -46,21 +46,27 @@ class Branches:
 
     branches: a loop has its first vertex again at the end, and the status CLOSED_LOOP
     reason: why they are not proved to be all, "" if they are;  boxes: number that was looked at
-    listed: solutions at the values asked for, where they were listed by themselves
+    listed: solutions at the values asked for for which the branches do not answer
     """
 
     branches: tuple[Path, ...]
     reason: str
     boxes: int
-    listed: tuple[Equilibria | None, ...] = ()
+    listed: Mapping[float, Equilibria]
 
     @property
     def complete(self) -> bool:
         return not self.reason
 
-    def count(self, t: float) -> int:
-        """Number of solutions at t, which no vertex has."""
-        return sum(len(solutions_at(branch, t)) for branch in self.branches)
+    def solutions(self, t: float) -> list[tuple[Array, bool]]:
+        """(v (m,), stable) of all that are known at t; those listed by themselves may be on branches as well."""
+        known = [(one.v, one.stable) for branch in self.branches for one in solutions_at(branch, t)]
+        one = self.listed.get(t)
+        return known if one is None else [*known, *zip(one.v, one.stable.tolist(), strict=True)]
+
+    def complete_at(self, t: float) -> bool:
+        """Whether these are proved to be all at a value that was asked for."""
+        return self.listed[t].complete if t in self.listed else self.complete
 
 
 def all_branches(
@@ -87,8 +93,8 @@ def all_branches(
     edge = np.linspace(0.0, 1.0, SLABS + 1)
     cells = boxes.search(boxes.whole(np.arange(SLABS), edge[:-1], edge[1:]), limits, OVER_LOADS)
     stopped = bool(np.any(cells.stopped))
-    listed = [all_solutions(problem.at(t), limits) if stopped or not low <= t <= high else None for t in at]
-    inside = [x.sides for t, x in zip(at, listed, strict=True) if x is not None and low <= t <= high]
+    listed = {t: all_solutions(problem.at(t), limits) for t in at if stopped or not low <= t <= high}
+    inside = [x.sides for t, x in listed.items() if low <= t <= high]
     sides = np.unique(np.concatenate([cells.sides, *inside]), axis=0)
     parts = [segments(boxes, sides[i : i + _CELLS]) for i in range(0, max(len(sides), 1), _CELLS)]
     found = Segments(*map(np.concatenate, zip(*parts, strict=True)))
@@ -109,7 +115,7 @@ def all_branches(
         on_branch |= through
         branches.append(branch)
     reason = _reason(cells.stopped, undecided or missing, edge, (low, high)) or _even(branches, (low, high))
-    return Branches(tuple(branches), reason, int(cells.boxes.sum()), tuple(listed))
+    return Branches(tuple(branches), reason, int(cells.boxes.sum()), listed)
 
 
 def _sides(problem: ParametricProblem) -> Index:

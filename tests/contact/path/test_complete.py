@@ -12,7 +12,6 @@ from tcstudy.contact.all_solutions import all_solutions
 from tcstudy.contact.boxes import Limits, PolygonProblems
 from tcstudy.contact.path.complete import Found, _even, all_branches, segments
 from tcstudy.contact.path.problem import ParametricProblem
-from tcstudy.contact.path.query import solutions_at
 from tcstudy.contact.path.record import Path, PathStatus
 from tests.contact.contact_cases import slip_weakening, spring
 from tests.contact.random_polygons import by_brute_force, random_problem
@@ -42,10 +41,10 @@ def test_random_problems_have_the_segments_that_brute_force_finds(m: int) -> Non
             loops += loop
         for t in np.random.default_rng(seed).uniform(0.0, 1.0, 3):
             at = all_solutions(problem.at(t))
-            assert found.count(t) == len(at)
-            known = [one for branch in found.branches for one in solutions_at(branch, t)]
-            assert sum(one.stable for one in known) == np.count_nonzero(at.stable)
-            np.testing.assert_allclose(np.sort([one.v for one in known], axis=0), np.sort(at.v, axis=0), atol=1e-9)
+            v, stable = zip(*found.solutions(t), strict=True)
+            assert len(v) == len(at)
+            assert sum(stable) == np.count_nonzero(at.stable)
+            np.testing.assert_allclose(np.sort(v, axis=0), np.sort(at.v, axis=0), atol=1e-9)
     assert m != 2 or loops
 
 
@@ -73,12 +72,11 @@ def test_what_a_limit_leaves_is_followed_from_the_values_asked_for() -> None:
         part = all_branches(problem, 0.0, 1.0, lambda_1, Limits(boxes=2), at)
         for branch in part.branches:
             assert branch.end == PathStatus.CLOSED_LOOP or {0.0, 1.0} >= {branch.t[0], branch.t[-1]}
-        for t, listed in zip(at, part.listed, strict=True):
-            every = len(all_solutions(problem.at(t)))
-            if listed is not None:
-                assert len(listed) <= part.count(t) <= every
-                assert not listed.complete or len(listed) == every
-                more += part.count(t) > len(listed)
+        for t, listed in part.listed.items():
+            every, count = len(all_solutions(problem.at(t))), len(part.solutions(t)) - len(listed)
+            assert len(listed) <= count <= every
+            assert not listed.complete or len(listed) == every
+            more += count > len(listed)
     assert more
 
 
@@ -86,11 +84,10 @@ def test_values_outside_the_interval_are_listed_by_themselves() -> None:
     problem, lambda_1, _ = parametric(3, 3)
     found = all_branches(problem, 0.2, 0.9, lambda_1, at=(0.5, 1.4))
     assert found.complete
-    assert found.listed[0] is None
-    outside = found.listed[1]
-    assert outside is not None
-    assert outside.complete
-    np.testing.assert_array_equal(outside.v, all_solutions(problem.at(1.4)).v)
+    assert list(found.listed) == [1.4]
+    assert found.complete_at(0.5)
+    assert found.complete_at(1.4)
+    np.testing.assert_array_equal(found.listed[1.4].v, all_solutions(problem.at(1.4)).v)
 
 
 def test_a_branch_that_is_lost_is_missed() -> None:
