@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import xarray as xr
 
-from tests.commands import CONFIGS, tcstudy_command
+from tests.commands import tcstudy_command
 from tests.test_cli import STUDY
 
 PATH = STUDY + "path: {parameter: load, from: 0, to: 2, at: [0.5, 1.5]}\n"
@@ -69,23 +69,6 @@ def test_without_its_section_the_points_of_the_sweep_are_solved(folder: Path) ->
     assert "results/block.nc" in result.stdout
     assert result.returncode == 0, result.stderr
     assert "4 of 4 solutions found" in result.stdout
-
-
-def test_the_example(tmp_path: Path) -> None:
-    result = tcstudy_command("run", CONFIGS / "path.yaml", "--set", "mesh.levels=2", cwd=tmp_path)
-    assert result.returncode == 0, result.stderr
-    assert "falls at 1.129 mm (rising)" in result.stdout
-
-
-def test_a_swept_key_of_the_scene_outside_the_sweep_may_be_set(folder: Path) -> None:
-    words = ("--set", "tau=0.03", "--set", "path=null")
-    assert "swept" in tcstudy_command("run", "block.yaml", "--dry-run", *words, cwd=folder).stderr
-    for tau in ("0.01", "0.03"):
-        result = tcstudy_command("run", "block.yaml", "--set", f"tau={tau}", "--output", f"{tau}.nc", cwd=folder)
-        assert result.returncode == 0, result.stderr
-    weak, strong = (xr.open_dataset(folder / f"{tau}.nc") for tau in ("0.01", "0.03"))
-    with weak, strong:
-        assert float(abs(strong["xi"]).max()) > 1.5 * float(abs(weak["xi"]).max())
 
 
 @pytest.mark.parametrize("mesh", ["{maxh: 0.3, levels: 2, family: adaptive}", "{maxh: 0.3, tolerance: 0.2}"])

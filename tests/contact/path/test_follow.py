@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from tcstudy.contact.contact import nearest_minimum
 from tcstudy.contact.path.basis_inverse import CAPACITY, BasisInverse
 from tcstudy.contact.path.follow import Follower, ParametricProblem, PathStatus
 from tcstudy.contact.path.query import folds, solutions_at
@@ -28,11 +29,10 @@ def test_one_softening_node_in_closed_form() -> None:
     assert [s.v[0] for s in found] == pytest.approx([0.0, 0.2, 0.6], abs=1e-15)
     assert [s.energy + 0.32 for s in found] == pytest.approx([0.32, 0.34, 0.30], abs=1e-15)
     assert [s.stable for s in found] == [True, False, True]
-    assert not path.slipping[3, 0]
-    assert path.slipping[4, 0]
+    assert path.slipping[3:5, 0].tolist() == [False, True]
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", range(30))
 def test_every_solution_on_the_path_is_one_and_for_one_node_all_are_on_it(seed: int) -> None:
     """Against enumeration of all combinations of pieces, stability included; m = 1, 2 with up to 6 kinks."""
     rng = np.random.default_rng([seed, 41])
@@ -56,22 +56,6 @@ def test_every_solution_on_the_path_is_one_and_for_one_node_all_are_on_it(seed: 
             assert len(found) == len(expected)
 
 
-@pytest.mark.parametrize("seed", range(10))
-def test_solutions_of_the_minimiser_lie_on_paths(seed: int) -> None:
-    """A minimiser's solution is found again by the path through it; where both share a cell they share the point."""
-    rng = np.random.default_rng([seed, 47])
-    problem = random_path_problem(rng, 10)
-    path = follow(problem, a_solution(problem, 0.0), 0.0, -2.0, 2.0)
-    known = {codes.tobytes() for codes in path.codes}
-    for t in rng.uniform(-1.9, 1.9, 4):
-        v, _ = nearest_minimum(problem.at(t), rng.normal(size=10), 1e-12)
-        other = follow(problem, v, t, -2.0, 2.0)
-        assert other.stable[other.start]
-        assert min(np.max(np.abs(s.v - v)) for s in solutions_at(other, t)) <= 1e-11
-        if known & {codes.tobytes() for codes in other.codes}:
-            assert min(np.max(np.abs(s.v - v)) for s in solutions_at(path, t)) <= 1e-10
-
-
 def test_residual_at_every_vertex_of_a_path_with_many_folds() -> None:
     m = 400
     problem = softening_line(m, 0.02)
@@ -83,9 +67,6 @@ def test_residual_at_every_vertex_of_a_path_with_many_folds() -> None:
     assert worst <= 1e-11
     assert path.end == PathStatus.RANGE_END
     assert path.factorisations < 20
-    one = solutions_at(path, 0.9)
-    assert len(one) > 1
-    assert max(s.residual for s in one) <= 1e-11
 
 
 @pytest.mark.parametrize("error", [1e-10, 1e-6])
@@ -172,26 +153,15 @@ def test_bad_input_is_named() -> None:
     with pytest.raises(ValueError, match="piecewise linear"):
         follow(problem.with_law(cases.exponential_decay()), np.zeros(5), 0.0)
     with pytest.raises(ValueError, match="not positive definite"):
-        follow(
-            ParametricProblem(-problem.A_tilde, problem.l_0, problem.l_1, problem.c, problem.law),
-            np.zeros(5),
-            0.0,
-        )
+        follow(replace(problem, A_tilde=-problem.A_tilde), np.zeros(5), 0.0)
     with pytest.raises(ValueError, match="l_1 is zero"):
-        follow(
-            ParametricProblem(problem.A_tilde, problem.l_0, 0 * problem.l_1, problem.c, problem.law),
-            np.zeros(5),
-            0.0,
-        )
+        follow(replace(problem, l_1=0 * problem.l_1), np.zeros(5), 0.0)
 
 
 def test_a_law_without_kinks_and_progress() -> None:
     calls: list[tuple[int, float]] = []
     problem = softening_line(6).with_law(cases.spring(2.0))
     path = Follower(t_min=-1.0, t_max=1.0).follow(problem, np.zeros(6), 0.0, progress=lambda n, t: calls.append((n, t)))
-    assert path.pieces == 2
+    assert path.pieces == len(calls) == 2
     exact = np.linalg.solve(problem.A_tilde + 2.0 * np.diag(problem.c), problem.l_1)
     assert path.u[-1] == pytest.approx(exact, rel=1e-12)
-    many = softening_line(60, 0.02)
-    Follower(t_min=0.0, t_max=3.0).follow(many, np.zeros(60), 0.0, progress=lambda n, t: calls.append((n, t)))
-    assert len(calls) >= 3

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from tcstudy.contact.path.chords import piecewise_linear
 from tcstudy.contact.path.query import solutions_of
@@ -63,12 +64,6 @@ def test_all_three_solutions_of_an_exponential_law() -> None:
     found = solutions_of(law, path, t)
     assert [s.stable for s in found] == [True, False, True]
     assert max(s.residual for s in found) <= 1e-14
-    roots = []
-    for low, high in ((0.0, np.log(4.0) / 5), (np.log(4.0) / 5, 1.0)):
-        falling = low + 0.2 + 0.8 * np.exp(-5 * low) > t
-        for _ in range(200):
-            middle = 0.5 * (low + high)
-            above = middle + 0.2 + 0.8 * np.exp(-5 * middle) > t
-            low, high = (middle, high) if above == falling else (low, middle)
-        roots.append(low)
+    g = lambda s: s + 0.2 + 0.8 * np.exp(-5 * s) - t  # noqa: E731
+    roots = [brentq(g, *ends, xtol=1e-15) for ends in ((0.0, np.log(4.0) / 5), (np.log(4.0) / 5, 1.0))]
     assert [float(s.v[0]) for s in found] == pytest.approx([0.0, *roots], abs=1e-13)

@@ -7,37 +7,27 @@ import pytest
 
 from tcstudy.contact.path.follow import Follower, ParametricProblem, PathStatus
 from tcstudy.contact.path.query import solutions_at
-from tcstudy.fem.geometry import build
 from tcstudy.laws.laws import Laws
-from tcstudy.offline.level import Level
 from tests.contact import contact_cases as cases
 from tests.contact.path.cases import a_solution, follow, one_node
-from tests.verification.patch import DROPPING, SOFTENING, Case, patch_study
-from tests.verification.scenes import mesh_family
 
-
-def patch_line(law: str, maxh: float) -> tuple[ParametricProblem, float, object]:
-    """The condensed patch test with t = U, the constant of its energy at U = 1, and its study."""
-    study = patch_study(Case(law, 1.0, (0.0,)), maxh)
-    mesh = next(iter(mesh_family(build(study.scenes[0].body), study.mesh)))
-    condensed = Level(mesh, study.scenes[0]).condensed(study.scenes[0])
-    p = condensed.problem
-    return ParametricProblem(p.A_tilde, np.zeros(p.m), p.l_tilde, p.c, p.law), condensed.constant, study
+DROPPING = cases.linear_law("drops", [-0.4, 0.0, 0.4], [-0.2, -1.0, 1.0], [-1.0, 1.0, 0.2], (0.0, 0.0))
 
 
 @pytest.mark.parametrize(
     ("law", "slip", "t", "third"),
     [
-        (SOFTENING, 0.0, 1.0, 0.2),
-        (SOFTENING, 0.4, 0.6, 0.2),
+        (cases.slip_weakening(1.0, 0.2, 0.4), 0.0, 1.0, 0.2),
+        (cases.slip_weakening(1.0, 0.2, 0.4), 0.4, 0.6, 0.2),
         (DROPPING, 0.4, 1.4, 0.4),
         (DROPPING, 0.4, 0.6, 0.4),
     ],
 )
-def test_starts_exactly_on_the_folds_of_the_patch_test(law: str, slip: float, t: float, third: float) -> None:
+def test_starts_exactly_on_the_folds_of_a_uniform_body(law: Laws, slip: float, t: float, third: float) -> None:
     """All nodes on a kink, all tied: both uniform branches are found from the fold itself."""
-    problem, _, _ = patch_line(law, 0.35)
-    path = follow(problem, np.full(problem.m, slip), t, -2.0, 2.0)
+    A, c = cases.half_laplacian(7)
+    A = A - np.diag(A.sum(axis=1) - c)  # uniform slips s need the load c s
+    path = follow(ParametricProblem(A, np.zeros(7), c, c, law), np.full(7, slip), t, -2.0, 2.0)
     assert np.max(np.ptp(path.u, axis=1)) <= 1e-12
     assert len(path.folds) == 4
     assert path.start in path.folds
@@ -85,7 +75,7 @@ def integer_problem(rng: np.random.Generator, m: int) -> ParametricProblem:
 def test_integer_data_full_of_ties() -> None:
     """No stall, no cycle, an end with a reason, the inclusion at every vertex, stability by eigenvalues."""
     orderly = 0
-    for seed in range(250):
+    for seed in range(150):
         rng = np.random.default_rng([seed, 53])
         problem = integer_problem(rng, int(rng.integers(1, 6)))
         path = Follower(t_min=-9.0, t_max=9.0, max_pieces=2000).follow(problem, a_solution(problem, 0.0), 0.0)
@@ -103,7 +93,7 @@ def test_integer_data_full_of_ties() -> None:
                 assert stable == (least > 0 and not down)
             else:
                 assert not stable
-    assert orderly >= 245
+    assert orderly >= 147
 
 
 def test_a_flat_piece_is_followed_and_not_called_stable() -> None:
@@ -121,9 +111,8 @@ def test_a_flat_piece_is_followed_and_not_called_stable() -> None:
 def test_starts_on_every_vertex_of_a_path(direction: str) -> None:
     """Restarting exactly on a vertex (a node on a kink, some of them folds) gives the same set of vertices."""
     A_tilde, c = cases.half_laplacian(6)
-    problem = ParametricProblem(
-        A_tilde, np.zeros(6), c * np.linspace(1.0, 1.6, 6), c, cases.slip_weakening(1, 0.2, 0.2)
-    )
+    load = c * np.linspace(1.0, 1.6, 6)
+    problem = ParametricProblem(A_tilde, np.zeros(6), load, c, cases.slip_weakening(1, 0.2, 0.2))
     path = follow(problem, np.zeros(6), 0.0, -2.0, 2.0)
     for k in range(1, path.pieces):
         again = Follower(t_min=-2.0, t_max=2.0).follow(problem, path.u[k], path.t[k], direction)  # type: ignore[arg-type]
