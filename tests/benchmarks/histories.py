@@ -10,15 +10,15 @@ from __future__ import annotations
 
 import sys
 import time
+from itertools import product
 
 import numpy as np
 
 from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.history.problem import HistoryStep
-from tcstudy.contact.history.steps import next_step
+from tcstudy.contact.history.steps import history
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.matrices import law
-from tcstudy.scene.histories import Memory
+from tcstudy.scene.histories import HISTORY_BRANCHES, Memory
 from tests.contact.history.cases import coupled_line, remembering, softening
 
 LAWS = {
@@ -28,28 +28,23 @@ LAWS = {
 }
 
 
-def main(nodes: int, steps: int) -> None:
+def main(nodes: int = 500, steps: int = 1000) -> None:
     """One line a law, memory and way of following the step."""
     A, c, load = coupled_line(nodes)
     factors = 3.0 * np.sin(10.0 * np.pi * np.arange(1, steps + 1) / steps)
-    for name, film in LAWS.items():
-        v, begin = np.zeros(nodes), time.process_time()
+    ways = product(LAWS, (Memory("friction"), Memory("elastic-plastic", 3e10), Memory("damage")), HISTORY_BRANCHES)
+    for name, memory, branch in ways:
+        film, v, begin = LAWS[name], np.zeros(nodes), time.process_time()
+        if memory.stiffness and not film.piecewise_linear:
+            continue
         for factor in factors:
             v = solve_contact(ContactProblem(A, factor * load, c, film), branch="continued", neighbour=v).v
-        warm = (time.process_time() - begin) / steps
-        for memory in (Memory("friction"), Memory("elastic-plastic", 3e10), Memory("damage")):
-            if memory.stiffness and not film.piecewise_linear:
-                continue
-            for branch in ("lowest", "continued"):
-                body = remembering(A, c, film, memory, branch=branch)
-                last, begin = HistoryStep.virgin(nodes), time.process_time()
-                for factor in factors:
-                    last = next_step(body, last, factor * load)
-                    assert last.solved, last.reason
-                step = (time.process_time() - begin) / steps
-                how = "path" if branch == "continued" else "lowest"
-                print(f"{name:12s} {memory.name:16s} {how:12s} {step / warm:5.2f} warm solves of {1e3 * warm:.1f} ms")
+        warm, begin = time.process_time() - begin, time.process_time()
+        for step in history(remembering(A, c, film, memory, branch), (factor * load for factor in factors)):
+            assert step.solved, step.reason
+        own = (time.process_time() - begin) / warm
+        print(f"{name:12s} {memory.name:16s} {branch:10s} {own:5.2f} warm solves of {1e3 * warm / steps:.1f} ms")
 
 
 if __name__ == "__main__":
-    main(*(int(word) for word in sys.argv[1:] or ("500", "1000")))
+    main(*map(int, sys.argv[1:]))

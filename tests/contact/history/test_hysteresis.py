@@ -39,11 +39,6 @@ def test_energy_lost_is_the_area_of_the_loop(seed: int) -> None:
         assert problem.at(jump.t).inclusion_residual(jump.v_to, 1e-13) <= 1e-11
 
 
-def test_bad_range_is_named() -> None:
-    with pytest.raises(ValueError, match="give it a range"):
-        hysteresis(softening_line(5), np.zeros(5), 1.0, 1.0)
-
-
 @pytest.mark.parametrize("seed", [15, 16, 19])
 def test_every_fall_leads_elsewhere_beside_nodes_whose_bond_is_all_but_gone(seed: int) -> None:
     """A node of strength 1e-9, ever near its kink, must not blur on which kink another one stands that sticks again."""

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
 from tcstudy.contact.history.steps import history
-from tcstudy.laws.laws import Laws
 from tcstudy.matrices import law
 from tcstudy.scene.histories import Memory
 from tests.contact.history.cases import coupled_line, remembering, strip
@@ -76,25 +75,6 @@ def test_a_stiff_block_on_a_spring_never_jumps(stiffness: float, ratio: float, m
         u, exact = [step.v.mean() for step in steps], 1.5 * F / K
         error = max(2.0 / ratio, 8.0 * np.finfo(float).eps * ratio)
         assert u == pytest.approx([exact, exact, -exact, exact] * 2, abs=10.0 * error * exact)
-
-
-FILMS: list[tuple[Laws, bool]] = [
-    (law("tresca", tau=1.0), True),
-    (law(points=[(0.0, 1.0), (0.4, 0.8)]), True),
-    (law(points=[(0.0, 1.0), (0.4, 0.2)]), False),
-    (law("exponential", a=1.0, b=0.8, delta=0.4), True),
-    (law("exponential", a=1.0, b=0.2, delta=0.4), False),
-    (law(points=[(0.0, 1.0), (0.4, 1.0), (0.4, 0.2)]), False),
-]
-
-
-@pytest.mark.parametrize(("film", "proved"), FILMS)
-def test_no_state_can_let_go_once_the_film_has_fallen(film: Laws, proved: bool) -> None:
-    """Of a block on a spring of 1: at first where the law falls by less than 1, after a long way whatever it was."""
-    body = remembering(np.eye(1), np.ones(1), film, Memory("friction"))
-    first, last = HistoryStep.virgin(1), next(history(body, [np.array([9.0])]))
-    assert body.one_solution(body.model.next_law(first)) == proved
-    assert body.one_solution(body.model.next_law(last))
 
 
 @pytest.mark.parametrize("metre", METRES)
