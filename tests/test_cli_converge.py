@@ -38,9 +38,7 @@ def test_the_study_with_derived_loads(tmp_path: Path) -> None:
     ("words", "message"),
     [
         (("--set", "mesh.levels=1"), "one level has no convergence"),
-        (("--set", "mesh.levls=4"), "mesh.levls"),
         (("--plot", "a.txt"), ".png"),
-        (("--at", "tau"), "NAME=VALUE"),
         (("--at", "tau=0.7"), "no point of the study has tau = 0.7"),
         (("--quiet", "--json"), "--quiet and --json exclude each other"),
         (("--plot", "a.png", "--at", "tau=0.7"), "no point of the study has tau = 0.7"),

@@ -55,9 +55,7 @@ def test_another_point(folder: Path) -> None:
         (("--plot", "a.txt"), ".png"),
         (("--at", "friction.tau=0.7"), "block.yaml: no point of the study has tau = 0.7"),
         (("--at", "friction.tau=0.01", "--at", "tau=0.01"), "friction.tau and tau are one parameter; give it once"),
-        (("--at", "tau"), "NAME=VALUE"),
         (("--at", "tau=0.01", "--at", "tau=0.005"), "--at: tau is given twice"),
-        (("--set", "mesh.maxh=-1"), "mesh.maxh"),
         (("--output", "block.yaml/a.nc"), "block.yaml"),
     ],
 )

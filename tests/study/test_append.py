@@ -191,8 +191,7 @@ def killed(tmp_path: Path, place: str, *words: str) -> None:
     reached.unlink()
 
 
-@pytest.mark.parametrize("place", ["solve_block", "define"])
-@pytest.mark.parametrize("how", ["append", "retry"])
+@pytest.mark.parametrize(("how", "place"), [("append", "solve_block"), ("append", "define"), ("retry", "solve_block")])
 def test_killed_it_leaves_the_old_file_and_goes_on(
     file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str, place: str
 ) -> None:

@@ -136,12 +136,3 @@ def test_a_scene_without_load_is_refused_and_nothing_is_written(tmp_path: Path) 
     with pytest.raises(CostError, match=r"nothing loads this scene.*--at"):
         cost_to_file(study, (), "", 1, tmp_path / "a.nc", lambda text, left: None, ["tcstudy"])
     assert not list(tmp_path.iterdir())
-
-
-def test_curves_do_not_go_far_beyond_the_own_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tcstudy.study.cost.MOST", 100)
-    cost = _measure(study_of(PULLED, "mesh={maxh: 0.2, levels: 1}"), runs=1)
-    most = cost.values["n_dof"][own(cost)[0], own(cost)[2]]
-    assert most > 100
-    assert np.count_nonzero(cost.values["n_dof"][0] > 0) == 1  # a uniform refinement would have four times as many
-    assert cost.values["n_dof"].max() < 3 * most

@@ -17,7 +17,6 @@ from tcstudy.scene.records import Edge
 from tcstudy.shapes.triangles import doubled_areas
 from tcstudy.study.lint import faults, lint, loaded, warnings
 from tcstudy.study.plan import plan
-from tests.commands import tcstudy_command
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, study_of
 
 ARC = """\
@@ -190,18 +189,6 @@ def test_a_size_of_the_sweep_and_an_option_are_named_as_such(tmp_path: Path) -> 
     text = STUDY.replace("mesh: {maxh: 2 mm, levels: 2}\n", "sweep: {h: [2 mm, 1 um]}\n")
     assert found(tmp_path, text)[0].startswith("study.yaml:15:19: sweep.h[1]: about 10^8.7 triangles")
     assert found(tmp_path, STUDY, "mesh.maxh=3")[0].startswith("--set mesh.maxh=3: mesh.maxh: an element of 3")
-
-
-def test_a_file_that_is_no_step_is_told_in_one_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    """Without what the kernel itself would print."""
-    (tmp_path / "plate.step").write_text("hello\n")
-    (tmp_path / "study.yaml").write_text(STUDY)
-    done = tcstudy_command("run", "study.yaml", "--dry-run", cwd=tmp_path)
-    assert done[:2] == (2, "")
-    assert tuple(capfd.readouterr()) == ("", "")
-    assert done.stderr == (
-        "study.yaml:3:5: body.file: plate.step: is no STEP file, as ISO-10303-21 is missing; export the face again\n"
-    )
 
 
 BOAT = """body:

@@ -57,11 +57,6 @@ def test_what_is_left_out_and_why(change: str, reason: str) -> None:
     assert any(text.startswith(reason) for text in plan(study_of(HEATED_BRACKET, change)).left_out)
 
 
-def test_some_points_without_a_heat_problem() -> None:
-    swept = HEATED_BRACKET.replace('theta_bar: "0.2 + 0.1*x"', "theta_bar: 1") + "sweep: {q: [0, 0.5]}\n"
-    assert any("at 1 of 2 points" in text for text in plan(study_of(swept)).left_out)
-
-
 def test_notes_on_locking_and_down_jumps() -> None:
     notes = plan(study_of(RECTANGLE, "material.nu=0.49")).notes
     assert any("lock" in text for text in notes)

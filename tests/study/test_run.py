@@ -93,28 +93,3 @@ def test_a_failing_point_is_recorded_and_the_rest_goes_on(tmp_path: Path, monkey
     assert np.all(data["status"].drop_sel(tau=0.01) == int(PointStatus.OK))
     assert str(data["reason"].sel(tau=0.01)[0, 0].item()) == "ArithmeticError: made to fail"
     assert np.all(np.isnan(data["energy"].sel(tau=0.01)))
-
-
-def test_too_few_iterations_is_a_status_with_a_remedy(tmp_path: Path) -> None:
-    rough = "friction={law: saw-tooth, delta: 0.002, teeth: 40, drop: 0.9, decay: 0.97}"
-    options = "solver={name: bundle-newton, max_iterations: 1}"
-    text = SWEPT.replace("friction.tau: [0.005, 0.01, 0.02]", "friction.tau: [0.01, 0.015, 0.02]")
-    data = run(tmp_path, text, rough, options).to_dataset()
-    bad = data["status"] == int(PointStatus.NOT_CONVERGED)
-    assert bool(bad.any())
-    reason = str(data["reason"].values[bad.values][0])
-    assert "1 iterations" in reason
-    assert "max_iterations" in reason
-
-
-def test_fields_are_kept_on_request(tmp_path: Path) -> None:
-    tree = run(tmp_path, HEATED_BRACKET, "output={fields: true}")
-    group = tree["level_1"]
-    study = study_of(HEATED_BRACKET)
-    scene, level = study.scenes[0], levels_of(study)[1]
-    condensed = level.condensed(scene)
-    u = level.displacement(scene, solve_contact(condensed.problem).v)
-    n = level.mesh.n_points
-    assert np.max(np.abs(group["u_x"].values - u[:n])) < 1e-14
-    assert np.max(np.abs(group["u_y"].values - u[n:])) < 1e-14
-    assert np.max(np.abs(group["theta"].values - level.temperature(scene).theta)) < 1e-14

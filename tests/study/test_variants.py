@@ -13,8 +13,6 @@ from tcstudy.cli import main
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.errors import StudyError
 from tcstudy.read.study import read_study_text
-from tcstudy.reports.page.run_part import axes
-from tcstudy.reports.select_point import describe
 from tcstudy.reports.terminal.summary import summary
 from tcstudy.study.plan import plan
 from tcstudy.study.run import Quiet, execute
@@ -107,23 +105,6 @@ def test_a_refused_geometry_of_more_points_than_the_first_other() -> None:
     study = read_study_text(BAR[: BAR.index("sweep:")] + f"sweep: {{mode: list, points: [{points}]}}")
     assert [one.reason != "" for one in study.variants] == [True, False]
     assert [scene.material.E for scene in study.scenes] == [4, 4, 4]
-
-
-def test_sizes_are_named_in_the_unit_that_the_sweep_writes_them_in(tmp_path: Path) -> None:
-    """In progress, tables, pages and points; the data stay in SI."""
-    sizes = "sweep={body.rectangle.width: {linspace: [300 mm, 600 mm, 24]}, E: [70 GPa]}"
-    study = read_study_text(BAR, "study", (sizes, "mesh={maxh: 200 mm}"))
-    assert study.variants[17].words == "body.rectangle.width = 521.739 mm"
-    assert [axis.written for axis in study.axes] == [("mm", 1e-3), ("GPa", 1e9)]
-    path = tmp_path / "out.nc"
-    width = tcstudy.run(study, path)["width"]
-    assert (width.attrs["units"], float(width[17])) == ("m", 0.521739130434783)
-    table = summary(path)
-    assert "width [mm]" in table
-    assert "521.7" in table
-    with xr.open_dataset(path) as data:
-        assert describe(data, {"width": 17, "E": 0}) == "width = 521.739 mm, E = 70 GPa"
-        assert axes(data)[0]["written"] == (1e-3, "mm")
 
 
 def test_lists_and_draws_share_what_has_one_geometry(tmp_path: Path) -> None:
