@@ -68,21 +68,3 @@ def test_a_former_command_says_what_to_type_now(words: tuple[str, ...], now: str
     assert result.returncode == 2
     assert result.stderr.startswith(f"tcstudy: {now}")
     assert result.stderr.count("\n") == 1
-
-
-@pytest.mark.parametrize(
-    ("option", "remedy"),
-    [
-        ("solver.maxh=1", "solver.maxh: unknown key; maxh belongs in mesh"),
-        ("maxh2=1", "maxh2: unknown key; did you mean 'maxh' of mesh?"),
-        ("mesh.friction=tresca", "mesh.friction: unknown key; friction belongs at the top of the study"),
-        ("mesh.level=1", "mesh.level: unknown key; did you mean 'levels'?"),
-        ("material.toleranc=1", "material.toleranc: unknown key; did you mean 'tolerance' of mesh or solver?"),
-        ("mesh.zzz=1", "mesh.zzz: unknown key; use one of the keys "),
-    ],
-)
-def test_the_nearest_key_is_named_with_its_section(tmp_path: Path, option: str, remedy: str) -> None:
-    (tmp_path / "block.yaml").write_text(STUDY)
-    result = tcstudy_command("run", "block.yaml", "--dry-run", "--set", option, cwd=tmp_path)
-    assert result.returncode == 2
-    assert f"--set {option}: {remedy}" in result.stderr

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from tcstudy.errors import StudyError
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.points import needs_heat_solve
 from tcstudy.scene.records import EdgeHeat
@@ -39,6 +38,8 @@ def test_role_and_heat_are_two_things() -> None:
     mixed = study_with("theta_bar: 20 K}", "flux: 7 W/m^2}", "heat: {theta_bar: 5 K}\n").scenes[0]
     assert mixed.exchange == (("right", 100.0, 5.0),)
     assert dict(mixed.boundary)["right"].heat == EdgeHeat(flux=7.0, alpha=100.0)
+    alike = TEXT.replace("{theta: 80 K}", "{theta: 20 K}").replace('"mu*p*v"', "0")
+    assert not needs_heat_solve(read_study_text(alike).scenes[0])  # one temperature everywhere
 
 
 def test_edges_are_swept_by_path() -> None:
@@ -47,14 +48,3 @@ def test_edges_are_swept_by_path() -> None:
     assert [axis.name for axis in study.axes] == ["theta", "alpha", "mu"]
     last = study.scenes[7]
     assert (last.held_theta[0][1], last.exchange[0][1], last.flux[0][1]) == (80.0, 2.0, pytest.approx(2e5))
-
-
-def test_one_temperature_everywhere_is_no_heat_problem() -> None:
-    text = TEXT.replace("{theta: 80 K}", "{theta: 20 K}").replace('"mu*p*v"', "0")
-    assert not needs_heat_solve(read_study_text(text).scenes[0])
-
-
-def test_heat_that_cannot_leave_is_refused() -> None:
-    text = TEXT.replace("{role: clamped, heat: {theta: 80 K}}", "clamped")
-    with pytest.raises(StudyError, match="none holds a temperature: no heat can leave"):
-        read_study_text(text.replace('{role: convection, alpha: "2*h", theta_bar: 20 K}', "free"))

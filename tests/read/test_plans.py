@@ -76,13 +76,6 @@ def test_faults_of_sizes_have_the_unit_of_the_study() -> None:
     assert " m" not in faults("{maxh: 6000}")[0].partition("an element of")[2].replace(" maxh", "")
 
 
-def test_faults_in_the_sweep() -> None:
-    assert "sweep.h.tolerance: is missing" in faults("{maxh: 0.5}", "sweep: {h: {of: slip_length}}\n")[0]
-    with pytest.raises(StudyError) as info:
-        read_study_text(f"{BASE}sweep: {{h: {{tolerance: 1e-3}}}}\n", "test")
-    assert str(info.value).splitlines() == ["test:2:1: mesh: is missing; add mesh: {maxh: 10}"]
-
-
 STUDY = """
 body: {rectangle: {width: 2 m, height: 1 m}}
 boundary:
@@ -100,23 +93,18 @@ path: {parameter: theta_bar, from: 0 K, to: 40 K}
 PATH = "path: {parameter: theta_bar, from: 0 K, to: 40 K}"
 
 
-def test_all_keys_and_their_defaults() -> None:
+def test_a_path_with_all_its_keys_belongs_to_the_base_study() -> None:
     plan = read_study_text(STUDY).path
-    assert plan
-    assert (plan.parameter, plan.units, plan.begin, plan.end) == (("heat", "theta_bar"), "K", 0.0, 40.0)
-    assert plan == PathPlan(plan.parameter, "K", 0.0, 40.0, (-40.0, 80.0), plan.scene)
+    assert plan == PathPlan(("heat", "theta_bar"), "K", 0.0, 40.0, (-40.0, 80.0), plan.scene)  # type: ignore[union-attr]
     options = (
         "path: {parameter: boundary.top.pressure, from: 0 MPa, to: -4 MPa, at: [-1 MPa, -2 MPa], start: lowest, "
         "within: [-5 MPa, 1 MPa], direction: forward, max_pieces: 50, hysteresis: false, level: 1, law_error: 1e-4}"
     )
-    said = {"direction": "forward", "max_pieces": 50, "hysteresis": False, "level": 1, "law_error": 1e-4}
-    assert read_study_text(STUDY.replace(PATH, options)).path == PathPlan(
-        *(("boundary", "top", "pressure"), "Pa", 0.0, -4e6, (-5e6, 1e6), plan.scene, (-1e6, -2e6), "lowest"),
-        **said,  # type: ignore[arg-type]
+    more = read_study_text(STUDY.replace(PATH, options)).path
+    assert more == PathPlan(
+        *(("boundary", "top", "pressure"), "Pa", 0.0, -4e6, (-5e6, 1e6), plan.scene, (-1e6, -2e6), "lowest", "forward"),  # type: ignore[union-attr]
+        *(50, False, 1, 1e-4),
     )
-
-
-def test_the_path_belongs_to_the_base_study() -> None:
     study = read_study_text(STUDY + "sweep: {tau: [2 MPa, 3 MPa]}\n")
     assert study.path
     assert study.path.scene.friction.b_scale == 1e6
