@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import tcstudy
-from tests.commands import CONFIGS, tcstudy_command, tcstudy_process
+from tests.commands import tcstudy_command, tcstudy_process
 
 STUDY = """units: none
 body: {rectangle: {width: 2, height: 1}}
@@ -58,15 +58,6 @@ def test_one_line_one_object_and_narrow_tables(folder: Path, monkeypatch: pytest
     assert max(map(len, wide.splitlines())) > 80
     assert max(map(len, tcstudy_command("show", "results/block.nc", cwd=folder).stdout.splitlines())) <= 80
     assert tcstudy_command("show", "results/block.nc", "-v", cwd=folder).stdout == wide
-
-
-def test_show_says_what_other_files_are(folder: Path) -> None:
-    results = CONFIGS.parent / "results"
-    said = tcstudy_command("show", results / "peers.nc", cwd=folder)
-    assert said.returncode == 0, said.stderr
-    assert "no results of a study" in said.stdout
-    assert "python -m tests.benchmarks.peers" in said.stdout
-    assert tcstudy_command("show", results / "peers.nc", "--json", cwd=folder).returncode == 2
 
 
 def test_draw(folder: Path) -> None:

@@ -241,23 +241,6 @@ def test_a_full_disk_is_reported_and_costs_no_committed_point(output: Path, stud
         assert not journal.warnings
 
 
-def test_the_timers_error_comes_with_the_next_add(output: Path, study: Study) -> None:
-    journal = Journal.open(output, study)
-    journal.add(make_level(0))
-    journal.add(make_point((0, 0, 0), 0))
-    journal._connection.execute("PRAGMA max_page_count = 1")  # SQLite's own full disk
-    journal.add(long(make_point((0, 0, 1), 0), 0, 100_000))
-    deadline = time.monotonic() + 5
-    while journal._error is None and time.monotonic() < deadline:
-        time.sleep(0.01)
-    with pytest.raises(StoreError, match="cannot keep finished points"):
-        journal.add(make_point((0, 1, 0), 0))
-    journal._connection.execute("PRAGMA max_page_count = 1000000")
-    journal.close()
-    with Journal.open(output, study) as journal:
-        assert len([*journal.blocks()]) == 3
-
-
 def test_a_place_that_cannot_be_written_is_one_clear_error(tmp_path: Path, study: Study) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(StoreError, match="hoose another output"):
@@ -265,17 +248,3 @@ def test_a_place_that_cannot_be_written_is_one_clear_error(tmp_path: Path, study
     (tmp_path / "study.nc.partial").mkdir()
     with pytest.raises(StoreError, match="hoose another output"):
         Journal.open(tmp_path / "study.nc", study)
-
-
-@pytest.mark.skipif(os.name == "nt", reason="pipes and symbolic links of POSIX")
-def test_a_journal_is_a_file_wherever_its_link_points(output: Path, study: Study, tmp_path: Path) -> None:
-    output.parent.mkdir()
-    partial(output).symlink_to(tmp_path / "far.partial")
-    fill(output, study, [make_point((0, 0, 0), 0)])
-    assert partial(output).is_symlink()
-    with Journal.open(output, study) as journal:
-        assert len([*journal.blocks()]) == 1
-    partial(output).unlink()
-    os.mkfifo(partial(output))
-    with pytest.raises(StoreError, match="is a pipe, no file"):
-        Journal.open(output, study)

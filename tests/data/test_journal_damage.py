@@ -84,19 +84,6 @@ def test_no_flipped_byte_is_taken_for_a_result(output: Path, study: Study) -> No
     assert noticed > 30
 
 
-def test_a_damaged_index_is_noticed_although_every_record_is_sound(output: Path, study: Study) -> None:
-    fill(output, study, [make_point((0, 0, 0), 0)])
-    database = sqlite3.connect(partial(output))
-    (page,) = database.execute("SELECT rootpage FROM sqlite_master WHERE name = 'sqlite_autoindex_record_1'").fetchone()
-    (size,) = database.execute("PRAGMA page_size").fetchone()
-    database.close()
-    damaged = bytearray(partial(output).read_bytes())
-    damaged[(page - 1) * size : page * size] = bytes(size)
-    partial(output).write_bytes(damaged)
-    with Journal.open(output, study) as journal:
-        assert "damaged" in journal.warnings[0]
-
-
 def test_a_damaged_header_that_looks_read_only_is_set_aside(output: Path, study: Study) -> None:
     Journal.open(output, study).close()
     damaged = bytearray(partial(output).read_bytes())

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tcstudy.data.measured import ERRORS, NUMBERS, Measured, convergence_record, convergence_table
+from tcstudy.data.measured import Measured, convergence_record, convergence_table
 from tcstudy.data.provenance import collect, measured_path
 from tcstudy.data.store import write_record
 from tcstudy.read.study import read_study_text
@@ -27,12 +27,6 @@ sweep: {theta_bar: [10 K, 20 K], friction: {weak: {law: tresca, tau: 1 MPa}, str
 
 FEW = {"theta_L2", "u_energy", "u_T_max", "xi_L2", "energy", "heat_balance"}
 """A measure of every kind of units: the checker's time grows with the square of the number of variables."""
-
-
-@pytest.fixture(scope="module")
-def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """All measures that there are."""
-    return made_up(tmp_path_factory.mktemp("convergence"), {m.name for m in (*ERRORS, *NUMBERS)})
 
 
 def made_up(folder: Path, names: set[str]) -> Path:

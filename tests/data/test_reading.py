@@ -15,7 +15,7 @@ from tcstudy.data import provenance as provenance_module
 from tcstudy.data.files import StoreError, check_writable
 from tcstudy.data.provenance import holds
 from tcstudy.data.reading import Seal, attributes, change_of, is_foreign, reading, seal_of
-from tcstudy.data.store import open_results, write
+from tcstudy.data.store import open_results
 from tcstudy.scene.study import Study
 from tcstudy.study.append import stored_study
 
@@ -85,16 +85,6 @@ def test_what_is_no_file_is_no_output(tmp_path: Path, study: Study) -> None:
     assert "is a device, no file" in check_writable(Path(os.devnull), 0)[0]
     with pytest.raises(StoreError, match="is no file but a device or a pipe"):
         attributes(tmp_path / "pipe")
-
-
-@pytest.mark.skipif(os.name == "nt", reason="symbolic links")
-def test_a_symbolic_link_is_written_where_it_points(written: Path, tmp_path: Path, study: Study) -> None:  # type: ignore[no-untyped-def]
-    link = tmp_path / "link.nc"
-    link.symlink_to(tmp_path / "elsewhere" / "far.nc")
-    write(link, study, (), [], {})
-    assert link.is_symlink()
-    assert os.listdir(tmp_path / "elsewhere") == ["far.nc"]
-    assert seal_of(link) == Seal.WHOLE
 
 
 def test_a_file_holds_one_study_of_one_program(

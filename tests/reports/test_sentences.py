@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.data import measured
 from tcstudy.reports import sentences as said
-from tcstudy.reports.text import PROOFS
 
 NAN = float("nan")
 
@@ -15,29 +13,20 @@ NAN = float("nan")
 @pytest.mark.parametrize(
     ("sentence", "words"),
     [
-        (said.proved(3, 3), "3 proved unique"),
         (said.proved(3, 4), "3 proved unique, 4 proved to have the least energy"),
         (said.proved(0, 0), "none proved unique"),
         (said.abrupt("2 mm", "between 1 and 2 K", seen=True), "slip jumps between 1 and 2 K"),
         (said.abrupt("2 mm", "between 1 and 2 K", seen=False), "slip changes by 2 mm between 1 and 2 K"),
         (said.mesh_error(0.03, estimated=True), "mesh error about 3 %"),
         (said.mesh_error(0.03, estimated=False), "∫ξ changed by 3 % with the last level"),
-        (said.mesh_error(0.99, estimated=True), "mesh error about 99 %"),
         (said.mesh_error(1.0, estimated=True), "mesh too coarse for the order of magnitude"),
         (said.mesh_error(None, estimated=True, no_larger=2), "the goal no larger than its mesh error at 2"),
-        (said.mesh_error(None, estimated=False), ""),
         (said.order(1.234, 0.05), "1.23 ± 0.05"),
         (said.order(1.234, NAN), "1.23?"),
-        (said.order(NAN, NAN), "–"),
-        (said.orders([("u", "as_expected"), ("θ", "exact")], True), "2 of 2 measured orders are as expected or better"),
         (
-            said.orders([("u", "slower")], True),
-            "0 of 1 measured orders are as expected or better; slower than expected: u",
-        ),
-        (
-            said.orders([("u", "unknown")], False),
-            "0 of 0 measured orders are as expected or better; 1 not judged, as corners were not analysed; "
-            "some levels were not solved",
+            said.orders([("u", "slower"), ("θ", "exact"), ("ξ", "unknown")], False),
+            "1 of 2 measured orders are as expected or better; 1 not judged, as corners were not analysed; "
+            "slower than expected: u; some levels were not solved",
         ),
         (said.orders([], True), "nothing could be compared: there is no reference"),
         (
@@ -45,13 +34,8 @@ NAN = float("nan")
             "Peak 2 MPa at u = 1 mm, snap-back from 3 to 1 mm; 3 equilibria; slow loading to and fro falls 2 times. "
             "Residual 1e-15.",
         ),
-        (said.answered(said.path("", [], "", 0), []), "No friction."),
         (said.missed("tolerance 0.1 not met: bound 0.79"), "tolerance 0.1 not met"),
         (said.missed("tolerance 0.1 met: bound 0.07"), ""),
-        (
-            said.slipped("2 mm", " at θ̄ = 3 K", {"slips": ("1 m", "2 m"), "debonded": ("", "3 mm")}),
-            "largest slip 2 mm at θ̄ = 3 K, slips on lengths of 1 m to 2 m, debonded on up to 3 mm",
-        ),
     ],
 )
 def test_words(sentence: str, words: str) -> None:
@@ -95,19 +79,6 @@ def test_what_cycles_change(ends: list[float], spent: list[float], kind: str, wo
     assert found.kind == kind
     assert found.words.startswith(words)
     assert not kind or kind in said.KINDS
-
-
-def test_ratcheting_is_not_walking() -> None:
-    ends = np.array([[1.0, 1.0], [1.1, 1.2], [1.2, 1.4]])
-    assert (
-        said.cycle_change(ends, np.ones(2), ("1", "1")).words
-        == "ratcheting: the last two cycles each added slips of up to 0.2"
-    )
-
-
-def test_every_flag_and_verdict_has_its_words() -> None:
-    assert set(said.PROVED) == {word for _, word in PROOFS} | {"nothing", "failed"}
-    assert set(said.VERDICTS) == set(measured.VERDICTS)
 
 
 def test_what_is_proved_of_the_body_itself() -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from tcstudy.data.records import PointStatus
 from tcstudy.reports.figures.style import point_words
-from tcstudy.reports.text import Failure, failure_lines, label, labels, scaled_labels
+from tcstudy.reports.text import Failure, failure_lines, label, scaled_labels
 
 
 @pytest.mark.parametrize(
@@ -30,11 +30,6 @@ def test_a_label_is_short_unless_that_makes_a_rounder_number(value: float, shown
     assert label(value) == shown
 
 
-def test_labels_of_one_axis_are_told_apart() -> None:
-    assert labels([1.23451, 1.23452, "steep"]) == ["1.23451", "1.23452", "steep"]
-    assert labels([0.499, 0.4999999]) == ["0.499", "0.4999999"]
-
-
 @pytest.mark.parametrize(
     ("values", "units", "shown"),
     [
@@ -49,11 +44,6 @@ def test_labels_of_one_axis_are_told_apart() -> None:
 )
 def test_powers_of_ten_become_a_prefix_where_one_suits_all(values, units, shown) -> None:  # type: ignore[no-untyped-def]
     assert scaled_labels(values, {"units": units}) == shown
-
-
-def test_values_of_a_sweep_are_shown_in_the_unit_that_the_study_writes_them_in() -> None:
-    width = {"units": "m", "study_unit": "mm", "study_unit_size": 1e-3}
-    assert scaled_labels([0.03, 0.0521739130434783], width) == (["30", "52.17"], "mm")
 
 
 BAD, ERROR = PointStatus.INCLUSION_VIOLATED, PointStatus.ERROR

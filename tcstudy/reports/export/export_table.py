@@ -20,6 +20,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any
 
+import netCDF4
 import numpy as np
 
 from tcstudy.data.files import check_writable, replace_file
@@ -30,7 +31,9 @@ from tcstudy.errors import StoreError, UsageError
 from tcstudy.reports.select_point import Value, matching
 
 Row = tuple[Any, ...]
-VALUES = 2**20
+StoredColumn = tuple[netCDF4.Variable, int | None]
+"""A variable, and which of its last dimension if that is not one of the rows."""
+VALUES = 2**18
 """Values that are in memory at a time."""
 ROWS = {"path": "vertex", "fit": "row"}
 """Dimension of the rows where there is no status, by the kind of the file."""
@@ -52,12 +55,16 @@ def write_table(path: Path, target: Path, point: Mapping[str, Value] | None = No
     kind, written = kind_of(path), 0
     if point and kind in (*ROWS, "cost"):
         raise UsageError(f"--at: the file of tcstudy {kind} has one scene and no sweep points; leave it out")
-    with reading(path), open_root(path) as root:
-        dims = tuple(map(str, root["status"].dims)) if "status" in root else (ROWS[kind],)
-        columns = _columns(root, dims)
-        units = {name: str(one.attrs.get("units", "1")) for name, one in columns.items()}
-        about = {"title": root.attrs["title"], "kind": kind, "warnings": [*map(asdict, remarks_of(root.attrs))]}
-        sizes, wanted = [root.sizes[dim] for dim in dims], matching(root, point) if point else None
+    wanted = None
+    with reading(path), netCDF4.Dataset(path) as nc:
+        if point:
+            with open_root(path) as root:
+                wanted = matching(root, point)
+        nc.set_auto_mask(False)
+        dims = nc["status"].dimensions if "status" in nc.variables else (ROWS[kind],)
+        columns, sizes = _columns(nc, dims), [nc.dimensions[dim].size for dim in dims]
+        units = {name: str(getattr(one, "units", "1")) for name, (one, _) in columns.items()}
+        about = {"title": nc.title, "kind": kind, "warnings": [*map(asdict, remarks_of(nc.__dict__))]}
         write = _csv if target.suffix == ".csv" else _json
 
         def make(aside: Path) -> None:
@@ -87,39 +94,48 @@ def _json(stream: IO[str], rows: Sequence[Row], units: Mapping[str, str], about:
     stream.write(",\n" * (about is None) + ",\n".join(texts))
 
 
-def _columns(data: Any, dims: tuple[str, ...]) -> dict[str, Any]:
-    """The variables that have a value a row, coordinates first, or several with a label each."""
-    found = dict[str, Any]()
-    for name, one in ((name, data.variables[name]) for name in (*data.coords, *data.data_vars)):
-        more = one.dims[-1] if len(one.dims) > 1 and one.dims[-1] in LABELLED and one.dims[-1] not in dims else None
-        if one.dims and {*one.dims} - {more} <= {*dims}:
-            labels = data[more].values if more else ()
-            found |= {f"{name}.{label}": one[..., i] for i, label in enumerate(labels)} if more else {name: one}
+def _columns(nc: netCDF4.Dataset, dims: tuple[str, ...]) -> dict[str, StoredColumn]:
+    """What has a value a row, in the order of the file, or several with a label each."""
+    found: dict[str, StoredColumn] = {}
+    for name, one in nc.variables.items():
+        own = one.dimensions
+        more = own[-1] if len(own) > 1 and own[-1] in LABELLED and own[-1] not in dims else None
+        if own and {*own} - {more} <= {*dims}:
+            labels = nc[more][...].tolist() if more else ()
+            found |= {f"{name}.{label}": (one, i) for i, label in enumerate(labels)} if more else {name: (one, None)}
     return found
 
 
-def _rows(columns: Mapping[str, Any], dims: tuple[str, ...], sizes: Sequence[int], wanted: Any) -> Iterator[list[Row]]:
+def _rows(
+    columns: Mapping[str, StoredColumn], dims: tuple[str, ...], sizes: Sequence[int], wanted: Any
+) -> Iterator[list[Row]]:
     """Rows in C order of their index, some thousand at a time; the last dimension of a run's is the level."""
     inner = math.prod(sizes[1:])
     step = max(1, VALUES // len(columns) // inner)
     for start in range(0, sizes[0], step):
         shape = dict(zip(dims, (min(step, sizes[0] - start), *sizes[1:]), strict=True))
         index = np.arange(start * inner, start * inner + math.prod(shape.values()))
-        kept = slice(None) if wanted is None else np.flatnonzero(wanted[index // sizes[-1]])
-        cut = {dims[0]: slice(start, start + step)}
-        cells = (_cells(one.isel(cut, missing_dims="ignore"), shape, kept) for one in columns.values())
-        if rows := list(zip(*cells, strict=True)):
+        kept = slice(None) if wanted is None else wanted[index // sizes[-1]]
+        if rows := list(zip(*(_cells(one, shape, start, kept) for one in columns.values()), strict=True)):
             yield rows
 
 
-def _cells(one: Any, shape: Mapping[str, int], kept: Any) -> list[Any]:
-    """The values of a variable in the rows that are kept, flags as words; None where there is none."""
-    array, attrs = one.set_dims(shape).transpose(*shape).values.ravel()[kept], one.attrs
-    values: list[Any] = array.tolist()
-    if "flag_meanings" in attrs:
-        words = dict(zip(np.atleast_1d(attrs["flag_values"]).tolist(), attrs["flag_meanings"].split(), strict=True))
+def _cells(column: StoredColumn, shape: Mapping[str, int], start: int, kept: Any) -> list[Any]:
+    """The values of a column in the rows that are kept, flags as words; None where there is none.
+
+    shape: of the rows, of which the first dimension begins at `start`
+    """
+    (one, label), (first, *_) = column, shape
+    cut = [
+        slice(start, start + shape[first]) if dim == first else slice(None) for dim in one.dimensions if dim in shape
+    ]
+    array = np.asarray(one[(*cut, *([] if label is None else [label]))])
+    array = array.reshape([size if dim in one.dimensions else 1 for dim, size in shape.items()])
+    values: list[Any] = np.broadcast_to(array, tuple(shape.values())).ravel()[kept].tolist()
+    if "flag_meanings" in one.ncattrs():
+        words = dict(zip(np.atleast_1d(one.flag_values).tolist(), one.flag_meanings.split(), strict=True))
         return [words.get(value) for value in values]
     if array.dtype.kind == "f":
         return [None if value != value else value for value in values]
-    least = attrs.get("valid_min")
+    least = getattr(one, "valid_min", None)
     return values if least is None else [None if value < least else value for value in values]

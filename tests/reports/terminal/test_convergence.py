@@ -7,7 +7,7 @@ import pytest
 from tcstudy.data.measured import VERDICTS, Measured, convergence_record
 from tcstudy.data.provenance import collect
 from tcstudy.data.records import PointStatus
-from tcstudy.data.store import open_results, write_record
+from tcstudy.data.store import write_record
 from tcstudy.errors import DrawError
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures import style
@@ -59,28 +59,6 @@ def file(tmp_path):
     points = [point((OK,) * 4), point((OK, FAILED, OK, OK))]
     write(tmp_path / "a.nc", points, "level 9, the finest (more)", ["Mind it."], np.arange(4, dtype=np.int32))
     return tmp_path / "a.nc"
-
-
-def test_the_file(file):
-    with open_results(file) as tree:
-        data = tree.to_dataset().load()
-    assert data["error_u_L2"].dims == ("tau", "level")
-    np.testing.assert_allclose(data["error_u_L2"].values, [0.3 * H**2] * 2)
-    assert data["size_squared_u_L2"].attrs["units"] == "m4"
-    assert data["size_squared_u_L2"].values.tolist() == [4.0, 4.0]
-    assert data["slope_xi_max"].values.tolist() == [0.5, 0.5]
-    assert data["verdict_u_L2"].dtype == np.int8
-    flags = dict(
-        zip(data["verdict_u_L2"].attrs["flag_values"], data["verdict_u_L2"].attrs["flag_meanings"].split(), strict=True)
-    )
-    assert flags[int(data["verdict_u_L2"][0])] == "slower"
-    assert data["status"].values.tolist() == [[1] * 4, [1, 3, 1, 1]]
-    assert data["tau"].attrs["units"] == "Pa"
-    assert data["value_energy"].attrs["units"] == "J m-1"
-    assert data.attrs["Conventions"] == "CF-1.11"
-    for variable in data.variables.values():
-        assert variable.attrs["long_name"]
-        assert ("units" in variable.attrs) == (variable.dtype.kind in "fi")
 
 
 def test_the_tables(file):

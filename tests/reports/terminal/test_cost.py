@@ -144,13 +144,6 @@ def test_errors_that_are_rounding_are_not_ranked(file: Path) -> None:
     assert "best:" not in target.read_text()
 
 
-def test_own_settings_that_failed_are_said_to_have_failed(file: Path) -> None:
-    study = study_of(RECTANGLE)
-    write_record(file, study, made(own=(1, 1, 3)), collect(study, ["tcstudy"]))
-    told = advice(settings(load_root(file, "cost"), "u_energy"))
-    assert told[-1] == "The study's own settings (graded, level 3, bundle-newton) were not solved."
-
-
 def test_the_report_says_it_all(file: Path) -> None:
     text = text_of(file)
     assert text.count("Wall time from the body") == 1
