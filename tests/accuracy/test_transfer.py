@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial import Delaunay
 
 import tcstudy
 from tcstudy.accuracy.norms import Triangles
@@ -14,29 +13,6 @@ from tcstudy.accuracy.transfer import interpolation, located, prolongation
 from tcstudy.fem.geometry import build
 from tcstudy.scene.study import MeshPlan
 from tests.verification.scenes import mesh_family
-
-
-def _unit_square(n: int, seed: int) -> Triangles:
-    rng = np.random.default_rng(seed)
-    side = np.linspace(0, 1, 9)
-    low, high = 0 * side, 0 * side + 1
-    edges = [np.column_stack(pair) for pair in ((side, low), (side, high), (low, side), (high, side))]
-    points = np.unique(np.concatenate([*edges, rng.uniform(0.02, 0.98, (n, 2))]), axis=0)
-    triangles = Delaunay(points).simplices.astype(np.intp)
-    a, b, c = np.moveaxis(points[triangles], 1, 0)
-    twice = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
-    keep = np.abs(twice) > 1e-12
-    triangles[twice < 0] = triangles[twice < 0][:, [0, 2, 1]]
-    return Triangles(points, triangles[keep])
-
-
-@pytest.mark.parametrize("seed", [0, 1, 2])
-def test_points_lie_in_the_triangles_that_are_named(seed: int) -> None:
-    mesh = _unit_square(300, seed)
-    at = np.random.default_rng(seed + 10).uniform(0, 1, (5000, 2))
-    found, weights = located(mesh, at)
-    assert weights.min() > -1e-9
-    assert np.einsum("qk,qkd->qd", weights, mesh.points[mesh.triangles[found]]) == pytest.approx(at, abs=1e-12)
 
 
 def test_nested_meshes_get_the_exact_prolongation_also_around_a_corner() -> None:

@@ -77,7 +77,7 @@ def measure(study: Study) -> xr.Dataset:
         for k, solved in enumerate(rows[name]):
             n_dof[i, k], estimate[i, k] = solved.n_dof, solved.estimate
             error[i, k] = np.hypot(distance(solved, adaptive[-1], study), adaptive[-1].estimate)
-    shown = min(rows["adaptive"], key=lambda s: abs(s.n_dof - SHOWN)).triangles.mesh
+    shown = min(rows["adaptive"], key=lambda s: abs(s.n_dof - SHOWN)).triangles
     dims = ("family", "level")
     return xr.Dataset(
         {

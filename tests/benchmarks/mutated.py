@@ -211,9 +211,7 @@ def garble(rng: random.Random, text: str) -> str:
     """One mutation of the text."""
     lines = text.split("\n")
     i, at = rng.randrange(len(lines)), rng.randrange(max(1, len(text)))
-    odd = rng.choice(
-        ("\t", "\x07", "\x1b[2J", "\ufeff", "\u202e", ":", "- ", "#", "{", "]", '"', "'", "%", "---\n", "\r")
-    )
+    odd = rng.choice(ODD)
     match rng.randrange(6):
         case 0:
             return text[:at] + odd + text[at:]

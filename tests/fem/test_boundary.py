@@ -18,19 +18,6 @@ def line_of(text: str) -> ContactLine:
     return contact_line(mesh, constrain(mesh, scene.boundary), scene.edges(Contact))
 
 
-def test_a_clamped_end_gives_its_half_cell_to_its_neighbour() -> None:
-    """S₁ = [x⁰, x^{3/2}], S_m = [x^{m−½}, x^m] with x⁰ clamped and x^m free."""
-    line = line_of(RECTANGLE)
-    x = line.xy[:, 0]
-    assert np.all(np.diff(x) > 0)
-    assert np.array_equal(line.arclength, x)
-    assert line.c[0] == pytest.approx((x[0] + x[1]) / 2)
-    assert line.c[1] == pytest.approx((x[2] - x[0]) / 2)
-    assert line.c[-1] == pytest.approx((x[-1] - x[-2]) / 2)
-    assert x[0] > 0
-    assert x[-1] == 2.0
-
-
 L_SHAPE = """
 units: none
 body:

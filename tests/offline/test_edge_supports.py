@@ -59,23 +59,6 @@ def test_bars(left: str, right: str, at_left: float, strain: float) -> None:
     assert u[1] == pytest.approx(warm * EPS * level.mesh.points[:, 1], abs=1e-13)
 
 
-def test_springs_count_in_the_energy_and_in_every_ratio() -> None:
-    """Force on a bar on a spring: −F²/2 (1/K + L/D); the same body for many E, each with its own springs over μ."""
-    text = BAR.replace("LEFT", "{role: traction, spring: {normal: 2, tangential: 0}}").replace("theta: 2", "theta: 0")
-    text = text.replace("RIGHT", "{role: traction, force: [0.3, 0]}")
-    text += "sweep: {E: [5, 10], boundary.left.spring.normal: [2, 8]}\n"
-    study = study_of(text)
-    level = Level(levels_of(study)[0].mesh, study.scenes[0], study.scenes)
-    for scene, E, K in zip(study.scenes, (5, 5, 10, 10), (1, 4, 1, 4), strict=True):
-        condensed = level.condensed(scene)
-        answer = solve_contact(condensed.problem)
-        exact = -0.5 * 0.3**2 * (1 / K + 4 / (0.5 * E))
-        assert answer.energy + condensed.constant == pytest.approx(exact, rel=1e-12)
-        block = level.block([scene])
-        assert np.array_equal(block.mu[0] * block.A_tilde, condensed.problem.A_tilde)
-    assert len({level.ratio(scene) for scene in study.scenes}) == 4
-
-
 RIGID = """
 units: none
 body:

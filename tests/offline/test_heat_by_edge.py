@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 
 from tcstudy.contact.contact import solve_contact
-from tcstudy.fem.boundary import values_at
 from tcstudy.fem.geometry import build
 from tcstudy.offline import conduction
 from tcstudy.offline.level import Level
@@ -75,40 +72,6 @@ END = HEATED_BRACKET.index("material:")
 
 def bracket(kinds: str) -> str:
     return HEATED_BRACKET[:START] + kinds.strip() + "\n" + HEATED_BRACKET[END:]
-
-
-def plainly(scene: Scene, level: Level) -> np.ndarray:
-    """θ from the assembled matrix of the whole body."""
-    forms, k = level.heat, scene.material.k
-    matrix = sp.lil_array(k * forms.conduction)
-    right = forms.source(scene.heat.q, scene.heat.omega)
-    rows = np.ix_(forms.kept_nodes, forms.kept_nodes)
-    for edge, alpha, theta_bar in scene.exchange:
-        matrix[rows] += alpha * forms.edge_mass((edge,))
-        right += alpha * forms.flux(theta_bar, (edge,))
-    for edge, flux in scene.flux:
-        right += forms.flux(flux, (edge,))
-    theta, free = np.zeros(len(right)), np.ones(len(right), dtype=bool)
-    for edge, held in scene.held_theta:
-        nodes = forms.mesh.nodes_on(edge)
-        theta[nodes], free[nodes] = values_at(held, level.mesh.points[nodes]), False
-    matrix = sp.csc_array(matrix)
-    theta[free] = spla.spsolve(matrix[free][:, free], (right - matrix @ theta)[free])
-    return theta
-
-
-@pytest.mark.parametrize("kinds", [ALL_KINDS, NONE_HELD])
-def test_all_kinds_together_are_the_plain_solution(kinds: str) -> None:
-    """α over four decades between edges, and 22 levels of it at once."""
-    alphas = "sweep={alpha: {geomspace: [1e-3, 1e3, 22]}}"
-    study = study_of(bracket(kinds), alphas)
-    mesh = next(mesh_family(build(study.scenes[0].body), study.mesh))
-    level = Level(mesh, study.scenes[0], study.scenes)
-    for scene in study.scenes[::7]:
-        level.condensed(scene)
-        found, plain = level.temperature(scene), plainly(scene, level)
-        assert np.max(np.abs(found.theta - plain)) < 1e-11 * np.max(np.abs(plain))
-        assert found.heat_balance < 1e-12
 
 
 def counted(monkeypatch: pytest.MonkeyPatch, *changes: str) -> tuple[int, Level]:

@@ -74,16 +74,6 @@ def test_why_refinement_ended(mesh: str, why: str) -> None:
     assert levels[-1].level == levels[-2].level  # the last record says again what the level is, and why it is the last
 
 
-def test_the_worst_point_decides_the_mesh() -> None:
-    """A point that meets the tolerance has no say; alone, each point gets a mesh of its own."""
-    plans = "mesh={maxh: 0.5, levels: 6, family: adaptive}"
-    sizes = {}
-    for tau in ("[0.005]", "[0.02]", "[0.005, 0.02]"):
-        records = list(run(study_of(PULLED + f"\nsweep: {{tau: {tau}}}\n", plans)))
-        sizes[tau] = next(r for r in reversed(records) if isinstance(r, LevelRecord)).n_dof
-    assert sizes["[0.005, 0.02]"] not in (sizes["[0.005]"], sizes["[0.02]"])
-
-
 @pytest.mark.parametrize(
     ("mesh", "kept"),
     [

@@ -14,18 +14,17 @@ from tcstudy.contact.block import Answer
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.status import Status
 from tcstudy.data.records import LevelRecord
-from tcstudy.exact.numbers import known_goal
 from tcstudy.offline.level import Level
 from tcstudy.refine import goal_error as goal_error_module
 from tcstudy.refine.error_estimator import ErrorEstimator
 from tcstudy.refine.family import Family
 from tcstudy.refine.goal_error import SMOOTH, regions
-from tcstudy.refine.goals import goal_value, lost, steps, torn
+from tcstudy.refine.goals import goal_value, steps, torn
 from tcstudy.refine.halved import Halved
 from tcstudy.scene.study import Goal, MeshPlan
 from tcstudy.study.run import run
 from tests.verification.closed_forms import stick_slip
-from tests.verification.goal_scenes import RESULTANT, SLIP_LENGTH, front_resultant, front_slip, front_study
+from tests.verification.goal_scenes import RESULTANT, front_resultant, front_study
 from tests.verification.scenes import HEATED_BRACKET, study_of
 
 PULLED = """
@@ -118,16 +117,6 @@ def test_factors_are_those_of_smooth_solutions_and_of_corners() -> None:
     assert set(np.flatnonzero(region == region[node])) == set(around)
 
 
-def test_goals_of_exact_solutions() -> None:
-    study, change = front_study(0.4), 0.4
-    scene, exact = study.scenes[0], study.exact
-    assert exact is not None
-    assert known_goal(RESULTANT, exact, scene) == pytest.approx(front_resultant(change), rel=1e-5)
-    assert known_goal(Goal("u_T", (0.8, 0.0)), exact, scene) == pytest.approx(front_slip(change, 0.8), rel=1e-12)
-    assert known_goal(SLIP_LENGTH, exact, scene) == pytest.approx(1.0 - change, rel=1e-4)
-    assert known_goal(Goal(), exact, scene) is None
-
-
 @pytest.mark.parametrize("pick", [lambda p: p, lambda p: replace(p, goal=replace(p.goal, known=0.5))])
 def test_an_estimator_compares_with_the_exact_solution(pick: Callable[[MeshPlan], MeshPlan]) -> None:
     """What the study says is known goes first."""
@@ -142,19 +131,6 @@ def test_an_estimator_compares_with_the_exact_solution(pick: Callable[[MeshPlan]
     error = abs(goal_value(RESULTANT, condensed.problem, level.line, v) - known)
     assert stored["goal_error"] == pytest.approx(error, rel=1e-2)
     assert stored["goal_effectivity"] == pytest.approx(stored["goal_estimate"] / stored["goal_error"])
-
-
-@pytest.mark.parametrize("change", [0.6, 0.839])
-def test_what_the_resultant_lacks_at_a_held_end_is_half_a_cell_of_traction(change: float) -> None:
-    """The traction of the closed form at x = 0, where stick meets the given displacement of the left side."""
-    study = front_study(change, 0.05)
-    level = Level(Family(study).next(0), study.scenes[0])
-    problem = level.condensed(study.scenes[0]).problem
-    found = lost(level.line, problem, solve_contact(problem).v)
-    assert np.flatnonzero(found).tolist() == [0]  # at x = 1 it slips
-    width = level.line.xy[0, 0]  # the hat function of the node at its end sees the traction there
-    traction = 0.5 - 0.84 * math.sqrt(change - width)
-    assert found[0] == pytest.approx(0.5 * width * traction, rel=0.1)
 
 
 def test_falls_and_turns_between_two_nodes_are_tears_and_bends_are_not() -> None:

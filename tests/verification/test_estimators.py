@@ -10,17 +10,15 @@ import pytest
 
 import tcstudy
 from tcstudy.data.records import BlockRecord, LevelRecord
-from tcstudy.fem.energy_error import coupling, edge_residual, heat_estimate
-from tcstudy.fem.estimators import contact_traction
+from tcstudy.fem.energy_error import coupling, heat_estimate
 from tcstudy.scene.study import Goal, MeshPlan, Study
-from tcstudy.shapes.triangles import GAUSS
 from tcstudy.study.run import run
 from tests.data.by_points import one_by_one
 from tests.verification import manufactured as exact
 from tests.verification.norms import l2_and_h1_errors
 from tests.verification.patch import CASES, patch_study
 from tests.verification.reference import Solved, distance, solved_levels
-from tests.verification.scenes import RECTANGLE, levels_of, study_of
+from tests.verification.scenes import levels_of, study_of
 
 LOW, HIGH = 0.5, 3.0
 """Bounds of estimated over true error."""
@@ -108,31 +106,6 @@ def test_what_heat_does_to_a_goal() -> None:
         zeta[heat.kept_nodes] @ heat.surroundings(scene.heat.theta_bar)
     )
     assert put_in == pytest.approx(float(dilation @ level.temperature(scene).theta[mesh.triangles].mean(axis=1)))
-
-
-def test_friction_between_the_nodes() -> None:
-    """From a sticking node at ξ = 0 to a slipping one at ξ = τ the law asks for τ, the interpolant gives less."""
-    study = study_of(RECTANGLE)
-    scene, level = study.scenes[0], levels_of(study_of(RECTANGLE, "mesh.levels=1"))[0]
-    line, tau = level.line, 0.01
-    slips = np.arange(line.m) >= line.m // 2
-    traction = contact_traction(
-        level.mesh,
-        line,
-        scene.friction,
-        np.where(slips, 0.3, 0.0),
-        np.where(slips, tau, 0.0),
-        np.zeros(2 * level.mesh.n_points),
-    )
-    wrong = np.flatnonzero(traction.defect.max(axis=1) > 1e-12 * tau)
-    assert len(wrong) == 1
-    assert set(level.mesh.segments[wrong[0]]) == set(line.nodes[line.m // 2 - 1 : line.m // 2 + 1])
-    assert sorted(traction.defect[wrong[0]]) == pytest.approx(sorted(tau * (1 - GAUSS)))
-    triangles = level.mesh
-    at_rest = np.zeros(2 * level.mesh.n_points), np.zeros((level.mesh.n_points, 3))
-    only_xi = replace(traction, defect=0.0 * traction.defect)
-    edges, without = (edge_residual(triangles, *at_rest, scene, t) for t in (traction, only_xi))
-    assert np.flatnonzero(edges > without * (1 + 1e-12)).tolist() == [triangles.owner[wrong[0]]]
 
 
 def test_oscillating_data_are_seen() -> None:

@@ -118,23 +118,6 @@ def test_any_size(tmp_path: Path, small: str, large: str, ratio: float, accuracy
         assert np.array_equal(scaled[name].values, data[name].values), name
 
 
-def test_a_slender_convex_strip_is_followed(tmp_path: Path) -> None:
-    """80 : 1 under Tresca friction a tenth of the load: rounding of ξ is above 1e-10, and the path goes on."""
-    text = """
-units: none
-body: {rectangle: {width: 80, height: 1}}
-boundary: {bottom: contact, left: clamped, right: free, top: {role: traction, g: [1.0e-4, 0]}}
-material: {E: 1, nu: 0.3}
-friction: {law: tresca, tau: 1.0e-5}
-mesh: {maxh: 0.5}
-path: {parameter: load, from: 0, to: 1, at: [0.5, 1]}
-"""
-    data = path_of(text, tmp_path)
-    assert data["solution_count"].values.tolist() == [1, 1]
-    assert data["solution_unique"].values.all()
-    assert not data.sizes.get("fold", 0)
-
-
 BONDED = """
 body: {rectangle: {width: 300 mm, height: 2 mm}}
 material: {E: 165 GPa, nu: 0.3}
