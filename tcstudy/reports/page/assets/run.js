@@ -328,6 +328,7 @@ TC.run = {
     words("certified", (p) => TC.run.proof(p, level));
     words("status", (p) => r.statuses[TC.run.flag("status", p, level)]);
     if (points.some(reason)) words("reason", reason);
+    columns.forEach((c, k) => { c.minor = k > 6; }); // more do not fit on paper
     const t = TC.table({ columns, rows: points, ...TC.sorting(), chosen: (p) => p === TC.run.flat(s.at), pick: (p) => TC.set({ at: TC.run.index(p) }) });
     const csv = () => TC.saveTable(`${TC.fileName()}-level${level}.csv`, columns, t.order);
     const scroll = host.querySelector(".scroll")?.scrollTop || 0, box = TC.el("div", { class: "scroll" }, t.node);
