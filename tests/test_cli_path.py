@@ -60,17 +60,6 @@ def test_bad_input_is_one_line_and_exit_code_2(folder: Path, words: tuple[str, .
     assert sorted(p.name for p in folder.iterdir()) == ["block.yaml"]
 
 
-def test_without_its_section_the_points_of_the_sweep_are_solved(folder: Path) -> None:
-    planned = tcstudy_command("run", "block.yaml", "--dry-run", cwd=folder).stdout
-    assert "\n  path along load from 0 to 2\n" in planned
-    assert "for the points of the sweep add --set path=null" in planned
-    assert "block-path.nc\n  time unknown: a path takes as many steps" in planned
-    result = tcstudy_command("run", "block.yaml", "--set", "path=null", cwd=folder)
-    assert "results/block.nc" in result.stdout
-    assert result.returncode == 0, result.stderr
-    assert "4 of 4 solutions found" in result.stdout
-
-
 @pytest.mark.parametrize("mesh", ["{maxh: 0.3, levels: 2, family: adaptive}", "{maxh: 0.3, tolerance: 0.2}"])
 def test_a_study_with_a_path_runs_on_adaptive_meshes(folder: Path, mesh: str) -> None:
     """A run needs no path; the path, which is of one mesh, says which meshes to give it."""

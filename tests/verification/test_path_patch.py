@@ -94,17 +94,13 @@ def test_the_lowest_solution_changes_at_the_maxwell_point(softening: xr.Dataset)
 
 def test_contact_states_and_fronts(softening: xr.Dataset) -> None:
     meanings = softening["state"].attrs["flag_meanings"].split()
-    states = [sorted({meanings[s] for s in row}) for row in softening["state"].values]
-    forward = states[int(softening["start"]) :]
-    assert forward == [["stick"], ["soften"], ["weakened"]]
-    for vertex, before, after in (
-        (t["event_vertex"], t["event_before"], t["event_after"])
-        for t in (softening.isel(event=i) for i in range(softening.sizes["event"]))
-    ):
-        assert {meanings[int(before)], meanings[int(after)]} in ({"stick", "soften"}, {"soften", "weakened"})
-        assert abs(float(softening["parameter"][int(vertex)])) == pytest.approx(
-            1.0 if "stick" in (meanings[int(before)], meanings[int(after)]) else 0.6, abs=1e-12
-        )
+    states = [sorted({meanings[s] for s in row}) for row in softening["state"].values[int(softening["start"]) :]]
+    assert states == [["stick"], ["soften"], ["weakened"]]
+    for vertex, *ends in zip(*(softening[f"event_{x}"].values for x in ("vertex", "before", "after")), strict=True):
+        pair = {meanings[int(end)] for end in ends}
+        assert pair in ({"stick", "soften"}, {"soften", "weakened"})
+        at = 1.0 if "stick" in pair else 0.6
+        assert abs(float(softening["parameter"][int(vertex)])) == pytest.approx(at, abs=1e-12)
     lengths = softening["slip_length"].values[int(softening["start"]) :]
     assert lengths == pytest.approx([0.0, LENGTH, LENGTH], abs=1e-12)
 

@@ -54,12 +54,11 @@ class BasisInverse:
     def __init__(self, A: Array, load: Array, free: Flags, k: Array) -> None:
         self.A, self.load, self.m, self.free, self.k = A, load, len(load), free.copy(), k.copy()
         self.left, self.right = (np.zeros((self.m + one, CAPACITY), order="F") for one in (1, 0))
-        self.way, self.factorisations = np.zeros(self.m + 1), 0
+        self.way = np.zeros(self.m + 1)
         self.refactor()
 
     def refactor(self) -> None:
         """The inverse from A itself, by the fastest coordinate. Raises SingularCellError if the line is not unique."""
-        self.factorisations += 1
         self.size, self.stale, self.driver, before = 0, True, -1, self.way
         self._negatives: int | None = None
         m, A, F, R = self.m, self.A, np.flatnonzero(self.free), np.flatnonzero(~self.free)

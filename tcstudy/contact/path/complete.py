@@ -45,13 +45,12 @@ class Branches:
     """All branches between two values of t.
 
     branches: a loop has its first vertex again at the end, and the status CLOSED_LOOP
-    reason: why they are not proved to be all, "" if they are;  boxes: number that was looked at
+    reason: why they are not proved to be all, "" if they are
     listed: solutions at the values asked for for which the branches do not answer
     """
 
     branches: tuple[Path, ...]
     reason: str
-    boxes: int
     listed: Mapping[float, Equilibria]
 
     @property
@@ -115,7 +114,7 @@ def all_branches(
         on_branch |= through
         branches.append(branch)
     reason = _reason(cells.stopped, undecided or missing, edge, (low, high)) or _even(branches, (low, high))
-    return Branches(tuple(branches), reason, int(cells.boxes.sum()), listed)
+    return Branches(tuple(branches), reason, listed)
 
 
 def _sides(problem: ParametricProblem) -> Index:

@@ -238,4 +238,4 @@ def _joined(walk: Walk, halves: list[_Half]) -> Path:
     assert end is not None
     pieces = np.array(codes, dtype=np.int32).reshape(len(codes), walk.m)
     start, flags = len(back[0].codes) if back else 0, np.array(stable, dtype=bool)
-    return Path(walk.problem, t, u, traction, residual, flags, pieces, start, begin, end, walk.basis.factorisations)
+    return Path(walk.problem, t, u, traction, residual, flags, pieces, start, begin, end)

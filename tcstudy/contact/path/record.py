@@ -82,7 +82,6 @@ class Path:
     codes:       (k−1, m) code of every node on every piece
     start:       vertex from which the path was followed
     begin, end:  why it stops at the first and at the last vertex
-    factorisations: dense factorisations used
     """
 
     problem: ParametricProblem
@@ -95,7 +94,6 @@ class Path:
     start: int
     begin: PathStatus
     end: PathStatus
-    factorisations: int
 
     @classmethod
     def standing(cls, problem: ParametricProblem, t: float, u: Array, end: PathStatus) -> Path:
@@ -107,7 +105,7 @@ class Path:
             (np.array([t]), u[None], traction[None], np.array([residual])),
             np.zeros((0, len(u)), dtype=np.int32),
         )
-        return cls(problem, *rows, np.zeros(0, dtype=bool), none, 0, end, end, 0)
+        return cls(problem, *rows, np.zeros(0, dtype=bool), none, 0, end, end)
 
     @property
     def pieces(self) -> int:
