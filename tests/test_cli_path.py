@@ -40,6 +40,7 @@ def test_an_early_end_is_exit_code_1(folder: Path) -> None:
     result = tcstudy_command("run", "block.yaml", "--set", "path.max_pieces=1", cwd=folder)
     assert result.returncode == 1, result.stderr
     assert "raise max_pieces" in result.stdout
+    assert "the path has no solution at load = 1.5" in result.stdout
 
 
 @pytest.mark.parametrize(

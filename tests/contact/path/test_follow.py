@@ -9,51 +9,9 @@ import pytest
 
 from tcstudy.contact.path.basis_inverse import CAPACITY, BasisInverse
 from tcstudy.contact.path.follow import Follower, ParametricProblem, PathStatus
-from tcstudy.contact.path.query import folds, solutions_at
 from tcstudy.contact.path.start import NoSolutionError
 from tests.contact import contact_cases as cases
-from tests.contact.path.cases import a_solution, all_solutions, follow, one_node, random_path_problem, softening_line
-
-
-def test_one_softening_node_in_closed_form() -> None:
-    """Ã = c = 1, b = 1 − 2s to 0.4, then 0.2: folds at t = 1, s = 0 and t = 0.6, s = 0.4; energies by hand."""
-    path = follow(one_node(cases.slip_weakening(1.0, 0.2, 0.4)), np.zeros(1), 0.0, -2.0, 2.0)
-    assert path.t == pytest.approx([-2.0, -0.6, -1.0, 0.0, 1.0, 0.6, 2.0], abs=1e-15)
-    assert path.u[:, 0] == pytest.approx([-1.8, -0.4, 0.0, 0.0, 0.0, 0.4, 1.8], abs=1e-15)
-    assert list(path.stable) == [True, False, True, True, False, True]
-    fold = folds(path)
-    assert path.t[fold.vertex[2:]] == pytest.approx([1.0, 0.6], abs=1e-15)
-    assert fold.maximum[2:].tolist() == [True, False]
-    assert fold.stable[:, 2:].T.tolist() == [[True, False], [False, True]]
-    found = solutions_at(path, 0.8)
-    assert [s.v[0] for s in found] == pytest.approx([0.0, 0.2, 0.6], abs=1e-15)
-    assert [s.energy + 0.32 for s in found] == pytest.approx([0.32, 0.34, 0.30], abs=1e-15)
-    assert [s.stable for s in found] == [True, False, True]
-    assert path.slipping[3:5, 0].tolist() == [False, True]
-
-
-@pytest.mark.parametrize("seed", range(30))
-def test_every_solution_on_the_path_is_one_and_for_one_node_all_are_on_it(seed: int) -> None:
-    """Against enumeration of all combinations of pieces, stability included; m = 1, 2 with up to 6 kinks."""
-    rng = np.random.default_rng([seed, 41])
-    m = 1 + seed % 2
-    problem = random_path_problem(rng, m)
-    path = follow(problem, a_solution(problem, 0.0), 0.0, -3.0, 3.0)
-    assert {path.begin, path.end} <= {PathStatus.RANGE_END, PathStatus.CLOSED_LOOP}
-    assert path.residual.max() <= 1e-13
-    for t in rng.uniform(-2.9, 2.9, 4):
-        expected = all_solutions(problem, t)
-        found = solutions_at(path, t)
-        for solution in found:
-            assert solution.residual <= 1e-13
-            assert cases.independent_residual(problem.at(t), solution.v) <= 1e-12
-            distance = [float(np.max(np.abs(solution.v - v))) for v, _ in expected]
-            assert min(distance) <= 1e-10
-            assert expected[int(np.argmin(distance))][1] == solution.stable
-            assert solution.energy == pytest.approx(problem.at(t).energy(solution.v), abs=1e-13)
-        assert len(found) % 2 == 1 or path.end == PathStatus.CLOSED_LOOP
-        if m == 1:
-            assert len(found) == len(expected)
+from tests.contact.path.cases import a_solution, follow, softening_line
 
 
 def test_residual_at_every_vertex_of_a_path_with_many_folds() -> None:
