@@ -74,8 +74,7 @@ class Result:
         from tcstudy.reports.terminal.summary import verdict_of
 
         with reading(self.file):
-            kind = kind_of(self.file)
-            return verdict_of(None if kind == "run" else self.tree.to_dataset(), kind, self.file)[0]
+            return verdict_of(None, kind_of(self.file), self.file)[0]
 
     def to_dataframe(self) -> pandas.DataFrame:
         """A row a point and level (of a path a vertex, of a fit a datum), as `export` writes it to CSV; SI units."""

@@ -96,20 +96,6 @@ def test_a_film_without_friction_has_no_error_of_xi(tmp_path: Path) -> None:
     assert "ξ in L²(Γ_C) " in spring
 
 
-def test_a_sweep_in_which_only_some_points_have_a_heat_problem(tmp_path: Path) -> None:
-    heated = (
-        "boundary: {bottom: contact, right: convection, top: {role: traction, g: [0, 0.01]}, left: clamped}\n"
-        "body: {rectangle: {width: 2, height: 1}}\nunits: none\nmaterial: {E: 1, nu: 0.25, beta: 0.1, k: 1}\n"
-        "heat: {alpha: 1, theta_bar: 0}\nfriction: {law: tresca, tau: 0.01}\nmesh: {maxh: 1, levels: 4}\n"
-    )
-    for name, values in (("first", "[0, 0.1]"), ("last", "[0.1, 0]")):
-        (tmp_path / f"{name}.yaml").write_text(heated + f"sweep: {{q: {values}}}\n")
-        result = tcstudy_command("converge", f"{name}.yaml", "-v", cwd=tmp_path)
-        assert result.returncode == 0, result.stderr
-        assert result.stdout.count("θ in L²") == 1
-        assert result.stdout.count("heat balance") == 1
-
-
 @pytest.mark.parametrize("levels", ["mesh.levels=3", "mesh={maxh: [0.5, 0.4, 0.3, 0.25]}"])
 def test_a_plot_without_errors_is_refused_before_the_work(folder: Path, levels: str) -> None:
     result = tcstudy_command("converge", "block.yaml", "--set", levels, "--plot", "a.png", cwd=folder)

@@ -50,16 +50,11 @@ LAW = tcstudy.law("tresca", tau=1.0)
     [
         (([[2, 1], [0, 2]], [0, 0], [1, 1]), r"^A_tilde is not symmetric: \[0, 1\] = 1, \[1, 0\] = 0"),
         (([[1, 2], [2, 1]], [0, 0], [1, 1]), r"^A_tilde is not positive definite \(least eigenvalue -1"),
-        (([[1e-9, 2e-9], [2e-9, 1e-9]], [0, 0], [1, 1]), r"^A_tilde is not positive definite"),
-        (([[1, 0], [0, -1]], [0, 0], [1, 1]), r"^A_tilde\[1, 1\] = -1"),
         (([[1, np.nan], [np.nan, 1]], [0, 0], [1, 1]), r"^A_tilde\[0, 1\] is not a finite number"),
         ((A, [0, np.inf], [1, 1]), r"^l_tilde\[1\] is not a finite number"),
         ((A, [0, 0], [1, 0]), r"^c\[1\] = 0 is no length"),
         ((A, [0, 0, 0], [1, 1]), r"^l_tilde has the shape \(3,\); it must be \(2,\)"),
-        (([[2.0]], [0, 0], [1, 1]), r"^A_tilde has the shape \(1, 1\), but c has 2 nodes"),
-        ((A, [0, 1j], [1, 1]), r"^l_tilde must be an array"),
         ((A, "ab", [1, 1]), r"^l_tilde must be an array"),
-        (([], [], []), r"^c has the shape \(0,\)"),
     ],
 )
 def test_bad_matrices_are_refused_in_one_line(given: tuple[object, object, object], said: str) -> None:
@@ -82,9 +77,7 @@ def test_bad_matrices_are_refused_in_one_line(given: tuple[object, object, objec
         (lambda: tcstudy.certify(tcstudy.ContactProblem(A, [0, 0], [1, 1], LAW), [1.0]), "v has the shape"),
         (lambda: tcstudy.follow(tcstudy.ContactProblem(A, [0, 0], [1, 1], LAW), [1, 0], [5, 5]), "no path"),
         (lambda: tcstudy.ContactProblem(A, [0, 0], [1, 1], "tresca"), "law is a str"),
-        (lambda: tcstudy.ContactProblem(A, [0, 0], [1, 1], [LAW, "tresca"]), "law is a str; .* one a node"),
         (lambda: tcstudy.ContactProblem(A, [0, 0], [1, 1], [LAW] * 3), "law has 3 laws, but c has 2 nodes"),
-        (lambda: tcstudy.ContactProblem(A, [0, 0], [1, 1], []), "law is a list"),
     ],
 )
 def test_bad_options_are_refused_in_one_line(call, said: str) -> None:  # type: ignore[no-untyped-def]

@@ -148,32 +148,24 @@ def say(options: argparse.Namespace, path: Path, below: Sequence[str] = (), of: 
     """
     from tcstudy.data.provenance import kind_of, remarks_of, tell
     from tcstudy.data.reading import attributes, reading
-    from tcstudy.reports.terminal.summary import text_of
+    from tcstudy.reports.terminal.summary import text_of, verdict_of
     from tcstudy.reports.terminal.tables import wrapped
 
     with reading(path):
         remarks = remarks_of(attributes(path))
-        if not (options.quiet or options.json):
+        if options.quiet:
+            tell(remarks)
+            print(f"{path}: {verdict_of(None, kind_of(path), path)[0]}")
+        elif options.json:
+            from tcstudy.reports.export.brief import brief, json_text
+            from tcstudy.reports.terminal.indices import indices_json
+
+            print(json_text(brief(path) | ({"indices": indices_json(path, of)} if of else {})))
+        else:
             point = point_of(options) if hasattr(options, "at") else None
             with spoken(options):
                 print("\n".join([text_of(path, options.verbose, point, of).rstrip("\n"), *below]))
                 print("".join(wrapped(f"  warning: {one}") + "\n" for one in remarks), end="")
-            return
-        if options.quiet:
-            tell(remarks)
-        if options.quiet and kind_of(path) == "run":
-            from tcstudy.reports.verdict import verdict
-
-            print(f"{path}: {verdict(path)['text']}")
-            return
-        from tcstudy.reports.export.brief import brief, json_text
-
-        found = brief(path)
-        if of and options.json:
-            from tcstudy.reports.terminal.indices import indices_json
-
-            found |= {"indices": indices_json(path, of)}
-        print(json_text(found) if options.json else f"{path}: {found['verdict']}")
 
 
 def note(options: argparse.Namespace, text: str) -> None:

@@ -67,12 +67,15 @@ def text_of(file: Path, full: bool = False, point: Mapping[str, Value] | None = 
 
 
 def verdict_of(data: Any, kind: str, path: Path) -> tuple[str, str, bool]:
-    """The sentence of a file of any kind, how what it says is known, and whether all is well."""
+    """The sentence of a file of any kind, how what it says is known, and whether all is well.
+
+    data: its root dataset, which that of a run needs not; None where it is not read yet
+    """
     if kind == "run":
         told = run_verdict(path)
         return str(told["text"]), str(told["how"]), bool(told["ok"])
     kinds = {"convergence": convergence, "cost": cost, "path": path_summary, "history": history_summary, "fit": fit}
-    found: tuple[str, str, bool] = kinds[kind].verdict(data)
+    found: tuple[str, str, bool] = kinds[kind].verdict(load_root(path) if data is None else data)
     return found
 
 

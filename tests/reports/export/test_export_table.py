@@ -17,7 +17,6 @@ from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.data.store import write
 from tcstudy.errors import DrawError, UsageError
 from tcstudy.read.study import read_study_text
-from tcstudy.reports.export.export_fields import write_fields
 from tcstudy.reports.export.export_table import write_table
 from tcstudy.scene.study import Axis
 from tests.reports.figures.draw_cases import ALPHA, FILM, study
@@ -53,17 +52,6 @@ def test_failed_points_and_lists_have_rows(listed: Path, grid: Path, tmp_path: P
         last = list(csv.DictReader(stream))[-1]
     assert (last["friction"], last["status"], last["slip_length [m]"]) == ("softening", "singular", "")
     assert last["reason"] == "the stiffness matrix is singular"
-
-
-def test_tables_of_paths_and_charts(tmp_path: Path) -> None:
-    sections = FILM | {"mesh": {"maxh": 0.6, "levels": 3}}
-    along = tcstudy.run(tcstudy.Study.from_dict(sections), tmp_path / "path.nc")
-    assert write_table(tmp_path / "path.nc", tmp_path / "path.csv") == along.sizes["vertex"]
-    errors = tcstudy.converge(tcstudy.Study.from_dict(sections), tmp_path / "errors.nc")
-    assert write_table(tmp_path / "errors.nc", tmp_path / "errors.csv") == errors.sizes["level"]
-    for call in (write_table, write_fields):
-        with pytest.raises(UsageError, match=r"--at|--vtu"):
-            call(tmp_path / "path.nc", tmp_path / "none.csv", {"alpha": 1})
 
 
 def test_tables_of_histories_and_fits(tmp_path: Path) -> None:
