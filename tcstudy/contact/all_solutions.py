@@ -9,7 +9,8 @@ Count:      with growth (15), (16) and Ã positive definite the degree is 1, so 
 Stable:     a strict local minimum of L̃: no node inside a jump down, and Ã + C diag b′ positive definite on the nodes
             off the jumps
 
-Left out: laws with exponential pieces; their polygon is another problem (`path.chords`), which the caller names.
+Left out: laws with exponential pieces; their polygon is another problem
+(`path.piecewise_linear_approximation`), which the caller names.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.boxes import EPS, Limits, PolygonProblems, inverse_of, reach_of
 from tcstudy.contact.certificates import strict_minimum
-from tcstudy.contact.path.chords import piecewise_linear
+from tcstudy.contact.path.piecewise_linear_approximation import piecewise_linear
 from tcstudy.contact.problem import CondensedBody, ContactProblem
 from tcstudy.laws.laws import Laws
 

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from tcstudy.condense import ForwardLoad
 from tcstudy.contact.block import solve_block
-from tcstudy.contact.path.chords import piecewise_linear
+from tcstudy.contact.path.piecewise_linear_approximation import piecewise_linear
 from tcstudy.contact.problem import CondensedBody
 from tcstudy.fem.boundary import values_at
 from tcstudy.fem.estimators import acting, own_strain, stress_of

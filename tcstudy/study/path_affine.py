@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.bounds import solution_boxes
 from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.path.chords import piecewise_linear
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path
+from tcstudy.contact.path.piecewise_linear_approximation import piecewise_linear
 from tcstudy.contact.path.start import NoSolutionError
 from tcstudy.contact.status import Status
 from tcstudy.errors import PathError

@@ -9,7 +9,7 @@ import pytest
 
 from tcstudy.contact.bounds import bends_below_tangent, least_slopes, value_range
 from tcstudy.contact.history.memory import MemoryModel, NodeState
-from tcstudy.contact.path.chords import piecewise_linear
+from tcstudy.contact.path.piecewise_linear_approximation import piecewise_linear
 from tcstudy.laws.composed import total
 from tcstudy.laws.laws import NONE, Laws
 from tcstudy.laws.pieces import BEND

@@ -182,7 +182,8 @@ def law_graph(law: Laws) -> LawGraph:
     """
     if not law.piecewise_linear:
         raise ValueError(
-            f"the law {law.name} is not piecewise linear; replace it by path.chords.piecewise_linear(law, …) first"
+            f"the law {law.name} is not piecewise linear; replace it first by piecewise_linear(law, …) of "
+            "tcstudy.contact.path.piecewise_linear_approximation"
         )
     table = law.tables
     laws, count = table.kinks.shape

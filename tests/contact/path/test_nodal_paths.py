@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tcstudy.contact.certificates import certify
-from tcstudy.contact.path.chords import piecewise_linear
 from tcstudy.contact.path.follow import ParametricProblem, PathStatus
+from tcstudy.contact.path.piecewise_linear_approximation import piecewise_linear
 from tcstudy.contact.path.query import solutions_of
 from tcstudy.laws.composed import nodal
 from tcstudy.laws.laws import Laws

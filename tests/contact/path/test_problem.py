@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from tcstudy.contact.path.chords import piecewise_linear
+from tcstudy.contact.path.piecewise_linear_approximation import piecewise_linear
 from tcstudy.contact.path.query import solutions_of
 from tcstudy.laws.shapes import SHAPES
 from tests.contact import contact_cases as cases

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tcstudy.contact.certificates import certify
-from tcstudy.contact.path.chords import piecewise_linear
+from tcstudy.contact.path.piecewise_linear_approximation import piecewise_linear
 from tcstudy.contact.path.proofs import proved_minima
 from tcstudy.contact.path.query import lowest
 from tcstudy.scene.study import Acceptance
