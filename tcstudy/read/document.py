@@ -21,7 +21,7 @@ from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
 from ruamel.yaml.nodes import Node as YamlNode
 
 from tcstudy.errors import Problem, StudyError, shortened
-from tcstudy.read.node import Collector, Keys, Mark, Node, Scalar, place_of, put, split_path
+from tcstudy.read.node import Collector, Keys, Mark, Node, Scalar, put, put_number, split_path
 from tcstudy.scene.keys import rows
 from tcstudy.scene.parameters import SHORT
 from tcstudy.scene.study import Study
@@ -236,8 +236,11 @@ def apply_overrides(root: Node, overrides: Sequence[str], short: Mapping[str, st
         try:
             before, new = len(errors), compose(text, file, errors, key, option=True)
             if new.value is not None or len(errors) == before:
-                place = place_of(root, tuple(map(str, keys))) if new.value is not None else keys
-                root = put(root, place if root.at(*place) else keys, None if new.value is None else new)
+                words = tuple(key for key in keys if isinstance(key, str))
+                if new.value is not None and len(words) == len(keys):
+                    root = put_number(root, words, new)
+                else:
+                    root = put(root, keys, None if new.value is None else new)
         except StudyError as error:
             errors.problems.extend(error.problems)
         except KeyError as error:

@@ -270,7 +270,7 @@ def put_number(root: Node, path: tuple[str, ...], new: Node) -> Node:
     Raises KeyError as `put` does.
     """
     keys = place_of(root, path)
-    if keys[-2:-1] in (("f",), ("g",), ("force",)) and root.at(*keys[:-1]) is None:
+    if isinstance(keys[-1], int) and keys[-2] != "points" and root.at(*keys[:-1]) is None:
         root = put(root, keys[:-1], replace(new, value=(replace(new, value=0),) * 2))
     return put(root, keys, new)
 

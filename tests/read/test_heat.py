@@ -1,4 +1,4 @@
-"""What a study says of heat edge by edge: what is read, and faults of one line."""
+"""What a study says of heat edge by edge."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import pytest
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.points import needs_heat_solve
 from tcstudy.scene.records import EdgeHeat
-from tcstudy.scene.study import Study
 
 TEXT = """
 parameters: {mu: 0.3, p: 2 MPa, v: 0.5 m/s, h: 50 W/(m^2*K)}
@@ -23,19 +22,13 @@ mesh: {maxh: 0.2}
 """
 
 
-def study_with(old: str = "", new: str = "", more: str = "") -> Study:
-    assert old in TEXT
-    return read_study_text(TEXT.replace(old, new) + more)
-
-
 def test_role_and_heat_are_two_things() -> None:
-    scene = study_with().scenes[0]
-    assert scene.flux == (("bottom", pytest.approx(3e5)),)
-    assert scene.held_theta == (("left", 80.0),)
+    scene = read_study_text(TEXT).scenes[0]
+    assert (scene.flux, scene.held_theta) == ((("bottom", pytest.approx(3e5)),), (("left", 80.0),))
     assert scene.exchange == (("right", 100.0, 20.0),)
     assert needs_heat_solve(scene)
     assert dict(scene.boundary)["top"].heat is None
-    mixed = study_with("theta_bar: 20 K}", "flux: 7 W/m^2}", "heat: {theta_bar: 5 K}\n").scenes[0]
+    mixed = read_study_text(TEXT.replace("theta_bar: 20 K}", "flux: 7 W/m^2}") + "heat: {theta_bar: 5 K}\n").scenes[0]
     assert mixed.exchange == (("right", 100.0, 5.0),)
     assert dict(mixed.boundary)["right"].heat == EdgeHeat(flux=7.0, alpha=100.0)
     alike = TEXT.replace("{theta: 80 K}", "{theta: 20 K}").replace('"mu*p*v"', "0")
@@ -43,8 +36,9 @@ def test_role_and_heat_are_two_things() -> None:
 
 
 def test_edges_are_swept_by_path() -> None:
-    sweep = "sweep: {boundary.left.heat.theta: [60 K, 80 K], boundary.right.alpha: [1, 2], parameters.mu: [0.1, 0.2]}\n"
-    study = study_with(more=sweep)
+    study = read_study_text(
+        TEXT + "sweep: {boundary.left.heat.theta: [60 K, 80 K], boundary.right.alpha: [1, 2], mu: [1, 2]}"
+    )
     assert [axis.name for axis in study.axes] == ["theta", "alpha", "mu"]
     last = study.scenes[7]
-    assert (last.held_theta[0][1], last.exchange[0][1], last.flux[0][1]) == (80.0, 2.0, pytest.approx(2e5))
+    assert (last.held_theta[0][1], last.exchange[0][1], last.flux[0][1]) == (80.0, 2.0, pytest.approx(2e6))
