@@ -4,22 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import zip_longest
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tcstudy.data.measured import BY_ITSELF, ERRORS, OWN, VERDICTS
 from tcstudy.data.records import PointStatus
-from tcstudy.data.store import load_root
 from tcstudy.errors import DrawError
 from tcstudy.reports import sentences
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.panels import Array, Panel, Scale, grid, scale
+from tcstudy.reports.figures.panels import Array, Panel, Scale, scale
 from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.select_point import Value, describe, locate
 from tcstudy.reports.terminal.convergence import GROUPS, shown
-from tcstudy.reports.terminal.cost import EXACT, SYMBOLS, advice, best, front, measure_of, settings
+from tcstudy.reports.terminal.cost import EXACT, SYMBOLS, advice, best, front, settings
 from tcstudy.scene.families import FAMILIES
 
 if TYPE_CHECKING:
@@ -33,8 +31,8 @@ LOOKS = (
     {"color": style.INK, "marker": "^", "markersize": 4, "linewidth": 1.1},
 )
 """Of the first, second and third error of a panel: one that lies on another hides it not."""
-PANEL = 2.55
-"""Height of a panel [inch]."""
+PANEL, LEGEND_LINE = 2.55, 0.18
+"""Height of a panel and of a line of its legend [inch]."""
 BESIDE = 0.2
 """Room for the order left of the finest mesh, as a part of the range of h."""
 BELOW = 1.7
@@ -43,12 +41,11 @@ BELOW = 1.7
 _SYMBOLS = {measure.name: measure.symbol for measure in ERRORS}
 
 
-def draw_convergence(path: Path, point: Mapping[str, Value] | None, look: style.Look) -> tuple[Figure, str]:
+def convergence_figure(data: Any, point: Mapping[str, Value] | None, look: style.Look) -> tuple[Figure, str]:
     """The errors of one sweep point, the first unless named, and which it is.
 
     Raises DrawError if there is no such point or nothing to draw.
     """
-    data = load_root(path)
     where = locate(data, point)
     at, words = data.isel(where), describe(data, where)
     panels = convergence_panels(at)
@@ -66,13 +63,14 @@ def draw_convergence(path: Path, point: Mapping[str, Value] | None, look: style.
     facts = [*filter(None, [style.point_words(words)]), reference, *(mark for mark, there in marks.items() if there)]
     rows = list(zip_longest(*(list(panels)[k::2] for k in (0, 1)), fillvalue="."))
     sheet = Sheet(look, data.attrs["title"], [";  ".join(facts)], rows, [PANEL] * len(rows))
-    for name, panel in panels.items():
-        axes = sheet.panels[name]
-        panel.draw(axes)
-        grid(axes)
+    sheet.draw(panels)
+    for axes in sheet.panels.values():
         axes.minorticks_off()
         style.few_ticks(axes.yaxis)
-        axes.legend(loc="best", framealpha=0.7, edgecolor="none", fontsize=style.pt(8.5), handlelength=1.6)
+        low, high = np.log10(axes.get_ylim())
+        room = (LEGEND_LINE * len(axes.get_legend_handles_labels()[1]) + 0.05) / PANEL  # below all curves
+        axes.set_ylim(10 ** (high - (high - low) / (1 - room)), 10**high)
+        axes.legend(loc="lower right", frameon=False, fontsize=style.pt(8.5), handlelength=1.6, borderaxespad=0.1)
     return sheet.finish(), words or data.attrs["title"]
 
 
@@ -87,7 +85,7 @@ def convergence_panels(at: Any) -> dict[str, Panel]:
         names = [name for name in group if _drawable(at, name)]
         if not names:
             continue
-        panel = found[symbol] = Panel(across, Scale("relative error"), log=(True, True))
+        panel = found[symbol] = Panel(across, Scale("relative error"), log=(True, True), grid=True)
         panel.title = f"{math_symbol(symbol)}: {math_symbol(title)}"
         for name, look in zip(names, LOOKS, strict=False):
             error, guess = at[f"error_{name}"].values, _two_points(at, name)
@@ -158,25 +156,14 @@ PALE = 0.32
 """Opacity of curves that others beat everywhere."""
 
 
-def draw_cost(path: Path, measure: str | None, look: style.Look) -> tuple[Figure, str]:
-    """The chart of accuracy against cost, and what it shows. Raises DrawError if the file has no such error."""
-    data = load_root(path, "cost")
-    name = measure_of(data, measure)
-    return cost_figure(data, name, look), f"{SYMBOLS[name]}, {data.attrs['point'] or data.attrs['title']}"
-
-
 def cost_figure(data: Any, measure: str, look: style.Look) -> Figure:
     """Error over wall time, with bands to the upper quartile, and over unknowns, with the rates of the families."""
     found = settings(data, measure)
     facts = [style.point_words(data.attrs["point"]), f"reference: {data.attrs['reference']}"]
     sheet = Sheet(look, data.attrs["title"], facts, [("time", "unknowns")], [CHART], advice(found))
-    panels = cost_panels(data, measure)
-    for name, panel in panels.items():
-        axes = sheet.panels[name]
-        panel.draw(axes)
-        grid(axes)
-        for axis in (axes.xaxis, axes.yaxis):
-            style.few_ticks(axis)
+    sheet.draw(cost_panels(data, measure))
+    for axis in (one for axes in sheet.panels.values() for one in (axes.xaxis, axes.yaxis)):
+        style.few_ticks(axis)
     sheet.panels["unknowns"].margins(x=0.15)
     if len(sheet.heights) == 1:
         sheet.panels["unknowns"].set_ylabel("")
@@ -189,8 +176,10 @@ def cost_panels(data: Any, measure: str) -> dict[str, Panel]:
     """The two panels of an error by name."""
     found = settings(data, measure)
     error = Scale(f"relative error of {math_symbol(SYMBOLS[measure])}")
-    time = Panel(Scale("wall time [s]: least of all runs, band to the upper quartile"), error, log=(True, True))
-    unknowns = Panel(Scale("displacement unknowns N"), error, log=(True, True))
+    time = Panel(
+        Scale("wall time [s]: least of all runs, band to the upper quartile"), error, log=(True, True), grid=True
+    )
+    unknowns = Panel(Scale("displacement unknowns N"), error, log=(True, True), grid=True)
     families, solvers = (data[name].values.tolist() for name in ("family", "solver"))
     worthy, champion = {s.curve for s in front(found)}, best(found)
     for family in families:

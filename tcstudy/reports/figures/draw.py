@@ -10,16 +10,18 @@ from typing import TYPE_CHECKING, Any
 
 from tcstudy.data.provenance import Kind, kind_of, remarks_of
 from tcstudy.data.reading import attributes, reading
+from tcstudy.data.store import load_root
 from tcstudy.errors import UsageError, tell
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.accuracy import draw_convergence, draw_cost
-from tcstudy.reports.figures.fit import draw_fit
+from tcstudy.reports.figures.accuracy import convergence_figure, cost_figure
+from tcstudy.reports.figures.fit import fit_figure
 from tcstudy.reports.figures.history import draw_history
 from tcstudy.reports.figures.law import law_figure, laws_of
-from tcstudy.reports.figures.path import draw_path
+from tcstudy.reports.figures.path import path_figure
 from tcstudy.reports.figures.point import point_figure
 from tcstudy.reports.figures.sweep import curves_figure, map_figure, read_sweep
 from tcstudy.reports.picture import read_picture
+from tcstudy.reports.terminal.cost import SYMBOLS, measure_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -112,17 +114,20 @@ def _figure(file: Path, wanted: Wanted) -> Iterator[tuple[Figure, str, int]]:
 
 
 def _drawn(file: Path, kind: Kind, wanted: Wanted, look: style.Look) -> tuple[Figure, str]:
+    data: Any = None if kind == "run" else load_root(file, kind)
     match kind:
         case "path":
-            return draw_path(file, wanted.y or "mean-slip", look)
+            words = f"{data.attrs['title']}, path along {data.attrs['parameter']}"
+            return path_figure(data, wanted.y or "mean-slip", look), words
         case "history":
-            return draw_history(file, wanted.at, wanted.x, wanted.y, look)
+            return draw_history(data, wanted.at, wanted.x, wanted.y, look)
         case "fit":
-            return draw_fit(file, look)
+            return fit_figure(data, look), f"{data.attrs['title']}, fitted to {data.attrs['data_file']}"
         case "cost":
-            return draw_cost(file, wanted.y, look)
+            name = measure_of(data, wanted.y)
+            return cost_figure(data, name, look), f"{SYMBOLS[name]}, {data.attrs['point'] or data.attrs['title']}"
         case "convergence":
-            return draw_convergence(file, wanted.at, look)
+            return convergence_figure(data, wanted.at, look)
     level = -1 if wanted.level is None else wanted.level
     if along := wanted.map or tuple(filter(None, (wanted.x, wanted.by))):
         sweep = read_sweep(file, along, wanted.of or wanted.y or "", wanted.at, level)

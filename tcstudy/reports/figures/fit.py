@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tcstudy.data.store import load_root
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.panels import Panel, Scale, scale
 from tcstudy.reports.figures.sheet import Sheet
@@ -29,20 +27,12 @@ NAMES = {
 }
 
 
-def draw_fit(path: Path, look: style.Look) -> tuple[Figure, str]:
-    """The picture of a fit's file, and what it shows."""
-    data = load_root(path, "fit")
-    return fit_figure(data, look), f"{data.attrs['title']}, fitted to {data.attrs['data_file']}"
-
-
 def fit_figure(data: Any, look: style.Look) -> Figure:
     """The figure of a fit; call it within `style.styled()` for its letters."""
     panels = fit_panels(data)
     rows = (("curve", "curve"), ("residuals", "law" if "law" in panels else "residuals"))
     sheet = Sheet(look, data.attrs["title"], [caption(data)], rows, (CURVE, REST))
-    for name in ("curve", "residuals", "law"):
-        if name in panels:
-            panels[name].draw(sheet.panels[name])
+    sheet.draw(panels)
     sheet.panels["curve"].legend(fontsize=style.pt(8), framealpha=0.85, edgecolor="none")
     return sheet.finish()
 

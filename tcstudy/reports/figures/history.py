@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tcstudy.data.records import PointStatus
-from tcstudy.data.store import load_root
 from tcstudy.errors import DrawError
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.panels import Array, Panel, Scale, contact_nodes, place_names, scale
@@ -34,13 +32,12 @@ DOT: dict[str, Any] = {"marker": "o", "linestyle": "none"}
 
 
 def draw_history(
-    path: Path, point: Mapping[str, Value] | None, x: str | None, y: str | None, look: style.Look
+    data: Any, point: Mapping[str, Value] | None, x: str | None, y: str | None, look: style.Look
 ) -> tuple[Figure, str]:
     """The picture of one history of a file, and what it shows; x, y: as of `loop_names`.
 
     Raises DrawError if the file has no such point or number, or no solved step.
     """
-    data = load_root(path, "history")
     where = locate(data.isel(step=0), point)
     words, data = describe(data.isel(step=0), where), solved_steps(data.isel(where))
     if not data.sizes["step"]:
@@ -83,8 +80,7 @@ def history_figure(data: Any, x: str, y: str, point: str, look: style.Look) -> F
         (("spent", "change") if name == "spent" else (name, name), HEIGHTS[name]) for name in panels if name in HEIGHTS
     ]
     sheet = Sheet(look, data.attrs["title"], facts, *zip(*rows, strict=True))
-    for name, panel in panels.items():
-        panel.draw(sheet.panels[name])
+    sheet.draw(panels)
     sheet.key("motion", *(["section"] if "section" in panels else []))
     figure = sheet.finish()
     place_names(sheet.panels["loop"], panels["loop"])

@@ -46,7 +46,7 @@ class Panel:
     """What is drawn over two axes, in order.
 
     title:  above it, at the left
-    log:    whether x and y are logarithmic
+    log:    whether x and y are logarithmic;  grid: whether fine lines stand at the ticks
     limits: ends of the two axes, None for what fits, as of Axes.set_xlim [drawn units]
     ticks:  places on the x axis and their texts, None for round numbers [drawn units]
     items:  (kind, x, y, look) of what is drawn [drawn units]
@@ -56,6 +56,7 @@ class Panel:
     y: Scale
     title: str = ""
     log: tuple[bool, bool] = (False, False)
+    grid: bool = False
     limits: list[tuple[float | None, float | None] | None] = field(default_factory=lambda: [None, None])
     ticks: tuple[Any, Any] | None = None
     items: list[tuple[str, Any, Any, dict[str, Any]]] = field(default_factory=list)
@@ -156,6 +157,9 @@ class Panel:
                 put(*limits)
         if self.ticks is not None:
             axes.set_xticks(list(self.ticks[0]), list(self.ticks[1]))
+        if self.grid:
+            axes.grid(True, which="major", color=style.SHADE, linewidth=0.6)
+            axes.set_axisbelow(True)
 
 
 def _draw_cells(
@@ -219,12 +223,6 @@ def place_names(axes: Axes, panel: Panel) -> None:
                 taken[name] = dot + moved, half
                 white = [withStroke(linewidth=2.0, foreground="white")]
                 note(axes, name, (x, y), moved, ha="center", va="center", fontsize=letters, path_effects=white)
-
-
-def grid(axes: Axes) -> None:
-    """Fine lines at the ticks, behind all else."""
-    axes.grid(True, which="major", color=style.SHADE, linewidth=0.6)
-    axes.set_axisbelow(True)
 
 
 def note(axes: Axes, text: str, at: Any, shift: Any, **how: Any) -> None:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.store import load_root
 from tcstudy.errors import DrawError
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.panels import Array, Panel, Scale, contact_nodes, scale
@@ -41,23 +39,16 @@ COLOURS = ("#dedede", "#7fb8de", "#f2c14e", "#d55e00", "#b7a3d6")
 """Of `ContactState`."""
 
 
-def draw_path(path: Path, response: str, look: style.Look) -> tuple[Figure, str]:
-    """The picture of a path's file, and what it shows; response: one of RESPONSES, which stands over the parameter."""
+def path_figure(data: Any, response: str, look: style.Look) -> Figure:
+    """The figure of a path's file; response: one of RESPONSES, which stands over the parameter."""
     if response not in RESPONSES:
         raise DrawError(f"there is no response {response!r}; use one of {', '.join(RESPONSES)}")
-    data = load_root(path, "path")
-    return path_figure(data, response, look), f"{data.attrs['title']}, path along {data.attrs['parameter']}"
-
-
-def path_figure(data: Any, response: str, look: style.Look) -> Figure:
-    """The figure of a path's file; call it within `style.styled()` for its letters."""
     panels = path_panels(data, response)
     heights = (CURVE, MAP, MAP)[: len(panels)]
     sheet = Sheet(look, data.attrs["title"], [_caption(data)], [[name] for name in panels], heights)
     if "along" in panels:
         panels["along"].ticks = _apart(panels["along"].ticks, LETTERS / sheet.wide)
-    for name, panel in panels.items():
-        panel.draw(sheet.panels[name])
+    sheet.draw(panels)
     sheet.share(*list(panels)[:2])
     sheet.key("curve", place="upper left")
     sheet.key(*list(panels)[1:], place="lower left")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import textwrap
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.colorbar import Colorbar
     from matplotlib.figure import Figure
+
+    from tcstudy.reports.figures.panels import Panel
 
 SMALL, LARGE = 0.9, 1.25
 """Size of facts and keys and of the heading, relative to the other letters."""
@@ -120,6 +122,12 @@ class Sheet:
             fontsize=SMALL * self.look.letters, borderaxespad=0.0, borderpad=0.5 * APART, handlelength=1.6,
             columnspacing=1.2,
         )  # fmt: skip
+
+    def draw(self, panels: Mapping[str, Panel]) -> None:
+        """Draw the panels that the sheet has."""
+        for name in panels:
+            if name in self.panels:
+                panels[name].draw(self.panels[name])
 
     def bar(self, axes: Axes, drawn: Any, label: str) -> Colorbar:
         """A colour bar beside a panel."""

@@ -19,7 +19,7 @@ from tcstudy.data.schema import NOT_ALL
 from tcstudy.data.store import open_results
 from tcstudy.errors import DrawError
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.panels import Array, Panel, Scale, grid, scale
+from tcstudy.reports.figures.panels import Array, Panel, Scale, scale
 from tcstudy.reports.figures.sheet import BESIDE, Sheet
 from tcstudy.reports.select_point import (
     Value,
@@ -194,7 +194,7 @@ def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
 
     x, by = sweep.parameters[0], sweep.parameters[1] if len(sweep.parameters) > 1 else None
     sheet, axes, up = _sheet(sweep, look)
-    panel, gone = Panel(Scale(x.title), up), list[tuple[Array, Any]]()
+    panel, gone = Panel(Scale(x.title), up, grid=True), list[tuple[Array, Any]]()
     across = x.numbers if x.numbers is not None else np.arange(len(x.labels), dtype=float)
     shaded = by is not None and by.numbers is not None and len(by.labels) > len(style.SERIES)
     colours = list(colormaps[COLOURS](np.linspace(0.0, 0.92, len(by.labels)))) if by and shaded else style.SERIES
@@ -220,7 +220,6 @@ def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
     if len(np.unique(sweep.values[np.isfinite(sweep.values)])) == 1:
         axes.margins(y=0.5)
     panel.draw(axes)
-    grid(axes)
     for at, colour in gone:
         axes.plot(at, 0.0 * at, "x", color=colour, markersize=5, clip_on=False, zorder=5,
                   transform=axes.get_xaxis_transform())  # fmt: skip
