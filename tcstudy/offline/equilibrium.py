@@ -27,7 +27,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from tcstudy.condense import Condensation, condense
-from tcstudy.shapes.triangles import GAUSS
+from tcstudy.shapes.triangles import GAUSS, TriangleGeometry
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -86,27 +86,27 @@ class EquilibriumBody:
     @cached_property
     def gauss_points(self) -> Array:
         """(s, 2, 2) those of the segments of the boundary, from the lower node on [m]."""
-        ends = self.elements.points[self.elements.edges[self.number]]
+        ends = self.elements.mesh.points[self.elements.mesh.edges[0][self.number]]
         return ends[:, :1] + GAUSS[None, :, None] * (ends[:, 1:] - ends[:, :1])
 
     def traction_load(self, traction: Array) -> Array:
         """(4e,) the load of a traction (s, 2, 2) in x and y at the Gauss points of the segments [N/m]."""
-        ends = self.elements.points[self.elements.edges[self.number]]
+        ends = self.elements.mesh.points[self.elements.mesh.edges[0][self.number]]
         half = 0.5 * np.hypot(*(ends[:, 1] - ends[:, 0]).T)
-        load = np.zeros((2, 2, len(self.elements.edges)))
+        load = np.zeros((2, 2, len(self.elements.axes)))
         load[:, :, self.number] = np.einsum("s,sgd,sdk->gks", half, traction, self.supports.axes)
         return load.ravel()
 
     def rows(self, u: Array) -> Array:
         """(4e,) P1 displacements (n, 2) in x and y at the Gauss points of the edges, in local axes."""
-        a, b = u[self.elements.edges[:, 0]], u[self.elements.edges[:, 1]]
+        a, b = np.moveaxis(u[self.elements.mesh.edges[0]], 1, 0)
         at = np.stack([(1.0 - g) * a + g * b for g in GAUSS], axis=1)
         return np.einsum("egd,edk->gke", at, self.elements.axes).ravel()
 
     @cached_property
     def held(self) -> NDArray[np.bool_]:
         """(4e,) rows whose displacement is prescribed."""
-        held = np.zeros((2, 2, len(self.elements.edges)), dtype=bool)
+        held = np.zeros((2, 2, len(self.elements.axes)), dtype=bool)
         held[:, :, self.number] = self.supports.held.T
         return held.ravel()
 
@@ -139,20 +139,19 @@ def _traction(n: Array) -> Array:
     return np.array([[n[0], 0.0, n[1]], [0.0, n[1], n[0]]])
 
 
-def equilibrium_body(points: Array, triangles: Indices, segments: Indices, lam: Array, mu: Array, supports: Supports,
+def equilibrium_body(mesh: TriangleGeometry, segments: Indices, lam: Array, mu: Array, supports: Supports,
                      ties: sp.csr_array | None = None) -> EquilibriumBody:  # fmt: skip
     """Equilibrium elements on a mesh, condensed onto Γ_C.
 
-    points: (n, 2) [m];  triangles: (t, 3) counter-clockwise;  segments: (s, 2) of the boundary, the body on their left
-    lam, mu: (t,) [Pa];  ties: (4e, 4e) T of rigid edges, w = T w', by `edges_of`
+    segments: (s, 2) of the boundary, the body on their left;  lam, mu: (t,) [Pa]
+    ties:     (4e, 4e) T of rigid edges, w = T w', by `mesh.edges`
     Raises NotPositiveDefinite if the body can move other than along Γ_C.
     """
-    edges, sides, turned = edges_of(triangles)
-    number = numbers_of(edges, segments)
-    e = len(edges)
+    (edges, sides), points = mesh.edges, mesh.points
+    number, e = sides.ravel()[mesh.sides_at(segments)], len(edges)
     axes = np.tile(np.eye(2), (e, 1, 1))
     axes[number] = supports.axes
-    elements = Elements(points, triangles, lam, mu, edges, sides, turned, axes)
+    elements = Elements(mesh, lam, mu, axes)
     local, rows = elements.stiffness(), elements.local_rows
     K = sp.coo_array((local.ravel(), (np.repeat(rows, 12, axis=1).ravel(), np.tile(rows, (1, 12)).ravel())),
                      shape=(4 * e, 4 * e)).tocsr()  # fmt: skip
@@ -177,39 +176,22 @@ def equilibrium_body(points: Array, triangles: Indices, segments: Indices, lam: 
     return EquilibriumBody(elements, number, supports, ties, K, tied.diagonal(), c, found)
 
 
-def edges_of(triangles: Indices) -> tuple[Indices, Indices, Indices]:
-    """(e, 2) the edges, ends ascending; (t, 3) those of every triangle; (t, 3) 1 where it runs along them backwards."""
-    ends = triangles[:, SIDES]
-    edges, sides = np.unique(np.sort(ends, axis=2).reshape(-1, 2), axis=0, return_inverse=True)
-    return edges, sides.reshape(-1, 3), (ends[..., 0] > ends[..., 1]).astype(np.intp)
-
-
-def numbers_of(edges: Indices, segments: Indices) -> Indices:
-    """(s,) which of the edges the segments of the boundary are."""
-    span = int(edges.max()) + 1
-    low, high = np.sort(segments, axis=1).T
-    return np.searchsorted(edges[:, 0] * span + edges[:, 1], low * span + high)
-
-
 @dataclass(frozen=True)
 class Elements:
-    """Triangles (t, 3) with their moduli (t,), and their edges as `edges_of` has them. axes: (e, 2, 2) of the edges"""
+    """Triangles with their moduli (t,). axes: (e, 2, 2) of the edges"""
 
-    points: Array
-    triangles: Indices
+    mesh: TriangleGeometry
     lam: Array
     mu: Array
-    edges: Indices
-    sides: Indices
-    turned: Indices
     axes: Array
 
     @property
     def local_rows(self) -> Indices:
         """(t, 12) local rows of every triangle by side, Gauss point in its direction and axis."""
-        gauss = np.arange(2) ^ self.turned[..., None]  # (t, 3, 2) of the edge, in its own direction
-        rows = (2 * gauss[..., None] + np.arange(2)) * len(self.edges) + self.sides[..., None, None]
-        return rows.reshape(len(self.triangles), 12)
+        first, second = np.moveaxis(self.mesh.sides.reshape(-1, 3, 2), 2, 0)
+        gauss = np.arange(2) ^ (first > second)[..., None]  # (t, 3, 2) of the edge, in its own direction
+        rows = (2 * gauss[..., None] + np.arange(2)) * len(self.axes) + self.mesh.edges[1][..., None, None]
+        return rows.reshape(-1, 12)
 
     def stiffness(self) -> Array:
         """(t, 12, 12) P G⁻¹Pᵀ of every triangle."""
@@ -222,9 +204,7 @@ class Elements:
         Π: projection onto the stresses N in the norm of complementary energy
         """
         half, Q = self._factors("reduced")
-        corners = np.concatenate(
-            [self.points[self.triangles], self.points[self.triangles].mean(axis=1)[:, None]], axis=1
-        )
+        corners = np.concatenate([self.mesh.corners, self.mesh.centres[:, None]], axis=1)
         tau = f * (corners[:, 3:] - corners)  # (t, 4, 2) xx and yy of τ_p
         rho = tau + np.column_stack([theta, theta.mean(axis=1)])[..., None]
         xx, yy = np.einsum("ij,tpjc->ctpi", WEIGHT, rho[:, PARTS])
@@ -235,9 +215,9 @@ class Elements:
         change = tau[:, SIDES[:, 1]] - first
         at = first[:, :, None] + GAUSS[None, None, :, None] * change[:, :, None]  # (t, 3, 2, 2)
         outward = 0.5 * np.stack([side[..., 1], -side[..., 0]], axis=-1)
-        moments = np.einsum("tkga,tka,tkab->tkgb", at, outward, self.axes[self.sides]).reshape(-1, 12)
+        moments = np.einsum("tkga,tka,tkab->tkgb", at, outward, self.axes[self.mesh.edges[1]]).reshape(-1, 12)
         own = np.einsum("tnk,tn->tk", half, inner) - moments
-        load = np.zeros(4 * len(self.edges))
+        load = np.zeros(4 * len(self.axes))
         np.add.at(load, self.local_rows, own)
         return load, float(np.sum(rest**2))
 
@@ -249,7 +229,7 @@ class Elements:
         """
         N, sides = _reference()
         B, det = self._maps
-        P = np.einsum("t,tkja,tjb,kgbn->tkgan", det, self.axes[self.sides], B, sides, optimize=True).reshape(
+        P = np.einsum("t,tkja,tjb,kgbn->tkgan", det, self.axes[self.mesh.edges[1]], B, sides, optimize=True).reshape(
             len(B), 12, 9
         )
         moved = np.einsum("tab,cbd,ted->tcae", B, TENSORS, B)  # B E_c Bᵀ
@@ -261,7 +241,7 @@ class Elements:
     @property
     def _maps(self) -> tuple[Array, Array]:
         """(t, 2, 2) B of the maps from the reference triangle, and (t,) their determinants."""
-        corners = self.points[self.triangles]
+        corners = self.mesh.corners
         B = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=-1)
         return B, np.linalg.det(B)
 

@@ -33,12 +33,10 @@ from tcstudy.offline.equilibrium import (
     Elements,
     EquilibriumBody,
     Supports,
-    edges_of,
     equilibrium_body,
-    numbers_of,
 )
 from tcstudy.scene.records import Point, Rigid, Role, Scene
-from tcstudy.shapes.triangles import GAUSS
+from tcstudy.shapes.triangles import GAUSS, TriangleGeometry
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -78,7 +76,7 @@ def dual_body(mesh: PlaneMesh, scene: Scene, line: ContactLine) -> EquilibriumBo
     """The equilibrium elements of a scene on a mesh, all moduli those of the scene."""
     supports, ties = _supports(mesh, scene.boundary, line)
     lam, mu = (mesh.of_material(scene, name) for name in ("lam", "mu"))
-    return equilibrium_body(mesh.points, mesh.triangles, mesh.segments, lam, mu, supports, ties)
+    return equilibrium_body(mesh, mesh.segments, lam, mu, supports, ties)
 
 
 def lambda_1_band(body: EquilibriumBody, mesh: PlaneMesh, line: ContactLine, A_tilde: Array) -> Band:
@@ -160,11 +158,11 @@ def _supports(
 
 def _ties(mesh: PlaneMesh, rigid: list[tuple[str, Rigid]]) -> sp.csr_array:
     """T of w = T w': the displacements of a rigid edge in rows of its first segment, a_x, a_y and, if it turns, φℓ."""
-    edges, _, _ = edges_of(mesh.triangles)
+    edges, sides = mesh.edges
     e = len(edges)
     rest, parts = np.ones(4 * e, dtype=bool), []
     for name, role in rigid:
-        number = numbers_of(edges, mesh.segments[mesh.on(name)])
+        number = sides.ravel()[mesh.sides_at(mesh.segments[mesh.on(name)])]
         ends = mesh.points[edges[number]]
         at = ends[:, :1] + GAUSS[None, :, None] * (ends[:, 1:] - ends[:, :1])  # (k, 2, 2) by edge and Gauss point
         rows = 2 * e * np.arange(2) + number[:, None]
@@ -226,9 +224,8 @@ def shape_constants(shapes: tuple[Point, ...]) -> Array:
     """
     n, none = len(shapes), np.zeros(len(shapes))
     points = np.stack([none, none, none + 1.0, none, *np.array(shapes).T], axis=1).reshape(-1, 2)
-    each = np.arange(3 * n).reshape(n, 3)
-    elements = Elements(points, each, none, none + 0.5, each[:, :2], each, each, np.tile(np.eye(2), (3 * n, 1, 1)))
-    K = elements.stiffness()
+    apart = TriangleGeometry(points, np.arange(3 * n).reshape(n, 3))
+    K = Elements(apart, none, none + 0.5, np.tile(np.eye(2), (3 * n, 1, 1))).stiffness()
     for level in range(REFINED):
         side = np.arange(2 * 2**level)  # Gauss points of a part's side
         whole = np.zeros((n, 18 * len(side), 18 * len(side)))

@@ -36,6 +36,12 @@ class TriangleGeometry:
         """(3t, 2) nodes of the sides, the triangle on their left: side 3i + k of triangle i leads from its corner k."""
         return self.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
 
+    @cached_property
+    def edges(self) -> tuple[Indices, Indices]:
+        """(e, 2) the edges, ends ascending, and (t, 3) those of every triangle in the order of `sides`."""
+        edges, of = np.unique(np.sort(self.sides, axis=1), axis=0, return_inverse=True)
+        return edges, of.reshape(-1, 3)
+
     def sides_at(self, pairs: Indices) -> Indices:
         """(s,) which of the sides leads from one node to the other of pairs (s, 2); −1 where none does."""
         n = len(self.points)
