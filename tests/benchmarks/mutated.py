@@ -9,15 +9,17 @@ fault: without a traceback, a warning or a control character. What does not is p
 from __future__ import annotations
 
 import faulthandler
+import json
 import random
+import re
 import sys
 import tempfile
 import time
 import unicodedata
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from netgen import occ
 from ruamel.yaml import YAML
@@ -114,97 +116,45 @@ ODD = ("\t", "\x07", "\x1b[2J", "\ufeff", "\u202e", ":", "- ", "#", "{", "]", '"
 """What is put into a text."""
 
 
-@dataclass(frozen=True)
-class Raw:
-    """YAML text that is written as it is."""
-
-    text: str
+RAW_MARK = "\ue000"
+"""On both sides of what is written as it is."""
 
 
-Tree = object
-"""A scalar, Raw, a list of trees, or a mapping as a list of [key, tree] in a Map, where keys may repeat."""
-
-
-class Map(list):  # type: ignore[type-arg]
-    """Key and value pairs."""
-
-
-def tree_of(plain: object) -> Tree:
-    """The tree of what the YAML library reads."""
-    if isinstance(plain, dict):
-        return Map([str(key), tree_of(value)] for key, value in plain.items())
-    return [tree_of(value) for value in plain] if isinstance(plain, list) else plain
-
-
-def yaml_of(tree: Tree) -> str:
+def yaml_of(tree: dict[str, Any]) -> str:
     """YAML text of a tree, in flow style; every section on a line of its own."""
-    if isinstance(tree, Map):
-        return "\n".join(f"{_word(key)}: {_flow(value)}" for key, value in tree) + "\n"
-    return _flow(tree)
+    text = "\n".join(f"{json.dumps(key)}: {json.dumps(value, ensure_ascii=False)}" for key, value in tree.items())
+    return re.sub(f'"{RAW_MARK}(.*?){RAW_MARK}"', lambda found: found[1], text) + "\n"
 
 
-def _flow(tree: Tree) -> str:
-    if isinstance(tree, Raw):
-        return tree.text
-    if isinstance(tree, Map):
-        return "{" + ", ".join(f"{_word(key)}: {_flow(value)}" for key, value in tree) + "}"
-    if isinstance(tree, list):
-        return "[" + ", ".join(map(_flow, tree)) + "]"
-    if tree is None or isinstance(tree, bool):
-        return {None: "null", True: "true", False: "false"}[tree]
-    return _word(tree) if isinstance(tree, str) else repr(tree)
+def places(tree: Any) -> list[tuple[Any, Any]]:
+    """(holder, key or index) of every value in a tree."""
+    keys = list(tree) if isinstance(tree, dict) else range(len(tree)) if isinstance(tree, list) else ()
+    return [place for key in keys for place in ((tree, key), *places(tree[key]))]
 
 
-def _word(text: str) -> str:
-    """A text in double quotes; half of the odd characters escaped, the others as they are."""
-    inner = text.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + "".join(f"\\x{ord(c):02x}" if ord(c) < 32 else c for c in inner) + '"'
-
-
-def places(tree: Tree) -> list[tuple[list, int]]:  # type: ignore[type-arg]
-    """(list, index) of every value in a tree; in a Map the pair and 1."""
-    found: list[tuple[list, int]] = []  # type: ignore[type-arg]
-    for i, item in enumerate(tree if isinstance(tree, list) else ()):
-        holder, index = (item, 1) if isinstance(tree, Map) else (tree, i)
-        found.append((holder, index))
-        found += places(holder[index])
-    return found
-
-
-def hostile(rng: random.Random) -> Tree:
+def hostile(rng: random.Random) -> Any:
     """A value that hardly any key can take."""
-    return rng.choice((rng.choice(TEXTS), rng.choice(NUMBERS), Raw(rng.choice(RAW)), rng.choice(NUMBERS)))
+    raw = RAW_MARK + rng.choice(RAW) + RAW_MARK
+    return rng.choice((rng.choice(TEXTS), rng.choice(NUMBERS), raw, rng.choice(NUMBERS)))
 
 
-def spoil(rng: random.Random, tree: Map) -> None:
+def spoil(rng: random.Random, tree: dict[str, Any]) -> None:
     """One mutation of the tree, in place."""
-    holder, index = rng.choice(places(tree))
-    maps = [tree] + [h[i] for h, i in places(tree) if isinstance(h[i], Map) and h[i]]
+    holder, key = rng.choice(places(tree) or [({"x": 1}, "x")])
+    maps = [tree, *(one[at] for one, at in places(tree) if isinstance(one[at], dict) and one[at])]
     some = rng.choice(maps)
-    pair = rng.choice(some) if some else ["x", 1]
-    match rng.randrange(11):
+    name = rng.choice(list(some) or ["x"])
+    match rng.randrange(8):
         case 0 | 1 | 2 | 3:
-            holder[index] = hostile(rng)
+            holder[key] = hostile(rng)
         case 4:
-            pair[0] = rng.choice(KEYS) if rng.random() < 0.5 else pair[0][:-1] + rng.choice("aexy_")
+            some[rng.choice(KEYS) if rng.random() < 0.5 else name[:-1] + rng.choice("aexy_")] = some.pop(name, 1)
         case 5:
-            some[:] = [other for other in some if other is not pair]
-        case 6:
-            some.append([pair[0], rng.choice((pair[1], hostile(rng)))])
-        case 7:  # moved to another place
-            some[:] = [other for other in some if other is not pair]
-            rng.choice(maps).append(list(pair))
-        case 8:
-            holder[index] = [holder[index]] if rng.random() < 0.5 else Map([[rng.choice(KEYS), holder[index]]])
-        case 9:  # two values change places
-            other, j = rng.choice(places(tree))
-            if repr(other[j]) not in repr(holder[index]) and repr(holder[index]) not in repr(other[j]):
-                holder[index], other[j] = other[j], holder[index]
-        case 10:
-            lists = [h[i] for h, i in places(tree) if isinstance(h[i], list) and not isinstance(h[i], Map) and h[i]]
-            if lists:
-                chosen = rng.choice(lists)
-                chosen.pop() if rng.random() < 0.5 else chosen.append(rng.choice((chosen[0], hostile(rng))))
+            some.pop(name, None)
+        case 6:  # moved to another place
+            rng.choice(maps)[name] = some.pop(name, 1)
+        case 7:
+            holder[key] = [holder[key]] if rng.random() < 0.5 else {rng.choice(KEYS): holder[key]}
 
 
 def garble(rng: random.Random, text: str) -> str:
@@ -233,8 +183,7 @@ def mutated(seed: int, texts: Sequence[str]) -> str:
     text = rng.choice(texts)
     if rng.random() < 0.25:
         return garble(rng, text)
-    tree = tree_of(YAML(typ="safe", pure=True).load(text))
-    assert isinstance(tree, Map)
+    tree = YAML(typ="safe", pure=True).load(text)
     for _ in range(rng.choice((1, 1, 1, 2, 3))):
         spoil(rng, tree)
     return yaml_of(tree)
