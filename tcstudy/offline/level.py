@@ -276,7 +276,6 @@ class Level:
         self.elimination: tuple[EliminationPlan | None, Known | None] = None, None
         self.changing = self._changing_rows(scenes) if scene.material.regions else None
         self._bodies: dict[Ratio, ElasticBody] = {}
-        self._rows: Recent[tuple[Array, float, float, float]] = Recent(MEMORY / 8, lambda row: row[0].nbytes + 1000)
         self.frames = self.frames_of(scene.boundary)
         self.line = contact_line(mesh, self.frames, scene.edges(Contact))
         self.elastic.products()
@@ -366,16 +365,12 @@ class Level:
         return CondensedBlock(*own, l_tilde, constant, mean, balance, time.perf_counter() - start, band)
 
     def _loads(self, scene: Scene) -> tuple[Array, float, float, float]:
-        """l̃, the energy's constant, mean of θ and heat balance of a scene, kept for the next block."""
-
-        def made() -> tuple[Array, float, float, float]:
-            l_tilde, constant = self._load(scene)
-            if not scene.material.expands:
-                return l_tilde, constant, float("nan"), float("nan")
-            theta = self.temperature(scene)
-            return l_tilde, constant, theta.mean, theta.heat_balance
-
-        return self._rows.get((scene.f, scene.boundary, scene.heat, scene.material), made)
+        """l̃, the energy's constant, mean of θ and heat balance of a scene."""
+        l_tilde, constant = self._load(scene)
+        if not scene.material.expands:
+            return l_tilde, constant, float("nan"), float("nan")
+        theta = self.temperature(scene)
+        return l_tilde, constant, theta.mean, theta.heat_balance
 
     ratio = staticmethod(ratio_of)
 
