@@ -122,6 +122,7 @@ class Collector:
     point: words for the sweep point being read; empty while the base study is read
     drawn: whether the values of sweep points stand nowhere in the file, so that every fault must name the point
     refused: what is wrong with the shape or the element sizes of one geometry of several, which then is left out
+    columns: (file, key) of the columns of a table of points
     """
 
     def __init__(self) -> None:
@@ -134,6 +135,8 @@ class Collector:
         self._said: set[str] = set()
         self._unreadable: set[Mark] = set()
         self._seen: set[Problem] = set()
+        self.columns: set[tuple[str, str]] = set()
+        self._alike: dict[tuple[str, str], list[Problem]] = {}
 
     def __len__(self) -> int:
         """How often a fault was met, repeated ones included: unchanged if what was read in between is sound."""
@@ -177,9 +180,19 @@ class Collector:
             what = f"{what} ({'' if self.drawn else 'with '}{self.point})"
         problem = Problem(mark.file, mark.line, mark.column, key, what, remedy)
         self._places.add((mark, key))
-        if problem not in self._seen:
-            self._seen.add(problem)
+        kind = re.sub(r"[-+]?[\d.]+(e[-+]?\d+)?", "", what) if (mark.file, key) in self.columns else ""
+        alike = self._alike.setdefault((key, kind), []) if kind else []
+        if problem in self._seen:
+            return
+        self._seen.add(problem)
+        if not alike:
+            alike.append(problem)
             self.problems.append(problem)
+        else:  # one fault of a column is one message, not one a line
+            others = f"{alike[0].what}, and {len(alike)} other line{'s' if len(alike) > 1 else ''} likewise"
+            at = next(i for i, known in enumerate(self.problems) if known.what.startswith(alike[0].what))
+            self.problems[at] = replace(alike[0], what=others)
+            alike.append(problem)
 
 
 def halves(said: tuple[str, ...]) -> tuple[str, str]:

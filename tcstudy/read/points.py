@@ -59,7 +59,9 @@ def read_table(ctx: Context, node: Node, parameter: Callable[[str, Node], Parame
             remedy = "list the points by mode: list, or sweep the numbers of one"
             ctx.errors.at(cell, f"whole {found.row.kind}s cannot stand in a table", remedy, key=key)
         elif found is not None and (not unit or ctx.unit(cell, unit, found.row.dimension, key)):
-            columns.append((key, cell, found, tuple(_value(ctx, row[j], unit) for row in rows)))
+            cells = [replace(row[j], path=f"sweep.{key}") for row in rows]
+            ctx.errors.columns.add((cell.mark.file, f"sweep.{key}"))
+            columns.append((key, cell, found, tuple(_value(ctx, one, unit) for one in cells)))
     return columns
 
 
@@ -116,7 +118,7 @@ def _value(ctx: Context, cell: Node, unit: str) -> Node:
     """A cell as the study would have it."""
     word = str(cell.value)
     if not word:
-        ctx.errors.unreadable(cell.mark, "", "is empty", "give every parameter a value in every line")
+        ctx.errors.unreadable(cell.mark, cell.path, "is empty", "give every parameter a value in every line")
     number = re.fullmatch(NUMBER, word)
     if unit and split_quantity(word) is not None:
         ctx.errors.at(cell, f"{word!r} has a unit beside that of the header", "write the number alone")
