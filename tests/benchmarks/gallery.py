@@ -1,10 +1,11 @@
-"""The pictures of the gallery in configs/README.md and of the friction laws, by one command (about two minutes).
+"""The pictures of the gallery in configs/README.md, of the friction laws and of pages, by one command (three minutes).
 
     python -m tests.benchmarks.gallery           # writes gallery-NAME.png into a scratch folder and says where
     python -m tests.benchmarks.gallery die laws  # only these
     python -m tests.benchmarks.gallery --keep    # into results/, over the pictures that the guides show
 
 Each is what `tcstudy draw` makes of the study's results. Open circles are a closed form (the head of the study has it).
+`pages` are parts of pages in Chromium.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +29,7 @@ from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.picture import read_picture
 from tcstudy.reports.text import number
 from tests.reports.figures.draw_cases import example_laws
+from tests.reports.page.browser import Browser
 from tests.verification.gallery_forms import Law, bar
 
 if TYPE_CHECKING:
@@ -87,6 +90,49 @@ def laws() -> Figure:
     return sheet.finish()
 
 
+PAGES: dict[str, tuple[str, str, str, str]] = {
+    "sweep": ("quickstart", "#at=2,5,3&x=theta_bar&y=alpha", "header", "#sweep"),
+    "point": ("quickstart", "#at=2,5,3", "#point", "#point"),
+    "accuracy": ("quickstart", "#at=2,5,3", "#accuracy", "#accuracy"),
+    "live": ("quickstart", "#at=2,5,1&mode=live", "header", "#main"),
+    "history": ("cyclic_pull", "#step=3", "header", "#accuracy"),
+    "fit": ("pull_fit", "#step=56", "header", "#found"),
+}
+"""Study, place in its page, first and last element of the picture; a part's own heading stands just before it."""
+FINER = (FIELDS, "output.live=true", "sweep.theta_bar={linspace: [0 K, 20 K, 11]}",
+         "sweep.alpha={geomspace: [100 W/(m^2*K), 400 W/(m^2*K), 7]}", "mesh.levels=3")  # fmt: skip
+ENDS = """const first = document.querySelector(arguments[0]), last = document.querySelector(arguments[1]);
+const head = first.tagName === 'HEADER' ? first : first.previousElementSibling;
+return [head.getBoundingClientRect().top + scrollY, last.getBoundingClientRect().bottom + scrollY];"""
+
+
+def pages(scratch: Path, folder: Path) -> Iterator[Path]:
+    """Pictures of the parts of pages."""
+    browser = Browser(scratch / "profile")
+    browser.size(1100, 900)
+    try:
+        for name, (study, place, first, last) in PAGES.items():
+            file, target = scratch / f"{study}-page.nc", folder / f"page-{name}.png"
+            if not file.exists():
+                tcstudy.run(
+                    tcstudy.load(ROOT / "configs" / f"{study}.yaml", FINER if study == "quickstart" else ()), file
+                )
+            browser.open(tcstudy.report(file), place)
+            top, bottom = browser.run(ENDS, first, last)
+            browser.picture(target, (0, top - 8, 1100, bottom - top + 20))
+            yield smaller(target)
+    finally:
+        browser.close()
+
+
+def smaller(target: Path) -> Path:
+    """The picture with a palette."""
+    with Image.open(target) as picture:
+        small = picture.convert("RGB").quantize(COLOURS_KEPT)
+    small.save(target, optimize=True)
+    return target
+
+
 def make(name: str, scratch: Path, folder: Path) -> Path:
     """Solve one study and put its picture into the folder."""
     target = folder / ("laws.png" if name == "laws" else f"gallery-{name}.png")
@@ -100,14 +146,11 @@ def make(name: str, scratch: Path, folder: Path) -> Path:
             if name in FORMS:
                 circles(figure, *FORMS[name], float(read_picture(result.file, wanted["at"]).line.u_T.max()))
             style.save(figure, target)
-    with Image.open(target) as picture:
-        small = picture.convert("RGB").quantize(COLOURS_KEPT)
-    small.save(target, optimize=True)
-    return target
+    return smaller(target)
 
 
 def main(words: list[str]) -> None:
-    names = (*DRAWN, "laws")
+    names = (*DRAWN, "laws", "pages")
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.gallery")
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"pictures to draw (all): {', '.join(names)}")
     parser.add_argument("--keep", action="store_true", help="draw into results/ and not into a scratch folder")
@@ -117,7 +160,8 @@ def main(words: list[str]) -> None:
     folder = ROOT / "results" if asked.keep else Path(tempfile.mkdtemp(prefix="gallery-"))
     with tempfile.TemporaryDirectory() as scratch:
         for name in asked.names or names:
-            print(make(name, Path(scratch), folder))
+            for target in pages(Path(scratch), folder) if name == "pages" else [make(name, Path(scratch), folder)]:
+                print(target)
 
 
 if __name__ == "__main__":

@@ -41,19 +41,13 @@ def test_a_parameter_by_the_end_of_its_path() -> None:
         parameter(data, "g")
 
 
-@pytest.mark.parametrize(
-    ("point", "index"),
-    [
-        (None, 0),
-        ({"alpha": 100}, 1),
-        ({"tau": "20 MPa"}, 2),
-        ({"alpha": 25, "tau": 2e7}, 2),
-    ],
-)
+@pytest.mark.parametrize(("point", "index"), [(None, 0), ({"tau": "20 MPa"}, 2), ({"alpha": 25, "tau": 2e7}, 2)])
 def test_a_point_of_a_list(listed: Path, point: dict[str, float | str] | None, index: int) -> None:
     picture = read_picture(listed, point)
     np.testing.assert_array_equal(picture.line.u_T, point_record((index,), level_record(1, False)).u_T)
     assert "tau = " in picture.point
+    with pytest.raises(DrawError, match=r"alpha = 100 and tau = 20 MPa together; .* alpha = 100 .* tau = 1 MPa"):
+        read_picture(listed, {"alpha": 100, "tau": "20 MPa"})
 
 
 @pytest.mark.parametrize(
@@ -72,11 +66,6 @@ def test_a_point_of_a_list(listed: Path, point: dict[str, float | str] | None, i
 def test_a_point_that_the_file_does_not_hold(grid: Path, point: dict[str, float | str], message: str) -> None:
     with pytest.raises(DrawError, match=message):
         read_picture(grid, point)
-
-
-def test_labels_of_a_list_that_never_meet(listed: Path) -> None:
-    with pytest.raises(DrawError, match=r"alpha = 100 and tau = 20 MPa together; .* alpha = 100 .* tau = 1 MPa"):
-        read_picture(listed, {"alpha": 100, "tau": "20 MPa"})
 
 
 def test_a_failed_point_says_why_and_names_a_solved_one(grid: Path) -> None:

@@ -20,7 +20,7 @@ from tcstudy.reports.figures.draw import Wanted, picture
 from tcstudy.reports.figures.fit import fit_figure
 from tcstudy.reports.figures.history import history_figure
 from tcstudy.reports.figures.law import law_figure, laws_of
-from tcstudy.reports.figures.path import path_figure, within
+from tcstudy.reports.figures.path import path_figure
 from tcstudy.reports.figures.sweep import SweepPicture, curves_figure, map_figure, read_sweep
 from tcstudy.reports.picture import read_picture
 from tcstudy.reports.stored_study import law_of_nodes
@@ -240,13 +240,6 @@ def test_stable_unstable_and_lowest_parts_are_told_apart(pad: Path) -> None:
         picture(pad, pad.with_suffix(".png"), Wanted(y="slip"))
 
 
-def test_a_line_is_cut_at_the_ends_of_the_range() -> None:
-    pieces, t, y = within(np.array([0.0, 2.0, 1.0, 4.0]), np.array([0.0, 4.0, 6.0, 0.0]), np.array([1.5, 3.0]))
-    assert pieces.tolist() == [0, 1, 2]
-    np.testing.assert_allclose(t, [[1.5, 2.0], [2.0, 1.5], [1.5, 3.0]])
-    np.testing.assert_allclose(y, [[3.0, 4.0], [4.0, 5.0], [5.0, 2.0]])
-
-
 def test_a_path_without_folds_loop_and_requests(tmp_path: Path) -> None:
     execute_path(read_study_text(PLAIN), tmp_path / "plain.nc")
     picture(tmp_path / "plain.nc", tmp_path / "plain.png")
@@ -296,8 +289,3 @@ def test_a_fit_stays_on_its_page_and_the_law_stands_below_where_it_is_narrow(fit
     narrow = look.size is not None and look.size[0] < 4.0
     _, residuals, law = (axes.get_position() for axes in figure.axes)
     assert (law.y1 <= residuals.y0 or residuals.y1 <= law.y0) == narrow
-
-
-# -- the sheet ---------------------------------------------------------------------------------------------------------
-
-LABELS = ("a", "bb", "of least energy on the path", "asked for (open: unstable)", "fold", "slow loading, unloading")

@@ -1,6 +1,9 @@
-"""What stands in a page, how large it is, and what is refused."""
+"""What stands in a page, how large it is, and what is refused; numbers come out of it as they went in."""
+
+from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,11 +11,20 @@ import pytest
 import xarray as xr
 
 from tcstudy.cli import main
+from tcstudy.data.reading import by_point
 from tcstudy.errors import PageError
+from tcstudy.laws.shapes import SHAPES
 from tcstudy.reports.figures.edges import ROLES
 from tcstudy.reports.page import write
+from tcstudy.reports.page.container import Container
+from tcstudy.reports.page.law_part import drawn
+from tcstudy.reports.page.parts import words
+from tcstudy.reports.page.stored import read
 from tcstudy.reports.page.write import write_page
-from tests.reports.page.unpacked import data_of
+from tcstudy.reports.terminal.path_summary import STATES
+from tcstudy.scene.contact_states import ContactState
+from tests.reports.figures.draw_cases import example_laws
+from tests.reports.page.unpacked import data_of, unpacked
 
 
 @pytest.fixture(scope="module")
@@ -116,3 +128,131 @@ def test_a_page_knows_every_role() -> None:
     script = (Path(write.__file__).parent / "assets" / "point.js").read_text(encoding="utf-8")
     table = script.partition("TC.ROLES = {")[2].partition("};")[0]
     assert {*re.findall(r"(\w+): { words", table)} == {*ROLES}
+
+
+def test_a_history_has_its_steps_and_a_sweep_of_totals(history: Path) -> None:
+    found, data = data_of(write_page(history, history.with_suffix(".html")).path), read(history).data
+    u = by_point(data["u_T"], data)
+    total = data["dissipated"].sum("step").values.ravel()
+    np.testing.assert_allclose(found["run"]["numbers"]["dissipated"]["v"], total, rtol=1e-12)
+    assert [axis["name"] for axis in found["run"]["axes"]] == ["tau", "E"]
+    for p, own in enumerate(found["steps"]):
+        (sheet,) = own["table"]
+        spent = next(one["v"] for one in sheet["columns"] if one["name"] == "dissipated")
+        np.testing.assert_array_equal(spent, by_point(data["dissipated"], data)[p])
+        line = own["point"][-1]["parts"][0]
+        shown = line["line"]["u_T"]["rows"] * line["line"]["u_T"]["scale"][:, None]
+        assert np.max(np.abs(shown - u[p])) <= 1e-4 * np.max(np.abs(u[p]))
+        moved, largest = np.diff(u[p], axis=0), np.abs(u[p]).max()
+        assert np.all(line["state"][1:][moved > 1e-8 * largest] == 1)
+        assert np.all(line["state"][1:][moved < -1e-8 * largest] == 2)
+        assert np.all(line["state"][1:][np.abs(moved) < 1e-10 * largest] == 0)
+    assert found["verdict"]["text"].endswith("6 of 6 histories of 16 steps in 2 cycles followed to their end.")
+
+
+def test_a_stopped_history_says_how_far_it_came(history: Path) -> None:
+    stored = read(history)
+    data = stored.data.copy(deep=True)
+    data["status"].values[1, 0, 5:] = 0
+    data["reason"].values[1, 0] = "the energy falls for ever"
+    text = write.page(replace(stored, data=data))
+    assert "5 of 6 histories" in text
+
+
+def test_a_thousand_steps_fit_in_two_megabytes(history: Path) -> None:
+    """200 nodes whose slips are noise, which no compression makes smaller."""
+    stored = read(history)
+    one = stored.data.isel(tau=0, E=0).isel(step=np.arange(1000) % 17, node=np.arange(200) % 16)
+    noise = np.random.default_rng(3).normal(size=(1000, 200))
+    data = one.assign({name: (one[name].dims, noise, one[name].attrs) for name in ("u_T", "xi", "kappa")})
+    text = write._fitting(replace(stored, data=data.drop_vars(["tau", "E"])), without := [])
+    assert len(text) <= 2_000_000
+    assert set(without) <= {"memory"}
+
+
+def test_every_geometry_has_its_own_line_and_body(pads: Path) -> None:
+    found = data_of(write_page(pads, pads.with_suffix(".html")).path)
+    data = read(pads).data
+    order = [str(dim) for dim in data["status"].dims[:-1]]
+    heights = {axis["name"]: axis["values"] for axis in found["run"]["axes"]}["height"]
+    at = order.index("height")
+    for p, home in enumerate(found["run"]["home"]):
+        height = heights[np.unravel_index(p, found["run"]["shape"])[at]]
+        own = found["homes"][home]
+        assert max(y for edge in own["outline"] for _, y in edge["line"]) == pytest.approx(height)
+        assert own["body"]["y"].max() == pytest.approx(height, rel=1e-6)
+        largest = np.abs(own["lines"]["1"]["u_T"]["rows"] * own["lines"]["1"]["u_T"]["scale"][:, None]).max(axis=1)
+        place = [q for q, other in enumerate(found["run"]["home"]) if other == home].index(p)
+        assert largest[place] == pytest.approx(found["run"]["numbers"]["u_T_max"]["v"][p, 1], rel=1e-4)
+    assert found["verdict"]["text"].startswith("3 geometries: Largest slip")
+
+
+def test_states_of_nodes_stand_in_the_data(result: Path) -> None:
+    """The page draws what the law says of every node; it has no rule of its own."""
+    found = data_of(write_page(result, result.with_suffix(".html")).path)
+    assert found["states"] == list(STATES)
+    line, tree = found["lines"]["1"], xr.open_datatree(result)
+    u = tree["level_1"]["u_T"].values.reshape(6, -1)
+    sticks = tree["level_1"]["sticks"].values.reshape(6, -1) == 1
+    plain, weak = line["state"][0::2], line["state"][1::2]
+    assert set(np.unique(plain)) <= {ContactState.STICK, ContactState.SLIP}
+    expected = np.where(np.abs(u[1::2]) < 40e-6, ContactState.SOFTEN, ContactState.WEAKENED)
+    np.testing.assert_array_equal(weak, np.where(sticks[1::2], ContactState.STICK, expected))
+    assert np.any(weak != ContactState.STICK)
+    tree.close()
+
+
+def test_labels_of_pictures_are_plain_text() -> None:
+    assert words(r"max $|u_T|$ of $\\bar\\theta$ [K]".replace("\\\\", "\\")) == "max |u_T| of θ̄ [K]"
+    assert words(r"$\int\xi\,$ds for \$5, $N^{-0.35}$") == "∫ξds for $5, N^-0.35"
+
+
+def test_arrays_and_json_come_back() -> None:
+    box = Container()
+    header = {
+        "a": box.array([[1.0, np.nan], [3.0, np.inf]]),
+        "b": box.array([1, 2, 3], "i1"),
+        "c": [np.nan, np.inf, 1.5],
+    }
+    back = unpacked(box.packed(header))
+    np.testing.assert_array_equal(back["a"], [[1.0, np.nan], [3.0, np.inf]])
+    np.testing.assert_array_equal(back["b"], [1, 2, 3])
+    assert back["c"] == [None, "inf", 1.5]
+
+
+def test_rows_keep_four_digits_of_their_largest_value() -> None:
+    values = np.random.default_rng(1).normal(size=(5, 40)) * 10.0 ** np.arange(-8, 12, 4)[:, None]
+    values[2, 3] = np.nan
+    values[4] = 0.0
+    box = Container()
+    back = unpacked(box.packed(box.rows(values)))
+    found = np.where(back["rows"] == -32768, np.nan, back["rows"] * back["scale"][:, None])
+    largest = np.nanmax(np.abs(values), axis=1, keepdims=True)
+    assert np.nanmax(np.abs(found - values) / np.where(largest > 0.0, largest, 1.0)) <= 0.51 / 32767
+    np.testing.assert_array_equal(np.isnan(found), np.isnan(values))
+
+
+def test_fields_of_many_points_need_few_modes() -> None:
+    generator = np.random.default_rng(2)
+    fields = generator.normal(size=(60, 3)) @ generator.normal(size=(3, 500))
+    box = Container()
+    back = unpacked(box.packed(box.fields(fields)))
+    assert back["factor"].shape == (60, 3)
+    modes = back["mode"]["rows"] * back["mode"]["scale"][:, None]
+    assert np.max(np.abs(back["factor"] @ modes - fields)) <= 1.1e-3 * np.ptp(fields)
+
+
+def test_its_pieces_are_the_law() -> None:
+    for law in example_laws():
+        found = drawn(law)["pieces"]
+        s = np.linspace(-3.0, 3.0, 61) * (law.s_scale or 1.0) + 1e-9 * (law.s_scale or 1.0)
+        k = np.searchsorted(found["kinks"], s)
+        s_0, b_0, q, a, r = (np.array(found[name])[k] for name in ("s0", "b0", "q", "a", "r"))
+        np.testing.assert_allclose(b_0 + q * (s - s_0) + a * np.exp(-r * (s - s_0)), law.b(s), rtol=1e-12)
+
+
+@pytest.mark.parametrize(("name", "parameters"), [("tresca", {"tau": 4e7}), ("linear", {"k": 5e9})])
+def test_a_law_without_a_length_of_its_own_is_still_drawn(name: str, parameters: dict[str, float]) -> None:
+    found = drawn(SHAPES[name].build(**parameters))
+    assert found["reach"] == 0.0
+    assert all(s[-1] > s[0] for s, _ in found["curves"])
