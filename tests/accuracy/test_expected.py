@@ -68,27 +68,6 @@ def test_given_exponents_and_held_ends():
     assert [held[n].order for n in ("u_L2", "u_T_L2", "u_T_max", "xi_L2", "xi_max")] == [2, 1.5, 1, 0.5, 0]
 
 
-def test_grading_towards_corners_divides_their_exponents():
-    found = corners()
-    mus = [0.25 if v.at == (1.0, 1.0) else 1.0 for v in found]
-    plain, some = expected_orders(smoothness(found, False)), expected_orders(smoothness(found, False, mus))
-    assert plain["u_energy"].order == pytest.approx(0.5445, abs=1e-4)
-    # the hole's corners are as singular and stay
-    assert some["u_energy"].order == pytest.approx(0.5445, abs=1e-4)
-    assert "hole" in some["u_energy"].reason or "0.2" in some["u_energy"].reason or "0.4" in some["u_energy"].reason
-    everywhere = expected_orders(smoothness(found, False, [0.25] * len(found)))
-    assert everywhere["u_energy"].order == 1.0
-    assert everywhere["u_L2"].order == 2.0
-    assert everywhere["theta_H1"].order == 1.0
-    weak = expected_orders(smoothness(found, False, [0.6] * len(found)))
-    assert weak["u_energy"].order == pytest.approx(0.5445 / 0.6, abs=1e-3)
-    assert "graded with mu = 0.6" in weak["u_energy"].reason
-    graded = smoothness(corners(sticks=True), False, [0.5 if v.at == (2.0, 0.0) else 1.0 for v in found])
-    assert (graded.u_T.mu, graded.xi.mu, graded.xi.exponent) == (0.5, 0.5, pytest.approx(0.7112 - 1, abs=1e-4))
-    # u_T ~ r log r at the end of the contact line: (1 + 1/2)/mu and 1/mu
-    assert expected_orders(smoothness(found, False, [0.8] * len(found)))["u_T_max"].order == pytest.approx(1.25)
-
-
 def test_heat_limits_what_it_loads():
     """θ ~ r^{2/3} errs by h^{4/3}, and r^{1/4} (360°, held beside insulated) by h^{1/2}, and so does u then."""
     found = corners()

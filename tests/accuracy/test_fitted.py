@@ -29,16 +29,6 @@ def decay(noise: float = 0.0, seed: int = 3):  # type: ignore[no-untyped-def]
     return model
 
 
-@pytest.mark.parametrize("log", [False, True])
-@pytest.mark.parametrize("loss", ["linear", "soft_l1"])
-def test_a_curve_is_found_to_rounding(log: bool, loss: str) -> None:
-    found = minimise(decay(), np.array([1.0, 5.0]), box(log=log), loss)  # type: ignore[arg-type]
-    assert found.p == pytest.approx([3.0, 0.8], rel=1e-8)
-    assert found.evaluations <= 40
-    assert found.cost == pytest.approx(0.0, abs=1e-9)
-    assert list(found.costs) == sorted(found.costs, reverse=True)
-
-
 def test_outliers_count_less_but_what_is_no_measurement_counts_as_it_is() -> None:
     """Σρ(r²) of data with an outlier, and a prior of its own that pulls far: the least value by another method."""
     data = np.array([0.9, 1.0, 1.1, 9.0])
