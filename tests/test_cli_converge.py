@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import xarray
 
-from tests.commands import CONFIGS, tcstudy_command
+from tests.commands import tcstudy_command
 from tests.test_cli import STUDY
 
 
@@ -16,22 +16,6 @@ from tests.test_cli import STUDY
 def folder(tmp_path: Path) -> Path:
     (tmp_path / "block.yaml").write_text(STUDY.replace("levels: 2", "levels: 4"))
     return tmp_path
-
-
-def test_the_study_with_derived_loads(tmp_path: Path) -> None:
-    """Its plan says what was derived, its report has the exact numbers."""
-    config = CONFIGS / "manufactured.yaml"
-    planned = tcstudy_command("run", config, "--dry-run", cwd=tmp_path)
-    assert planned.returncode == 0, planned.stderr
-    said = "derived from the exact solution: f, u_x and u_y on top, g on left, g on right, q, theta_bar on left, right"
-    assert said in planned.stdout
-    result = tcstudy_command("converge", config, "--set", "mesh.levels=4", "-v", cwd=tmp_path)
-    assert result.returncode == 0, result.stderr
-    assert sum(line.endswith("  exact") for line in result.stdout.splitlines()) == 2
-    with xarray.open_dataset(tmp_path / "results" / "manufactured.convergence.nc") as data:
-        assert data["rate_theta_H1"].values[:, -1] == pytest.approx([1.0, 1.0], abs=0.03)
-        assert data["rate_u_L2"].values[:, -1] == pytest.approx([2.0, 2.0], abs=0.12)
-        assert data["exact_slip_length"].values == pytest.approx([1.0, 1.0])
 
 
 @pytest.mark.parametrize(

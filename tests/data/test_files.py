@@ -131,17 +131,6 @@ def test_files_that_are_no_finished_results_are_refused(tmp_path: Path, written:
         open_results(tmp_path / "midway.nc")
 
 
-def test_a_file_that_is_no_result_is_not_overwritten(tmp_path: Path, written: Path) -> None:
-    """The study itself, say, by a slip of the keyboard."""
-    assert check_writable(written, 0) == []
-    study, empty = tmp_path / "block.yaml", tmp_path / "empty"
-    study.write_text("units: none\n")
-    empty.touch()
-    (problem,) = check_writable(study, 0)
-    assert "block.yaml exists and is no result file; it would be lost" in problem
-    assert check_writable(empty, 0) == []
-
-
 @pytest.mark.parametrize(
     ("name", "part"),
     [("a\0b", "NUL"), ("b\udcff.nc", "no UTF-8 text"), ("x" * 245 + ".nc", "has a part of 248 bytes")],

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import getpass
-import json
 import platform
 import socket
 import subprocess
@@ -66,21 +65,6 @@ def test_without_git_the_commit_is_unknown(checkout: Path, tmp_path: Path, monke
     assert git_commit(empty / "study.yaml") == "unknown"  # no commit yet
     monkeypatch.setenv("PATH", str(empty))
     assert git_commit(checkout) == "unknown"
-
-
-def test_attributes_tell_all_that_a_repetition_needs(study: Study) -> None:
-    attributes = collect(study, ["tcstudy", "run", "study.yaml"])
-    assert attributes["study_yaml"] == study.text
-    assert attributes["overrides"] == "mesh.levels=2"
-    assert attributes["solver"] == "separable-newton"
-    assert attributes["institution"] == "Institute of Friction"
-    assert "10.3879/j.issn.1000-0887.2010.01.008" in attributes["references"]
-    versions = json.loads(attributes["versions"])
-    assert versions["python"] == platform.python_version()
-    assert {"numpy", "scipy", "ngsolve", "xarray", "netCDF4", "tcstudy"} < versions.keys()
-    assert attributes["source"] == f"tcstudy {versions['tcstudy']}"
-    nameless = collect(replace(study, title="", institution=""), ["tcstudy"])
-    assert (nameless["title"], nameless["institution"]) == ("untitled study", "unspecified")
 
 
 def test_checksum_changes_with_the_geometry_file(study: Study, tmp_path: Path) -> None:

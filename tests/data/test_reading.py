@@ -10,6 +10,7 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
+import xarray
 
 from tcstudy.data import provenance as provenance_module
 from tcstudy.data.files import StoreError, check_writable
@@ -18,6 +19,7 @@ from tcstudy.data.reading import Seal, attributes, change_of, is_foreign, readin
 from tcstudy.data.store import open_results
 from tcstudy.scene.study import Study
 from tcstudy.study.append import stored_study
+from tests.commands import tcstudy_command
 
 
 def stranger(path: Path, **more: object) -> Path:
@@ -36,9 +38,14 @@ def test_a_flipped_byte_is_told_before_the_library_opens_the_file(
     raw[place] ^= 0x40
     written.write_bytes(raw)
     monkeypatch.setattr(netCDF4, "Dataset", None)
+    monkeypatch.setattr(xarray, "open_dataset", None)
     with pytest.raises(StoreError, match=r"damaged \(its checksum is wrong\)"):
         open_results(written)
     assert not is_foreign(written)
+    for command in ("show", "report", "export --csv"):
+        said = tcstudy_command(*command.split(), written)
+        assert (said.returncode, said.stderr.count("\n")) == (2, 1), said.stderr
+        assert "its checksum is wrong" in said.stderr
 
 
 def test_a_changed_file_is_read_but_what_fails_on_it_is_its_own_fault(written: Path) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from tcstudy.data.on_request import DIFFERENTIABLE
 from tcstudy.data.provenance import kind_of
-from tcstudy.data.reading import GEOMETRIES, asked, axis_names, by_point, of_largest, sweep_dims
+from tcstudy.data.reading import GEOMETRIES, Seal, asked, axis_names, by_point, of_largest, seal_of, sweep_dims
 from tcstudy.data.records import PointStatus
 from tcstudy.data.schema import LIMITED, OF_POLYGON, UNBALANCED
 from tcstudy.data.store import load_root, open_root
@@ -321,6 +321,8 @@ def other_text(path: Path) -> str:
     """What xarray says of a file that holds no study; empty where it holds one, or nothing can be read."""
     import xarray
 
+    if not path.is_file() or seal_of(path) != Seal.NONE:  # a damaged file of ours may crash the library
+        return ""
     try:
         with xarray.open_dataset(path, engine="netcdf4") as data:
             told = f"{path}: no results of a study, so there is no summary of it; what it has:\n\n{data}"
