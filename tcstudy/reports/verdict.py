@@ -63,9 +63,9 @@ class RunSeen:
         return ok & (values == 1) if values is not None else np.zeros_like(ok)
 
 
-def verdict(path: Path) -> dict[str, Any]:
-    """Of a file of tcstudy run, which must be readable (`tcstudy.data.reading`): the sentence as `text`, how the mesh
-    error in it is known as `how`, and whether all points are solved as `ok`. Raises StoreError.
+def verdict(path: Path) -> tuple[str, str, bool]:
+    """Of a file of tcstudy run, which must be readable (`tcstudy.data.reading`): the sentence, how the mesh
+    error in it is known, and whether all points are solved. Raises StoreError.
     """
     import netCDF4
 
@@ -96,7 +96,7 @@ def verdict(path: Path) -> dict[str, Any]:
         return _told(RunSeen(dims, levels, str(nc.sweep_mode), labels, take, friction, units, stop))
 
 
-def _told(run: RunSeen) -> dict[str, Any]:
+def _told(run: RunSeen) -> tuple[str, str, bool]:
     ok = run.ok()
     total, solved = int(ok.size), int(ok.sum())
     unique = run.flag("unique", ok)
@@ -120,7 +120,7 @@ def _told(run: RunSeen) -> dict[str, Any]:
     told = sentences.answered(
         answer, [", ".join(filter(None, trust))] if solved else [], [f"{solved} of {total} solved"]
     )
-    return {"text": told, "how": how, "ok": solved == total}
+    return told, how, solved == total
 
 
 LENGTHS = {"slip": "slips", "debonded": "debonded", "softening": "softening", "yielded": "yielded"}

@@ -6,13 +6,13 @@ from decimal import Decimal, localcontext
 
 import numpy as np
 import pytest
+from tests.benchmarks.rational import exact_residual, random_problem, stated, understated
 
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.extended import friction_defect
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.shapes import piecewise_linear
-from tests.benchmarks.rational import exact_residual, random_problem, stated, understated
 
 
 @pytest.mark.parametrize("first", range(0, 40, 10))

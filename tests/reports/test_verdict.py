@@ -12,10 +12,10 @@ from tcstudy.reports.verdict import RunSeen, abrupt, mesh_error, verdict
 
 
 def test_a_file_says_what_slips_and_last_how_many_points_are_solved(grid: Path) -> None:
-    said = verdict(grid)
-    assert said["text"].startswith("Largest slip")
-    assert said["text"].endswith("3 of 4 solved.")
-    assert not said["ok"]
+    text, _, ok = verdict(grid)
+    assert text.startswith("Largest slip")
+    assert text.endswith("3 of 4 solved.")
+    assert not ok
 
 
 def _run(slip: Any) -> RunSeen:

@@ -42,7 +42,7 @@ STEADY = 1e-12
 """Relative uncertainty that is rounding and not worth a word."""
 
 
-def parts(data: Any, point: Mapping[str, Value] | None = None, full: bool = True) -> Iterator[Part]:
+def parts(data: Any, full: bool = True, point: Mapping[str, Value] | None = None) -> Iterator[Part]:
     """Everything the report says, in order. Raises DrawError if there is no such point.
 
     point: the sweep point whose tables to show;  full: the tables of every point where none is named, else of a sweep

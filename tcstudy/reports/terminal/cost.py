@@ -214,9 +214,9 @@ def seconds(time: float) -> str:
     return f"{time:.2g} s" if time < 99.5 else f"{time:.0f} s"
 
 
-def parts(data: Any, wanted: str | None = None) -> Iterator[Part]:
-    """Everything the report says, in order, of an error as of `measure_of`. Raises DrawError."""
-    measure = measure_of(data, wanted)
+def parts(data: Any, *_: Any) -> Iterator[Part]:
+    """Everything the report says, in order. Raises DrawError where there is no error."""
+    measure = measure_of(data, None)
     found = settings(data, measure)
     yield Heading(f"Accuracy against cost: {data.attrs['title']}", 1)
     yield from advice(found)

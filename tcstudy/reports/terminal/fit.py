@@ -25,7 +25,7 @@ BAND = 1.96
 """Half width of a band of 95 % in standard errors."""
 
 
-def parts(data: Any) -> Iterator[Part]:
+def parts(data: Any, *_: Any) -> Iterator[Part]:
     """What a fit found: its numbers, what speaks for and against them."""
     yield Heading(str(data.attrs["title"]), 1)
     yield _estimates(data)

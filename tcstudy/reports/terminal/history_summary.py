@@ -42,7 +42,7 @@ ROUNDING = 1e-10
 """What is smaller than this part of what the history reaches is rounding, and reads 0."""
 
 
-def parts(data: Any, every_row: bool = False) -> Iterator[Part]:
+def parts(data: Any, every_row: bool = False, *_: Any) -> Iterator[Part]:
     """What a history's file holds; every_row: all steps of all cycles and points."""
     points = each_point(data)
     shown = points if every_row else points[:MOST_POINTS]

@@ -35,7 +35,7 @@ def seen_folds(data: Any) -> tuple[NDArray[np.intp], int]:
     return vertices[large], int(np.count_nonzero(~large))
 
 
-def parts(data: Any) -> Iterator[Part]:
+def parts(data: Any, *_: Any) -> Iterator[Part]:
     """What a path's file holds: its extent and ends, the branches, the requested solutions, the loop."""
     yield Heading(str(data.attrs["title"]), 1)
     yield from filter(None, (_path(data), _branches(data)))

@@ -22,7 +22,6 @@ from tcstudy.reports.sentences import equilibria, locks, of_the_body
 from tcstudy.reports.terminal import convergence, cost, fit, history_summary, path_summary
 from tcstudy.reports.terminal.tables import (
     WIDE,
-    Part,
     TextColumn,
     columns_table,
     fits,
@@ -54,7 +53,7 @@ def text_of(file: Path, full: bool = False, point: Mapping[str, Value] | None = 
     kind = kind_of(file)
     if kind != "run":
         data = load_root(file)
-        heading, *rest = parts_of(data, kind, full, point)
+        heading, *rest = KINDS[kind].parts(data, full, point)
         text, how, _ = verdict_of(data, kind, file)
         first = [] if kind == "cost" else [f"{text} {how[:1].upper()}{how[1:]}{'.' * bool(how)}".rstrip()]
         return render([heading, *first, *rest])
@@ -72,25 +71,13 @@ def verdict_of(data: Any, kind: str, path: Path) -> tuple[str, str, bool]:
     data: its root dataset, which that of a run needs not; None where it is not read yet
     """
     if kind == "run":
-        told = run_verdict(path)
-        return str(told["text"]), str(told["how"]), bool(told["ok"])
-    kinds = {"convergence": convergence, "cost": cost, "path": path_summary, "history": history_summary, "fit": fit}
-    found: tuple[str, str, bool] = kinds[kind].verdict(load_root(path) if data is None else data)
+        return run_verdict(path)
+    found: tuple[str, str, bool] = KINDS[kind].verdict(load_root(path) if data is None else data)
     return found
 
 
-def parts_of(data: Any, kind: str, full: bool = False, point: Mapping[str, Value] | None = None) -> Iterator[Part]:
-    """What is said of a file of any other kind than a run, whose root dataset is `data`."""
-    match kind:
-        case "convergence":
-            return convergence.parts(data, point, full)
-        case "cost":
-            return cost.parts(data)
-        case "path":
-            return path_summary.parts(data)
-        case "history":
-            return history_summary.parts(data, full)
-    return fit.parts(data)
+KINDS = {"convergence": convergence, "cost": cost, "path": path_summary, "history": history_summary, "fit": fit}
+"""What says `verdict` and `parts` of a file of another kind than a run."""
 
 
 def summary(path: Path, most: int | None = MOST_ROWS, point: Mapping[str, Value] | None = None) -> str:
@@ -102,7 +89,7 @@ def summary(path: Path, most: int | None = MOST_ROWS, point: Mapping[str, Value]
         data = of_largest(root.drop_vars(NOT_SAID, errors="ignore").load())
     several = f"  {data.attrs.get(GEOMETRIES)} geometries: the largest h_max, dofs and contact, the least λ₁"
     stopped = f"  stopped: {data['stop'].values[-1]}" if "stop" in data and data["stop"].values[-1] else ""
-    told = run_verdict(path)["text"]
+    told, *_ = run_verdict(path)
     parts = [
         data.attrs["title"],
         f"  {told}",

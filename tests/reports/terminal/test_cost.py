@@ -18,12 +18,10 @@ from tcstudy.reports.terminal.cost import (
     advice,
     best,
     front,
-    parts,
     settings,
     stretches,
 )
 from tcstudy.reports.terminal.summary import text_of
-from tcstudy.reports.terminal.tables import render
 from tests.verification.scenes import RECTANGLE, study_of
 
 FAMILIES, SOLVERS = ("uniform", "graded"), ("separable-newton", "bundle-newton")
@@ -152,5 +150,3 @@ def test_the_report_says_it_all(file: Path) -> None:
     assert "6.4†" in text
     assert "(2.000e-02)" not in text  # the first solver was solved there
     assert "1.6*" in text
-    other = render(parts(load_root(file, "cost"), "xi_L2"))
-    assert "3.200e-01" in other
