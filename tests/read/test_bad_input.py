@@ -92,18 +92,10 @@ def test_a_text_with_a_unit_is_refused_in_a_dimensionless_study() -> None:
     [
         ("rectangle: {width: 2, height: 1}", "bottom: contact, right: free, top: free, left: free", "slide along x"),
         ("rectangle: {width: 2, height: 1}", "bottom: contact, right: contact, top: free, left: free", ""),
-        (
-            "rectangle: {width: 2, height: 1}",
-            "bottom: contact, right: {role: clamped, u_N: 0}, top: free, left: free",
-            "",
-        ),
-        (
-            "outline: [{from: [0, 0], edge: rim, through: [1, -1]}, {from: [2, 0], edge: rim, through: [1, 1]}]",
-            "rim: contact",
-            "turn about (1, ",
-        ),
+        ("outline: [{from: [0, 0], edge: rim, through: [1, -1]}, {from: [2, 0], edge: rim, through: [1, 1]}]",
+         "rim: contact", "turn about (1, "),
     ],
-)
+)  # fmt: skip
 def test_supports_must_hold_the_body(body: str, boundary: str, motion: str) -> None:
     rest = "material: {E: 1, nu: 0}\nfriction: {law: tresca, tau: 1}\nmesh: {maxh: 0.1}\n"
     text = f"body: {{{body}}}\nboundary: {{{boundary}}}\n{rest}"
@@ -149,11 +141,10 @@ GEOMETRIES = BASE[: BASE.index("sweep:")].replace("maxh: 0.2, levels: 2", "maxh:
 LAW = "{law: slip-weakening, tau_s: 20 MPa, tau_k: 5 MPa"
 
 
-@pytest.mark.parametrize("key", ["sweep.delta", "sweep.friction.delta", "sweep.parameters.size", "sweep.size"])
-def test_the_values_of_a_sweep_are_set_by_path_or_short_name(key: str) -> None:
-    text, value = f"{GEOMETRIES}sweep: {{friction.delta: [1 um, 2 um], parameters.size: [0.2, 0.3]}}\n", "[3]"
-    study = read_study_text(text, "study.yaml", [f"{key}={value if 'delta' in key else '[0.5]'}"])
-    assert study.shape == ((1, 2) if "delta" in key else (2, 1))
+def test_the_values_of_a_sweep_are_set_by_path_or_short_name() -> None:
+    text = f"{GEOMETRIES}sweep: {{friction.delta: [1 um, 2 um], parameters.size: [0.2, 0.3]}}\n"
+    for key in ("delta=[3]", "friction.delta=[3]", "parameters.size=[0.5]", "size=[0.5]"):
+        assert read_study_text(text, "study.yaml", [f"sweep.{key}"]).shape == ((1, 2) if "delta" in key else (2, 1))
     kept = f"friction={LAW}}}"  # without the swept key, so that nothing of it is lost
     assert read_study_text(text, "study.yaml", [kept, "sweep.size=null"]).shape == (2,)
 
@@ -172,12 +163,6 @@ def test_a_missing_section_is_not_looked_for_in_the_sweep(lost: str, sweep: str,
     lines = [line for line in problems(text, f"{lost}=null") if "convection" not in line and "heat needs" not in line]
     assert len(lines) == 1
     assert lines[0].startswith(f"study.yaml:{missing}")
-
-
-def test_control_characters_are_shown_as_escapes() -> None:
-    lines = problems(changed("left: clamped", '"\\x1b[31mleft": clamped'))
-    assert any("boundary.\\x1b[31mleft: " in line for line in lines)
-    assert all(line.isprintable() for line in lines)
 
 
 @pytest.mark.parametrize("number", ["1" * 10_000, "0." + "0" * 10_000, "0x" + "f" * 10_000, "-" + "1" * 10_000])

@@ -18,7 +18,7 @@ from tcstudy.read.schema import FRAGMENTS, schema, schema_text
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.designs import PARAMETERS
 from tcstudy.scene.keys import ROWS, rows
-from tests.benchmarks.mutated import EVERY_KEY, sources, spoil, tree_of, yaml_of
+from tests.benchmarks.mutated import EVERY_KEY, sources, spoil, yaml_of
 from tests.read.keys_in_words import markdown
 
 ROOT = Path(__file__).parents[2]
@@ -63,9 +63,9 @@ def test_what_the_schema_refuses_the_reader_refuses_and_nothing_makes_it_fail_in
     made = refused = seed = 0
     while made < BROKEN:
         rng, seed = random.Random(seed), seed + 1
-        tree = tree_of(YAML(typ="safe", pure=True).load(rng.choice(texts)))
+        tree = YAML(typ="safe", pure=True).load(rng.choice(texts))
         for _ in range(rng.choice((1, 1, 2))):
-            spoil(rng, tree)  # type: ignore[arg-type]  # studies are mappings
+            spoil(rng, tree)
         text = yaml_of(tree)
         if "[" * 50 in text:  # the reader refuses it at once, a schema never sees it, and the library takes seconds
             continue
