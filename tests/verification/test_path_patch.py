@@ -16,7 +16,7 @@ from tcstudy.data.store import load_root
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
 from tcstudy.study.path_run import execute_path
-from tests.verification.patch import DROPPING, LENGTH, SOFTENING, Case, patch_study
+from tests.verification.patch import LENGTH, SOFTENING, Case, patch_study
 
 REQUESTED = "path: {parameter: boundary.top.u_x, from: 0, to: 1.5, at: [0.8, 0.5]}"
 
@@ -103,20 +103,6 @@ def test_contact_states_and_fronts(softening: xr.Dataset) -> None:
         assert abs(float(softening["parameter"][int(vertex)])) == pytest.approx(at, abs=1e-12)
     lengths = softening["slip_length"].values[int(softening["start"]) :]
     assert lengths == pytest.approx([0.0, LENGTH, LENGTH], abs=1e-12)
-
-
-def test_a_law_that_drops(tmp_path: Path) -> None:
-    """b = 1 up to s = 0.4, then 0.2: three solutions at U = 0.8 (s = 0, 0.4 on the drop, 0.6)."""
-    data = path_of(patch_text(0.35, DROPPING), tmp_path)
-    three = data.isel(solution=slice(0, 3))
-    assert three["solution_u_T"].values[:, 0] == pytest.approx([0.0, 0.4, 0.6], abs=1e-12)
-    assert three["solution_stable"].values.tolist() == [1, 0, 1]
-    folds = data["parameter"].values[data["fold_vertex"].values]
-    assert folds[-2:] == pytest.approx([1.4, 0.6], abs=1e-12)
-    assert "drop" in data["state"].attrs["flag_meanings"]
-    meanings = data["state"].attrs["flag_meanings"].split()
-    states = [meanings[row[0]] for row in data["state"].values[int(data["start"]) :]]
-    assert states == ["stick", "slip", "drop", "weakened"]
 
 
 def test_a_smooth_law_ends_on_its_own_graph(tmp_path: Path) -> None:

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -97,7 +96,7 @@ def all_branches(
     sides = np.unique(np.concatenate([cells.sides, *inside]), axis=0)
     parts = [segments(boxes, sides[i : i + _CELLS]) for i in range(0, max(len(sides), 1), _CELLS)]
     found = Segments(*map(np.concatenate, zip(*parts, strict=True)))
-    one, undecided = found.found == Found.ONE, int(np.count_nonzero(found.found == Found.UNDECIDED))
+    one, undecided = found.one, int(np.count_nonzero(~(found.one | found.none)))
     keys, u, s, open_end = [row.tobytes() for row in sides[one]], found.u[one], found.s[one], found.open_end[one]
     on_branch, branches, missing = set[bytes](), list[Path](), 0
     follower, side_of = Follower(low, high, MOST_PIECES), _sides(problem)
@@ -154,23 +153,16 @@ def _even(branches: list[Path], ends: tuple[float, float]) -> str:
     return f"{count[even[0]]} solutions were found at {middle[even[0]]:g}, which must be odd" if len(even) else ""
 
 
-class Found(IntEnum):
-    """What is proved of a cell: no solution, one segment, or nothing (a corner within rounding, or a lost rank)."""
-
-    NONE = 0
-    ONE = 1
-    UNDECIDED = 2
-
-
 class Segments(NamedTuple):
     """The solutions of n cells.
 
-    found: (n,) of Found; where it is not ONE the rest means nothing
-    u:     (n, 2, m) displacements at both ends [m];  s: (n, 2) share of the interval there
-    open_end: (n, 2) whether s reaches an end of the interval there, which it then is to the bit
+    one, none: (n,) proved to have one segment, or no solution; else a corner is within rounding, or rank is lost
+    u:     (n, 2, m) displacements at both ends [m];  s: (n, 2) share of the interval there; without `one` these and
+    open_end: (n, 2), whether s reaches an end of the interval there, which it then is to the bit, mean nothing
     """
 
-    found: NDArray[np.int8]
+    one: Flags
+    none: Flags
     u: Array
     s: Array
     open_end: Flags
@@ -181,7 +173,7 @@ def segments(problems: PolygonProblems, sides: Index) -> Segments:
 
     Places τ_i on the sides and s, in units of the columns, are x with m equations N x = r: one line x = α + γ σ, σ
     along the direction of the line, about, which the last row of B = [N; γᵀ] adds; it is cut by the ends 0 and 1.
-    Proof: with Y the inverse of B, ‖I − YB‖ < 0.01 bounds the error of every coordinate; ONE and NONE hold whatever
+    Proof: with Y the inverse of B, ‖I − YB‖ < 0.01 bounds the error of every coordinate; `one` and `none` hold whatever
     rounding does within that.
     Sources: Cottle, Pang & Stone, The Linear Complementarity Problem (1992), §2.3 (principal pivots); Rump, Acta Numer.
     19 (2010) 287–449, §10 (verified linear systems).
@@ -224,10 +216,10 @@ def segments(problems: PolygonProblems, sides: Index) -> Segments:
     later[rows, node[:, 0]], sooner[rows, node[:, 1]] = -np.inf, np.inf
     sure &= later.max(axis=-1) < ends[:, 0] - error[rows, node[:, 0]]
     sure &= sooner.min(axis=-1) > ends[:, 1] + error[rows, node[:, 1]]
-    found = np.where(out, Found.NONE, np.where(sure & ~doubt, Found.ONE, Found.UNDECIDED))
-    found = np.where(np.isfinite(rho), found, Found.UNDECIDED).astype(np.int8)
+    none = out & np.isfinite(rho)
+    one = sure & ~doubt & ~out & np.isfinite(rho)
     x = alpha[:, None] + gamma[:, None] * np.where(np.isfinite(ends), ends, 0.0)[..., None]
     facets = np.stack([~rising, rising], axis=1).astype(float)
     x = np.where(np.arange(m + 1) == node[..., None], facets, x)
     u = p[:, None, :, 0] + x[..., :m] * D[:, None, :, 0]
-    return Segments(found, u, x[..., m], node == m)
+    return Segments(one, none, u, x[..., m], node == m)

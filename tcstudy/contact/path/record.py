@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import Enum
 from functools import cached_property
 from typing import NamedTuple
 
@@ -17,43 +17,36 @@ Index = NDArray[np.intp]
 Codes = NDArray[np.int32]
 
 
-class PathStatus(IntEnum):
-    """Why a path was not followed further."""
+class PathStatus(Enum):
+    """Why a path was not followed further, as a sentence for the user."""
 
-    RANGE_END = 0
-    CLOSED_LOOP = 1
-    UNBOUNDED = 2
-    PIECE_LIMIT = 3
-    UNSTABLE = 4
-    TURNED_BACK = 5
-    SINGULAR = 6
-    LOST_ACCURACY = 7
-    START = 8
-    TURNS = 9
+    RANGE_END = "the parameter reached the end of the range that the path may use"
+    CLOSED_LOOP = "the path is a closed loop and came back to its start"
+    UNBOUNDED = "the last piece goes on without bound and no node changes its piece any more"
+    PIECE_LIMIT = "the limit on the number of pieces was reached; raise max_pieces to follow it further"
+    UNSTABLE = "the stable branch ends here"
+    TURNED_BACK = (
+        "the path came back to a piece it had been on: branches meet at a bifurcation; start again from another "
+        "solution to follow the others"
+    )
+    SINGULAR = (
+        "no unique way leads on from here (a bifurcation, or a solution that no others join); start again from "
+        "another solution"
+    )
+    LOST_ACCURACY = (
+        "rounding left a residual above the tolerance even after a fresh factorisation; the problem is too badly "
+        "conditioned for it, raise the tolerance or check the units"
+    )
+    START = "the path was followed from here in one direction only"
+    TURNS = "a node turns back here"
 
     @property
     def reason(self) -> str:
-        """A sentence for the user."""
-        return REASONS[self]
+        return self.value
 
 
 WHOLE = (PathStatus.RANGE_END, PathStatus.UNBOUNDED, PathStatus.CLOSED_LOOP, PathStatus.START)
 """Ends at which there is nothing more to follow."""
-REASONS = {
-    PathStatus.RANGE_END: "the parameter reached the end of the range that the path may use",
-    PathStatus.CLOSED_LOOP: "the path is a closed loop and came back to its start",
-    PathStatus.UNBOUNDED: "the last piece goes on without bound and no node changes its piece any more",
-    PathStatus.PIECE_LIMIT: "the limit on the number of pieces was reached; raise max_pieces to follow it further",
-    PathStatus.UNSTABLE: "the stable branch ends here",
-    PathStatus.TURNED_BACK: "the path came back to a piece it had been on: branches meet at a bifurcation; "
-    "start again from another solution to follow the others",
-    PathStatus.SINGULAR: "no unique way leads on from here (a bifurcation, or a solution that no others join); start "
-    "again from another solution",
-    PathStatus.TURNS: "a node turns back here",
-    PathStatus.START: "the path was followed from here in one direction only",
-    PathStatus.LOST_ACCURACY: "rounding left a residual above the tolerance even after a fresh factorisation; the "
-    "problem is too badly conditioned for it, raise the tolerance or check the units",
-}
 
 
 class Events(NamedTuple):

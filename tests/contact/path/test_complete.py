@@ -10,7 +10,7 @@ import pytest
 
 from tcstudy.contact.all_solutions import all_solutions
 from tcstudy.contact.boxes import Limits, PolygonProblems
-from tcstudy.contact.path.complete import Found, _even, all_branches, segments
+from tcstudy.contact.path.complete import _even, all_branches, segments
 from tcstudy.contact.path.problem import ParametricProblem
 from tcstudy.contact.path.record import Path, PathStatus
 from tests.contact.contact_cases import slip_weakening, spring
@@ -111,9 +111,10 @@ def test_a_corner_within_rounding_and_a_lost_rank_are_left_undecided() -> None:
     problem = ParametricProblem(np.eye(2), np.zeros(2), np.ones(2), np.ones(2), law)
     sides = np.array([[2, 2], [2, 3], [3, 3]])
 
-    def found(begin: float, end: float) -> list[int]:
+    def decided(begin: float, end: float) -> tuple[list[bool], list[bool]]:
         load, per_s = problem.load(begin)[None], problem.l_1 * (end - begin)
-        return list(segments(PolygonProblems(np.eye(2), problem.c, law, load, np.full(2, 9.0), per_s), sides).found)
+        found = segments(PolygonProblems(np.eye(2), problem.c, law, load, np.full(2, 9.0), per_s), sides)
+        return found.one.tolist(), found.none.tolist()
 
-    assert found(-0.5, 0.5) == [Found.ONE, Found.NONE, Found.NONE]
-    assert found(0.0, 2.0) == [Found.UNDECIDED] * 3
+    assert decided(-0.5, 0.5) == ([True, False, False], [False, True, True])
+    assert decided(0.0, 2.0) == ([False] * 3, [False] * 3)
