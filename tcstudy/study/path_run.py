@@ -122,7 +122,7 @@ def _level(study: Study, plan: PathPlan) -> tuple[Level, LevelRecord]:
 
 def _curve(setting: _Setting, path: Path) -> Values:
     load, states = setting.load, by_code(path.problem.law, contact_states)
-    state, fold, low, events = states[path.codes], folds(path), lowest(path), path.events
+    state, low, events = states[path.codes], lowest(path), path.events
     before, after = states[events.before], states[events.after]
     changed = before != after
     return {
@@ -135,18 +135,12 @@ def _curve(setting: _Setting, path: Path) -> Values:
         "stable": path.stable,
         "state": state,
         "slip_length": np.asarray((state != ContactState.STICK) @ path.problem.c),
-        "fold_vertex": fold.vertex,
-        "fold_size": fold.size,
-        "fold_maximum": fold.maximum,
-        "fold_stable_before": fold.stable[0],
-        "fold_stable_after": fold.stable[1],
+        **{f"fold_{name}": column for name, column in folds(path)._asdict().items()},
         "event_vertex": events.vertex[changed],
         "event_node": events.node[changed],
         "event_before": before[changed],
         "event_after": after[changed],
-        "lowest_begin": low.begin,
-        "lowest_end": low.end,
-        "lowest_piece": low.piece,
+        **{f"lowest_{name}": column for name, column in low._asdict().items()},
         "lowest_certified": proved_minima(path, low, setting.lambda_1, Acceptance(setting.tolerance)),
     }
 

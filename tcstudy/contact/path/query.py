@@ -54,13 +54,14 @@ def turn_sizes(t: Array, turns: Index) -> tuple[Array, Index]:
 class Folds(NamedTuple):
     """Turns of t, all (f,): vertices of the path, how far t steps back (`turn_sizes`), whether t is largest there.
 
-    stable: (2, f) whether the pieces before and after are
+    stable_before, stable_after: whether the pieces beside it are
     """
 
     vertex: Index
     size: Array
     maximum: NDArray[np.bool_]
-    stable: NDArray[np.bool_]
+    stable_before: NDArray[np.bool_]
+    stable_after: NDArray[np.bool_]
 
 
 def folds(path: Path) -> Folds:
@@ -73,7 +74,7 @@ def folds(path: Path) -> Folds:
         real[i] = size[i] > _rounding(path, int(turns[i]), int(turns[partner[i]]))
     at = turns[real]
     maximum = (t[at] > t[at - 1]) | (t[at] > t[np.minimum(at + 1, path.pieces)])
-    return Folds(at, size[real], maximum, path.stable[np.array([at - 1, at])])
+    return Folds(at, size[real], maximum, path.stable[at - 1], path.stable[at])
 
 
 def _rounding(path: Path, one: int, other: int) -> float:
