@@ -1,8 +1,9 @@
 """Finished files that grow: points are added to them, those that broke down are solved again.
 
 Points are found by the labels of their swept parameters, so that a list and a grid, axes in another order and sweeps
-that overlap have their points in common. What a file has is read back as records and written again, to the bit; in a
-sweep over geometries every geometry is taken out of the file, grows by itself, and goes back.
+that overlap have their points in common. What a file has is read back as records, which a run finds in its journal as
+if it had been stopped after them, and written again, to the bit; in a sweep over geometries every geometry is taken out
+of the file, grows by itself, and goes back.
 
 The study of both is one of its own: the text of the newer one with the option `sweep={…}`, as `--set` would put it. Of
 two grids it is the grid of both axes' values, and a point of it that neither has is not run; with a list it is a list.

@@ -28,14 +28,13 @@ from tcstudy.data.provenance import collect, tell
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import Record, missing, write_record
 from tcstudy.errors import CostError, GeometryFailed, StoreError
-from tcstudy.exact.numbers import exact_friction_resultant
 from tcstudy.fem.study_meshes import graded_points
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.scene.families import FAMILIES, TO_TOLERANCE, FamilyName
 from tcstudy.scene.study import SOLVERS, Goal, MeshPlan, Study
 from tcstudy.study.lint import warnings
 from tcstudy.study.point import solve_point
-from tcstudy.study.reference import Errors, ExactReference, FineReference, with_meaning
+from tcstudy.study.reference import Errors, ExactReference, FineReference, Reference, with_meaning
 from tcstudy.study.run import stages
 from tcstudy.study.solved_levels import SolvedLevel, empty_level, solution_of
 
@@ -294,13 +293,14 @@ def errors_of(
 
     Raises CostError if there is no solution to compare with.
     """
-    fine: FineReference | None = None
-    words, own_error = "the exact solution", 0.0
-    if study.exact is None:
+    words, own_error, scene = "the exact solution", 0.0, study.scenes[0]
+    if study.exact is not None:
+        reference: Reference = ExactReference(study.exact)
+    else:
         finest_dofs = max(curve.n_dof for curve in curves)
         least = max(LEAST * finest_dofs, min(FINER * finest_dofs, LARGEST))
         best, own_error = _reference(study, least, progress)
-        fine = FineReference(best)
+        reference = FineReference(best)
         words = f"adaptive mesh of {best.n_dof} dofs, with an estimated error of {100 * own_error:.2g} % in energy"
     found, sizes, finest = {}, {}, 0
     for curve in curves:
@@ -310,8 +310,11 @@ def errors_of(
             for name, one in by_solver.items():
                 errors = next((e for other, e in known if _same(one, other)), None)
                 if errors is None:
-                    errors = _of(study, one, fine)
-                    known.append((one, errors))
+                    errors = reference.errors(one, (), scene)
+                    for what, value in reference.numbers(scene).items():
+                        if math.isfinite(value):
+                            errors[what] = abs(one.solutions[()].numbers.get(what, math.nan) - value), abs(value)
+                    known.append((one, errors := with_meaning(errors, scene)))
                 found[curve.family, level, name] = errors
                 if one.n_dof > finest and errors:
                     finest, sizes = one.n_dof, {measure: size for measure, (_, size) in errors.items()}
@@ -344,23 +347,6 @@ def _same(one: SolvedLevel, other: SolvedLevel) -> bool:
     if a.u is None or b.u is None:
         return False
     return float(np.max(np.abs(a.v - b.v), initial=0.0)) <= SAME * float(np.max(np.abs(a.v), initial=0.0))
-
-
-def _of(study: Study, one: SolvedLevel, fine: FineReference | None) -> Errors:
-    """Errors of one solution and what they are relative to, by measure."""
-    scene = study.scenes[0]
-    if fine is None:
-        assert study.exact is not None
-        reference = ExactReference(study.exact)
-        exact = {"friction_resultant": exact_friction_resultant(scene, reference.xi(scene))}
-        found = reference.errors(one, (), scene)
-    else:
-        exact = {name: fine.number(name) for name in ("energy", "friction_resultant")}
-        found = fine.errors(one, (), scene)
-    for name, value in exact.items():
-        if math.isfinite(value):
-            found[name] = (abs(one.solutions[()].numbers.get(name, math.nan) - value), abs(value))
-    return with_meaning(found, scene)
 
 
 def _reference(study: Study, least: float, progress: Progress) -> tuple[SolvedLevel, float]:

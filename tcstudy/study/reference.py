@@ -23,7 +23,7 @@ from scipy.spatial import cKDTree
 
 from tcstudy.accuracy.norms import Line, LineFunction, Triangles, less
 from tcstudy.accuracy.transfer import interpolation, located
-from tcstudy.exact.numbers import exact_u_T, exact_xi
+from tcstudy.exact.numbers import exact_friction_resultant, exact_u_T, exact_xi
 from tcstudy.expressions.derivative import value_and_gradient
 from tcstudy.laws.composed import law_along
 from tcstudy.scene.records import Scene
@@ -49,6 +49,10 @@ class Reference(Protocol):
 
     def errors(self, one: SolvedLevel, index: tuple[int, ...], scene: Scene) -> Errors:
         """Absolute errors of a level's solution of a sweep point and norms of the reference; empty if there is none."""
+        ...
+
+    def numbers(self, scene: Scene) -> dict[str, float]:
+        """Numbers of the reference by name, as far as they are known, of a scene without a sweep."""
         ...
 
 
@@ -79,6 +83,9 @@ class ExactReference:
             "xi_L2": line.step_from(line.halves(solution.xi), xi),
             **_at_nodes(line, (solution.v, solution.xi), (line.at_nodes(u_T), line.at_nodes(xi))),
         }
+
+    def numbers(self, scene: Scene) -> dict[str, float]:
+        return {"friction_resultant": exact_friction_resultant(scene, self.xi(scene))}
 
     def inclusion(self, one: SolvedLevel, scene: Scene) -> float:
         """max dist(ξ, b̂(u_T)) over the contact nodes of a level, over the scale of b: whether the solution is one."""
@@ -142,9 +149,8 @@ class FineReference:
             errors |= _at_nodes(one.line, (own.v, own.xi), (best.v[at.same], best.xi[at.same]), (best.v, best.xi))
         return errors
 
-    def number(self, name: str, index: tuple[int, ...] = ()) -> float:
-        """A number of the reference, as in the result file."""
-        return self._fine.solutions[index].numbers[name]
+    def numbers(self, scene: Scene) -> dict[str, float]:
+        return {name: self._fine.solutions[()].numbers[name] for name in ("energy", "friction_resultant")}
 
     def _located(self, one: SolvedLevel) -> _Places:
         """Segments are looked up by curve and not by edge, which may be both sides of a slot thinner than a cell."""
