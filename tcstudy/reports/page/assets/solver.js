@@ -16,27 +16,15 @@ TC.Problem = class {
   xi(v) { const out = this.times(v); for (let i = 0; i < this.m; i++) out[i] = this.load[i] - out[i]; return out; }
 };
 
-// Lower Cholesky factor of the n×n matrix M by rows, in place; false if there is none.
-TC.cholesky = function (M, n) {
-  for (let j = 0; j < n; j++) {
-    const rj = j * n;
-    for (let k = 0; k < j; k++) {
-      const rk = k * n;
-      let t = M[rj + k];
-      for (let p = 0; p < k; p++) t -= M[rj + p] * M[rk + p];
-      M[rj + k] = t / M[rk + k];
-    }
-    let d = M[rj + j];
-    for (let p = 0; p < j; p++) d -= M[rj + p] * M[rj + p];
-    if (!(d > 0)) return false;
-    M[rj + j] = Math.sqrt(d);
-  }
-  return true;
-};
-TC.backsolve = function (L, n, rhs) {
+// Solution of a positive definite system, given by the lower rows of M, which are used up; null if it is none.
+TC.positive = function (M, n, rhs) {
   const x = Float64Array.from(rhs);
-  for (let i = 0; i < n; i++) { let t = x[i]; for (let p = 0; p < i; p++) t -= L[i * n + p] * x[p]; x[i] = t / L[i * n + i]; }
-  for (let i = n - 1; i >= 0; i--) { let t = x[i]; for (let p = i + 1; p < n; p++) t -= L[p * n + i] * x[p]; x[i] = t / L[i * n + i]; }
+  for (let k = 0; k < n; k++) {
+    const d = M[k * n + k];
+    if (!(d > 0)) return null;
+    for (let i = k + 1; i < n; i++) { const f = M[i * n + k] / d; x[i] -= f * x[k]; for (let j = k + 1; j <= i; j++) M[i * n + j] -= f * M[j * n + k]; }
+  }
+  for (let i = n - 1; i >= 0; i--) { for (let j = i + 1; j < n; j++) x[i] -= M[j * n + i] * x[j]; x[i] /= M[i * n + i]; }
   return x;
 };
 
@@ -60,8 +48,9 @@ TC.solve = function (problem, { tolerance = 1e-12, most = 200 } = {}) {
   const newton = (s) => {
     const free = [...Array(m).keys()].filter((i) => s.down[i] !== 0 || !law.onJump(s.v[i])), n = free.length, M = new Float64Array(n * n), d = new Float64Array(m);
     free.forEach((i, k) => { for (let j = 0; j < k; j++) M[k * n + j] = A[i * m + free[j]]; M[k * n + k] = A[i * m + i] + c[i] * law.slope(s.v[i], law.piece(s.v[i], s.down[i] <= 0 ? 1 : -1)); });
-    if (!TC.cholesky(M, n)) return null;
-    TC.backsolve(M, n, free.map((i) => -s.down[i])).forEach((x, k) => { d[free[k]] = x; });
+    const step = TC.positive(M, n, free.map((i) => -s.down[i]));
+    if (!step) return null;
+    step.forEach((x, k) => { d[free[k]] = x; });
     for (let i = 0; i < m; i++) if (law.onJump(s.v[i]) && (d[i] > 0 ? s.right[i] : -s.left[i]) > 0) d[i] = 0;
     const target = (length) => s.v.map((x, i) => (d[i] > 0 ? Math.min(x + length * d[i], law.nextUp(x, 1)) : d[i] < 0 ? Math.max(x + length * d[i], law.nextUp(x, -1)) : x));
     for (let h = 0; h <= 6; h++) { const next = state(target(0.5 ** h)); if (next.residual < 0.9 * s.residual) return next; }
