@@ -13,6 +13,7 @@ import re
 import shutil
 import stat
 import tempfile
+import time
 import zlib
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -32,6 +33,9 @@ LONGEST_NAME = 255 - 32
 
 ROOM = 3
 """Free disk that must be there, as a multiple of the expected file (old and new stand side by side)."""
+
+STALE = 3600.0
+"""Seconds without a byte more after which nobody is at work on a file."""
 
 PROTECTED = "the file is write-protected"
 
@@ -69,7 +73,8 @@ def replace_file(path: Path, make: Callable[[Path], object], kept: str = "", sea
 def aside_of(path: Path) -> Path:
     """Where this process writes the file that is to take the place of `path`."""
     target = Path(os.path.realpath(path))
-    return target.with_name(f".{target.name}.{_host()}-{os.getpid()}.tmp")
+    host = f"{zlib.crc32(platform.node().encode()):08x}"  # processes of several machines may have one number
+    return target.with_name(f".{target.name}.{host}-{os.getpid()}.tmp")
 
 
 def check_writable(path: Path, expected_bytes: int | None = None) -> list[str]:
@@ -155,34 +160,15 @@ def special_file(path: Path) -> str:
 
 
 def remove_stale(path: Path, alone: bool = False) -> None:
-    """Remove what killed writers of `path` on this machine left aside; of any writer for the holder of its lock."""
+    """Remove what killed writers of `path` left aside: what has not grown for STALE seconds, or, for the holder of the
+    lock of `path`, all of it."""
     target = Path(os.path.realpath(path))
-    left = re.compile(rf"\.{re.escape(target.name)}\.(?:([0-9a-f]{{8}})-)?([0-9]{{1,10}})(?:\.\w{{8}})?\.tmp")
+    left = re.compile(rf"\.{re.escape(target.name)}\.[0-9a-f]{{8}}-[0-9]{{1,10}}\.tmp")
     for name in os.listdir(target.parent) if target.parent.is_dir() else ():
-        if (match := left.fullmatch(name)) and (
-            alone or (match[1] in (None, _host()) and not _is_alive(int(match[2])))
-        ):
-            stale = target.with_name(name)
-            with suppress(OSError):
-                shutil.rmtree(stale) if stale.is_dir() and not stale.is_symlink() else stale.unlink()
-
-
-def _host() -> str:
-    """Eight signs for this machine, as process numbers of others say nothing here."""
-    return f"{zlib.crc32(platform.node().encode()):08x}"
-
-
-def _is_alive(process: int) -> bool:
-    """Whether a process of this number works on this machine; true where the system cannot be asked."""
-    if os.name == "nt":  # to ask there is to end it
-        return True
-    try:
-        os.kill(process, 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except PermissionError:
-        return True
-    return True
+        stale = target.with_name(name)
+        with suppress(OSError):
+            if left.fullmatch(name) and (alone or time.time() - stale.stat().st_mtime > STALE):
+                stale.unlink()
 
 
 def sync_directory(directory: Path) -> None:

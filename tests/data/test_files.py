@@ -143,21 +143,15 @@ def test_names_that_no_result_can_have(tmp_path: Path, name: str, part: str) -> 
 
 
 def test_what_killed_writers_left_goes_and_what_others_write_stays(output: Path, study: Study) -> None:
-    ended = subprocess.Popen([sys.executable, "-c", ""])
-    ended.wait()
     host = files.aside_of(output).name.split(".")[-2].partition("-")[0]
     output.parent.mkdir()
-    dead = [f".{output.name}.{host}-{ended.pid}.tmp", f".{output.name}.{ended.pid}.tmp"]
-    others = [
-        f".{output.name}.{host}-{os.getppid()}.tmp",
-        f".{output.name}.00000000-{ended.pid}.tmp",
-        f".{output.name}.more.nc.{host}-{ended.pid}.tmp",
-        f"{output.name}.{ended.pid}.tmp",
-    ]
-    for name in (*dead, *others):
+    dead, at_work = f".{output.name}.{host}-7.tmp", f".{output.name}.00000000-7.tmp"
+    others = [f".{output.name}.more.nc.{host}-7.tmp", f"{output.name}.7.tmp"]
+    for name in (dead, at_work, *others):
         (output.parent / name).touch()
-    folder = output.parent / f".{output.name}.{host}-{ended.pid}.abcd_123.tmp"
-    folder.mkdir()
-    (folder / "0.nc").touch()
+        if name != at_work:
+            os.utime(output.parent / name, (0.0, 0.0))
     write(output, study, [], [])
+    assert sorted(os.listdir(output.parent)) == sorted([output.name, at_work, *others])
+    files.remove_stale(output, alone=True)
     assert sorted(os.listdir(output.parent)) == sorted([output.name, *others])
