@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tcstudy.errors import StudyError
-from tcstudy.read.study import read_study_text
+from tcstudy.read.study import read_study, read_study_text
 from tcstudy.scene.study import Study
 from tcstudy.study.fit import fit, model_of
 
@@ -73,3 +73,17 @@ def test_what_is_wrong_with_a_test_is_said_at_its_place(tmp_path: Path) -> None:
         with pytest.raises(StudyError) as info:
             bars(tmp_path, BAR + SHORT.replace(old, new))
         assert said in str(info.value).replace(f"{tmp_path}/", ""), str(info.value)
+
+
+def test_the_same_test_twice_halves_the_covariance_also_along_a_path() -> None:
+    """Distances to the curve through a snap-back; curves of two tests lie apart in the file."""
+    config = Path(__file__).parents[2] / "configs" / "pull_fit.yaml"
+    columns = '{boundary.grip.u_x: "Delta [mm]", friction_resultant: "P [N/mm]"}'
+    again = f"fit.tests=[{{data: {{file: pull_fit.csv, columns: {columns}}}}}]"
+    once, twice = (fit(read_study(config, ["mesh.maxh=10 mm", "fit.starts=1", *more])) for more in ([], [again]))
+    assert twice.values["estimate"] == pytest.approx(once.values["estimate"], rel=1e-3)
+    assert 2.0 * twice.values["covariance"] == pytest.approx(once.values["covariance"], rel=0.01)
+    curve, folds = twice.values["curve_given"], twice.values["fold_vertex"]
+    [gap] = np.isnan(curve).nonzero()[0].tolist()
+    assert np.array_equal(curve[:gap], curve[gap + 1 :])
+    assert np.array_equal(folds[: len(folds) // 2] + gap + 1, folds[len(folds) // 2 :])

@@ -76,8 +76,9 @@ def _curve(data: Any, i: int) -> Panel:
     x, y, at, fitted, noise = (data[name].values[own] for name in names)
     error = BAND * prediction_error(data)[own]
     label = style.symbol(given[0][0]) if given else "datum"
-    title = style.plain(measured[i][0]) if i else measured[i][0]
-    panel = Panel(scale(label, x, given[0][1] if given else "1"), scale(NAMES.get(title, title), y, measured[i][1]))
+    what, _, file = measured[i][0].partition(" in ")  # of several tests
+    title = NAMES.get(what, style.plain(what)) + (f", {style.plain(file)}" if file else "")
+    panel = Panel(scale(label, x, given[0][1] if given else "1"), scale(title, y, measured[i][1]))
     spread = float(data.attrs["given_noise"]) if path else 0.0
     if path:
         curve = np.stack([data["curve_given"].values, data["curve_measured"].values])
