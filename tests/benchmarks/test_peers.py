@@ -9,11 +9,11 @@ import pytest
 import xarray as xr
 
 from tests.benchmarks import peers
-from tests.benchmarks.measure import NOT_RUN, RETURNED, TIME_LIMIT, Limits, measure
-from tests.benchmarks.methods import PEERS, TOLERANCE, Attempt, Peer
+from tests.benchmarks.measure import NOT_RUN, RETURNED, Limits, measure
+from tests.benchmarks.methods import PEERS, TOLERANCE
 from tests.benchmarks.problems import cases
 from tests.benchmarks.semismooth import SemismoothNewton
-from tests.benchmarks.summary import markdown, solved, wrong_claims
+from tests.benchmarks.summary import solved, wrong_claims
 from tests.contact.contact_cases import independent_residual
 
 SMALL = Limits(solve=30.0, budget=30.0, repeats=2)
@@ -37,32 +37,6 @@ def test_a_plain_claim_is_refuted(data: xr.Dataset) -> None:
     """Powell stops with success=True on every one of these; none is a solution."""
     wrong, claims = wrong_claims(data, "Powell")
     assert wrong == claims == int(np.sum(data["end"].sel(solver="Powell") == RETURNED)) > 0
-
-
-def test_liars_and_loiterers_are_found_out() -> None:
-    """A method that claims success at its start, and one that runs out of time and is not asked again."""
-    families = list(cases((20, 21), 2, body_levels=0))
-    liar = Peer("liar", lambda problem, x0, deadline: Attempt(x0, True))
-    slow = Peer("slow", lambda problem, x0, deadline: Attempt(x0, False, out_of_time=True))
-    honest = PEERS[0]
-    data = measure(families, (honest, liar, slow), SMALL)
-    count = data.sizes["case"]
-    assert wrong_claims(data, "liar") == (count, count)
-    assert wrong_claims(data, honest.name) == (0, count)
-    small = data["m"].values == 20
-    assert np.all(data["end"].sel(solver="slow").values[small] == TIME_LIMIT)
-    assert np.all(data["end"].sel(solver="slow").values[~small] == NOT_RUN)
-    assert "| slow | 0/" in markdown(data)
-    assert "| – |" in markdown(data)
-
-
-def test_body_is_a_condensed_one_that_both_of_ours_solve() -> None:
-    """The rectangle's λ₁ on its coarsest mesh; the finest is too slow for a test."""
-    (family,) = cases((), 2, body_levels=1)
-    assert family[0].problem.lambda_1 == pytest.approx(0.4162, abs=2e-3)
-    data = measure([family], PEERS[:2], SMALL)
-    assert all(solved(data, peer.name) == (2, 2) for peer in PEERS[:2])
-    assert float(data["energy_gap"].max()) <= 1e-9
 
 
 def test_semismooth_newton_ends_exactly_or_says_that_it_cycles() -> None:

@@ -11,7 +11,6 @@ from tcstudy.contact.block import solve_block
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.status import Status
-from tcstudy.scene.study import NEIGHBOUR
 from tests.contact import contact_cases as cases
 from tests.contact.rows import block, single, solve_points, some_laws
 
@@ -51,19 +50,6 @@ def test_laws_by_node_agree_with_laws_by_row() -> None:
     by_node = solve_block(body, loads, tables.at(np.repeat(law[:, None], body.m, axis=1)))
     np.testing.assert_allclose(by_node.energy, by_row.energy, rtol=1e-11, atol=1e-14)
     assert np.array_equal(by_node.certificate.global_minimum, by_row.certificate.global_minimum)
-
-
-def test_branch_continued_begins_from_its_neighbours() -> None:
-    laws = [cases.slip_weakening(1.0, 0.2, 0.05)]
-    body, loads, tables, _ = block(20, laws, 1)
-    rows, v = tables.at([[0]]), None
-    for p, size in enumerate(np.linspace(0.2, 3.0, 12)):
-        near = None if v is None else v[None]
-        answers = solve_block(body, size * loads, rows, "continued", neighbours=near)
-        expected = solve_contact(single(body, size * loads[0], laws[0]), branch="continued", neighbour=v)
-        v = expected.v
-        np.testing.assert_allclose(answers.v[0], v, atol=1e-9 * np.max(np.abs(v)))
-        assert answers.start[0] == expected.start == (0 if p == 0 else NEIGHBOUR)
 
 
 def test_what_rounding_hides_is_judged_and_reported() -> None:

@@ -74,18 +74,6 @@ def test_bend_bounds_every_sampled_quotient(smooth: bool) -> None:
             assert not 0.1 < bend < np.inf or sampled >= bend * (0.9 if smooth else 0.99)
 
 
-@pytest.mark.parametrize("smooth", [False, True])
-def test_integral_of_the_law(smooth: bool) -> None:
-    """∫ b between any two slips, kinks included, against Gauss–Legendre quadrature."""
-    for seed in range(30):
-        rng = np.random.default_rng([seed, int(smooth), 7])
-        law = cases.random_law(rng, 1.0, 9, smooth)
-        points = np.unique(np.concatenate([rng.uniform(law.kinks[0] - 1.0, law.kinks[-1] + 1.0, 12), law.kinks]))
-        j = quadrature(law, points)
-        x, y = (a.ravel() for a in np.meshgrid(np.arange(len(points)), np.arange(len(points))))
-        assert np.allclose(law.integral(points[x], points[y]), j[y] - j[x], rtol=0.0, atol=1e-9)
-
-
 def quadrature(law: Laws, points: np.ndarray) -> np.ndarray:
     """∫₀ˢ b at increasing points by Gauss–Legendre between neighbours, cut at the kinks."""
     cuts = np.unique(np.concatenate([points, law.kinks, [0.0]]))

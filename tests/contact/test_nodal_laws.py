@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.convex_step import convex_step
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.contact.status import Status
 from tcstudy.laws.composed import nodal
@@ -43,16 +42,6 @@ def test_one_law_given_by_node_is_that_law(solver: str, smooth: bool) -> None:
         flags = ("residual", "omega", "convex", "unique", "strict_minimum", "global_minimum")
         assert all(getattr(proved, flag) == getattr(again, flag) for flag in flags)
         np.testing.assert_allclose(again.margin, proved.margin, rtol=1e-9)
-
-
-def test_the_convex_model_of_laws_that_rise_is_the_problem_itself() -> None:
-    A_tilde, c = cases.half_laplacian(30)
-    laws = [tresca(1.0), cases.spring(2.0), NONE, cases.linear_law("bed", [-1.0, 1.0], [-1, 2], [-1, 2], (0.5, 3.0))]
-    law = nodal(laws, np.arange(30) // 8, np.linspace(0.5, 2.0, 30))
-    problem = ContactProblem(A_tilde, c * np.linspace(-1.0, 4.0, 30), c, law)
-    found = convex_step(problem, np.zeros(30))
-    assert found is not None
-    np.testing.assert_allclose(found, solve_contact(problem).v, atol=1e-9)
 
 
 def test_all_nodes_alike_are_one_law() -> None:

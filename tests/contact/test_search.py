@@ -118,21 +118,3 @@ def test_convexified_start_knows_when_it_is_the_lowest() -> None:
 
     assert lowest(cases.slip_weakening(1.0, 0.1, 0.01))
     assert not lowest(down_jumps(0.6, 10))
-
-
-def test_nonconvexity_is_let_in_step_by_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Falls of the convexified laws: below λ₁, then four times as steep each time."""
-    A_tilde, c = cases.half_laplacian(30)
-    problem = ContactProblem(A_tilde, c * 1.4, c, down_jumps(0.6, 10))
-    falls: list[float] = []
-    original = search.moreau_envelopes
-
-    def envelopes(laws: Laws, kappa: float) -> object:
-        falls.append(kappa)
-        return original(laws, kappa)
-
-    monkeypatch.setattr(search, "moreau_envelopes", envelopes)
-    search.envelope_starts(problem.rows, np.zeros((1, 30)))
-    assert len(falls) >= 2
-    assert falls[0] < problem.lambda_1
-    assert np.array(falls[1:]) == pytest.approx(4.0 * np.array(falls[:-1]), rel=1e-9)

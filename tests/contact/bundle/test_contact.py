@@ -108,13 +108,6 @@ def test_every_law_is_solved_from_zero(kind: str, ratio: float) -> None:
             assert answer.energy == pytest.approx(solve_contact(problem).energy, rel=1e-11, abs=1e-14)
 
 
-def test_two_hundred_nodes() -> None:
-    problem = problem_of("slip-weakening", 200, 2.0, 2.0)
-    answer = solve_contact(problem, "bundle-newton", TOLERANCE, branch="from-zero")
-    assert answer.status == Status.CONVERGED, answer.reason
-    assert cases.independent_residual(problem, answer.v) <= TOLERANCE
-
-
 def test_iterations_of_the_plain_method_grow_with_the_sticking_nodes() -> None:
     """n_s + 1 subgradients are the least that can prove stationarity; measured 2 to 3 n_s."""
     sticking, iterations = list[int](), list[int]()
@@ -127,18 +120,6 @@ def test_iterations_of_the_plain_method_grow_with_the_sticking_nodes() -> None:
                 iterations.append(solve_with_bundle(problem, np.zeros(m), inclusion=None, tolerance=1e-10).iterations)
     assert np.all(np.array(iterations) >= sticking)
     assert 1.0 <= np.polyfit(np.array(sticking), np.array(iterations), 1)[0] <= 4.0
-
-
-def test_identification_only_adds_digits() -> None:
-    """It ends the run earlier than the plain method, on the same solution."""
-    problem = problem_of("slip-weakening", 50, 0.5, 2.0)
-    plain, ended = (solve_with_bundle(problem, np.zeros(50), inclusion=inclusion) for inclusion in (None, 1e-12))
-    assert plain.converged
-    assert ended.converged
-    assert "active pieces" in ended.reason
-    assert ended.iterations < plain.iterations
-    assert np.allclose(ended.x, plain.x, rtol=0, atol=1e-6 * np.max(np.abs(plain.x)))
-    assert ended.f == pytest.approx(plain.f, rel=1e-10)
 
 
 def test_iteration_limit_is_a_status_with_a_reason() -> None:

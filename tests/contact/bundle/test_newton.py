@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
-from itertools import pairwise
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tcstudy.contact.bundle.model import Bundle, smoothly_joined
 from tcstudy.contact.bundle.newton import BundleNewton, Oracle, State
 from tcstudy.contact.bundle.simplex_qp import direction, positive_definite
 from tcstudy.contact.status import Outcome, Status
@@ -96,18 +93,6 @@ def test_reset_repairs_stationarity_that_remote_pieces_pretend(name: str) -> Non
     assert error(outcome, problem) <= ACCURACY
 
 
-def test_searches_nearby_without_success_are_reported() -> None:
-    """A state that is stationary by remote pieces only, as if it had been searched many times already."""
-    problem, method, states = PROBLEMS[NAMES.index("HS78")], BundleNewton(gamma=0.0), list[State]()
-    method.run(problem.oracle, problem.x0, watch=states.append)
-    state = next(x for x in states if x.accuracy <= method.tolerance and np.any(method.remote(x)))
-    assert method.verdict(state) is None
-    stuck = method.verdict(replace(state, resets=1000))
-    assert stuck is not None
-    assert stuck[0] == Status.STALLED
-    assert "tolerance" in stuck[1]
-
-
 def scaled(oracle: Oracle, a: float, b: float) -> Oracle:
     """a·f(x/b)."""
 
@@ -143,13 +128,6 @@ def test_binary_scaling_is_exact(problem: Reference, a: float, b: float) -> None
         assert np.allclose(q.x / b, p.x, rtol=0, atol=1e-10 * np.linalg.norm(p.x))
     assert abs(len(own) - len(other)) <= max(2, 0.2 * len(own))
     assert abs(other[-1].f / a - problem.f_star) <= ACCURACY * (1 + abs(problem.f_star))
-
-
-def test_value_never_rises_and_every_step_costs_at_most_one_evaluation() -> None:
-    states = centres(PROBLEMS[13].oracle, PROBLEMS[13].x0)
-    assert all(q.f <= p.f for p, q in pairwise(states))
-    assert all(q.evaluations - p.evaluations in (0, 1) for p, q in pairwise(states))
-    assert all((q.kind == "reset") == (q.evaluations == p.evaluations) for p, q in pairwise(states))
 
 
 @pytest.mark.parametrize("name", ["Maxl", "Maxq", "Rosenbrock"])
@@ -199,17 +177,6 @@ def test_iteration_limit_says_what_to_try() -> None:
     assert "max_iterations" in outcome.reason
 
 
-def test_quadratic_programmes_count_against_the_iteration_limit() -> None:
-    """A run whose steps took more than they may on average ends, with what to try."""
-    method, state = BundleNewton(max_iterations=3), plain(1)[0]
-    assert method.verdict(state) is None
-    ended = method.verdict(replace(state, factorisations=1000))
-    assert ended is not None
-    assert ended[0] == Status.ITERATION_LIMIT
-    assert "quadratic programmes" in ended[1]
-    assert "max_iterations" in ended[1]
-
-
 def test_direction_with_slopes_of_many_sizes_and_twelve_almost_equal_pieces() -> None:
     """Orthogonal slopes, where all but the steepest lie far below: the answer in closed form."""
     sizes = np.sqrt(np.concatenate([[0.0], np.full(11, 1e-8), [1e-7, 1e-3, 1.0, 1e4]]))
@@ -217,15 +184,3 @@ def test_direction_with_slopes_of_many_sizes_and_twelve_almost_equal_pieces() ->
     lam, q = direction(c, np.diag(sizes), np.zeros(16), positive_definite(np.zeros((16, 16)), 1.0, 1e-8, 0.0), c * 0)
     assert lam.sum() == pytest.approx(1.0, abs=1e-12)
     assert 0.5 * q @ q + np.max(c + sizes * q) == pytest.approx(-25.0 + 25.0**2 / (2 * 1e4), rel=1e-8)
-
-
-def test_smoothness_between_two_points() -> None:
-    def pieces(kink: bool, *points: float) -> Bundle:
-        x = np.array(points)
-        f, g, G = (np.abs(x), np.sign(x), 0.0 * x) if kink else (x**4, 4 * x**3, 12 * x**2)
-        return Bundle(x[:, None], f, g[:, None], G[:, None, None])
-
-    assert smoothly_joined(pieces(False, 0.3), pieces(False, 1.0))[0]
-    assert smoothly_joined(pieces(True, 0.2), pieces(True, 0.7))[0]
-    kinks = smoothly_joined(pieces(True, -1.0, -0.3, 0.3), pieces(True, 1.0))
-    assert kinks.tolist() == [False, False, True]
