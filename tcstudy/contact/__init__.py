@@ -1,7 +1,7 @@
 """Contact problems on plain arrays, one or many on one body at once: solvers, certificates, paths of solutions.
 
 problem             the problem, one or rows of them on one body, and the test of its solutions
-extended, active_set  that test in two doubles; from an approximate solution to an exact one
+extended, active_set  that test in two doubles; from an approximate solution to an exact one, in one or in two
 contact, block      the doors for one problem and for many of one body: all starts, the judgement
 descent, newton, convex_step  from a start to a minimum; bundle/ the general method
 search, envelopes   starts from which descent finds less energy
