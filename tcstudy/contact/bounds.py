@@ -247,21 +247,17 @@ def rising_zeros(
 
 
 def least_slopes(laws: Laws, low: Array, high: Array) -> Array:
-    """inf (b(s₁) − b(s₂))/(s₁ − s₂) over [low, high]: −∞ with a down-jump in it (shape of low) [Pa/m]."""
-    tables, law = laws.tables, laws.index
-    least = np.full(low.shape, np.inf)
-    for piece in range(tables.q.shape[1]):
-        first, last = (tables.lower[:, piece])[law], (tables.upper[:, piece])[law]
-        met = (low <= last) & (first <= high)
-        if tables.piecewise_linear:
-            np.minimum(least, tables.q[:, piece][law], out=least, where=met)
-        elif np.any(met):
-            address = np.broadcast_to((tables.first + piece)[law], low.shape)[met]
-            for s in (np.maximum(low, first)[met], np.minimum(high, last)[met]):
-                least[met] = np.minimum(least[met], tables.slope(s, address))
-    for kink in np.flatnonzero(np.any(tables.kinds == DOWN, axis=0)):
-        s = np.where(tables.kinds[:, kink] == DOWN, tables.kinks[:, kink], np.nan)[law]
-        least[(low <= s) & (s <= high)] = -np.inf
+    """inf (b(s₁) − b(s₂))/(s₁ − s₂) over [low, high]: −∞ with a down-jump in it (shape of low) [Pa/m].
+
+    b′ is monotone on a piece: the least is at an end of the interval or beside a kink in it.
+    """
+    tables, law, ends = laws.tables, laws.index, [laws.locate(s) for s in (low, high)]
+    least = np.minimum(laws.slope(low, ends[0].piece + ends[0].on), laws.slope(high, ends[1].piece))
+    before, after = tables.end_slopes[1][:, :-1], tables.end_slopes[0][:, 1:]
+    beside = np.where(tables.kinds == DOWN, -np.inf, np.minimum(before, after))
+    for s, slope in zip(tables.kinks.T, beside.T, strict=True):
+        own = s[law]
+        np.minimum(least, slope[law], out=least, where=(low <= own) & (own <= high))
     return least
 
 

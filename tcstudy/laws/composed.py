@@ -83,7 +83,7 @@ def row_laws(laws: Sequence[Laws], factor: Array) -> Laws:
     known: dict[tuple[int, float], int] = {}  # by identity: a sweep shares its laws, and equal ones only cost time
     rows = [known.setdefault((id(law), f), len(known)) for law, f in zip(laws, factor.tolist(), strict=True)]
     own = [(laws[row], float(factor[row])) for row in np.unique(rows, return_index=True)[1]]
-    scaled = [law if f == 1.0 else law.scaled(1.0, f) for law, f in own]
+    scaled = [law if f == 1.0 else law.placed(1.0 / f) for law, f in own]
     m = max((len(law.index) for law in scaled if not law.one), default=1)
     tables: list[Laws] = []
     index = np.empty((len(scaled), m), dtype=np.intp)

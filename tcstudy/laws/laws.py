@@ -251,31 +251,22 @@ class Laws(LawPieces):
         return found.known(kind_above=np.ascontiguousarray(kinds), scales=self.scales, falls=self.falls)
 
     def placed(self, strength: float = 1.0, stretch: float = 1.0, moved: float = 0.0) -> Laws:
-        """The laws strength · b((s − moved)/stretch)."""
-        if (strength, stretch, moved) == (1.0, 1.0, 0.0):
-            return self
-        return self.changed(lambda s: s * stretch + moved, strength, stretch)
-
-    def scaled(self, s_unit: float, b_unit: float) -> Laws:
-        """The same laws with slips measured in s_unit and tractions in b_unit."""
-        return self.changed(lambda s: s / s_unit, 1.0 / b_unit, 1.0 / s_unit)
-
-    def changed(self, change: Callable[[Array], Array], strength: float, stretch: float) -> Laws:
-        """The laws with other slips and `strength` times b.
+        """The laws strength · b((s − moved)/stretch).
 
         A narrow piece whose ends are rounded keeps the values there: slope and rate follow its width. Two kinks that
         become one are a jump.
         """
+        if (strength, stretch, moved) == (1.0, 1.0, 0.0):
+            return self
         if not self.one:
-            return self.mapped(lambda law: law.changed(change, strength, stretch))
-        kinks = change(self.kinks)
+            return self.mapped(lambda law: law.placed(strength, stretch, moved))
+        kinks, s_0 = (s * stretch + moved for s in (self.kinks, self.s_0))
         width, rounded = np.diff(self.kinks) * stretch, np.diff(kinks)
         ends = [[1.0 / stretch]] * min(len(kinks), 1)
         rate = np.concatenate([[1.0 / stretch], width / np.where(rounded > 0.0, rounded, width) / stretch, *ends])
         kept = np.concatenate([[True], rounded > 0.0, [True]])[: len(self.q)]
-        columns = [change(self.s_0), self.b_0 * strength, self.q * strength * rate]
-        for k, part in enumerate(self.pieces[3:]):
-            columns.append(part * rate if k % 2 else part * strength)
+        columns = [s_0, self.b_0 * strength, self.q * strength * rate]
+        columns += [part * (rate if k % 2 else strength) for k, part in enumerate(self.pieces[3:])]
         return Laws(self.name, kinks[kept[1:]], *(column[kept] for column in columns))
 
     def times(self, strength: float) -> Laws:

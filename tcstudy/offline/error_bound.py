@@ -91,7 +91,7 @@ class ErrorBounds:
         (dual, factor), load = self.level.dual(scene), self._load(scene)
         key = scene.material.mu / factor, self.level.ratio(scene)
         body = self._bodies.get(key, lambda: CondensedBody.of(dual.A_hat, dual.c))
-        law = law if factor == 1.0 else law.scaled(1.0, factor)
+        law = law if factor == 1.0 else law.placed(1.0 / factor)
         at_gauss = law.tables.at(np.repeat(np.broadcast_to(law.index, len(dual.c) // 2), 2)[None])
         found = solve_block(body, load.forward.l_tilde[None] / factor, at_gauss, "from-zero", prove=False)
         scaled = ForwardLoad(load.forward.l_tilde[:, None], load.forward.rows / factor)

@@ -141,7 +141,7 @@ def rescaled(problem: ContactProblem, s_unit: float, b_unit: float, x_unit: floa
         problem.A_tilde * (s_unit / b_unit / x_unit),
         problem.l_tilde / (b_unit * x_unit),
         problem.c / x_unit,
-        problem.law.scaled(s_unit, b_unit),
+        problem.law.placed(1.0 / b_unit, 1.0 / s_unit),
     )
 
 

@@ -90,7 +90,7 @@ def test_other_units() -> None:
     law = cases.random_law(np.random.default_rng(4), 3.0, 11)
     hull, bridges = envelope(law, 6.0)
     s_unit, b_unit = 2.0**-30, 2.0**30
-    other, scaled = envelope(law.scaled(s_unit, b_unit), 6.0 * s_unit / b_unit)
+    other, scaled = envelope(law.placed(1.0 / b_unit, 1.0 / s_unit), 6.0 * s_unit / b_unit)
     assert scaled * s_unit == pytest.approx(bridges, rel=1e-12)
     assert other.b_0 * b_unit == pytest.approx(hull.b_0, rel=1e-12)
 

@@ -124,7 +124,7 @@ def test_omega_is_the_steepest_fall(law: Laws) -> None:
 @everywhere
 def test_scaled_is_the_same_law_in_other_units(law: Laws) -> None:
     s_unit, b_unit = 3e-5, 7e6
-    other = law.scaled(s_unit, b_unit)
+    other = law.placed(1.0 / b_unit, 1.0 / s_unit)
     s = slips(law)
     s = s[np.min(np.abs(s[:, None] - law.kinks), axis=1, initial=np.inf) > 1e-12 * reach(law)]
     size = float(np.abs(law.b(s)).max())

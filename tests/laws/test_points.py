@@ -58,10 +58,10 @@ def test_other_units_keep_the_values_at_the_ends_of_narrow_pieces() -> None:
     """Divided by a unit, points one rounding apart may coincide: then the piece is a jump between the same values."""
     for seed in range(30):
         law = SHAPES["piecewise-linear"].build(points=close_points(np.random.default_rng([seed, 1]), True))
-        other = law.scaled(3.0e-5, 7.0e6)
+        other = law.placed(1.0 / 7.0e6, 1.0 / 3.0e-5)
         size = float(np.max(np.abs(law.b_left)))
         assert np.all(np.diff(other.kinks) > 0)
         for kink, left, right in zip(law.kinks, law.b_left, law.b_right, strict=True):
-            low, high = other.interval(kink / 3.0e-5)
+            low, high = other.interval(kink * (1.0 / 3.0e-5))
             assert float(low) * 7.0e6 <= min(left, right) + 1e-15 * size
             assert float(high) * 7.0e6 >= max(left, right) - 1e-15 * size
