@@ -4,10 +4,11 @@
   1. rests the nodes whose one-sided slopes hold them on an up-jump (left ≤ 0 ≤ right),
   2. solves Newton's equations on the pieces of all others (newton.py),
   3. goes along that direction, each node stopping on the first up-jump it would cross, and accepts by Armijo's
-     rule on the exact energy difference;
-  4. if the path gives no decrease within a few halvings, or after several steps that were shortened, goes towards the
-     minimum of a convex model that lies above L̃ (convex_step), by interior points: under thin layers, and where Ã is
-     dense and badly conditioned, step 3 settles few nodes at a time.
+     rule on the exact energy difference; if the path gives no decrease within a few halvings,
+  4. minimises node by node along the descending one-sided slopes, which always lowers the energy,
+  5. after several steps that were shortened or node by node goes to the minimum of a convex model (convex_step), by
+     interior points: under thin layers, and where Ã is dense and badly conditioned, steps 3 and 4 settle few nodes at a
+     time.
 Every accepted step lowers L̃, so no iterate returns and cycles are impossible. Where energies can no longer tell two
 points apart the residual judges, and a row ends with the best point that it has seen. A point at which no node descends
 is first-order stationary in every direction, because L̃′(v; d) is the sum of the nodes' one-sided slopes; one that fails
@@ -32,6 +33,7 @@ from numpy.typing import NDArray
 from tcstudy.contact.convex_step import convex_step
 from tcstudy.contact.newton import ROUNDINGS, Slopes, directions, leave_saddles, slopes
 from tcstudy.contact.problem import ContactProblem
+from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import Place
 
 Array = NDArray[np.float64]
@@ -52,9 +54,12 @@ descent over no barrier whole steps that do not lower the residual count as well
 _POLISHED = 3
 """Steps at rounding level that may follow each other as long as they lower the residual."""
 _PATIENCE, _PUT_OFF = 6, 20
-"""Shortened steps before the minimum of a convex model is gone to, and more of them where that was of no use."""
+"""Slow steps (shortened, node by node) before the minimum of a convex model is gone to, and more of them where that was
+of no use."""
 _CREEPS, _LONGER = 20, 4
 """Steps of a descent over no barrier after which it is helped out of flat places, and how much longer it may take."""
+_MAJORANT_STEPS = 8
+"""With a curvature majorant inside an exponential piece, where each descends."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +125,7 @@ def _descend(rows: ContactProblem, start: Array, tolerance: float, careful: bool
             for i in np.flatnonzero(~level):
                 row = rows.take(np.array([i]))
                 target = _to_the_end(row, v[i], s.take(np.array([i])), new[i])
-                new[i] = _first_rest(rows.single(int(i)), v[i], xi[i], target)
+                new[i] = _first_rest(rows.single(int(i)), v[i], xi[i], s.descent[i], target)
                 if step % _CREEPS == _CREEPS - 1:
                     new[i] = _out_of_flat(row, v[[i]], xi[[i]], s.take(np.array([i])))
         v, polished, slow = new, np.where(level, polished + 1, 0), np.where(whole, 0, slow + 1)
@@ -156,8 +161,7 @@ def _step(rows: ContactProblem, v: Array, xi: Array, s: Slopes, careful: bool) -
         if not len(todo):
             break
     for i in todo:
-        lower = _on_model(rows.single(int(i)), v[i], xi[i])
-        new[i], level[i] = (v[i], True) if lower is None else (lower, False)
+        new[i] = descend_nodes(rows.single(int(i)), v[i], xi[i], s.descent[i])
     return new, level, whole, flat
 
 
@@ -221,12 +225,11 @@ def _out_of_flat(row: ContactProblem, v: Array, xi: Array, s: Slopes) -> Array:
     new, left = leave_saddles(row, v, xi, s)
     if left[0]:
         return np.asarray(new[0])
-    return _first_rest(row.single(0), v[0], xi[0], v[0] + _newton(row, v, s, careful=True)[0])
+    return _first_rest(row.single(0), v[0], xi[0], s.descent[0], v[0] + _newton(row, v, s, careful=True)[0])
 
 
-def _first_rest(problem: ContactProblem, v: Array, xi: Array, target: Array, final: bool = False) -> Array:
-    """Where on the straight way to `target` the energy first stops falling (m,); on that to the minimum of the convex
-    model if it rises at once, or v.
+def _first_rest(problem: ContactProblem, v: Array, xi: Array, descent: Array, target: Array) -> Array:
+    """Where on the straight way to `target` the energy first stops falling (m,); node by node if it rises at once.
 
     On straight pieces the slope of the energy along the way is a line between the kinks that nodes pass; a node that
     stops on a kink is there to the bit.
@@ -255,8 +258,58 @@ def _first_rest(problem: ContactProblem, v: Array, xi: Array, target: Array, fin
     if first[k] < 0.0:
         return np.asarray(v + (begins[k] - first[k] / curvature[k]) * step)
     if k == 0:
-        minimum = None if final else convex_step(problem, v)
-        return v if minimum is None else _first_rest(problem, v, xi, minimum, final=True)
+        return descend_nodes(problem, v, xi, descent)
     found = v + at[k - 1] * step
     found[node[k - 1]] = s[k - 1]
     return np.asarray(found)
+
+
+def descend_nodes(problem: ContactProblem, v: Array, xi: Array, descent: Array) -> Array:
+    """v after one Gauss–Seidel pass over the descending nodes, largest expected gain first (m,).
+
+    descent: the descending one-sided slopes at v (0 at rest) [N/m]
+    """
+    A_tilde, c, law = problem.A_tilde, problem.c, problem.law
+    diagonal = np.diagonal(A_tilde)
+    gain = descent**2 / diagonal
+    v, xi = v.copy(), xi.copy()
+    for node in map(int, np.argsort(-gain, kind="stable")[: np.count_nonzero(gain)]):
+        target = node_rest(law.single(node), float(v[node]), float(xi[node] / c[node]), float(diagonal[node] / c[node]))
+        xi -= A_tilde[node] * (target - v[node])
+        v[node] = target
+    return v
+
+
+def node_rest(law: Laws, s_0: float, traction: float, stiffness: float) -> float:
+    """Where ½ k (s − s₀)² − traction (s − s₀) + j(s), one node with all others held, first rests downhill from s₀.
+
+    A zero of its slope, or a jump behind which it climbs; exponential pieces stop short of the zero: the curvature
+    k + b′ is monotone on a piece, so that its larger end bounds it and no step passes a zero.
+
+    traction: ξ/c at s₀ [Pa];  stiffness: k = Ã_ii/c_i [Pa/m]
+    """
+
+    def climb(s: float, piece: int) -> float:
+        return float(law.value(s, piece)) + stiffness * (s - s_0) - traction
+
+    s, before, behind = s_0, int(law.piece(s_0, -1)), int(law.piece(s_0, +1))
+    left, right = climb(s, before), climb(s, behind)
+    if max(-right, left) <= 0.0:
+        return s
+    sign, piece = (1, behind) if -right >= left else (-1, before)
+    while True:
+        end = float(law.ends(np.asarray(piece))[sign > 0])
+        far = float(law.slope(end, piece)) if np.isfinite(end) else float(law.q[piece])
+        for _ in range(_MAJORANT_STEPS if law.bent[piece] else 1):
+            bound, downhill = stiffness + max(float(law.slope(s, piece)), far), -sign * climb(s, piece)
+            if downhill <= 0.0:
+                return s
+            if bound <= 0.0 or abs(end - s) * bound <= downhill:
+                s = end
+                break
+            s += sign * downhill / bound
+        if not np.isfinite(s):  # nothing holds the node
+            return s_0
+        if s != end or sign * climb(s, piece + sign) >= 0.0:
+            return s
+        piece += sign
