@@ -2,10 +2,10 @@
 
 Problems:  0 ∈ Ãv − l̃_p + ∂Ψ_p(v), Ψ_p(v) = Σ c_i j_p(v_i), p = 1..P with one Ã and c, own loads and laws
 Order:     1. unique or not, before any solution;
-           2. one descent of every point;
+           2. one descent of every point, nested over the coarse copies of the body that all points share;
            3. what is not unique: the certificate of a global minimum;
            4. what has neither: the search for less energy (neighbours, frictionless start, envelopes, other nodes);
-           5. what is not solved yet: the plain starts, zero and the frictionless solution.
+           5. what is not solved yet: the plain starts, zero and the frictionless solution, on the body itself.
 A block's numbers depend on its own points and their order only, not on what else is solved where.
 """
 
@@ -22,7 +22,7 @@ from tcstudy.contact.active_set import judge, polished
 from tcstudy.contact.all_solutions import Equilibria, of_rows
 from tcstudy.contact.boxes import Limits
 from tcstudy.contact.certificates import Certificate, Proofs, row_of
-from tcstudy.contact.descent import TOLERANCE, descend
+from tcstudy.contact.descent import TOLERANCE, descend, descend_nested
 from tcstudy.contact.problem import CondensedBody, ContactProblem, kept
 from tcstudy.contact.search import envelope_starts, move_starts
 from tcstudy.contact.status import Status
@@ -162,11 +162,11 @@ class SolutionBlock:
             self.offer(near[there], v[there], residual[there], NEIGHBOUR)
             self.begin_from(near[~there], v[~there], NEIGHBOUR)
         zero, minima = np.zeros((len(far), self.rows.body.m)), self.branch != "lowest"
-        self.begin_from(far, zero, ZERO, minima)
+        self.begin_from(far, zero, ZERO, nested=True, minima=minima)
 
-    def begin_from(self, points: Index, v: Array, start: int, minima: bool = True) -> Index:
+    def begin_from(self, points: Index, v: Array, start: int, nested: bool = False, minima: bool = True) -> Index:
         """Descend from v (n, m), keep and certify what has less energy, and return the points left without proof."""
-        ended = descend(self.smooth.take(points), v, self.aim, minima)
+        ended = (descend_nested if nested else descend)(self.smooth.take(points), v, self.aim, minima)
         self.offer(points, ended.v, ended.residual, start, ended.steps)
         return self.unproved(points)
 
@@ -208,7 +208,7 @@ class SolutionBlock:
             return
         points = self.begin_from(points, self.v[points], ZERO)
         frictionless = self.rows.l_tilde[points] @ self.rows.body.inverse
-        points = self.begin_from(points, frictionless, FRICTIONLESS)
+        points = self.begin_from(points, frictionless, FRICTIONLESS, nested=True)
         starts, done = envelope_starts(self.smooth.take(points), self.v[points])
         left = self.begin_from(points, starts, ESCAPE)
         self.move(np.setdiff1d(left, points[done]))
@@ -230,7 +230,7 @@ class SolutionBlock:
             points = self.unproved(np.flatnonzero(moved))
 
     def begin_elsewhere(self) -> None:
-        """What no start has solved from the plain ones."""
+        """What no start has solved from the other plain ones, without coarse copies."""
         body = self.rows.body
         for start in (ZERO,) if body.loose else (ZERO, FRICTIONLESS):
             points = np.flatnonzero(~self.solved)

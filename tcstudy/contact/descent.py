@@ -42,6 +42,7 @@ Flags = NDArray[np.bool_]
 
 TOLERANCE = 1e-12
 """Residual that descent aims at; what is accepted as a solution is up to tcstudy/scene/study.py."""
+_COARSE_TOLERANCE = 1e-6
 _STEPS, _SADDLES, _HALVINGS, _ARMIJO = 300, 20, 4, 1e-4
 """Steps at most, saddles that are left at most, step lengths 1, ½, ¼ … tried, and the share of the first-order decrease
 that a step must realise."""
@@ -131,6 +132,26 @@ def _descend(rows: ContactProblem, start: Array, tolerance: float, careful: bool
         v, polished, slow = new, np.where(level, polished + 1, 0), np.where(whole, 0, slow + 1)
         idle = np.where(flat | (whole & downhill), idle + 1, 0)
     return Descended(best, residual, taken)
+
+
+def descend_nested(
+    rows: ContactProblem,
+    start: Array,
+    tolerance: float = TOLERANCE,
+    minima: bool = False,
+    coarse: float = _COARSE_TOLERANCE,
+) -> Descended:
+    """`descend` from the interpolated solution of the coarser body where that has less energy than `start`, and so on.
+
+    coarse: tolerance on the coarser bodies
+    """
+    copies = rows.coarse()
+    if copies is not None:
+        ended = descend_nested(copies, start[:, ::2], max(tolerance, coarse), minima, coarse)
+        v = ended.v @ rows.body.P.T
+        lower = rows.energy(v) < rows.energy(start)
+        start = np.where(lower[:, None], v, start)
+    return descend(rows, start, tolerance, minima)
 
 
 def _step(rows: ContactProblem, v: Array, xi: Array, s: Slopes, careful: bool) -> tuple[Array, Flags, Flags, Flags]:

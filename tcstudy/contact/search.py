@@ -19,7 +19,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.contact.bounds import largest_push, rising_zeros, slip_of_slope
-from tcstudy.contact.descent import descend
+from tcstudy.contact.descent import descend, descend_nested
 from tcstudy.contact.envelopes import moreau_envelopes, on_tangent
 from tcstudy.contact.factors import factor_free
 from tcstudy.contact.newton import slopes
@@ -56,7 +56,10 @@ def envelope_starts(rows: ContactProblem, v: Array) -> tuple[Array, Flags]:
     while len(at):
         laws = moreau_envelopes(rows.law, kappa)
         smooth = ContactProblem.on(rows.body, rows.l_tilde, laws)
-        ended = descend(smooth, v, LOOSE, minima=not first)
+        nested = first and rows.body.shared
+        ended = (
+            descend_nested(smooth, v, LOOSE, coarse=LOOSE) if nested else descend(smooth, v, LOOSE, minima=not first)
+        )
         on_line = np.any(on_tangent(laws, kappa, ended.v), axis=1)
         found[at] = ended.v
         if first:

@@ -6,9 +6,9 @@ import pytest
 from tcstudy.contact.active_set import polished
 from tcstudy.contact.contact import nearest_minimum, solve_contact
 from tcstudy.contact.convex_step import convex_step
-from tcstudy.contact.descent import descend
+from tcstudy.contact.descent import Descended, descend, descend_nested
 from tcstudy.contact.newton import slopes
-from tcstudy.contact.problem import CondensedBody, ContactProblem
+from tcstudy.contact.problem import ContactProblem
 from tcstudy.contact.status import Status
 from tcstudy.laws.laws import Laws
 from tests.contact import contact_cases as cases
@@ -21,6 +21,10 @@ def solve(problem: ContactProblem, x0: Array | None = None) -> Array:
     v, _ = nearest_minimum(problem, np.zeros(problem.m) if x0 is None else x0, 1e-12)
     assert cases.independent_residual(problem, v) <= 1e-11
     return v
+
+
+def nested(problem: ContactProblem, x0: Array) -> Descended:
+    return descend_nested(problem.rows, x0[None])
 
 
 def one_node(law: Laws, load: float) -> ContactProblem:
@@ -71,12 +75,24 @@ def test_laws_without_kinks_zero_load_and_no_nodes() -> None:
     assert (empty.status, len(empty.v)) == (Status.CONVERGED, 0)
 
 
+def test_coarse_start_saves_steps_on_the_body_itself() -> None:
+    A_tilde, c = cases.half_laplacian(400)
+    x = np.linspace(0.0, 1.0, 400)
+    load = 1.05 * c * (0.7 + 0.6 * np.sin(np.pi * x) * np.cos(5 * np.pi * x) + 0.25 * np.cos(2 * np.pi * x))
+    problem = ContactProblem(A_tilde, load, c, cases.slip_weakening(1.0, 0.5, 0.05))
+    zero = np.zeros(400)
+    found, flat = nested(problem, zero), descend(problem.rows, zero[None])
+    assert max(found.residual[0], flat.residual[0]) <= 1e-12
+    assert found.steps[0] <= 4
+    assert found.steps[0] < flat.steps[0]
+    again = nested(problem, found.v[0])
+    assert np.array_equal(again.v, found.v)
+
+
 def test_failures_are_statuses_with_a_reason() -> None:
     law = cases.slip_weakening()
     indefinite = solve_contact(ContactProblem(np.diag([1.0, -1.0]), np.array([2.0, 2.0]), np.ones(2), law))
     assert indefinite.status == Status.NOT_POSITIVE_DEFINITE
-    with pytest.raises(ValueError, match="clamp it"):
-        CondensedBody.of(np.array([[1.0, -1.0], [-1.0, 1.0]]), np.ones(2))
     assert "clamp" in indefinite.reason
     infinite = ContactProblem(np.eye(2), np.array([np.nan, 1.0]), np.ones(2), law)
     assert solve_contact(infinite).status == Status.NOT_FINITE
