@@ -114,7 +114,8 @@ def responses(A: Array, free: Index, added: Array) -> Array | None:
 def best_places(laws: Laws, v: Array, force: Array, k: Array) -> tuple[Array, Array]:
     """(φ, s), shape of v: the least φ, 0 where nothing is gained, and where it is taken [Pa·m, m]."""
     tables, law, at = laws.tables, laws.index, laws.locate(v)
-    gain, place, reach = np.zeros(v.shape), v.copy(), (np.abs(force) + largest_push(tables)[law]) / k
+    gain, place = np.zeros(v.shape), v.copy()
+    reach = 2.0 * np.abs(v) + (np.abs(force) + largest_push(tables)[law]) / k  # friction opposes slip, but for its push
 
     def consider(s: Array) -> None:
         known = np.isfinite(s)
