@@ -12,7 +12,6 @@ import json
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -39,7 +38,7 @@ from tcstudy.scene.units import LENGTH, NONE, NUMBER
 NO_NOISE = "must be above 0", "give the standard deviation of the noise"
 Cells = list[tuple[Node, ...]]
 SHUFFLED = 4.0
-"""Way through the data over one from each to the nearest that is left, above which they are in no order."""
+"""Way through the data over the shortest tree of lines that joins them, above which they are in no order."""
 
 
 @none_after_fault
@@ -143,16 +142,15 @@ def _check(fields: Fields, plan: FitPlan) -> None:
 
 
 def _to_and_fro(plan: FitPlan) -> float:
-    """How much longer the way through the data is than one that goes to the nearest next."""
+    """How much longer the way through the data is than the shortest lines that join them all."""
+    from scipy.sparse.csgraph import minimum_spanning_tree
+    from scipy.spatial.distance import pdist, squareform
+
     points = np.array([plan.given[0].values, plan.measured[0].values])
     reach = np.ptp(points, axis=1, keepdims=True)
-    left = list((points / np.where(reach > 0.0, reach, 1.0)).T)
-    own = sum(float(np.linalg.norm(b - a)) for a, b in pairwise(left))
-    way, here = 0.0, left.pop(0)
-    while left:
-        far = np.linalg.norm(np.array(left) - here, axis=1)
-        here, way = left.pop(int(np.argmin(far))), way + float(far.min())
-    return own / way if way > 0.0 else 1.0
+    apart = squareform(pdist((points / np.where(reach > 0.0, reach, 1.0)).T))
+    shortest = float(minimum_spanning_tree(apart).sum())
+    return float(apart.diagonal(1).sum()) / shortest if shortest > 0.0 else 1.0
 
 
 def _columns(

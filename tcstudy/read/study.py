@@ -96,7 +96,7 @@ def _one_body(header: dict[str, Any], ctx: Context, root: Node, sweep: Sweep, sa
     root = with_swept_keys(without_loads(ctx, root, sweep) if root.child("exact") else root, sweep)
     Fields(ctx, root, "", REQUIRED)
     memory = root.at("history", "memory")
-    loose = memory is not None and {one.value for one in memory.children.values() or (memory,)} == {"friction"}
+    loose = memory is not None and all(one.value == "friction" for one in memory.children.values() or (memory,))
     reader = SceneReader(ctx, root, sweep, loose=loose)
     scenes = reader.read()
     ctx.errors.point = ""
