@@ -44,6 +44,11 @@ def test_rail_through_a_year(tmp_path: Path) -> None:
     assert "a closed loop: the last cycle leaves no slip behind; it dissipates 42" in said  # more than the virgin one
 
 
+def test_a_rail_on_cells_longer_than_it_is_high_is_followed_to_the_end(tmp_path: Path) -> None:
+    """Nodes push others on before the front comes to them: which of them turn back is a search."""
+    followed(tmp_path, "rail_year.yaml", "mesh.maxh=1 m", "history.repeat=1")
+
+
 def test_pipeline_walks_start_up_by_start_up(tmp_path: Path) -> None:
     """55.64603 mm a cycle at every point of the line, and nothing at 40 K."""
     data, said = followed(tmp_path, "pipeline_cycles.yaml", "history.repeat=3")

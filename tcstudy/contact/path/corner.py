@@ -11,6 +11,8 @@ or on the far one.
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -121,21 +123,70 @@ def onward(walk: Walk) -> Ray | None:
     Every node that stands on a bound goes on on its piece or on the next one, whichever it then moves along. Where some
     wish otherwise than guessed the one that does most is moved first (mostly it alone has turned back, and to move all
     would upset a whole zone), then all at once (the semismooth Newton method for this linear complementarity problem).
-    With a definite matrix on all sides there is one answer.
+    With a definite matrix on all sides there is one answer. Else that one may be unstable where another is not, and
+    where nodes push each other on (cells longer than the strip is high) all at once may go round in a circle: the
+    energy of the rates is descended then.
     """
     corner = Corner(walk)
     far = np.zeros(len(corner.nodes), dtype=bool)
-    for turn in range(MOST_TURNS):
-        try:
-            against = -corner.enter(far)
-        except SingularCellError:
-            return None
-        if walk.dx[-1] < 0.0:
-            walk.turn()
-            against = -against
+    with suppress(SingularCellError):
+        for turn in range(MOST_TURNS):
+            against = -_rising(corner, far)
+            if walk.dx[-1] == 0.0:
+                break
+            if not np.any(against > 0.0):
+                if walk.stable:
+                    return walk.here
+                break
+            far ^= against > 0.0 if turn >= ALONE else np.arange(len(far)) == np.argmax(against)
+    with suppress(SingularCellError):
+        return _descended(corner) if len(corner.nodes) else None
+    return None
+
+
+def _rising(corner: Corner, far: Flags) -> Array:
+    """`Corner.enter` with the walk in the sense in which t grows, if it moves."""
+    speeds = corner.enter(far)
+    if corner.walk.dx[-1] < 0.0:
+        corner.walk.turn()
+        return -speeds
+    return speeds
+
+
+def _descended(corner: Corner) -> Ray | None:
+    """A minimum of the energy ½ u̇ᵀÃu̇ − l̃₁ᵀu̇ + Σ ½ c b′ u̇² of rates u̇ at a corner; None where it falls without end.
+
+    b′, and which signs u̇ has, are those of the cell. An active-set method, from rest on: from cell to cell one node at
+    a time, and along straight lines downhill, to the cell's stationary point or, where that lies uphill, away from it:
+    a node that softens does not carry those along which it would turn back. Raises SingularCellError.
+    """
+    walk, graph, nodes = corner.walk, corner.walk.graph, corner.nodes
+    rigid = np.where(graph.sense[corner.codes] > 0, np.inf, -np.inf)
+    stiff = np.where(graph.free[corner.codes], graph.slope[corner.codes], rigid)
+    far, rate = stiff[1] > stiff[0], np.zeros(walk.m)
+    for _ in range(4 * len(nodes) + MOST_TURNS):
+        _rising(corner, far)
         if walk.dx[-1] == 0.0:
             return None
-        if not np.any(against > 0.0):
-            return walk.here if walk.stable else None
-        far ^= against > 0.0 if turn >= ALONE else np.arange(len(far)) == np.argmax(against)
+        out, speed = np.where(far, corner.out[1], corner.out[0]), walk.dx[:-1] / walk.dx[-1]
+        way = np.where(walk.free, speed, 0.0) - rate
+        stiffness = walk.basis.A @ way + np.where(walk.free, walk.basis.k * way, 0.0)
+        uphill = float(way @ stiffness) < 0.0
+        way = -way if uphill else way
+        leaves = walk.free[nodes] & (out * way[nodes] < 0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.where(leaves, np.maximum(-rate[nodes] / way[nodes], 0.0), np.inf)
+        first = int(np.argmin(share))
+        if share[first] >= 1.0 and not uphill:
+            rate = rate + way
+            push = np.where(walk.free[nodes], 0.0, -out * speed[nodes])
+            first = int(np.argmax(push))
+            if not push[first] > 0.0:
+                return walk.here if walk.stable else None
+        elif np.isfinite(share[first]):
+            rate = rate + share[first] * way
+            rate[nodes[first]] = 0.0
+        else:
+            return None
+        far[first] ^= True
     return None

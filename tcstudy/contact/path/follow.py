@@ -140,7 +140,8 @@ class _Half:
                 self.end = self._some(mark, done, count, careful)
                 points = walk.points(*(np.array(rows) for rows in zip(*self.vertices[done:], strict=True)))
                 off = np.max(np.abs(points.defect) / p.c, axis=1) / p.traction_scale
-                worst, good, limit, at = float(off.max()), AIM * accept.aim, accept.aim, int(off.argmax())
+                at = 1 + int(off[1:].argmax()) if len(off) > 1 else 0  # the first is where it begins
+                worst, good, limit = float(off[at]), AIM * accept.aim, accept.aim
                 if not worst <= good:
                     noise = p.xi_rounding(float(points.t[at]), points.u[at])
                     limit = accept.limit(noise)
@@ -149,7 +150,7 @@ class _Half:
                     break
             else:
                 self.end = PathStatus.LOST_ACCURACY
-                self._back_to(done + max(0, int(np.argmin(off <= limit)) - 1))
+                self._back_to(done + int(np.argmin(np.append(off[1:] <= limit, False))))
             new = slice(min(done, 1), len(self.vertices) - done)
             self.blocks.append((points.t[new], points.u[new], points.traction[new], off[new]))
             reached, walk.tie = 2.0 * worst if careful else 0.0, walk.usual_tie
