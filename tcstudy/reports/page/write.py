@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -104,15 +104,13 @@ def _has(stored: Stored, part: str) -> bool:
     if stored.kind != "run":
         return stored.kind == "history" and part in ("memory", "lines")
     homes = [home for home in stored.homes or (stored,) if home is not None]
-    return part != "memory" and any(
-        {
-            "levels": len(home.groups) > 1,
-            "live": home.live,
-            "body": drawn_level(home) is not None,
-            "lines": home.groups,
-        }[part]
-        for home in homes
-    )
+    having: dict[str, Callable[[Stored], Any]] = {
+        "levels": lambda home: len(home.groups) > 1,
+        "live": lambda home: home.live,
+        "body": lambda home: drawn_level(home) is not None,
+        "lines": lambda home: home.groups,
+    }
+    return part in having and any(map(having[part], homes))
 
 
 def page(stored: Stored, without: tuple[str, ...] = ()) -> str:
@@ -149,17 +147,9 @@ def _about(stored: Stored) -> Json:
         "solver": str(attrs["solver"]),
         "states": STATES,
         "proofs": sentences.PROVED_STEPS if stored.kind == "history" else sentences.PROVED,
-        "symbols": {
-            **{
-                str(name): _titled(one.attrs) for name, one in stored.data.data_vars.items() if "long_name" in one.attrs
-            },
-            **{
-                name: symbol(name)
-                for name in names
-                if name.partition("_")[0] in GREEK and name not in stored.data.data_vars
-            },
-            **{name: name for name in asked(stored.data)},
-        },
+        "symbols": {name: symbol(name) for name in names if name.partition("_")[0] in GREEK}
+        | {str(name): _titled(one) for name, one in stored.data.data_vars.items() if "long_name" in one.attrs}
+        | {name: name for name in asked(stored.data)},
         "tolerance": float(attrs["solver_tolerance"]),
         "provenance": {name: str(attrs[name]) for name in told},
         "versions": json.loads(attrs["versions"]),
@@ -168,18 +158,17 @@ def _about(stored: Stored) -> Json:
     }
 
 
-def _titled(attrs: Mapping[str, Any]) -> str:
-    """The long name of a number, with λ₁ and its like as the page writes them."""
-    text = re.sub(r"\blambda_1\b", "λ₁", str(attrs["long_name"]))
-    return re.sub(r"\bomega\b", "ω", text).replace("|xi|", "|ξ|").replace("|u_T|", "|u_T|")
+def _titled(variable: Any) -> str:
+    """The long name of a number, with λ₁ and ω as the page writes them."""
+    text = re.sub(r"\blambda_1\b", "λ₁", str(variable.attrs["long_name"])).replace("|xi|", "|ξ|")
+    return re.sub(r"\bomega\b", "ω", text)
 
 
 def _content(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
     match stored.kind:
         case "convergence":
-            return {
-                "sections": [section("Convergence over the levels", "main-part", *convergence_parts(stored.data, box))]
-            }
+            parts = convergence_parts(stored.data, box)
+            return {"sections": [section("Convergence over the levels", "main-part", *parts)]}
         case "cost":
             return {"sections": [section("Accuracy against cost", "errors", *cost_parts(stored.data, box))]}
         case "path":
@@ -219,24 +208,21 @@ def _run_content(stored: Stored, without: tuple[str, ...], box: Container) -> Js
 
 def _advice(stored: Stored) -> list[str]:
     """What the run could have had beside what it has."""
-    data, body = (
-        stored.data,
-        any("u_x" in group for home in stored.homes or (stored,) if home for group in home.groups.values()),
-    )
-    stops = [str(one) for one in data["stop"].values if str(one)] if "stop" in data else []
-    told = {
-        f"Refinement ended because {stops[-1] if stops else ''}.": bool(stops),
-        "With output: {fields: true} the page also shows the body's temperature and deformation.": not body,
-        "A page of one geometry can solve in the browser: tcstudy export FILE.nc --geometry --at NAME=VALUE -o ONE.nc, "
-        "then tcstudy report ONE.nc, of a run with output: {live: true}.": bool(stored.homes),
-        "With output: {live: true} the contact problem can be solved here, in the browser, while sliders move.": (
-            not stored.homes and not stored.live
-        ),
-        "tcstudy converge measures errors and compares them with the orders to expect; "
-        "its file beside this one is shown here, too.": data.sizes["level"] > 2
-        and all(one.kind != "convergence" for one in stored.beside),
-    }
-    return [line for line, wanted in told.items() if wanted]
+    stops = [str(one) for one in stored.data["stop"].values if str(one)] if "stop" in stored.data else []
+    told = [f"Refinement ended because {stops[-1]}."] if stops else []
+    if not _has(stored, "body"):
+        told.append("With output: {fields: true} the page also shows the body's temperature and deformation.")
+    if stored.homes:
+        told.append(
+            "A page of one geometry can solve in the browser: tcstudy export FILE.nc --geometry "
+            "--at NAME=VALUE -o ONE.nc, then tcstudy report ONE.nc, of a run with output: {live: true}"
+        )
+    elif not stored.live:
+        told.append("With output: {live: true} the contact problem can be solved here, while sliders move.")
+    if stored.data.sizes["level"] > 2 and all(one.kind != "convergence" for one in stored.beside):
+        told.append("tcstudy converge measures errors and compares them with the orders to expect; its file "
+                    "beside this one is shown here, too.")  # fmt: skip
+    return told
 
 
 def _home(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
