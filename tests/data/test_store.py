@@ -16,7 +16,7 @@ from tcstudy.data.records import LevelRecord, PointStatus
 from tcstudy.data.store import open_results
 from tcstudy.scene.study import Study
 from tests.data.by_points import PointRecord, write
-from tests.data.conftest import failed, make_level, make_point
+from tests.data.conftest import make_level, make_point
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -58,18 +58,6 @@ def test_not_run_points_are_visible_and_keep_integers_integer(
         assert int((tree["status"] == PointStatus.NOT_RUN).sum()) == 1
     with netCDF4.Dataset(output) as nc:  # netCDF4 masks by valid_min
         assert nc["iterations"][...].mask.sum() == 1
-
-
-def test_a_failed_point_keeps_its_reason_and_what_it_has(output: Path, study: Study, levels: Levels) -> None:
-    reason = "Ã is singular: is an edge of /srv/someone/body.step clamped? (slope 3 N/m)"
-    write(output, study, levels, [failed((1, 2, 0), 1, reason)])
-    with open_results(output) as tree:
-        here = tree.to_dataset().isel(alpha=1, theta_bar=2, friction=0, level=1)
-        assert here["status"] == PointStatus.SINGULAR
-        assert here["reason"] == "Ã is singular: is an edge of body.step clamped? (slope 3 N/m)"
-        assert here["time_solve"] == 0.125
-        assert np.isnan(here["energy"])
-        assert here["iterations"] == -1
 
 
 def test_whole_body_fields_stand_on_their_mesh(output: Path, study: Study) -> None:
