@@ -117,18 +117,6 @@ def test_singular_pieces_are_undecided() -> None:
     assert not found.complete
 
 
-def test_an_exponential_law_is_answered_by_its_polygon() -> None:
-    law = tcstudy.law("exponential", a=4.0, b=0.5, delta=1.0)
-    problem = saw_tooth(6.0, 4)
-    found = all_solutions(ContactProblem(problem.A_tilde, problem.l_tilde, problem.c, law))
-    assert found.complete
-    assert found.law_error == 1e-3
-    residuals = [
-        ContactProblem(problem.A_tilde, problem.l_tilde, problem.c, law).inclusion_residual(v) for v in found.v
-    ]
-    assert max(residuals) < 2e-3
-
-
 @pytest.mark.parametrize(
     ("given", "said"),
     [

@@ -13,7 +13,6 @@ from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.contact.status import Status
 from tcstudy.laws.laws import Laws
-from tcstudy.laws.pieces import UP
 from tcstudy.scene.study import EXACT
 from tests.contact import contact_cases as cases
 
@@ -106,20 +105,6 @@ def test_every_law_is_solved_from_zero(kind: str, ratio: float) -> None:
         assert cases.independent_residual(problem, answer.v) <= TOLERANCE
         if kind in ("tresca", "linear"):
             assert answer.energy == pytest.approx(solve_contact(problem).energy, rel=1e-11, abs=1e-14)
-
-
-def test_iterations_of_the_plain_method_grow_with_the_sticking_nodes() -> None:
-    """n_s + 1 subgradients are the least that can prove stationarity; measured 2 to 3 n_s."""
-    sticking, iterations = list[int](), list[int]()
-    for m in (20, 30):
-        for kind in ("tresca", "slip-weakening"):
-            for load in (1.2, 2.0, 4.0):
-                problem = problem_of(kind, m, 0.5, load)
-                v = solve_contact(problem, "bundle-newton", TOLERANCE, branch="from-zero").v
-                sticking.append(int(np.sum(np.isin(v, problem.law.kinks[problem.law.kinds == UP]))))
-                iterations.append(solve_with_bundle(problem, np.zeros(m), inclusion=None, tolerance=1e-10).iterations)
-    assert np.all(np.array(iterations) >= sticking)
-    assert 1.0 <= np.polyfit(np.array(sticking), np.array(iterations), 1)[0] <= 4.0
 
 
 def test_iteration_limit_is_a_status_with_a_reason() -> None:

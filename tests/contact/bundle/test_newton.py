@@ -19,16 +19,6 @@ Array = NDArray[np.float64]
 
 PROBLEMS = tr798.problems()
 NAMES = [p.name for p in PROBLEMS]
-LOCALITY = "exact quadratic pieces; γ > 0 (one value for all) shifts them until they come from nearby, one step each"
-MORE_THAN_PNEW = {
-    "CB3": "pieces from the far start overestimate the quartic branch and are damped away over some small steps",
-    "QL": LOCALITY,
-    "Shor": LOCALITY,
-    "Maxquad": LOCALITY,
-    "Steiner 2": "at coinciding points ‖·‖ has a continuum of pieces, of curvature 1/distance: each serves only nearby",
-}
-"""Problems that take more iterations or evaluations than the tuned reference, and why."""
-
 ACCURACY = 1e-9
 """|f − f*| ≤ ACCURACY (1 + |f*|)"""
 
@@ -75,12 +65,6 @@ def test_fewer_steps_and_evaluations_than_the_tuned_reference() -> None:
     evaluations = sum(run(p.number).evaluations for p in PROBLEMS)
     assert iterations <= min(440, sum(p.pnew[0] for p in PROBLEMS))
     assert evaluations <= min(460, sum(p.pnew[1] for p in PROBLEMS))
-
-
-def test_only_the_named_problems_need_clearly_more_than_the_tuned_reference() -> None:
-    """10 % are left to rounding, which decides late steps of the long runs differently from machine to machine."""
-    more = [p.name for p in PROBLEMS if run(p.number).evaluations > 1.1 * p.pnew[1] + 1]
-    assert set(more) <= set(MORE_THAN_PNEW)
 
 
 @pytest.mark.parametrize("name", ["CB2", "Colville 1", "HS78", "Gill"])
