@@ -27,7 +27,8 @@ CAPACITY = 32
 """Changes of rank one that wait before they enter the inverse as one matrix product."""
 
 SLOW = 1e-3
-"""A coordinate slower than this part of the fastest one does not drive: as many digits would be lost."""
+"""A coordinate slower than this part of the fastest one does not drive: as many digits would be lost. Slips and forces
+are compared in units in which the node's own stiffness A_ii is one."""
 
 LOST_RANK = 1e-14
 """Reciprocal condition number below which a cell, its rows scaled, has no unique line."""
@@ -54,7 +55,7 @@ class BasisInverse:
     def __init__(self, A: Array, load: Array, free: Flags, k: Array) -> None:
         self.A, self.load, self.m, self.free, self.k = A, load, len(load), free.copy(), k.copy()
         self.left, self.right = (np.zeros((self.m + one, CAPACITY), order="F") for one in (1, 0))
-        self.way = np.zeros(self.m + 1)
+        self.way, self.root = np.zeros(self.m + 1), np.sqrt(np.diagonal(A))
         self.refactor()
 
     def refactor(self) -> None:
@@ -62,7 +63,7 @@ class BasisInverse:
         self.size, self.stale, self.driver, before = 0, True, -1, self.way
         self._negatives: int | None = None
         m, A, F, R = self.m, self.A, np.flatnonzero(self.free), np.flatnonzero(~self.free)
-        n, scale, moving = len(F), 1.0 / np.sqrt(1.0 + np.abs(self.k[F])), np.append(F, m)
+        n, scale, moving = len(F), 1.0 / np.sqrt(np.diagonal(A)[F] + np.abs(self.k[F])), np.append(F, m)
         S = np.empty((n + 1, n + 1))
         S[:n, :n], S[:n, n] = self._H(F) * scale[:, None] * scale, -self.load[F] * scale
         S[n] = np.random.default_rng(n).uniform(0.5, 1.0, n + 1)  # any border that the line does not lie in
@@ -81,8 +82,10 @@ class BasisInverse:
         onto = np.concatenate([-A[np.ix_(R, F)], self.load[R, None]], axis=1)
         self.T[R], way[R] = onto @ self.T[moving], onto @ way[moving]
         self.T[np.ix_(R, R)] -= A[np.ix_(R, R)]
-        fastest = int(np.argmax(np.abs(way)))
+        self.unit = np.append(np.where(self.free, self.root, 1.0 / self.root), 1.0)
+        fastest = int(np.argmax(np.abs(way * self.unit)))
         self.stale, self.way = False, way if before[fastest] * way[fastest] >= 0.0 else -way
+        self._find_fastest()
         self.drive(fastest)
 
     def _H(self, F: NDArray[np.intp]) -> Array:
@@ -93,12 +96,20 @@ class BasisInverse:
     def reload(self, load: Array) -> None:
         """Another load per unit of τ."""
         self.load = load
-        if abs(self.way[self.m]) <= SLOW * np.max(np.abs(self.way)):
+        if self._slow(self.m):
             return self.refactor()
         self.drive(self.m)
         self.way = self.moved(load)
         self.way[self.m] = 1.0
-        return self.drive(int(np.argmax(np.abs(self.way))))
+        self._find_fastest()
+        return self.drive(int(np.argmax(np.abs(self.way * self.unit))))
+
+    def _find_fastest(self) -> None:
+        self.fastest = float(np.abs(self.way * self.unit).max())
+
+    def _slow(self, i: int) -> bool:
+        """Whether this coordinate is too slow to drive, or none moves."""
+        return not abs(self.way.item(i)) * self.unit.item(i) > SLOW * self.fastest
 
     def drive(self, i: int) -> None:
         """Let the coordinate of node i (m: τ) measure the line."""
@@ -106,7 +117,9 @@ class BasisInverse:
             row, n = self._row(i), self._room()
             self.left[:, n], self.right[:, n] = self.way / -self.way[i], row
             self.T[i], self.left[i, : n + 1], self.size, self.driver = 0.0, 0.0, n + 1, i
-        self.way /= abs(self.way[i])
+        speed = abs(self.way.item(i))
+        self.way /= speed
+        self.fastest /= speed
 
     def place(self, i: int, free: bool, k: float) -> None:
         """Move node i to a piece on which it is free with stiffness k, or held; it goes on in the same sense.
@@ -118,23 +131,24 @@ class BasisInverse:
         self.free[i], self.k[i] = free, k
         if (free == was_free and k == before) or self.stale:
             return
-        if abs(self.way[i]) <= SLOW * np.abs(self.way).max():
+        if self._slow(i):
             self.stale = True
             return
         self.drive(i)
+        self.unit[i] = self.root[i] if free else 1.0 / self.root[i]
         if free:
             a, b, c, d = (1.0, 0.0, k - before, 1.0) if was_free else (k, 1.0, 1.0, 0.0)
         else:
             a, b, c, d = 0.0, 1.0, 1.0, -before
-        way, column, speed = self.way, self._column(i), self.way.item(i)
+        way, column, speed, fastest = self.way, self._column(i), self.way.item(i), self.fastest
         self.way, new = a * way + (c * speed) * column, (b * speed) * way + d * column
         self.way[i], new[i] = speed, 0.0
         self.T[:, i], self.right[i, : self.size] = new, 0.0
-        after, most = self.way.item(self.m), np.abs(self.way).max()
-        self.stale = not SLOW * most < 1.0
-        if abs(way.item(self.m)) <= STILL * np.abs(way).max() or abs(after) <= STILL * most:
+        self._find_fastest()
+        self.stale, turned = self._slow(i), (way.item(self.m), self.way.item(self.m))
+        if abs(turned[0]) <= STILL * fastest or abs(turned[1]) <= STILL * self.fastest:
             self._negatives = None
-        elif self._negatives is not None and way.item(self.m) * after < 0.0:
+        elif self._negatives is not None and turned[0] * turned[1] < 0.0:
             # their quotient is det H′/det H: one eigenvalue has changed its sign
             self._negatives += (-1 if k > before else 1) if was_free and free else -1 if was_free else 1
 
