@@ -15,7 +15,6 @@ from tcstudy.expressions.expression import MAX_LENGTH, Expression, ExpressionErr
 
 NUMPY = {
     "0.3*sin(pi*x)": lambda x, y: 0.3 * np.sin(np.pi * x),
-    "cos(x)*tan(y) - e": lambda x, y: np.cos(x) * np.tan(y) - np.e,
     "asin(x/9) + acos(y/9) - atan(x)": lambda x, y: np.arcsin(x / 9) + np.arccos(y / 9) - np.arctan(x),
     "atan2(y, x)": lambda x, y: np.arctan2(y, x),
     "exp(-x^2 - y**2)": lambda x, y: np.exp(-(x**2) - y**2),
@@ -25,7 +24,6 @@ NUMPY = {
     "-x^2": lambda x, y: -(x**2),
     "2^-x": lambda x, y: 2.0**-x,
     "2^3^0.5": lambda x, y: 2.0 ** (3**0.5) + 0 * x,
-    "+x - -y": lambda x, y: x + y,
     " ( x\n+ .5e1 ) * 010 ": lambda x, y: (x + 5) * 10,
     "abs(x)^1.5": lambda x, y: abs(x) ** 1.5,
 }

@@ -21,7 +21,6 @@ from tcstudy.scene.units import UnitError, split_quantity, to_si
         ("12 um/(m*K)", units.EXPANSION, 12e-6),
         ("30 %", units.NONE, 0.3),
         ("200 W·m⁻²·K⁻¹", units.HEAT_TRANSFER, 200.0),
-        ("0.2 kW∕m²/K", units.HEAT_TRANSFER, 200.0),
         ("40 \u03bcm", units.LENGTH, 40e-6),  # the Greek letter; above the micro sign
     ],
 )
