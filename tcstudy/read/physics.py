@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
+import numpy as np
+
 from tcstudy.expressions.expression import Expression
+from tcstudy.expressions.random_field import SPACING, product, random_field
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import GrowthError
@@ -16,14 +19,29 @@ from tcstudy.read.fields import Context, Fields, Unsound, none_after_fault, word
 from tcstudy.read.heat import HEAT_KEYS, Boundary, read_edge_heat
 from tcstudy.read.node import COMPONENTS, Node, hint, nearest
 from tcstudy.scene.key import LOADED, MOVED
-from tcstudy.scene.keys import law_rows, of_role, row, rows
-from tcstudy.scene.records import Clamped, Contact, Convection, Free, Material, Rigid, Role, Scalar, Symmetry, Traction
+from tcstudy.scene.keys import OF_ALL_LAWS, law_rows, of_role, row, rows
+from tcstudy.scene.records import (
+    Clamped,
+    Contact,
+    Convection,
+    Edge,
+    Free,
+    Material,
+    Rigid,
+    Role,
+    Scalar,
+    Symmetry,
+    Traction,
+)
+from tcstudy.shapes.edges import edge_length, edge_points
 
 ROLES = row("boundary", "role").words
 KINDS = {one.word: one for one in (Clamped, Symmetry, Rigid, Traction, Contact, Convection, Free)}
 ALL_KEYS = tuple(name for name in rows("boundary") if name != "role")
 WAYS = (("u",), ("u_x", "u_y"), ("u_N", "u_T"))
 """How a displacement may be given: as a pair, in x and y, or in the frame of the edge."""
+MOST_PLACES = 400
+"""Points of a line that a random strength is made of at most."""
 
 
 @none_after_fault
@@ -194,28 +212,53 @@ def laws_by_edge(node: Node | None) -> dict[str, Node]:
 
 
 @none_after_fault
-def read_friction(ctx: Context, node: Node) -> Laws | EdgeLaws:
-    """The friction law, or the laws of the contact edges; None after a fault."""
-    laws = [(edge, _law(ctx, own)) for edge, own in (laws_by_edge(node) or {"": node}).items()]
+def read_friction(ctx: Context, node: Node, lines: Mapping[str, Sequence[Edge]]) -> Laws | EdgeLaws:
+    """The friction law, or the laws of the contact edges; None after a fault.
+
+    lines: of each contact edge, and of all by the name "", for strengths that are random along them
+    """
+    each = (laws_by_edge(node) or {"": node}).items()
+    laws = [(edge, _law(ctx, own, lines.get(edge, ()))) for edge, own in each]
     ctx.sound()
     made = tuple((edge, *law) for edge, law in laws if law is not None)
     return made[0][1] if made[0][0] == "" and made[0][2] == 1.0 else EdgeLaws(made)
 
 
+def _scattered(ctx: Context, fields: Fields, line: Sequence[Edge]) -> Expression:
+    """The random field of a strength. Raises Unsound."""
+    if not fields["scatter_length"]:
+        fields.missing("scatter_length")
+    if not line:
+        fields.fault("scatter", "the joint of a body from a file is not known beforehand; draw its outline")
+    ctx.sound()
+    length = float(fields.value("scatter_length"))
+    counts = [max(1, math.ceil(edge_length(edge) / (SPACING * length))) for edge in line]
+    if sum(counts) > MOST_PLACES:
+        least = 2.0 * sum(map(edge_length, line)) / MOST_PLACES
+        fields.fault("scatter_length", f"is too short for the joint; write {least:.2g} m or more")
+    ctx.sound()
+    points = np.concatenate([edge_points(edge, count) for edge, count in zip(line, counts, strict=True)])
+    once = np.unique(np.round(points / (1e-6 * length)), axis=0, return_index=True)[1]  # edges share their ends
+    points = points[np.sort(once)]
+    return random_field(points, float(fields.value("scatter")), length, int(fields.value("scatter_seed")))
+
+
 @none_after_fault
-def _law(ctx: Context, node: Node) -> tuple[Laws, Scalar]:
+def _law(ctx: Context, node: Node, line: Sequence[Edge]) -> tuple[Laws, Scalar]:
     """A law, and its strength where that varies: a number is made part of the law. None after a fault."""
     name = word_of(ctx, node, "friction", "law")
     ctx.sound()
-    own = (row("friction", "law"), row("friction", "strength"), *law_rows(name))
+    own = (*(row("friction", key) for key in ("law", *OF_ALL_LAWS)), *law_rows(name))
     fields, shape = Fields(ctx, node, {one.name: one for one in own}), SHAPES[name]
     values, strength = fields.given(), fields.value("strength")
     if isinstance(strength, float) and strength < 0.0:
         said = f"must be 0 or more, but is {strength:g}; write a factor of 0 or more; 0 is a gap in the bond"
         fields.fault("strength", said)
     ctx.sound()
+    if fields["scatter"]:
+        strength = product(strength, _scattered(ctx, fields, line))
     try:
-        law = shape.build(**{key: values[key] for key in values if key not in ("law", "strength")})
+        law = shape.build(**{key: values[key] for key in values if key not in ("law", *OF_ALL_LAWS)})
         varies = isinstance(strength, Expression)
         return law if varies or strength == 1.0 else law.times(strength), strength if varies else 1.0
     except LawError as error:

@@ -28,7 +28,7 @@ from tcstudy.read.physics import read_boundary, read_friction, read_loads, read_
 from tcstudy.read.sweep import SECTIONS, Sweep
 from tcstudy.scene.parameters import Keys, numbers, path_scene
 from tcstudy.scene.points import Scenes
-from tcstudy.scene.records import Body, Scene
+from tcstudy.scene.records import Body, Edge, Scene
 from tcstudy.scene.study import Study
 from tcstudy.shapes.faults import snapped
 
@@ -183,7 +183,7 @@ class SceneReader:
         if section == "material":
             return read_materials(self.ctx, node, root.child("materials"), self.regions)
         if section == "friction":
-            return read_friction(self.ctx, node)
+            return read_friction(self.ctx, node, self._contact_lines())
         boundary = read_boundary(self.ctx, node, self.names)
         if boundary and self.body:
             if not self.loose and (held := supports(boundary)) not in self.supports:
@@ -192,6 +192,17 @@ class SceneReader:
                     self.ctx.errors.at(node, *fault)
             check_boundary(self.ctx, node, self.body, boundary)
         return boundary
+
+    def _contact_lines(self) -> dict[str, list[Edge]]:
+        """The edges of an outline where its study has contact, by name, and all by the name ""."""
+        roles = self.root.child("boundary")
+        children = roles.children if roles and self.body and self.body.outline is not None else {}
+        contact = {name for name, own in children.items() if "contact" in (own.value, (own.child("role") or own).value)}
+        edges = [edge for loop in self.body.loops for edge in loop.edges] if self.body and contact else []
+        return {
+            "": [edge for edge in edges if edge.name in contact],
+            **{name: [edge for edge in edges if edge.name == name] for name in contact},
+        }
 
     def _compare(self, root: Node, values: Mapping[str, Any]) -> None:
         """Checks across the sections of one scene."""

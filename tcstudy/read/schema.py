@@ -15,7 +15,7 @@ from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.fields import LISTS, PAIRS, SOME
 from tcstudy.read.plans import IN_SWEEP
 from tcstudy.scene.key import Key
-from tcstudy.scene.keys import law_rows, of_role, row, rows
+from tcstudy.scene.keys import OF_ALL_LAWS, law_rows, of_role, row, rows
 from tcstudy.scene.parameters import SHORT, WHOLE, sweepable
 from tcstudy.scene.study import PROVED, Quantity
 from tcstudy.scene.units import NONE
@@ -65,7 +65,7 @@ def schema() -> Schema:
     made = {section: _section(section) for section in (*sections, "values", *drawn, "goal") if section != "point"}
     made["boundary"] |= {"allOf": [_takes("role", role, of_role(role)) for role in row("boundary", "role").words]}
     laws = {law: tuple(one.name for one in law_rows(law)) for law in SHAPES}
-    made["friction"] |= {"allOf": [_takes("law", law, ("strength", *names)) for law, names in laws.items()]}
+    made["friction"] |= {"allOf": [_takes("law", law, (*OF_ALL_LAWS, *names)) for law, names in laws.items()]}
     made["body"] |= {"oneOf": [{"required": [name]} for name in ("outline", "rectangle", "file")]}
     for shape in ("circle", "rectangle"):  # of a region they have no edge
         made["hole"]["properties"][shape] |= {"required": ["edge"]}

@@ -21,7 +21,7 @@ from tcstudy.read.points import OF_DESIGNS, draw, read_design, read_table
 from tcstudy.scene.designs import DESIGNS, Design
 from tcstudy.scene.histories import short_names
 from tcstudy.scene.key import Key
-from tcstudy.scene.keys import row, rows
+from tcstudy.scene.keys import OF_ALL_LAWS, row, rows
 from tcstudy.scene.parameters import FIXED, NUMBERS, OF_POINT, SHORT, Keys, Parameter, path_of, sweepable
 from tcstudy.scene.points import GEOMETRIC
 from tcstudy.scene.study import Axis
@@ -321,7 +321,7 @@ def _check_law_parameters(ctx: Context, axes: list[SweptAxis], law: Node | None)
     """A swept parameter of the law must belong to every law of the study."""
     for axis in axes:
         *place, name = axis.parameter.path
-        if place[:1] != ["friction"] or axis.parameter.is_whole or name == "strength":
+        if place[:1] != ["friction"] or axis.parameter.is_whole or name in OF_ALL_LAWS:
             continue
         base = law.child(place[1]) if law and place[1:] else law
         whole = [one for one in axes if one.parameter.is_whole and one.parameter.path == tuple(place)]

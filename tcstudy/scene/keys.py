@@ -105,6 +105,9 @@ ROWS: tuple[Key, ...] = (
     load("heat.theta", "field", "known temperature of the whole body", u.TEMPERATURE),
     needed("friction.law", "choice", "", example="tresca", words=tuple(SHAPES)),
     swept("friction.strength", "field", "factor of the law, 0 in a gap of the bond", default=1.0, example="1"),
+    swept("friction.scatter", "number", "coefficient of variation of a random strength", example="0.1", least=0.0),
+    swept("friction.scatter_length", "number", "its correlation length along the joint", u.LENGTH, "20 mm", above=0.0),
+    swept("friction.scatter_seed", "integer", "of the random strength", default=0, least=0),
     swept("mesh.maxh", "sizes", "element size, or a list of them", u.LENGTH, "10 mm", required=True, above=0.0),
     key("mesh.levels", "integer", "number of meshes", default=1, least=1, most=_MOST_LEVELS),
     swept("mesh.refine", "integer", "refinements that make the mesh of maxh", default=0, least=0, most=MOST_REFINE),
@@ -169,6 +172,10 @@ def _by_section() -> dict[str, dict[str, Key]]:
     for one in (*ROWS, *(own for law in SHAPES for own in law_rows(law))):
         found.setdefault(one.section, {}).setdefault(one.name, one)
     return found
+
+
+OF_ALL_LAWS = ("strength", "scatter", "scatter_length", "scatter_seed")
+"""Keys of the section `friction` that go with every law."""
 
 
 @cache

@@ -15,7 +15,7 @@ from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.derivatives import POINTS
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.scene.key import LOADED, Key
-from tcstudy.scene.keys import ROWS, law_rows, row, rows
+from tcstudy.scene.keys import OF_ALL_LAWS, ROWS, law_rows, row, rows
 from tcstudy.scene.records import Clamped, Convection, Loaded, Rigid, Scalar, Scene, exchanges
 from tcstudy.scene.units import LENGTH, TRACTION
 
@@ -86,12 +86,14 @@ def sweepable(
         found |= {("materials", region, *path[1:]): one for path, one in PLAIN.items() if path[0] == "material"}
         del found["materials", region, "plane"]
     if isinstance(law, Mapping):
-        del found["friction", "strength"]
+        for key_of_all in OF_ALL_LAWS:
+            del found["friction", key_of_all]
     for edge, own in law.items() if isinstance(law, Mapping) else [("", law)]:
         place = ("friction", edge) if edge else ("friction",)
         found[place] = PLAIN[("friction",)]
         for name in (own, *SHAPES):
-            for one in (*law_rows(name), PLAIN["friction", "strength"]) if name in SHAPES else ():
+            of_all = (PLAIN["friction", key] for key in OF_ALL_LAWS)
+            for one in (*law_rows(name), *of_all) if name in SHAPES else ():
                 found.setdefault((*place, one.name), one)
     found |= {("boundary", edge, *inner): one for edge in edges for inner, one in EDGE.items()}
     return {

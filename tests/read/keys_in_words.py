@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from tcstudy.scene.key import Key
-from tcstudy.scene.keys import row, rows
+from tcstudy.scene.keys import OF_ALL_LAWS, row, rows
 from tcstudy.scene.units import NONE
 
 HEAD = "| section | what it says |\n|---|---|\n"
@@ -31,7 +31,7 @@ def _lines(path: str, seen: set[str], section: str = "") -> Iterator[str]:
             seen.add(name)
             held = "; ".join(_said(child) for child in rows(name).values())
             if one.kind == "law":
-                held = f"`law`; {_said(row(name, 'strength'))}"
+                held = "; ".join(["`law`", *(_said(row(name, key)) for key in OF_ALL_LAWS)])
             said = one.meaning if not section else ""
             place = "boundary.EDGE" if name == "boundary" else here + PLACE.get(one.kind, "")
             yield f"| `{place}` | {'. '.join(part for part in (said, held) if part)} |\n"
