@@ -110,11 +110,12 @@ def _dry_run(options: argparse.Namespace) -> int:
     from tcstudy.data.provenance import already_there
     from tcstudy.reports.terminal.forecast import expected_words, forecast_text
     from tcstudy.study.plan import plan, resources
-    from tcstudy.study.workers import work_words
+    from tcstudy.study.workers import hands
 
     forecast = plan(study)
-    expected = resources(study, forecast)
-    time = expected_words(**asdict(expected), at_most=study.mesh.open_ended)
+    workers, work = hands(study, forecast.levels, options.jobs)
+    expected = resources(study, forecast, workers)
+    time = expected_words(expected, at_most=study.mesh.open_ended)
     if options.json:
         print(_plan_json(study, output, forecast, expected))
     elif options.quiet:
@@ -122,7 +123,6 @@ def _dry_run(options: argparse.Namespace) -> int:
         print(f"{options.study}: {does}: {time}")
     else:
         more = [f"note: {text}" for text in already_there(output, study)]
-        work = work_words(study, forecast.levels, options.jobs)
         with shared.spoken(options):
             print(forecast_text(study, forecast, more, output, work, time))
     return OK

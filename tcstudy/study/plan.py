@@ -57,6 +57,8 @@ ENOUGH = 2.0
 """Seconds that FEW points take, from which on no more are tried."""
 FACTOR = 0.5
 """Of what grows with N, what every ratio of moduli takes again: factor and loads (results/speed.md)."""
+PARENT = 1e-4
+"""Seconds of a point that are this process's own: its loads, and its way to the file (tcstudy/README.md)."""
 WRITTEN = 6e-5
 """Seconds that a point takes to the file (tcstudy/README.md, Many machines)."""
 
@@ -242,16 +244,17 @@ def _long_elements(study: Study, levels: tuple[LevelForecast, ...]) -> Iterator[
         )
 
 
-def resources(study: Study, found: Plan) -> Resources:
-    """What a run of a study takes, whose forecast is `found`, by a trial on the largest of its geometries.
+def resources(study: Study, found: Plan, workers: int = 1) -> Resources:
+    """What a run of a study takes with so many workers, whose forecast is `found`, by a trial on its largest geometry.
 
     The trial runs FEW and MANY of its points on one mesh, which tells mesh and factor from points.
     """
     own, largest = _geometries(study) if study.variants else ([study], study)
     levels = [refined(found.levels if one is largest else predicted(one), study.mesh) for one in own]
-    memory = MEMORY + UNKNOWN * max(level.n_dof for one in levels for level in one)
+    memory, whole = MEMORY + UNKNOWN * max(level.n_dof for one in levels for level in one), len(own) > 1
+    each_worker = (memory if whole or study.history is not None else MEMORY) if workers > 1 else 0.0
     if why := unknown(study):
-        return Resources(math.nan, memory, why)
+        return Resources(math.nan, memory, why, workers=workers, worker_memory=each_worker)
     few, many = _sample(largest, FEW), _sample(largest, MANY)
     mesh = coarser(study.mesh, refined(found.levels, study.mesh)[-1])
     try:
@@ -261,7 +264,7 @@ def resources(study: Study, found: Plan) -> Resources:
             point = max(0.0, _timed(replace(many, mesh=mesh))[-1] - body) / more if more and body < ENOUGH else 0.0
     except GeometryFailed:
         return Resources(math.nan, memory, "the coarser meshes of a trial cannot be made")
-    seconds = START
+    seconds, shared = START, 0.0
     for one, sizes_of in zip(own, levels, strict=True):
         seconds += meshing_seconds(one.mesh, sizes_of) if study.mesh.nested else 0.0
         factors = (1.0 + FACTOR * (_factorisations(one) - 1)) / (1.0 + FACTOR * (_factorisations(few) - 1))
@@ -269,7 +272,10 @@ def resources(study: Study, found: Plan) -> Resources:
             seconds += body * factors * (size.n_dof / n_dof) ** STAGES[1]
             each = point * (POINT + NODE * size.n_contact) / (POINT + NODE * m) + WRITTEN
             seconds += max(0, len(one.scenes) - FEW) * each
-    return Resources(seconds, memory)
+            shared += len(one.scenes) * max(0.0, each - PARENT)
+    if whole:  # a worker makes its mesh, too
+        shared = seconds - START
+    return Resources(seconds, memory, "", shared, workers, each_worker)
 
 
 def unknown(study: Study) -> str:

@@ -57,11 +57,23 @@ class LevelForecast:
 
 @dataclass(frozen=True)
 class Resources:
-    """CPU time [s] of one process and peak memory [byte]; unknown: why the time is not known, then NaN."""
+    """CPU time [s] of one process and peak memory [byte]; unknown: why the time is not known, then NaN.
+
+    shared:  seconds of these that worker processes take off this one
+    workers: processes that will do it, 1 for this one alone;  worker_memory: peak of each of them [byte]
+    """
 
     seconds: float
     memory: float
     unknown: str = ""
+    shared: float = 0.0
+    workers: int = 1
+    worker_memory: float = 0.0
+
+    @property
+    def wall(self) -> float:
+        """Seconds that pass with these workers."""
+        return self.seconds - self.shared * (1.0 - 1.0 / self.workers)
 
 
 def predicted(study: Study) -> tuple[LevelForecast, ...]:

@@ -65,20 +65,20 @@ def _memory() -> float:
     return float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else np.inf
 
 
-def work_words(study: Study, levels: Sequence[LevelForecast], jobs: int | None) -> str:
-    """Who will do the work, in words."""
+def hands(study: Study, levels: Sequence[LevelForecast], jobs: int | None) -> tuple[int, str]:
+    """How many processes will do the work, and in words who does what; empty if this one does all."""
     scheduler = "or by those of a scheduler (--dask)"
     if not study.variants and study.history is None:
         most = max((for_blocks(study, level.n_contact, jobs) for level in levels), default=1)
-        return f"contact problems solved by {most} worker processes (--jobs), {scheduler}" if most > 1 else ""
+        return most, f"contact problems solved by {most} worker processes (--jobs), {scheduler}" if most > 1 else ""
     if study.history is None:
         what, each = "geometries", [of_geometry(one.study) for one in study.variants if one.study is not None]
     else:
         one = study.history.of(levels)
         what, each = "histories", [of_history(study, one.n_dof, one.n_contact)] * len(study.scenes)
     if len(each) < 2 or (count := for_calls(each, jobs)) == 1:
-        return ""
-    return f"{len(each)} {what}, each whole by one of {count} worker processes (--jobs), {scheduler}"
+        return 1, ""
+    return count, f"{len(each)} {what}, each whole by one of {count} worker processes (--jobs), {scheduler}"
 
 
 class WorkerPool:

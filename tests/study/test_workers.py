@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from tcstudy.reports.terminal.forecast import expected_words
 from tcstudy.study import workers
 from tcstudy.study.sizes import Resources
 from tests.verification.scenes import RECTANGLE, study_of
@@ -39,3 +40,10 @@ def test_whole_calls_get_the_workers_that_pay_and_have_memory(monkeypatch: pytes
     monkeypatch.setattr(workers, "_memory", lambda: 7e9)
     assert workers.for_calls(each, None) == 3
     assert workers.for_calls(each, 6) == 6
+
+
+def test_a_forecast_says_what_workers_take_off() -> None:
+    """A hundred seconds, of which eighty are shared: 20 + 80/4 pass."""
+    told = Resources(100.0, 1e9, shared=80.0, workers=4, worker_memory=0.25e9)
+    assert told.wall == 40.0
+    assert expected_words(told) == "about 1 min 40 s of CPU time, 40 s on 5 cores, about 2 GB"

@@ -47,10 +47,14 @@ def forecast_text(study: Study, plan: Any, more: Sequence[str], output: Path, wo
     return wrapped("\n".join(lines))
 
 
-def expected_words(seconds: float, memory: float, unknown: str = "", at_most: bool = False) -> str:
-    """CPU time and memory to expect, in words: rough figures; unknown: why the time is not known."""
-    room = f"{'up to ' if at_most else ''}about {memory / 1e9:.1g} GB"
-    return f"time unknown: {unknown}; {room}" if unknown else f"about {span(seconds)} of CPU time, {room}"
+def expected_words(expected: Any, at_most: bool = False) -> str:
+    """CPU time, cores and memory to expect, in words: rough figures. expected: a `tcstudy.study.sizes.Resources`"""
+    up_to, workers = "up to " if at_most else "", expected.workers
+    room = f"{up_to}about {(expected.memory + workers * expected.worker_memory) / 1e9:.1g} GB"
+    if expected.unknown:
+        return f"time unknown: {expected.unknown}; {room}"
+    wall = f", {span(expected.wall)} on {workers + 1} cores" if workers > 1 else ""
+    return f"about {span(expected.seconds)} of CPU time{wall}, {room}"
 
 
 def _count(value: int, level: Any) -> str:
