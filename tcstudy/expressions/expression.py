@@ -30,13 +30,9 @@ MAX_DEPTH = 120
 
 VARIABLES = ("x", "y")
 CONSTANTS = {"pi": math.pi, "e": math.e}
-FUNCTIONS: dict[str, Callable[..., Any]] = {
-    **{
-        name: getattr(np, name) for name in ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "sqrt")
-    },
-    **{name: getattr(np, name) for name in ("abs", "sinh", "cosh", "tanh")},
-    **{"min": np.minimum, "max": np.maximum},
-}
+_NAMES = ["sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "sqrt", "abs", "sinh", "cosh", "tanh"]
+FUNCTIONS: dict[str, Callable[..., Any]] = {name: getattr(np, name) for name in _NAMES}
+FUNCTIONS |= {"min": np.minimum, "max": np.maximum}
 
 TOKEN = re.compile(
     r"(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"

@@ -116,23 +116,17 @@ def check_together(
     """
     roles = dict(scenes[0].boundary).values() if scenes else ()
     laws = any(isinstance(scene.friction, EdgeLaws) for scene in distinct(scenes, "friction"))
-    rigid = any(isinstance(role, Rigid) for role in roles)
     springs = any(scene.springs for scene in distinct(scenes, "boundary"))
     own, no_edge = any(role.heat is not None for role in roles), "an exact solution has no such edge; remove exact"
-    one_material = "an exact solution takes one material; remove exact, or write one material"
+    one = "an exact solution takes one material; remove exact, or write one material"
     derived = "loads are derived for the section heat only; give the loads, or loads: given"
-    features = {  # whether the scenes have it, what a live page takes in its place, why an exact solution has it not
-        "friction differs along the contact line": (laws, "one law", ""),
-        "materials differ by region, where stresses jump": (
-            bool(root.child("materials")),
-            "one material",
-            one_material,
-        ),
-        "an edge is rigid": (rigid, "none", no_edge),
-        "an edge rests on springs": (springs, "none", no_edge),
-        "an edge has heat of its own": (own, "one alpha and one theta_bar", derived if exact and exact.derived else ""),
-    }
-    for feature, (has, page, why) in features.items():
+    for has, feature, page, why in (  # what a live page takes in its place, why an exact solution has it not
+        (laws, "friction differs along the contact line", "one law", ""),
+        (root.child("materials"), "materials differ by region, where stresses jump", "one material", one),
+        (any(isinstance(role, Rigid) for role in roles), "an edge is rigid", "none", no_edge),
+        (springs, "an edge rests on springs", "none", no_edge),
+        (own, "an edge has heat of its own", "one alpha and one theta_bar", derived if exact and exact.derived else ""),
+    ):
         if has and output and output.live:
             ctx.errors.at(root.nearest("output"), f"{feature}, and a live page takes {page}; remove live: true")
         if has and exact and why:

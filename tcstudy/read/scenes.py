@@ -6,7 +6,7 @@ values that touch it, so 10^4 points cost little more than their distinct values
 
 from __future__ import annotations
 
-import itertools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -94,14 +94,12 @@ class SceneReader:
         """All combinations of the values of the axes that touch a section, and (P,) which one each point has."""
         axes, sizes = self.touching[section], [len(axis.values) for axis in self.sweep.axes]
         if self.sweep.mode == "grid":
-            one = np.zeros([1] * len(sizes), dtype=np.int32)
-            for i in axes:
-                steps = np.arange(sizes[i], dtype=np.int32).reshape([-1 if d == i else 1 for d in range(len(sizes))])
-                one = one * np.int32(sizes[i]) + steps
-            return list(itertools.product(*(range(sizes[i]) for i in axes))), np.broadcast_to(one, sizes).ravel()
-        found: dict[Indices, int] = {}
-        of = [found.setdefault((i,) * len(axes), len(found)) for i in range(sizes[0])]
-        return list(found), np.array(of, dtype=np.int32)
+            own = [sizes[i] for i in axes]
+            places = np.unravel_index(np.arange(math.prod(sizes)), sizes)
+            of = np.ravel_multi_index([places[i] for i in axes], own) if own else np.zeros(len(places[0]))
+            return list(np.ndindex(*own)), np.asarray(of, dtype=np.int32)
+        every = range(sizes[0]) if axes else [0]
+        return [(i,) * len(axes) for i in every], np.resize(np.array(every, dtype=np.int32), sizes[0])
 
     def _at(self, section: str, key: Indices, base: Any) -> tuple[Node | None, Any]:
         """The study with nothing but a section, the values at `key` of the axes that touch it put in; and its record.

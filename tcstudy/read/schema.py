@@ -154,9 +154,14 @@ def _by_path(items: Schema) -> Schema:
     return {"type": "object", "minProperties": 1, "additionalProperties": items}
 
 
-def _number(one: Key, text: Schema = NUMBER_TEXT) -> Schema:
+def _bounded(one: Key, kind: str) -> Schema:
     bounds = {"minimum": one.least, "exclusiveMinimum": one.above, "maximum": one.most, "exclusiveMaximum": one.below}
-    return {"anyOf": [{"type": "number", **{k: v for k, v in bounds.items() if v is not None}}, text]}
+    number = int if kind == "integer" else float
+    return {"type": kind, **{name: number(bound) for name, bound in bounds.items() if bound is not None}}
+
+
+def _number(one: Key, text: Schema = NUMBER_TEXT) -> Schema:
+    return {"anyOf": [_bounded(one, "number"), text]}
 
 
 def _sub_section(one: Key) -> Schema:
@@ -181,11 +186,6 @@ def _fragment(one: Key) -> Schema:
     return FRAGMENTS[kind](one)
 
 
-def _integer(one: Key) -> Schema:
-    bounds = {"minimum": one.least, "maximum": one.most}
-    return {"type": "integer", **{k: int(v) for k, v in bounds.items() if v is not None}}
-
-
 def _sizes_or_tolerance(one: Key) -> Schema:
     """h of a sweep."""
     made = {name: _described(row("mesh", name)) for name in IN_SWEEP}
@@ -196,7 +196,7 @@ def _sizes_or_tolerance(one: Key) -> Schema:
 LAW_BY_EDGE = _by_path(_ref("friction")) | {"not": {"required": ["law"]}}
 FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     "number": _number,
-    "integer": _integer,
+    "integer": lambda one: _bounded(one, "integer"),
     "flag": lambda one: {"type": "boolean"},
     "text": lambda one: SOME_TEXT,
     "name": lambda one: {"type": "string", "pattern": NAME},
