@@ -36,7 +36,7 @@ EPS = float(np.finfo(float).eps)
 NEWTON, HALVINGS, CORNERS = 40, 40, 12
 BEYOND = 1e-12
 """Part of the largest slip, or of the scale of b, by which rounding may take a node off its piece."""
-ARRIVED = 1e-6
+ARRIVED = 1e-5
 """Steps below this part of the largest slip need not gain, which rounding hides, and end when they get no shorter."""
 AT_LIMIT = 1e-9
 """Part of the scale of b by which the path's rounding may keep a node from the limit that it has reached."""
