@@ -11,8 +11,6 @@ or on the far one.
 
 from __future__ import annotations
 
-from contextlib import suppress
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -123,25 +121,22 @@ def onward(walk: Walk) -> Ray | None:
     Every node that stands on a bound goes on on its piece or on the next one, whichever it then moves along. Where some
     wish otherwise than guessed the one that does most is moved first (mostly it alone has turned back, and to move all
     would upset a whole zone), then all at once (the semismooth Newton method for this linear complementarity problem).
-    With a definite matrix on all sides there is one answer. Else that one may be unstable where another is not, and
-    where nodes push each other on (cells longer than the strip is high) all at once may go round in a circle: the
-    energy of the rates is descended then.
+    With a definite matrix on all sides there is one answer. Where nodes push each other on (cells longer than the strip
+    is high) all at once may go round in a circle: the energy of the rates is descended then.
     """
     corner = Corner(walk)
     far = np.zeros(len(corner.nodes), dtype=bool)
-    with suppress(SingularCellError):
+    try:
         for turn in range(MOST_TURNS):
             against = -_rising(corner, far)
             if walk.dx[-1] == 0.0:
-                break
+                return None
             if not np.any(against > 0.0):
-                if walk.stable:
-                    return walk.here
-                break
+                return walk.here if walk.stable else None
             far ^= against > 0.0 if turn >= ALONE else np.arange(len(far)) == np.argmax(against)
-    with suppress(SingularCellError):
-        return _descended(corner) if len(corner.nodes) else None
-    return None
+        return _descended(corner)
+    except SingularCellError:
+        return None
 
 
 def _rising(corner: Corner, far: Flags) -> Array:
