@@ -12,7 +12,7 @@ from tcstudy.read.study import read_study
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene
 from tcstudy.study.path_affine import affine_load
-from tests.test_cli import CONFIGS
+from tests.commands import CONFIGS
 from tests.verification.scenes import levels_of, study_of
 
 BAR = """
