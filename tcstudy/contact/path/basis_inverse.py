@@ -30,6 +30,9 @@ SLOW = 1e-3
 """A coordinate slower than this part of the fastest one does not drive: as many digits would be lost. Slips and forces
 are compared in units in which the node's own stiffness A_ii is one."""
 
+CLEAR = 0.02
+"""Part of its terms below which the pivot of a node that does not drive has lost digits."""
+
 LOST_RANK = 1e-14
 """Reciprocal condition number below which a cell, its rows scaled, has no unique line."""
 
@@ -124,28 +127,40 @@ class BasisInverse:
     def place(self, i: int, free: bool, k: float) -> None:
         """Move node i to a piece on which it is free with stiffness k, or held; it goes on in the same sense.
 
-        (x, ν) = R (x′, ν′) of this node, R of size two; z = ±x gives all else. Where the node is slow in either cell
-        the inverse becomes stale and waits for `settle`.
+        (x, ν) = R (x′, ν′) of this node, R of size two; z = ±x gives all else. A slow node lets another one drive.
+        Where the driver is slow in the next cell, or the pivot lost, the inverse becomes stale and waits for `settle`.
         """
         was_free, before = self.free.item(i), self.k.item(i)
         self.free[i], self.k[i] = free, k
         if (free == was_free and k == before) or self.stale:
             return
-        if self._slow(i):
-            self.stale = True
-            return
-        self.drive(i)
+        if not self._slow(i):
+            self.drive(i)
         self.unit[i] = self.root[i] if free else 1.0 / self.root[i]
         if free:
             a, b, c, d = (1.0, 0.0, k - before, 1.0) if was_free else (k, 1.0, 1.0, 0.0)
         else:
             a, b, c, d = 0.0, 1.0, 1.0, -before
         way, column, speed, fastest = self.way, self._column(i), self.way.item(i), self.fastest
-        self.way, new = a * way + (c * speed) * column, (b * speed) * way + d * column
-        self.way[i], new[i] = speed, 0.0
+        if i == self.driver:
+            self.way, new = a * way + (c * speed) * column, (b * speed) * way + d * column
+            self.way[i], new[i] = speed, 0.0
+        else:
+            row = self._row(i)
+            pivot = a - row.item(i) * c
+            if not abs(pivot) > CLEAR * (abs(a) + abs(a - pivot)):
+                self.stale = True
+                return
+            own, n = (row.item(i) * d - b) / pivot, self._room()
+            self.way, new = pivot * way + (c * speed) * column, (d + c * own) * column
+            self.left[:, n], self.right[:, n] = (c / pivot) * column, row
+            self.way[i], new[i], self.size = speed, own, n + 1
+            row /= pivot
+            row[i] = own
+            self.T[i], self.left[i, : n + 1] = row, 0.0
         self.T[:, i], self.right[i, : self.size] = new, 0.0
         self._find_fastest()
-        self.stale, turned = self._slow(i), (way.item(self.m), self.way.item(self.m))
+        self.stale, turned = self._slow(self.driver), (way.item(self.m), self.way.item(self.m))
         if abs(turned[0]) <= STILL * fastest or abs(turned[1]) <= STILL * self.fastest:
             self._negatives = None
         elif self._negatives is not None and turned[0] * turned[1] < 0.0:
