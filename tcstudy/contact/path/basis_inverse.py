@@ -26,9 +26,10 @@ _dgemv, _dgemm = scipy.linalg.blas.dgemv, scipy.linalg.blas.dgemm
 CAPACITY = 32
 """Changes of rank one that wait before they enter the inverse as one matrix product."""
 
-SLOW = 1e-3
-"""A coordinate slower than this part of the fastest one does not drive: as many digits would be lost. Slips and forces
-are compared in units in which the node's own stiffness A_ii is one."""
+SLOW, LOST = 2e-2, 1e-3
+"""A coordinate slower than this part of the fastest one is not made to drive, and one slower than the second does not
+drive on: as many digits would be lost. Slips and forces are compared in units in which the node's own stiffness A_ii is
+one."""
 
 CLEAR = 0.02
 """Part of its terms below which the pivot of a node that does not drive has lost digits."""
@@ -110,9 +111,9 @@ class BasisInverse:
     def _find_fastest(self) -> None:
         self.fastest = float(np.abs(self.way * self.unit).max())
 
-    def _slow(self, i: int) -> bool:
-        """Whether this coordinate is too slow to drive, or none moves."""
-        return not abs(self.way.item(i)) * self.unit.item(i) > SLOW * self.fastest
+    def _slow(self, i: int, part: float = SLOW) -> bool:
+        """Whether this coordinate is slower than a part of the fastest, or none moves."""
+        return not abs(self.way.item(i)) * self.unit.item(i) > part * self.fastest
 
     def drive(self, i: int) -> None:
         """Let the coordinate of node i (m: τ) measure the line."""
@@ -158,9 +159,10 @@ class BasisInverse:
             row /= pivot
             row[i] = own
             self.T[i], self.left[i, : n + 1] = row, 0.0
+            self.way /= abs(self.way.item(self.driver)) or 1.0
         self.T[:, i], self.right[i, : self.size] = new, 0.0
         self._find_fastest()
-        self.stale, turned = self._slow(self.driver), (way.item(self.m), self.way.item(self.m))
+        self.stale, turned = self._slow(self.driver, LOST), (way.item(self.m), self.way.item(self.m))
         if abs(turned[0]) <= STILL * fastest or abs(turned[1]) <= STILL * self.fastest:
             self._negatives = None
         elif self._negatives is not None and turned[0] * turned[1] < 0.0:
