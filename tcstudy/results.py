@@ -198,6 +198,7 @@ def draw(
     of: str | None = None,
     law: bool = False,
     deform: float | None = None,
+    along: str | tuple[tuple[float, float], tuple[float, float]] | None = None,
     size: str | tuple[float, float] | None = None,
     ax: Axes | None = None,
     panel: str | None = None,
@@ -212,8 +213,10 @@ def draw(
     ax, panel: draw one panel into axes of a figure of your own, the first or that of the name; returns that figure.
               `ax.legend()` says what its lines are
 
-    of:       of the body of a point: theta, sigma_x, sigma_y, tau_xy, von_mises, sigma_1 or sigma_2 in place of θ
+    of:       of the body of a point, in place of θ: u_x, u_y, sigma_x, sigma_y, tau_xy, von_mises, sigma_1 or sigma_2
     deform:   how many times as large as they are its displacements are drawn; a round number that suits unless given
+    along:    a line, ((0, 0.005), (0.2, 0.005)) or "0 mm, 5 mm: 200 mm, 5 mm": profiles of displacement, temperature
+              and stresses along it, or of the field `of`, in place of the body
 
     Of a run, in place of a point:
     x, y, by:  curves of the number y ("slip_length") over the parameter x, one for each value of the parameter `by`
@@ -225,7 +228,7 @@ def draw(
     """
     from tcstudy.reports.figures.draw import Wanted, figure_of, picture
 
-    wanted = Wanted(at, level, x, y, by, map, of, law, deform, size, ax, panel)
+    wanted = Wanted(at, level, x, y, by, map, of, law, deform, along, size, ax, panel)
     if not isinstance(file, Result | str | FilePath) or str(file).lower().endswith((".yaml", ".yml")):
         from tcstudy.commands.scene import draw_study
 

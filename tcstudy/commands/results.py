@@ -72,6 +72,7 @@ def _show(options: argparse.Namespace, file: Path) -> None:
     Option("--of", metavar="NUMBER", help="what the map is of, e.g. u_T_max; of a point: sigma_x, von_mises …"),
     Option("--law", action="store_true", help="the friction law of a point with all its nodes on it"),
     Option("--deform", type=float, metavar="FACTOR", help="how large displacements of a point are drawn"),
+    Option("--along", metavar="X,Y:X,Y", help="profile of a point along a line, e.g. '0 mm,5 mm: 200 mm,5 mm'"),
     Option("--size", metavar="WIDTHxHEIGHT", help="size of the picture, e.g. 8x10cm"),
 )
 def draw(options: argparse.Namespace) -> int:
@@ -102,7 +103,9 @@ def _draw_study(options: argparse.Namespace) -> int:
     """Draw the scene of a study."""
     from tcstudy.commands.scene import draw_study
 
-    if given := [one for one in ("level", "x", "y", "by", "map", "of", "law", "deform") if getattr(options, one)]:
+    if given := [
+        one for one in ("level", "x", "y", "by", "map", "of", "law", "deform", "along") if getattr(options, one)
+    ]:
         fail(f"--{given[0]}: a study that was not run has no results to draw; leave it out")
     target = options.picture or Path("results") / f"{options.file.stem}.scene.png"
     try:

@@ -96,7 +96,10 @@ class Field:
 
 
 def field_of(picture: Picture, name: str | None) -> Field | None:
-    """The field of a name of COMPONENTS, or the temperature, None where there is none. Raises DrawError."""
+    """The field of a name of COMPONENTS, a displacement u_x or u_y, or else the temperature, None where there is none.
+
+    Raises DrawError.
+    """
     body = picture.body
     if body is None:
         if name is not None:
@@ -105,8 +108,10 @@ def field_of(picture: Picture, name: str | None) -> Field | None:
     if name in (None, "theta"):
         found = (body.triangles, body.theta) if body.theta is not None else None
         return found and Field(r"temperature $\theta$", body.theta_units, (found,))
+    if name in ("u_x", "u_y"):
+        return Field(f"${name}$", picture.line.length_units, ((body.triangles, body.u[:, "xy".index(name[-1])]),))
     if name not in COMPONENTS:
-        raise DrawError(f"of: the body has no field {name!r}; it has theta, {', '.join(COMPONENTS)}")
+        raise DrawError(f"of: the body has no field {name!r}; it has theta, u_x, u_y, {', '.join(COMPONENTS)}")
     if picture.scene is None:
         raise DrawError("the study in the file cannot be read any more, so its materials are not known")
     (label, component), (sigma, error) = COMPONENTS[name], recovered(body, picture.scene.material)

@@ -19,6 +19,7 @@ from tcstudy.reports.figures.history import draw_history
 from tcstudy.reports.figures.law import law_figure, laws_of
 from tcstudy.reports.figures.path import path_figure
 from tcstudy.reports.figures.point import point_figure
+from tcstudy.reports.figures.profile import Ends, profile_figure
 from tcstudy.reports.figures.sweep import curves_figure, map_figure, read_sweep
 from tcstudy.reports.picture import read_picture
 from tcstudy.reports.terminal.cost import SYMBOLS, measure_of
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-OF_RUN = ("x", "y", "by", "map", "of", "law", "deform")
+OF_RUN = ("x", "y", "by", "map", "of", "law", "deform", "along")
 """What chooses among the pictures of a run."""
 LOOK = ("size", "ax", "panel")
 """What all pictures take."""
@@ -55,6 +56,7 @@ class Wanted:
     of: str | None = None
     law: bool = False
     deform: float | None = None
+    along: str | Ends | None = None
     size: str | tuple[float, float] | None = None
     ax: Axes | None = None
     panel: str | None = None
@@ -72,8 +74,8 @@ class Wanted:
         for one, other in (("x", "y"), ("y", "x"), ("map", "of"), ("by", "x")) if kind == "run" else ():
             if one in given and other not in given:
                 raise UsageError(f"{one}: give {other}, too, for example {EXAMPLES[other]}")
-        modes = [name for name in ("x", "map", "law", "deform", "of") if name in given]
-        modes = modes[:1] if modes in (["map", "of"], ["deform", "of"]) else modes
+        modes = [name for name in ("x", "map", "law", "deform", "along", "of") if name in given]
+        modes = modes[:1] if modes in (["map", "of"], ["deform", "of"], ["along", "of"]) else modes
         if kind == "run" and len(modes) > 1:
             raise UsageError(f"{modes[0]}: {modes[1]} is another picture; choose one of them")
 
@@ -140,5 +142,7 @@ def _drawn(file: Path, kind: Kind, wanted: Wanted, look: style.Look) -> tuple[Fi
         laws = laws_of(point)
         names = ", ".join(f"{edge}: {law.name}" if edge else law.name for edge, law in laws[0])
         return law_figure(point, laws, look), f"law {names}, {where}"
+    if wanted.along is not None:
+        return profile_figure(point, look, wanted.along, wanted.of), f"profile along a line, {where}"
     fields = "" if point.body else " (contact line only: the run kept no fields, see output.fields)"
     return point_figure(point, look, wanted.of, wanted.deform), f"{where}{fields}"

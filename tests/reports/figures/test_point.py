@@ -14,7 +14,7 @@ pytest.importorskip("matplotlib")
 import tcstudy
 from tcstudy.errors import DrawError, UsageError
 from tcstudy.read.study import read_study_text
-from tcstudy.reports.figures import style
+from tcstudy.reports.figures import draw, style
 from tcstudy.reports.figures.body import boundary_edges, contact_chains, exaggeration
 from tcstudy.reports.figures.draw import Wanted, picture
 from tcstudy.reports.figures.edges import chained, joined
@@ -218,6 +218,40 @@ def test_stresses_are_drawn_with_their_error_and_a_factor_that_is_chosen(
     assert np.ptp(high.body.xy[:, 1]) == pytest.approx(0.02)
     assert np.abs(high.line.u_T).max() == pytest.approx(float(high.at["u_T_max"]))
     assert np.abs(read_picture(pads, {"height": 0.02, "u_x": 0.001}).line.u_T).max() < np.abs(high.line.u_T).max()
+
+
+def test_a_profile_goes_along_a_line_in_pieces_by_material(tmp_path: Path) -> None:
+    """Two layers of one ν that are stretched alike: u_x = ε x, σ_x = E ε in each, σ_y = τ = 0, all of which P1 has."""
+    study = read_study_text("""
+body: {rectangle: {width: 200 mm, height: 60 mm},
+       regions: {coat: {rectangle: {corner: [0 mm, 0 mm], width: 200 mm, height: 20 mm}}}}
+boundary: {bottom: contact, left: {role: clamped, u_x: 0 m}, top: free, right: {role: clamped, u_x: 0.2 mm}}
+material: {E: 200 GPa, nu: 0.3, plane: stress}
+materials: {coat: {E: 50 GPa, nu: 0.3}}
+friction: {law: tresca, tau: 1 MPa, strength: 0}
+mesh: {maxh: 30 mm, levels: 1}
+output: {fields: true}
+""")
+    tcstudy.run(study, tmp_path / "out.nc")
+    displacement, stress = draw.figure_of(tmp_path / "out.nc", Wanted(along="100 mm, 0 mm: 100 mm, 60 mm")).axes
+    assert [axes.get_ylabel() for axes in (displacement, stress)] == [
+        "$u_x$, $u_y$ [µm]",
+        "$\\sigma_x$, $\\sigma_y$, $\\tau_{xy}$ [MPa]",
+    ]
+    _, u_x, _ = (line.get_ydata() for line in displacement.lines)
+    assert u_x == pytest.approx(100.0, rel=1e-9)
+    _, body, coat, *others = (line.get_ydata() for line in stress.lines)
+    assert body[np.isfinite(body)] == pytest.approx(200.0, rel=1e-9)
+    assert coat[np.isfinite(coat)] == pytest.approx(50.0, rel=1e-9)
+    assert np.all(np.isfinite(body) | np.isfinite(coat))
+    assert np.nanmax(np.abs(others)) < 1e-6
+    for along, message in (
+        ("1, 1", "is no line"),
+        ("1, 1: 2, 2", "no point of this line"),
+        ("0, a: 1, 1", "is no line"),
+    ):
+        with pytest.raises((DrawError, UsageError), match=message):
+            picture(tmp_path / "out.nc", tmp_path / "a.png", Wanted(along=along))
 
 
 # -- the file ----------------------------------------------------------------------------------------------------------
