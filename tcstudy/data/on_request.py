@@ -2,12 +2,12 @@
 
 Names: `probe_<name>_u_x`, `_u_y`, `_theta`, `_sigma_xx`, `_sigma_yy`, `_sigma_xy` and on a contact edge `_u_T`;
 `reaction_<edge>_x`, `_y`; `force_<edge>_x`, `_y`, `work_<edge>`; `section_force_max`, `section_force_at` and along the
-contact line `section_force`; `theta_mean_<edge>`; `von_mises_max` with `von_mises_x`, `von_mises_y`. Derivatives, which
-are asked for likewise, are `sensitivity_<quantity>_<number>`: ∂quantity/∂number at the solution of the point and level,
-the number's dots written as `_`, as in `sensitivity_friction_resultant_friction_delta`. They belong to the solution
-found while its nodes keep their pieces of b: at an event, where derivatives of two sides differ, they are missing, and
-`sensitivity_status` says so. Those of steps of a history are differences of whole histories. (The command
-Sobol indices, as `tcstudy show` has them, are something else.)
+contact line `section_force`, `layer_force_<region>`; `theta_mean_<edge>`; `von_mises_max` with `von_mises_x` and `_y`.
+Derivatives, which are asked for likewise, are `sensitivity_<quantity>_<number>`: ∂quantity/∂number at the solution of
+the point and level, the number's dots written as `_`, as in `sensitivity_friction_resultant_friction_delta`. They
+belong to the solution found while its nodes keep their pieces of b: at an event, where derivatives of two sides
+differ, they are missing, and `sensitivity_status` says so. Those of steps of a history are differences of whole
+histories. (The command Sobol indices, as `tcstudy show` has them, are something else.)
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import product
 
-from tcstudy.data.schema import POINT_LEVEL, SECTION, SWEEP, FileVariable, count, flags, result
+from tcstudy.data.schema import LAYER, POINT_LEVEL, SECTION, SWEEP, FileVariable, count, flags, result
 from tcstudy.scene.records import Clamped, Contact, Free
 from tcstudy.scene.study import Sensitivity, Study
 
@@ -47,7 +47,15 @@ def variables(study: Study) -> tuple[FileVariable, ...]:
 
 def line_variables(study: Study) -> tuple[FileVariable, ...]:
     """Those along the contact line."""
-    return (SECTION,) if "section_force" in study.output.quantities else ()
+    if "section_force" not in study.output.quantities:
+        return ()
+    told = "of the layer across the line at the node, positive in tension; in balance with all others, of P1 stresses"
+    layers = [name for name, _ in study.scenes[0].material.regions]
+    own = [
+        replace(SECTION, name=LAYER + name, long_name=f"force of the section of {name}", comment=told)
+        for name in layers
+    ]
+    return (SECTION, *own)
 
 
 def step_variables(study: Study) -> tuple[FileVariable, ...]:

@@ -307,6 +307,9 @@ SECTION = FileVariable(
     comment="of the whole body across the line at the node, positive in tension",
 )
 
+LAYER = "layer_force_"
+"""How the names of the forces of layers begin, which are as SECTION."""
+
 _END = ("held_end",)
 _AT_END = (("coordinates", "held_arclength held_x held_y"),)
 HELD: tuple[FileVariable, ...] = (

@@ -284,7 +284,7 @@ def _take_numbers(arrays: Arrays, block: BlockRecord, rows: Places, at: Places) 
     arrays["status"][at, block.level] = block.status[rows]
     arrays["reason"][at, block.level] = words[rows]
     for name, values in block.numbers.items():
-        if name == schema.SECTION.name:  # along the contact line
+        if name == schema.SECTION.name or name.startswith(schema.LAYER):  # along the contact line
             continue
         array, found = arrays[name][:, block.level], values[rows]
         if array.dtype.kind != "f":

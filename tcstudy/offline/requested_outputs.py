@@ -43,8 +43,9 @@ class RequestedOutputs:
         level, wanted, mesh, found = self.level, self.output.quantities, self.level.mesh, dict[str, Any]()
         u, warm = level.displacement(scene, u_T), scene.material.expands
         theta = level.temperature(scene).theta if warm else np.zeros(mesh.n_points)
-        if self.output.probes or "von_mises" in wanted:
-            sigma = self._stress(scene, u, theta)
+        stressed = self.output.probes or {"von_mises", "section_force"} & {*wanted}
+        sigma = self._stress(scene, u, theta) if stressed else None
+        if sigma is not None:
             found |= self._probes(u, theta if warm else theta + np.nan, sigma)
             if "von_mises" in wanted:
                 xx, yy, xy, zz = sigma.T
@@ -59,8 +60,8 @@ class RequestedOutputs:
             for name, force in edge_forces(level, scene, u).items():
                 x, y = force.reshape(2, -1).sum(axis=1)
                 found |= {f"force_{name}_x": float(x), f"force_{name}_y": float(y), f"work_{name}": float(force @ u)}
-        if "section_force" in wanted and (section := section_force(level, scene, u, u_T)):
-            N, at = section
+        if "section_force" in wanted and sigma is not None and (section := section_force(level, scene, u, u_T, sigma)):
+            N, layers, at = section
             most = int(np.argmax(np.abs(N) >= (1.0 - EQUAL) * np.abs(N).max()))
             free = np.append(level.line.unknowns[:, 0], level.line.unknowns[-1, 1]) >= 0
             found |= {
@@ -68,6 +69,7 @@ class RequestedOutputs:
                 "section_force_at": float(at[most]),
                 "section_force": N[free],
             }
+            found |= {f"layer_force_{name}": of_layer[free] for name, of_layer in layers.items()}
         for name, _ in scene.boundary if "theta_edges" in wanted and warm else ():
             ends = mesh.segments[mesh.on(name)]
             length = np.hypot(*(mesh.points[ends[:, 1]] - mesh.points[ends[:, 0]]).T)

@@ -6,7 +6,10 @@ Sections: N(s), positive in tension, is −Σ_{s_j < s} F_j·t of all forces F_j
           at s. Of a segment the mean over its sections is taken, which is exact for nodal forces of P1: l(φt), φ = 1
           before it, 0 behind it and linear on it, is a(u, φt) but for rounding. Friction adds ∫ξ/c over the cells S_i,
           so that N(s) between the middles of segments is exact where the line carries no other load.
-Left out: layers, each alone, as what passes between them is known from P1 stresses alone; lines that bend.
+Layers:   N of a region with a material of its own, of the forces ∫σ:∇φ that its triangles have at the nodes. They are
+          in balance with all others, and N of all layers sum to that of the body; but what passes between two layers is
+          that of P1 elements, so that N of one has an error that falls with h.
+Left out: lines that bend.
 """
 
 from __future__ import annotations
@@ -49,10 +52,22 @@ def edge_forces(level: Level, scene: Scene, u: Array) -> dict[str, Array]:
     return found
 
 
-def section_force(level: Level, scene: Scene, u: Array, u_T: Array) -> tuple[Array, Array] | None:
-    """N at the nodes of Γ_C, held ones included (s + 1,) [N/m], and their arc lengths [m]; None for a line that bends.
+def layer_forces(level: Level, scene: Scene, sigma: Array) -> dict[str, Array]:
+    """(2, n) ∫σ:∇φ over every region with a material of its own, at its nodes; sigma (t, 4) with xx, yy, xy first."""
+    mesh, found = level.mesh, dict[str, Array]()
+    pulled = np.einsum("tij,tkj->tki", sigma[:, [[0, 2], [2, 1]]] * mesh.area[:, None, None], mesh.slopes)
+    for name, _ in scene.material.regions:
+        found[name], own = np.zeros((2, mesh.n_points)), mesh.inside((name,))
+        np.add.at(found[name].T, mesh.triangles[own], pulled[own])
+    return found
 
-    u: (2n,) displacement in x and y;  u_T: (m,) [m]
+
+def section_force(
+    level: Level, scene: Scene, u: Array, u_T: Array, sigma: Array
+) -> tuple[Array, dict[str, Array], Array] | None:
+    """N at the nodes of Γ_C, held ones included (s + 1,), of the body and of layers by region [N/m]; arc lengths [m].
+
+    u: (2n,) displacement in x and y;  u_T: (m,) [m];  sigma: (t, 4) stress [Pa]. None for a line that bends.
     """
     line, mesh, h = level.line, level.mesh, level.line.lengths
     along = (line.ends[:, 1] - line.ends[:, 0]) / h[:, None]
@@ -65,17 +80,29 @@ def section_force(level: Level, scene: Scene, u: Array, u_T: Array) -> tuple[Arr
         total += one
     for load, factor in mechanical_terms(scene.f, ()):
         total += factor * level.vector(load)
-    force = along[0] @ total.reshape(2, -1)
-    force[line.nodes] += xi  # friction acts along the cells
+    density = (xi / line.c)[np.where(line.unknowns < 0, line.unknowns[:, ::-1], line.unknowns)]
     s = (mesh.points - line.ends[0, 0]) @ along[0]
     k = np.clip(np.searchsorted(at, s, side="right") - 1, 0, len(h) - 1)
     share = np.clip((at[k + 1] - s) / h[k], 0.0, 1.0)
-    before = np.cumsum(np.bincount(k, force, len(h))) - np.bincount(k, force, len(h))
-    rest = -before - np.bincount(k, force * share, len(h))  # between the ends of every segment
-    middle = 0.5 * (at[1:] + at[:-1])
-    if len(h) > 1:  # at the ends of the line it goes on as it begins
-        slopes = (np.diff(rest) / np.diff(middle))[[0, -1]]
-        rest = np.concatenate([[rest[0] - slopes[0] * middle[0]], rest, [rest[-1] + slopes[1] * (at[-1] - middle[-1])]])
-        middle = np.concatenate([[0.0], middle, at[-1:]])
-    density = (xi / line.c)[np.where(line.unknowns < 0, line.unknowns[:, ::-1], line.unknowns)]
-    return np.interp(at, middle, rest) + np.concatenate([[0.0], np.cumsum(0.5 * h * density.sum(axis=1))]), at
+    friction = np.concatenate([[0.0], np.cumsum(0.5 * h * density.sum(axis=1))])
+
+    def sections(nodal: Array, rubs: bool) -> Array:
+        """N of forces (2, n) on nodes; rubs: whether friction is among them, which acts along the cells."""
+        force = along[0] @ nodal
+        if rubs:
+            force[line.nodes] += xi
+        before = np.cumsum(np.bincount(k, force, len(h))) - np.bincount(k, force, len(h))
+        rest = -before - np.bincount(k, force * share, len(h))  # between the ends of every segment
+        middle = 0.5 * (at[1:] + at[:-1])
+        if len(h) > 1:  # at the ends of the line it goes on as it begins
+            slopes = (np.diff(rest) / np.diff(middle))[[0, -1]]
+            ends = [rest[0] - slopes[0] * middle[0]], [rest[-1] + slopes[1] * (at[-1] - middle[-1])]
+            rest, middle = np.concatenate([ends[0], rest, ends[1]]), np.concatenate([[0.0], middle, at[-1:]])
+        return np.interp(at, middle, rest) + (friction if rubs else 0.0)
+
+    contact = mesh.owner[mesh.on(*scene.edges(Contact))]
+    layers = {
+        name: sections(nodal, bool(mesh.inside((name,))[contact].all()))
+        for name, nodal in layer_forces(level, scene, sigma).items()
+    }
+    return sections(total.reshape(2, -1), True), layers, at

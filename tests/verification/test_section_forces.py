@@ -78,6 +78,23 @@ def test_welded_rail_is_restrained_behind_its_breathing_end(tmp_path: Path) -> N
     assert float(tree["section_force_max"][0]) == pytest.approx(-whole, rel=1e-6)
 
 
+def test_layers_share_the_force_by_their_stiffness(tmp_path: Path) -> None:
+    """A bar of two layers of one ν that yields along its bond: N of both sum to that of the body, E_k H_k/ΣEH each."""
+    text = STRIP.replace("height: 1 mm}", "height: 1 mm}, regions: {coat: {rectangle: {corner: [0 mm, 0.5 mm], "
+                         "width: 100 mm, height: 0.5 mm}}, foil: {rectangle: {corner: [0 mm, 0 mm], width: 100 mm, "
+                         "height: 0.5 mm}}}").replace("friction: FRICTION", "materials: {coat: {E: 210 GPa, nu: 0}, "
+                         "foil: {E: 70 GPa, nu: 0}}\nfriction: {law: tresca, tau: 2 MPa}")  # fmt: skip
+    text = text.replace("maxh: 4 mm, levels: 3", "maxh: 1 mm, levels: 2")
+    (tmp_path / "layers.yaml").write_text(text, encoding="utf-8")
+    tree = tcstudy.run(tmp_path / "layers.yaml", tmp_path / "layers.nc")
+    for level, most in ((0, 1e-5), (1, 4e-6)):
+        line = tree[f"level_{level}"].to_dataset()
+        N, coat, foil = (line[name].values for name in ("section_force", "layer_force_coat", "layer_force_foil"))
+        assert np.abs(coat + foil - N).max() < 1e-9 * P
+        inner = (line["arclength"].values > 0.6 * L) & (line["arclength"].values < 0.9 * L)
+        assert np.abs(coat - 0.75 * N)[inner].max() < most * P
+
+
 def test_forces_of_edges_balance_on_any_body() -> None:
     """With heat, springs, a hole, traction and weight all forces add up to 0; a line that bends has no section."""
     study = study_of(HEATED_BRACKET, "boundary.right.spring={normal: 0.7, tangential: 0.2}")
@@ -88,7 +105,7 @@ def test_forces_of_edges_balance_on_any_body() -> None:
     body = level.load(replace(loaded_by(scene, loads=True), boundary=())).reshape(2, -1).sum(axis=1)
     assert force + body == pytest.approx(np.zeros(2), abs=1e-12)
     assert np.abs(body).min() > 1e-3
-    assert section_force(level, scene, u, v) is None
+    assert section_force(level, scene, u, v, np.zeros((len(level.mesh.triangles), 4))) is None
 
 
 def test_a_line_that_bends_is_told_before_the_work() -> None:

@@ -25,7 +25,7 @@ import numpy as np
 from tcstudy.data.provenance import kind_of
 from tcstudy.data.reading import by_point, each_point, reading, refuse_geometries
 from tcstudy.data.records import PointStatus
-from tcstudy.data.schema import STICKS
+from tcstudy.data.schema import LAYER, SECTION, STICKS
 from tcstudy.data.store import open_results
 from tcstudy.errors import UsageError
 from tcstudy.reports.export.vtk_files import SYMMETRIC, Values, write_collection, write_vtk
@@ -118,7 +118,8 @@ def _write_point(
         np.append(np.arange(part.start, part.stop), [part.start] if line.closed(part) else []).astype(np.intp)
         for part in line.parts
     ]
-    names = ("u_T", "xi", *(["section_force"] if "section_force" in group else []), "arclength", "c")
+    forces = [str(one) for one in group.data_vars if one == SECTION.name or str(one).startswith(LAYER)]
+    names = ("u_T", "xi", *forces, "arclength", "c")
     fields = [*map(stored, names), Values("state", states)]
     about.append(Values("state_meanings", ", ".join(f"{code} {word}" for code, word in enumerate(words))))
     write_vtk(folder / f"{name}.vtp", np.column_stack([line.x, line.y]), chains, fields, (), about)
