@@ -7,7 +7,7 @@ Derivatives, which are asked for likewise, are `sensitivity_<quantity>_<number>`
 the point and level, the number's dots written as `_`, as in `sensitivity_friction_resultant_friction_delta`. They
 belong to the solution found while its nodes keep their pieces of b: at an event, where derivatives of two sides
 differ, they are missing, and `sensitivity_status` says so. Those of steps of a history are differences of whole
-histories. (The command Sobol indices, as `tcstudy show` has them, are something else.)
+histories. (Sobol indices, as `tcstudy show` has them, are something else.)
 """
 
 from __future__ import annotations
