@@ -60,6 +60,8 @@ from tcstudy.study.workers import WorkerPool, submit
 Array = NDArray[np.float64]
 FREE = ("history.steps", "history.repeat")
 """Keys in which a study may differ from that of the file it goes on from; the steps themselves are compared."""
+SAME = 1e-12
+"""Of the largest slip: how far rounding may move a node that rests in a step."""
 
 
 HistoryWatcher = Callable[[int, int, int, int], None]
@@ -255,7 +257,8 @@ def _of_point(study: Study, level: Level, scene: Scene, row: Values, point: int)
     for n, step in enumerate(history(problem, loads[first:], start), first):
         before, found = row["u_T"][0, n - 1] if n else 0.0, dict(vars(step))
         found |= {"status": STATUS[step.status], "u_T": step.v, "u_T_max": np.max(np.abs(step.v), initial=0.0)}
-        found |= {"friction_resultant": body.c @ step.xi, "slip_length": body.c[step.v != before].sum()}
+        moved = np.abs(step.v - before) > SAME * max(np.abs(step.v).max(initial=0.0), np.max(np.abs(before)))
+        found |= {"friction_resultant": body.c @ step.xi, "slip_length": body.c[moved].sum()}
         found |= {name: length for name, (length,) in region_lengths(level, laws, step.kappa[None], beside).items()}
         found |= debonded_front(level.line, problem.law, step.kappa)
         if step.solved:
