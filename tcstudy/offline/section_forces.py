@@ -7,8 +7,8 @@ Sections: N(s), positive in tension, is −Σ_{s_j < s} F_j·t of all forces F_j
           before it, 0 behind it and linear on it, is a(u, φt) but for rounding. Friction adds ∫ξ/c over the cells S_i,
           so that N(s) between the middles of segments is exact where the line carries no other load.
 Layers:   N of a region with a material of its own, of the forces ∫σ:∇φ that its triangles have at the nodes. They are
-          in balance with all others, and N of all layers sum to that of the body; but what passes between two layers is
-          that of P1 elements, so that N of one has an error that falls with h.
+          in balance with all others: with that of the rest N of all sum to that of the body. But what passes between
+          two layers is that of P1 elements, so that N of one has an error that falls with h.
 Left out: lines that bend.
 """
 

@@ -31,6 +31,8 @@ HISTORY_BRANCHES: tuple[HistoryBranch, ...] = get_args(HistoryBranch)
 Keys = tuple[str, ...]
 T = TypeVar("T")
 V = TypeVar("V", float, NDArray[np.float64])
+AT_REST = 1e-9
+"""Change of a slip in a step, of the largest slip, that is rounding: the node rests."""
 MOST_STEPS = 100_000
 """Steps of one history."""
 START = "start"

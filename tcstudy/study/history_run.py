@@ -45,7 +45,7 @@ from tcstudy.laws.composed import row_laws
 from tcstudy.offline.level import Level
 from tcstudy.offline.line_numbers import debonded_front, region_lengths
 from tcstudy.read.study import read_study_text
-from tcstudy.scene.histories import UnfitLaw
+from tcstudy.scene.histories import AT_REST, UnfitLaw
 from tcstudy.scene.parameters import loaded_scene
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
@@ -60,8 +60,6 @@ from tcstudy.study.workers import WorkerPool, submit
 Array = NDArray[np.float64]
 FREE = ("history.steps", "history.repeat")
 """Keys in which a study may differ from that of the file it goes on from; the steps themselves are compared."""
-SAME = 1e-12
-"""Of the largest slip: how far rounding may move a node that rests in a step."""
 
 
 HistoryWatcher = Callable[[int, int, int, int], None]
@@ -257,7 +255,7 @@ def _of_point(study: Study, level: Level, scene: Scene, row: Values, point: int)
     for n, step in enumerate(history(problem, loads[first:], start), first):
         before, found = row["u_T"][0, n - 1] if n else 0.0, dict(vars(step))
         found |= {"status": STATUS[step.status], "u_T": step.v, "u_T_max": np.max(np.abs(step.v), initial=0.0)}
-        moved = np.abs(step.v - before) > SAME * max(np.abs(step.v).max(initial=0.0), np.max(np.abs(before)))
+        moved = np.abs(step.v - before) > AT_REST * max(np.abs(step.v).max(initial=0.0), np.max(np.abs(before)))
         found |= {"friction_resultant": body.c @ step.xi, "slip_length": body.c[moved].sum()}
         found |= {name: length for name, (length,) in region_lengths(level, laws, step.kappa[None], beside).items()}
         found |= debonded_front(level.line, problem.law, step.kappa)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import groupby
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,9 +21,13 @@ if TYPE_CHECKING:
 SAMPLES = 1001
 """Points of a line; fields are linear in a triangle."""
 HEIGHT = 2.2
-ALL = ("u_x", "u_y", "theta", "sigma_x", "sigma_y", "tau_xy")
-"""What is drawn unless one is named; what has the same units shares a panel."""
-COLOURS, STYLES = (style.BLUE, style.VERMILLION, style.GREEN), ("-", "--", ":")
+GROUPS = (("u_x", "u_y"), ("theta",), ("sigma_x", "sigma_y", "tau_xy"))
+"""What is drawn unless one is named, a panel each."""
+LOOKS: tuple[dict[str, Any], ...] = (
+    {"color": style.BLUE},
+    {"color": style.VERMILLION, "linestyle": "--"},
+    {"color": style.GREEN, "linestyle": ":"},
+)
 Ends = tuple[tuple[float, float], tuple[float, float]]
 
 
@@ -49,40 +52,37 @@ def _metres(text: str) -> float:
 
 
 def profile_figure(picture: Picture, look: style.Look, along: str | Ends, of: str | None = None) -> Figure:
-    """The figure of one point, a panel for all fields of the same units. Raises DrawError, UsageError."""
+    """The figure of one point: a panel each for displacement, temperature and stresses, or one for a field.
+
+    Raises DrawError, UsageError.
+    """
     ends, units = ends_of(along), picture.line.length_units
-    body = picture.body
-    names = [of] if of is not None else [name for name in ALL if name != "theta" or (body and body.theta is not None)]
-    fields = [field for name in names if (field := field_of(picture, name)) is not None]
     share = np.linspace(0.0, 1.0, SAMPLES)
     places, s = ends[0] + share[:, None] * (ends[1] - ends[0]), share * float(np.hypot(*(ends[1] - ends[0])))
     panels = dict[str, Panel]()
-    for unit, group in groupby(fields, key=lambda field: field.units):
-        curves = [(field, curve) for field in group for curve in _curves(picture, field, places)]
-        values = np.concatenate([curve for _, curve in curves])
+    for group in ((of,),) if of is not None else GROUPS:
+        fields = [field for name in group if (field := field_of(picture, name)) is not None]
+        if not fields:
+            continue
+        curves = [_curves(picture, field, places) for field in fields]
+        values = np.concatenate([curve for parts in curves for curve in parts])
         if not np.isfinite(values).any():
             raise DrawError("along: no point of this line lies in the body")
-        own = [field for field in fields if field.units == unit]
-        symbols = [field.name.rpartition(" ")[2] for field in own]
-        panel = Panel(
-            scale("distance along the line", s, units), scale(", ".join(symbols), values[np.isfinite(values)], unit)
-        )
-        panel.title = own[0].told
+        symbols = [field.name.rpartition(" ")[2] for field in fields]
+        y = scale(", ".join(symbols), values[np.isfinite(values)], fields[0].units)
+        panel = panels[group[0]] = Panel(scale("distance along the line", s, units), y, fields[0].told)
         panel.across(0.0, color=style.PALE)
         panel.limits[0] = 0.0, float(panel.x(s[-1]))
-        for k, (field, symbol) in enumerate(zip(own, symbols, strict=True)):
-            mine = [curve for one, curve in curves if one is field]
-            for i, curve in enumerate(mine):
-                label = {"label": symbol} if i == 0 else {}
-                panel.line(s, curve, color=COLOURS[k % 3], linestyle=STYLES[k % 3], linewidth=1.5, **label)
-        panels[unit] = panel
+        for parts, symbol, look_of in zip(curves, symbols, LOOKS, strict=False):
+            for i, curve in enumerate(parts):
+                panel.line(s, curve, linewidth=1.5, **look_of, **({"label": symbol} if i == 0 else {}))
     a, b = (", ".join(number(x) for x in end) for end in ends)
     facts = [style.point_words(picture.point), f"level {picture.level},  from ({a}) to ({b}) {pretty(units)}".rstrip()]
-    sheet = Sheet(look, picture.title, facts, [[unit] for unit in panels], [HEIGHT] * len(panels))
+    sheet = Sheet(look, picture.title, facts, [[name] for name in panels], [HEIGHT] * len(panels))
     sheet.draw(panels)
-    for unit, panel in panels.items():
+    for name, panel in panels.items():
         if sum("label" in how for *_, how in panel.items) > 1:
-            sheet.panels[unit].legend(fontsize=style.pt(8), framealpha=0.85, edgecolor="none")
+            sheet.panels[name].legend(fontsize=style.pt(8), framealpha=0.85, edgecolor="none")
     sheet.share(*panels)
     return sheet.finish()
 

@@ -12,10 +12,11 @@ from tcstudy.data.reading import asked, by_point, each_point
 from tcstudy.data.records import PointStatus
 from tcstudy.reports import sentences
 from tcstudy.reports.select_point import describe
-from tcstudy.reports.sentences import KINDS, SAME, CycleChange, cycle_change
+from tcstudy.reports.sentences import KINDS, CycleChange, cycle_change
 from tcstudy.reports.terminal.tables import Heading, Part, plain_table
 from tcstudy.reports.text import counted, digits_lost, headed, number, prefix, proved, with_unit
 from tcstudy.reports.verdict import LENGTHS
+from tcstudy.scene.histories import AT_REST
 
 Array = NDArray[np.float64]
 
@@ -33,7 +34,7 @@ def motion(u_T: Array, jumped: NDArray[np.int8] | None) -> NDArray[np.int8]:
     u_T: (N, m) of the steps that were solved;  jumped: (N, m) 1 where a node moved by a jump, None where none can
     """
     moved = np.diff(u_T, axis=0, prepend=0.0)
-    still = SAME * (float(np.abs(u_T).max()) or 1.0)
+    still = AT_REST * (float(np.abs(u_T).max()) or 1.0)
     what = np.where(np.abs(moved) <= still, 0, np.where(moved > 0.0, 1, 2)).astype(np.int8)
     return what if jumped is None else np.where(jumped == 1, np.int8(3), what)
 
