@@ -116,7 +116,7 @@ def _by_axis(density: tuple[Scalar, Scalar]) -> Iterator[tuple[tuple[Scalar, Sca
 
 
 def loaded_by(scene: Scene, *, loads: bool = False, moves: bool = False, heat: bool = False) -> Scene:
-    """The scene with its mechanical loads, prescribed displacements or heat alone; without heat θ = 0."""
+    """The scene with its mechanical loads as they are, prescribed displacements or heat alone; without heat θ = 0."""
     boundary, none, body = [], (0.0, 0.0), scene.heat
     for name, role in scene.boundary:
         kept = role if loads else replace(role, g=none, pressure=0.0, force=none, moment=role.moment and 0.0)
@@ -129,7 +129,8 @@ def loaded_by(scene: Scene, *, loads: bool = False, moves: bool = False, heat: b
         boundary.append((name, kept))
     if not heat:
         body = replace(body, theta=0.0) if body.theta is not None else replace(body, theta_bar=0.0, q=0.0)
-    return replace(scene, boundary=tuple(boundary), f=scene.f if loads else none, heat=body)
+    f = scene.f if loads else none
+    return replace(scene, boundary=tuple(boundary), f=f, heat=body, load=1.0, unscaled=None)
 
 
 def to_digits(ratio: float) -> float:

@@ -32,7 +32,7 @@ from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level
 from tcstudy.offline.loads import loaded_by
 from tcstudy.scene.fits import Sensitivity
-from tcstudy.scene.parameters import path_scene
+from tcstudy.scene.parameters import FACTORED, path_scene
 from tcstudy.scene.records import Scene, exchanges
 
 Array = NDArray[np.float64]
@@ -89,7 +89,9 @@ def change_of(level: Level, scene: Scene, by: Sensitivity) -> Change:
         others = (name for name, role in scene.boundary if exchanges(role) and not (role.heat and role.heat.alpha))
         load, mean = heated(heat.exchanged(scene, (path[1],) if path[0] == "boundary" else tuple(others)))
         return Change(load, none, theta_mean=mean)
-    linear = loaded_by(scene, loads=True) if path == ("load",) else path_scene(loaded_by(scene), path, 1.0)
+    factor = scene.load if path[-1] in FACTORED else 1.0
+    whole = loaded_by(scene.unscaled or scene, loads=True)
+    linear = whole if path == ("load",) else path_scene(loaded_by(scene), path, factor)
     if path[0] == "heat" or linear.heat_by_edge:
         mean = level.temperature(linear).mean if scene.material.expands else float("nan")
     return Change(level.load(linear), level.frames_of(linear.boundary).values, theta_mean=mean)

@@ -229,10 +229,16 @@ def numbers(scene: Scene) -> Found:
 
 
 def path_scene(scene: Scene, parameter: Keys, t: float) -> Scene:
-    """The scene with the value t [SI] of a number in which its load is affine; raises KeyError if it has none such."""
-    place = dict(affine_numbers(scene))[parameter].place
-    found: Scene = _put(scene, place, t) if place else _scaled_by(scene, t)
-    return found
+    """The scene with the value t [SI] of a number in which its load is affine; raises KeyError if it has none such.
+
+    The factor `load` multiplies the loads that the scene was made with, and those put in later.
+    """
+    whole = scene.unscaled or scene
+    place = dict(affine_numbers(whole))[parameter].place
+    if not place:
+        return _scaled_by(whole, t)
+    found: Scene = _put(whole, place, t)
+    return found if scene.unscaled is None else _scaled_by(found, scene.load)
 
 
 def loaded_scene(scene: Scene, values: Mapping[Keys, float]) -> Scene:
@@ -264,4 +270,4 @@ def _scaled_by(scene: Scene, factor: float) -> Scene:
 
     loads = [{name: scaled(getattr(role, name)) for name in MECHANICAL} for _, role in scene.boundary]
     boundary = ((name, replace(role, **own)) for (name, role), own in zip(scene.boundary, loads, strict=True))
-    return replace(scene, f=scaled(scene.f), boundary=tuple(boundary))
+    return replace(scene, f=scaled(scene.f), boundary=tuple(boundary), load=factor, unscaled=scene)

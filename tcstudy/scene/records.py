@@ -306,7 +306,10 @@ class Heat:
 
 @dataclass(frozen=True)
 class Scene:
-    """One complete problem: every number of one sweep point."""
+    """One complete problem: every number of one sweep point.
+
+    load, unscaled: the factor by which the mechanical loads of another scene were multiplied, and that scene
+    """
 
     body: Body
     boundary: tuple[tuple[str, Role], ...]
@@ -314,6 +317,8 @@ class Scene:
     f: tuple[Scalar, Scalar]
     heat: Heat
     friction: Laws | EdgeLaws
+    load: float = 1.0
+    unscaled: Scene | None = None
 
     @property
     def pieces(self) -> tuple[tuple[Where, Material], ...]:
