@@ -46,15 +46,9 @@ def changed(old: str, new: str, text: str = "") -> str:
 
 @pytest.mark.parametrize(("text", "case", "place", "part"), CASES, ids=[case[:60] for _, case, *_ in CASES])
 def test_one_fault_gives_one_error_at_its_place(text: str, case: str, place: str, part: str) -> None:
-    if case.startswith("--set "):
-        [line] = problems(text, *case[6:].split(" && "))
-    else:
-        [line] = problems(changed(*case.split(" => "), text))  # type: ignore[arg-type]
-    if place[0] == "-":
-        assert line.startswith("--set ")
-        assert f": {place[1:].strip()}" in line
-    else:
-        assert line.startswith(f"study.yaml:{place} ")
+    options = case[6:].split(" && ") if case.startswith("--set ") else []
+    [line] = problems(text if options else changed(*case.split(" => "), text), *options)  # type: ignore[misc]
+    assert re.match(f"--set .*: {re.escape(place[2:])}" if place[0] == "-" else f"study.yaml:{re.escape(place)} ", line)
     assert part in line
     assert "; " in line  # the remedy
 
@@ -87,39 +81,23 @@ def test_a_text_with_a_unit_is_refused_in_a_dimensionless_study() -> None:
     assert all("has a unit, but the study says units: none" in line for line in lines)
 
 
-@pytest.mark.parametrize(
-    ("body", "boundary", "motion"),
-    [
-        ("rectangle: {width: 2, height: 1}", "bottom: contact, right: free, top: free, left: free", "slide along x"),
-        ("rectangle: {width: 2, height: 1}", "bottom: contact, right: contact, top: free, left: free", ""),
-        ("outline: [{from: [0, 0], edge: rim, through: [1, -1]}, {from: [2, 0], edge: rim, through: [1, 1]}]",
-         "rim: contact", "turn about (1, "),
-    ],
-)  # fmt: skip
-def test_supports_must_hold_the_body(body: str, boundary: str, motion: str) -> None:
-    rest = "material: {E: 1, nu: 0}\nfriction: {law: tresca, tau: 1}\nmesh: {maxh: 0.1}\n"
-    text = f"body: {{{body}}}\nboundary: {{{boundary}}}\n{rest}"
-    if motion:
-        [line] = problems(text)
-        assert line.startswith("study.yaml:2:11: boundary: no edge is clamped")
-        assert f"it can still {motion}" in line
-    else:
-        assert len(read_study_text(text).scenes) == 1
-
-
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
-    with pytest.raises(StudyError, match="there is no such file; check the path"):
-        read_study(tmp_path / "none.yaml")
-    with pytest.raises(StudyError, match="this is a folder"):
-        read_study(tmp_path)
-    latin = tmp_path / "latin.yaml"
-    latin.write_bytes("title: ok\n# Öl".encode("latin-1"))
-    with pytest.raises(StudyError, match=r"latin\.yaml:2:3: the file is not UTF-8 text"):
-        read_study(latin)
-    with pytest.raises(StudyError, match="the file is empty"):
-        read_study_text("# nothing\n")
-    with pytest.raises(StudyError, match=r"<text>:1:1: a study is a mapping, but this is a list of 1"):
-        read_study_text("- a\n")
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "latin.yaml").write_bytes("title: ok\n# Öl".encode("latin-1"))
+    with open(tmp_path / "large.yaml", "wb") as file:
+        file.truncate(10**9)
+    for name, said in (
+        ("none.yaml", "there is no such file"),
+        (".", "this is a folder"),
+        ("latin.yaml", "latin.yaml:2:3: the file is not UTF-8 text"),
+        ("/dev/zero", "a device or a pipe"),
+        ("pipe", "a device or a pipe"),
+        ("large.yaml", "16 MB"),
+    ):
+        with pytest.raises(StudyError, match=said):
+            read_study(tmp_path / name)
+    assert "16 MB" in problems(BASE, f"sweep={{mode: list, points: {tmp_path / 'large.yaml'}}}")[0]
+    assert problems("- a\n")[0].startswith("study.yaml:1:1: a study is a mapping, but this is a list of 1")
 
 
 def test_a_geometry_file_must_exist(tmp_path: Path) -> None:
@@ -149,38 +127,11 @@ def test_the_values_of_a_sweep_are_set_by_path_or_short_name() -> None:
     assert read_study_text(text, "study.yaml", [kept, "sweep.size=null"]).shape == (2,)
 
 
-@pytest.mark.parametrize(
-    ("lost", "sweep", "missing"),
-    [
-        ("material", "nu: [0.3, 0.4]", "18:14: material.E: is missing"),
-        ("boundary", "boundary.top.pressure: [1, 2]", "1:1: boundary: is missing"),
-        ("friction", "delta: [20 um, 40 um]", "1:1: friction: is missing"),
-        ("heat", "alpha: [25, 100]", "18:17: heat.theta_bar: is missing"),
-    ],
-)
-def test_a_missing_section_is_not_looked_for_in_the_sweep(lost: str, sweep: str, missing: str) -> None:
-    text = BASE[: BASE.index("sweep:")] + f"sweep: {{{sweep}}}\n"
-    lines = [line for line in problems(text, f"{lost}=null") if "convection" not in line and "heat needs" not in line]
-    assert len(lines) == 1
-    assert lines[0].startswith(f"study.yaml:{missing}")
-
-
-@pytest.mark.parametrize("number", ["1" * 10_000, "0." + "0" * 10_000, "0x" + "f" * 10_000, "-" + "1" * 10_000])
 @pytest.mark.parametrize("form", ["{}", "{} GPa", "{}*x", "{}^{}"])
-def test_numbers_of_ten_thousand_digits_are_refused_at_once(number: str, form: str) -> None:
+def test_numbers_of_ten_thousand_digits_are_refused_at_once(form: str) -> None:
     start = time.process_time()
-    [problem] = problems(BASE, "material.E=" + form.replace("{}", number))
-    assert "at most 2000" in problem
-    assert len(problem) < 400
+    for number in ("1" * 10_000, "0." + "0" * 10_000, "0x" + "f" * 10_000, "-" + "1" * 10_000):
+        [problem] = problems(BASE, "material.E=" + form.replace("{}", number))
+        assert "at most 2000" in problem
+        assert len(problem) < 400
     assert time.process_time() - start < 1.0
-
-
-def test_devices_pipes_and_endless_files_are_no_studies(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "pipe")
-    with open(tmp_path / "large.yaml", "wb") as file:
-        file.truncate(10**9)
-    for name, said in (("/dev/zero", "a device or a pipe"), ("pipe", "a device or a pipe"), ("large.yaml", "16 MB")):
-        with pytest.raises(StudyError, match=said):
-            read_study(tmp_path / name)
-        [problem] = problems(BASE, f"sweep={{mode: list, points: {tmp_path / name}}}")
-        assert said in problem or "no such file" in problem

@@ -10,20 +10,27 @@ from tcstudy.fem.geometry import build
 from tcstudy.read.study import read_study_text
 from tests.verification.scenes import mesh_family
 
-END, LEFT = "{role: traction, spring: {normal: 2 GPa/m}}", "left: symmetry"
-TEXT = f"""
-body: {{rectangle: {{width: 1, height: 0.4, edges: {{bottom: film, right: end}}}}}}
-boundary: {{film: contact, {LEFT}, end: {END}, top: free}}
-material: {{E: 210 GPa, nu: 0.3}}
-friction: {{law: tresca, tau: 20 MPa}}
-mesh: {{maxh: 0.2}}
-"""
+PLATE = "rectangle: {width: 1, height: 0.4, edges: {bottom: film, right: end}}"
+DISC = "outline: [{from: [0, 0], edge: film, through: [1, -1]}, {from: [2, 0], edge: film, through: [1, 1]}]"
+REST = "material: {E: 210 GPa, nu: 0.3}\nfriction: {law: tresca, tau: 20 MPa}\nmesh: {maxh: 0.2}\n"
 
 
-def test_what_neither_springs_nor_symmetry_hold_is_said() -> None:
-    with pytest.raises(StudyError, match="it can still slide along x"):
-        read_study_text(TEXT.replace(LEFT, "left: free").replace("spring: {normal: 2 GPa/m}", "pressure: 0"))
-    read_study_text(TEXT.replace(LEFT, "left: free"))  # the spring holds it
+@pytest.mark.parametrize(
+    ("body", "others", "motion"),
+    [
+        (PLATE, ", end: {role: traction, spring: {normal: 2}}, top: free, left: free", ""),  # the spring holds it
+        (PLATE, ", end: contact, top: free, left: free", ""),
+        (PLATE, ", end: {role: traction, pressure: 0}, top: free, left: free", r"slide along x"),
+        (DISC, "", r"turn about \(1, "),
+    ],
+)
+def test_supports_must_hold_the_body(body: str, others: str, motion: str) -> None:
+    text = f"body: {{{body}}}\nboundary: {{film: contact{others}}}\n{REST}"
+    if not motion:
+        assert len(read_study_text(text).scenes) == 1
+        return
+    with pytest.raises(StudyError, match=rf"2:11: boundary: no edge is clamped .* it can still {motion}"):
+        read_study_text(text)
 
 
 @pytest.mark.parametrize(
@@ -34,7 +41,8 @@ def test_what_neither_springs_nor_symmetry_hold_is_said() -> None:
     ],
 )
 def test_a_rigid_edge_that_contact_holds_is_refused(given: str, said: str) -> None:
-    study = read_study_text(TEXT.replace(END, f"{{role: rigid, {given}}}"))
+    boundary = f"boundary: {{film: contact, left: symmetry, end: {{role: rigid, {given}}}, top: free}}"
+    study = read_study_text(f"body: {{{PLATE}}}\n{boundary}\n{REST}")
     mesh = next(mesh_family(build(study.scenes[0].body), study.mesh))
     with pytest.raises(GeometryFailed, match=said):
         constrain(mesh, study.scenes[0].boundary)

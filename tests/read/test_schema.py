@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import json
 import random
 from datetime import date
 from pathlib import Path
@@ -24,25 +26,17 @@ from tests.read.keys_in_words import markdown
 ROOT = Path(__file__).parents[2]
 SHIPPED = sorted((ROOT / "configs").glob("*.yaml"))
 CHECK = jsonschema.Draft202012Validator(schema())
-BROKEN = 200
+BROKEN = 60
 
 
 def data(text: str) -> Any:
     """What an editor sees of a YAML text."""
-    return _with_words(YAML(typ="safe", pure=True).load(text))
-
-
-def _with_words(value: Any) -> Any:
-    """The value with texts as keys, as the reader takes them."""
-    if isinstance(value, dict):
-        return {str(key): _with_words(item) for key, item in value.items()}
-    if isinstance(value, date):  # YAML 1.2 and the reader know no dates
-        return value.isoformat()
-    return [_with_words(item) for item in value] if isinstance(value, list) else value
+    return json.loads(json.dumps(YAML(typ="safe", pure=True).load(text), default=date.isoformat))
 
 
 def test_the_schema_is_one_and_the_file_that_studies_name_is_it() -> None:
     jsonschema.Draft202012Validator.check_schema(schema())
+    assert [error.message for error in CHECK.iter_errors(data(EVERY_KEY))] == []
     text = (ROOT / "configs" / "study.schema.json").read_text(encoding="utf-8")
     assert text == schema_text(), "write it again: tcstudy init in a folder, its study.schema.json"
 
@@ -54,18 +48,12 @@ def test_every_shipped_study_names_the_schema_and_is_accepted(config: Path) -> N
     assert [error.message for error in CHECK.iter_errors(data(text))] == []
 
 
-def test_a_study_with_every_kind_of_key_is_accepted() -> None:
-    assert [error.message for error in CHECK.iter_errors(data(EVERY_KEY))] == []
-
-
 def test_what_the_schema_refuses_the_reader_refuses_and_nothing_makes_it_fail_in_any_other_way() -> None:
-    texts = sources()
+    trees = [YAML(typ="safe", pure=True).load(text) for text in sources()]
     made = refused = seed = 0
     while made < BROKEN:
         rng, seed = random.Random(seed), seed + 1
-        tree = YAML(typ="safe", pure=True).load(rng.choice(texts))
-        for _ in range(rng.choice((1, 1, 2))):
-            spoil(rng, tree)
+        spoil(rng, tree := copy.deepcopy(rng.choice(trees)))
         text = yaml_of(tree)
         if "[" * 50 in text:  # the reader refuses it at once, a schema never sees it, and the library takes seconds
             continue
@@ -85,32 +73,26 @@ def test_what_the_schema_refuses_the_reader_refuses_and_nothing_makes_it_fail_in
     assert refused > BROKEN // 2
 
 
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [
+def test_an_editor_says_at_once() -> None:
+    for old, new in (
         ("tau: 20 MPa", "tua: 20 MPa"),
         ("teeth: 3", "teeth: 0"),
         ("role: traction", "role: clamped"),
-        ("E: 210 GPa", "E: -1"),
         ("E: 210 GPa", "E: steel"),
         ("alpha: 25, q", "alhpa: 25, q"),
         ("branch: continued", "branch: least"),
         ("friction:", "fricton:"),
         ("radius: 0.1, edge: bore", "radius: 0.1"),
-    ],
-)
-def test_an_editor_says_at_once(old: str, new: str) -> None:
-    assert old in EVERY_KEY
-    assert not CHECK.is_valid(data(EVERY_KEY.replace(old, new)))
-
-
-def test_the_guide_has_the_table_of_keys() -> None:
-    text = (ROOT / "configs" / "README.md").read_text(encoding="utf-8")
-    assert markdown() in text, "put in again what python -m tests.read.keys_in_words prints"
+    ):
+        assert old in EVERY_KEY
+        assert not CHECK.is_valid(data(EVERY_KEY.replace(old, new)))
 
 
 def test_schema_and_guide_know_every_key() -> None:
     made, table = schema(), markdown()
+    assert table in (ROOT / "configs" / "README.md").read_text(encoding="utf-8"), (
+        "put in again what python -m tests.read.keys_in_words prints"
+    )
     for section in {one.section for one in ROWS} - {"", "sweep"}:
         assert list(made["$defs"][section]["properties"]) == list(rows(section))
     assert list(made["properties"]) == list(rows(""))

@@ -1,4 +1,4 @@
-"""Sound studies: the quickstart in SI, the forms of every section, sweeps, options."""
+"""Sound studies: the quickstart in SI, the forms of every section, heat by edge, named numbers, sweeps, options."""
 
 from pathlib import Path
 
@@ -7,7 +7,8 @@ import pytest
 from tcstudy.errors import StudyError
 from tcstudy.expressions.expression import parse
 from tcstudy.read.study import read_study, read_study_text
-from tcstudy.scene.records import Clamped, Contact, Convection, Free, Heat, Rigid, Role, Symmetry, Traction
+from tcstudy.scene.points import needs_heat_solve
+from tcstudy.scene.records import Clamped, Contact, Convection, EdgeHeat, Free, Heat, Rigid, Role, Symmetry, Traction
 from tcstudy.scene.study import Exact, MeshPlan, OutputPlan, SolverPlan, Study
 
 QUICKSTART = Path(__file__).parents[2] / "configs" / "quickstart.yaml"
@@ -98,18 +99,15 @@ def test_a_region_in_place_is_called_omega() -> None:
     assert scene.body.regions[0].loop.edges[1].start == (1.5, 0.2)
 
 
-@pytest.mark.parametrize(
-    ("values", "labels"),
-    [
+def test_spaced_values() -> None:
+    for values, labels in (
         ("{linspace: [1 kW/(m^2*K), 2000, 3]}", (1000.0, 1500.0, 2000.0)),
         ("[1e-3, '2e-3', 3, 4.5 W/(m^2*K), '2*3', 0.1 kW/(m^2*K)]", (1e-3, 2e-3, 3.0, 4.5, 6.0, 100.0)),
         ("{geomspace: [1, 10000, 5]}", (1.0, 10.0, 100.0, 1000.0, 10000.0)),
         ("{linspace: [0.1, 0.3, 3]}", (0.1, 0.2, 0.3)),
-    ],
-)
-def test_spaced_values(values: str, labels: tuple[float, ...]) -> None:
-    study = plain(more=f"sweep: {{alpha: {values}}}\n")
-    assert study.axes[0].labels == tuple(scene.heat.alpha for scene in study.scenes) == labels
+    ):
+        study = plain(more=f"sweep: {{alpha: {values}}}\n")
+        assert study.axes[0].labels == tuple(scene.heat.alpha for scene in study.scenes) == labels
 
 
 def test_zip_and_list() -> None:
@@ -170,9 +168,83 @@ def test_overrides() -> None:
     swept = read_study(QUICKSTART, ["sweep=null", "friction.delta=10 um", "body.holes[0].circle.radius=10 mm"])
     assert len(swept.scenes) == 1
     assert read_study(QUICKSTART, ["sweep.alpha=[1, 2]"]).shape == (2, 3, 4)
-
-
-def test_a_short_name_with_two_meanings_says_the_other() -> None:
-    with pytest.raises(StudyError) as caught:
+    with pytest.raises(StudyError, match=r", or friction\.k for k, which is material\.k$"):
         plain(overrides=("units=SI", "friction={law: linear, k: 1 GPa/m}", "sweep={k: [1 GPa/m]}"))
-    assert str(caught.value).endswith(", or friction.k for k, which is material.k")
+
+
+BY_EDGE = """
+parameters: {mu: 0.3, p: 2 MPa, v: 0.5 m/s, h: 50 W/(m^2*K)}
+body: {rectangle: {width: 1, height: 0.4}}
+boundary:
+  bottom: {role: contact, heat: {flux: "mu*p*v"}}
+  left: {role: clamped, heat: {theta: 80 K}}
+  right: {role: convection, alpha: "2*h", theta_bar: 20 K}
+  top: free
+material: {E: 210 GPa, nu: 0.3, k: 45 W/(m*K), alpha_T: 12e-6 1/K}
+friction: {law: tresca, tau: 20 MPa}
+mesh: {maxh: 0.2}
+"""
+
+
+def test_role_and_heat_of_an_edge_are_two_things() -> None:
+    scene = read_study_text(BY_EDGE).scenes[0]
+    assert (scene.flux, scene.held_theta) == ((("bottom", pytest.approx(3e5)),), (("left", 80.0),))
+    assert (scene.exchange, dict(scene.boundary)["top"].heat) == ((("right", 100.0, 20.0),), None)
+    assert needs_heat_solve(scene)
+    mixed = BY_EDGE.replace("theta_bar: 20 K}", "flux: 7 W/m^2}") + "heat: {theta_bar: 5 K}\n"
+    scene = read_study_text(mixed).scenes[0]
+    assert (scene.exchange, dict(scene.boundary)["right"].heat) == (
+        (("right", 100.0, 5.0),),
+        EdgeHeat(None, 7.0, 100.0),
+    )
+    alike = BY_EDGE.replace("{theta: 80 K}", "{theta: 20 K}").replace('"mu*p*v"', "0")
+    assert not needs_heat_solve(read_study_text(alike).scenes[0])  # one temperature everywhere
+    study = read_study_text(
+        BY_EDGE + "sweep: {boundary.left.heat.theta: [60 K, 80 K], boundary.right.alpha: [1, 2], mu: [1, 2]}"
+    )
+    assert [axis.name for axis in study.axes] == ["theta", "alpha", "mu"]
+    last = study.scenes[7]
+    assert (last.held_theta[0][1], last.exchange[0][1], last.flux[0][1]) == (80.0, 2.0, pytest.approx(2e6))
+
+
+NAMED = """
+parameters: {height: 1 m, width: "2*height", load: 1 MPa, share: 0.5}
+body: {rectangle: {width: width, height: "sqrt(height*width/2)"}}
+boundary: {bottom: contact, left: clamped, right: free,
+  top: {role: traction, g: ["load*sin(pi*x/width)", "-share*load"]}}
+material: {E: "1000*load", nu: 0.3}
+friction: {law: tresca, tau: "min(load, 2*load)"}
+mesh: {maxh: "height/2"}
+"""
+
+
+def named(*overrides: str, text: str = NAMED) -> Study:
+    return read_study_text(text, "test", overrides)
+
+
+def test_expressions_take_names_and_carry_their_units() -> None:
+    (scene,) = named().scenes
+    text = NAMED.replace(NAMED.splitlines()[1], "").replace('"sqrt(height*width/2)"', "1").replace("height/2", "1/2")
+    text = text.replace("width: width", "width: 2").replace("pi*x/width", "pi*x/2").replace("share", "0.5")
+    (other,) = named(text=text.replace("load", "1e6")).scenes
+    assert (scene.body, scene.material, scene.friction) == (other.body, other.material, other.friction)
+    (g, _), (h, _) = (dict(one.boundary)["top"].g for one in (scene, other))
+    assert g.evaluate(0.3, 0.0) == h.evaluate(0.3, 0.0)  # type: ignore[union-attr]
+
+
+def test_a_swept_name_acts_in_every_section_that_uses_it_and_in_names_that_follow_from_it() -> None:
+    study = named("sweep={load: [1 MPa, 3 MPa], nu: [0.2, 0.3]}", "share=0.5")  # by the bare names
+    assert [(axis.name, axis.units) for axis in study.axes] == [("load", "Pa"), ("nu", "1")]
+    values = [(s.material.nu, dict(s.boundary)["top"].g[1], float(s.friction.b(1.0))) for s in study.scenes]
+    assert values == [(nu, -0.5 * load, load) for load in (1e6, 3e6) for nu in (0.2, 0.3)]
+    drawn = "sweep={parameters.load: {uniform: [1 MPa, 2 MPa]}, mode: random, points: 3}"
+    study = named("parameters.other=load/4", "friction.tau=other", drawn)
+    assert [4.0 * float(s.friction.b(1.0)) for s in study.scenes] == list(study.axes[0].labels)
+
+
+def test_a_name_of_the_study_goes_before_a_short_name_of_the_program() -> None:
+    text = NAMED.replace("share: 0.5", "share: 0.5, s1: 0.2 m")  # called as a parameter of another law
+    points = "friction={law: piecewise-linear, points: [[0 m, 0 Pa], [s1, 5 Pa]]}"
+    studies = [named(points, more, text=text) for more in ("s1=0.3 m", "sweep={s1: [1 m, 2 m]}")]
+    kinks = [[float(scene.one_law.kinks[-1]) for scene in study.scenes] for study in studies]
+    assert kinks == [[0.3], [1.0, 2.0]]

@@ -30,9 +30,9 @@ def test_value_in_si(text: str, dimension: units.Dimension, value: float) -> Non
     assert to_si(*parts, dimension) == value  # exact: as if the user had written the SI number
 
 
-@pytest.mark.parametrize("text", ["1e-3", "5", "5*x", "1e9*x", "sin(x)", "-x", "(2) m", "3 - 1", "1.5e3", "", "2^3"])
-def test_what_is_not_a_quantity(text: str) -> None:
-    assert split_quantity(text) is None
+def test_what_is_not_a_quantity() -> None:
+    for text in ("1e-3", "5", "5*x", "1e9*x", "sin(x)", "-x", "(2) m", "3 - 1", "1.5e3", "", "2^3"):
+        assert split_quantity(text) is None
 
 
 @pytest.mark.parametrize(
