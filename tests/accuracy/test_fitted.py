@@ -139,3 +139,13 @@ def test_distances_change_as_the_envelope_theorem_says() -> None:
     h = 1e-6
     apart = (feet(points, (1.0 + h) * circle).distance - feet(points, (1.0 - h) * circle).distance) / (2.0 * h)
     assert -np.sum(at.normal * moved, axis=1) == pytest.approx(apart, abs=1e-8)
+
+
+def test_rounding_does_not_choose_the_sign_at_a_corner() -> None:
+    """A snap-back of 170°, whose sides see a point beyond their corner on different hands."""
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0 - np.cos(np.pi / 18), np.sin(np.pi / 18)]])
+    for point, sign in (([1.5, 0.01], -1.0), ([1.5, 0.2], -1.0), ([0.5, 0.01], 1.0), ([1.0, -0.3], -1.0)):
+        for off in np.linspace(-3e-16, 3e-16, 7):
+            found = feet(np.array([point]), corners + off * np.array([[0.0, 0.0], [1.0, 1.0], [0.0, 0.0]]))
+            assert np.sign(found.distance[0]) == sign
+            np.testing.assert_allclose(found.point[0] + found.distance[0] * found.normal[0], point, rtol=1e-14)

@@ -1,10 +1,15 @@
-"""Norms of P1 functions and their distances from polynomials, against integrals in closed form."""
+"""Norms of P1 functions and their distances from polynomials, in closed form; functions carried to other meshes."""
 
 import numpy as np
 import pytest
 
+import tcstudy
 from tcstudy.accuracy.norms import Line, Triangles, less
-from tcstudy.accuracy.transfer import NotNested, prolongation
+from tcstudy.accuracy.transfer import NotNested, interpolation, located, prolongation
+from tcstudy.fem.geometry import build
+from tcstudy.scene.study import MeshPlan
+from tests.commands import CONFIGS
+from tests.verification.scenes import mesh_family
 
 POINTS = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0], [0.7, 0.4]])
 TRIANGLES = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
@@ -52,7 +57,7 @@ def test_distances_from_polynomials():
     assert max(MESH.norms([off, off], 1.0, 1.0).values()) < 1e-14
 
 
-def test_prolongation_changes_no_norm():
+def test_prolongation_changes_no_norm_tells_moved_nodes_and_refuses_other_meshes():
     fine_points, fine_triangles = refined(POINTS, TRIANGLES)
     step = prolongation(POINTS, fine_points, fine_triangles)
     assert step.off_midpoint < 1e-15
@@ -61,10 +66,6 @@ def test_prolongation_changes_no_norm():
     np.testing.assert_array_equal(w[:, : len(POINTS)], v)
     assert fine.norms([fine.p1(one) for one in w], 1.2, 0.8) == pytest.approx(norms(*v, 1.2, 0.8), rel=1e-13)
     np.testing.assert_allclose(step(3 * X - Y), 3 * fine_points[:, 0] - fine_points[:, 1], atol=1e-14)
-
-
-def test_moved_nodes_are_told_and_other_meshes_refused():
-    fine_points, fine_triangles = refined(POINTS, TRIANGLES)
     moved = fine_points.copy()
     moved[np.flatnonzero((moved == [1.0, 0.0]).all(axis=1))[0], 1] = -0.1
     assert prolongation(POINTS, moved, fine_triangles).off_midpoint == pytest.approx(0.05)
@@ -74,20 +75,11 @@ def test_moved_nodes_are_told_and_other_meshes_refused():
         prolongation(POINTS, *refined(fine_points, fine_triangles))
 
 
-def line(count):
-    """The unit segment on the x-axis with its left end held."""
-    points = np.column_stack([np.linspace(0, 1, count + 1), np.zeros(count + 1)])
-    nodes = np.arange(1, count + 1)
-    h = 1 / count
-    c = np.full(count, h)
-    c[0] += h / 2
-    c[-1] -= h / 2
-    segments = np.column_stack([np.arange(count), nodes])
-    return Line(points, segments, np.tile([0.0, -1.0], (count, 2, 1)), nodes, c)
-
-
 def test_line_norms():
-    one = line(4)
+    """On the unit segment on the x-axis with its left end held."""
+    points, nodes = np.column_stack([np.linspace(0, 1, 5), np.zeros(5)]), np.arange(1, 5)
+    c, segments = np.array([0.375, 0.25, 0.25, 0.125]), np.column_stack([np.arange(4), nodes])
+    one = Line(points, segments, np.tile([0.0, -1.0], (4, 2, 1)), nodes, c)
     s = one.points[one.segments, 0]
     assert one.linear_norm(s) == pytest.approx(np.sqrt(1 / 3), rel=1e-14)
     square = lambda x, y, n: x**2  # noqa: E731
@@ -100,3 +92,25 @@ def test_line_norms():
     assert one.next_to_held.tolist() == [True, False, False, False]
     exact = sum(1 / 8 * (h - (k + 0.5) / 8) ** 2 + (1 / 8) ** 3 / 12 for k, h in enumerate(steps.ravel()))
     assert one.step_from(steps, lambda x, y, n: x)[0] ** 2 == pytest.approx(exact, rel=1e-13)
+
+
+def test_nested_meshes_get_the_exact_prolongation_also_around_a_corner() -> None:
+    study = tcstudy.load(CONFIGS / "singular.yaml")
+    coarse, fine = mesh_family(build(study.scenes[0].body), MeshPlan((study.mesh.maxh[0],), 2))
+    v = np.random.default_rng(0).normal(size=coarse.n_points)
+    exact = prolongation(coarse.points, fine.points, fine.triangles)
+    assert exact.off_midpoint < 1e-12
+    carried = interpolation(Triangles(coarse.points, coarse.triangles), fine.points) @ v
+    assert carried == pytest.approx(exact(v), abs=1e-10)
+
+
+def test_points_beside_a_slot_are_found_on_their_own_side() -> None:
+    """Centres of the fine side are nearer, and no way leads across."""
+    fine_points, fine = POINTS, TRIANGLES
+    for _ in range(4):
+        fine_points, fine = refined(fine_points, fine)
+    points = np.concatenate([POINTS - [2.0, 0.0], fine_points + np.array([0.001, 0.0])])
+    mesh = Triangles(points, np.concatenate([TRIANGLES, fine + len(POINTS)]))
+    found, weights = located(mesh, np.column_stack([np.full(50, -0.005), np.linspace(0.01, 0.99, 50)]))
+    assert np.all(found < len(TRIANGLES))
+    assert weights.min() > -1e-12

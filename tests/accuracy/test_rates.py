@@ -10,15 +10,11 @@ H = 0.5 ** np.arange(6)
 ALL = np.ones(6, dtype=bool)
 
 
-def test_slope_and_standard_error_of_scattered_errors():
-    error = H**2 * np.exp([0.02, -0.03, 0.01, 0.02, -0.01, 0.03])
-    found = fit(H, error, ALL)
-    expected = linregress(np.log(H), np.log(error))
+def test_only_asymptotic_levels_are_fitted_and_unsettled_ones_whole():
+    scattered = H**2 * np.exp([0.02, -0.03, 0.01, 0.02, -0.01, 0.03])
+    found, expected = fit(H, scattered, ALL), linregress(np.log(H), np.log(scattered))
     assert found.slope == pytest.approx(expected.slope, rel=1e-12)
     assert found.standard_error == pytest.approx(expected.stderr, rel=1e-10)
-
-
-def test_only_asymptotic_levels_are_fitted_and_unsettled_ones_whole():
     swinging = fit(H, H * np.array([1, 2, 1, 2, 1, 2]), ALL)
     assert (swinging.first, swinging.settled) == (0, False)
     error = H**2 + np.array([5, 0.5, 0, 0, 0, 0])
@@ -26,14 +22,6 @@ def test_only_asymptotic_levels_are_fitted_and_unsettled_ones_whole():
     assert found.first == 2
     assert found.settled
     assert found.slope == pytest.approx(2.0, rel=1e-12)
-
-
-def test_rounding_is_no_rate():
-    found = fit(H, np.full(6, 3e-16), ALL)
-    assert found.exact
-    assert np.isnan(found.slope)
-    assert np.isnan(fit(H, np.full(6, np.nan), ALL).slope)
-    assert np.isnan(fit(H[:1], np.ones(1), ALL[:1]).slope)
 
 
 def test_errors_that_grow_like_rounding_are_rounding():
@@ -55,7 +43,7 @@ def test_richardson_finds_limit_and_order():
     assert richardson(uneven, 2 + 0.3 * uneven**1.4, ALL[:4]).value == pytest.approx(2.0, rel=1e-10)
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(6))
 def test_the_uncertainty_covers_the_limit(seed):
     """With a second term of higher order, as real sequences have."""
     a, b, p, more = np.random.default_rng(seed).uniform([0.5, -0.4, 0.8, 0.6], [1, 0.4, 2, 1.5])
@@ -82,13 +70,8 @@ def test_a_logarithm_in_the_error_is_told_by_its_share() -> None:
     assert log_share(H[:1]) == 0.0
 
 
-def test_against_the_definition_on_random_points() -> None:
-    rng = np.random.default_rng(0)
-    cost, error = rng.integers(0, 8, (2, 60)).astype(float)
-    found = dominated(cost, error)
-    for i in range(60):
-        beaten = any(
-            cost[k] <= cost[i] and error[k] <= error[i] and (cost[k], error[k]) != (cost[i], error[i])
-            for k in range(60)
-        )
-        assert found[i] == beaten
+def test_what_another_run_beats_is_dominated() -> None:
+    cost, error = np.random.default_rng(0).integers(0, 8, (2, 60)).astype(float)
+    pairs = list(zip(cost, error, strict=True))
+    expected = [any(c <= a and e <= b and (c, e) != (a, b) for c, e in pairs) for a, b in pairs]
+    assert dominated(cost, error).tolist() == expected

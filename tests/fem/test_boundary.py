@@ -1,21 +1,18 @@
-"""Contact nodes in order, corners, closed and several contact parts, held ends."""
+"""Contact nodes in order, corners, closed and several contact parts, held ends; data that count as nothing."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from tcstudy.fem.boundary import ContactLine, constrain, contact_line
-from tcstudy.fem.geometry import GeometryFailed, build
+from tcstudy.fem.boundary import ContactLine, constrain
+from tcstudy.fem.geometry import GeometryFailed
 from tcstudy.scene.records import Clamped, Contact
-from tests.verification.scenes import RECTANGLE, mesh_family, study_of
+from tests.verification.scenes import RECTANGLE, levels_of, study_of
 
 
 def line_of(text: str) -> ContactLine:
-    study = study_of(text)
-    scene = study.scenes[0]
-    mesh = next(iter(mesh_family(build(scene.body), study.mesh)))
-    return contact_line(mesh, constrain(mesh, scene.boundary), scene.edges(Contact))
+    return levels_of(study_of(text, "mesh.levels=1"))[0].line
 
 
 L_SHAPE = """
@@ -24,11 +21,11 @@ body:
   outline:
     - {from: [0, 0], edge: floor}
     - {from: [1, 0], edge: wall}
-    - {from: [1, -1], edge: pit}
-    - {from: [2, -1], edge: right}
+    - {from: [1, -1], edge: rest}
+    - {from: [2, -1], edge: rest}
     - {from: [2, 1], edge: top}
-    - {from: [0, 1], edge: left}
-boundary: {floor: contact, wall: contact, pit: free, right: free, top: clamped, left: free}
+    - {from: [0, 1], edge: rest}
+boundary: {floor: contact, wall: contact, rest: free, top: clamped}
 material: {E: 1, nu: 0.3}
 friction: {law: tresca, tau: 0.01}
 mesh: {maxh: 0.2}
@@ -67,8 +64,7 @@ def test_two_separate_parts_and_a_closed_hole() -> None:
 
 def test_disagreeing_clamps_are_an_error() -> None:
     """The reader refuses such a study; a body from a file, whose corners it cannot see, is refused here."""
-    study = study_of(RECTANGLE)
-    mesh = next(iter(mesh_family(build(study.scenes[0].body), study.mesh)))
+    mesh = levels_of(study_of(RECTANGLE, "mesh.levels=1"))[0].mesh
     boundary = (("left", Clamped()), ("top", Clamped((0.1, 0.0))), ("bottom", Contact()))
     with pytest.raises(GeometryFailed, match=r"left, top prescribe different displacements.*\(0, 1\)"):
         constrain(mesh, boundary)
@@ -81,3 +77,24 @@ def test_a_roller_along_the_contact_keeps_the_corner_node() -> None:
     assert line.xy[0].tolist() == [0.0, 0.0]
     fixed = RECTANGLE.replace("left: clamped, top: free", "left: {role: clamped, u_x: 0}, top: clamped")
     assert line_of(fixed).xy[0, 0] > 0
+
+
+HEATED = RECTANGLE.replace("nu: 0.3}", "nu: 0.3, k: 1, alpha_T: 0.1}").replace("top: free", "top: convection")
+
+
+@pytest.mark.parametrize("nothing", ["0*sin(x*y)", "0"])
+def test_data_that_vanish_as_a_formula_count_as_nothing(nothing: str) -> None:
+    load = f"loads={{f: ['{nothing}', '{nothing}']}}"
+    heat = f"heat={{alpha: 1, theta_bar: '{nothing}', q: '{nothing}'}}"
+    push = f"boundary.right={{role: traction, g: ['{nothing}', 0.01], pressure: '{nothing}'}}"
+    held = f"boundary.left={{role: clamped, u: ['{nothing}', 0]}}"
+    pull = "boundary.right={role: traction, g: [0, 0.01]}"
+    own, wanted = (
+        levels_of(study)[0].condensed(study.scenes[0]).problem
+        for study in (
+            study_of(HEATED, "mesh={maxh: 0.5, levels: 1}", load, heat, push, held),
+            study_of(HEATED, "mesh={maxh: 0.5, levels: 1}", "heat={alpha: 1, theta_bar: 0}", pull),
+        )
+    )
+    assert np.array_equal(own.A_tilde, wanted.A_tilde)
+    assert own.l_tilde == pytest.approx(wanted.l_tilde, abs=1e-15 * float(np.max(np.abs(wanted.l_tilde))))

@@ -1,4 +1,4 @@
-"""Many scenes condensed at once: the numbers of each alone, to the bit, whatever else is in the block."""
+"""Scenes condensed at once have the numbers of each alone, also for a page that solves them; lengths of regions."""
 
 from __future__ import annotations
 
@@ -7,12 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import tcstudy
-from tcstudy.fem.geometry import build
-from tcstudy.fem.meshes import mesh_at
+from tcstudy.laws.composed import EdgeLaws, row_laws
+from tcstudy.laws.pieces import REGIONS, UP
+from tcstudy.offline import level as offline
 from tcstudy.offline.level import Level
-from tcstudy.scene.study import Study
+from tcstudy.offline.line_numbers import region_lengths
+from tests.verification.scenes import levels_of, study_of
 
 QUICKSTART = Path(__file__).parents[2] / "configs" / "quickstart.yaml"
 SWEEPS = {
@@ -22,15 +25,10 @@ SWEEPS = {
 }
 
 
-def level_of(study: Study) -> Level:
-    scene = study.scenes[0]
-    return Level(mesh_at(build(scene.body), study.mesh, 0, None), scene, study.scenes)
-
-
 @pytest.mark.parametrize("sweep", SWEEPS)
-def test_a_block_has_the_numbers_of_its_scenes(sweep: str) -> None:
-    study = tcstudy.load(QUICKSTART, [SWEEPS[sweep]])
-    level = level_of(study)
+def test_a_block_has_the_numbers_of_its_scenes_to_the_bit_in_any_block(sweep: str) -> None:
+    study = tcstudy.load(QUICKSTART, [SWEEPS[sweep], "mesh.levels=1"])
+    level = Level(levels_of(study)[0].mesh, study.scenes[0], study.scenes)
     for _, group in groupby(sorted(study.scenes, key=Level.ratio), Level.ratio):
         scenes = list(group)
         block = level.block(scenes)
@@ -44,17 +42,91 @@ def test_a_block_has_the_numbers_of_its_scenes(sweep: str) -> None:
                 assert block.theta_mean[i] == level.temperature(scene).mean
             else:
                 assert np.isnan(block.theta_mean[i])
+        part = level.block(scenes[1:4][::-1])
+        np.testing.assert_array_equal(part.l_tilde[::-1], block.l_tilde[1:4])
+        np.testing.assert_array_equal(part.heat_balance[::-1], block.heat_balance[1:4])
+    if sweep == "stiffness":
+        with pytest.raises(ValueError, match="differ in"):
+            level.block(study.scenes)
 
 
-def test_a_scene_has_the_same_bits_in_any_block() -> None:
-    study = tcstudy.load(QUICKSTART, [SWEEPS["heat"]])
-    level = level_of(study)
-    whole, part = level.block(study.scenes), level.block(study.scenes[5:8][::-1])
-    np.testing.assert_array_equal(part.l_tilde[::-1], whole.l_tilde[5:8])
-    np.testing.assert_array_equal(part.heat_balance[::-1], whole.heat_balance[5:8])
+LIVE = """
+body: {outline: [{from: [0, 0], edge: film}, {from: [0.2, 0], edge: end}, {from: [0.2, 0.1], edge: top},
+                 {from: [0, 0.1], edge: back}]}
+boundary: {film: contact, back: {role: clamped, u_x: 10 um, u_y: 0 m}, top: convection,
+           end: {role: traction, g: [3 MPa, 0]}}
+material: {E: 210 GPa, nu: 0.3, k: 45, alpha_T: 12e-6}
+heat: {alpha: 200, theta_bar: "10 + 50*x", q: 5e5}
+friction: {law: tresca, tau: 40 MPa}
+mesh: {maxh: 40 mm, levels: 1}
+sweep: {nu: [0.3, 0.2], alpha: [400, 100, 200]}
+output: {live: true}
+"""
 
 
-def test_scenes_of_two_ratios_are_no_block() -> None:
-    study = tcstudy.load(QUICKSTART, ["sweep={nu: [0.2, 0.3]}"])
-    with pytest.raises(ValueError, match="differ in"):
-        level_of(study).block(study.scenes)
+def test_a_page_gets_the_problems_of_the_points_that_share_the_elastic_ratio(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study = study_of(LIVE)
+    tcstudy.run(study, tmp_path / "study.nc")
+    level = Level(levels_of(study)[0].mesh, study.scenes[0], study.scenes)
+    with xr.open_datatree(tmp_path / "study.nc") as tree:
+        live = tree["level_0/live"].dataset
+        assert live["valid"].sel(nu=0.3).values.all()
+        assert not live["valid"].sel(nu=0.2).values.any()
+        for scene, alpha in zip(study.scenes, (100, 200, 400), strict=False):
+            problem, own = level.condensed(scene).problem, live.sel(nu=0.3, alpha=alpha)
+            np.testing.assert_array_equal(own["stiffness"] * live["A_tilde"], problem.A_tilde)
+            np.testing.assert_array_equal(own["load"], problem.l_tilde)
+            pull = own["mechanical_load"].values.sum() / own["load"].values.sum()
+            assert 0.0 < abs(pull) < 1.0
+    monkeypatch.setattr(offline, "MOST_NODES", level.line.m - 1)
+    assert offline.live_arrays(level, study.scenes, study.shape) == {}
+
+
+STRIP = """
+body: {outline: [{from: [0, 0], edge: left_half}, {from: [1, 0], edge: right_half}, {from: [2, 0], edge: end},
+                 {from: [2, 1], edge: top}, {from: [0, 1], edge: back}]}
+boundary:
+  {left_half: contact, right_half: contact, end: {role: clamped, u_x: 1.5, u_y: free}, top: free, back: free}
+material: {E: 1, nu: 0.3, plane: strain}
+friction: {left_half: FIRST, right_half: SECOND}
+mesh: {maxh: 0.2, levels: 1}
+units: none
+"""
+BILINEAR = "{law: bilinear, tau: 1, s0: 0.3, sf: 0.9}"
+WEAKENING, PLASTIC = (
+    "{law: slip-weakening, tau_s: 1, tau_k: 0.2, delta: 0.5}",
+    "{law: elastic-plastic, tau: 1, s0: 0.4}",
+)
+
+
+@pytest.mark.parametrize(("first", "second"), [(BILINEAR, BILINEAR), (WEAKENING, PLASTIC)])
+def test_lengths_of_regions_are_those_of_slips_between_the_nodes(first: str, second: str) -> None:
+    """10,000 slips a segment, each in the region of the piece of its edge's law that holds it."""
+    scene = study_of(text := STRIP.replace("FIRST", first).replace("SECOND", second)).scenes[0]
+    level = levels_of(study_of(text))[0]
+    line, random = level.line, np.random.default_rng(4)
+    v = np.cumsum(random.uniform(-0.5, 0.5, (3, line.m)), axis=1)
+    v[0, : line.m // 2] = 0.0
+    laws, held = row_laws([level.law(scene)] * 3, np.ones(3)), np.tile(level.held_slips(scene), (3, 1))
+    found = region_lengths(level, laws, v, held)
+    assert isinstance(scene.friction, EdgeLaws)
+    known = {name: law for name, law, _ in scene.friction.laws}
+    at = (np.arange(10_000) + 0.5) / 10_000
+    for row, slips in enumerate(v):
+        lengths, moving = dict.fromkeys(REGIONS, 0.0), 0.0
+        for (i, j), ends, width in zip(line.unknowns, line.ends, line.lengths, strict=True):
+            start, end = (slips[k] if k >= 0 else 1.5 for k in (i, j))
+            law = known["left_half" if ends[:, 0].mean() < 1 else "right_half"]
+            if start == end == 0.0 and law.kind_at(np.zeros(1)) == UP:
+                continue
+            moving += width
+            which, count = np.unique(law.regions[law.piece(start + at * (end - start))], return_counts=True)
+            for k, n in zip(which, count, strict=True):
+                lengths[REGIONS[k]] += width * n / 10_000
+        for name, length in lengths.items():
+            if length:
+                assert found[f"{name}_length"][row] == pytest.approx(length, abs=2e-3), name
+        whole = np.nansum([length[row] for name, length in found.items() if name != "breathing_length"])
+        assert whole == pytest.approx(moving, rel=1e-12)

@@ -12,10 +12,14 @@ import tcstudy
 from tcstudy.data.journal import Journal
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.refine import error_estimator
+from tcstudy.refine.ends import Hidden
+from tcstudy.refine.family import Family, bisected
 from tcstudy.reports.terminal.summary import summary
+from tcstudy.shapes.triangles import doubled_areas
 from tcstudy.study import level_solver
 from tcstudy.study.run import execute, run
 from tests.data.by_points import one_by_one
+from tests.verification.goal_scenes import front_study
 from tests.verification.scenes import RECTANGLE, study_of
 
 PULLED = RECTANGLE.replace("left: clamped, top: free", 'left: clamped, top: {role: traction, g: ["0.03*x", -0.01]}')
@@ -23,36 +27,26 @@ SWEPT = PULLED + "\nsweep: {tau: [0.005, 0.01, 0.02]}\n"
 
 
 def test_an_adaptive_run_stores_its_estimates(tmp_path: Path) -> None:
-    tree = tcstudy.run(study_of(SWEPT, "mesh={maxh: 0.5, levels: 5, family: adaptive}"), tmp_path / "out.nc")
-    assert np.all(tree["status"] == 1)
+    tree = tcstudy.run(study_of(SWEPT, "mesh={maxh: 0.5, levels: 3, family: adaptive}"), tmp_path / "out.nc")
     estimate = tree["error_estimate"]
     assert estimate.dims == ("tau", "level")
     assert np.all(estimate.values > 0)
     assert np.all(np.diff(estimate.max("tau").values) < 0)
-    assert tree["stop"].values.tolist()[:-1] == [""] * 4
-    assert str(tree["stop"].values[-1]).startswith("estimated relative error")
-    assert "goal" not in tree
+    assert tree["stop"].values.tolist()[:-1] == [""] * 2
     text = summary(tmp_path / "out.nc")
     assert "est. rel. error" in text
     assert "stopped: estimated relative error" in text
 
 
-def test_a_body_without_load_is_not_refined(tmp_path: Path) -> None:
-    idle = study_of(RECTANGLE, "mesh={maxh: 0.5, levels: 20, family: adaptive}")
-    tree = tcstudy.run(idle, tmp_path / "out.nc")
-    assert np.count_nonzero(tree["status"] == 1) == 1
-    assert str(tree["stop"].values[0]).startswith("nothing to refine")
-
-
 def test_a_tolerance_holds_at_every_point_and_levels_not_needed_are_not_there(tmp_path: Path) -> None:
-    study = study_of(SWEPT, "mesh={maxh: 0.5, tolerance: 0.01, of: friction_resultant}")
+    study = study_of(SWEPT, "mesh={maxh: 0.5, tolerance: 0.02, of: friction_resultant}")
     tree = tcstudy.run(study, tmp_path / "out.nc")
     relative = np.abs(tree["goal_estimate"] / tree["goal"]).max("tau").values
-    assert relative[-1] <= 0.01
-    assert np.all(relative[1:-1] > 0.01)
+    assert relative[-1] <= 0.02
+    assert np.all(relative[1:-1] > 0.02)
     assert tree.sizes["level"] == len(relative) < study.mesh.levels
     assert f"level_{len(relative)}" not in tree.children
-    assert str(tree["stop"].values[-1]).startswith("tolerance 0.01 met: estimated relative error")
+    assert str(tree["stop"].values[-1]).startswith("tolerance 0.02 met: estimated relative error")
     assert tree["goal"].attrs["units"] == tree["friction_resultant"].attrs["units"]
     assert tree["goal"].values == pytest.approx(tree["friction_resultant"].values, rel=1e-12)
 
@@ -61,10 +55,8 @@ def test_a_tolerance_holds_at_every_point_and_levels_not_needed_are_not_there(tm
     ("mesh", "why"),
     [
         ("{maxh: 0.5, tolerance: 1e-6, max_levels: 3}", "tolerance 1e-06 not met: .* on the last level"),
-        ("{maxh: 0.5, tolerance: 1e-6, max_dofs: 200}", "tolerance 1e-06 not met: .* more than max_dofs"),
         ("{maxh: 0.5, levels: 30, family: adaptive, max_dofs: 200}", "^estimated .* more than max_dofs"),
         ("{maxh: 0.5, tolerance: 0.3, family: uniform}", "tolerance 0.3 met"),
-        ("{maxh: 0.5, tolerance: 0.15, family: graded}", "tolerance 0.15 met"),
     ],
 )
 def test_why_refinement_ended(mesh: str, why: str) -> None:
@@ -74,19 +66,20 @@ def test_why_refinement_ended(mesh: str, why: str) -> None:
     assert levels[-1].level == levels[-2].level  # the last record says again what the level is, and why it is the last
 
 
-@pytest.mark.parametrize(
-    ("mesh", "kept"),
-    [
-        ("levels: 3, family: adaptive, goal: friction_resultant", 4),
-        ("tolerance: 3e-3, of: friction_resultant", 7),
-    ],
-)
-def test_a_resumed_run_comes_to_the_same_meshes(
-    tmp_path: Path, mesh: str, kept: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_body_without_load_is_not_refined() -> None:
+    levels = [
+        r
+        for r in run(study_of(RECTANGLE, "mesh={maxh: 0.5, levels: 20, family: adaptive}"))
+        if isinstance(r, LevelRecord)
+    ]
+    assert [r.level for r in levels] == [0, 0]
+    assert levels[-1].stop.startswith("nothing to refine")
+
+
+def test_a_resumed_run_comes_to_the_same_meshes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where it stopped within a level: what was solved before is estimated again, not solved."""
     monkeypatch.setattr(level_solver, "ESTIMATED", 1)  # blocks of one point, so that a level has three
-    study = study_of(SWEPT, f"mesh={{maxh: 0.5, {mesh}}}")
+    study = study_of(SWEPT, "mesh={maxh: 0.5, levels: 3, family: adaptive, goal: friction_resultant}")
     whole = tcstudy.run(study, tmp_path / "whole.nc")
     output = tmp_path / "out.nc"
     with Journal.open(output, study) as journal:
@@ -94,14 +87,12 @@ def test_a_resumed_run_comes_to_the_same_meshes(
         for record in run(study):
             journal.add(record)
             count += isinstance(record, BlockRecord)
-            if count == kept:
+            if count == 4:
                 break
-    result = execute(study, output)
-    assert result.resumed == kept
+    assert execute(study, output).resumed == 4
     with tcstudy.open_results(output) as tree:
-        for name in ("n_dof", "energy", "goal", "error_estimate"):
+        for name in ("n_dof", "energy", "goal", "error_estimate", "goal_estimate"):
             assert np.array_equal(tree[name].values, whole[name].values), name
-        assert np.array_equal(tree["goal_estimate"].values, whole["goal_estimate"].values)
         assert tree["stop"].values.tolist() == whole["stop"].values.tolist()
 
 
@@ -116,3 +107,30 @@ def test_when_no_point_is_solved_refinement_ends(monkeypatch: pytest.MonkeyPatch
     assert points[0].reason == "ArithmeticError: made to fail"
     assert isinstance(records[-1], LevelRecord)
     assert records[-1].stop == "no point was solved, so nothing says what to refine"
+
+
+def test_parts_with_much_of_the_error_are_cut_several_times_on_the_way_to_one_level() -> None:
+    mesh = Family(front_study(0.4, 0.1)).next(0)
+    shares = np.full(len(mesh.triangles), 1e-6)
+    shares[7] = 1.0
+    at, own = mesh.points[mesh.triangles[7]].mean(axis=0), doubled_areas(mesh.points[mesh.triangles])[7]
+    finer = bisected(mesh, shares, 0.1, 0.5)
+    parts = finer.points[finer.triangles]
+    inside = np.linalg.norm(parts.mean(axis=1) - at, axis=1) < 0.2 * np.sqrt(own)
+    assert finer.level == 1
+    assert np.all(doubled_areas(parts)[inside] < own / 6.0)  # four halvings of its share, so of the area at least three
+    assert len(finer.triangles) < 1.5 * len(mesh.triangles)
+
+
+def test_what_an_end_cell_hides_is_halved_with_the_cell_and_nothing_else_is_cut() -> None:
+    mesh = Family(front_study(0.4, 0.1)).next(0)
+    node = int(np.argmin(np.linalg.norm(mesh.points, axis=1)))
+    on_line = np.isclose(mesh.points[mesh.segments][:, :, 1], 0.0).all(axis=1)
+    at = int(np.flatnonzero(on_line & (mesh.segments == node).any(axis=1))[0])
+    curve, ends = mesh.segment_curve[at], mesh.points[mesh.segments[at]]
+    length = np.linalg.norm(ends[1] - ends[0])
+    hidden = Hidden(np.array([node]), np.array([curve]), np.array([1.0]), np.array([length]))
+    finer = bisected(mesh, np.full(len(mesh.triangles), 1e-6), 0.2, 0.5, hidden)
+    assert 0.1 < hidden.on(finer).sum() <= 0.25
+    assert np.count_nonzero(hidden.on(finer)) == 1
+    assert len(finer.triangles) < len(mesh.triangles) + 40

@@ -1,9 +1,8 @@
-"""The finer level that goals are compared on, what is estimated when it fails, and goals of exact solutions."""
+"""The finer level that goals are compared on, parts of what it changes, and what is estimated when it fails."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -19,8 +18,9 @@ from tcstudy.refine import goal_error as goal_error_module
 from tcstudy.refine.error_estimator import ErrorEstimator
 from tcstudy.refine.family import Family
 from tcstudy.refine.goal_error import SMOOTH, regions
-from tcstudy.refine.goals import goal_value, steps, torn
-from tcstudy.refine.halved import Halved
+from tcstudy.refine.goals import dual, goal_value, steps, torn
+from tcstudy.refine.halved import Halved, contributions
+from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Goal, MeshPlan
 from tcstudy.study.run import run
 from tests.verification.closed_forms import stick_slip
@@ -37,31 +37,21 @@ mesh: {maxh: 0.5, levels: 3, family: adaptive, goal: friction_resultant}
 """
 
 
-def bracket() -> tuple[Level, Halved]:
-    """A body with arcs, a hole and a region, after a step of bisection."""
-    study = study_of(HEATED_BRACKET, "mesh={maxh: 0.4, levels: 3, family: adaptive}")
-    family, scene = Family(study), study.scenes[0]
-    for i in range(2):
-        level = Level(family.next(i), scene)
-        estimator = family.estimator(level)
-        assert estimator is not None
-        condensed = level.condensed(scene)
-        estimator.look((), scene, solve_contact(condensed.problem).v)
-    return level, Halved(level, scene)
-
-
-def look(goal: Goal = RESULTANT, levels: int = 2) -> dict[str, float]:
-    study = study_of(PULLED)
-    study = replace(study, mesh=replace(study.mesh, goal=goal))
+def refined(text: str, plan: str, levels: int) -> tuple[Level, Scene, dict[str, float]]:
+    """The last of some levels that follow from solutions, and what is estimated on it."""
+    study = study_of(text, f"mesh={{{plan}, family: adaptive}}")
     family, scene = Family(study), study.scenes[0]
     for i in range(levels):
         level = Level(family.next(i), scene)
         estimator = family.estimator(level)
         assert estimator is not None
-        condensed = level.condensed(scene)
-        stored = estimator.look((), scene, solve_contact(condensed.problem).v)
+        stored = estimator.look((), scene, solve_contact(level.condensed(scene).problem).v)
     assert np.any(estimator.shares() > 0.0)
-    return stored
+    return level, scene, stored
+
+
+def look(levels: int) -> dict[str, float]:
+    return refined(PULLED, "maxh: 0.5, levels: 3, goal: friction_resultant", levels)[2]
 
 
 def test_a_finer_problem_that_fails_makes_the_error_infinite(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -71,7 +61,7 @@ def test_a_finer_problem_that_fails_makes_the_error_infinite(monkeypatch: pytest
         return replace(solve_contact(*args, **more), status=Status.INCLUSION_VIOLATED)  # type: ignore[arg-type]
 
     monkeypatch.setattr(goal_error_module, "solve_contact", fail)
-    stored = look()
+    stored = look(2)
     assert stored["goal_estimate"] == math.inf
     assert np.isfinite(stored["error_estimate"])
 
@@ -82,11 +72,11 @@ def test_a_turning_point_leaves_the_estimate(monkeypatch: pytest.MonkeyPatch) ->
     def singular(*_: object) -> None:
         raise scipy.linalg.LinAlgError("made singular")
 
-    whole = look(levels=1)
+    whole = look(1)
     monkeypatch.setattr(goal_error_module, "dual", singular)
-    without = look(levels=1)
+    without = look(1)
     assert without["goal_estimate"] == pytest.approx(whole["goal_estimate"], rel=0.5)
-    assert 0.0 < look()["goal_estimate"] < math.inf
+    assert 0.0 < look(2)["goal_estimate"] < math.inf
 
 
 def test_no_error_at_all_on_the_first_mesh_is_not_believed() -> None:
@@ -106,8 +96,8 @@ def test_factors_are_those_of_smooth_solutions_and_of_corners() -> None:
     factors, region = regions(Halved(level, scene), scene, np.zeros(level.line.m, dtype=bool), nowhere)
     assert np.all(factors == SMOOTH)
     assert len(np.unique(region)) == 4  # as many as the body has corners
-    level, halved = bracket()
-    scene = study_of(HEATED_BRACKET).scenes[0]
+    level, scene, _ = refined(HEATED_BRACKET, "maxh: 0.4, levels: 3", 2)  # with arcs, a hole and a region
+    halved = Halved(level, scene)
     factors, region = regions(halved, scene, np.zeros(level.line.m, dtype=bool), nowhere)
     node = int(np.argmin(np.linalg.norm(level.mesh.points - [1.0, -0.3], axis=1)))
     touching = np.any(level.mesh.triangles == node, axis=1)
@@ -117,18 +107,17 @@ def test_factors_are_those_of_smooth_solutions_and_of_corners() -> None:
     assert set(np.flatnonzero(region == region[node])) == set(around)
 
 
-@pytest.mark.parametrize("pick", [lambda p: p, lambda p: replace(p, goal=replace(p.goal, known=0.5))])
-def test_an_estimator_compares_with_the_exact_solution(pick: Callable[[MeshPlan], MeshPlan]) -> None:
+@pytest.mark.parametrize("known", [None, 0.5])
+def test_an_estimator_compares_with_the_exact_solution(known: float | None) -> None:
     """What the study says is known goes first."""
     study = front_study(0.4)
-    plan = pick(MeshPlan((0.2,), 1, goal=RESULTANT, estimate=True))
+    plan = MeshPlan((0.2,), 1, goal=replace(RESULTANT, known=known), estimate=True)
     scene = study.scenes[0]
     level = Level(Family(study).next(0), scene)
     condensed = level.condensed(scene)
     v = solve_contact(condensed.problem).v
     stored = ErrorEstimator(level, plan, exact=study.exact).look((), scene, v)
-    known = front_resultant(0.4) if plan.goal.known is None else plan.goal.known
-    error = abs(goal_value(RESULTANT, condensed.problem, level.line, v) - known)
+    error = abs(goal_value(RESULTANT, condensed.problem, level.line, v) - (known or front_resultant(0.4)))
     assert stored["goal_error"] == pytest.approx(error, rel=1e-2)
     assert stored["goal_effectivity"] == pytest.approx(stored["goal_estimate"] / stored["goal_error"])
 
@@ -167,3 +156,32 @@ def test_a_step_of_strength_is_told_from_smooth_growth_and_from_nodes_that_stick
     assert found("1 + 0.5*sin(4*x)", 0.1) == []
     assert found("1 + x", 0.1) == []
     assert found(step, 0.0) == []
+
+
+LINEAR = PULLED.replace("{law: tresca, tau: 0.01}", "{law: linear, k: 0.4}")
+SPRUNG = LINEAR.replace("right: free", "right: {role: traction, spring: {normal: 0.7, tangential: 0.3}}")
+TURNED = SPRUNG.replace("left: clamped", "left: free").replace(
+    'top: {role: traction, g: ["0.03*x", -0.01]}', "top: {role: rigid, force: [0.02, -0.01], moment: 0.005}"
+)
+GRADED = LINEAR.replace("k: 0.4}", 'k: 0.4, strength: "2 + sin(3*x)"}').replace("left: clamped", "left: symmetry")
+STICKS = LINEAR.replace("{law: linear, k: 0.4}", "{law: tresca, tau: 1e6}")
+
+
+@pytest.mark.parametrize("text", [SPRUNG, TURNED, GRADED, STICKS])
+@pytest.mark.parametrize("goal", [RESULTANT, Goal("u_T", (1.4, 0.0))], ids=["resultant", "slip"])
+def test_parts_sum_to_the_change_where_the_problem_is_linear(text: str, goal: Goal) -> None:
+    """As that of Tresca friction is while no node changes sides; a sum without springs, or with a rigid edge node by
+    node, is wrong."""
+    study = study_of(text, "mesh={maxh: 0.4, levels: 1}")
+    scene = study.scenes[0]
+    coarse = Level(Family(study).next(0), scene)
+    halved = Halved(coarse, scene)
+    fine = halved.level
+    condensed, finer = coarse.condensed(scene), fine.condensed(scene)
+    v, w = solve_contact(condensed.problem).v, solve_contact(finer.problem).v
+    u = (halved.carry(coarse.displacement(scene, v)), fine.displacement(scene, w))
+    z = fine.extension(scene, dual(goal, finer.problem, fine.line, w))
+    parts = contributions(goal, halved, scene, (condensed.problem, finer.problem), (v, w), u, z)
+    change = goal_value(goal, finer.problem, fine.line, w) - goal_value(goal, condensed.problem, coarse.line, v)
+    assert float(parts.sum()) == pytest.approx(change, rel=1e-8, abs=1e-14)
+    assert float(np.abs(parts).sum()) >= abs(change)
