@@ -17,16 +17,10 @@ def box(k: int = 2, log: bool = False) -> Box:
     return Box(np.full(k, 0.01), np.full(k, 50.0), np.full(k, log))
 
 
-def decay(noise: float = 0.0, seed: int = 3):  # type: ignore[no-untyped-def]
-    """y = a exp(−b x) with a = 3, b = 0.8."""
-    data = 3.0 * np.exp(-0.8 * X) + noise * np.random.default_rng(seed).normal(size=len(X))
-    scale = noise or 1e-3
-
-    def model(p: Array) -> tuple[Array, Array]:
-        e = np.exp(-p[1] * X)
-        return (p[0] * e - data) / scale, np.stack([e, -p[0] * X * e], axis=1) / scale
-
-    return model
+def decay(p: Array) -> tuple[Array, Array]:
+    """y = a exp(−b x) with a = 3, b = 0.8 and scatter 0.02."""
+    e, data = np.exp(-p[1] * X), 3.0 * np.exp(-0.8 * X) + 0.02 * np.random.default_rng(3).normal(size=len(X))
+    return (p[0] * e - data) / 0.02, np.stack([e, -p[0] * X * e], axis=1) / 0.02
 
 
 def test_outliers_count_less_but_what_is_no_measurement_counts_as_it_is() -> None:
@@ -66,7 +60,7 @@ def test_a_straight_line_has_the_intervals_of_regression() -> None:
 
 
 def test_known_noise_gives_chi_square_and_a_wrong_shape_few_runs() -> None:
-    found = minimise(decay(noise=0.02), np.array([1.0, 1.0]), box(log=True))
+    found = minimise(decay, np.array([1.0, 1.0]), box(log=True))
     said = uncertainty(found, box(log=True), [np.arange(len(X))], known_noise=True)
     assert np.all((said.interval[:, 0] < [3.0, 0.8]) & (said.interval[:, 1] > [3.0, 0.8]))
     assert said.fit_p > 0.01
@@ -95,14 +89,13 @@ def test_what_only_a_product_decides_is_named() -> None:
     assert product(said.direction[0], ("tau_s", "delta")) == "tau_s·delta"
     other = minimise(model, np.array([10.0, 0.5]), box(log=True))
     assert not np.allclose(other.p, found.p, rtol=0.1)
-    for known in (True, False):  # ends of one valley are one minimum
-        assert [len(same) for same in different([found, other], box(log=True), known)] == [2]
+    assert [len(same) for same in different([found, other], box(log=True), True)] == [2]  # ends of one valley
     assert product(said.direction[1], ("tau_s", "delta")) in ("tau_s·delta^-1", "tau_s^-1·delta")
 
 
 def test_a_parameter_on_its_bound_has_no_interval_and_several_starts_find_several_minima() -> None:
-    tight = Box(np.array([0.01, 0.01]), np.array([2.0, 50.0]), np.array([False, False]))
-    found = minimise(decay(noise=0.02), np.array([1.0, 1.0]), tight)
+    tight = Box(np.full(2, 0.01), np.array([2.0, 50.0]), np.full(2, False))
+    found = minimise(decay, np.array([1.0, 1.0]), tight)
     said = uncertainty(found, tight, [np.arange(len(X))], known_noise=True)
     assert said.at_bound.tolist() == [True, False]
     assert np.isnan(said.interval[0]).all()
@@ -126,19 +119,6 @@ def test_feet_follow_a_curve_that_turns_back() -> None:
     assert found.side.tolist() == [0, 0, 1, 2, 2]
     assert found.distance == pytest.approx([0.12, 0.05, -0.5, 0.09, -0.1])
     assert points - found.point == pytest.approx(found.distance[:, None] * found.normal)
-    assert np.linalg.norm(found.normal, axis=1) == pytest.approx(np.ones(5))
-
-
-def test_distances_change_as_the_envelope_theorem_says() -> None:
-    """A circle of radius R as a polygon: d changes by −n·∂(corner)/∂R, at fixed share of a side."""
-    angle = np.linspace(0.0, 5.0, 400)
-    points = np.array([[1.3, 0.4], [-0.2, 0.7], [-1.1, -0.9], [0.1, -1.4]])
-    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    at = feet(points, circle)
-    moved = circle[at.side] + at.share[:, None] * (circle[at.side + 1] - circle[at.side])
-    h = 1e-6
-    apart = (feet(points, (1.0 + h) * circle).distance - feet(points, (1.0 - h) * circle).distance) / (2.0 * h)
-    assert -np.sum(at.normal * moved, axis=1) == pytest.approx(apart, abs=1e-8)
 
 
 def test_rounding_does_not_choose_the_sign_at_a_corner() -> None:

@@ -160,33 +160,6 @@ def test_nothing_kept_is_a_sparse_solver_and_duplicate_entries_are_summed():
     assert relative(c.expand(np.zeros(0), F), expected) < 1e-11
 
 
-def test_permuting_keep_permutes_A_tilde_exactly():
-    A, points, keep, free, components = two_contacts(MESHES["hole"])
-    shuffle = np.random.default_rng(10).permutation(len(keep))
-    c = condense(A, points, keep, free, components)
-    shuffled = condense(A, points, keep[shuffle], free, components)
-    assert np.array_equal(shuffled.A_tilde, c.A_tilde[np.ix_(shuffle, shuffle)])
-    F, u_k = np.random.default_rng(11).standard_normal(A.shape[0]), np.random.default_rng(12).standard_normal(len(keep))
-    assert np.array_equal(shuffled.condense(F), c.condense(F)[shuffle])
-    assert np.array_equal(shuffled.expand(u_k[shuffle], F), c.expand(u_k, F))
-
-
-@pytest.mark.parametrize("components", [1, 3])
-def test_random_positive_definite_matrices_on_a_mesh_graph(components):
-    mesh, rng = plate(9, seed=components), np.random.default_rng(components)
-    blocks = sp.kron(np.ones((components, components)), abs(heat(mesh)) > 0).tocoo()
-    values = rng.uniform(-1, 1, blocks.nnz) * (rng.random(blocks.nnz) < 0.7)  # component blocks differ in pattern
-    B = sp.csr_matrix((values, (blocks.row, blocks.col)), shape=blocks.shape)
-    B.eliminate_zeros()
-    A = (B + B.T).tocsr()
-    A = (A + sp.diags(np.asarray(abs(A).sum(axis=1)).ravel() * rng.uniform(1.0, 3.0, A.shape[0]) + 0.1)).tocsr()
-    role = rng.integers(0, 6, A.shape[0])
-    keep, free, dense = rng.permutation(np.flatnonzero(role == 0)), role > 1, A.toarray()
-    inner = np.linalg.solve(dense[np.ix_(free, free)], dense[np.ix_(free, keep)])
-    expected = dense[np.ix_(keep, keep)] - dense[np.ix_(keep, free)] @ inner
-    assert relative(condense(A, mesh[0], keep, free, components).A_tilde, expected) < 1e-13
-
-
 @pytest.mark.parametrize("scale", [1e-30, 1.0])
 @pytest.mark.parametrize(("n", "seed"), [(2, None), (13, 2)])
 def test_a_floating_body_is_refused(n, seed, scale):

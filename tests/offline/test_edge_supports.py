@@ -36,11 +36,9 @@ def solved(text: str) -> tuple[Scene, Level, np.ndarray, np.ndarray]:
 @pytest.mark.parametrize(
     ("left", "right", "at_left", "strain"),
     [
-        ("symmetry", "{role: traction, force: [0.3, 0]}", 0.0, EPS + 0.3 / D),
         ("{role: traction, spring: {normal: 2}}", "{role: traction, force: [0.3, 0]}", 0.3, EPS + 0.3 / D),
         ("{role: traction, spring: {normal: 2}}", "{role: convection, g: [0.6, 0]}", 0.3, EPS + 0.3 / D),
         ("{role: rigid, force: [-0.3, 0], u_y: 0}", "{role: clamped, u_x: 0}", -4 * 0.3 / D, 0.3 / D),
-        ("symmetry", "{role: rigid, force: [0.3, 0], u_y: 0}", 0.0, 0.3 / D),
         ("symmetry", "{role: traction, spring: {normal: 2}}", 0.0, EPS / (1 + 4 / D)),
     ],
 )

@@ -26,21 +26,11 @@ PULLED = RECTANGLE.replace("left: clamped, top: free", 'left: clamped, top: {rol
 SWEPT = PULLED + "\nsweep: {tau: [0.005, 0.01, 0.02]}\n"
 
 
-def test_an_adaptive_run_stores_its_estimates(tmp_path: Path) -> None:
-    tree = tcstudy.run(study_of(SWEPT, "mesh={maxh: 0.5, levels: 3, family: adaptive}"), tmp_path / "out.nc")
-    estimate = tree["error_estimate"]
-    assert estimate.dims == ("tau", "level")
-    assert np.all(estimate.values > 0)
-    assert np.all(np.diff(estimate.max("tau").values) < 0)
-    assert tree["stop"].values.tolist()[:-1] == [""] * 2
-    text = summary(tmp_path / "out.nc")
-    assert "est. rel. error" in text
-    assert "stopped: estimated relative error" in text
-
-
 def test_a_tolerance_holds_at_every_point_and_levels_not_needed_are_not_there(tmp_path: Path) -> None:
     study = study_of(SWEPT, "mesh={maxh: 0.5, tolerance: 0.02, of: friction_resultant}")
     tree = tcstudy.run(study, tmp_path / "out.nc")
+    assert tree["error_estimate"].dims == ("tau", "level")
+    assert np.all(np.diff(tree["error_estimate"].max("tau").values) < 0)
     relative = np.abs(tree["goal_estimate"] / tree["goal"]).max("tau").values
     assert relative[-1] <= 0.02
     assert np.all(relative[1:-1] > 0.02)
@@ -49,6 +39,9 @@ def test_a_tolerance_holds_at_every_point_and_levels_not_needed_are_not_there(tm
     assert str(tree["stop"].values[-1]).startswith("tolerance 0.02 met: estimated relative error")
     assert tree["goal"].attrs["units"] == tree["friction_resultant"].attrs["units"]
     assert tree["goal"].values == pytest.approx(tree["friction_resultant"].values, rel=1e-12)
+    text = summary(tmp_path / "out.nc")
+    assert "est. rel. error" in text
+    assert "stopped: tolerance 0.02 met: estimated relative error" in text
 
 
 @pytest.mark.parametrize(
@@ -57,23 +50,15 @@ def test_a_tolerance_holds_at_every_point_and_levels_not_needed_are_not_there(tm
         ("{maxh: 0.5, tolerance: 1e-6, max_levels: 3}", "tolerance 1e-06 not met: .* on the last level"),
         ("{maxh: 0.5, levels: 30, family: adaptive, max_dofs: 200}", "^estimated .* more than max_dofs"),
         ("{maxh: 0.5, tolerance: 0.3, family: uniform}", "tolerance 0.3 met"),
+        ("{maxh: 0.5, levels: 20, family: adaptive}", "nothing to refine"),
     ],
 )
 def test_why_refinement_ended(mesh: str, why: str) -> None:
-    levels = [r for r in run(study_of(PULLED, f"mesh={mesh}")) if isinstance(r, LevelRecord)]
+    text = RECTANGLE if why.startswith("nothing") else PULLED  # a body without load
+    levels = [r for r in run(study_of(text, f"mesh={mesh}")) if isinstance(r, LevelRecord)]
     assert re.search(why, levels[-1].stop), levels[-1].stop
     assert all(level.stop == "" for level in levels[:-1])
     assert levels[-1].level == levels[-2].level  # the last record says again what the level is, and why it is the last
-
-
-def test_a_body_without_load_is_not_refined() -> None:
-    levels = [
-        r
-        for r in run(study_of(RECTANGLE, "mesh={maxh: 0.5, levels: 20, family: adaptive}"))
-        if isinstance(r, LevelRecord)
-    ]
-    assert [r.level for r in levels] == [0, 0]
-    assert levels[-1].stop.startswith("nothing to refine")
 
 
 def test_a_resumed_run_comes_to_the_same_meshes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

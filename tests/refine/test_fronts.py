@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.fem.boundary import ContactLine
 from tcstudy.laws.laws import Laws
-from tcstudy.offline.level import Level
 from tcstudy.refine.ends import hidden_effects
-from tcstudy.refine.family import Family
 from tcstudy.refine.fronts import fronts, slip_length, slopes
-from tcstudy.scene.study import Goal, MeshPlan, Quantity
-from tests.verification.goal_scenes import front_study
+from tcstudy.scene.study import Goal, Quantity
 
 ZERO = np.zeros(2)
 TRESCA = Laws("tresca", np.zeros(1), ZERO, np.array([-1.0, 1.0]), ZERO, ZERO, ZERO)
@@ -71,29 +65,9 @@ def test_a_zone_that_hides_beside_a_held_node() -> None:
     assert fronts(line, problem, line.arclength**0.7) == []  # slip up to the held node hides nothing
 
 
-@pytest.mark.parametrize("change", [0.283, 0.637])
-def test_fronts_of_the_closed_form(change: float) -> None:
-    """Within a sixth of a cell wherever the front lies in it, as the module says; cells alone know it to a half."""
-    study = front_study(change)
-    study = replace(study, mesh=MeshPlan((0.2,), 3))
-    scene, family = study.scenes[0], Family(study)
-    level = [Level(family.next(i), scene) for i in range(3)][-1]
-    condensed = level.condensed(scene)
-    v = solve_contact(condensed.problem).v
-    length, doubt = slip_length(level.line, condensed.problem, v)
-    assert doubt == 0.0
-    assert abs(length - (1.0 - change)) < np.median(level.line.c) / 6.0
-
-
-ZEROS = np.zeros(4)
+BREAKS, AT = np.array([-1.0, 0.0, 1.0]), np.array([-1.0, 0.0, 0.0, 1.0])
 FALL = Laws(
-    "falls",
-    np.array([-1.0, 0.0, 1.0]),
-    np.array([-1.0, 0.0, 0.0, 1.0]),
-    np.array([-2.0, -5.0, 5.0, 2.0]),
-    np.array([0.0, -3.0, -3.0, 0.0]),
-    ZEROS,
-    ZEROS,
+    "falls", BREAKS, AT, np.array([-2.0, -5.0, 5.0, 2.0]), np.array([0.0, -3.0, -3.0, 0.0]), np.zeros(4), np.zeros(4)
 )
 """5 at 0+, 2 from 1 on, odd."""
 
@@ -115,18 +89,12 @@ def hidden(
     return hidden_effects(Goal(goal), line, problem, v, u, np.full(line.m, z))
 
 
-def test_a_zone_may_stick_where_the_line_slips() -> None:
+def test_what_cells_beside_held_nodes_hide_and_what_it_changes_of_numbers() -> None:
     assert hidden(TRESCA, 0.3) == pytest.approx([1.0, 0.0, 0.0, 0.0])  # from 0 in the corner to the bound
     assert hidden(TRESCA, 0.3, held=(0, 4)) == pytest.approx([1.0, 0.0, 0.0, 1.0])
-
-
-def test_a_fall_within_the_cell_is_hidden_until_it_is_resolved() -> None:
     assert hidden(FALL, 7.0)[0] == pytest.approx(3.0)  # 5 beside the corner, 2 at the node
     assert hidden(FALL, 0.1)[0] == pytest.approx(4.7)  # 0 in a zone that sticks against 5 − 0.3
     assert hidden(FALL, 0.1, given=0.01)[0] == pytest.approx(0.27)  # no jump between: falls with the cell
-
-
-def test_effects_on_numbers() -> None:
     assert hidden(TRESCA, 0.3, z=0.4)[0] == pytest.approx(0.5 * (1.0 + 0.6))
     assert hidden(TRESCA, 0.3, goal="u_T", z=0.4)[0] == pytest.approx(0.5 * 0.4)
     assert hidden(TRESCA, 0.3, goal="slip_length", z=0.4)[0] == pytest.approx(0.5 * 0.4 + 1.0)  # the zone may stick
