@@ -83,7 +83,7 @@ class SolvedLevel:
         return lam, mu
 
 
-def solve_levels(study: Study, say: Say, length: Length = BARE) -> list[SolvedLevel]:
+def solve_levels(study: Study, say: Say = lambda text: None, length: Length = BARE) -> list[SolvedLevel]:
     """Solve every sweep point on every level, as a run does, and keep the fields.
 
     say: called with a line of text when a level is ready and when a point fails;  length: how that has the size of h

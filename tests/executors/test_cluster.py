@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import socket
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from tcstudy.study import level_solver
 from tcstudy.study.run import run
 from tests.executors.machines import Machines
 from tests.executors.test_processes import CRUEL, SWEPT, TAU, assert_same, solved
-from tests.verification.scenes import study_of
+from tests.verification.scenes import RECTANGLE, study_of
 
 pytest.importorskip("distributed", reason="dask.distributed is not installed: pip install 'tcstudy[dask]'")
 
@@ -69,32 +70,28 @@ def test_a_killed_worker_changes_no_bit_and_a_point_that_kills_is_told(machines:
         assert sum(int(np.count_nonzero(block.status != PointStatus.OK)) for block in blocks) == 1
         assert len(pids.read_text().split()) == 4
 
-        def lose() -> None:
-            scheduler.kill()
-            scheduler.wait()
-
+        records = run(study, executor=lambda study, m: cluster)
+        list(itertools.islice(records, 3))
+        scheduler.kill()
+        scheduler.wait()
         with pytest.raises(WorkersFailed, match=r"scheduler tcp:.* was lost.*finished points are kept"):
-            after(3, run(study, executor=lambda study, m: cluster), lose)
+            list(records)
     finally:
         cluster.shutdown()
 
 
-def after(count: int, records: Iterator[object], do: Callable[[], None]) -> None:
-    """Take all records, and do something after so many."""
-    for i, _ in enumerate(records):
-        if i == count:
-            do()
-
-
 def test_a_local_cluster_starts_in_a_script_that_is_not_guarded_and_leaves_nobody(tmp_path: Path) -> None:
-    """No process imports the script again, neither of dask nor of worker processes."""
-    (tmp_path / "study.yaml").write_text(MANY)
+    """No process imports the script again, neither of dask nor of worker processes; blocks and geometries."""
+    swept = RECTANGLE.replace("maxh: 0.1, levels: 3", "maxh: 0.5") + "sweep: {body.rectangle.width: [1, 2, 3]}\n"
+    (tmp_path / "points.yaml").write_text(MANY)
+    (tmp_path / "geometries.yaml").write_text(swept)
     script = tmp_path / "script.py"
     script.write_text(
-        "import sys, tcstudy\nprint('imported')\n"
-        "one = tcstudy.run('study.yaml', 'here.nc', jobs=2)\n"
-        "two = tcstudy.run('study.yaml', 'there.nc', jobs=2, dask='local')\n"
-        "assert one['level_0']['u_T'].equals(two['level_0']['u_T'])\n"
+        "import tcstudy\nprint('imported')\n"
+        "for name in ('points', 'geometries'):\n"
+        "    one = tcstudy.run(f'{name}.yaml', 'here.nc', jobs=2, force=True)\n"
+        "    two = tcstudy.run(f'{name}.yaml', 'there.nc', jobs=2, dask='local', force=True)\n"
+        "    assert one['energy'].equals(two['energy'])\n"
     )
     done = subprocess.run([sys.executable, str(script)], cwd=tmp_path, capture_output=True, text=True, timeout=120)
     assert (done.returncode, done.stdout) == (0, "imported\n"), done.stderr

@@ -17,16 +17,8 @@ D, SHOE = 80e6, 0.05
 """Stiffness of the strip [N] per metre of width and length of the shoe [m]."""
 
 
-def solved(text: str, tmp_path: Path, name: str = "a") -> xr.DataTree:
-    tcstudy.run(read_study_text(text, "s", ["path=null"]), tmp_path / f"{name}.nc")
-    return xr.open_datatree(tmp_path / f"{name}.nc")
-
-
-def one_point(friction: str, sweep: str = "") -> str:
-    """The study of the gallery with other friction and without its sweep."""
-    text = CONFIG.read_text(encoding="utf-8")
-    head, tail = text[: text.index("friction:")], text[text.index("mesh:") : text.index("sweep:")]
-    return f"{head}friction: {friction}\n{tail.replace('levels: 2', 'levels: 1')}{sweep}"
+def solved(text: str, tmp_path: Path) -> xr.DataTree:
+    return tcstudy.run(read_study_text(text, "s", ["path=null"]), tmp_path / "a.nc")
 
 
 def test_two_films_and_a_gap_have_the_closed_form(tmp_path: Path) -> None:
@@ -46,32 +38,16 @@ def test_two_films_and_a_gap_have_the_closed_form(tmp_path: Path) -> None:
 
 
 def test_both_solvers_take_laws_by_edge(tmp_path: Path) -> None:
+    text = CONFIG.read_text(encoding="utf-8")
     friction = (
         "{film: {law: slip-weakening, tau_s: 3 MPa, tau_k: 1 MPa, delta: 0.05 mm}, "
         'shoe: {law: tresca, tau: 1 MPa, strength: "max(0, min(1, (x - 0.17)*1e6))"}}'
     )
-    text = one_point(friction).replace("maxh: 2 mm", "maxh: 8 mm")
+    text = text[: text.index("friction:")] + f"friction: {friction}\nmesh: {{maxh: 8 mm}}\n"
     data = solved(text + "solver: [separable-newton, bundle-newton]\n", tmp_path).dataset
     assert np.all(data["status"] == 1)
     assert float(data["solver_difference"].max()) < 1e-9
     assert float(data["uniqueness_margin"].item()) > float((data["lambda_1"] - data["omega"]).item())
-
-
-PULL = "{parameter: boundary.grip.u_x, from: 0 mm, to: 0.3 mm, at: [0.1 mm, 0.25 mm]}"
-
-
-def test_a_path_over_two_films_has_the_closed_form(tmp_path: Path) -> None:
-    """Pulled over both films, which stick and slip only: the formula of the study on the whole path."""
-    text = one_point("{film: {law: tresca, tau: 2 MPa}, shoe: {law: tresca, tau: 1 MPa}}")
-    tcstudy.run(read_study_text(f"{text}path: {PULL}\n"), tmp_path / "path.nc")
-    path = xr.open_dataset(tmp_path / "path.nc")
-    assert not path.sizes["fold"]
-    assert np.all(path["solution_unique"] == 1)
-    assert np.all(path["lowest_certified"] == 1)
-    pull, friction = path["parameter"].values, path["xi"].values @ path["c"].values
-    far = (pull > 0.03e-3) & (pull <= 0.25e-3)  # the shoe has slipped, and an end of the film
-    length = -SHOE + np.sqrt(SHOE**2 + 2.0 * (D * pull[far] - 0.5e6 * SHOE**2) / 2e6)
-    np.testing.assert_allclose(np.abs(friction[far]), 2e6 * length + 1e6 * SHOE, rtol=0.01, atol=2e3)
 
 
 CHOSEN = """

@@ -21,7 +21,7 @@ body:
 boundary: {bond: contact, grip: {role: clamped, u_x: 0, u_y: free}, top: free, tail: free}
 material: {E: 42.24 GPa, nu: 0, plane: stress}
 friction: {law: piecewise-linear, points: [POINTS]}
-mesh: {maxh: 12 mm}
+mesh: {maxh: 19 mm}
 fit:
   data: {file: data.csv, columns: {boundary.grip.u_x: "Delta [mm]", friction_resultant: "P [N/mm]"}}
   noise: {friction_resultant: 2.2 N/mm}

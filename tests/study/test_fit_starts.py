@@ -23,7 +23,7 @@ friction: {law: slip-weakening, tau_s: 100 kPa, tau_k: 40 kPa, delta: 1.5 mm}
 mesh: {maxh: 12 mm}
 history:
   memory: damage
-  steps: [{boundary.top.u_x: 1.6 mm, in: 8}, {boundary.top.u_x: -0.4 mm, in: 5}, {boundary.top.u_x: 2.4 mm, in: 9}]
+  steps: [{boundary.top.u_x: 1.6 mm, in: 4}, {boundary.top.u_x: -0.4 mm, in: 3}, {boundary.top.u_x: 2.4 mm, in: 5}]
 fit:
   data: {file: data.csv, columns: {step: step, friction_resultant: "P [N/m]"}}
   noise: {friction_resultant: 40 N/m}
@@ -43,7 +43,7 @@ def sheared(folder: Path, P: np.ndarray) -> Study:
 
 def test_one_solution_for_every_load_does_not_end_the_search(tmp_path: Path) -> None:
     """Data without noise of the model itself, λ₁ > ω: the first start ends 46 % off, in a minimum of its own."""
-    study = sheared(tmp_path, np.zeros(22))
+    study = sheared(tmp_path, np.zeros(12))
     model = model_of(study, study.fit)
     assert model.level.lambda_1(model.scene(np.array(TRUE))) > max(law.omega for law in model.scene(TRUE).laws)
     found = tcstudy.run(sheared(tmp_path, model.compared(np.array(TRUE)).predicted), tmp_path / "a.nc")
@@ -56,9 +56,8 @@ def test_one_solution_for_every_load_does_not_end_the_search(tmp_path: Path) -> 
     assert f"starts: {tried} of 5 tried, the last has a probable χ² and every number determined" in text
 
 
-def test_a_start_that_the_noise_explains_ends_the_search_and_an_assumed_noise_does_not(tmp_path: Path) -> None:
-    found = tcstudy.run(heated(tmp_path), tmp_path / "a.nc")
-    assert (found.attrs["starts_tried"], found.attrs["noise_assumed"]) == (1, "")
+def test_an_assumed_noise_does_not_end_the_search(tmp_path: Path) -> None:
+    """A known one does (test_fit)."""
     found = tcstudy.run(heated(tmp_path, HEATED.replace("  noise: {", "  # {")), tmp_path / "b.nc")
     assert found["start_count"].values.tolist() == [5]  # all agree
     words = "u_T_max and friction_resultant are measured equally well, in parts of their ranges"

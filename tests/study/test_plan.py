@@ -1,20 +1,28 @@
-"""The forecast: counts, sizes near those of the real meshes, and what is left out with its reason."""
+"""The forecast: counts, sizes of meshes before a run, what is left out with its reason, what it takes."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import tcstudy
+from tcstudy.data.records import PointStatus
+from tcstudy.errors import GeometryFailed
 from tcstudy.fem import meshes, study_meshes
 from tcstudy.fem.geometry import Geometry
 from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.offline.level import Level
+from tcstudy.read.study import read_study
+from tcstudy.refine.family import Family
 from tcstudy.scene.study import MeshPlan, Study
 from tcstudy.study import plan as plan_module
+from tcstudy.study import sizes as sizes_module
 from tcstudy.study.plan import plan, resources
-from tcstudy.study.sizes import MEMORY, START
+from tcstudy.study.sizes import MEMORY, START, predicted, refined, sizes
+from tests.commands import CONFIGS
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, study_of
 
 
@@ -71,52 +79,51 @@ def test_a_section_is_run_before_the_sweep() -> None:
     assert f"{found.asked}: run does this; for the points of the sweep add --set path=null" in found.notes
 
 
-def test_a_swept_parameter_that_changes_nothing_is_named() -> None:
+@pytest.mark.parametrize(
+    ("sweep", "changes", "idle"),
+    [
+        ("alpha: [1, 2, 3], theta_bar: [0, 1], k: [1, 2], friction.a: [0.003, 0.004]", ["heat={}"], ["alpha", "k"]),
+        ("alpha: [1, 2, 3], theta_bar: [0, 1], k: [1, 2]", ["heat={}", "material.alpha_T=0"],
+         ["alpha", "theta_bar", "k"]),
+        ("alpha: [1, 2, 3], q: [0, 0.5]", ["heat={theta_bar: 5}"], []),
+        ("theta_bar: [0, 1]", [f"boundary.{edge}={{role: convection, theta_bar: 1}}" for edge in ("right", "bore")],
+         ["theta_bar"]),
+        ("E: [1, 2]", ["heat={alpha: 1, theta_bar: 5}"], []),
+    ],
+)  # fmt: skip
+def test_a_swept_parameter_that_changes_nothing_is_named(sweep: str, changes: list[str], idle: list[str]) -> None:
     """α and k where θ = θ̄, everything thermal without β; not θ̄ itself, nor α where heat is solved at some point."""
-    constant = "heat={}"
-    swept = HEATED_BRACKET + "sweep: {alpha: [1, 2, 3], theta_bar: [0, 1], k: [1, 2], friction.a: [0.003, 0.004]}\n"
-    (alpha, k) = (note for note in plan(study_of(swept, constant)).notes if "changes nothing" in note)
-    assert alpha.startswith("alpha changes nothing (q is 0 and theta_bar is constant")
-    assert alpha.endswith("its 3 values give equal solutions")
-    assert k.startswith("k changes nothing")
-    without = plan(study_of(swept, constant, "material.alpha_T=0")).notes
-    assert [note.split()[0] for note in without if "changes nothing" in note] == ["alpha", "theta_bar", "k"]
-    some = HEATED_BRACKET + "sweep: {alpha: [1, 2, 3], q: [0, 0.5]}\n"
-    assert not any("changes nothing" in note for note in plan(study_of(some, "heat={theta_bar: 5}")).notes)
-    of_edges = [f"boundary.{edge}={{role: convection, theta_bar: 1}}" for edge in ("right", "bore")]
-    own = plan(study_of(HEATED_BRACKET + "sweep: {theta_bar: [0, 1]}\n", *of_edges)).notes
-    assert own[0].startswith("theta_bar changes nothing (every edge that exchanges heat has its own)")
-    elastic = HEATED_BRACKET + "sweep: {E: [1, 2]}"
-    assert not any("changes nothing" in note for note in plan(study_of(elastic, "heat={alpha: 1, theta_bar: 5}")).notes)
+    notes = plan(study_of(f"{HEATED_BRACKET}sweep: {{{sweep}}}\n", *changes)).notes
+    assert [note.split()[0] for note in notes if "changes nothing (" in note] == idle
+    if idle == ["alpha", "k"]:
+        assert notes[0].startswith("alpha changes nothing (q is 0 and theta_bar is constant")
+        assert notes[0].endswith("its 3 values give equal solutions")
 
 
 def test_a_history_with_elements_much_longer_than_its_strip_is_high_is_told() -> None:
     """By the elements that Netgen makes, which are up to a third shorter than maxh in a thin strip."""
     strip = RECTANGLE.replace("width: 2, height: 1", "width: 40, height: 0.25")
     steps = "history={memory: friction, steps: [{f_x: 0.1, in: 2}]}"
-    for maxh, said in ((2.0, True), (1.0, True), (0.45, False)):
-        notes = plan(study_of(strip, steps, f"mesh={{maxh: {maxh}}}", "loads.f=[0, 0]")).notes
+    for maxh, more, said in ((1.0, [steps], True), (0.45, [steps], False), (2.0, [], False)):
+        notes = plan(study_of(strip, *more, f"mesh={{maxh: {maxh}}}", "loads.f=[0, 0]")).notes
         told = [float(note.split()[6]) for note in notes if note.startswith("elements on the contact line are ")]
         assert len(told) == said, maxh
         assert all(0.65 * maxh / 0.25 < ratio < 1.05 * maxh / 0.25 for ratio in told), told
-    assert not any("as long as" in n for n in plan(study_of(strip, "mesh={maxh: 2}")).notes)
 
 
 def test_dear_meshing_is_said_with_what_makes_it_cheap(monkeypatch: pytest.MonkeyPatch) -> None:
     """In seconds of this machine, which is timed only where there is much to mesh."""
+
+    def dear(mesh: str) -> list[str]:
+        return [n for n in plan(study_of(RECTANGLE, f"mesh={mesh}")).notes if n.startswith("meshing takes about")]
+
     monkeypatch.setattr(meshes, "triangles_a_second", lambda: 100.0)
-    slow = [n for n in plan(study_of(RECTANGLE, "mesh={maxh: 0.05}")).notes if "meshing" in n]
-    assert 15 < float(slow[0].split()[3]) < 25  # 2 · 1 body, 0.866 h² for two triangles
+    assert 15 < float(dear("{maxh: 0.05}")[0].split()[3]) < 25  # 2 · 1 body, 0.866 h² for two triangles
     monkeypatch.setattr(meshes, "triangles_a_second", None)
-    assert not any("meshing" in n for n in plan(study_of(RECTANGLE)).notes)
+    assert dear("{maxh: 0.1}") == []
     monkeypatch.undo()
-    (note,) = [n for n in plan(study_of(RECTANGLE, "mesh={maxh: 0.005}")).notes if "meshing" in n]
-    assert note.startswith("meshing takes about")
-    assert "mesh.refine: " in note
-    refine = note.split("mesh.refine: ")[1].split()[0]
-    cheap = plan(study_of(RECTANGLE, f"mesh={{maxh: 0.005, refine: {refine}}}"))
-    assert not any("meshing" in n for n in cheap.notes)
-    assert not any("meshing" in n for n in plan(study_of(RECTANGLE)).notes)
+    refine = dear("{maxh: 0.005}")[0].split("mesh.refine: ")[1].split()[0]
+    assert dear(f"{{maxh: 0.005, refine: {refine}}}") == []
 
 
 def test_what_a_run_takes_follows_from_a_trial(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -175,3 +182,107 @@ def test_of_many_geometries_one_mesh_is_made(monkeypatch: pytest.MonkeyPatch) ->
     assert found.notes[1].startswith("refused, body.rectangle.width = 1: ")
     largest = plan(study_of(RECTANGLE, region, "body.rectangle.width=3"))
     assert found.levels == largest.levels
+
+
+RING = """
+units: none
+body:
+  outline:
+    - {from: [1, 0], edge: rim, through: [0, 1]}
+    - {from: [-1, 0], edge: rim, through: [0, -1]}
+  holes: [{circle: {center: [0.2, 0], radius: 0.1, edge: bore}}]
+boundary: {rim: contact, bore: {role: clamped, u_x: 0}}
+material: {E: 1, nu: 0.3}
+friction: {law: tresca, tau: 0.01}
+mesh: {maxh: 0.5, levels: 4}
+"""
+"""A closed contact line, a small hole that refines the mesh, and a component left free."""
+ROLLER = RECTANGLE.replace("left: clamped", "left: {role: clamped, u_N: 0}")
+STRIPS = RECTANGLE.replace(
+    "width: 2, height: 1}}",
+    "width: 2, height: 1}, regions: {thin: {rectangle: {corner: [0.5, 0.4], width: 1, height: 0.02}}}}",
+)
+
+
+def of_run(study: Study) -> list[tuple[int, int, int]]:
+    """Nodes, displacement and contact unknowns of the levels that a run makes."""
+    family, scene = Family(study), study.scenes[0]
+    levels = [Level(family.next(i), scene, (scene,)) for i in range(study.mesh.levels)]
+    return [(level.mesh.n_points, level.frames.n_dof, level.line.m) for level in levels]
+
+
+def said(study: Study) -> list[tuple[int, int, int]]:
+    return [(v.nodes, v.n_dof, v.n_contact) for v in sizes(study)]
+
+
+@pytest.mark.parametrize(
+    "study",
+    [
+        study_of(RECTANGLE),
+        study_of(RECTANGLE, "mesh={maxh: 0.3}"),
+        study_of(HEATED_BRACKET),
+        study_of(RING),
+        study_of(ROLLER),
+        study_of(STRIPS),
+        study_of(RECTANGLE, "mesh={maxh: [0.5, 0.3, 0.1]}"),
+        study_of(HEATED_BRACKET, "mesh={maxh: 0.4, levels: 3, family: graded}"),
+        read_study(CONFIGS / "quickstart.yaml"),
+    ],
+)
+def test_counted_sizes_are_those_of_the_run(study: Study) -> None:
+    assert said(study) == of_run(study)
+    assert all(v.exact for v in sizes(study))
+
+
+@pytest.mark.parametrize("mesh", ["{maxh: [0.2, 0.1, 0.05]}", "{maxh: 0.2, levels: 3, family: graded}"])
+def test_large_meshes_are_predicted_from_the_last_small_one(monkeypatch: pytest.MonkeyPatch, mesh: str) -> None:
+    study = study_of(STRIPS, f"mesh={mesh}")
+    monkeypatch.setattr(sizes_module, "MOST_NODES", 250)
+    assert [v.exact for v in sizes(study)] == [True, False, False]
+    for (nodes, n_dof, m), real in zip(said(study), of_run(study), strict=True):
+        assert (nodes, n_dof) == pytest.approx(real[:2], rel=0.2)
+        assert m == pytest.approx(real[2], rel=0.3)
+
+
+def test_no_mesh_that_is_large_already_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(study_meshes, "mesh_at", None)
+    study = study_of(RECTANGLE, "mesh={maxh: 0.005, levels: 2}")
+    assert sizes(study) == predicted(study)
+    assert not any(v.exact for v in sizes(study))
+
+
+def fail_at(monkeypatch: pytest.MonkeyPatch, bad: int) -> None:
+    original = study_meshes.mesh_at
+
+    def mesh_at(geometry: object, plan: object, level: int, coarser: object) -> object:
+        if level == bad:
+            raise GeometryFailed("the mesher gave up")
+        return original(geometry, plan, level, coarser)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(study_meshes, "mesh_at", mesh_at)
+
+
+def test_a_mesh_that_cannot_be_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It ends a run before work if it is the first or others follow from it, else it is a status of its points."""
+    listed = study_of(RECTANGLE, "mesh={maxh: [0.5, 0.3, 0.2]}")
+    for bad, study in ((0, study_of(RECTANGLE)), (1, study_of(RECTANGLE)), (0, listed)):
+        with monkeypatch.context() as patch:
+            fail_at(patch, bad)
+            with pytest.raises(GeometryFailed, match="gave up"):
+                sizes(study)
+    fail_at(monkeypatch, 1)
+    assert [v.exact for v in sizes(listed)] == [True, False, True]
+    tree = tcstudy.run(listed, tmp_path / "out.nc")
+    assert tree["status"].values.tolist() == [1, int(PointStatus.MESH_FAILED), 1]
+    assert tree["reason"].values[1] == "the mesher gave up"
+    assert np.isnan(tree["energy"].values[1])
+
+
+def test_meshes_after_the_known_ones_are_bounded() -> None:
+    study = study_of(RECTANGLE, "mesh={maxh: 0.5, tolerance: 1e-3, of: friction_resultant, max_dofs: 10000}")
+    n_dofs = [v.n_dof for v in refined(sizes(study), study.mesh)]
+    assert n_dofs[-1] == pytest.approx(10000, rel=0.01)
+    assert n_dofs[1] == pytest.approx(2 * n_dofs[0])
+    few = study_of(RECTANGLE, "mesh={maxh: 0.5, levels: 3, family: adaptive}")
+    assert len(refined(sizes(few), few.mesh)) == 3
+    assert refined(sizes(study_of(RECTANGLE)), study_of(RECTANGLE).mesh) == sizes(study_of(RECTANGLE))

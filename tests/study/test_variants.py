@@ -1,7 +1,8 @@
-"""Sweeps of body and mesh: exact scaling, the bits of single runs, refused geometries, what a stopped sweep keeps."""
+"""Sweeps of body and mesh: exact scaling, the bits of single runs, refused geometries, what is added, measured."""
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +12,13 @@ import xarray as xr
 import tcstudy
 from tcstudy.cli import main
 from tcstudy.data.records import BlockRecord, PointStatus
-from tcstudy.errors import StudyError
+from tcstudy.errors import GeometryFailed, StudyError
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.terminal.summary import summary
+from tcstudy.study.append import appended
 from tcstudy.study.plan import plan
 from tcstudy.study.run import Quiet, execute
+from tests.study.test_append import Counted
 
 SCALED = """
 parameters: {s: 1}
@@ -139,20 +142,6 @@ class Stops(Quiet):
             raise KeyboardInterrupt
 
 
-def test_a_stopped_sweep_goes_on_and_leaves_nothing_beside_its_file(bar: Path, tmp_path: Path) -> None:
-    study, path = read_study_text(BAR), tmp_path / "out.nc"
-    with pytest.raises(KeyboardInterrupt):
-        execute(study, path, Stops(3))
-    assert not path.exists()
-    assert (tmp_path / "out.nc.geometries" / "0.nc").exists()
-    execute(study, path)
-    assert sorted(one.name for one in tmp_path.iterdir()) == ["out.nc"]
-    with xr.open_datatree(path) as tree, xr.open_datatree(bar) as again:
-        for name in ("u_T_max", "energy", "xi"):
-            for group in ("/",) if name != "xi" else ("/geometry_0/level_1", "/geometry_2/level_0"):
-                assert np.array_equal(tree[group][name].values, again[group][name].values)
-
-
 @pytest.mark.parametrize(
     ("change", "what"),
     [
@@ -185,3 +174,109 @@ def test_one_geometry_is_taken_out_as_the_run_that_it_was(
     assert main(words) == 0
     assert main(["show", str(one)]) == 0
     assert main(["draw", str(bar), str(tmp_path / "map.png"), "--map", "width,E", "--of", "u_T_max"]) == 0
+
+
+ONE = BAR.replace(", levels: 2", "")
+
+
+def same(one: Path, two: Path, at: dict[str, object]) -> None:
+    """The points of one file are those of the other, to the bit: numbers, and profiles of their geometries."""
+    with xr.open_datatree(one) as a, xr.open_datatree(two) as b:
+        for name in ("status", "energy", "u_T_max", "h_max"):
+            pair = [t[name].sel({k: v for k, v in at.items() if k in t[name].dims}).values for t in (a, b)]
+            assert np.array_equal(*pair), name
+        inner = {name: at[name] for name in ("E",) if name in at}
+        for i, j in {*zip(*(t["geometry"].sel(at).values.ravel() for t in (a, b)), strict=True)}:
+            pair = [t[f"geometry_{k}/level_0"].to_dataset().sel(inner) for t, k in ((a, i), (b, j))]
+            assert all(np.array_equal(*(lines[name].values for lines in pair)) for name in ("arclength", "u_T", "xi"))
+
+
+def right(tree: xr.DataTree) -> bool:
+    """Whether all bars have their length g L/E."""
+    at = tree.to_dataset().isel(level=0)
+    return bool((abs(at["u_T_max"] / (1e6 * at["width"] / at["E"]) - 1.0) < 1e-10).all())
+
+
+def test_files_of_geometries_grow_and_are_mended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """New lengths, and new moduli at old ones, are added, also after a stop; what was there stays to the bit."""
+    path, before, counted = tmp_path / "out.nc", tmp_path / "before.nc", Counted(monkeypatch)
+    execute(read_study_text(ONE, "s", ["sweep={body.rectangle.width: [400 mm, 100 mm], E: [70 GPa]}"]), path)
+    shutil.copy(path, before)
+    more = read_study_text(ONE, "s", ["sweep={body.rectangle.width: [0.1, 0.2], E: [70 GPa, 35 GPa]}"])
+    study, kept = appended(path, more)
+    with pytest.raises(KeyboardInterrupt):
+        execute(study, path, Stops(2), kept=kept)
+    assert counted.points == 2 + 3
+    tree = tcstudy.run(more, path, append=True)
+    assert counted.points == 2 + 3  # the stop came when all were solved
+    assert tree["status"].isel(level=0).sel(width=0.4).values.tolist() == [int(PointStatus.OK), 0]
+    same(before, path, {"width": [0.4, 0.1], "E": [70e9]})
+    assert right(tcstudy.run(read_study_text(ONE), path, append=True))
+    assert counted.points == 6
+    same(before, path, {"width": [0.4, 0.1], "E": [70e9]})
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["before.nc", "out.nc"]
+
+
+def test_what_is_refused_stays_so_where_a_file_grows(tmp_path: Path) -> None:
+    path = tmp_path / "a.nc"
+    execute(read_study_text(HOLED, "s", ["sweep={parameters.height: [8 mm, 30 mm]}"]), path)
+    tree = tcstudy.run(read_study_text(HOLED, "s", ["sweep={parameters.height: [10 mm, 20 mm]}"]), path, append=True)
+    refused = int(PointStatus.MESH_FAILED)
+    assert tree["height"].values.tolist() == [0.008, 0.01, 0.02, 0.03]
+    assert tree["status"].values[:, 0].tolist() == [refused, refused, 1, 1]
+    assert str(tree["reason"].values[0, 0]).startswith("body.holes[0]: the hole")
+
+
+CHOSEN = """
+units: none
+parameters: {H: 1}
+body: {rectangle: {width: 1, height: H}}
+boundary: {bottom: contact, top: clamped, left: {role: traction}, right: {role: traction}}
+material: {lambda: 1.5, mu: 1}
+friction: {law: slip-weakening, tau_s: 1, tau_k: 0.4, delta: 1}
+mesh: {maxh: 0.5, levels: 3}
+sweep: {lambda: [1.5, 3], parameters.H: [1, 0.5]}
+exact: {u: ["y + (1 - 0.6*y)*(0.3 + 0.2*sin(pi*x))", "0.1*y*cos(pi*x)"], loads: derived}
+"""
+
+
+def test_convergence_of_every_geometry_is_that_of_its_own_study(tmp_path: Path) -> None:
+    """Against the chosen solution, also where a geometry has none; the tables tell them apart."""
+    tree = tcstudy.converge(read_study_text(CHOSEN), tmp_path / "all.nc")
+    data = tree.to_dataset()
+    assert data["h_max"].dims == ("H", "level")
+    assert np.all((data["slope_u_energy"] > 0.9) & (data["slope_u_energy"] < 1.1))
+    for height in (1.0, 0.5):
+        changes = [f"parameters.H={height}", "sweep={lambda: [1.5, 3]}"]
+        one = tcstudy.converge(read_study_text(CHOSEN, "s", changes), tmp_path / f"{height}.nc").to_dataset()
+        for name in ("h_max", "n_dof", "error_u_energy", "rate_xi_L2", "limit_energy"):
+            assert np.array_equal(data[name].sel(H=height), one[name], equal_nan=True), (name, height)
+    listed = "sweep={mode: list, points: [{parameters.height: 10 mm}, {parameters.height: 20 mm}]}"
+    lost = tcstudy.converge(read_study_text(HOLED, "s", ["mesh.levels=2", listed]), tmp_path / "lost.nc").to_dataset()
+    assert lost["status"].values.tolist() == [[PointStatus.MESH_FAILED] * 2, [PointStatus.OK] * 2]
+    assert np.isnan(lost["h_max"].values).tolist() == [[True, True], [False, False]]
+    assert lost.attrs["notes"].startswith("refused, parameters.height = 10 mm: body.holes[0]: ")
+
+
+def test_cost_and_path_are_of_one_geometry(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Cost of that of its point, or refused with the reason; a path of the body outside the sweep."""
+    study = read_study_text(CHOSEN)
+    data = tcstudy.cost(study, tmp_path / "cost.nc", at={"H": 0.5}).to_dataset()
+    own = data.sel(family="uniform").isel(level=slice(3))
+    alone = tcstudy.converge(read_study_text(CHOSEN, "s", ["parameters.H=0.5", "sweep=null"]), tmp_path / "one.nc")
+    assert np.array_equal(own["n_dof"], alone["n_dof"])
+    assert "H = 0.5" in data.attrs["point"]
+    with pytest.raises(GeometryFailed, match=r"the hole touches .*; name another geometry by --at"):
+        tcstudy.cost(read_study_text(HOLED), tmp_path / "no.nc")
+    along = BAR + "path: {parameter: boundary.right.g_x, from: 0 Pa, to: 1 MPa}\n"
+    along = along.replace("law: linear, k: 0", "law: tresca, tau: 10 kPa")
+    found = tcstudy.run(read_study_text(along), tmp_path / "path.nc").to_dataset()
+    alone = tcstudy.run(read_study_text(along, "s", ["sweep=null"]), tmp_path / "alone.nc").to_dataset()
+    assert float(found["x"].max()) == 0.2
+    assert np.array_equal(found["u_T"], alone["u_T"])
+    file = tmp_path / "along.yaml"
+    file.write_text(along)
+    assert main(["run", str(file), "--output", str(tmp_path / "path.nc")]) == 0
+    said = "".join(capsys.readouterr())
+    assert "the values of width, E are not used" in said
+    assert "holds these results already" in said

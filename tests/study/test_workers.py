@@ -1,20 +1,40 @@
-"""How many workers pay, and what plan says of it."""
+"""Who works: as many workers as pay; geometries made and solved by workers give the file of one process to the bit."""
 
 from __future__ import annotations
 
-import pytest
+import os
+import signal
+from collections.abc import Sequence
+from concurrent.futures import Future
+from functools import partial
+from pathlib import Path
+from typing import Any
 
+import numpy as np
+import pytest
+import xarray as xr
+from netgen import occ
+
+from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
+from tcstudy.executors import ProcessExecutor, SerialExecutor
+from tcstudy.read.study import read_study, read_study_text
 from tcstudy.reports.terminal.forecast import expected_words
-from tcstudy.study import workers
+from tcstudy.study import workers as who
+from tcstudy.study.append import mended
+from tcstudy.study.run import LevelWork, Quiet, execute, run, solve_geometry
 from tcstudy.study.sizes import Resources
+from tcstudy.study.workers import submit
+from tests.benchmarks.kills import assert_same, children
+from tests.executors.test_processes import CRUEL, gone
+from tests.executors.test_processes import assert_same as assert_blocks
 from tests.verification.scenes import RECTANGLE, study_of
 
 MANY = "sweep={friction.tau: {linspace: [0.01, 0.1, 100]}, E: {linspace: [1, 2, 100]}}"
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture
 def four_processors(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "available", lambda: 4)
+    monkeypatch.setattr(who, "available", lambda: 4)
 
 
 @pytest.mark.parametrize(
@@ -28,18 +48,20 @@ def four_processors(monkeypatch: pytest.MonkeyPatch) -> None:
         ((MANY, "mesh={maxh: 0.1, levels: 3, estimate: true}"), 2, 2),
     ],
 )
+@pytest.mark.usefixtures("four_processors")
 def test_as_many_workers_as_pay(changes: tuple[str, ...], asked: int | None, expected: int) -> None:
-    assert workers.for_blocks(study_of(RECTANGLE, *changes), 200, asked) == expected
+    assert who.for_blocks(study_of(RECTANGLE, *changes), 200, asked) == expected
 
 
+@pytest.mark.usefixtures("four_processors")
 def test_whole_calls_get_the_workers_that_pay_and_have_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     each = [Resources(5.0, 1e9)] * 10
-    assert workers.for_calls(each, None) == 4
-    assert workers.for_calls(each, None, start=20.0) == 2
-    assert workers.for_calls(each[:1], None) == workers.for_calls([], 8) == 1
-    monkeypatch.setattr(workers, "_memory", lambda: 7e9)
-    assert workers.for_calls(each, None) == 3
-    assert workers.for_calls(each, 6) == 6
+    assert who.for_calls(each, None) == 4
+    assert who.for_calls(each, None, start=20.0) == 2
+    assert who.for_calls(each[:1], None) == who.for_calls([], 8) == 1
+    monkeypatch.setattr(who, "_memory", lambda: 7e9)
+    assert who.for_calls(each, None) == 3
+    assert who.for_calls(each, 6) == 6
 
 
 def test_a_forecast_says_what_workers_take_off() -> None:
@@ -47,3 +69,123 @@ def test_a_forecast_says_what_workers_take_off() -> None:
     told = Resources(100.0, 1e9, shared=80.0, workers=4, worker_memory=0.25e9)
     assert told.wall == 40.0
     assert expected_words(told) == "about 1 min 40 s of CPU time, 40 s on 5 cores, about 2 GB"
+
+
+BARS = """
+units: none
+parameters: {s: 1}
+body:
+  rectangle: {width: "s", height: 0.5}
+  holes: [circle: {center: [0.5, 0.25], radius: 0.1, edge: bore}]
+boundary: {bottom: contact, left: clamped, right: free, top: {role: traction, g: [0.03, -0.01]}, bore: free}
+material: {E: 1, nu: 0.3}
+friction: {law: tresca, tau: "0.01*s"}
+mesh: {maxh: 0.2, levels: 2}
+sweep: {parameters.s: [2, 1, 1.5, 1.2], E: [1, 2, 3]}
+"""
+"""With a body that is too short for its hole."""
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The file of one process."""
+    path = tmp_path_factory.mktemp("alone") / "out.nc"
+    execute(read_study_text(BARS), path, jobs=1)
+    return path
+
+
+class Watch(Quiet):
+    """Counts what it is told, and may do something after so many blocks."""
+
+    def __init__(self, after: int = 0, do: object = None) -> None:
+        self.work: list[LevelWork] = []
+        self.levels, self.points, self.blocks, self.after, self.do = 0, 0, 0, after, do
+
+    def begin(self, work: Sequence[LevelWork]) -> None:
+        self.work += work
+
+    def level(self, record: LevelRecord, geometry: str = "") -> None:
+        self.levels += 1
+
+    def block(self, record: BlockRecord) -> None:
+        self.points += len(record)
+        self.blocks += 1
+        if self.blocks == self.after and callable(self.do):
+            self.do()
+
+
+def workers() -> list[int]:
+    """Worker processes of this one."""
+    found = {pid: Path(f"/proc/{pid}/cmdline").read_bytes() for pid in children(os.getpid())}
+    return [pid for pid, words in found.items() if b"executors.worker" in words]
+
+
+def test_workers_write_the_file_of_one_process_though_one_is_killed(alone: Path, tmp_path: Path) -> None:
+    watch = Watch(2, lambda: os.kill(workers()[0], signal.SIGKILL))
+    summary = execute(read_study_text(BARS), tmp_path / "out.nc", watch, jobs=2)
+    assert (summary.points, summary.failed) == (24, 0)
+    assert (watch.levels, watch.points, sum(work.points for work in watch.work)) == (8, 24, 24)
+    assert_same(alone, tmp_path / "out.nc")
+    assert [one.name for one in tmp_path.iterdir()] == ["out.nc"]
+
+
+def test_a_geometry_that_kills_its_workers_is_told_and_the_rest_goes_on(
+    alone: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What was told is solved by a run that mends the file."""
+    pids, path, study = tmp_path / "pids", tmp_path / "out.nc", read_study_text(BARS)
+    with monkeypatch.context() as patched:
+        patched.setattr(who, "ProcessExecutor", partial(ProcessExecutor, command=(CRUEL, "kill", "0.015", str(pids))))
+        summary = execute(study, path, jobs=2)
+    assert (summary.points, summary.failed) == (24, 6)
+    assert len(set(pids.read_text().split())) == 2
+    with xr.open_datatree(path) as tree:
+        assert np.all(tree["status"].sel(s=1.5) == PointStatus.ERROR)
+        assert np.all(tree["geometry"].sel(s=1.5) == -1)
+        told = str(tree["reason"].sel(s=1.5).values[0, 0])
+    assert told.startswith("WorkerDied: the worker process that solved this died: ")
+    execute(study, path, jobs=2, kept=mended(path, study))
+    assert_same(alone, path)
+
+
+def test_a_stopped_sweep_keeps_what_workers_brought(alone: Path, tmp_path: Path) -> None:
+    pids: list[int] = []
+
+    def stop() -> None:
+        pids.extend(workers())
+        raise KeyboardInterrupt
+
+    path = tmp_path / "out.nc"
+    with pytest.raises(KeyboardInterrupt):
+        execute(read_study_text(BARS), path, Watch(3, stop), jobs=2)
+    assert {"0.nc", "1.nc"} <= {one.name for one in (tmp_path / "out.nc.geometries").iterdir()}
+    assert len(pids) == 2
+    assert all(gone(pid) for pid in pids)
+    again = Watch()
+    execute(read_study_text(BARS), path, again, jobs=2)
+    assert again.points <= 12
+    assert_same(alone, path)
+
+
+def test_a_body_from_a_file_travels_as_its_content(tmp_path: Path) -> None:
+    occ.Rectangle(2, 1).Face().WriteStep(str(tmp_path / "plate.step"))
+    body = "{file: {path: plate.step, unit: m, edges: {bottom: [[1, 0]], left: [[0, 0.5]]}, other: free}}"
+    text = f"""
+units: none
+body: {body}
+boundary: {{bottom: contact, left: clamped, free: {{role: traction, g: [0.03, -0.01]}}}}
+material: {{E: 1, nu: 0.3}}
+friction: {{law: tresca, tau: 0.01}}
+mesh: {{maxh: 0.4}}
+"""
+    (tmp_path / "study.yaml").write_text(text)
+    study = read_study(tmp_path / "study.yaml")
+    expected = [one for one in run(study) if isinstance(one, BlockRecord)]
+
+    class Later(SerialExecutor):
+        def submit(self, *call: Any) -> Future[Any]:
+            (tmp_path / "plate.step").unlink()
+            return super().submit(*call)
+
+    found = submit(Later(), solve_geometry, study, name="plate").result()
+    assert_blocks([one for one in found if isinstance(one, BlockRecord)], expected)
