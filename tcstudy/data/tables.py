@@ -29,7 +29,7 @@ from tcstudy.data.schema import (
     flags,
     result,
 )
-from tcstudy.scene.contact_states import ContactState
+from tcstudy.scene.histories import ContactState
 
 _VERTEX, _PIECE, _FOLD, _EVENT, _INTERVAL = ("vertex",), ("piece",), ("fold",), ("event",), ("interval",)
 _AT, _SOLUTION, _LOOP, _JUMP = ("at",), ("solution",), ("loop_vertex",), ("jump",)

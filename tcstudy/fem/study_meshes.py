@@ -25,9 +25,8 @@ from numpy.typing import NDArray
 from tcstudy.errors import GeometryFailed
 from tcstudy.fem.geometry import build
 from tcstudy.fem.meshes import PlaneMesh, curve_ends, mesh_at, refine_marked, refine_uniformly
-from tcstudy.scene.families import GRADED
 from tcstudy.scene.records import Clamped, Contact, Point, Role
-from tcstudy.scene.study import MeshPlan, Study
+from tcstudy.scene.study import GRADED, MeshPlan, Study
 
 Array = NDArray[np.float64]
 REACH = 0.25

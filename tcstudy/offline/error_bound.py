@@ -34,7 +34,7 @@ from tcstudy.laws.laws import Laws
 from tcstudy.offline.equilibrium import EquilibriumBody
 from tcstudy.offline.level import Level
 from tcstudy.offline.loads import Recent
-from tcstudy.scene.provable import why_no_bound
+from tcstudy.scene.points import why_no_bound
 from tcstudy.scene.records import Scene
 
 Array = NDArray[np.float64]

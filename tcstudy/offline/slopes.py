@@ -31,9 +31,9 @@ from tcstudy.laws.derivatives import agreed, derivative, law_slopes, number_of, 
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level
 from tcstudy.offline.loads import loaded_by
-from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.parameters import FACTORED, path_scene
 from tcstudy.scene.records import Scene, exchanges
+from tcstudy.scene.study import Sensitivity
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -17,13 +17,12 @@ from tcstudy.read.fields import Context
 from tcstudy.read.history import check_numbers
 from tcstudy.read.node import Node
 from tcstudy.read.plans import meant_number
-from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.histories import HistoryPlan
 from tcstudy.scene.keys import row
 from tcstudy.scene.parameters import Number, numbers, path_of, path_scene, sweepable
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Rigid, Scene
-from tcstudy.scene.study import Exact, MeshPlan, OutputPlan, SolverPlan
+from tcstudy.scene.study import Exact, MeshPlan, OutputPlan, Sensitivity, SolverPlan
 
 Keys = tuple[str, ...]
 

@@ -17,7 +17,7 @@ from tcstudy.laws.composed import EdgeLaws
 from tcstudy.read.fields import Context
 from tcstudy.read.heat import Boundary
 from tcstudy.read.node import Node
-from tcstudy.scene.provable import why_no_bound
+from tcstudy.scene.points import why_no_bound
 from tcstudy.scene.records import Body, Clamped, Contact, Edge, Point, Rigid, Role, Scalar, Scene, Symmetry
 from tcstudy.scene.study import Goal, MeshPlan
 from tcstudy.shapes.edges import body_area, body_size, edge_distance, edge_normal, edge_points, inside

@@ -19,11 +19,20 @@ from typing import Any, Concatenate, Literal, ParamSpec, TypeVar
 
 from tcstudy.expressions import expression as expressions
 from tcstudy.read.node import Collector, Node, elsewhere, hint, is_name, meant
-from tcstudy.scene.key import Key
-from tcstudy.scene.keys import rows, short_of
-from tcstudy.scene.named import Named, expression_of
+from tcstudy.scene.keys import Key, rows, short_of
 from tcstudy.scene.records import Scalar
-from tcstudy.scene.units import LENGTH, LONGEST, NUMBER, TRACTION, Dimension, UnitError, split_quantity, to_si
+from tcstudy.scene.units import (
+    LENGTH,
+    LONGEST,
+    NUMBER,
+    TRACTION,
+    Dimension,
+    Named,
+    UnitError,
+    expression_of,
+    split_quantity,
+    to_si,
+)
 from tcstudy.shapes.faults import LARGEST, SMALLEST
 
 P = ParamSpec("P")

@@ -26,13 +26,12 @@ from tcstudy.read.parameters import users, words_in
 from tcstudy.read.plans import level_of, meant_number
 from tcstudy.read.points import table_lines
 from tcstudy.read.scenes import SceneReader, Scenery
-from tcstudy.scene.fits import PLACE, RESULTS, STEP, FitColumn, FitParameter, FitPlan, Sensitivity
 from tcstudy.scene.histories import HistoryPlan, Memory, UnfitLaw
-from tcstudy.scene.key import Key
+from tcstudy.scene.keys import Key
 from tcstudy.scene.parameters import Number, affine_numbers, path_of
 from tcstudy.scene.points import GEOMETRIC
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import MeshPlan, Study
+from tcstudy.scene.study import PLACE, RESULTS, STEP, FitColumn, FitParameter, FitPlan, MeshPlan, Sensitivity, Study
 from tcstudy.scene.units import LENGTH, NONE, NUMBER
 
 NO_NOISE = "must be above 0", "give the standard deviation of the noise"

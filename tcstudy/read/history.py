@@ -15,13 +15,12 @@ from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.node import Node
 from tcstudy.read.plans import level_of, meant_number, no_single_load
 from tcstudy.read.sweep import Sweep
-from tcstudy.scene.fits import STEP, FitPlan, Sensitivity
 from tcstudy.scene.histories import MOST_STEPS, HistoryLine, HistoryPlan, Keys, Memory, UnfitLaw
 from tcstudy.scene.keys import rows
 from tcstudy.scene.parameters import FACTORED, Number, affine_numbers, path_of
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Contact, Scene
-from tcstudy.scene.study import SEPARABLE, MeshPlan
+from tcstudy.scene.study import SEPARABLE, STEP, FitPlan, MeshPlan, Sensitivity
 
 
 @none_after_fault

@@ -17,8 +17,17 @@ from typing import TYPE_CHECKING
 from tcstudy.expressions.expression import CONSTANTS, FUNCTIONS, VARIABLES, ExpressionError, parse
 from tcstudy.read.fields import Context
 from tcstudy.read.node import Node
-from tcstudy.scene.named import Named, units_of
-from tcstudy.scene.units import DIMENSIONS, NONE, Dimension, UnitError, dimensions_of, split_quantity, to_si
+from tcstudy.scene.units import (
+    DIMENSIONS,
+    NONE,
+    Dimension,
+    Named,
+    UnitError,
+    dimensions_of,
+    split_quantity,
+    to_si,
+    units_of,
+)
 
 if TYPE_CHECKING:
     from tcstudy.read.sweep import Sweep

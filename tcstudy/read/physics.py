@@ -18,8 +18,7 @@ from tcstudy.laws.shapes import SHAPES, LawError
 from tcstudy.read.fields import Context, Fields, Unsound, none_after_fault, word_of
 from tcstudy.read.heat import HEAT_KEYS, Boundary, read_edge_heat
 from tcstudy.read.node import COMPONENTS, Node, hint, nearest
-from tcstudy.scene.key import LOADED, MOVED
-from tcstudy.scene.keys import OF_ALL_LAWS, law_rows, of_role, row, rows
+from tcstudy.scene.keys import LOADED, MOVED, OF_ALL_LAWS, law_rows, of_role, row, rows
 from tcstudy.scene.records import (
     Clamped,
     Contact,

@@ -15,15 +15,18 @@ from tcstudy.expressions.expression import Expression
 from tcstudy.read.checks import check_goal, check_guarantee, check_mesh, corner_faults
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.node import Node, hint, put
-from tcstudy.scene.families import FAMILIES, PLAIN, TO_TOLERANCE, FamilyName
 from tcstudy.scene.keys import rows
 from tcstudy.scene.parameters import SHORT, Keys, Number, affine_numbers, path_of, path_scene, sweepable
 from tcstudy.scene.records import Body, Contact, Scene
 from tcstudy.scene.study import (
     ALL,
     BUNDLE,
+    FAMILIES,
+    PLAIN,
     PROVED,
     SEPARABLE,
+    TO_TOLERANCE,
+    FamilyName,
     Goal,
     MeshPlan,
     OutputPlan,

@@ -14,8 +14,7 @@ from typing import Any, get_args
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.fields import LISTS, PAIRS, SOME
 from tcstudy.read.plans import IN_SWEEP
-from tcstudy.scene.key import Key
-from tcstudy.scene.keys import OF_ALL_LAWS, law_rows, of_role, row, rows
+from tcstudy.scene.keys import OF_ALL_LAWS, Key, law_rows, of_role, row, rows
 from tcstudy.scene.parameters import SHORT, WHOLE, sweepable
 from tcstudy.scene.study import PROVED, Quantity
 from tcstudy.scene.units import NONE

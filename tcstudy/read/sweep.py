@@ -20,8 +20,7 @@ from tcstudy.read.physics import ALL_KEYS, keys_of, laws_by_edge
 from tcstudy.read.points import OF_DESIGNS, draw, read_design, read_table
 from tcstudy.scene.designs import DESIGNS, Design
 from tcstudy.scene.histories import short_names
-from tcstudy.scene.key import Key
-from tcstudy.scene.keys import OF_ALL_LAWS, row, rows
+from tcstudy.scene.keys import OF_ALL_LAWS, Key, row, rows
 from tcstudy.scene.parameters import FIXED, NUMBERS, OF_POINT, SHORT, Keys, Parameter, path_of, sweepable
 from tcstudy.scene.points import GEOMETRIC
 from tcstudy.scene.study import Axis

@@ -21,7 +21,7 @@ from tcstudy.data.schema import UNBALANCED
 from tcstudy.errors import StoreError
 from tcstudy.reports import sentences
 from tcstudy.reports.text import pretty, scaled_labels, with_unit
-from tcstudy.scene.key import symbol
+from tcstudy.scene.keys import symbol
 
 Flags = NDArray[np.bool_]
 

@@ -18,8 +18,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.scene.key import key
-
 Cube = NDArray[np.float64]
 
 SALTELLI = "saltelli"
@@ -126,22 +124,6 @@ PARAMETERS: dict[str, tuple[str, ...]] = {
 }
 """Names of the numbers of each distribution; all have the parameter's dimension but the sigma of a logarithm."""
 ENDS = ("from", "to")
-DISTRIBUTIONS = (
-    *(
-        key(f"distribution.{kind}", "span", "", example="[a, b]")
-        if names == ENDS
-        else key(f"distribution.{kind}", "section", "", example="{" + ": 1, ".join(names) + ": 1}", of=(kind,))
-        for kind, names in PARAMETERS.items()
-    ),
-    key("distribution.choice", "any values", "equally likely", example="[a, b]", least=1),
-    *(
-        key(f"{kind}.{name}", "quantity", "", required=True)
-        for kind, names in PARAMETERS.items()
-        if names != ENDS
-        for name in names
-    ),
-)
-"""Rows of the table of keys: {NAME: [from, to]} or {NAME: {its numbers}} in place of the values of a parameter."""
 
 
 @dataclass(frozen=True)

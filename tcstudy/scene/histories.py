@@ -6,22 +6,25 @@ The scene's law gives the monotone virgin curve τ(κ) = b(s > 0). Beside it a n
     damage           τ(κ) s/κ for |s| ≤ κ, beyond it τ(|s|)   κ = max |v|
 Literature: Ortiz & Pandolfi, Int. J. Numer. Meth. Engng 44 (1999) 1267–1282 (damage, κ the largest opening); Simo &
 Hughes, Computational Inelasticity (1998) (return mapping). Here only what a study says of it; contact/history solves.
+
+What a contact node does: the states of the contact line, by the part of the friction law that the node is on. A part of
+b is a piece between two kinks, or a kink itself, where b̂ is an interval. Its code is 2k for piece k and 2k + 1 for kink
+k, as in `tcstudy.contact.path.problem`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from enum import IntEnum
 from typing import Literal, TypeVar, get_args
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tcstudy.laws.composed import EdgeLaws, Joints
 from tcstudy.laws.laws import Laws
-from tcstudy.laws.pieces import UP
-from tcstudy.scene.key import key, needed
-from tcstudy.scene.units import STIFFNESS
+from tcstudy.laws.pieces import DOWN, UP
 
 MemoryName = Literal["friction", "elastic-plastic", "damage", "none"]
 MEMORIES: tuple[MemoryName, ...] = ("friction", "elastic-plastic", "damage")
@@ -249,15 +252,46 @@ class HistoryPlan:
         return [dict(zip(keys, row.tolist(), strict=True)) for row in rows]
 
 
-HISTORY = (
-    key("history", "section", "[loads one after the other, friction that remembers](#load-histories)"),
-    needed("history.memory", "choice by edge", "what a contact node remembers", example="friction", words=MEMORIES),
-    needed("history.steps", "sections", "lines: loads by path or short name, what they become", least=1, of=("step",)),
-    key("history.repeat", "integer", "cycles of all lines", default=1, least=1, most=MOST_STEPS),
-    key("history.branch", "choice", "which solution of a step", words=HISTORY_BRANCHES, default="continued"),
-    key("history.stiffness", "number", "of elastic-plastic bonds", STIFFNESS, "100 GPa/m", above=0.0),
-    key("history.level", "integer", "mesh level (default: finest)", least=0),
-    key("step.in", "integer", "steps of the line", default=1, least=1, most=MOST_STEPS),
-    key("step.name", "text", "of its last step", example="hot"),
-)
-"""Keys of the section `history`."""
+class ContactState(IntEnum):
+    """What a contact node does."""
+
+    STICK = 0
+    """at rest on an up-jump of b"""
+    SLIP = 1
+    """on a part of b that does not fall and has not fallen since s = 0"""
+    SOFTEN = 2
+    """on a falling part of b"""
+    DROP = 3
+    """at rest on a down-jump of b"""
+    WEAKENED = 4
+    """on a part of b that does not fall, beyond one that does"""
+
+
+def contact_states(law: Laws) -> NDArray[np.int8]:
+    """(2K+1,) ContactState by code of the law's parts; a piece with an exponential part falls where it decays."""
+    states = np.full(2 * len(law.kinks) + 1, ContactState.STICK, dtype=np.int8)
+    inner = np.concatenate([law.kinks[:1], 0.5 * (law.kinks[1:] + law.kinks[:-1]), law.kinks[-1:]])
+    slope = law.slope(inner if len(inner) else np.zeros(1), np.arange(len(law.q)))  # of one sign where it decays
+    states[0::2] = np.where(slope < 0.0, ContactState.SOFTEN, ContactState.SLIP)
+    states[1::2][law.kinds == DOWN] = ContactState.DROP
+    for side, outward in ((1, 1), (-1, -1)):
+        way = states[2 * int(law.piece(0.0, side)) :: outward]  # a view: the pieces from s = 0 outwards
+        fallen = np.logical_or.accumulate((way == ContactState.SOFTEN) | (way == ContactState.DROP))
+        way[fallen & (way == ContactState.SLIP)] = ContactState.WEAKENED
+    return states
+
+
+def node_states(law: Laws, u_T: ArrayLike, sticks: ArrayLike) -> NDArray[np.int8]:
+    """ContactState of nodes with these tangential displacements (…, m) [m]; sticks: those known to rest on an up-jump.
+
+    A bend counts to the piece beyond it, seen from s = 0.
+    """
+    u, of_pieces = np.asarray(u_T, dtype=float), np.zeros(law.tables.q.shape, dtype=np.int8)
+    for row, one in zip(of_pieces, law.laws, strict=True):
+        states = contact_states(one)[0::2]
+        row[:] = states[np.minimum(np.arange(len(row)), len(states) - 1)]
+    at = law.locate(u)
+    found = of_pieces.take(np.where(u < 0.0, at.piece, at.piece + at.on))
+    found[law.kind(at) == DOWN] = ContactState.DROP
+    found[np.asarray(sticks, dtype=bool) | (law.kind(at) == UP)] = ContactState.STICK
+    return found

@@ -5,22 +5,163 @@ its dimension and bounds (`read.fields`); to `--set`; to the table in configs/RE
 (`read.schema`). With `swept=True` a sweep may vary it, by its path and by its last word, and data carry its units; with
 `affine=True` a path may run along it (`scene.parameters`). What a row cannot say is where the key acts: the record of
 its section gets a field, the reader of its section fills it, and something uses it. Parameters of laws stand with them
-(`laws.shapes.SHAPES`), the keys of `history` in `scene.histories`.
+(`laws.shapes.SHAPES`).
+
+An edge has a role, which holds or carries something, and may do something to heat: `convection` takes its heat transfer
+coefficient by itself, every other role a section `heat`.
 """
 
 from __future__ import annotations
 
-from functools import cache
+import re
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from typing import Any, get_args
 
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.scene import units as u
-from tcstudy.scene.designs import DESIGNS, DISTRIBUTIONS
-from tcstudy.scene.families import FAMILIES
-from tcstudy.scene.fits import FITS
-from tcstudy.scene.histories import HISTORY
-from tcstudy.scene.key import EDGE_ROWS, Key, key, load, needed, swept
-from tcstudy.scene.study import ALL, BRANCHES, MOST_REFINE, SOLVERS, Direction, MeshPlan, PathPlan, SolverPlan, Start
+from tcstudy.scene.designs import DESIGNS, ENDS, PARAMETERS
+from tcstudy.scene.histories import HISTORY_BRANCHES, MEMORIES, MOST_STEPS
+from tcstudy.scene.study import (
+    ALL,
+    BRANCHES,
+    COMPARE,
+    FAMILIES,
+    LOSSES,
+    MOST_REFINE,
+    SCALES,
+    SOLVERS,
+    Direction,
+    MeshPlan,
+    PathPlan,
+    SolverPlan,
+    Start,
+)
+from tcstudy.scene.units import NONE, Dimension
+
+Kind = str
+"""What a value may be; `read.schema.FRAGMENTS` has all kinds.
+
+number: one for the whole body; quantity, quantities, span: one, some, two of a dimension that another key decides;
+field: a number or an expression in x and y; component: that or `free`; vector: two fields; displacement: two
+components; named places: a point a name;
+section: a mapping of its own; sections, points: a list of them, or by name; names: of regions, or a shape;
+one or more: of the words; words: a list of any; choice by edge: a word, or one for each contact edge;
+sweep points: a list of them, or their number;
+sizes: one or more numbers; law: a friction law; material: the keys of one, whole ones by name in a sweep."""
+
+
+GREEK = dict(zip(["alpha", "beta", "delta", "lambda", "mu", "nu", "omega", "tau", "theta"], "αβδλμνωτθ", strict=True))
+"""Letters that names spell out."""
+OF_EDGE = r"boundary{0}(\w+?){0}((?:u|g|f|force)_[xyNT]|theta_bar|[a-z]+)"
+"""Names of what an edge has, with {0} between their parts: the edge and its key."""
+
+
+def symbol(name: str) -> str:
+    """How reports write a parameter: `friction.tau_s` is τ_s, `theta_bar` θ̄, `u_x` itself, `friction.points.0` b_0,
+    that of its slip s_0; a column `boundary_grip_u_x` u_x of grip, `heat_theta` θ; the rest in words."""
+    if match := re.fullmatch(OF_EDGE.format("_"), name):
+        return f"{symbol(match[2])} of {match[1].replace('_', ' ')}"
+    name = re.sub(r"^(?:heat|friction|material)_(?=\w)", "", name)
+    if match := re.search(r"\bpoints[._](\d+)([._]s)?$", name):
+        return f"{'s' if match[2] else 'b'}_{match[1]}"
+    letter, _, rest = name.rpartition(".")[2].partition("_")
+    if len(letter) == 1:
+        return name.rpartition(".")[2]
+    if letter not in GREEK:
+        return f"{letter} {rest}".replace("_", " ").strip()
+    return GREEK[letter] + ("\N{COMBINING MACRON}" if rest == "bar" else f"_{rest}" if rest else "")
+
+
+@dataclass(frozen=True)
+class Key:
+    """One key of a section.
+
+    section:   the mapping that it belongs to, "" for the study; "boundary" is the mapping of one edge
+    dimension: of its numbers
+    meaning:   in a line, without the dimension
+    example:   a value as it is suggested; by default that of the dimension
+    required:  the section cannot be without it; where it depends, the reader decides
+    default:   what stands for it if it is not given
+    words:     what a choice is between
+    least, above, most, below: bounds of a number, with and without themselves
+    swept:     whether a sweep may vary it
+    affine:    whether the load is affine in it, so that a path may run along it
+    roles:     roles of an edge that take it
+    of:        the section, or sections, that its value is; of a section by default that of its name
+    short:     of a section: the key that a word in its place stands for
+    """
+
+    name: str
+    kind: Kind
+    meaning: str
+    dimension: Dimension = NONE
+    example: str = ""
+    section: str = ""
+    required: bool = False
+    default: object = None
+    words: tuple[str, ...] = ()
+    least: float | None = None
+    above: float | None = None
+    most: float | None = None
+    below: float | None = None
+    swept: bool = False
+    affine: bool = False
+    roles: tuple[str, ...] = ()
+    of: tuple[str, ...] = ()
+    short: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.of and self.kind in ("section", "sections", "named sections", "law", "material"):
+            object.__setattr__(self, "of", (self.name,))
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Names of its single numbers, along which a path may run: f_x and f_y of f."""
+        return (f"{self.name}_x", f"{self.name}_y") if self.kind == "vector" else (self.name,)
+
+    @property
+    def suggestion(self) -> str:
+        """A value that it might have."""
+        return self.example or (self.dimension.example if self.dimension != NONE else "...")
+
+
+def key(path: str, kind: Kind, meaning: str, *more: Any, **given: Any) -> Key:
+    """The row of a key by its section and name, "mesh.maxh"; the rest as `Key` has it."""
+    section, _, name = path.rpartition(".")
+    return replace(Key(name, kind, meaning, *more, **given), section=section)
+
+
+swept = partial(key, swept=True)
+"""The row of a key that a sweep may vary."""
+load = partial(swept, affine=True)
+"""The row of a key in which the load is affine."""
+needed = partial(key, required=True)
+"""The row of a key that its section cannot be without."""
+
+
+ROLES = ("clamped", "symmetry", "rigid", "traction", "contact", "convection", "free")
+LOADED = ("traction", "convection")
+"""Roles that take a traction, a pressure and springs."""
+MOVED = ("clamped", "rigid")
+"""Roles that take displacements in x and y."""
+
+
+def _exchange(section: str, **roles: Any) -> tuple[Key, ...]:
+    """What an edge exchanges by itself."""
+    alpha = f"{section}.alpha", "number", "its own heat transfer coefficient", u.HEAT_TRANSFER
+    return (
+        swept(*alpha, above=0.0, **roles),
+        load(f"{section}.theta_bar", "field", "its own surroundings", u.TEMPERATURE, **roles),
+        load(f"{section}.flux", "field", "heat into the body", u.HEAT_FLUX, **roles),
+    )
+
+
+_FORCED, _OTHERS = (*LOADED, "rigid"), tuple(role for role in ROLES if role != "convection")
+_HELD = {"u_x": "in x; a component left out is free", "u_y": "in y"}
+_ALONG = {"u_N": "along the outward normal", "u_T": "along the edge"}
+_STIFFNESS = {"dimension": u.STIFFNESS, "default": 0.0, "least": 0.0}
+
 
 _MOST_LEVELS = max(family.max_levels for family in FAMILIES.values())
 _MESH, _SOLVER = MeshPlan((), 1), SolverPlan()
@@ -37,6 +178,9 @@ def _share(least: float) -> dict[str, Any]:
     return {"above": 0.0, "below": 1.0, "least": least}
 
 
+_FITTED = "{friction.tau_s: {start: 4 MPa, within: [1 MPa, 50 MPa]}}"
+_NAMED = '{friction_resultant: "P [N/mm]"}'
+_TESTS = f"[{{data: {{file: short.csv, columns: {_NAMED}}}, with: {{parameters.L: 50 mm}}}}]"
 ROWS: tuple[Key, ...] = (
     key("title", "text", "says what the study is"),
     key("institution", "text", "who made the data"),
@@ -88,7 +232,24 @@ ROWS: tuple[Key, ...] = (
     needed("rectangle.width", "number", "in x", u.LENGTH, "50 mm", above=0.0),
     needed("rectangle.height", "number", "in y", u.LENGTH, "20 mm", above=0.0),
     key("rectangle.edge", "name", "name of a hole's edges", example="NAME"),
-    *EDGE_ROWS,
+    needed("boundary.role", "choice", "of the edge", example="clamped", words=ROLES),
+    swept("boundary.u", "displacement", "both components (default: 0; `free` frees one)", u.LENGTH, roles=MOVED),
+    *(
+        load(f"boundary.{name}", "component", f"displacement {said}", u.LENGTH, roles=roles)
+        for names, roles in ((_HELD, MOVED), (_ALONG, ("clamped",)))
+        for name, said in names.items()
+    ),
+    load("boundary.g", "vector", "traction", u.TRACTION, roles=LOADED),
+    load("boundary.pressure", "field", "on the edge, positive when it pushes", u.TRACTION, roles=LOADED),
+    load("boundary.force", "vector", "resultant, spread evenly; moves a rigid edge", u.LINE_FORCE, roles=_FORCED),
+    load("boundary.moment", "number", "about the middle of a rigid edge, which turns", u.MOMENT, roles=("rigid",)),
+    key("boundary.spring", "section", "stiffness of a support (Winkler)", roles=LOADED),
+    *_exchange("boundary", roles=("convection",)),
+    key("boundary.heat", "section", "what the edge does to heat (default: nothing)", roles=_OTHERS, of=("edge_heat",)),
+    load("edge_heat.theta", "field", "temperature held on the edge", u.TEMPERATURE),
+    *_exchange("edge_heat"),
+    swept("spring.normal", "number", "along the normal", **_STIFFNESS),
+    swept("spring.tangential", "number", "along the edge", **_STIFFNESS),
     swept("material.E", "number", "Young's modulus", u.TRACTION, "210 GPa", above=0.0),
     swept("material.nu", "number", "Poisson's ratio", u.NONE, "0.3", above=-1.0, below=0.5),
     swept("material.lambda", "number", "first Lamé modulus", u.TRACTION, "121 GPa"),
@@ -136,8 +297,38 @@ ROWS: tuple[Key, ...] = (
     key("sweep.h", "sizes or tolerance", "element sizes, or `{tolerance, of, max_levels, known}`", u.LENGTH, above=0.0),
     key("values.linspace", "span", "`[a, b, n]`: n values from a to b, equally spaced", example="[a, b, n]"),
     key("values.geomspace", "span", "the same with equal ratios", example="[a, b, n]"),
-    *DISTRIBUTIONS,
-    *FITS,
+    *(
+        key(f"distribution.{kind}", "span", "", example="[a, b]")
+        if names == ENDS
+        else key(f"distribution.{kind}", "section", "", example="{" + ": 1, ".join(names) + ": 1}", of=(kind,))
+        for kind, names in PARAMETERS.items()
+    ),
+    key("distribution.choice", "any values", "equally likely", example="[a, b]", least=1),
+    *(
+        key(f"{kind}.{name}", "quantity", "", required=True)
+        for kind, names in PARAMETERS.items()
+        if names != ENDS
+        for name in names
+    ),
+    key("fit", "section", "[numbers of the study from measurements](#numbers-from-measurements)"),
+    needed("fit.data", "section", "a table of measurements", of=("fit_data",)),
+    key("fit.noise", "named quantities", "its standard deviation, by column; left out it is estimated"),
+    key("fit.compare", "choice", "results at each datum, or distances to the path", words=COMPARE, default=COMPARE[0]),
+    needed("fit.parameters", "fitted numbers", "the numbers to find", of=("fit_parameter",), example=_FITTED),
+    key("fit.starts", "integer", "places to begin from", least=1, default=5),
+    key("fit.seed", "integer", "of the other starts", least=0, default=0),
+    key("fit.loss", "choice", "`soft_l1`: outliers count less", words=LOSSES, default=LOSSES[0]),
+    key("fit.level", "integer", "mesh level (default: finest)", least=0),
+    key("fit.tests", "sections", "further tests that the same numbers explain", example=_TESTS, of=("fit_test",)),
+    key("fit.smooth", "flag", "a law by points without turns that the data do not ask for", default=False),
+    needed("fit_data.file", "text", "a CSV table beside the study", example="pull.csv"),
+    needed("fit_data.columns", "named texts", "what the study calls a column, and its heading", u.NONE, _NAMED),
+    needed("fit_test.data", "section", "its table of measurements", of=("fit_data",)),
+    key("fit_test.noise", "named quantities", "its noise (default: that of the fit)"),
+    key("fit_test.with", "named quantities", "values that the study has in this test, by key path"),
+    needed("fit_parameter.start", "quantity", "where the search begins", example="4 MPa"),
+    needed("fit_parameter.within", "span", "where it may go", example="[1 MPa, 50 MPa]"),
+    key("fit_parameter.scale", "choice", "`log` by default where `within` is positive", words=SCALES),
     needed("exact.u", "vector", "displacement", u.LENGTH, '["0.1*sin(pi*x)", "0"]'),
     key("exact.theta", "field", "temperature", u.TEMPERATURE),
     key("exact.xi", "field", "traction −S_T on Γ_C (default: from u)", u.TRACTION),
@@ -161,7 +352,15 @@ ROWS: tuple[Key, ...] = (
     key("output.probes", "named places", "points whose u, θ and σ are kept", u.LENGTH, "{tip: [200 mm, 60 mm]}"),
     key("output.quantities", "one or more", "further numbers of every point", words=_QUANTITIES, example="reactions"),
     key("output.live", "flag", "keep what a page needs to solve by itself (half a megabyte a level)", default=False),
-    *HISTORY,
+    key("history", "section", "[loads one after the other, friction that remembers](#load-histories)"),
+    needed("history.memory", "choice by edge", "what a contact node remembers", example="friction", words=MEMORIES),
+    needed("history.steps", "sections", "lines: loads by path or short name, what they become", least=1, of=("step",)),
+    key("history.repeat", "integer", "cycles of all lines", default=1, least=1, most=MOST_STEPS),
+    key("history.branch", "choice", "which solution of a step", words=HISTORY_BRANCHES, default="continued"),
+    key("history.stiffness", "number", "of elastic-plastic bonds", u.STIFFNESS, "100 GPa/m", above=0.0),
+    key("history.level", "integer", "mesh level (default: finest)", least=0),
+    key("step.in", "integer", "steps of the line", default=1, least=1, most=MOST_STEPS),
+    key("step.name", "text", "of its last step", example="hot"),
 )
 """All keys but the parameters of laws, in the order in which they are shown."""
 

@@ -14,8 +14,7 @@ from tcstudy.expressions.expression import Expression, parse
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.derivatives import POINTS
 from tcstudy.laws.shapes import SHAPES
-from tcstudy.scene.key import LOADED, Key
-from tcstudy.scene.keys import OF_ALL_LAWS, ROWS, law_rows, row, rows
+from tcstudy.scene.keys import LOADED, OF_ALL_LAWS, ROWS, Key, law_rows, row, rows
 from tcstudy.scene.records import Clamped, Convection, Loaded, Rigid, Scalar, Scene, exchanges
 from tcstudy.scene.units import LENGTH, TRACTION
 

@@ -1,6 +1,7 @@
 """The scenes of a sweep without a list of them: each section's few records, and which one every point has.
 
-Swept parameters that change nothing, which the user should know before he reads equal rows as a finding.
+Swept parameters that change nothing, which the user should know before he reads equal rows as a finding; and of which
+scenes the error of a solution can be bounded: those whose data equilibrium elements have exactly.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.expressions.derivative import is_linear
 from tcstudy.expressions.expression import Expression
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
@@ -207,3 +209,24 @@ def prescribed(scene: Scene, edge: int, x: float, y: float) -> tuple[float, floa
     given = role.u if isinstance(role, Clamped) else (0.0, 0.0)
     first, second = (float(one.evaluate(x, y)) if isinstance(one, Expression) else one or 0.0 for one in given)
     return first, second
+
+
+def why_no_bound(scene: Scene) -> str:
+    """Why `error_bound` is not proved of a scene, and what to do; empty if it is, wherever ω < λ₁ of the body."""
+    if any(isinstance(f, Expression) and f.constant is None for f in scene.f):
+        return "f varies in the body; give numbers"
+    for name, role in scene.boundary:
+        given = {"g": role.g, "pressure": (role.pressure,), "u": [u for u in role.u if u is not None]}
+        for key, values in given.items():
+            if not all(map(is_linear, values)):
+                return f"{key} of {name} is not linear in x and y; write it so"
+    if needs_heat_solve(scene):
+        return "the temperature is computed on the mesh; give theta, or the same theta_bar everywhere and no q"
+    if scene.material.expands and scene.heat.theta is not None and not is_linear(scene.heat.theta):
+        return "theta is not linear in x and y; write it so"
+    if any(law.omega == float("inf") for law in scene.laws):
+        return "the friction law jumps down; let it fall over a slip"
+    strengths = () if isinstance(scene.friction, Laws) else [factor for _, _, factor in scene.friction.laws]
+    if any(isinstance(factor, Expression) and factor.constant is None for factor in strengths):
+        return "the strength of friction varies along an edge; give numbers by edge"
+    return ""

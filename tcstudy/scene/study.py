@@ -1,4 +1,7 @@
-"""What a study asks for beside its scenes: meshes, solver, sweep, path and output.
+"""What a study asks for beside its scenes: meshes and their families, solver, sweep, path, fit and output.
+
+A new family of meshes is one record here and one way to make its meshes, in fem/study_meshes.py (in refine/family.py if
+they follow from the solutions); readers, forecasts, notes and reports ask the record.
 
 Which inclusion residual makes a solution: the one rule for every solver, path, certificate and comparison.
 A tolerance that a study writes is strict. The default is TOLERANCE or what rounding of the problem allows, whichever is
@@ -18,11 +21,188 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.scene import units as u
 from tcstudy.scene.designs import Design
-from tcstudy.scene.families import FAMILIES, LISTED, PLAIN, FamilyName, MeshFamily
-from tcstudy.scene.fits import FitPlan, Sensitivity
 from tcstudy.scene.histories import HistoryPlan
 from tcstudy.scene.records import Point, Scalar, Scene
+
+FamilyName = Literal["uniform", "graded", "adaptive"]
+
+
+@dataclass(frozen=True)
+class MeshFamily:
+    """One family.
+
+    name:       in words, and in a study if it can be asked for
+    title:      heading of its table
+    how:        how its meshes follow one another, in words
+    adapts:     whether the mesh of a level follows from the solutions on the level before
+    nested:     whether all levels are uniform refinements of the first
+    growth:     usual ratio of the unknowns of two levels;  least_growth: what to reckon with before two are known
+    max_levels: most levels
+    option:     the key of the section `mesh` that is for this family only
+    note:       what a forecast says of it, with {goal} and {power}
+    """
+
+    name: str
+    title: str
+    how: str
+    adapts: bool = False
+    nested: bool = False
+    growth: float = 4.0
+    least_growth: float = 4.0
+    max_levels: int = 15
+    option: str = ""
+    note: str = ""
+
+
+UNIFORM = MeshFamily("uniform", "Uniform meshes", "refined uniformly", nested=True)
+GRADED = MeshFamily(
+    "graded",
+    "Graded meshes",
+    "graded",
+    option="grading",
+    note="graded: at singular points the elements are smaller than maxh, h ~ r^{power:g}",
+)
+ADAPTIVE = MeshFamily(
+    "adaptive",
+    "Adaptive meshes (time includes all levels before)",
+    "refined where the error is large",
+    adapts=True,
+    growth=2.0,
+    least_growth=1.0,
+    max_levels=60,
+    option="marking",
+    note="adaptive: levels after the first follow from the estimated error of {goal}; "
+    "the worst point of the sweep decides",
+)
+LISTED = MeshFamily("listed", "Meshes of given sizes", "one of each size")
+"""What a list of maxh makes; not for one maxh."""
+
+FAMILIES: dict[FamilyName, MeshFamily] = {"uniform": UNIFORM, "graded": GRADED, "adaptive": ADAPTIVE}
+"""The families that a study can ask for by name."""
+PLAIN: FamilyName = "uniform"
+"""The family of a study that gives none."""
+TO_TOLERANCE: FamilyName = "adaptive"
+"""The family of a study that gives a tolerance and no family."""
+
+
+COMPARE = ("vertical", "orthogonal")
+LOSSES = ("linear", "soft_l1")
+SCALES = ("log", "linear")
+RESULTS = {"friction_resultant": u.LINE_FORCE, "u_T_max": u.LENGTH, "theta_mean": u.TEMPERATURE, "u_T": u.LENGTH}
+"""Results that may be measured, with their dimensions; u_T is that at the x of the datum."""
+PLACE = ("x",)
+"""Key path of the column that says where on the contact line u_T was measured."""
+STEP = ("step",)
+"""Key path of the column that says at which step of a history a line was measured."""
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """A number of the study by which results are differentiated.
+
+    name:  as the study writes it;  path: key path, ("load",) for a factor of all mechanical loads
+    units: of the number in CF form
+    """
+
+    name: str
+    path: tuple[str, ...]
+    units: str
+
+
+@dataclass(frozen=True)
+class FitParameter:
+    """A number to find: where it stands, where the search begins and may go [SI], by its logarithm or not."""
+
+    number: Sensitivity
+    start: float
+    low: float
+    high: float
+    log: bool
+
+
+@dataclass(frozen=True)
+class FitColumn:
+    """A measured column.
+
+    name:  a parameter in which the load is affine, x, or a result;  path: of what is given, empty for a result
+    units: in CF form;  values: (n,) in SI;  noise: its standard deviation, None if that is estimated
+    """
+
+    name: str
+    path: tuple[str, ...]
+    units: str
+    values: tuple[float, ...]
+    noise: float | None
+    dimension: u.Dimension
+
+
+@dataclass(frozen=True)
+class FitPlan:
+    """A fit (section `fit`).
+
+    given, measured: columns that the scene gets, and that are compared with its results
+    parameters:      the numbers to find
+    scene:           that of the study, with its own values
+    file, sha256:    the table and its checksum; of several tests the first one's name, and that of all checksums
+    level:           mesh level, None for the finest
+    smooth:          whether laws by points are to be as straight as the data let them
+    history:         the load history at whose steps was measured, None for static points
+    """
+
+    given: tuple[FitColumn, ...]
+    measured: tuple[FitColumn, ...]
+    parameters: tuple[FitParameter, ...]
+    scene: Scene
+    file: str
+    sha256: str
+    compare: Literal["vertical", "orthogonal"] = "vertical"
+    starts: int = 5
+    seed: int = 0
+    loss: Literal["linear", "soft_l1"] = "linear"
+    level: int | None = None
+    smooth: bool = False
+    history: HistoryPlan | None = None
+
+    @property
+    def count(self) -> int:
+        """Data."""
+        return sum(len(one.values) for one in self.measured)
+
+    @property
+    def loads(self) -> tuple[FitColumn, ...]:
+        """The given columns that are parameters of the load."""
+        return tuple(column for column in self.given if column.path not in (PLACE, STEP))
+
+    @property
+    def at_steps(self) -> list[int]:
+        """The step of every line of the table; empty for static points."""
+        return [int(value) for column in self.given if column.path == STEP for value in column.values]
+
+    @property
+    def place(self) -> FitColumn | None:
+        """Where on the contact line u_T was measured."""
+        return next((column for column in self.given if column.path == PLACE), None)
+
+    @property
+    def known_noise(self) -> bool:
+        """Whether the noise of all that is compared is known."""
+        columns = (*self.measured, *(self.given if self.compare == "orthogonal" else ()))
+        return all(column.noise is not None for column in columns)
+
+    @property
+    def assumed_noise(self) -> str:
+        """What intervals assume of several columns whose noise is not all known; empty if nothing."""
+        columns = (*(self.given if self.compare == "orthogonal" else ()), *self.measured)
+        known, unknown = ([one.name for one in columns if (one.noise is None) is no] for no in (False, True))
+        if len(columns) < 2 or not unknown:
+            return ""
+        if known:
+            beside = f"1 % of its range where that of {' and '.join(known)} is as given"
+            return f"the noise of {' and '.join(unknown)} is {beside}"
+        return f"{' and '.join(unknown)} are measured equally well, in parts of their ranges"
+
 
 TOLERANCE = 1e-10
 """Largest inclusion residual by default, as long as rounding allows it."""

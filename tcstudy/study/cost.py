@@ -30,8 +30,7 @@ from tcstudy.data.store import Record, missing, write_record
 from tcstudy.errors import CostError, GeometryFailed, StoreError
 from tcstudy.fem.study_meshes import graded_points
 from tcstudy.laws.composed import EdgeLaws
-from tcstudy.scene.families import FAMILIES, TO_TOLERANCE, FamilyName
-from tcstudy.scene.study import SOLVERS, Goal, MeshPlan, Study
+from tcstudy.scene.study import FAMILIES, SOLVERS, TO_TOLERANCE, FamilyName, Goal, MeshPlan, Study
 from tcstudy.study.lint import warnings
 from tcstudy.study.point import solve_point
 from tcstudy.study.reference import Errors, ExactReference, FineReference, Reference, with_meaning

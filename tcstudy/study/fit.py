@@ -33,8 +33,7 @@ from tcstudy.laws.pieces import GrowthError
 from tcstudy.laws.shapes import LawError
 from tcstudy.offline.level import Level
 from tcstudy.read.scenes import Scenery
-from tcstudy.scene.fits import FitColumn, FitPlan
-from tcstudy.scene.study import Study
+from tcstudy.scene.study import FitColumn, FitPlan, Study
 from tcstudy.study.fit_models import Compared, FitModel
 from tcstudy.study.fit_smooth import Smoothed, smoothed
 from tcstudy.study.lint import warnings

@@ -30,11 +30,10 @@ from tcstudy.errors import FitError, PathError, StudyError
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import WholeBody, change_of
 from tcstudy.read.scenes import Scenery
-from tcstudy.scene.fits import FitPlan, Sensitivity
 from tcstudy.scene.histories import HistoryPlan, Keys, UnfitLaw
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import Direction
+from tcstudy.scene.study import Direction, FitPlan, Sensitivity
 from tcstudy.study.fit_path import MovingPath
 from tcstudy.study.history_scene import STIFFNESS, with_stiffness
 from tcstudy.study.history_scene import followed as followed_steps

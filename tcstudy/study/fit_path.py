@@ -22,9 +22,9 @@ from tcstudy.errors import FitError
 from tcstudy.laws.derivatives import LawSlopes, law_slopes, number_of
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import WholeBody, change_of
-from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene
+from tcstudy.scene.study import Sensitivity
 
 Array = NDArray[np.float64]
 Slopes = list[LawSlopes | None]

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from tcstudy.accuracy.fitted import Box, Minimum, minimise, misfit
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.derivatives import POINTS
-from tcstudy.scene.fits import FitPlan
+from tcstudy.scene.study import FitPlan
 
 Array = NDArray[np.float64]
 Model = Callable[[Array], tuple[Array, Array]]

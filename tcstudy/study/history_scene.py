@@ -23,11 +23,10 @@ from tcstudy.errors import StudyError
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import WholeBody, change_of, is_load
 from tcstudy.read.scenes import Scenery
-from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.histories import HistoryPlan, Keys
 from tcstudy.scene.parameters import loaded_scene, numbers
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import Study
+from tcstudy.scene.study import Sensitivity, Study
 
 Array = NDArray[np.float64]
 STIFFNESS = ("history", "stiffness")

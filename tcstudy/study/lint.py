@@ -33,8 +33,7 @@ from tcstudy.read.checks import BoundaryPiece, mesh_faults, support_fault, suppo
 from tcstudy.read.document import Found, located, tree_of
 from tcstudy.read.node import Collector
 from tcstudy.read.parameters import users, words_in
-from tcstudy.scene.points import combinations, distinct, idle_notes
-from tcstudy.scene.provable import why_no_bound
+from tcstudy.scene.points import combinations, distinct, idle_notes, why_no_bound
 from tcstudy.scene.records import Body, Clamped, Contact, Convection, Scene, Traction, exchanges
 from tcstudy.scene.study import Study
 from tcstudy.shapes.edges import edge_length, edge_normal, loop_area

@@ -29,7 +29,7 @@ from tcstudy.data.store import Record, write_record
 from tcstudy.data.tables import PATH
 from tcstudy.errors import GeometryFailed
 from tcstudy.offline.level import Level
-from tcstudy.scene.contact_states import ContactState, contact_states
+from tcstudy.scene.histories import ContactState, contact_states
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.study import Acceptance, Branch, PathPlan, Study
 from tcstudy.study.lint import loaded, warnings

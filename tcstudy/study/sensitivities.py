@@ -12,8 +12,8 @@ from tcstudy.contact.linearised import EVENT, Linearised
 from tcstudy.data.on_request import AT_EVENT, AT_FOLD, DIFFERENTIABLE, EVENTS, STATUS, name_of
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import Change, WholeBody, change_of, friction_slopes
-from tcstudy.scene.fits import Sensitivity
 from tcstudy.scene.records import Scene
+from tcstudy.scene.study import Sensitivity
 
 Array = NDArray[np.float64]
 

@@ -23,8 +23,7 @@ import xarray as xr
 
 import tcstudy
 from tcstudy.reports.figures.style import BLUE, INK, PALE, SHADE, VERMILLION, WIDTH, save, styled
-from tcstudy.scene.families import FamilyName
-from tcstudy.scene.study import Goal, MeshPlan, Study
+from tcstudy.scene.study import FamilyName, Goal, MeshPlan, Study
 from tests.benchmarks.panels import inches
 from tests.verification import manufactured
 from tests.verification.goal_scenes import (

@@ -22,7 +22,7 @@ from threadpoolctl import threadpool_limits
 
 from tcstudy.accuracy.fitted import minimise, uncertainty
 from tcstudy.read.study import read_study_text
-from tcstudy.scene.fits import FitColumn, FitPlan
+from tcstudy.scene.study import FitColumn, FitPlan
 from tcstudy.study.fit import Tests, box_of
 from tests.study.test_fit_history import FOUND, PULLED, RIGID, returned
 

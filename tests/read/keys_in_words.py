@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from tcstudy.scene.key import Key
-from tcstudy.scene.keys import OF_ALL_LAWS, row, rows
+from tcstudy.scene.keys import OF_ALL_LAWS, Key, row, rows
 from tcstudy.scene.units import NONE
 
 HEAD = "| section | what it says |\n|---|---|\n"

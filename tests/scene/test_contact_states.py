@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tcstudy.laws.shapes import SHAPES
-from tcstudy.scene.contact_states import ContactState, node_states
+from tcstudy.scene.histories import ContactState, node_states
 
 
 def test_states_of_nodes() -> None:

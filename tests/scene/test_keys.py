@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 
 from tcstudy.read.plans import OF_MESH, OF_PATH
-from tcstudy.scene.key import ROLES, symbol
-from tcstudy.scene.keys import ROWS, of_role, row, rows
+from tcstudy.scene.keys import ROLES, ROWS, of_role, row, rows, symbol
 from tcstudy.scene.parameters import FIXED, SHORT, sweepable
 from tcstudy.scene.records import Role
 from tcstudy.scene.study import MeshPlan, PathPlan

@@ -28,9 +28,8 @@ from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.refine.family import Family
 from tcstudy.refine.goals import goal_value
-from tcstudy.scene.families import FamilyName
 from tcstudy.scene.records import Point
-from tcstudy.scene.study import Goal, MeshPlan, Study
+from tcstudy.scene.study import FamilyName, Goal, MeshPlan, Study
 from tcstudy.study.run import run
 from tests.data.by_points import one_by_one
 from tests.verification import closed_forms

@@ -19,7 +19,7 @@ from tcstudy.fem.estimators import own_strain, stress_of
 from tcstudy.offline.error_bound import ErrorBounds
 from tcstudy.offline.level import Level
 from tcstudy.reports.verdict import verdict
-from tcstudy.scene.provable import why_no_bound
+from tcstudy.scene.points import why_no_bound
 from tcstudy.scene.records import Scene
 from tests.verification.scenes import levels_of, study_of
 from tests.verification.test_guaranteed import scene_of

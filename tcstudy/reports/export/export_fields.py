@@ -33,7 +33,7 @@ from tcstudy.reports.picture import body_fields, contact_line
 from tcstudy.reports.select_point import Value, labels, level_number, matching
 from tcstudy.reports.stored_study import law_of_nodes, stored_study
 from tcstudy.reports.stresses import stresses, von_mises
-from tcstudy.scene.contact_states import ContactState, node_states
+from tcstudy.scene.histories import ContactState, node_states
 from tcstudy.scene.records import Scene
 
 HOW = "run its study again with --set output.fields=true to keep them"

@@ -18,7 +18,7 @@ from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.select_point import Value, describe, locate
 from tcstudy.reports.terminal.convergence import GROUPS, shown
 from tcstudy.reports.terminal.cost import EXACT, SYMBOLS, advice, best, front, settings
-from tcstudy.scene.families import FAMILIES
+from tcstudy.scene.study import FAMILIES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -24,7 +24,7 @@ from tcstudy.reports.figures.law import draw_law, slip_range
 from tcstudy.reports.figures.panels import Array, Panel, scale
 from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.text import counted, number, pretty, scaled_labels, with_unit
-from tcstudy.scene.key import symbol
+from tcstudy.scene.keys import symbol
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import BODY, Clamped, EdgeHeat, Material, Role, Scalar, Scene
 from tcstudy.scene.study import Study

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 from tcstudy.data.files import check_writable, replace_file
 from tcstudy.errors import DrawError, StoreError, UsageError
 from tcstudy.reports.text import pretty
-from tcstudy.scene import key
-from tcstudy.scene.key import GREEK
+from tcstudy.scene.keys import GREEK, OF_EDGE
+from tcstudy.scene.keys import symbol as written
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -124,10 +124,10 @@ def size_in_inches(text: str) -> tuple[float, float]:
 
 
 def symbol(name: str) -> str:
-    """A parameter as formulas write it, θ̄ or u_T (`scene.key.symbol`); others in words."""
+    """A parameter as formulas write it, θ̄ or u_T (`scene.keys.symbol`); others in words."""
     if ".points." in name:
         return f"$b_{{{name.rpartition('.')[2]}}}$"
-    if match := re.fullmatch(key.OF_EDGE.format("[._]"), name):
+    if match := re.fullmatch(OF_EDGE.format("[._]"), name):
         return f"{symbol(match[2])} of {plain(match[1]).replace('_', ' ')}"
     name = re.sub(r"^(?:heat|friction|material|body|mesh)_(?=\w)", "", name)
     letter, _, index = name.rpartition(".")[2].partition("_")
@@ -135,7 +135,7 @@ def symbol(name: str) -> str:
     if letter in GREEK:
         return rf"$\bar\{letter}$" if index == "bar" else rf"$\{letter}{below}$"
     component = letter in ("u", "g", "f") and index in ("x", "y", "N", "T")
-    return f"${letter}{below}$" if component else plain(key.symbol(name))
+    return f"${letter}{below}$" if component else plain(written(name))
 
 
 def with_symbols(text: str) -> str:

@@ -33,7 +33,7 @@ from tcstudy.reports.select_point import describe
 from tcstudy.reports.stored_study import at_rest
 from tcstudy.reports.terminal import convergence, cost, fit, history_summary, path_summary
 from tcstudy.reports.text import proved
-from tcstudy.scene.key import symbol
+from tcstudy.scene.keys import symbol
 
 STATES_BYTES = 4_000_000
 """Room for slip and traction along a path; of a longer one some vertices are shown."""

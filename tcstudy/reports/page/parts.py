@@ -18,7 +18,7 @@ from tcstudy.reports.figures import style
 from tcstudy.reports.figures.panels import Panel
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.terminal.tables import Heading, Part, Table
-from tcstudy.scene.key import GREEK
+from tcstudy.scene.keys import GREEK
 
 COLOURS = {
     style.INK: "var(--ink)",

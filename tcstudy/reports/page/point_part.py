@@ -19,7 +19,7 @@ from tcstudy.reports.page.stored import Stored
 from tcstudy.reports.picture import contact_line, ends_held
 from tcstudy.reports.stored_study import at_rest, law_of_nodes, nearest, outline, sources
 from tcstudy.reports.text import DIGITS
-from tcstudy.scene.contact_states import ContactState, node_states
+from tcstudy.scene.histories import ContactState, node_states
 from tcstudy.scene.study import Study
 
 MOST_NODES = 8_000

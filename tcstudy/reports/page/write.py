@@ -25,8 +25,7 @@ from tcstudy.reports.page.run_part import history_run, level_numbers, run_part, 
 from tcstudy.reports.page.stored import Stored, read
 from tcstudy.reports.terminal.path_summary import STATES
 from tcstudy.reports.terminal.summary import verdict_of
-from tcstudy.scene.key import GREEK, symbol
-from tcstudy.scene.keys import ROWS
+from tcstudy.scene.keys import GREEK, ROWS, symbol
 
 SCRIPTS = ("format", "charts", "controls", "parts", "run", "point", "laws", "solver", "live", "main")
 

@@ -13,7 +13,7 @@ from tcstudy.reports import sentences
 from tcstudy.reports.sentences import closed_loop, equilibria_at, state_taken
 from tcstudy.reports.terminal.tables import Heading, Part, Table
 from tcstudy.reports.text import counted, digits_lost, headed, number, prefix, proved, with_unit
-from tcstudy.scene.key import symbol
+from tcstudy.scene.keys import symbol
 
 MOST_ROWS = 60
 """Solutions that are listed; the file has them all."""

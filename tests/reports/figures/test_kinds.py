@@ -25,7 +25,7 @@ from tcstudy.reports.figures.sweep import SweepPicture, curves_figure, map_figur
 from tcstudy.reports.picture import read_picture
 from tcstudy.reports.stored_study import law_of_nodes
 from tcstudy.reports.terminal.path_summary import seen_folds
-from tcstudy.scene.contact_states import ContactState, node_states
+from tcstudy.scene.histories import ContactState, node_states
 from tcstudy.study.history_run import execute_history
 from tcstudy.study.path_run import execute_path
 from tcstudy.study.run import execute

@@ -22,7 +22,7 @@ from tcstudy.reports.page.parts import words
 from tcstudy.reports.page.stored import read
 from tcstudy.reports.page.write import write_page
 from tcstudy.reports.terminal.path_summary import STATES
-from tcstudy.scene.contact_states import ContactState
+from tcstudy.scene.histories import ContactState
 from tests.reports.figures.draw_cases import example_laws
 from tests.reports.page.unpacked import data_of, unpacked
 
