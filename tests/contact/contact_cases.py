@@ -1,67 +1,46 @@
-"""Contact problems for the solver tests: laws built directly from their pieces and a random generator.
-
-Stiffnesses are discrete half-Laplacians (what a condensed elastic body looks like on its contact line) or random
-symmetric positive definite matrices; every length and stress below is in arbitrary units chosen by the caller.
-"""
+"""Laws, bodies and random problems for the tests of the engine, and a judge that shares no code with it."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.contact.problem import ContactProblem, least_eigenvalue
+from tcstudy.laws import shapes
 from tcstudy.laws.laws import Laws
 
 Array = NDArray[np.float64]
 
 
-def linear_law(name: str, kinks: list[float], left: list[float], right: list[float], ends: tuple[float, float]) -> Laws:
+def linear_law(
+    name: str, kinks: Sequence[float], left: Sequence[float], right: Sequence[float], ends: tuple[float, float]
+) -> Laws:
     """Piecewise-linear law through given one-sided values at its kinks; `ends` are the two outer slopes."""
-    s, low, high = (np.array(x, dtype=float) for x in (kinks, left, right))
-    inner = (low[1:] - high[:-1]) / np.diff(s)
-    q = np.concatenate([[ends[0]], inner, [ends[1]]])
-    inward = np.concatenate([[False], np.abs(s[:-1]) <= np.abs(s[1:]), [True]])  # the left end is nearer to s = 0
-    s_0 = np.where(inward, np.append(s[0], s), np.append(s, s[-1]))
-    b_0 = np.where(inward, np.append(low[0], high), np.append(low, high[-1]))
-    return Laws(name, s, s_0, b_0, q, np.zeros(len(q)), np.zeros(len(q)))
+    points = [p for s, *both in zip(kinks, left, right, strict=True) for p in ((s, float(b)) for b in both)]
+    return replace(shapes.piecewise_linear(points, False, None, [float(q) for q in ends]), name=name)
 
 
 def slip_weakening(mu_s: float = 1.0, mu_k: float = 0.5, d: float = 0.1) -> Laws:
-    """Odd stick law that falls linearly from mu_s to mu_k over the slip d."""
-    return linear_law("slip weakening", [-d, 0.0, d], [-mu_k, -mu_s, mu_k], [-mu_k, mu_s, mu_k], (0.0, 0.0))
+    return shapes.slip_weakening(mu_s, mu_k, d)
 
 
 def exponential_decay(mu_s: float = 1.0, mu_k: float = 0.5, d: float = 0.1) -> Laws:
-    """Odd stick law b(s) = mu_k + (mu_s − mu_k) exp(−s/d) for s > 0."""
-    drop = mu_s - mu_k
-    return Laws(
-        "exponential decay",
-        np.array([0.0]),
-        np.zeros(2),
-        np.array([-mu_k, mu_k]),
-        np.zeros(2),
-        np.array([-drop, drop]),
-        np.array([-1.0 / d, 1.0 / d]),
-    )
+    return shapes.exponential(mu_s, mu_k, d)
+
+
+def spring(stiffness: float = 1.0) -> Laws:
+    return shapes.linear(stiffness)
 
 
 def sawtooth(mu: float = 1.0, d: float = 0.1, slope: float = 5.0, drop: float = 0.5) -> Laws:
     """Stick at 0, then rising teeth that end in down-jumps, odd (delamination in steps)."""
-    starts = [mu, mu * drop, mu * drop**2, mu * drop**3]
-    kinks = [-3 * d, -2 * d, -d, 0.0, d, 2 * d, 3 * d]
-    enter = [starts[0], starts[1], starts[2], starts[3]]
-    leave = [value + slope * d for value in starts[:3]]
-    right = [-leave[2], -leave[1], -leave[0], enter[0], enter[1], enter[2], enter[3]]
-    left = [-enter[3], -enter[2], -enter[1], -enter[0], leave[0], leave[1], leave[2]]
-    return linear_law("sawtooth", kinks, left, right, (0.0, 0.0))
-
-
-def spring(stiffness: float = 1.0) -> Laws:
-    """b(s) = stiffness · s, a law without kinks."""
-    zero = np.zeros(1)
-    return Laws("spring", np.zeros(0), zero, zero, np.array([stiffness]), zero, zero)
+    starts = [mu * drop**i for i in range(4)]
+    points = [p for i in range(3) for p in ((i * d, starts[i]), ((i + 1) * d, starts[i] + slope * d))]
+    return shapes.piecewise_linear([*points, (3 * d, starts[3])], True, None, None)
 
 
 def half_laplacian(m: int, stiffness: float = 1.0) -> tuple[Array, Array]:
@@ -98,7 +77,7 @@ def random_law(rng: np.random.Generator, lambda_1: float, max_kinks: int = 41, s
     if right[-1] <= 0.1:
         right[-1] = rng.uniform(0.1, 1.0)
     ends = rng.uniform(0.0, 1.0, 2) * lambda_1 * (rng.random(2) < 0.3)
-    law = linear_law("random", list(kinks), list(left), list(right), (ends[0], ends[1]))
+    law = linear_law("random", kinks.tolist(), left.tolist(), right.tolist(), (ends[0], ends[1]))
     return _bent(rng, law) if smooth else law
 
 
@@ -146,13 +125,9 @@ def rescaled(problem: ContactProblem, s_unit: float, b_unit: float, x_unit: floa
 
 
 def independent_residual(problem: ContactProblem, v: Array, v_low: Array | None = None) -> float:
-    """Inclusion residual in extended precision and by plain loops, sharing no code with the package.
-
-    v_low: (m,) low part of displacements that are a sum of two doubles; then ξ is summed without error
-    """
+    """Inclusion residual by plain loops, ξ summed without error; displacements may be sums v + v_low of two doubles."""
     law, low = problem.law, np.zeros(problem.m) if v_low is None or not len(v_low) else v_low
-    traction = _longdouble_xi(problem, v) if not np.any(low) else _exact_xi(problem, v, low)
-    traction = traction / problem.c
+    traction = _exact_xi(problem, v, low) / problem.c
     worst, largest = 0.0, 0.0
 
     def piece_value(k: int, s: float, s_low: float = 0.0) -> float:
@@ -169,11 +144,6 @@ def independent_residual(problem: ContactProblem, v: Array, v_low: Array | None 
     for k in (0, len(law.q) - 1):
         largest = max(largest, abs(float(law.b_0[k])) if law.q[k] == 0.0 else 0.0)
     return worst / (largest or float(np.max(np.abs(problem.l_tilde / problem.c))))
-
-
-def _longdouble_xi(problem: ContactProblem, v: Array) -> NDArray[np.longdouble]:
-    A, l_tilde = (np.asarray(x, dtype=np.longdouble) for x in (problem.A_tilde, problem.l_tilde))
-    return np.asarray(l_tilde - A @ v.astype(np.longdouble))
 
 
 def _exact_xi(problem: ContactProblem, v: Array, v_low: Array) -> Array:

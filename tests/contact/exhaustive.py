@@ -5,7 +5,7 @@ All solutions are those of `random_polygons`: every piece and kink of every node
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,14 +121,9 @@ def any_problem(seed: int, m: int) -> ContactProblem:
     return ContactProblem(A_tilde, c * load * 10.0 ** rng.uniform(-2.0, 0.5) * law.b_scale, c, law)
 
 
-@dataclass(frozen=True)
-class Search:
-    """What a study finds on one `any_problem`, beside the least energy of all.
-
-    solved, found: whether there is an answer, and whether it has the least energy
-    plain:         the same of the starts without the search for less
-    contradicted:  certificates of the answer that the enumeration or the sampling refutes
-    """
+class Search(NamedTuple):
+    """Of one `any_problem`: whether it is solved, has the least energy of all, has it without the search for less, and
+    certificates that the enumeration or the sampling refutes."""
 
     solved: bool
     found: bool
@@ -143,23 +138,17 @@ def search(seed: int, m: int) -> Search:
     answer = solve_contact(problem)
     certificate = certify(problem, answer.v)
     above = least + 1e-10 * (abs(least) + float(problem.c @ np.abs(problem.law.j(answer.v))))
-    found = answer.energy <= above
+    found, plain = answer.energy <= above, float(np.nanmin(answer.energies[:ESCAPE])) <= above
     strict = not certificate.strict_minimum or is_strict_minimum(problem, answer.v, np.random.default_rng(seed))
     wrong = {
         "unique": certificate.unique and not found,
         "global_minimum": certificate.global_minimum and answer.energy > above + certificate.energy_gap,
         "strict_minimum": not strict,
     }
-    return Search(
-        not answer.reason,
-        found,
-        float(np.nanmin(answer.energies[:ESCAPE])) <= above,
-        tuple(name for name, is_wrong in wrong.items() if is_wrong),
-    )
+    return Search(not answer.reason, found, plain, tuple(name for name in wrong if wrong[name]))
 
 
-@dataclass(frozen=True)
-class Comparison:
+class Comparison(NamedTuple):
     """One solution of a small problem, its certificate and the truth."""
 
     certificate: Certificate

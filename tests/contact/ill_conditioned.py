@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.laws import Laws
-from tcstudy.laws.shapes import piecewise_linear, tresca
+from tcstudy.laws.shapes import piecewise_linear
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ def random_law(rng: np.random.Generator, odd: bool, monotone: bool = False) -> L
 
 @dataclass(frozen=True)
 class Family:
-    """A kind of problems: their law and load."""
+    """A kind of problems; `spread`: segments over two decades, `driven`: load far beyond friction."""
 
     name: str
     odd: bool
@@ -53,7 +53,6 @@ class Family:
     driven: bool
 
     def problem(self, rng: np.random.Generator, m: int, condition: float) -> ContactProblem:
-        """One of them; `spread`: segments over two decades, `driven`: load far beyond friction."""
         A = body(rng, m, condition)
         c = 10.0 ** rng.uniform(-1.0, 1.0, m) if self.spread else np.ones(m)
         law = random_law(rng, self.odd, self.monotone)
@@ -67,6 +66,3 @@ FAMILIES = [
            odd, monotone, odd != driven, driven)
     for odd in (True, False) for monotone in (True, False) for driven in (True, False)
 ]  # fmt: skip
-"""Eight families."""
-
-TRESCA = tresca(2.0)

@@ -1,4 +1,4 @@
-"""Blocks of contact problems for the tests of the engine, and their single problems."""
+"""Blocks of contact problems for the tests of the engine."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.contact.block import Answer, solve_block
-from tcstudy.contact.problem import CondensedBody, ContactProblem
+from tcstudy.contact.problem import CondensedBody
 from tcstudy.laws.laws import Laws
 from tests.contact import contact_cases as cases
 
@@ -41,11 +41,6 @@ def block(m: int, laws: Sequence[Laws], points: int, seed: int = 0) -> tuple[Con
         size = laws[law[p]].b_scale or 1.0
         loads[p] = body.c * shape * rng.uniform(0.4, 2.5) * size / np.max(np.abs(shape))
     return body, loads, Laws.of(laws), law
-
-
-def single(body: CondensedBody, load: Array, law: Laws) -> ContactProblem:
-    """One point as the single solve takes it."""
-    return ContactProblem(body.A_tilde, load, body.c, law)
 
 
 def solve_points(body: CondensedBody, loads: Array, tables: Laws, law: Index, tolerance: float | None = None) -> Answer:

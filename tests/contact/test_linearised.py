@@ -1,4 +1,4 @@
-"""Derivatives at solutions: closed forms, differences, adjoint against forward, events and folds."""
+"""Derivatives at solutions: closed forms, events and folds."""
 
 from __future__ import annotations
 
@@ -13,8 +13,6 @@ from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.derivatives import law_slopes
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import SHAPES
-
-Array = np.ndarray
 
 
 def softening(tau_s: float = 1.0, tau_k: float = 0.4, delta: float = 0.5) -> Laws:

