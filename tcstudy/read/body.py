@@ -1,19 +1,47 @@
-"""Reads the section `body`: outline, rectangle or file; holes and named regions."""
+"""Reads the section `body`: outline, rectangle or file; holes and named regions; and what must hold across sections:
+no free rigid motions, a sensible number of elements, corners where two edges prescribe displacements that agree, and
+expressions, which must have a finite value where they are used, at sample points.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import is_dataclass, replace
 from functools import lru_cache
+from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.expressions.expression import Expression
+from tcstudy.laws.composed import EdgeLaws
 from tcstudy.read.fields import Context, Fields, only_key
 from tcstudy.read.node import Node, put, split_path
 from tcstudy.scene.keys import rows
-from tcstudy.scene.records import BODY, Body, BrepFace, Edge, Loop, Region
+from tcstudy.scene.points import why_no_bound
+from tcstudy.scene.records import (
+    BODY,
+    Body,
+    Boundary,
+    BrepFace,
+    Clamped,
+    Contact,
+    Edge,
+    Loop,
+    Point,
+    Region,
+    Rigid,
+    Role,
+    Scalar,
+    Scene,
+    Symmetry,
+)
+from tcstudy.scene.study import Goal, MeshPlan
 from tcstudy.scene.units import LENGTH, UnitError, to_si
 from tcstudy.shapes import edges as shapes
 from tcstudy.shapes import faults as body_faults
+from tcstudy.shapes.edges import body_area, body_size, edge_distance, edge_normal, edge_points, inside
 
 SIDES = tuple(rows("sides"))
 FORMATS = {".step": "mm", ".stp": "mm", ".brep": "m"}
@@ -176,3 +204,257 @@ def _file(ctx: Context, node: Node) -> BrepFace:
     points = replace(rows("file")["edges"], kind="points")
     edges = {name: ctx.value(item, points) for name, item in named.items()}
     return BrepFace(target, fields.value("face"), scale, tuple(edges.items()), fields.value("other"))
+
+
+Array = NDArray[np.float64]
+
+MAX_TRIANGLES = 2e7
+"""More triangles than this are taken for a typing error of maxh or levels."""
+ARC_PIECES = 32
+
+
+def supports(boundary: Boundary) -> tuple[object, ...]:
+    """What of the boundary decides about rigid motions: which components are held on which edges."""
+    held = ((edge, role.frame, *(u is None for u in role.held)) for edge, role in boundary)
+    return tuple(one for one in held if one[2:] != (True, True))
+
+
+class BoundaryPiece(NamedTuple):
+    """Some points (n, 2) of a boundary curve with its unit normals (n, 2) there, and the name of the edge."""
+
+    name: str
+    points: Array
+    normals: Array
+
+
+def supports_fault(body: Body, boundary: Boundary) -> tuple[str, str] | None:
+    """What is wrong with the supports and what to do; None if they hold the body, or if it is from a file."""
+    if body.outline is None:
+        return None
+    points = [edge_points(edge, 1 if edge.through is None else ARC_PIECES) for edge in body.edges]
+    pieces = [BoundaryPiece(edge.name, at, edge_normal(edge, at)) for edge, at in zip(body.edges, points, strict=True)]
+    return support_fault(pieces, boundary, body.outline.edges[0].start, body_size(body))
+
+
+def support_fault(
+    pieces: Sequence[BoundaryPiece], boundary: Boundary, centre: Point, size: float, accuracy: float = 1e-9
+) -> tuple[str, str] | None:
+    """What is wrong and what to do if u given on Γ_D and u_N = 0 on Γ_C leave a plane rigid motion; else None.
+
+    centre: any point of the body;  size: its diagonal;  accuracy: of the normals, as far as they are known
+    """
+    roles = dict(boundary)
+    if not any(isinstance(role, Clamped | Contact) for role in roles.values()):
+        return None
+    rows = [row for piece in pieces for row in _constraints(piece, roles.get(piece.name), centre, size)]
+    _, singular, motions = np.linalg.svd(np.array(rows).reshape(-1, 3), full_matrices=True)
+    rank = int(np.sum(singular > accuracy * singular[0])) if len(singular) else 0
+    if rank == 3:
+        return None
+    clamped = any(isinstance(role, Clamped) for role in roles.values())
+    what = "the supports do not hold the body" if clamped else "no edge is clamped and contact does not hold the body"
+    remedy = "give an edge the role clamped, or prescribe the missing component"
+    return f"{what}: it can still {_motion(motions[rank:], centre, size)}", remedy
+
+
+def _constraints(piece: BoundaryPiece, role: Role | None, centre: Point, size: float) -> Iterator[list[float]]:
+    """Rows d·r(p) = 0 of a curve for the rigid motions r = (a − cη, b + cξ), (ξ, η) = (p − centre)/size."""
+    if role is None:
+        return
+    if isinstance(role, Rigid) and role.moment is None:  # what is tied does not turn
+        for x, y in piece.points[1:] - piece.points[0]:
+            yield from ([0.0, 0.0, s / size] for s, u in zip((-y, x), role.u, strict=True) if u is None)
+    for (x, y), n in zip(piece.points, piece.normals, strict=True):
+        xi, eta = (x - centre[0]) / size, (y - centre[1]) / size
+        directions = ((1.0, 0.0), (0.0, 1.0)) if role.frame == "xy" else ((n[0], n[1]), (-n[1], n[0]))
+        for held, d in zip(role.held, directions, strict=True):
+            if held is not None:
+                yield [d[0], d[1], d[1] * xi - d[0] * eta]
+
+
+def _motion(motions: Array, centre: Point, size: float) -> str:
+    """One or more free rigid motions in words."""
+    if len(motions) > 1:
+        return f"move in {len(motions)} ways"
+    a, b, c = motions[0]
+    if abs(c) < 1e-6:
+        return f"slide along {'x' if abs(b) < 1e-6 else 'y' if abs(a) < 1e-6 else f'({a:.3g}, {b:.3g})'}"
+    at = (centre[0] - size * b / c, centre[1] + size * a / c)
+    x, y = (0.0 if abs(v) <= 1e-9 * size else v for v in at)  # rounding is no coordinate
+    return f"turn about ({x:.3g}, {y:.3g})"
+
+
+def check_goal(ctx: Context, node: Node, goal: Goal, body: Body, scenes: Sequence[Scene]) -> None:
+    """A bound must be proved; the point of u_T must lie on a contact edge (of a body from a file, see its mesh)."""
+    if goal.proved and (why := next(filter(None, map(why_no_bound, scenes)), "")):
+        ctx.errors.at(node, f"no bound is proved of this study: {why}")
+    if goal.at is None or body.outline is None:
+        return
+    contact = [name for name, role in scenes[0].boundary if isinstance(role, Contact)]
+    edges = [edge for edge in body.edges if edge.name in contact]
+    away = min(float(edge_distance(edge, np.array([goal.at]))[0]) for edge in edges) if edges else math.inf
+    if away > 1e-6 * body_size(body):
+        x, y = goal.at
+        remedy = f"give a point on {' or '.join(contact)}" if contact else "give an edge the role contact"
+        what = f"the point ({x:g}, {y:g}) is not on a contact edge" + (f", but {away:g} away" if edges else "")
+        ctx.errors.at(node.child("u_T") or node, what, remedy)
+
+
+def check_mesh(ctx: Context, maxh: Node, plan: MeshPlan, body: Body) -> None:
+    """Refuse element sizes that do not fit the body (one from a file is judged when the file is read)."""
+    if body.outline is None:
+        return
+    for i, what, remedy in mesh_faults(plan, body_area(body), body_size(body), ctx.units):
+        node = maxh.value[i] if isinstance(maxh.value, tuple) else maxh
+        ctx.errors.unfit(node, "mesh.maxh" if ctx.errors.refused is not None else node.path, what, remedy)
+
+
+def check_guarantee(ctx: Context, root: Node, plan: MeshPlan, body: Body) -> None:
+    """Refuse a guarantee where the mesh is another body."""
+    curved = ", ".join(dict.fromkeys(edge.name for edge in body.edges if edge.through is not None))
+    if plan.guarantee and curved:
+        what = f"needs straight edges, but the mesh of {curved} is another body"
+        ctx.errors.at(root.nearest("mesh", "guarantee"), what, "remove it")
+
+
+def mesh_faults(plan: MeshPlan, area: float, size: float, units: str) -> Iterator[tuple[int, str, str]]:
+    """(number of the size, what, remedy) of all that give no sensible number of triangles, area/(√3/4 h²)·4^(levels−1).
+
+    area, size: of the body, [m²] and the diagonal [m];  units: of the study, "SI" or "none"
+    """
+    unit = " m" if units == "SI" else ""
+    body = f"the body ({size:g}{unit})"
+    # graded meshes have about as many elements as uniform ones; those with a tolerance stop at max_dofs
+    doubling = not plan.listed and not plan.open_ended
+    refinements = plan.levels - 1 if doubling else 0
+    for i, h in enumerate(plan.maxh):
+        if h <= size < h * 2.0**plan.refine:
+            remedy = f"give refine: {math.floor(math.log2(size / h))} or less"
+            yield i, f"the coarse mesh, of {h * 2.0**plan.refine:g}{unit}, is larger than {body}", remedy
+        if h > size:
+            remedy = f"choose maxh well below it, for example {size / 10:.2g}{unit}"
+            yield i, f"an element of {h:g}{unit} is larger than {body}", remedy
+        exponent = math.log10(area / (math.sqrt(3.0) / 4.0)) - 2.0 * math.log10(h)
+        exponent += refinements * math.log10(4.0)
+        if exponent > math.log10(MAX_TRIANGLES):
+            least = 10.0 ** (math.log10(h) + (exponent - math.log10(MAX_TRIANGLES)) / 2.0)
+            remedy = f"choose maxh above {least:.2g}{unit}" + (" or fewer levels" if refinements else "")
+            if least > size:
+                fewer = math.ceil((exponent - math.log10(MAX_TRIANGLES)) / (2.0 * math.log10(2.0)))
+                remedy = f"give at most {max(1, plan.levels - fewer)} levels"
+            yield i, f"about 10^{exponent:.1f} triangles are more than a study can use", remedy
+
+
+def check_boundary(ctx: Context, node: Node, body: Body, boundary: Boundary) -> None:
+    """Record every corner at which constraints have no common solution or two edges hold different temperatures, where
+    heat without end would flow; and every symmetry edge that is an arc, where u_N = 0 mirrors nothing."""
+    for name, what in corner_faults(body, boundary):
+        ctx.errors.at(node.nearest(name), what, "make them agree there, or free a component")
+    if body.outline is None:
+        return
+    held = {name: role.heat.theta for name, role in boundary if role.heat and role.heat.theta is not None}
+    for edge, following in (pair for loop in body.loops for pair in loop.corners):
+        if edge.name == following.name or not {edge.name, following.name} <= {*held}:
+            continue
+        (x, y), (a, b) = edge.end, (_value_at(held[name], edge.end) for name in (edge.name, following.name))
+        if abs(a - b) > 1e-9 * max(abs(a), abs(b)):
+            what = f"{edge.name} and {following.name} hold different temperatures at their corner ({x:g}, {y:g})"
+            remedy = "make them agree there, or let one of them exchange heat: {alpha: ..., theta_bar: ...}"
+            ctx.errors.once(node.nearest(following.name), what, remedy)
+    mirrors = {name for name, role in boundary if isinstance(role, Symmetry)}
+    for name in dict.fromkeys(edge.name for edge in body.edges if edge.through is not None):
+        if name in mirrors:
+            remedy = "use {role: clamped, u_N: 0} for a guide"
+            ctx.errors.once(node.nearest(name), "a symmetry edge is straight, but this is an arc", remedy)
+
+
+def _value_at(scalar: Scalar, at: Point) -> float:
+    return float(scalar.evaluate(at[0], at[1])) if isinstance(scalar, Expression) else float(scalar)
+
+
+def corner_faults(body: Body, boundary: Boundary) -> Iterator[tuple[str, str]]:
+    """(edge, what is wrong) of every corner of a polygon body at which d·u = value have no common solution u.
+
+    Near-parallel directions (a smooth junction) count as parallel.
+    """
+    roles = dict(boundary)
+
+    def held(edge: Edge, at: Point) -> Iterator[tuple[float, float, float]]:
+        """(d₁, d₂, value) of every component that an edge holds at a point."""
+        n_x, n_y = map(float, edge_normal(edge, np.array([at]))[0])
+        if (role := roles.get(edge.name)) is not None:
+            directions = ((1.0, 0.0), (0.0, 1.0)) if role.frame == "xy" else ((n_x, n_y), (-n_y, n_x))
+            for direction, component in zip(directions, role.u, strict=True):
+                if component is not None:
+                    yield (*direction, _value_at(component, at))
+
+    for edge, following in (pair for loop in body.loops for pair in loop.corners) if body.outline else ():
+        rows = np.array([*held(edge, edge.end), *held(following, edge.end)]).reshape(-1, 3)
+        if len(rows) < 2 or not np.all(np.isfinite(rows)):  # an expression without a value is refused elsewhere
+            continue
+        u = np.linalg.lstsq(rows[:, :2], rows[:, 2], rcond=1e-6)[0]
+        if np.max(np.abs(rows[:, :2] @ u - rows[:, 2])) > 1e-9 * np.max(np.abs(rows[:, 2])):
+            x, y = edge.end
+            clamped = following if isinstance(roles.get(following.name), Clamped) else edge
+            what = f"{edge.name} and {following.name} prescribe different displacements at their common corner"
+            yield clamped.name, f"{what} ({x:g}, {y:g})"
+
+
+EDGE_POINTS = 64
+
+
+def check_finite(ctx: Context, root: Node, section: str, value: Any, body: Body) -> None:
+    """Record every expression of a section with a value that is not finite at a sample point of its edges or the body.
+
+    Samples cannot see every singularity between them; a load that is not finite after all is a failed point.
+    """
+    parts = value if section == "boundary" else [("f", value)] if section == "loads" else vars(value).items()
+    for key, part in parts if body.outline is not None else ():
+        for expression in _in(part):
+            edges = [key] if section == "boundary" else [edge.name for edge in body.edges]
+            points = [_on_edges(body, name) for name in edges] + ([] if section == "boundary" else [inside(body)])
+            x, y = np.concatenate(points).T
+            bad = np.flatnonzero(~np.isfinite(np.broadcast_to(expression.evaluate(x, y), len(x))))
+            if len(bad):
+                at = f"({x[bad[0]]:g}, {y[bad[0]]:g})"
+                what = f"the expression {str(expression)!r} has no finite value at {at}"
+                ctx.errors.once(root.nearest(section, key), what, "change it so that it is finite wherever it is used")
+
+
+def check_laws(ctx: Context, root: Node, friction: EdgeLaws, boundary: Iterable[tuple[str, Role]], body: Body) -> None:
+    """Every contact edge has a law and every law a contact edge; strengths are 0 or more at sample points of the edges.
+
+    A strength that is negative between them is a failed point.
+    """
+    contact = [name for name, role in boundary if isinstance(role, Contact)]
+    given = [edge for edge, _, _ in friction.laws if edge]
+    wrong = [edge for edge in given if edge not in contact]
+    for edge in wrong:
+        remedy = f"the contact edges are {', '.join(contact)}"
+        ctx.errors.once(root.nearest("friction", edge), f"{edge!r} is no contact edge", remedy)
+    if given and not wrong and (without := [edge for edge in contact if edge not in given]):
+        remedy = f"add {without[0]}: {{law: ...}}; without friction {{law: linear, k: 0}}"
+        ctx.errors.once(root.nearest("friction"), f"the contact edge {without[0]} has no law", remedy)
+    for edge, _, strength in friction.laws if body.outline is not None else ():
+        for name in [edge] if edge in contact else contact if not edge else []:
+            x, y = _on_edges(body, name).T
+            values = np.broadcast_to(strength.evaluate(x, y) if isinstance(strength, Expression) else strength, len(x))
+            bad = np.flatnonzero(~(np.isfinite(values) & (values >= 0.0)))
+            if len(bad):
+                keys = ("friction", edge, "strength") if edge else ("friction", "strength")
+                what = f"the strength is negative or not finite at ({x[bad[0]]:g}, {y[bad[0]]:g})"
+                remedy = 'bound it, for example "max(0, ...)"; 0 is a gap in the bond'
+                ctx.errors.once(root.nearest(*keys), what, remedy)
+
+
+def _in(value: Any) -> Iterator[Expression]:
+    """All expressions inside a scalar, a tuple or a record."""
+    if isinstance(value, Expression):
+        yield value
+    elif isinstance(value, tuple) or is_dataclass(value):
+        for item in value if isinstance(value, tuple) else vars(value).values():
+            yield from _in(item)
+
+
+def _on_edges(body: Body, name: str) -> Array:
+    return np.concatenate([edge_points(e, EDGE_POINTS) for e in body.edges if e.name == name])

@@ -17,13 +17,10 @@ import numpy as np
 
 from tcstudy.errors import StudyError, UserFault
 from tcstudy.laws.derivatives import POINTS
-from tcstudy.read.asked import differentiable, named_number
 from tcstudy.read.document import whole_key
-from tcstudy.read.fields import Context, Fields, none_after_fault, out_of_bounds
-from tcstudy.read.history import check_fit
+from tcstudy.read.fields import Context, Fields, none_after_fault, out_of_bounds, users, words_in
+from tcstudy.read.loads import check_fit, differentiable, level_of, meant_number, named_number
 from tcstudy.read.node import Node
-from tcstudy.read.parameters import users, words_in
-from tcstudy.read.plans import level_of, meant_number
 from tcstudy.read.points import table_lines
 from tcstudy.read.scenes import SceneReader, Scenery
 from tcstudy.scene.histories import HistoryPlan, Memory, UnfitLaw

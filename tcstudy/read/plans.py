@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -11,12 +10,10 @@ from typing import Any, get_args
 
 import numpy as np
 
-from tcstudy.expressions.expression import Expression
-from tcstudy.read.checks import check_goal, check_guarantee, check_mesh, corner_faults
+from tcstudy.read.body import check_goal, check_guarantee, check_mesh
 from tcstudy.read.fields import Context, Fields, none_after_fault
-from tcstudy.read.node import Node, hint, put
+from tcstudy.read.node import Node, put
 from tcstudy.scene.keys import rows
-from tcstudy.scene.parameters import SHORT, Keys, Number, affine_numbers, path_of, path_scene, sweepable
 from tcstudy.scene.records import Body, Contact, Scene
 from tcstudy.scene.study import (
     ALL,
@@ -30,7 +27,6 @@ from tcstudy.scene.study import (
     Goal,
     MeshPlan,
     OutputPlan,
-    PathPlan,
     Probe,
     Quantity,
     SolverPlan,
@@ -48,8 +44,7 @@ STRAIGHT = 1e-9
 SINGLE = ("levels", "family", "tolerance", "max_levels", "grading", "marking", "max_dofs")
 """Keys of `mesh` that a list of sizes has no use for."""
 OF_MESH = ("maxh", "levels", "max_levels", "family", "goal", "of", "known")
-OF_PATH = ("parameter", "from", "to", "within", "at", "level")
-"""Keys that depend on each other; every other one of `mesh` and `path` is a field of the plan."""
+"""Keys that depend on each other; every other one of `mesh` is a field of the plan."""
 
 
 def with_sizes(ctx: Context, root: Node) -> Node:
@@ -231,91 +226,3 @@ def _probes(ctx: Context, node: Node | None, body: Body | None, scenes: Sequence
             ctx.errors.at(places[probe.name], what, "give a point of the body")
         found.append(replace(probe, on_contact=any(edge.name in contact for edge in on)))
     return tuple(found)
-
-
-@none_after_fault
-def read_path(ctx: Context, node: Node, scene: Scene | None, mesh: MeshPlan | None) -> PathPlan | None:
-    """The path; None after a fault.
-
-    scene: the scene without the sweep, mesh: the meshes; None if they have faults of their own
-    """
-    fields = Fields(ctx, node, "path")
-    ctx.sound()
-    word = fields.value("parameter")
-    if scene is None or not word:
-        return None
-    keys, known = path_of(word), dict(affine_numbers(scene))
-    if keys not in known and keys in sweepable({}, None) and keys[0] in ("heat", "material", "friction"):
-        what = f"the load is not affine in {'.'.join(keys)} in this study, so no path can be followed along it"
-        fields.fault("parameter", what, f"use a sweep over it; a path runs along {', '.join(usable(known))}")
-    elif keys not in known:
-        remedy = meant_number(word, known, "a path runs along")
-        fields.fault("parameter", f"the scene has no parameter {word!r} for a path", remedy)
-    elif why := no_single_load(keys, known[keys], "along a path"):
-        fields.fault("parameter", why)
-    ctx.sound()
-    dimension = known[keys].row.dimension
-    begin, end = (fields.value(key, dimension) for key in ("from", "to"))
-    if begin == end:
-        fields.fault("to", "is the same value as from; give a range, from: A, to: B")
-        return None
-    low, high = min(begin, end), max(begin, end)
-    within = low - (high - low), high + (high - low)  # as far again on both sides: folds may lie outside the range
-    if fields["within"]:
-        within = fields.value("within", dimension)
-        if within[0] > low or within[1] < high:
-            fields.fault("within", "does not contain the range from … to; widen it, or leave it out")
-    at = fields.value("at", dimension) or ()
-    for i, (item, value) in enumerate(zip(fields["at"].entries if fields["at"] else (), at, strict=False)):
-        if not math.isnan(value) and not within[0] <= value <= within[1]:
-            remedy = f"choose a value from {within[0]:g} to {within[1]:g}, or widen from, to or within"
-            ctx.errors.at(item, f"{item.brief()} is outside the range of the path", remedy)
-        if value in at[:i]:
-            ctx.errors.at(item, f"the value {item.brief()} is repeated", "give every value once")
-    given = fields.given(name for name in fields.rows if name not in OF_PATH)
-    level = {} if mesh and mesh.strategy.adapts else level_of(ctx, fields, mesh, "a path")  # a run needs no path
-    ctx.sound()
-    for key, t in (("from", begin), ("to", end)) if keys[0] == "boundary" else ():
-        fault = next(corner_faults(scene.body, path_scene(scene, keys, t).boundary), None)
-        if fault:
-            what = f"with {'.'.join(keys)} = {t:g} {fault[1]}"
-            fields.fault(key, what, "free a component of one of the two edges")
-            break
-    return PathPlan(keys, ctx.cf(dimension), begin, end, within, scene, at, **given, **level)
-
-
-def usable(known: Mapping[Keys, Number]) -> list[str]:
-    """Names of the numbers that nothing speaks against."""
-    return [".".join(path) for path, one in known.items() if not one.no_number]
-
-
-def meant_number(word: str, known: Mapping[Keys, Number], otherwise: str, more: Iterable[str] = ()) -> str:
-    """Remedy for a name that no number has: one that ends in it, the nearest, or all after `otherwise`.
-
-    more: other words that may have been meant
-    """
-    names = usable(known)
-    same = [name for name in names if name.split(".")[-1] == word]
-    shorter = [short for short, full in SHORT.items() if full in names]
-    return hint(same[0] if same else word, same or [*names, *shorter, *more], f"{otherwise} {', '.join(names)}")
-
-
-def no_single_load(keys: Keys, load: Number, where: str) -> str:
-    """What is wrong with a load that is to change by itself, and what to do; empty if nothing is."""
-    name = ".".join(keys)
-    if load.idle:
-        return f"{load.idle}, so the solution does not depend on {name}; choose another load"
-    if isinstance(load.value, Expression):
-        what = f"{name} varies in space ({load.value}), but {where} it is one number"
-        return f"{what}; give {name} a number, or use load, the factor of all mechanical loads"
-    return ""
-
-
-def level_of(ctx: Context, fields: Fields, mesh: MeshPlan | None, what: str) -> dict[str, Any]:
-    """The key `level` of what is done on one mesh, if it is given; what: "a path"."""
-    if mesh and mesh.strategy.adapts:
-        remedy = f"use family: uniform or graded for {what}, for example --set mesh.family=graded"
-        ctx.errors.at(fields.node, "adaptive meshes follow from the solutions of a run", remedy, on_key=True)
-    elif node := fields["level"]:
-        return {"level": ctx.integer(node, 0, mesh.levels - 1 if mesh else None)}
-    return {}

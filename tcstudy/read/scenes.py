@@ -17,14 +17,20 @@ from numpy.typing import NDArray
 
 from tcstudy.errors import StudyError, UserFault
 from tcstudy.laws.composed import EdgeLaws
-from tcstudy.read.body import check_shape, read_body, with_named_region
-from tcstudy.read.checks import check_boundary, check_finite, check_laws, supports, supports_fault
+from tcstudy.read.body import (
+    check_boundary,
+    check_finite,
+    check_laws,
+    check_shape,
+    read_body,
+    supports,
+    supports_fault,
+    with_named_region,
+)
 from tcstudy.read.document import tree_of
-from tcstudy.read.fields import Context
-from tcstudy.read.heat import check_heat, read_heat
+from tcstudy.read.fields import Context, read_parameters, users, words_in
 from tcstudy.read.node import Collector, Node, put, put_number
-from tcstudy.read.parameters import read_parameters, users, words_in
-from tcstudy.read.physics import read_boundary, read_friction, read_loads, read_materials
+from tcstudy.read.physics import check_heat, read_boundary, read_friction, read_heat, read_loads, read_materials
 from tcstudy.read.sweep import SECTIONS, Sweep
 from tcstudy.scene.parameters import Keys, numbers, path_scene
 from tcstudy.scene.points import Scenes

@@ -1,31 +1,47 @@
-"""A study file to a Study: every number of every sweep point checked, all faults reported at once."""
+"""A study file to a Study: every number of every sweep point checked, all faults reported at once.
+
+Where a sweep varies numbers of the body or of the meshes there is one study for each geometry: the study with the swept
+numbers put into `body`, `mesh` or `parameters`, read by the same code as any other. What is wrong with its shape, or
+with its element size for it, refuses its points with the reason, since the other geometries are sound; every other
+fault is one of the study.
+
+`exact.loads: derived`: loads that follow from the exact solution are left out of the study, which is read with 0 in
+their places, and put into its scenes. What is given although it would be derived, in the study or in its sweep, is a
+fault. The word `derived` may stand in the place of a load; where an edge is held in one component only it must:
+{role: clamped, u_x: derived}.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+import itertools
+import json
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tcstudy.errors import StudyError
-from tcstudy.read.asked import check_together, read_sensitivity
-from tcstudy.read.body import read_body, with_named_region
+import numpy as np
+
+from tcstudy.errors import Problem, StudyError
+from tcstudy.exact.checks import Checks, SolutionFault
+from tcstudy.exact.loads import Derivation
+from tcstudy.read.body import check_finite, read_body, with_named_region
 from tcstudy.read.document import apply_overrides, compose, load_text, with_sweep
-from tcstudy.read.exact import derived_scenes, read_exact, without_loads
-from tcstudy.read.fields import Context, Fields
+from tcstudy.read.fields import Context, Fields, none_after_fault, read_parameters, users, words_in
 from tcstudy.read.fit import read_fit, read_tests
-from tcstudy.read.history import read_history
-from tcstudy.read.node import Collector, Node
-from tcstudy.read.parameters import read_parameters
-from tcstudy.read.plans import read_mesh, read_output, read_path, read_solver, with_sizes
+from tcstudy.read.loads import check_together, read_history, read_path, read_sensitivity
+from tcstudy.read.node import COMPONENTS, Collector, Node, put, split_path
+from tcstudy.read.plans import read_mesh, read_output, read_solver, with_sizes
 from tcstudy.read.scenes import SceneReader
 from tcstudy.read.sweep import Sweep, read_sweep, records, with_swept_keys
-from tcstudy.read.variants import geometric, read_variants
-from tcstudy.scene.keys import row, rows
+from tcstudy.scene.keys import of_role, row, rows
 from tcstudy.scene.parameters import SHORT
-from tcstudy.scene.records import Body
-from tcstudy.scene.study import Study
+from tcstudy.scene.points import GEOMETRIC, Scenes
+from tcstudy.scene.records import Body, Convection, Scene
+from tcstudy.scene.study import Exact, Study, Variant
 
 REQUIRED = tuple(row.name for row in rows("").values() if row.required)
 
@@ -121,3 +137,260 @@ def _one_body(header: dict[str, Any], ctx: Context, root: Node, sweep: Sweep, sa
     sweep_said = {"mode": sweep.mode, "axes": axes, "design": sweep.design, "overrides": said}
     plans = {"mesh": mesh, "solver": solver, "output": output, "exact": exact, "path": path, "history": history}
     return Study(**header | sweep_said | plans, fit=fit, scenes=scenes, units=ctx.units)
+
+
+def geometric(root: Node, sweep: Sweep) -> list[int]:
+    """The axes that change the body or its meshes: numbers of these sections, and names that they use."""
+    sections = [node for name in GEOMETRIC if (node := root.child(name)) is not None]
+    found = []
+    for i, axis in enumerate(sweep.axes):
+        path = axis.parameter.path
+        names = users(root, path[-1]) if path[0] == "parameters" else ()
+        if path[0] in GEOMETRIC or any(words_in(node, names) for node in sections if names):
+            found.append(i)
+    return found
+
+
+def read_variants(
+    ctx: Context,
+    root: Node,
+    sweep: Sweep,
+    overrides: tuple[str, ...],
+    said: tuple[str, ...],
+    read: Callable[..., Study],
+) -> Study:
+    """The study of all geometries; a refused one has the scenes of the first that is not.
+
+    said: options that make the text this study;  read: (ctx, root, sweep, said) → Study, for one geometry
+    Raises StudyError with the faults of the first geometry that has some, or if all are refused.
+    """
+    outer = geometric(root, sweep)
+    variants: list[Variant] = []
+    geometries = list(_geometries(root, sweep, outer, overrides))
+    for one in geometries:
+        study, reason, problems = _read_one(ctx, one, read)
+        if problems:
+            others = {p for at in {geometries[0], geometries[-1]} - {one} for p in _read_one(ctx, at, read)[2]}
+            said_where = (p if p in others else _of(p, one.words) for p in problems)
+            raise StudyError([*ctx.errors.problems, *said_where])
+        variants.append(Variant(one.words, one.index, one.places, study, reason))
+    first = next((one.study for one in variants if one.study is not None), None)
+    if first is None:
+        what = f"no geometry of the sweep can be made ({variants[0].words}: {variants[0].reason})"
+        ctx.errors.at(sweep.axes[outer[0]].node, what, "sweep over others", on_key=True)
+        raise StudyError(ctx.errors.problems)
+    if first.mesh.open_ended:
+        what = "changes the body or its meshes, and with a tolerance or adaptive meshes each would end on another level"
+        remedy = "use a uniform or graded family, or write one study for each geometry"
+        ctx.errors.at(sweep.axes[outer[0]].node, what, remedy, on_key=True)
+    if ctx.errors.problems:
+        raise StudyError(ctx.errors.problems)
+    return replace(
+        first,
+        scenes=Scenes.joined([((one.study or first).scenes, one.places) for one in variants]),
+        variants=tuple(variants),
+        axes=records(sweep, ctx.units),
+        mode=sweep.mode,
+        design=sweep.design,
+        overrides=said,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Geometry:
+    """The study with the swept numbers of one geometry put in.
+
+    index: places of the values of the outer axes;  places: of the points;  rest: what of the sweep is left
+    said:  options with which the text of the whole study is that of this geometry
+    """
+
+    words: str
+    index: tuple[int, ...]
+    places: np.ndarray
+    root: Node
+    rest: Sweep
+    said: tuple[str, ...]
+
+
+def _geometries(root: Node, sweep: Sweep, outer: list[int], overrides: tuple[str, ...]) -> Iterator[_Geometry]:
+    """The geometries of a sweep in order."""
+    axes, inner = [sweep.axes[i] for i in outer], tuple(axis for i, axis in enumerate(sweep.axes) if i not in outer)
+    if sweep.mode == "grid":
+        sizes = [len(axis.values) for axis in sweep.axes]
+        points = np.arange(math.prod(sizes), dtype=np.intp).reshape(sizes)
+        points = np.moveaxis(points, outer, range(len(outer)))
+        groups = {index: points[index].ravel() for index in np.ndindex(points.shape[: len(outer)])}
+    else:
+        found: dict[tuple[float | str, ...], list[int]] = {}
+        for k in range(len(sweep.axes[0].values)):
+            found.setdefault(tuple(axis.labels[k] for axis in axes), []).append(k)
+        groups = {(at[0],) * len(axes): np.array(at, dtype=np.intp) for at in found.values()}
+    said = with_sweep(overrides, replace(sweep, axes=inner).written()) if sweep.mode == "grid" else ()
+    for index, places in groups.items():
+        rest, own = replace(sweep, axes=inner), said
+        if sweep.mode == "list":
+            left = tuple(axis.at(places) for axis in inner)
+            rest = replace(sweep, axes=left, mode="list" if left else "grid", design=None, tabled=False)
+            own = with_sweep(overrides, rest.written())
+        words, fixed, made = [], [], root
+        for axis, k in zip(axes, index, strict=True):
+            path, value = ".".join(axis.parameter.path), axis.values[k]
+            words.append(f"{axis.key} = {value.brief()}")
+            fixed.append(f"{path}={json.dumps(value.plain(), ensure_ascii=False)}")
+            with suppress(KeyError):  # something else stands there, which the section's reader records
+                made = put(made, split_path(path) or (), value)
+        yield _Geometry(", ".join(words), index, places, made, rest, (*own, *fixed))
+
+
+def _read_one(
+    ctx: Context, one: _Geometry, read: Callable[..., Study]
+) -> tuple[Study | None, str, tuple[Problem, ...]]:
+    """The study of a geometry, why it is refused, and what else is wrong with it."""
+    inner = Context(Collector(), ctx.units, ctx.folder, ctx.named, known=ctx.known)
+    if names := one.root.child("parameters"):
+        inner.named = read_parameters(inner, names)
+    refused = inner.errors.refused = []
+    try:
+        study = read(inner, one.root, one.rest, one.said)
+        return (None, refused[0], ()) if refused else (study, "", ())
+    except StudyError as error:
+        return None, refused[0] if refused else "", () if refused else error.problems
+
+
+def _of(problem: Problem, words: str) -> Problem:
+    """A fault that other geometries do not have."""
+    return problem if problem.key.startswith("sweep") else replace(problem, what=f"{problem.what} (with {words})")
+
+
+DERIVED = "derived"
+TRACTIONS = tuple(name for name in of_role("traction") if name != "heat")
+OF_HEAT = (*(row.name for row in rows("heat").values() if row.affine), "omega")
+"""Keys of `heat` that are derived."""
+FOLLOWS = "exact.loads: derived makes it follow from the exact solution"
+REMEDY = "leave it out, or remove exact.loads to give all loads yourself"
+
+
+def without_loads(ctx: Context, root: Node, sweep: Sweep) -> Node:
+    """The study with 0 for all loads that will be derived; those that are given are recorded as faults.
+
+    A misspelt word asks for derived loads as well, so that it is the only fault.
+    """
+    word = root.at("exact", "loads")
+    if word is None or word.value == "given" or not isinstance(root.value, Mapping):
+        return root
+    _refuse(ctx, word, root, sweep)
+    sections = {key: node for key, node in root.value.items() if key != "path"}
+    if loads := root.child("loads"):
+        sections["loads"] = _derived(ctx, loads, ("f",), f=(replace(loads, value=0),) * 2)
+    if heat := root.child("heat"):
+        # that theta is given is the fault, not that alpha is not
+        alone = {"alpha": 1} if heat.child("theta") and not heat.child("alpha") else {}
+        sections["heat"] = _derived(ctx, heat, OF_HEAT, theta_bar=0, **alone)
+    boundary = root.child("boundary")
+    if boundary and isinstance(boundary.value, Mapping):
+        edges = {name: _edge(ctx, edge) for name, edge in boundary.value.items()}
+        sections["boundary"] = replace(boundary, value=edges)
+    return replace(root, value=sections)
+
+
+def _refuse(ctx: Context, word: Node, root: Node, sweep: Sweep) -> None:
+    """Studies in which nothing can be derived, and swept loads."""
+    if root.at("body", "file"):
+        what = "the body comes from a file, whose normals are no expressions, so loads cannot be derived"
+        ctx.errors.at(word, what, "give the loads, or describe the body by its outline")
+    if path := root.child("path"):
+        what = "a path changes a load, but loads: derived leaves none to change"
+        ctx.errors.at(path, what, "remove path, or give the loads", on_key=True)
+    for axis in sweep.axes:
+        section, last = axis.parameter.path[0], axis.parameter.path[-1]
+        if section in ("boundary", "loads") or (section == "heat" and last in OF_HEAT):
+            remedy = "remove it from the sweep, or give the loads"
+            ctx.errors.at(axis.node, f"{axis.key} is swept, but {FOLLOWS}", remedy, on_key=True)
+
+
+def _derived(ctx: Context, node: Node, keys: tuple[str, ...], **instead: int | tuple[Node, ...]) -> Node:
+    """A mapping without the keys, and other values; one that is given and not the word `derived` is a fault."""
+    if not isinstance(node.value, Mapping):
+        return node
+    for given in (node.value[key] for key in keys if key in node.value):
+        if given.value != DERIVED:
+            ctx.errors.at(given, f"is given, but {FOLLOWS}", REMEDY, on_key=True)
+    kept = {key: child for key, child in node.value.items() if key not in keys}
+    return replace(node, value=kept | {key: replace(node, value=value) for key, value in instead.items()})
+
+
+def _edge(ctx: Context, node: Node) -> Node:
+    """The role of an edge with 0 for what is derived: tractions, and displacements of a clamped edge but free ones."""
+    word = node.child("role") if isinstance(node.value, Mapping) else node
+    if word is not node and word is not None and word.value == "clamped":
+        held = {key: _held(ctx, key, child) for key, child in node.value.items()}  # type: ignore[union-attr]
+        return replace(node, value=held)
+    loaded = {"pressure": 0} if word is not None and word.value == "traction" else {}
+    if word is node and loaded:
+        node = replace(node, value={"role": node})
+    return _derived(ctx, node, TRACTIONS, **loaded)
+
+
+def _held(ctx: Context, key: str, node: Node) -> Node:
+    """A key of a clamped edge, 0 for every displacement that is not free."""
+    if key not in COMPONENTS or node.value == "free":
+        return node
+    if key == "u" and node.value == DERIVED:
+        return replace(node, value=(replace(node, value=0),) * 2)
+    if key == "u" and isinstance(node.value, tuple):
+        return replace(node, value=tuple(_held(ctx, "u_x", item) for item in node.value))
+    if node.value != DERIVED:
+        ctx.errors.at(node, f"is given, but {FOLLOWS}", REMEDY, on_key=not node.path.endswith("]"))
+    return replace(node, value=0)
+
+
+def derived_scenes(
+    ctx: Context, root: Node, sweep: Sweep, exact: Exact, body: Body, scenes: Sequence[Scene]
+) -> Sequence[Scene]:
+    """The scenes with their loads; what forbids it is recorded, once for each place."""
+    checks, derivation, before = Checks(exact, body), Derivation(exact, body), len(ctx.errors)
+
+    def sound(faults: Iterable[SolutionFault]) -> bool:
+        for fault in faults:
+            ctx.errors.at(root.nearest("exact", *fault.keys), fault.what, fault.remedy)
+        return len(ctx.errors) == before
+
+    if not sound((*_missing(exact, scenes), *checks.kinks())):
+        return scenes
+    words = [
+        [f"{axis.key} = {label if isinstance(label, str) else f'{label:g}'}" for label in axis.labels]
+        for axis in sweep.axes
+    ]
+    made = []
+    points = zip(*words, strict=True) if sweep.mode == "list" else itertools.product(*words)
+    for scene, point in zip(scenes, points, strict=True):
+        ctx.errors.point = ", ".join(point)
+        made.append(derivation.scene(scene))
+        if not sound(checks.scene(made[-1])):
+            break
+    ctx.errors.point = ""
+    return Scenes.of(made) if len(made) == len(scenes) else scenes
+
+
+def _missing(exact: Exact, scenes: Sequence[Scene]) -> Iterator[SolutionFault]:
+    """A temperature that the loads need and the study does not give; α = 0."""
+    if exact.theta is None:
+        beta = any(scene.material.expands for scene in scenes)
+        if beta or scenes[0].edges(Convection):
+            why = "beta makes it load the body" if beta else "there are convection edges"
+            yield SolutionFault((), f"theta is missing: {why}", 'add theta: "...", or theta: 0')
+    elif scenes[0].edges(Convection) and any(scene.heat.alpha == 0.0 for scene in scenes):
+        what = "with alpha = 0 no theta_bar can be derived: no heat passes convection edges"
+        yield SolutionFault(("theta",), what, "give alpha > 0, or make the edges free or traction")
+
+
+@none_after_fault
+def read_exact(ctx: Context, node: Node, root: Node, body: Body | None) -> Exact:
+    """The exact solution; None after a fault."""
+    fields = Fields(ctx, node, "exact")
+    u, theta, xi, exponent, loads = (fields.value(key) for key in ("u", "theta", "xi", "exponent", "loads"))
+    exact = Exact(u, theta, xi, exponent, loads == DERIVED)
+    ctx.sound()
+    if body is not None:
+        check_finite(ctx, root, "exact", exact, body)
+    return exact

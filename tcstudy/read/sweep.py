@@ -13,9 +13,8 @@ from typing import Any, Literal
 
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.document import whole_key
-from tcstudy.read.fields import Context, only_key
+from tcstudy.read.fields import Context, check_swept_names, only_key
 from tcstudy.read.node import Mark, Node, hint, nearest, place_of, put_number, split_path
-from tcstudy.read.parameters import check_swept_names
 from tcstudy.read.physics import ALL_KEYS, keys_of, laws_by_edge
 from tcstudy.read.points import OF_DESIGNS, draw, read_design, read_table
 from tcstudy.scene.designs import DESIGNS, Design

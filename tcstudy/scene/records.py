@@ -207,6 +207,10 @@ class Free(Role):
     word = "free"
 
 
+Boundary = tuple[tuple[str, Role], ...]
+"""What every edge does, in the order of the study."""
+
+
 def exchanges(role: Role) -> bool:
     """True if an edge is part of Γ_θ."""
     own = role.heat
@@ -312,7 +316,7 @@ class Scene:
     """
 
     body: Body
-    boundary: tuple[tuple[str, Role], ...]
+    boundary: Boundary
     material: Material
     f: tuple[Scalar, Scalar]
     heat: Heat

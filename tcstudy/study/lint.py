@@ -28,11 +28,10 @@ from tcstudy.data.provenance import Kind, Remark, measured_path
 from tcstudy.errors import GeometryFailed, StoreError, UsageError, UserFault
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.geometry import Geometry, build
-from tcstudy.read.body import edge_names
-from tcstudy.read.checks import BoundaryPiece, mesh_faults, support_fault, supports
+from tcstudy.read.body import BoundaryPiece, edge_names, mesh_faults, support_fault, supports
 from tcstudy.read.document import Found, located, tree_of
+from tcstudy.read.fields import users, words_in
 from tcstudy.read.node import Collector
-from tcstudy.read.parameters import users, words_in
 from tcstudy.scene.points import combinations, distinct, idle_notes, why_no_bound
 from tcstudy.scene.records import Body, Clamped, Contact, Convection, Scene, Traction, exchanges
 from tcstudy.scene.study import Study

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import fields
 
-from tcstudy.read.plans import OF_MESH, OF_PATH
+from tcstudy.read.loads import OF_PATH
+from tcstudy.read.plans import OF_MESH
 from tcstudy.scene.keys import ROLES, ROWS, of_role, row, rows, symbol
 from tcstudy.scene.parameters import FIXED, SHORT, sweepable
 from tcstudy.scene.records import Role
