@@ -24,7 +24,7 @@ from tcstudy.accuracy.fitted import minimise, uncertainty
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import FitColumn, FitPlan
 from tcstudy.study.fit import Tests, box_of
-from tests.study.test_fit_history import FOUND, PULLED, RIGID, returned
+from tests.study.test_fit_cases import FOUND, PULLED, RIGID, returned
 
 Array = NDArray[np.float64]
 

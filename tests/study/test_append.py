@@ -263,12 +263,9 @@ def test_the_union_of_grids_is_the_grid_of_all_values() -> None:
 
 @pytest.mark.parametrize(
     ("old", "new", "unit", "size"),
-    [
-        ("{linspace: [20 kPa, 70 kPa, 4]}", "[80 kPa]", "kPa", 1e3),
-        ("[20 kPa, 70 kPa]", "{geomspace: [0.03 MPa, 0.1 MPa, 3]}", "MPa", 1e6),
-        ("[20 psi, 0]", "[30000]", "psi", 6894.75729316836),
-    ],
-)
+    [("[20 kPa, 70 kPa]", "{geomspace: [0.03 MPa, 0.1 MPa, 3]}", "MPa", 1e6),
+     ("[20 psi, 0]", "[30000]", "psi", 6894.75729316836)],
+)  # fmt: skip
 @pytest.mark.parametrize("mode", ["", "mode: zip, "])
 def test_the_union_keeps_the_unit_of_the_newer_study(old: str, new: str, unit: str, size: float, mode: str) -> None:
     """The numbers are the same to the bit, and the study that a file holds has the unit as well."""

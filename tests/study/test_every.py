@@ -49,15 +49,12 @@ def test_the_file_has_every_solution_and_its_proofs(file: Path) -> None:
         assert root["solutions"].values.max() == 11
 
 
-def test_a_limit_is_told_and_claims_nothing(tmp_path: Path) -> None:
+def test_limits_and_polygons_are_told_and_claim_nothing(tmp_path: Path) -> None:
     few = tcstudy.run(study("solver.max_boxes=1"), tmp_path / "few.nc")
     complete, count = few["complete"].values.ravel(), few["solutions"].values.ravel()
     assert set(complete) == {0, 1}
     assert np.all(count[complete == 1] == 1)
     assert "all equilibria proved at 1 of 6 (1 each)" in verdict(tmp_path / "few.nc")[0]
-
-
-def test_exponential_laws_are_proved_of_their_polygon_alone(tmp_path: Path) -> None:
     law = "friction={law: exponential, a: 40 MPa, b: 10 MPa, delta: 5 um}"
     found = tcstudy.run(study(sweep="sweep={boundary.end.g: [[20 MPa, 0]]}", film=law), tmp_path / "decay.nc")
     assert found["complete"].values.ravel().tolist() == [2]

@@ -119,26 +119,6 @@ def test_what_the_mesh_does_to_the_numbers_is_said(tmp_path: Path) -> None:
     assert "half its size would move" in text_of(tmp_path / "a.nc")
 
 
-def test_a_law_by_points_and_one_of_the_wrong_shape(tmp_path: Path) -> None:
-    """The stable branch: three points find the straight fall, and a law without one is told by its residuals."""
-    delta = np.linspace(0.05, 1.0, 14) ** 1.5 * 1.3 * DELTA
-    P = np.sqrt(TAU * DELTA * D) * np.sqrt(1.0 - np.maximum(0.0, 1.0 - delta / DELTA) ** 2)
-    data = np.stack([delta, P + 1e3 * np.random.default_rng(8).normal(size=14)], axis=1)
-    plain = {"compare: orthogonal": "compare: vertical", "boundary.grip.u_x: 5 um, ": ""}
-    law, sought = "{law: slip-weakening, tau_s: 4 MPa, tau_k: 0 MPa, delta: 0.3 mm}", "    friction.tau_s"
-    text = CONFIG.read_text(encoding="utf-8")
-    head = text[: text.index(sought)]
-    points = "{law: piecewise-linear, points: [[0, 6 MPa], [80 um, 4 MPa], [160 um, 0]]}"
-    names = "".join(f"    friction.points.{i}: {{start: {6 - 2 * i} MPa, within: [0.1 MPa, 20 MPa]}}\n" for i in (0, 1))
-    free = fit(study_of(tmp_path, data, plain | {law: points}, head + names))
-    assert np.all(np.abs(free.values["estimate"] - [7.2e6, 3.6e6]) < 3.0 * free.values["standard_error"] + 1e5)
-    names = "    friction.tau: {start: 4 MPa, within: [0.1 MPa, 20 MPa]}\n"
-    wrong = fit(study_of(tmp_path, data, plain | {law: "{law: tresca, tau: 4 MPa}"}, head + names))
-    assert float(wrong.attributes["fit_probability"]) < 1e-6 < float(free.attributes["fit_probability"])
-    assert float(wrong.attributes["runs_probability"]) < 0.05
-    assert float(wrong.attributes["information_criterion"]) > float(free.attributes["information_criterion"]) + 20.0
-
-
 HEATED = """
 title: Strip on a film, heated
 body: {rectangle: {width: 1 m, height: 5 mm}}

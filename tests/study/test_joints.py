@@ -13,14 +13,12 @@ from numpy.typing import NDArray
 import tcstudy
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.history.memory import MemoryModel, NodeState
-from tcstudy.data.on_request import name_of
 from tcstudy.fem.study_meshes import Meshes
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.histories import Memory, MemoryName
 from tcstudy.scene.records import Scene
-from tcstudy.study.sensitivities import of_point
 
 Array = NDArray[np.float64]
 LINEAR, TRESCA = "{law: linear, k: 1}", "{law: tresca, tau: 0.2}"
@@ -112,24 +110,6 @@ def test_a_ring_of_two_edges_has_two_joints() -> None:
     for node, edge, share in zip(*joints, strict=True):
         own, before = (scene.laws[("upper", "lower").index(line.edge_names[k])] for k in (line.edge[node], edge))
         assert law.single(int(node)).b(0.3) == pytest.approx(share * before.b(0.3) + (1 - share) * own.b(0.3))
-
-
-@pytest.mark.parametrize(("name", "value"), [("tau_s", 0.3), ("delta", 1.0)])
-def test_derivatives_by_the_law_of_an_edge_are_those_of_differences(name: str, value: float) -> None:
-    path, h = f"friction.film.{name}", 1e-4
-    study = read_study_text(block(FALLING, SLOW) + f"output: {{sensitivity: [{path}]}}\n")
-    level = Level(Meshes(study).next(0), study.scenes[0])
-    scenes = [level_of(block(FALLING, SLOW), f"{path}={value * (1 + sign * h)!r}")[1] for sign in (1, -1)]
-    v = solve_contact(level.condensed(study.scenes[0]).problem).v
-    found = of_point(level, study.scenes[0], v, study.output.sensitivity)
-    problems = [level.condensed(scene).problem for scene in scenes]
-    solved = [(problem, solve_contact(problem, branch="continued", neighbour=v)) for problem in problems]
-    for quantity, ends in (
-        ("energy", [answer.energy for _, answer in solved]),
-        ("friction_resultant", [float(problem.xi(answer.v).sum()) for problem, answer in solved]),
-    ):
-        difference = (ends[0] - ends[1]) / (2 * h * value)
-        assert found[name_of(quantity, path)] == pytest.approx(difference, rel=1e-6), quantity
 
 
 MEMORIES: tuple[MemoryName, ...] = ("friction", "damage")

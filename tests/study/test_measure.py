@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.accuracy.expected import HeldEnds, expected_orders, smooth_up_to
 from tcstudy.accuracy.transfer import prolongation
 from tcstudy.contact.block import Answer
 from tcstudy.contact.problem import ContactProblem
@@ -64,15 +63,6 @@ def test_errors_on_a_falling_film_are_those_of_the_exact_solutions_branch() -> N
     assert note.startswith("At 1 of 1 points a state of lower energy than the exact solution's was found: by 0.017")
 
 
-def test_a_front_on_the_line_limits_the_orders_of_xi() -> None:
-    without, front = (expected_orders(smooth_up_to(None, HeldEnds(), front)) for front in (False, True))
-    assert (without["xi_nodes"].order, without["xi_max"].order) == (2.0, 2.0)
-    assert (front["xi_L2"].order, front["xi_nodes"].order, front["xi_max"].order) == (1.0, 1.5, 1.0)
-    assert "stick meets slip" in front["xi_max"].reason
-    singular = expected_orders(smooth_up_to(1.5, HeldEnds(), True))
-    assert np.isclose(singular["xi_max"].order, 0.5)  # what the study gives is worse
-
-
 def test_a_run_stores_the_energy_on_the_exact_solutions_branch(tmp_path: Path) -> None:
     """Together in a block and one by one: the exact solution is a start, and not the least; without one NaN stands."""
     film = [read_study_text(FALLING_FILM, "study", ["mesh.levels=2", *own])
@@ -116,13 +106,6 @@ def test_nested_meshes_give_the_errors_of_exact_prolongation(text: str) -> None:
         at = [levels[-1].line.nodes.tolist().index(node) for node in nodes]
         assert found["u_T_max"][0] == pytest.approx(abs(own.v - best.v[at]).max(), rel=1e-12)
         assert found["xi_max"][0] == pytest.approx(abs(own.xi - best.xi[at]).max(), rel=1e-12)
-
-
-def test_a_solution_has_no_error_against_itself() -> None:
-    levels = solve_levels(study_of(WARM, "mesh={maxh: 0.3, levels: 2}"))
-    scene = study_of(WARM).scenes[0]
-    for name, (error, size) in FineReference(levels[1]).errors(levels[1], (), scene).items():
-        assert error <= 1e-12 * size, name
 
 
 SLOT = """

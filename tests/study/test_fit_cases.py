@@ -1,0 +1,350 @@
+"""Fits of histories, of numbers of every kind, of smooth laws, from many starts, to several tests."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tcstudy
+from tcstudy.errors import StudyError
+from tcstudy.read.study import read_study, read_study_text
+from tcstudy.reports.terminal.summary import text_of
+from tcstudy.scene.study import Study
+from tcstudy.study.fit import fit, model_of
+from tests.study.test_fit import HEATED, heated
+
+Array = np.ndarray
+
+
+def fitted(folder: Path, text: str, head: str, *columns: Iterable[float]) -> Study:
+    """A study beside its table data.csv."""
+    rows = (",".join(f"{x:.17g}" for x in row) for row in zip(*columns, strict=True))
+    (folder / "data.csv").write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    return read_study_text(text, "fit.yaml", source=folder / "fit.yaml")
+
+
+W, K, TAU, RISE = 0.1, 50e9, 2e6, 4e9
+"""Width of a block as good as rigid, spring k, τ(κ) = TAU + RISE κ."""
+RIGID = """
+title: block on an elastic-plastic film
+body: {rectangle: {width: 0.1 m, height: 0.1 m}}
+boundary: {bottom: contact, left: free, top: free, right: {role: clamped, u_x: 0 mm, u_y: free}}
+material: {E: 1e6 GPa, nu: 0, plane: stress}
+friction: {law: piecewise-linear, points: [[0 mm, 1 MPa], [1 mm, 5 MPa]]}
+mesh: {maxh: 50 mm}
+history:
+  memory: elastic-plastic
+  stiffness: 100 GPa/m
+  steps:
+    - {boundary.right.u_x: 0.2 mm, in: 8}
+    - {boundary.right.u_x: -0.15 mm, in: 12}
+    - {boundary.right.u_x: 0.25 mm, in: 10}
+fit:
+  data: {file: data.csv, columns: {step: step, friction_resultant: "P [N/m]"}}
+  noise: {friction_resultant: 2 kN/m}
+  starts: 1
+  parameters:
+    friction.points.0: {start: 1 MPa, within: [0.2 MPa, 10 MPa]}
+    friction.points.1: {start: 5 MPa, within: [0.2 MPa, 30 MPa]}
+    history.stiffness: {start: 100 GPa/m, within: [10 GPa/m, 1000 GPa/m]}
+"""
+
+
+PULLED = np.concatenate(
+    [np.linspace(0, 2e-4, 9), np.linspace(2e-4, -1.5e-4, 13)[1:], np.linspace(-1.5e-4, 2.5e-4, 11)[1:]]
+)
+"""(31,) where the steps have pulled it [m]."""
+FOUND = (TAU, TAU + 1e-3 * RISE, K)
+"""What is sought."""
+
+
+def returned(U: Array) -> Array:
+    """(n,) resultants of the rigid block pulled to U, by the return map written down for one point."""
+    p = kappa = 0.0
+    found = []
+    for u in U:
+        trial = K * (u - p)
+        flow = max(0.0, (abs(trial) - TAU - RISE * kappa) / (K + RISE))
+        p, kappa = p + np.sign(trial) * flow, kappa + flow
+        found.append(W * K * (u - p))
+    return np.array(found)
+
+
+def test_strength_rise_and_spring_of_a_cyclic_test(tmp_path: Path) -> None:
+    """The closed form of a rigid block as data: found as far as it is rigid."""
+    truth = np.array(FOUND)
+    record = fit(fitted(tmp_path, RIGID, "step,P [N/m]", range(31), returned(PULLED)))
+    assert record.values["estimate"] == pytest.approx(truth, rel=1e-5)
+    assert np.all(record.values["standard_error"] < 0.02 * truth)
+    assert int(record.attributes["evaluations"]) <= 12
+
+
+REFUSED_HISTORIES = (
+    ({"step: step, ": ""}, "fit.data: a fit of a history needs a column step; add {step:"),
+    ({"step: step": "boundary.right.u_x: step"}, "'boundary.right.u_x' is neither a result nor the step of the"),
+    ({"starts: 1": "compare: orthogonal"}, "distances to a path are of one monotone load, but the study has a history"),
+    ({"in: 8": "in: 7"}, "the history has no step 30; steps are 0 for the study as it is written, then 1 to 29"),
+    ({"friction.points.1: {start: 5 MPa": "boundary.right.u_x: {start: 5 mm", "[0.2 MPa, 30 MPa]": "[1 mm, 9 mm]"},
+     "boundary.right.u_x is what the history changes, so it is known"),
+    ({"[10 GPa/m, 1000": "[-1 GPa/m, 1000"}, "history.stiffness = -1e+09: must be greater than 0"),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("change", "told"), REFUSED_HISTORIES)
+def test_what_a_fit_of_a_history_does_not_take(tmp_path: Path, change: dict[str, str], told: str) -> None:
+    text = RIGID
+    for old, new in change.items():
+        assert old in text
+        text = text.replace(old, new)
+    with pytest.raises(StudyError) as fault:
+        fitted(tmp_path, text, "step,P [N/m]", range(31), np.zeros(31))
+    assert [told in str(one) for one in fault.value.problems].count(True) == 1, fault.value.problems
+
+
+LAYERED = """
+title: layers
+body:
+  outline: [{from: [0, 0], edge: film}, {from: [0.5 m, 0], edge: shoe}, {from: [1 m, 0], edge: right},
+            {from: [1 m, 20 mm], edge: top}, {from: [0, 20 mm], edge: left}]
+  regions: {coat: {rectangle: {corner: [0 mm, 15 mm], width: 1 m, height: 5 mm}}}
+boundary:
+  film: contact
+  shoe: contact
+  left: {role: clamped, u_x: 0, u_y: free}
+  right: {role: traction, spring: {normal: 5 GPa/m}}
+  top: free
+material: {E: 200 GPa, nu: 0.3, plane: stress, alpha_T: 10e-6 1/K}
+materials: {coat: {E: 100 GPa, nu: 0.3, alpha_T: 20e-6 1/K}}
+heat: {theta: 0 K}
+friction:
+  film: {law: tresca, tau: 1.5 MPa}
+  shoe: {law: slip-weakening, tau_s: 3 MPa, tau_k: 1 MPa, delta: 4 mm}
+mesh: {maxh: 20 mm}
+fit:
+  data: {file: data.csv, columns: {theta: "T [K]", u_T_max: "u [um]", friction_resultant: "R [kN/m]"}}
+  noise: {u_T_max: 0.5 um, friction_resultant: 4 kN/m}
+  starts: 1
+  parameters:
+"""
+OWN = {
+    "friction.film.tau": (1.5, "MPa"),
+    "friction.shoe.tau_s": (3.0, "MPa"),
+    "materials.coat.E": (100.0, "GPa"),
+    "materials.coat.alpha_T": (20e-6, "1/K"),
+    "material.nu": (0.3, ""),
+    "boundary.right.spring.normal": (5.0, "GPa/m"),
+}
+"""With the units in which the study has them."""
+
+
+@pytest.mark.parametrize(
+    ("names", "factor"),
+    [
+        (("friction.film.tau", "friction.shoe.tau_s"), 0.3),
+        (("friction.film.tau", "materials.coat.E"), 10.0),
+        (("materials.coat.alpha_T", "boundary.right.spring.normal"), 0.1),
+        (("material.nu", "materials.coat.E"), 0.4),
+    ],
+)
+def test_what_the_study_itself_says_is_found_again(tmp_path: Path, names: tuple[str, ...], factor: float) -> None:
+    """Its own results as data, without noise, from starts up to ten times off."""
+    rows = ""
+    for name in names:
+        value, unit = OWN[name]
+        low, start, high = (f"{x * value:g} {unit}".strip() for x in (min(0.05, factor), factor, max(1.5, factor)))
+        rows += f"    {name}: {{start: {start}, within: [{low}, {high}]}}\n"
+    T = np.linspace(20.0, 90.0, 7)
+
+    def study(u: Array, R: Array) -> Study:
+        return fitted(tmp_path, LAYERED + rows, "T [K],u [um],R [kN/m]", T, 1e6 * u, 1e-3 * R)
+
+    own = study(T, T)
+    model = model_of(own, own.fit)  # type: ignore[arg-type]
+    truth = np.array([one.start / factor for one in model.plan.parameters])
+    record = fit(study(*model.compared(truth).predicted.reshape(2, -1)))
+    assert record.values["estimate"] == pytest.approx(truth, rel=1e-9)
+    assert int(record.attributes["evaluations"]) <= 20
+
+
+PLACES = np.linspace(0.0, 160.0, 7)
+PULL = """
+title: pull
+body:
+  outline: [{from: [0, 0], edge: bond}, {from: [190 mm, 0], edge: grip},
+            {from: [190 mm, 1 mm], edge: top}, {from: [0, 1 mm], edge: tail}]
+boundary: {bond: contact, grip: {role: clamped, u_x: 0, u_y: free}, top: free, tail: free}
+material: {E: 42.24 GPa, nu: 0, plane: stress}
+friction: {law: piecewise-linear, points: [POINTS]}
+mesh: {maxh: 19 mm}
+fit:
+  data: {file: data.csv, columns: {boundary.grip.u_x: "Delta [mm]", friction_resultant: "P [N/mm]"}}
+  noise: {friction_resultant: 2.2 N/mm}
+  starts: 1
+  smooth: SMOOTH
+  parameters:
+"""
+
+
+def by_points(folder: Path, P: Array, delta: Array, smooth: bool) -> Study:
+    start = [f"{6.0 - s / 30.0:g} MPa" for s in PLACES]
+    points = ", ".join(f"[{s:g} um, {b}]" for s, b in zip(PLACES, start, strict=True))
+    text = PULL.replace("POINTS", points).replace("SMOOTH", str(smooth).lower())
+    text += "".join(f"    friction.points.{i}: {{start: {b}, within: [0 MPa, 20 MPa]}}\n" for i, b in enumerate(start))
+    return fitted(folder, text, "Delta [mm],P [N/mm]", delta, P)
+
+
+@pytest.mark.parametrize(("bent", "factor"), [(False, 0.9), (True, 1.5)])
+def test_a_smooth_law_is_nearer_to_the_true_one(tmp_path: Path, bent: bool, factor: float) -> None:
+    """A straight fall is found with two or three numbers; one that bends is not flattened by the weight."""
+    truth = 1e6 * (np.maximum(7.2 - PLACES / 11.0, 1.5) if bent else 7.2 - 7.2 * PLACES / 170.0)
+    delta = 1e-3 * np.linspace(5.0, 210.0, 16)
+    own = by_points(tmp_path, delta, delta, smooth=False)
+    assert own.fit is not None
+    P = 1e-3 * model_of(own, own.fit).compared(truth).predicted + 2.2 * np.random.default_rng(1).normal(size=16)
+    free, smooth = (fit(by_points(tmp_path, P, delta, one)) for one in (False, True))
+    apart = [np.sqrt(np.mean((record.values["estimate"] - truth) ** 2)) for record in (free, smooth)]
+    assert apart[1] < factor * apart[0]
+    assert np.all(smooth.values["standard_error"] < 1.05 * free.values["standard_error"])
+    decided = float(smooth.attributes["numbers_decided"])
+    assert 2.0 < decided < 7.0
+    assert (decided < 4.0) is not bent
+    assert "numbers_decided" not in free.attributes
+    assert 5.0 < float(smooth.attributes["chi_square"]) < 30.0
+
+
+def test_a_law_of_two_points_cannot_be_smooth(tmp_path: Path) -> None:
+    study = by_points(tmp_path, np.arange(9.0), np.arange(9.0), smooth=True)
+    rest = "\n".join(line for line in study.text.splitlines() if "points." not in line or "points.1" in line)
+    with pytest.raises(StudyError, match="at least three of its points"):
+        read_study_text(rest, "a.yaml", source=tmp_path / "a.yaml")
+
+
+SHEARED = """
+title: film of a sheared block, pulled, pushed and pulled
+body: {rectangle: {width: 60 mm, height: 12 mm, edges: {bottom: film}}}
+boundary: {film: contact, right: free, top: {role: clamped, u_x: 0, u_y: 0}, left: free}
+material: {E: 3 MPa, nu: 0.3}
+friction: {law: slip-weakening, tau_s: 100 kPa, tau_k: 40 kPa, delta: 1.5 mm}
+mesh: {maxh: 12 mm}
+history:
+  memory: damage
+  steps: [{boundary.top.u_x: 1.6 mm, in: 4}, {boundary.top.u_x: -0.4 mm, in: 3}, {boundary.top.u_x: 2.4 mm, in: 5}]
+fit:
+  data: {file: data.csv, columns: {step: step, friction_resultant: "P [N/m]"}}
+  noise: {friction_resultant: 40 N/m}
+  parameters:
+    friction.tau_s: {start: 60 kPa, within: [10 kPa, 500 kPa]}
+    friction.tau_k: {start: 20 kPa, within: [1 kPa, 200 kPa]}
+    friction.delta: {start: 3 mm, within: [0.2 mm, 10 mm]}
+"""
+SHEAR = (100e3, 40e3, 1.5e-3)
+
+
+def sheared(folder: Path, P: Array) -> Study:
+    return fitted(folder, SHEARED, "step,P [N/m]", range(1, len(P) + 1), P)
+
+
+def test_one_solution_for_every_load_does_not_end_the_search(tmp_path: Path) -> None:
+    """Data without noise of the model itself, λ₁ > ω: the first start ends 46 % off, in a minimum of its own."""
+    study = sheared(tmp_path, np.zeros(12))
+    model = model_of(study, study.fit)
+    assert model.level.lambda_1(model.scene(np.array(SHEAR))) > max(law.omega for law in model.scene(SHEAR).laws)
+    found = tcstudy.run(sheared(tmp_path, model.compared(np.array(SHEAR)).predicted), tmp_path / "a.nc")
+    assert found["estimate"].values == pytest.approx(SHEAR, rel=1e-6)
+    tried, failed = int(found.attrs["starts_tried"]), int(found.attrs["starts_failed"])
+    assert 1 < tried <= int(found.attrs["starts"]) == 5
+    assert found["start_count"].values.sum() == tried - failed
+    assert np.all(np.diff(found["start_cost"].values) > 100.0)  # distinct minima
+    text = text_of(tmp_path / "a.nc")
+    assert f"starts: {tried} of 5 tried, the last has a probable χ² and every number determined" in text
+
+
+def test_an_assumed_noise_does_not_end_the_search(tmp_path: Path) -> None:
+    """A known one does (test_fit)."""
+    found = tcstudy.run(heated(tmp_path, HEATED.replace("  noise: {", "  # {")), tmp_path / "b.nc")
+    assert found["start_count"].values.tolist() == [5]  # all agree
+    words = "u_T_max and friction_resultant are measured equally well, in parts of their ranges"
+    assert found.attrs["noise_assumed"] == words
+    text = text_of(tmp_path / "b.nc")
+    assert "starts: 5 of 5 tried; 5 of 5 end in this minimum" in text
+    assert f"the 95 % intervals assume that {words}" in text
+
+
+BAR = """
+parameters: {L: 150 mm}
+body: {rectangle: {width: L, height: 2 mm, edges: {bottom: film}}}
+boundary: {film: contact, right: {role: clamped, u_x: 0 mm, u_y: free}, top: free, left: free}
+material: {E: 2 GPa, nu: 0, plane: stress}
+friction: {law: linear, k: 20 GPa/m}
+mesh: {maxh: 4 mm}
+fit:
+  data: {file: long.csv, columns: {boundary.right.u_x: "D [mm]", friction_resultant: "P [N/mm]"}}
+  noise: {friction_resultant: 0.5 N/mm}
+  starts: 1
+  parameters:
+    friction.k: {start: 20 GPa/m, within: [1 GPa/m, 100 GPa/m]}
+    material.E: {start: 2 GPa, within: [1 GPa, 10 GPa]}
+"""
+SHORT = """  tests:
+    - data: {file: short.csv, columns: {boundary.right.u_x: "D [mm]", friction_resultant: "P [N/mm]"}}
+      with: {L: 10 mm}
+"""
+TRUE = np.array([10e9, 3e9])
+
+
+def bars(folder: Path, text: str = BAR + SHORT) -> Study:
+    """A bar on a film, whose pull at x = L takes √(k E H) tanh(√(k/(E H)) L) a length: of a long one the tanh is 1."""
+    for name, L in (("long", 0.15), ("short", 0.01)):
+        k, EH = TRUE[0], 2e-3 * TRUE[1]
+        stiffness = np.sqrt(k * EH) * np.tanh(np.sqrt(k / EH) * L)
+        rows = "".join(f"{D},{1e-6 * stiffness * D:.17g}\n" for D in (0.1, 0.2, 0.3, 0.4))
+        (folder / f"{name}.csv").write_text("D [mm],P [N/mm]\n" + rows)
+    return read_study_text(text, "fit.yaml", source=folder / "fit.yaml")
+
+
+def test_tests_decide_together_what_none_decides_alone(tmp_path: Path) -> None:
+    """The long bar alone knows k E only. Precisions of independent data add, each taken at the same numbers."""
+    together = bars(tmp_path)
+    found = fit(together)
+    assert found.values["estimate"] == pytest.approx(TRUE, rel=0.03)  # the mesh's error
+    assert found.attributes["not_determined"] == ""
+    assert found.values["measured_column"].tolist() == [0] * 4 + [1] * 4
+    assert found.attributes["measured"].endswith("friction_resultant in short.csv [N m-1]")
+    assert found.attributes["data_file"] == "long.csv, short.csv"
+    precision = np.zeros((2, 2))
+    for one in (together, *together.tests):
+        assert one.fit is not None
+        rates = model_of(one, one.fit).compared(found.values["estimate"]).jacobian * found.values["estimate"]
+        precision += rates.T @ rates
+    assert found.values["covariance"] == pytest.approx(np.linalg.inv(precision), rel=1e-6)
+    alone = fit(bars(tmp_path, BAR))
+    assert "k" in alone.attributes["not_determined"]
+    assert np.prod(alone.values["estimate"]) == pytest.approx(np.prod(TRUE), rel=0.06)
+
+
+def test_what_is_wrong_with_a_test_is_said_at_its_place(tmp_path: Path) -> None:
+    for old, new, said in (
+        ("short.csv", "none.csv", "fit.yaml:16:7: fit.tests[0]: fit.data.file: none.csv"),
+        ("with: {L: 10 mm}", "with: {M: 10 mm}", "fit.tests[0]"),
+        ("columns: {boundary.right.u_x", "columns: {boundary.right.u_z", "fit.tests[0]: fit.data.columns"),
+    ):
+        with pytest.raises(StudyError) as info:
+            bars(tmp_path, BAR + SHORT.replace(old, new))
+        assert said in str(info.value).replace(f"{tmp_path}/", ""), str(info.value)
+
+
+def test_the_same_test_twice_halves_the_covariance_also_along_a_path() -> None:
+    """Distances to the curve through a snap-back; curves of two tests lie apart in the file."""
+    config = Path(__file__).parents[2] / "configs" / "pull_fit.yaml"
+    columns = '{boundary.grip.u_x: "Delta [mm]", friction_resultant: "P [N/mm]"}'
+    again = f"fit.tests=[{{data: {{file: pull_fit.csv, columns: {columns}}}}}]"
+    once, twice = (fit(read_study(config, ["mesh.maxh=10 mm", "fit.starts=1", *more])) for more in ([], [again]))
+    assert twice.values["estimate"] == pytest.approx(once.values["estimate"], rel=1e-3)
+    assert 2.0 * twice.values["covariance"] == pytest.approx(once.values["covariance"], rel=0.01)
+    curve, folds = twice.values["curve_given"], twice.values["fold_vertex"]
+    [gap] = np.isnan(curve).nonzero()[0].tolist()
+    assert np.array_equal(curve[:gap], curve[gap + 1 :])
+    assert np.array_equal(folds[: len(folds) // 2] + gap + 1, folds[len(folds) // 2 :])
