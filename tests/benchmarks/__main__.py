@@ -1,14 +1,12 @@
-"""All benchmarks, one after the other: `python -m tests.benchmarks`."""
+"""All benchmarks that write results, one after the other: `python -m tests.benchmarks`."""
 
 from __future__ import annotations
 
-from tests.benchmarks import adaptive, online, peers, reliability, speed, stability, tolerances
+from tests.benchmarks import online, peers, reliability, speed, stability
 
 if __name__ == "__main__":
-    speed.main([])  # first: the comparison of solvers limits the memory of its process
-    peers.main([])
-    stability.main([])
-    adaptive.main()
+    speed.main()
+    peers.main()
+    stability.main()
     reliability.main([])
-    tolerances.main()
-    online.main([])
+    online.main()

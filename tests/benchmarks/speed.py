@@ -1,107 +1,293 @@
-"""Speed of a point, a sweep and a large scene: `python -m tests.benchmarks.speed`.
+"""Speed of a point, a sweep, a large scene: `python -m tests.benchmarks.speed` writes results/speed.md in ten minutes.
 
-Writes speed.nc (measurements), speed.png (charts) and speed.md (tables) into results/; about ten minutes.
-`--draw` makes charts and tables again from the stored measurements.
+Times are process CPU times (the machine is shared), one thread, no TaskManager. What is compared runs in turn on the
+same matrix: ours gives factor, Ã and condition estimate, the others a factor alone.
 """
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Iterator, Sequence
+import gc
+import multiprocessing
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
+import ngsolve as ngs
 import numpy as np
-import xarray as xr
+import scipy.sparse.linalg as spla
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from tests.benchmarks import stages, sweep
-from tests.benchmarks.peers import RESULTS, provenance
-from tests.benchmarks.speed_chart import draw, spread
+import tcstudy
+from tcstudy.condense import condense
+from tcstudy.contact.certificates import certify
+from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.problem import least_eigenvalue
+from tcstudy.fem.forms import ElasticForms
+from tcstudy.fem.geometry import build
+from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.offline.level import Level
+from tcstudy.scene.records import Scene
+from tcstudy.scene.study import Study
+from tcstudy.study.point import solve_point
+from tests.benchmarks.peers import RESULTS, machine
+from tests.verification.scenes import mesh_family
 
+Array = NDArray[np.float64]
+
+QUICKSTART = Path(__file__).resolve().parents[2] / "configs" / "quickstart.yaml"
+MAXH = "mesh.maxh=13.6 mm"
+LEVELS = {3: 9, 4: 9, 5: 5, 6: 3, 7: 3}
+"""Levels, from 3.8e3 to 9.9e5 displacement unknowns, and runs of each."""
 ASYMPTOTIC = 1e4
 """Unknowns from which exponents are fitted."""
+STAGES = ("mesh", "assembly", "elastic factor, Ã", "heat factor, S_K", "loads, l̃", "λ₁", "contact solve", "certificate")
+FACTORS = ("tcstudy, with Ã", "NGSolve sparsecholesky", "NGSolve umfpack", "scipy splu")
+LARGEST = {"NGSolve umfpack": 3e5, "scipy splu": 1e5}
+"""Unknowns beyond which a factorisation is not run: minutes, and gigabytes."""
+SWEEPS = {"10 α × 10 θ̄ × 10 laws": (10, 10, 10), "α alone": (1000, 1, 1)}
+SWEPT, RUNS, SOLVED = (5, "mesh.maxh=10.5 mm"), 5, 40
+"""Levels and mesh of the sweeps, runs of each, contact solves that are timed."""
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure, store, draw."""
-    parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.speed", description=__doc__.splitlines()[0])
-    parser.add_argument("--draw", action="store_true", help="only draw again what results/speed.nc holds")
-    parser.add_argument("--output", type=Path, default=RESULTS, help="folder to write to (default: results/)")
-    options = parser.parse_args(arguments)
-    stored = options.output / "speed.nc"
-    if not options.draw:
-        with threadpool_limits(1, user_api="blas"):
-            parts = [part(_say) for part in (sweep.measure, stages.measure, sweep.measure_large)]
-            data = xr.merge(parts, combine_attrs="no_conflicts")
-            data.attrs |= provenance() | {
-                "title": "Speed of a point, a sweep and a large scene",
-                "source": "python -m tests.benchmarks.speed",
-            }
-        options.output.mkdir(parents=True, exist_ok=True)
-        data.to_netcdf(stored)
-    with xr.open_dataset(stored) as data:
-        draw(data.load(), options.output / "speed.png")
-        (options.output / "speed.md").write_text("\n".join([*_text(data), ""]), encoding="utf-8")
-    _say(f"speed.nc, speed.png, speed.md in {options.output.name}/")
+def study_of(levels: int, *overrides: str) -> Study:
+    """The quickstart body with so many levels."""
+    return tcstudy.load(QUICKSTART, [MAXH, f"mesh.levels={levels}", "sweep={}", *overrides])
 
 
-def _say(line: str) -> None:
-    print(line, flush=True)
+def finest(study: Study) -> PlaneMesh:
+    """The last mesh of a study."""
+    for mesh in mesh_family(build(study.scenes[0].body), study.mesh):
+        last = mesh
+    return last
 
 
-def _text(data: xr.Dataset) -> Iterator[str]:
-    """The measurements as Markdown."""
-    yield f"Made by `{data.attrs['source']}`, with `speed.png` and `speed.nc`."
-    yield "CPU times [s] of one thread, median [quartiles]; the machine was shared with other work."
-    yield f"Measured with {data.attrs['machine']}; {data.attrs['versions']}."
+class Clock:
+    """CPU seconds since the last reading."""
+
+    def __init__(self) -> None:
+        self.last = time.process_time()
+
+    def __call__(self) -> float:
+        now = time.process_time()
+        passed, self.last = now - self.last, now
+        return passed
+
+
+def stages_and_factors() -> Iterator[str]:
+    """Two tables: CPU times of the stages of a cold point, and of factorisations of its stiffness matrix, against N."""
+    sizes, stages, factors = [], [], []
+    for levels, runs in LEVELS.items():
+        study = study_of(levels)
+        scene, found = study.scenes[0], []
+        if not sizes:  # what is loaded and planned once is no part of any stage
+            list(_stages(Level(finest(study), scene), scene))
+        for _ in range(runs):
+            clock = Clock()
+            mesh = finest(study)
+            time_mesh = clock()
+            level = Level(mesh, scene)
+            size, built = (level.frames.n_dof, level.line.m), clock()
+            own = [time_mesh, built, *_stages(level, scene)]
+            del level
+            found.append((own, list(_factors(mesh, scene, size[0]))))
+            gc.collect()
+        sizes.append(size)
+        stages.append(np.array([one for one, _ in found]))
+        factors.append(np.array([one for _, one in found]))
+        print(f"{size[0]} unknowns: {np.median(stages[-1], axis=0).sum():.2f} s a cold point", flush=True)
+    yield from _table("stage", STAGES, stages, sizes)
     yield ""
-    n, m = data["n_dof"].values, data["m"].values
-    yield from _table("stage", data["stage_time"], n, m)
-    yield ""
-    yield from _table("factor of the stiffness matrix", data["factor_time"], n, m)
+    yield from _table("factor of the stiffness matrix", FACTORS, factors, sizes)
     yield ""
     yield "p: time ~ Nᵖ, fitted from N = 10⁴ on; m ~ √N on these meshes, so that in m the exponent is 2p."
-    yield ""
-    yield from _sweeps(data)
 
 
-def _table(name: str, times: xr.DataArray, n: np.ndarray, m: np.ndarray) -> Iterator[str]:
-    yield f"| {name} | " + " | ".join(f"N = {a:,}, m = {b}" for a, b in zip(n, m, strict=True)) + " | p |"
-    yield "|---" * (len(n) + 2) + "|"
-    low, middle, high = spread(times, "run")
-    for i, label in enumerate(times[times.dims[1]].values):
-        cells = [_cell(*v) for v in zip(low[:, i], middle[:, i], high[:, i], strict=True)]
-        yield f"| {label} | " + " | ".join(cells) + f" | {_exponent(n, middle[:, i])} |"
+def _stages(level: Level, scene: Scene) -> Iterator[float]:
+    """CPU times from the elastic factor on, in the order of STAGES."""
+    clock = Clock()
+    body, mu = level._body(scene), scene.material.mu
+    elastic = clock()
+    least_eigenvalue(body.A_tilde(mu), level.line.c)
+    lowest = clock()
+    yield elastic - lowest
+    level.temperatures._whole(scene)  # the heat factor, its spectrum and the condensed source
+    yield clock()
+    condensed = level.condensed(scene)
+    yield clock()
+    yield lowest
+    answer = solve_contact(condensed.problem)
+    yield clock()
+    certify(condensed.problem, answer.v, level.lambda_1(scene))
+    yield clock()
+
+
+def _factors(mesh: PlaneMesh, scene: Scene, n_dof: int) -> Iterator[float]:
+    """CPU times of the factorisations of one stiffness matrix, Γ_D and u_N on Γ_C held."""
+    level = Level(mesh, scene)
+    frames, line = level.frames, level.line
+    matrix = ElasticForms(mesh).stiffness_of((((), scene.material.lam, scene.material.mu),), frames)
+    eliminate = ~frames.fixed
+    eliminate[line.nodes] = False
+    clock = Clock()
+    condense(matrix, mesh.points, line.nodes, eliminate, components=2)
+    yield clock()
+    form, free = _ngsolve_matrix(mesh, scene, frames.fixed)
+    for name in FACTORS[1:]:
+        if n_dof > LARGEST.get(name, np.inf):
+            yield float("nan")
+        elif name == "scipy splu":
+            rows = np.flatnonzero(~frames.fixed)
+            part = matrix[rows][:, rows].tocsc()
+            clock()
+            spla.splu(part)
+            yield clock()
+        else:
+            clock()
+            form.mat.Inverse(free, inverse=name.split()[1])
+            yield clock()
+
+
+def _ngsolve_matrix(mesh: PlaneMesh, scene: Scene, fixed: np.ndarray) -> tuple[Any, Any]:
+    """The same matrix as NGSolve would hold it: its own form, with the film along x held in y (no turned nodes)."""
+    space = ngs.VectorH1(mesh.mesh, order=1)
+    u, v = space.TnT()
+    strain = ngs.InnerProduct(ngs.Sym(ngs.Grad(u)), ngs.Sym(ngs.Grad(v)))
+    energy = scene.material.lam * ngs.div(u) * ngs.div(v) + 2 * scene.material.mu * strain
+    free = ngs.BitArray(space.ndof)
+    free.Clear()
+    for row in np.flatnonzero(~fixed):
+        free.Set(int(row))
+    form = ngs.BilinearForm(energy * ngs.dx, symmetric=True).Assemble()
+    return form, free
+
+
+def _table(name: str, rows: tuple[str, ...], times: list[Array], sizes: list[tuple[int, int]]) -> Iterator[str]:
+    """Times (runs, rows) of each size as Markdown, with the exponents of the medians."""
+    yield f"| {name} | " + " | ".join(f"N = {n:,}, m = {m}" for n, m in sizes) + " | p |"
+    yield "|---" * (len(sizes) + 2) + "|"
+    for i, label in enumerate(rows):
+        low, middle, high = np.transpose([np.quantile(own[:, i], (0.25, 0.5, 0.75)) for own in times])
+        n = np.array([size[0] for size in sizes])
+        use = (n >= ASYMPTOTIC) & np.isfinite(middle) & (middle > 0.0)
+        p = f"{np.polyfit(np.log(n[use]), np.log(middle[use]), 1)[0]:.2f}" if np.count_nonzero(use) > 1 else "–"
+        yield f"| {label} | " + " | ".join(map(_cell, low, middle, high)) + f" | {p} |"
 
 
 def _cell(low: float, middle: float, high: float) -> str:
     return "–" if np.isnan(middle) else f"{middle:.3g} [{low:.3g}, {high:.3g}]"
 
 
-def _exponent(n: np.ndarray, times: np.ndarray) -> str:
-    use = (n >= ASYMPTOTIC) & np.isfinite(times) & (times > 0.0)
-    if np.count_nonzero(use) < 2:
-        return "–"
-    return f"{np.polyfit(np.log(n[use]), np.log(times[use]), 1)[0]:.2f}"
+def sweep_text(alphas: int, surroundings: int, laws: int) -> str:
+    """The sweep section for the quickstart body."""
+    named = ", ".join(
+        f"l{i}: {{law: slip-weakening, tau_s: {30 + 2 * i} MPa, tau_k: 10 MPa, delta: 40 um}}" for i in range(laws)
+    )
+    alpha, theta_bar = np.geomspace(1.0, 1e4, alphas).tolist(), np.linspace(20.0, -20.0, surroundings).tolist()
+    return f"sweep={{alpha: {alpha}, theta_bar: {theta_bar}, friction: {{{named}}}}}"
 
 
-def _sweeps(data: xr.Dataset) -> Iterator[str]:
-    """Ratios of the sweep and of the large scene."""
-    cold = data["sweep_time"].sel(kind=data["kind"][0], count=1)
-    low, middle, high = spread(data["sweep_time"].isel(count=-1) / cold, "sweep_run")
-    for i, kind in enumerate(data["kind"].values):
+def sweeps() -> Iterator[str]:
+    """What it costs to condense a whole sweep, mesh excluded, and to solve a point on average, in cold points."""
+    levels, maxh = SWEPT
+    mesh, clock = finest(study_of(levels, maxh)), Clock()
+
+    def condensed(study: Study) -> tuple[Level, float]:
+        clock()
+        level = Level(mesh, study.scenes[0], study.scenes)
+        for scene in study.scenes:
+            level.condensed(scene)
+            level.temperature(scene)
+        return level, clock()
+
+    cold_study = study_of(levels, maxh, sweep_text(1, 1, 1))
+    condensed(cold_study)  # what is loaded once, is loaded
+    ratios, solves = [], []
+    for _ in range(RUNS):
+        cold, own = condensed(cold_study)[1], []
+        for shape in SWEEPS.values():
+            study = study_of(levels, maxh, sweep_text(*shape))
+            level, whole = condensed(study)
+            own.append(whole / cold)
+        places = range(0, len(study.scenes), len(study.scenes) // SOLVED)
+        clock()
+        for place in places:
+            solve_point(study, level, place)
+        ratios.append(own)
+        solves.append(clock() / len(places) / cold)
+    for kind, one in zip(SWEEPS, np.quantile(ratios, (0.25, 0.5, 0.75), axis=0).T, strict=True):
         yield (
-            f"- 1000 points, {kind}, N = {data.attrs['sweep_n_dof']:,}: {_cell(low[i], middle[i], high[i])} × one cold "
+            f"- 1000 points, {kind}, N = {level.frames.n_dof:,}: {_cell(*one)} × one cold "
             "point, both without mesh, contact solves and certificates;"
         )
-    solve = float(data["solve_time"].median()) / float(cold.median())
-    yield f"- a contact solve with its certificates there: {solve:.3f} × one cold point;"
-    ratio = float((data["large_time"] / data["large_factor_time"]).median())
-    memory = float(data["large_memory"].max())
-    yield (
-        f"- 20 points on N = {data.attrs['large_n_dof']:,}, mesh, solves and certificates included: {ratio:.2f} × "
-        f"NGSolve's sparsecholesky factorisation of the stiffness matrix, peak memory {memory:.2f} GB."
+    yield f"- a contact solve with its certificates there: {np.median(solves):.3f} × one cold point;"
+
+
+def large(levels: int = 7) -> str:
+    """A scene of 20 points against NGSolve's factorisation, each in a process of its own."""
+    runs = [(_in_process(_twenty_points, levels), _in_process(_one_factor, levels)) for _ in range(2)]
+    ratio = np.median([whole[1] / factor[0] for whole, factor in runs])
+    return (
+        f"- 20 points on N = {runs[0][0][0]:,.0f}, mesh, solves and certificates included: {ratio:.2f} × NGSolve's "
+        f"sparsecholesky factorisation of the stiffness matrix, peak memory {max(one[2] for one, _ in runs):.2f} GB."
     )
+
+
+def _in_process(work: Callable[[Any, int], None], levels: int) -> tuple[float, ...]:
+    context = multiprocessing.get_context("spawn")
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(target=work, args=(sender, levels))
+    process.start()
+    answer = receiver.recv()
+    process.join()
+    return tuple(answer)
+
+
+def _twenty_points(sender: Any, levels: int) -> None:
+    """(n_dof, CPU time from mesh to certificates, peak memory in GB)."""
+    study = study_of(levels, "sweep={alpha: {geomspace: [100, 1000, 4]}, theta_bar: {linspace: [-20, 20, 5]}}")
+    clock, neighbour = Clock(), None
+    level = Level(finest(study), study.scenes[0], study.scenes)
+    for place in range(len(study.scenes)):
+        record = solve_point(study, level, place, neighbour)
+        assert record.status[0] == 1, record.reasons[0]
+        assert record.u_T is not None
+        neighbour = record.u_T[0]
+    taken = clock()
+    line = next(line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM"))
+    sender.send((level.frames.n_dof, taken, float(line.split()[1]) * 1024 / 1e9))
+
+
+def _one_factor(sender: Any, levels: int) -> None:
+    """CPU time of one sparsecholesky factorisation."""
+    study = study_of(levels)
+    mesh = finest(study)
+    form, free = _ngsolve_matrix(mesh, study.scenes[0], Level(mesh, study.scenes[0]).frames.fixed)
+    clock = Clock()
+    form.mat.Inverse(free, inverse="sparsecholesky")
+    sender.send((clock(),))
+
+
+def main() -> None:
+    """Measure and write."""
+    with threadpool_limits(1, user_api="blas"):
+        swept, tables = list(sweeps()), list(stages_and_factors())
+        text = "\n".join(
+            [
+                "Made by `python -m tests.benchmarks.speed`.",
+                "CPU times [s] of one thread, median [quartiles]; the machine was shared with other work.",
+                f"Measured with {machine()}.",
+                "",
+                *tables,
+                "",
+                *swept,
+                large(),
+                "",
+            ]
+        )
+    (RESULTS / "speed.md").write_text(text, encoding="utf-8")
+    print(text, end="")
 
 
 if __name__ == "__main__":

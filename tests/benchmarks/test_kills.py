@@ -7,8 +7,8 @@ from pathlib import Path
 from tests.benchmarks.kills import survive
 
 
-def test_five_random_kills_lose_nothing(tmp_path: Path) -> None:
-    done = survive(tmp_path, kills=5, seed=3, points=200)
-    assert done.workers + done.runs == 5
+def test_random_kills_lose_nothing(tmp_path: Path) -> None:
+    done = survive(tmp_path, kills=3, seed=3, points=80)
+    assert done.workers + done.runs == 3
     assert done.workers > 0
     assert done.runs > 0

@@ -1,13 +1,10 @@
 """Whether tolerances of goals are met: true against asked-for errors on whole scenes at random.
 
     python -m tests.benchmarks.tolerances --scenes 24 --seed 1     # prints every one; ten seconds a scene
-    python -m tests.benchmarks.tolerances --fronts 24 --seed 1001  # closed forms, a table only; about a minute
 
 Scenes:    tests.benchmarks.tolerance_scenes, one goal each, three tolerances, from one coarse mesh
-Fronts:    stick meets slip in closed form (tests.verification.goal_scenes.front_study), the front at random places, on
-           coarse meshes of three sizes
-Judged by: true relative error of the last solution over the tolerance; above 1 the tolerance is missed. The truth of a
-           scene is tests.benchmarks.tolerance_reference; tolerances that it is not good enough for (SHARP) are left out
+Judged by: true relative error of the last solution over the tolerance; above 1 the tolerance is missed. The truth is
+           that of `reference`; tolerances that it is not good enough for (SHARP) are left out
 """
 
 from __future__ import annotations
@@ -20,21 +17,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tcstudy.contact.contact import solve_contact
+from tcstudy.fem.geometry import GeometryFailed
+from tcstudy.fem.meshes import PlaneMesh, refine_marked, refine_uniformly
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import Family
+from tcstudy.refine.fronts import fronts, slip_length
+from tcstudy.refine.goals import goal_value
+from tcstudy.scene.records import Point
 from tcstudy.scene.study import Goal, MeshPlan, Study
-from tests.benchmarks.tolerance_reference import reference
 from tests.benchmarks.tolerance_scenes import draw_scene
-from tests.verification.goal_scenes import (
-    RESULTANT,
-    SLIP_LENGTH,
-    front_resultant,
-    front_slip,
-    front_study,
-    to_tolerance,
-)
 
-COUNT, SEED = 24, 1
 SECONDS = 900.0
 """No scene is begun after so long."""
 SHARP = 0.25
@@ -42,36 +34,12 @@ SHARP = 0.25
 MOST = 60_000
 """max_dofs of a run."""
 TOLERANCES = (1e-2, 3e-3, 1e-3)
-AT = 0.95
-"""Where u_T is asked for, in the slipping part of every scene."""
-
-
-@dataclass(frozen=True)
-class Trial:
-    """One tolerance: the goal's name, true error over tolerance, unknowns of the last mesh."""
-
-    goal: str
-    tolerance: float
-    ratio: float
-    n_dof: int
-
-
-def trials(count: int = COUNT, seed: int = SEED) -> list[Trial]:
-    """All goals and tolerances at `count` places of the front."""
-    rng, found = np.random.default_rng(seed), []
-    for _ in range(count):
-        front, maxh = float(rng.uniform(0.15, 0.85)), float(rng.choice([0.25, 0.2, 0.15]))
-        study = front_study(front, maxh)
-        goals = (
-            (RESULTANT, front_resultant(front)),
-            (Goal("u_T", (AT, 0.0)), front_slip(front, AT)),
-            (SLIP_LENGTH, 1.0 - front),
-        )
-        for goal, true in goals:
-            for tolerance in TOLERANCES:
-                value, _, n_dof = to_tolerance(study, goal, tolerance)
-                found.append(Trial(goal.quantity, tolerance, abs(value - true) / abs(true) / tolerance, n_dof))
-    return found
+ADAPTIVE, FINEST = 2500, 60_000
+"""Unknowns of the bisected mesh of a reference at least, and of its finest one at most."""
+CORNER_STEPS, PLACE_STEPS = 10, 4
+"""Bisections at corners, and at the goal's point and fronts."""
+REST = 0.4
+"""1/(2^p − 1) for p = 1.8."""
 
 
 @dataclass(frozen=True)
@@ -108,10 +76,10 @@ def scene_trials(count: int, seed: int, seconds: float = SECONDS) -> Iterator[Sc
             return
         drawn = draw_scene(seed, i)
         goal = drawn.goals[i % len(drawn.goals)]
-        truth = reference(drawn.study, goal)
+        value, uncertainty = reference(drawn.study, goal)
         for tolerance in TOLERANCES:
-            if truth.uncertainty <= SHARP * tolerance:
-                yield judged(i, drawn.study, goal, tolerance, truth.value)
+            if uncertainty <= SHARP * tolerance:
+                yield judged(i, drawn.study, goal, tolerance, value)
 
 
 def judged(scene: int, study: Study, goal: Goal, tolerance: float, true: float) -> SceneTrial:
@@ -146,33 +114,80 @@ def scene_table(found: list[SceneTrial]) -> str:
     )
 
 
-def table(found: list[Trial]) -> str:
-    """A line for each goal."""
-    lines = []
-    for goal in dict.fromkeys(t.goal for t in found):
-        own = [t for t in found if t.goal == goal]
-        ratios = np.array([t.ratio for t in own])
-        sizes = ", ".join(
-            f"{np.median([t.n_dof for t in own if t.tolerance == tolerance]):.0f}" for tolerance in TOLERANCES
-        )
-        lines.append(
-            f"{goal:20} met {np.count_nonzero(ratios <= 1)} of {len(own)}; true error over tolerance: median "
-            f"{np.median(ratios):.2f}, worst {ratios.max():.2f}; median unknowns {sizes}"
-        )
-    return "\n".join(lines)
+def reference(study: Study, goal: Goal) -> tuple[float, float]:
+    """J of the first scene of a study whose body is given by edges, and its uncertainty relative to it.
+
+    Mesh:  bisected for the goal and the energy norm together, so that nothing that the goal's own estimate misses stays
+           coarse; then at every corner of the body, at the point of u_T and at the fronts; then halved as often as
+           FINEST allows
+    Value: of the finest mesh, and REST of its last change on top; as much again is called its uncertainty
+    """
+    mesh, places = _bisected(study, goal)
+    body = study.scenes[0].body
+    assert body.outline is not None
+    corners: list[Point] = [edge.start for loop in (body.outline, *body.holes) for edge in loop.edges]
+    for k in range(CORNER_STEPS):
+        try:
+            mesh = _cut_at(mesh, corners + (places if k < PLACE_STEPS else []))
+        except GeometryFailed:  # triangles too small for the mesher
+            break
+    values: list[float] = []
+    while True:
+        level = Level(mesh, study.scenes[0])
+        values.append(_value(study, goal, level))
+        if len(values) > 1 and 4 * level.frames.n_dof > FINEST:
+            break
+        mesh = refine_uniformly(mesh)
+    change = values[-1] - values[-2]
+    value = values[-1] + REST * change
+    return value, REST * abs(change / value)
+
+
+def _value(study: Study, goal: Goal, level: Level) -> float:
+    """J(u_h), fronts taken where they are found within their cells."""
+    problem = level.condensed(study.scenes[0]).problem
+    v = solve_contact(problem).v
+    if goal.quantity == "slip_length":
+        return slip_length(level.line, problem, v)[0]
+    return goal_value(goal, problem, level.line, v)
+
+
+def _bisected(study: Study, goal: Goal) -> tuple[PlaneMesh, list[Point]]:
+    """The adaptive mesh, and where the goal's point and the fronts are."""
+    scene, corners = study.scenes[0], np.array([edge.start for edge in study.scenes[0].body.outline.edges])  # type: ignore[union-attr]
+    size = min(study.mesh.maxh[0], 0.2 * float(np.ptp(corners, axis=0).max()))
+    family = Family(replace(study, mesh=MeshPlan((size,), 40, "adaptive", marking=0.5, goal=goal)))
+    for i in range(40):
+        level = Level(family.next(i), scene)
+        condensed = level.condensed(scene)
+        v = solve_contact(condensed.problem).v
+        estimator = family.estimator(level)
+        assert estimator is not None
+        estimator.look((), scene, v)
+        if level.frames.n_dof > ADAPTIVE:
+            break
+        found = estimator.estimates[()]
+        squares, _ = estimator.energy_squares(scene, condensed.problem, v, level.displacement(scene, v))
+        both = found.indicators / max(found.indicators.sum(), 1e-300) + squares / squares.sum()
+        estimator.estimates[()] = replace(found, indicators=both, error=1.0, hidden=0.0 * found.hidden)
+    at = [level.line.ends[front.segment].mean(axis=0) for front in fronts(level.line, condensed.problem, v)]
+    places = [(float(x), float(y)) for x, y in at]
+    return level.mesh, places + ([goal.at] if goal.at is not None else [])
+
+
+def _cut_at(mesh: PlaneMesh, places: list[Point]) -> PlaneMesh:
+    """The mesh with the triangles bisected that touch the nodes nearest to the places."""
+    nodes = [int(np.argmin(np.linalg.norm(mesh.points - np.array(place), axis=1))) for place in places]
+    return refine_marked(mesh, np.any(np.isin(mesh.triangles, nodes), axis=1))
 
 
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--scenes", type=int, default=COUNT)
-    parser.add_argument("--fronts", type=int, default=0, help="closed forms instead of scenes, as many")
-    parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument("--scenes", type=int, default=24)
+    parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=SECONDS, help="no scene is begun after so long")
     options = parser.parse_args()
-    if options.fronts:
-        print(table(trials(options.fronts, options.seed)))
-        return
     found = []
     for trial in scene_trials(options.scenes, options.seed, options.seconds):
         print(trial, flush=True)

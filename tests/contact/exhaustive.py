@@ -15,7 +15,7 @@ from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.study import ESCAPE
-from tests.benchmarks.stability_maps import down_jumps, up_jumps
+from tests.benchmarks.cases import down_jumps, up_jumps
 from tests.contact import contact_cases as cases
 from tests.contact.random_polygons import by_brute_force
 

@@ -11,7 +11,7 @@ from tcstudy.contact.status import Status
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import piecewise_linear
 from tcstudy.scene.study import ESCAPE, Branch
-from tests.benchmarks.stability_maps import down_jumps
+from tests.benchmarks.cases import down_jumps
 from tests.contact import contact_cases as cases
 from tests.contact import exhaustive
 

@@ -13,7 +13,7 @@ from tcstudy.offline import conduction as heat_factor
 from tcstudy.offline.level import Level
 from tcstudy.refine.error_estimator import ErrorEstimator
 from tcstudy.scene.records import Scene
-from tests.benchmarks.stability_chain import layered
+from tests.benchmarks.cases import layered
 from tests.verification.scenes import HEATED_BRACKET, levels_of, study_of
 
 SLAB = """
