@@ -91,10 +91,12 @@ class MovingPath:
     def _held(self, side: int, share: float) -> tuple[int, float, int, Held]:
         """(side, share, node, what is held): at a corner of a side on which the node that passes its kink there slides.
 
-        node: −1 where none does
+        node: −1 where none does; at the ends of the path t is held
         """
         path, m = self.path, self.path.problem.m
         vertex = side + int(share == 1.0)
+        if share in (0.0, 1.0) and vertex in (0, path.pieces):
+            return side, share, -1, (np.zeros(m), 1.0, -1)
         for k in np.flatnonzero(path.events.vertex == vertex) if share in (0.0, 1.0) else ():
             node = int(path.events.node[k])
             for own, code in ((vertex - 1, path.events.before[k]), (vertex, path.events.after[k])):

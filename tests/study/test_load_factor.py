@@ -71,13 +71,19 @@ def test_results_at_factors_are_those_of_the_loads_themselves(tmp_path: Path) ->
             "  compare: orthogonal\n",
         ),
         (
+            "load,P [N/mm]\n0,-30\n0.5,140\n1.2,320\n",  # the foot of the first is where the path begins
+            'load: load, friction_resultant: "P [N/mm]"',
+            ("heat.theta_bar", "friction.tau"),
+            "  compare: orthogonal\n",
+        ),
+        (
             "T [K],u [um]\n5,30\n10,31\n20,32\n",
             'heat.theta_bar: "T [K]", u_T_max: "u [um]"',
             ("boundary.right.g_x", "load"),
             "",
         ),
     ],
-    ids=["vertical", "orthogonal", "fitted"],
+    ids=["vertical", "orthogonal", "at the end", "fitted"],
 )
 def test_derivatives_by_loads_under_a_factor_are_differences(
     tmp_path: Path, data: str, columns: str, names: tuple[str, ...], more: str
