@@ -76,7 +76,7 @@ def scene_figure(study: Study, look: Any) -> Figure:
 def _coarsest(study: Study) -> SceneShape:
     """The mesh of level 0, its sizes and its λ₁. Raises GeometryFailed."""
     from tcstudy.condense import NotPositiveDefinite
-    from tcstudy.fem.study_meshes import Meshes
+    from tcstudy.fem.meshes import Meshes
     from tcstudy.offline.level import Level
     from tcstudy.reports.figures.scene import SceneShape
     from tcstudy.reports.text import with_unit

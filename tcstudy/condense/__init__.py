@@ -3,7 +3,6 @@
 Not here: where the matrix comes from (fem), loads of a scene (offline).
 """
 
-from tcstudy.condense.condensation import Condensation, ForwardLoad, condense
-from tcstudy.condense.multifrontal import NotPositiveDefinite
+from tcstudy.condense.condensation import Condensation, ForwardLoad, NotPositiveDefinite, condense
 
 __all__ = ["Condensation", "ForwardLoad", "NotPositiveDefinite", "condense"]

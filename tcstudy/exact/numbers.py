@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.accuracy.norms import LineFunction, Triangles
-from tcstudy.exact.fields import body_edges, outward
+from tcstudy.exact.loads import body_edges, outward
 from tcstudy.expressions.derivative import value_and_gradient
 from tcstudy.expressions.expression import value_of
 from tcstudy.laws.composed import law_along

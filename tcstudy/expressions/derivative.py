@@ -1,19 +1,172 @@
-"""Derivatives of expressions as expressions, by the rules of calculus.
+"""Trees that are computed with like numbers, simplified a little: what derivatives and derived loads are made of.
+
+Constants are computed; a + 0, 1·a, 0·a, a/1, a^0, a^1 and −(−a) vanish, numbers in a product are merged and come first.
+0·a = 0 also where a has no value. Equal terms are one object as long as one of them is in use, so that a derivative has
+a few times as many different nodes as the expression, however long it is when written out.
+
+Derivatives of expressions as expressions, by the rules of calculus.
 
 abs, min and max are differentiated almost everywhere; at a kink s = 0 the derivative is that of the side s > 0.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import lru_cache
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tcstudy.expressions.algebra import ONE, ZERO, Term, call, scalar, step, term
-from tcstudy.expressions.expression import Expression, Scalar, value_of
-from tcstudy.expressions.tree import TreeNode, ordered
+from tcstudy.expressions.expression import FUNCTIONS, Expression, Scalar, TreeNode, applied, of_tree, ordered, value_of
+
+
+class Term(TreeNode):
+    """A node, simplified, with the operations of arithmetic; numbers beside it are terms, too."""
+
+    parts: tuple[Term, ...]
+    __array_ufunc__ = None  # a NumPy number beside a term leaves the operation to it
+
+    def __neg__(self) -> Term:
+        if self.kind == "Number":
+            return number(-self.value)
+        if self.kind == "Negative":
+            return self.parts[0]
+        return number(-self.parts[0].value) * self.parts[1] if _scaled(self) else _only("Negative", "", self)
+
+    def __add__(self, other: Term | float) -> Term:
+        a, b = self, term(other)
+        if a is ZERO or b is ZERO:
+            return b if a is ZERO else a
+        return a - b.parts[0] if b.kind == "Negative" else _computed("Binary", "+", a, b)
+
+    def __sub__(self, other: Term | float) -> Term:
+        a, b = self, term(other)
+        if a is ZERO or b is ZERO:
+            return a if b is ZERO else -b
+        if a is b:
+            return ZERO
+        return a + b.parts[0] if b.kind == "Negative" else _computed("Binary", "-", a, b)
+
+    def __mul__(self, other: Term | float) -> Term:
+        a, b = self, term(other)
+        if b.kind == "Number":
+            a, b = b, a
+        if a is ZERO or b is ZERO:
+            return ZERO
+        if a is ONE:
+            return b
+        if (a.kind == "Number" and a.value == -1.0) or a.kind == "Negative":
+            return -(b if a.kind == "Number" else a.parts[0] * b)
+        if b.kind == "Negative":
+            return -(a * b.parts[0])
+        if _scaled(b):
+            factor, rest = b.parts
+            return number(a.value * factor.value) * rest if a.kind == "Number" else factor * (a * rest)
+        return a.parts[0] * (a.parts[1] * b) if _scaled(a) else _computed("Binary", "*", a, b)
+
+    def __truediv__(self, other: Term | float) -> Term:
+        a, b = self, term(other)
+        if b is ONE or a is ZERO:
+            return a
+        return -(a.parts[0] / b) if a.kind == "Negative" else _computed("Binary", "/", a, b)
+
+    def __pow__(self, other: Term | float) -> Term:
+        b = term(other)
+        if b is ZERO:
+            return ONE
+        return self if b is ONE else _computed("Binary", "**", self, b)
+
+    def __radd__(self, other: float) -> Term:
+        return term(other) + self
+
+    def __rsub__(self, other: float) -> Term:
+        return term(other) - self
+
+    def __rmul__(self, other: float) -> Term:
+        return term(other) * self
+
+    def __rtruediv__(self, other: float) -> Term:
+        return term(other) / self
+
+
+_TERMS: WeakValueDictionary[tuple[object, ...], Term] = WeakValueDictionary()
+
+
+def _only(kind: str, name: str, *parts: Term, value: float = 0.0) -> Term:
+    """The one term like this."""
+    return _TERMS.setdefault((kind, name, parts, value), Term(kind, name, parts, value))  # type: ignore[arg-type]
+
+
+def _computed(kind: str, name: str, *parts: Term) -> Term:
+    """The one term like this, or its value if it has one whatever x and y."""
+    made = _only(kind, name, *parts)
+    if not all(part.kind == "Number" for part in parts):
+        return made
+    with np.errstate(all="ignore"):
+        value = float(applied(made, [np.float64(part.value) for part in parts], FUNCTIONS))
+    return number(value) if math.isfinite(value) else made
+
+
+def _scaled(a: Term) -> bool:
+    """Whether a term is a number times another."""
+    return a.kind == "Binary" and a.name == "*" and a.parts[0].kind == "Number"
+
+
+def number(value: float) -> Term:
+    """A constant."""
+    return _only("Number", "", value=float(value) + 0.0)  # −0 and 0 are one constant
+
+
+def variable(name: str) -> Term:
+    """x or y."""
+    return _only("Coordinate", name)
+
+
+def call(function: str, *arguments: Term | float) -> Term:
+    """function(arguments); min and max of several are those of the first ones and the last."""
+    first, *others = map(term, arguments)
+    if function in ("min", "max"):
+        for other in others:
+            first = _computed("Call", function, first, other)
+        return first
+    return _computed("Call", function, first, *others)
+
+
+def step(s: Term) -> Term:
+    """1 where s ≥ 0, 0 elsewhere: 1 − atan2(0, s + 0)/π, which is never 0/0; atan2(0, −0) alone would be π."""
+    return 1.0 - call("atan2", ZERO, _only("Binary", "+", s, ZERO)) / math.pi
+
+
+ZERO, ONE = number(0.0), number(1.0)
+
+
+def term(of: Scalar | Term) -> Term:
+    """A number or an expression as a term."""
+    if isinstance(of, Term):
+        return of
+    if not isinstance(of, Expression):
+        return number(of)
+    made: dict[TreeNode, Term] = {}
+    for node in of.order:
+        parts = [made[part] for part in node.parts]
+        match node.kind:
+            case "Number":
+                made[node] = number(node.value)
+            case "Coordinate":
+                made[node] = variable(node.name)
+            case "Call":
+                made[node] = call(node.name, *parts)
+            case _:
+                made[node] = applied(node, parts, {})
+    return made[of.root]
+
+
+def scalar(of: Term) -> Scalar:
+    """A number if the term is one, else an expression."""
+    return of.value if of.kind == "Number" else of_tree(of)
+
 
 Array = NDArray[np.float64]
 

@@ -1,27 +1,192 @@
-"""Expressions in x and y, such as "0.3*sin(pi*x)": read from text, never executed as code.
+"""The tree of an expression in x and y: its nodes, its value in any arithmetic, its text.
+
+A tree may share nodes (derivatives do, see `algebra`): every node is visited once, so the cost is the number of
+different nodes, not the length of the expression written out. Nothing here recurses, so that depth does not matter.
+
+Expressions in x and y, such as "0.3*sin(pi*x)": read from text, never executed as code.
 
 Grammar: numbers, x, y, pi, e, the operators + - * / ** (or ^) and parentheses, and the functions of FUNCTIONS.
 The text is split into these tokens, which are read by the priority of their operators into a tree that is folded over
 NumPy arrays or any other arithmetic.
 Left out on purpose: comparisons, names of the user's own, attribute access, complex numbers.
+
+A random field along a line, as an expression in x and y: the same at every point of every mesh.
 """
 
 from __future__ import annotations
 
 import difflib
+import hashlib
 import math
 import re
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Any, TypeVar
+from functools import cached_property, reduce
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tcstudy.expressions import tree
-from tcstudy.expressions.tree import Order, TreeNode
+MAX_INTEGER_POWER = 64
+
+
+@dataclass(frozen=True, eq=False)
+class TreeNode:
+    """A part of an expression.
+
+    kind:  "Number", "Coordinate", "Negative" (−part), "Binary" (left operator right) or "Call" (function(parts))
+    name:  of the coordinate, the operator (one of + - * / **) or the function
+    parts: the nodes that it is made of;  value: of a number
+    """
+
+    kind: Literal["Number", "Coordinate", "Negative", "Binary", "Call"]
+    name: str = ""
+    parts: tuple[TreeNode, ...] = ()
+    value: float = 0.0
+
+    @property
+    def label(self) -> str:
+        """The name, or the number as text."""
+        return repr(float(self.value)) if self.kind == "Number" else self.name
+
+
+Order = tuple[TreeNode, ...]
+"""The nodes of a tree, each once, every node after its parts; the root is the last."""
+
+
+def ordered(roots: Iterable[TreeNode]) -> Order:
+    """The nodes of one or more trees, each once, every node after its parts."""
+    done: dict[TreeNode, None] = {}
+    stack = [(root, False) for root in reversed(list(roots))]
+    while stack:
+        node, ready = stack.pop()
+        if node in done:
+            continue
+        if ready:
+            done[node] = None
+        else:
+            stack.append((node, True))
+            stack.extend((child, False) for child in reversed(node.parts))
+    return tuple(done)
+
+
+def variables_below(order: Order) -> dict[TreeNode, frozenset[str]]:
+    """The variables that occur below each node."""
+    found: dict[TreeNode, frozenset[str]] = {}
+    for node in order:
+        own = frozenset((node.name,)) if node.kind == "Coordinate" else frozenset[str]()
+        found[node] = own.union(*(found[part] for part in node.parts))
+    return found
+
+
+def folded(
+    order: Order,
+    known: Mapping[TreeNode, frozenset[str]],
+    given: Mapping[str, Any],
+    functions: Mapping[str, Callable[..., Any]],
+    constants: Mapping[str, Callable[..., Any]],
+) -> Any:
+    """The tree in another arithmetic: operators on the `given` variables, functions by name.
+
+    known:     the variables below each node
+    constants: the functions for parts without variables, which are floats: no power of integers would ever end
+    """
+    values: dict[TreeNode, Any] = {}
+    for node in order:
+        if node.kind == "Coordinate":
+            values[node] = given[node.name]
+        elif known[node]:
+            values[node] = applied(node, [values[part] for part in node.parts], functions)
+        else:
+            with np.errstate(all="ignore"):
+                values[node] = float(applied(node, [np.float64(values[part]) for part in node.parts], constants))
+    return values[order[-1]]
+
+
+def applied(node: TreeNode, values: list[Any], functions: Mapping[str, Callable[..., Any]]) -> Any:
+    """One node applied to the values of its parts."""
+    match node.kind, node.name:
+        case "Number", _:
+            return np.float64(node.value)
+        case "Negative", _:
+            return -values[0]
+        case "Call", "min" | "max":
+            return reduce(functions[node.name], sorted(values, key=lambda value: type(value) is float))
+        case "Call", _:
+            return functions[node.name](*values)
+    left, right = values
+    match node.name:
+        case "+":
+            return left + right
+        case "-":
+            return left - right
+        case "*":
+            return left * right
+        case "/":
+            return left / right
+    whole = type(right) is float and right.is_integer() and abs(right) <= MAX_INTEGER_POWER
+    return left ** (int(right) if whole else right)
+
+
+# -- text -------------------------------------------------------------------------------------------
+
+PRIORITY = {"+": 1, "-": 1, "*": 2, "/": 2, "**": 4}
+ATOM, SIGN = 5, 3
+
+
+def to_text(order: Order, longest: int) -> str:
+    """The tree as text that `parse` reads back, with parentheses only where the grammar needs them. What has more than
+    `longest` characters ends in a hash of all nodes, so that trees of one text are one function."""
+    done: dict[TreeNode, tuple[str, int]] = {}
+
+    def inner(node: TreeNode, least: int) -> str:
+        text, priority = done[node]
+        return text if priority >= least else f"({text})"
+
+    for node in order:
+        if node.kind == "Number":
+            text, rank = node.label, ATOM if node.value >= 0 and not node.label.startswith("-") else 0
+        elif node.kind == "Coordinate":
+            text, rank = node.name, ATOM
+        elif node.kind == "Negative":
+            text, rank = f"-{inner(node.parts[0], SIGN + 1)}", 1
+        elif node.kind == "Call":
+            text, rank = f"{node.name}({', '.join(done[part][0] for part in node.parts)})", ATOM
+        else:
+            rank = PRIORITY[node.name]
+            left = inner(node.parts[0], rank + (node.name == "**"))
+            right = inner(node.parts[1], rank + 1)
+            sign = f" {node.name} " if rank == 1 else "^" if rank == PRIORITY["**"] else node.name
+            text = f"{left}{sign}{right}"
+        if len(text) > longest:  # before the texts of shared parts grow without bound
+            return f"{text[:60]} … [{len(order)} operations, {_digest(order)}]"
+        done[node] = text, rank
+    return done[order[-1]][0]
+
+
+def _digest(order: Order) -> str:
+    place = {node: i for i, node in enumerate(order)}
+    text = "\n".join(f"{node.label}{node.kind}{[place[part] for part in node.parts]}" for node in order)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+Packed = tuple[tuple[TreeNode, tuple[int, ...]], ...]
+
+
+def pack(order: Order) -> Packed:
+    """A tree as (node without its parts, places of the parts), for pickling without recursion."""
+    place = {node: i for i, node in enumerate(order)}
+    return tuple((replace(node, parts=()), tuple(place[part] for part in node.parts)) for node in order)
+
+
+def unpack(packed: Packed) -> TreeNode:
+    """The root of a packed tree."""
+    nodes: list[TreeNode] = []
+    for node, places in packed:
+        nodes.append(replace(node, parts=tuple(nodes[place] for place in places)))
+    return nodes[-1]
+
 
 T = TypeVar("T")
 
@@ -70,16 +235,16 @@ class Expression:
         return self.text
 
     def __reduce__(self) -> tuple[Callable[..., Expression], tuple[str, Any]]:
-        return _unpacked, (self.text, tree.pack(self.order))
+        return _unpacked, (self.text, pack(self.order))
 
     @cached_property
     def order(self) -> Order:
         """The nodes, each once, every node after its parts."""
-        return tree.ordered((self.root,))
+        return ordered((self.root,))
 
     @cached_property
     def _below(self) -> dict[TreeNode, frozenset[str]]:
-        return tree.variables(self.order)
+        return variables_below(self.order)
 
     @cached_property
     def variables(self) -> frozenset[str]:
@@ -112,10 +277,10 @@ class Expression:
 
         Parts without a variable arrive as floats, so functions are called only with at least one T.
         min and max are called with two arguments, the first a T. A power with a constant whole exponent of at most
-        tree.MAX_INTEGER_POWER in size gets an int as exponent.
+        MAX_INTEGER_POWER in size gets an int as exponent.
         """
-        folded: T | float = tree.fold(self.order, self._below, variables, functions, FUNCTIONS)
-        return folded
+        made: T | float = folded(self.order, self._below, variables, functions, FUNCTIONS)
+        return made
 
 
 Scalar = float | Expression
@@ -131,11 +296,11 @@ def value_of(scalar: Scalar, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
 
 def of_tree(root: TreeNode) -> Expression:
     """The expression of a tree, with a text that `parse` reads back unless it is longer than MAX_LENGTH."""
-    return Expression(tree.to_text(tree.ordered((root,)), MAX_LENGTH), root)
+    return Expression(to_text(ordered((root,)), MAX_LENGTH), root)
 
 
 def _unpacked(text: str, packed: Any) -> Expression:
-    return Expression(text, tree.unpack(packed))
+    return Expression(text, unpack(packed))
 
 
 def parse(text: str, names: tuple[str, ...] = ()) -> Expression:
@@ -214,7 +379,7 @@ def _operand(tokens: Tokens, least: int, depth: int) -> TreeNode:
         what = f"the expression is nested too deeply (limit {MAX_DEPTH} levels)"
         raise ExpressionError(f"{what}; split or shorten it", at)
     if token in ("+", "-"):
-        node = _operand(tokens, tree.SIGN, depth + 1)
+        node = _operand(tokens, SIGN, depth + 1)
         node = TreeNode("Negative", parts=(node,)) if token == "-" else node
     elif kind == "number" or token in CONSTANTS:
         node = TreeNode("Number", value=CONSTANTS[token] if token in CONSTANTS else float(token))
@@ -237,9 +402,9 @@ def _operand(tokens: Tokens, least: int, depth: int) -> TreeNode:
             raise _unreadable(closing[2])
     else:
         raise _unreadable(at)
-    while tree.PRIORITY.get(tokens[0][1], -1) >= least:
+    while PRIORITY.get(tokens[0][1], -1) >= least:
         operator, depth = tokens.popleft()[1], depth + 1
-        right = _operand(tokens, tree.PRIORITY[operator] + (operator != "**"), depth + 1)
+        right = _operand(tokens, PRIORITY[operator] + (operator != "**"), depth + 1)
         node = TreeNode("Binary", operator, (node, right))
     return node
 
@@ -256,3 +421,35 @@ def _check_count(name: str, given: int, at: int) -> None:
         count, words = (2, "two arguments, atan2(y, x)") if name == "atan2" else (1, "one argument")
     if given != count:
         raise ExpressionError(f"{name} takes {words}, not {given}", at)
+
+
+KEPT = 1e-8
+"""Eigenvalue, of the largest, down to which modes are kept; what is left out has a variance of that order."""
+SPACING = 0.5
+"""Distance of the points that a field is made of, over its correlation length: covariances then are right to 1e-3."""
+
+
+def random_field(points: NDArray[np.float64], scatter: float, length: float, seed: int) -> Expression:
+    """A lognormal field exp(ζ g − ζ²/2) of mean 1 and coefficient of variation `scatter`, ζ² = ln(1 + scatter²).
+
+    g is Gaussian with mean 0, variance 1 and covariance C(p, q) = exp(−|p − q|²/length²), by its Karhunen–Loève
+    expansion on the points (n, 2) [m]: g(p) = Σ_k √λ_k φ_k(p) ζ_k with λ_k, φ_k the eigenpairs of C there and between
+    them φ_k(p) = Σ_j C(p, p_j) φ_k(p_j)/λ_k (Nyström). ζ_k = φ_kᵀ w with one w for the seed, so that the field does not
+    depend on how eigenvectors are chosen. Literature: Ghanem & Spanos, Stochastic Finite Elements (1991), ch. 2.
+    """
+    square = ((points[:, None] - points[None]) ** 2).sum(axis=-1)
+    values, vectors = np.linalg.eigh(np.exp(-square / length**2))
+    kept = values > KEPT * values[-1]
+    drawn = vectors[:, kept].T @ np.random.default_rng(seed).standard_normal(len(points))
+    weights = vectors[:, kept] @ (drawn / np.sqrt(values[kept]))
+    zeta = math.sqrt(math.log1p(scatter**2))
+    terms = [TreeNode("Number", value=-0.5 * zeta**2)]
+    for (x, y), weight in zip(points.tolist(), (zeta * weights).tolist(), strict=True):
+        terms.append(parse(f"{weight!r}*exp(-((x - {x!r})^2 + (y - {y!r})^2)/{length**2!r})".replace("- -", "+ ")).root)
+    return of_tree(TreeNode("Call", "exp", (reduce(lambda a, b: TreeNode("Binary", "+", (a, b)), terms),)))
+
+
+def product(one: Scalar, field: Expression) -> Expression:
+    """A number or an expression times a field."""
+    factor = one.root if isinstance(one, Expression) else TreeNode("Number", value=one)
+    return of_tree(TreeNode("Binary", "*", (factor, field.root)))

@@ -28,10 +28,10 @@ from tcstudy.contact.block import solve_block
 from tcstudy.contact.path.piecewise_linear_approximation import piecewise_linear
 from tcstudy.contact.problem import CondensedBody
 from tcstudy.fem.boundary import values_at
-from tcstudy.fem.estimators import acting, own_strain, stress_of
+from tcstudy.fem.energy_error import acting, own_strain, stress_of
 from tcstudy.laws.composed import nodal
 from tcstudy.laws.laws import Laws
-from tcstudy.offline.equilibrium import EquilibriumBody
+from tcstudy.offline.guaranteed import EquilibriumBody
 from tcstudy.offline.level import Level
 from tcstudy.offline.loads import Recent
 from tcstudy.scene.points import why_no_bound

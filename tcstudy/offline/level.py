@@ -18,18 +18,16 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from tcstudy.condense import Condensation, ForwardLoad, condense
-from tcstudy.condense.multifrontal import Known
+from tcstudy.condense.condensation import Known
 from tcstudy.condense.symbolic import EliminationPlan
 from tcstudy.contact.problem import ContactProblem, least_eigenpair
-from tcstudy.fem.boundary import constrain, contact_line
-from tcstudy.fem.forms import ElasticForms, Moduli, Springs
-from tcstudy.fem.heat_forms import HeatForms
+from tcstudy.fem.boundary import constrain, contact_line, couple
+from tcstudy.fem.forms import ElasticForms, HeatForms, Moduli, Springs
 from tcstudy.fem.meshes import Frames, PlaneMesh
-from tcstudy.fem.rigid import couple
 from tcstudy.laws.composed import EdgeLaws, law_along
 from tcstudy.laws.laws import Laws
-from tcstudy.offline.equilibrium import EquilibriumBody
-from tcstudy.offline.guaranteed import Band, dual_body, lambda_1_band, require_straight
+from tcstudy.offline.guaranteed import Band, EquilibriumBody, dual_body, lambda_1_band, require_straight
+from tcstudy.offline.heat import Temperature, Temperatures
 from tcstudy.offline.loads import (
     BATCH,
     BasisLoad,
@@ -41,7 +39,6 @@ from tcstudy.offline.loads import (
     mechanical_terms,
     to_digits,
 )
-from tcstudy.offline.thermal import Temperature, Temperatures
 from tcstudy.scene.points import distinct, of_stiffness
 from tcstudy.scene.records import Clamped, Contact, Rigid, Role, Scene, Where
 

@@ -1,4 +1,23 @@
-"""Numbers of a solved point that a study asks for: u, θ and σ at points, reactions, θ by edge, the largest stress.
+"""What a law does along the contact line, in numbers: how long each of its regions is, where it slips and pulls most.
+
+u_T is linear between the nodes of Γ_C, so that the part of a segment with slips up to a breakpoint s of its law is
+(s − min u_T)/(max u_T − min u_T), and lengths of regions (`LawPieces.regions`) are exact differences of such parts. The
+law of a segment is that of its edge; where strength varies along it, each half has the law of its own node.
+
+Forces of a solved scene by equilibrium: of every edge on the body, with its work, and of sections along Γ_C.
+
+Edges:    what loads, springs and supports of an edge do at its nodes: g, p, resultants, −S_e u, and r = Au + Su − l_θ
+          where the edge holds or touches the body; their sum with ∫f is 0 to rounding. Work: force times displacement.
+Sections: N(s), positive in tension, is −Σ_{s_j < s} F_j·t of all forces F_j on the nodes before the section across Γ_C
+          at s. Of a segment the mean over its sections is taken, which is exact for nodal forces of P1: l(φt), φ = 1
+          before it, 0 behind it and linear on it, is a(u, φt) but for rounding. Friction adds ∫ξ/c over the cells S_i,
+          so that N(s) between the middles of segments is exact where the line carries no other load.
+Layers:   N of a region with a material of its own, of the forces ∫σ:∇φ that its triangles have at the nodes. They are
+          in balance with all others: with that of the rest N of all sum to that of the body. But what passes between
+          two layers is that of P1 elements, so that N of one has an error that falls with h.
+Left out: lines that bend.
+
+Numbers of a solved point that a study asks for: u, θ and σ at points, reactions, θ by edge, the largest stress.
 
 Stress:     σ = cε(u) − βθI, one on each triangle, θ being its mean there; in plane strain σ_zz = λ div u − βθ
 Reactions:  r = Au + Su − l_θ at the nodes that are held or in contact (S: springs); Σ r + Σ loads − ΣSu = 0 to rounding
@@ -6,6 +25,7 @@ Reactions:  r = Au + Su − l_θ at the nodes that are held or in contact (S: sp
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -13,15 +33,189 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.fem.estimators import own_strain, stress_of
+from tcstudy.fem.boundary import ContactLine
+from tcstudy.fem.energy_error import own_strain, stress_of
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import BARE, DEBONDED, REGIONS, UP
 from tcstudy.offline.level import Level
-from tcstudy.offline.line_numbers import EQUAL
-from tcstudy.offline.section_forces import edge_forces, section_force, support_forces
-from tcstudy.scene.records import Scene
+from tcstudy.offline.loads import mechanical_terms
+from tcstudy.scene.records import Clamped, Contact, Free, Scene
 from tcstudy.scene.study import OutputPlan, Probe
-from tcstudy.shapes.triangles import TriangleGeometry
+from tcstudy.shapes.edges import TriangleGeometry
 
 Array = NDArray[np.float64]
+EQUAL = 1e-9
+"""Relative difference of two tractions that are one, as on a plateau of b: the first of them counts."""
+
+
+def line_numbers(level: Level, scenes: Sequence[Scene], laws: Laws, v: Array, xi: Array) -> dict[str, Array]:
+    """(P,) by name: `shear_max` [Pa], `shear_max_at` and `<region>_length` [m], NaN where a point's laws have none.
+
+    laws: of rows (P, 1) or (P, m);  v, xi: (P, m) slips [m] and tractions [Pa]
+    """
+    given = {id(scene.boundary): scene for scene in scenes}
+    slips = {key: level.held_slips(scene) for key, scene in given.items()}
+    found = region_lengths(level, laws, v, np.array([slips[id(scene.boundary)] for scene in scenes]))
+    slipping, size = np.where(laws.kind(laws.locate(v)) == UP, 0.0, level.line.c), np.abs(xi)
+    most = np.max(size, axis=1)
+    return found | {
+        "slip_length": np.where(np.isnan(found.get("breathing_length", np.nan)), np.nan, slipping.sum(axis=1)),
+        "shear_max": most,
+        "shear_max_at": level.line.arclength[np.argmax(size >= (1.0 - EQUAL) * most[:, None], axis=1)],
+    }
+
+
+def region_lengths(level: Level, laws: Laws, v: Array, held: Array) -> dict[str, Array]:
+    """(P,) lengths by name [m]. laws: of rows (P, 1) or (P, m)
+
+    held: (P, h) slips of the held ends of segments, NaN for that of the node beside it
+    """
+    line, index, by_node = level.line, laws.index, laws.index.shape[1] > 1
+    own, length, ends = line.own_law, line.lengths, v[:, line.own_law]
+    ends = np.where(line.unknowns < 0, ends, v[:, line.unknowns])
+    ends[:, line.unknowns < 0] = np.where(np.isnan(held), ends[:, line.unknowns < 0], held)
+    first, second = ends[..., 0], ends[..., 1]
+    if by_node:
+        middle = 0.5 * (first + second)
+        first, second = np.hstack([first, middle]), np.hstack([middle, second])
+        length, index = np.tile(0.5 * length, 2), index[:, own.T.ravel()]
+    low, high = np.minimum(first, second), np.maximum(first, second)
+    resting = low == high
+    width = np.where(resting, 1.0, high - low)
+    # what rests on an up-jump is in no region
+    moving = ~(resting & (laws.kind(laws.locate(low, index)) == UP))
+    regions, found = laws.regions, dict[str, Array]()
+    parts = {k: np.where(regions[index, -1] == k, 1.0, 0.0) for k in np.unique(regions)}
+    for j in range(laws.kinks.shape[1]):
+        if not np.any(regions[:, j] != regions[:, j + 1]):
+            continue
+        kink = laws.kinks[index, j]
+        below = np.where(resting, kink >= high, np.clip((kink - low) / width, 0.0, 1.0))
+        for k, part in parts.items():
+            sign = (regions[:, j] == k).astype(float) - (regions[:, j + 1] == k)
+            parts[k] = part + sign[index] * below if np.any(sign) else part
+    known = (
+        laws.index if not by_node else np.delete(laws.index, line.joints.node, axis=1)
+    )  # a joint has its edges' laws
+    for k, part in parts.items():
+        has = np.any(regions == k, axis=1)[known].any(axis=1)
+        if k != BARE and np.any(has):
+            found[f"{REGIONS[k]}_length"] = np.where(has, (part * moving) @ length, np.nan)
+    sticks = np.any(laws.kinds == UP, axis=1)[known].any(axis=1)
+    if np.any(sticks):
+        slips = ((first != 0.0) | (second != 0.0)) @ length
+        found["breathing_length"] = np.where(sticks, slips, np.nan)
+    return found
+
+
+def debonded_front(line: ContactLine, law: Laws, kappa: Array) -> dict[str, float]:
+    """`debonded_from`, `debonded_to`: arclengths between which a bond is debonded whose nodes have slipped by up to
+    kappa (m,), linear between them; NaN where it is nowhere, nothing for a law that never has fallen [m].
+    """
+    table, m = law.tables, line.m
+    debonded = (table.regions == DEBONDED) & (table.lower >= 0.0)
+    if not np.any(debonded):
+        return {}
+    beyond = kappa - np.min(np.where(debonded, table.lower, np.inf), axis=1)[law.node_index(m)]
+    at, x = np.flatnonzero(beyond >= 0.0), line.arclength
+
+    def passed(node: int, other: int, end: float) -> float:
+        if not 0 <= other < m:
+            return end
+        return float(x[node] + beyond[node] / (beyond[node] - beyond[other]) * (x[other] - x[node]))
+
+    if not len(at):
+        return {"debonded_from": np.nan, "debonded_to": np.nan}
+    whole = float(line.lengths.sum())
+    return {"debonded_from": passed(at[0], at[0] - 1, 0.0), "debonded_to": passed(at[-1], at[-1] + 1, whole)}
+
+
+STRAIGHT = 1e-9
+"""Sine of the angle up to which two segments of the contact line have one direction."""
+
+
+def support_forces(level: Level, scene: Scene, u: Array) -> dict[str, Array]:
+    """(2, n) force of every edge that holds or touches the body on its nodes, r = Au + Su − l_θ there [N/m].
+
+    A node where two of them meet counts to the first, clamped before contact.
+    """
+    rest, taken, found = level.reactions(scene, u).reshape(2, -1), np.zeros(level.mesh.n_points, dtype=bool), {}
+    for name, role in sorted(scene.boundary, key=lambda item: not isinstance(item[1], Clamped)):
+        if isinstance(role, Clamped | Contact):
+            own = np.isin(np.arange(len(taken)), level.mesh.nodes_on(name)) & ~taken
+            taken |= own
+            found[name] = np.where(own, rest, 0.0)
+    return found
+
+
+def edge_forces(level: Level, scene: Scene, u: Array) -> dict[str, Array]:
+    """(2n,) force of every edge on the nodes in x and y, without those of free edges [N/m]; u (2n,) [m]"""
+    found = {name: force.ravel() for name, force in support_forces(level, scene, u).items()}
+    for name, role in scene.boundary:
+        if not isinstance(role, Free):
+            terms = mechanical_terms((0.0, 0.0), ((name, role),))
+            own = sum((factor * level.vector(load) for load, factor in terms), np.zeros(2 * level.mesh.n_points))
+            own -= level.forces(u, (), ((name, *role.spring),) if any(role.spring) else ())
+            found[name] = found[name] + own if name in found else own
+    return found
+
+
+def layer_forces(level: Level, scene: Scene, sigma: Array) -> dict[str, Array]:
+    """(2, n) ∫σ:∇φ over every region with a material of its own, at its nodes; sigma (t, 4) with xx, yy, xy first."""
+    mesh, found = level.mesh, dict[str, Array]()
+    pulled = np.einsum("tij,tkj->tki", sigma[:, [[0, 2], [2, 1]]] * mesh.area[:, None, None], mesh.slopes)
+    for name, _ in scene.material.regions:
+        found[name], own = np.zeros((2, mesh.n_points)), mesh.inside((name,))
+        np.add.at(found[name].T, mesh.triangles[own], pulled[own])
+    return found
+
+
+def section_force(
+    level: Level, scene: Scene, u: Array, u_T: Array, sigma: Array
+) -> tuple[Array, dict[str, Array], Array] | None:
+    """N at the nodes of Γ_C, held ones included (s + 1,), of the body and of layers by region [N/m]; arc lengths [m].
+
+    u: (2n,) displacement in x and y;  u_T: (m,) [m];  sigma: (t, 4) stress [Pa]. None for a line that bends.
+    """
+    line, mesh, h = level.line, level.mesh, level.line.lengths
+    along = (line.ends[:, 1] - line.ends[:, 0]) / h[:, None]
+    chain = np.array_equal(line.segments[1:, 0], line.segments[:-1, 1])
+    if not chain or np.abs(along @ [along[0, 1], -along[0, 0]]).max() > STRAIGHT:
+        return None
+    xi, at = level.condensed(scene).problem.xi(u_T), np.concatenate([[0.0], np.cumsum(h)])
+    total = np.zeros(2 * mesh.n_points)
+    for one in edge_forces(level, scene, u).values():
+        total += one
+    for load, factor in mechanical_terms(scene.f, ()):
+        total += factor * level.vector(load)
+    density = (xi / line.c)[np.where(line.unknowns < 0, line.unknowns[:, ::-1], line.unknowns)]
+    s = (mesh.points - line.ends[0, 0]) @ along[0]
+    k = np.clip(np.searchsorted(at, s, side="right") - 1, 0, len(h) - 1)
+    share = np.clip((at[k + 1] - s) / h[k], 0.0, 1.0)
+    friction = np.concatenate([[0.0], np.cumsum(0.5 * h * density.sum(axis=1))])
+
+    def sections(nodal: Array, rubs: bool) -> Array:
+        """N of forces (2, n) on nodes; rubs: whether friction is among them, which acts along the cells."""
+        force = along[0] @ nodal
+        if rubs:
+            force[line.nodes] += xi
+        before = np.cumsum(np.bincount(k, force, len(h))) - np.bincount(k, force, len(h))
+        rest = -before - np.bincount(k, force * share, len(h))  # between the ends of every segment
+        middle = 0.5 * (at[1:] + at[:-1])
+        if len(h) > 1:  # at the ends of the line it goes on as it begins
+            slopes = (np.diff(rest) / np.diff(middle))[[0, -1]]
+            ends = [rest[0] - slopes[0] * middle[0]], [rest[-1] + slopes[1] * (at[-1] - middle[-1])]
+            rest, middle = np.concatenate([ends[0], rest, ends[1]]), np.concatenate([[0.0], middle, at[-1:]])
+        return np.interp(at, middle, rest) + (friction if rubs else 0.0)
+
+    contact = mesh.owner[mesh.on(*scene.edges(Contact))]
+    layers = {
+        name: sections(nodal, bool(mesh.inside((name,))[contact].all()))
+        for name, nodal in layer_forces(level, scene, sigma).items()
+    }
+    return sections(total.reshape(2, -1), True), layers, at
+
+
 OUTSIDE = 0.1
 """How far outside all triangles a point may lie, in barycentric coordinates: between a chord and its arc, say."""
 

@@ -13,8 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from tcstudy.expressions.expression import Expression
-from tcstudy.expressions.random_field import SPACING, product, random_field
+from tcstudy.expressions.expression import SPACING, Expression, product, random_field
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import GrowthError

@@ -26,8 +26,7 @@ from typing import Any
 import numpy as np
 
 from tcstudy.errors import Problem, StudyError
-from tcstudy.exact.checks import Checks, SolutionFault
-from tcstudy.exact.loads import Derivation
+from tcstudy.exact.loads import Checks, Derivation, SolutionFault
 from tcstudy.read.body import check_finite, read_body, with_named_region
 from tcstudy.read.document import apply_overrides, compose, load_text, with_sweep
 from tcstudy.read.fields import Context, Fields, none_after_fault, read_parameters, users, words_in

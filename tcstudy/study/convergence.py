@@ -17,8 +17,19 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from tcstudy.accuracy.corners import sticking_near, vertices
-from tcstudy.accuracy.expected import Expected, HeldEnds, expected_orders, smooth_up_to, smoothness
-from tcstudy.accuracy.rates import ROUNDING, Fit, fit, log_share, richardson, rounding_level
+from tcstudy.accuracy.orders import (
+    ROUNDING,
+    Expected,
+    Fit,
+    HeldEnds,
+    expected_orders,
+    fit,
+    log_share,
+    richardson,
+    rounding_level,
+    smooth_up_to,
+    smoothness,
+)
 from tcstudy.data.files import check_writable
 from tcstudy.data.measured import BY_ITSELF, ERRORS, LEVELS, NUMBERS, VERDICTS, Measured, convergence_record
 from tcstudy.data.provenance import collect, tell
@@ -27,7 +38,7 @@ from tcstudy.data.store import missing, write_record
 from tcstudy.data.writer import geometry_place, outer_axes
 from tcstudy.errors import ConvergenceError, GeometryFailed, StoreError
 from tcstudy.exact.numbers import exact_energy, exact_friction_resultant, exact_slip_length
-from tcstudy.fem.study_meshes import graded_points
+from tcstudy.fem.meshes import graded_points
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Acceptance, Study, Variant
 from tcstudy.study.lint import once, warnings

@@ -21,14 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from tcstudy.accuracy.rates import dominated
+from tcstudy.accuracy.orders import dominated
 from tcstudy.data.files import check_writable
 from tcstudy.data.measured import BOUND, COST_TABLE, MEASURES, OWN, STAGES
 from tcstudy.data.provenance import collect, tell
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import Record, missing, write_record
 from tcstudy.errors import CostError, GeometryFailed, StoreError
-from tcstudy.fem.study_meshes import graded_points
+from tcstudy.fem.meshes import graded_points
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.scene.study import FAMILIES, SOLVERS, TO_TOLERANCE, FamilyName, Goal, MeshPlan, Study
 from tcstudy.study.lint import warnings

@@ -26,8 +26,7 @@ from tcstudy.data.provenance import collect, tell
 from tcstudy.data.store import Record, write_record
 from tcstudy.data.tables import FIT
 from tcstudy.errors import FitError, GeometryFailed
-from tcstudy.fem.meshes import refine_uniformly
-from tcstudy.fem.study_meshes import Meshes
+from tcstudy.fem.meshes import Meshes, refine_uniformly
 from tcstudy.laws.derivatives import law_slopes, number_of
 from tcstudy.laws.pieces import GrowthError
 from tcstudy.laws.shapes import LawError

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.accuracy.curve_distance import Feet, feet
+from tcstudy.accuracy.fitted import Feet, feet
 from tcstudy.contact.path.follow import Path
 from tcstudy.contact.path.smooth import CurvePoint, Goal, SmoothPath
 from tcstudy.errors import FitError

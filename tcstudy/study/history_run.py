@@ -40,10 +40,10 @@ from tcstudy.data.records import PointStatus
 from tcstudy.data.store import write_record
 from tcstudy.errors import HistoryError, StoreError, StudyError, UserFault
 from tcstudy.executors import in_order
-from tcstudy.fem.study_meshes import Meshes
+from tcstudy.fem.meshes import Meshes
 from tcstudy.laws.composed import row_laws
 from tcstudy.offline.level import Level
-from tcstudy.offline.line_numbers import debonded_front, region_lengths
+from tcstudy.offline.requested_outputs import debonded_front, region_lengths
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.histories import AT_REST, UnfitLaw
 from tcstudy.scene.parameters import loaded_scene

@@ -29,7 +29,7 @@ from tcstudy.executors import TIMEOUT, Job, SerialExecutor, WorkersFailed, timed
 from tcstudy.laws.composed import row_laws
 from tcstudy.offline.error_bound import ErrorBounds
 from tcstudy.offline.level import Level
-from tcstudy.refine.error_estimator import ErrorEstimator
+from tcstudy.refine.family import ErrorEstimator
 from tcstudy.scene.points import combinations, of_stiffness
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study

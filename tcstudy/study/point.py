@@ -35,7 +35,7 @@ from tcstudy.laws.composed import row_laws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
 from tcstudy.offline.level import CondensedBlock, Level
-from tcstudy.offline.line_numbers import line_numbers
+from tcstudy.offline.requested_outputs import line_numbers
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 

@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from tcstudy.accuracy.norms import Line, LineFunction, Triangles, less
-from tcstudy.accuracy.transfer import interpolation, located
+from tcstudy.accuracy.norms import Line, LineFunction, Triangles, interpolation, less, located
 from tcstudy.exact.numbers import exact_friction_resultant, exact_u_T, exact_xi
 from tcstudy.expressions.derivative import value_and_gradient
 from tcstudy.laws.composed import law_along

@@ -37,11 +37,9 @@ from tcstudy.data.writer import axis_problems
 from tcstudy.errors import GeometryFailed, StoreError, UserFault
 from tcstudy.executors import SerialExecutor, in_order
 from tcstudy.fem.boundary import held_ends
-from tcstudy.fem.meshes import PlaneMesh
-from tcstudy.fem.study_meshes import Meshes
+from tcstudy.fem.meshes import Meshes, PlaneMesh
 from tcstudy.offline.level import Level, live_arrays
-from tcstudy.refine.error_estimator import ErrorEstimator
-from tcstudy.refine.family import Family
+from tcstudy.refine.family import ErrorEstimator, Family
 from tcstudy.scene.study import Study, Variant
 from tcstudy.study.append import Kept, appended, mended
 from tcstudy.study.level_solver import LevelSolver, Times, keeps_solutions

@@ -24,8 +24,7 @@ from tcstudy.scene.study import MeshPlan, Study
 from tcstudy.shapes.edges import body_area, boundary_lengths
 
 if TYPE_CHECKING:
-    from tcstudy.fem.meshes import PlaneMesh
-    from tcstudy.fem.study_meshes import Meshes
+    from tcstudy.fem.meshes import Meshes, PlaneMesh
 
 POINT, NODE = 0.08e-3, 2.6e-6
 """Seconds that a point takes to the file, and more for each contact unknown (results/online.md, m = 11 to 176)."""
@@ -111,7 +110,7 @@ def sizes(study: Study) -> tuple[LevelForecast, ...]:
     rough, plan, scene = predicted(study), study.mesh, study.scenes[0]
     if rough[0].nodes > MOST_NODES and not plan.listed:
         return rough
-    from tcstudy.fem.study_meshes import Meshes
+    from tcstudy.fem.meshes import Meshes
 
     meshes, found = Meshes(study), list[LevelForecast]()
     if plan.nested:

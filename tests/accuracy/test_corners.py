@@ -17,8 +17,7 @@ from tcstudy.accuracy.corners import (
     heat_exponent,
     vertices,
 )
-from tcstudy.accuracy.expected import HeldEnds, expected_orders, smooth_up_to, smoothness
-from tcstudy.accuracy.rates import fit
+from tcstudy.accuracy.orders import HeldEnds, expected_orders, fit, smooth_up_to, smoothness
 from tcstudy.read.study import read_study_text
 from tcstudy.study.convergence import verdict
 

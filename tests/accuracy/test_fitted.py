@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy import optimize, stats
 
-from tcstudy.accuracy.curve_distance import feet
-from tcstudy.accuracy.fitted import Box, different, minimise, product, uncertainty
+from tcstudy.accuracy.fitted import Box, different, feet, minimise, product, uncertainty
 
 Array = np.ndarray
 X = np.linspace(0.1, 2.0, 30)

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from tcstudy.accuracy.norms import Line, Triangles, less
-from tcstudy.accuracy.transfer import NotNested, interpolation, located, prolongation
+from tcstudy.accuracy.norms import Line, NotNested, Triangles, interpolation, less, located, prolongation
 
 POINTS = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0], [0.7, 0.4]])
 TRIANGLES = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import linregress
 
-from tcstudy.accuracy.rates import dominated, fit, log_share, richardson, rounding_level
+from tcstudy.accuracy.orders import dominated, fit, log_share, richardson, rounding_level
 
 H = 0.5 ** np.arange(6)
 ALL = np.ones(6, dtype=bool)

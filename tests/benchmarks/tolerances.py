@@ -21,8 +21,7 @@ from tcstudy.fem.geometry import GeometryFailed
 from tcstudy.fem.meshes import PlaneMesh, refine_marked, refine_uniformly
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import Family
-from tcstudy.refine.fronts import fronts, slip_length
-from tcstudy.refine.goals import goal_value
+from tcstudy.refine.goals import fronts, goal_value, slip_length
 from tcstudy.scene.records import Point
 from tcstudy.scene.study import Goal, MeshPlan, Study
 from tests.benchmarks.tolerance_scenes import draw_scene

@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import maximum_bipartite_matching
 from scipy.sparse.linalg import splu
 from scipy.spatial import Delaunay
 
-from tcstudy.condense import NotPositiveDefinite, condense, multifrontal
+from tcstudy.condense import NotPositiveDefinite, condensation, condense
 from tcstudy.condense.symbolic import _separators
 
 
@@ -237,8 +237,8 @@ def test_matrices_that_differ_in_some_rows_share_the_other_fronts(monkeypatch):
     changing = np.tile(points[:, 0] > 1.6, 2)
     scale = sp.diags_array(np.where(changing, 1.5, 1.0))
     other, calls = sp.csr_matrix(scale @ A @ scale), []
-    factorise = multifrontal._factorise
-    monkeypatch.setattr(multifrontal, "_factorise", lambda blocks: calls.append(1) or factorise(blocks))
+    factorise = condensation._factorise
+    monkeypatch.setattr(condensation, "_factorise", lambda blocks: calls.append(1) or factorise(blocks))
     first = condense(A, points, keep, free, components, changing=changing)
     whole, alone = len(calls), condense(other, points, keep, free, components)
     calls.clear()

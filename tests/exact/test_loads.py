@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from tcstudy.errors import StudyError
-from tcstudy.exact.fields import body_edges, edge_samples, normal_field
-from tcstudy.expressions.algebra import scalar
-from tcstudy.expressions.derivative import value_and_gradient
+from tcstudy.exact.loads import body_edges, edge_samples, normal_field
+from tcstudy.expressions.derivative import scalar, value_and_gradient
 from tcstudy.expressions.expression import Expression, parse, value_of
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.records import Body, Scene

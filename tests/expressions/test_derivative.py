@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.exact.fields import kinks
-from tcstudy.expressions.algebra import term
-from tcstudy.expressions.derivative import derivative, value_and_gradient
+from tcstudy.exact.loads import kinks
+from tcstudy.expressions.derivative import derivative, term, value_and_gradient
 from tcstudy.expressions.expression import MAX_LENGTH, Expression, of_tree, parse
 
 X, Y = np.array([0.3, 0.8, 1.7]), np.array([0.6, 0.25, 1.1])

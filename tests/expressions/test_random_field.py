@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tcstudy.errors import StudyError
-from tcstudy.expressions.random_field import random_field
+from tcstudy.expressions.expression import random_field
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
 

@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 from netgen import occ
 
-from tcstudy.fem import foreign_file
-from tcstudy.fem.foreign_file import file_fault
-from tcstudy.fem.geometry import GeometryFailed, build
-from tcstudy.fem.meshes import PlaneMesh, mesh_at, refine_marked
-from tcstudy.fem.study_meshes import REACH, WEAK, graded_mesh, singular_points
+from tcstudy.fem import geometry as foreign_file
+from tcstudy.fem.geometry import GeometryFailed, build, file_fault
+from tcstudy.fem.meshes import REACH, WEAK, PlaneMesh, graded_mesh, mesh_at, refine_marked, singular_points
 from tcstudy.read.study import read_study
 from tcstudy.scene.study import Study
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, mesh_family, study_of

@@ -9,9 +9,9 @@ from tcstudy.condense import Condensation
 from tcstudy.contact.contact import solve_contact
 from tcstudy.data.schema import HEAT_BOUND
 from tcstudy.fem.geometry import build
-from tcstudy.offline import conduction as heat_factor
+from tcstudy.offline import heat as heat_factor
 from tcstudy.offline.level import Level
-from tcstudy.refine.error_estimator import ErrorEstimator
+from tcstudy.refine.family import ErrorEstimator
 from tcstudy.scene.records import Scene
 from tests.benchmarks.cases import layered
 from tests.verification.scenes import HEATED_BRACKET, levels_of, study_of

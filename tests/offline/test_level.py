@@ -13,7 +13,7 @@ from tcstudy.laws.composed import EdgeLaws, row_laws
 from tcstudy.laws.pieces import REGIONS, UP
 from tcstudy.offline import level as offline
 from tcstudy.offline.level import Level
-from tcstudy.offline.line_numbers import region_lengths
+from tcstudy.offline.requested_outputs import region_lengths
 from tests.verification.scenes import levels_of, study_of
 
 QUICKSTART = Path(__file__).parents[2] / "configs" / "quickstart.yaml"

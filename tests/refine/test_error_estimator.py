@@ -11,11 +11,11 @@ import pytest
 import tcstudy
 from tcstudy.data.journal import Journal
 from tcstudy.data.records import BlockRecord, LevelRecord
-from tcstudy.refine import error_estimator
-from tcstudy.refine.ends import Hidden
+from tcstudy.refine import family as error_estimator
 from tcstudy.refine.family import Family, bisected
+from tcstudy.refine.goals import Hidden
 from tcstudy.reports.terminal.summary import summary
-from tcstudy.shapes.triangles import doubled_areas
+from tcstudy.shapes.edges import doubled_areas
 from tcstudy.study import level_solver
 from tcstudy.study.run import execute, run
 from tests.data.by_points import one_by_one

@@ -8,8 +8,7 @@ import pytest
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.fem.boundary import ContactLine
 from tcstudy.laws.laws import Laws
-from tcstudy.refine.ends import hidden_effects
-from tcstudy.refine.fronts import fronts, slip_length, slopes
+from tcstudy.refine.goals import fronts, hidden_effects, slip_length, slopes
 from tcstudy.scene.study import Goal, Quantity
 
 ZERO = np.zeros(2)

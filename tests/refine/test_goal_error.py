@@ -15,11 +15,9 @@ from tcstudy.contact.status import Status
 from tcstudy.data.records import LevelRecord
 from tcstudy.offline.level import Level
 from tcstudy.refine import goal_error as goal_error_module
-from tcstudy.refine.error_estimator import ErrorEstimator
-from tcstudy.refine.family import Family
-from tcstudy.refine.goal_error import SMOOTH, regions
+from tcstudy.refine.family import ErrorEstimator, Family
+from tcstudy.refine.goal_error import SMOOTH, Halved, contributions, regions
 from tcstudy.refine.goals import dual, goal_value, steps, torn
-from tcstudy.refine.halved import Halved, contributions
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Goal, MeshPlan
 from tcstudy.study.run import run

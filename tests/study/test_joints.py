@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import tcstudy
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.history.memory import MemoryModel, NodeState
-from tcstudy.fem.study_meshes import Meshes
+from tcstudy.fem.meshes import Meshes
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text

@@ -13,7 +13,7 @@ from tcstudy.fem.geometry import build
 from tcstudy.fem.meshes import mesh_at
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.scene.records import Edge
-from tcstudy.shapes.triangles import doubled_areas
+from tcstudy.shapes.edges import doubled_areas
 from tcstudy.study.lint import faults, lint, loaded, warnings
 from tcstudy.study.plan import plan
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, study_of

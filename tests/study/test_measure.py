@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.accuracy.transfer import prolongation
+from tcstudy.accuracy.norms import prolongation
 from tcstudy.contact.block import Answer
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.contact.status import Status

@@ -11,7 +11,7 @@ import pytest
 import tcstudy
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import GeometryFailed
-from tcstudy.fem import meshes, study_meshes
+from tcstudy.fem import meshes
 from tcstudy.fem.geometry import Geometry
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.level import Level
@@ -166,13 +166,13 @@ def test_what_no_trial_tells_is_unknown(study: Study, why: str, monkeypatch: pyt
 
 def test_of_many_geometries_one_mesh_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
     """And counts are those of all; refused ones are named."""
-    made, original = list[float](), study_meshes.mesh_at
+    made, original = list[float](), meshes.mesh_at
 
     def mesh_at(geometry: Geometry, plan: MeshPlan, *more: object) -> PlaneMesh:
         made.append(geometry.size)
         return original(geometry, plan, *more)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(study_meshes, "mesh_at", mesh_at)
+    monkeypatch.setattr(meshes, "mesh_at", mesh_at)
     widths = "sweep={body.rectangle.width: [1, 1.6, 2, 3], nu: [0.2, 0.3]}"
     region = "body.regions={inner: {rectangle: {corner: [0.5, 0.4], width: 1, height: 0.2}}}"
     found = plan(study_of(RECTANGLE, region, widths))
@@ -245,21 +245,21 @@ def test_large_meshes_are_predicted_from_the_last_small_one(monkeypatch: pytest.
 
 
 def test_no_mesh_that_is_large_already_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(study_meshes, "mesh_at", None)
+    monkeypatch.setattr(meshes, "mesh_at", None)
     study = study_of(RECTANGLE, "mesh={maxh: 0.005, levels: 2}")
     assert sizes(study) == predicted(study)
     assert not any(v.exact for v in sizes(study))
 
 
 def fail_at(monkeypatch: pytest.MonkeyPatch, bad: int) -> None:
-    original = study_meshes.mesh_at
+    original = meshes.mesh_at
 
     def mesh_at(geometry: object, plan: object, level: int, coarser: object) -> object:
         if level == bad:
             raise GeometryFailed("the mesher gave up")
         return original(geometry, plan, level, coarser)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(study_meshes, "mesh_at", mesh_at)
+    monkeypatch.setattr(meshes, "mesh_at", mesh_at)
 
 
 def test_a_mesh_that_cannot_be_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

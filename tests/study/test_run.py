@@ -13,7 +13,7 @@ import tcstudy
 from tcstudy.contact.contact import solve_contact
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.errors import StudyError
-from tcstudy.fem import heat_forms as heat
+from tcstudy.fem import forms as heat
 from tcstudy.laws.laws import Laws
 from tcstudy.offline import level as level_module
 from tcstudy.offline.level import Level

@@ -12,7 +12,7 @@ import tcstudy
 from tcstudy.contact.contact import solve_contact
 from tcstudy.data.on_request import AT_EVENT, DIFFERENTIABLE, name_of, quotient
 from tcstudy.errors import StudyError
-from tcstudy.fem.study_meshes import Meshes
+from tcstudy.fem.meshes import Meshes
 from tcstudy.offline.level import Level
 from tcstudy.read.scenes import Scenery
 from tcstudy.read.study import read_study_text

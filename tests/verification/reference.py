@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.status import Status
-from tcstudy.fem.estimators import own_strain
+from tcstudy.fem.energy_error import own_strain
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import Family

@@ -12,10 +12,10 @@ import yaml
 from numpy.typing import NDArray
 
 import tcstudy
-from tcstudy.accuracy.transfer import prolongation
+from tcstudy.accuracy.norms import prolongation
 from tcstudy.contact.contact import solve_contact
 from tcstudy.errors import StudyError
-from tcstudy.fem.estimators import own_strain, stress_of
+from tcstudy.fem.energy_error import own_strain, stress_of
 from tcstudy.offline.error_bound import ErrorBounds
 from tcstudy.offline.level import Level
 from tcstudy.reports.verdict import verdict

@@ -6,7 +6,7 @@ import pytest
 
 from tcstudy.contact.contact import solve_contact
 from tcstudy.read.study import read_study_text
-from tcstudy.refine.error_estimator import ErrorEstimator
+from tcstudy.refine.family import ErrorEstimator
 from tcstudy.study.reference import FineReference
 from tcstudy.study.solved_levels import solve_levels
 from tests.verification.scenes import levels_of

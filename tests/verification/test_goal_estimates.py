@@ -17,8 +17,7 @@ import pytest
 
 from tcstudy.contact.contact import solve_contact
 from tcstudy.offline.level import Level
-from tcstudy.refine.error_estimator import ErrorEstimator
-from tcstudy.refine.family import Family
+from tcstudy.refine.family import ErrorEstimator, Family
 from tcstudy.scene.study import FamilyName, Goal, MeshPlan, Study
 from tests.verification import closed_forms
 from tests.verification.goal_scenes import (

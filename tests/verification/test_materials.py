@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import tcstudy
 from tcstudy.contact.contact import solve_contact
 from tcstudy.read.study import read_study_text
-from tcstudy.refine.error_estimator import ErrorEstimator
+from tcstudy.refine.family import ErrorEstimator
 from tcstudy.reports.picture import body_fields
 from tcstudy.reports.stresses import stresses, von_mises
 from tcstudy.study.plan import plan

@@ -13,7 +13,7 @@ import tcstudy
 from tcstudy.contact.contact import solve_contact
 from tcstudy.errors import StudyError
 from tcstudy.offline.loads import loaded_by
-from tcstudy.offline.section_forces import edge_forces, section_force
+from tcstudy.offline.requested_outputs import edge_forces, section_force
 from tests.commands import CONFIGS
 from tests.verification.scenes import HEATED_BRACKET, levels_of, study_of
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tcstudy.accuracy.rates import dominated
+from tcstudy.accuracy.orders import dominated
 from tcstudy.data.measured import MEASURES
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import DrawError

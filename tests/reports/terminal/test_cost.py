@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tcstudy.accuracy.rates import dominated
+from tcstudy.accuracy.orders import dominated
 from tcstudy.data.measured import COST_TABLE, STAGES
 from tcstudy.data.provenance import collect
 from tcstudy.data.records import PointStatus
