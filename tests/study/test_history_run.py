@@ -1,10 +1,7 @@
-"""history_run: exact rules on plane bodies, histories that go on from their file, sweeps, bodies held by friction."""
+"""history_run: histories that go on from their file, sweeps by workers, derivatives of steps, early ends."""
 
 from __future__ import annotations
 
-import signal
-import subprocess
-import sys
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -15,6 +12,7 @@ import pytest
 import xarray as xr
 
 from tcstudy.contact.history.problem import HistoryStep
+from tcstudy.data.on_request import DIFFERENTIABLE, name_of
 from tcstudy.data.records import PointStatus
 from tcstudy.errors import StoreError
 from tcstudy.executors import ProcessExecutor
@@ -28,17 +26,21 @@ boundary: {bottom: contact, left: clamped, top: {role: traction, g: [0, 0]}, rig
 material: {E: 210 GPa, nu: 0.3, alpha_T: 1.2e-5 1/K}
 heat: {theta: 0 K}
 friction: {law: tresca, tau: 20 MPa}
-mesh: {maxh: 20 mm}
+mesh: {maxh: 40 mm}
 """
 SOFT = BLOCK.replace("law: tresca, tau: 20 MPa", "law: slip-weakening, tau_s: 20 MPa, tau_k: 15 MPa, delta: 1 mm")
+
+
+def loaded(file: Path) -> xr.Dataset:
+    with xr.open_dataset(file) as opened:
+        return opened.load().drop_attrs()
 
 
 def followed(folder: Path, study: str, history: str, *overrides: str, name: str = "a.nc") -> xr.Dataset:
     """The data of a history; every energy identity holds to rounding, every step is a solution."""
     asked = read_study_text(f"{study}history: {history}\n", "study.yaml", overrides)
     execute_history(asked, folder / name)
-    with xr.open_dataset(folder / name) as opened:
-        data = opened.load()
+    data = loaded(folder / name)
     done = data["status"].values == 1
     assert np.all(data["identity"].values[done] <= 1e-14)
     assert np.all(data["inclusion_residual"].values[done] <= 1e-10)
@@ -46,61 +48,31 @@ def followed(folder: Path, study: str, history: str, *overrides: str, name: str 
     return data
 
 
-def test_a_history_goes_on_from_its_file(tmp_path: Path) -> None:
-    """More cycles behind the same steps: what is there stays to the bit, and what follows is as computed at once."""
-    history = (
-        "{memory: elastic-plastic, stiffness: 500 GPa/m, steps: [{theta: 60 K, in: 2}, {theta: -20 K}], repeat: 1}"
-    )
-    followed(tmp_path, SOFT, history)
-    grown = followed(tmp_path, SOFT, history.replace("repeat: 1", "repeat: 3"))
-    whole = followed(tmp_path, SOFT, history.replace("repeat: 1", "repeat: 3"), name="b.nc")
-    assert grown.sizes["step"] == 10
-    for name in ("u_T", "kappa", "plastic", "status"):
-        assert np.array_equal(grown[name].values, whole[name].values)
-    assert grown["dissipated"].values == pytest.approx(whole["dissipated"].values, rel=1e-12)
-    with pytest.raises(StoreError, match="another study"):
-        followed(tmp_path, SOFT.replace("20 MPa", "21 MPa"), history)
-    with pytest.raises(StoreError, match="other steps"):
-        followed(tmp_path, SOFT, history.replace("60 K", "61 K"))
-
-
-KILLED = """
-import os, signal, sys, time
-from pathlib import Path
-from tcstudy.read.study import read_study_text
-from tcstudy.study.history_run import execute_history
-from tests.study.test_whole_geometries import kill_one
-
-def stop(point, points, step, steps):
-    if step == 4:
-        time.sleep(1.0)  # what is done is on the disk a quarter of a second later
-        os.kill(os.getpid(), signal.SIGKILL)
-
-execute_history(read_study_text(Path(sys.argv[1]).read_text(), "study.yaml"), Path(sys.argv[2]), stop)
-"""
-
-
-def test_a_killed_history_keeps_its_steps(tmp_path: Path) -> None:
-    """kill -9 between two steps: the next run does the others alone, and all numbers are those of a whole run."""
+def test_a_killed_history_keeps_its_steps_in_its_journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The next run does the others alone, and all numbers are those of a whole run."""
     text = f"{SOFT}history: {{memory: damage, steps: [{{theta: 60 K, in: 4}}, {{theta: -60 K, in: 2}}]}}\n"
-    (tmp_path / "study.yaml").write_text(text, encoding="utf-8")
-    words = [sys.executable, "-c", KILLED, tmp_path / "study.yaml", tmp_path / "a.nc"]
-    assert subprocess.run(words, check=False).returncode == -signal.SIGKILL
+    study, told = read_study_text(text, "study.yaml"), list[int]()
+
+    def kill(*given: object) -> None:
+        if given[0] == tmp_path / "a.nc" or given[2] == 4:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(history_run, "write_record", kill)
+        with pytest.raises(KeyboardInterrupt):
+            execute_history(study, tmp_path / "a.nc", kill)
     assert (tmp_path / "a.nc.partial").exists()
     assert not (tmp_path / "a.nc").exists()
-    study, told = read_study_text(text, "study.yaml"), list[int]()
     summary = execute_history(study, tmp_path / "a.nc", lambda point, points, step, steps: told.append(step))
     assert (told, summary.found) == ([5, 6], 5)
     assert not list(tmp_path.glob("*.partial*"))
     execute_history(study, tmp_path / "b.nc")
-    with xr.open_dataset(tmp_path / "a.nc") as a, xr.open_dataset(tmp_path / "b.nc") as b:
-        for name in b.data_vars:
-            assert np.array_equal(a[name].values, b[name].values, equal_nan=b[name].dtype.kind == "f"), name
+    assert loaded(tmp_path / "a.nc").equals(loaded(tmp_path / "b.nc"))
 
 
 SWEPT = (
-    f"{SOFT}history: {{memory: friction, steps: [{{theta: 60 K, in: 3}}, {{theta: 0 K}}]}}\n"
-    "sweep: {tau_s: [25 MPa, 20 MPa], alpha_T: [1e-5, 1.2e-5, 1.4e-5]}\n"
+    f"{SOFT}history: {{memory: friction, steps: [{{theta: 60 K, in: 2}}, {{theta: 0 K}}]}}\n"
+    "sweep: {tau_s: [25 MPa, 20 MPa], alpha_T: [1e-5, 1.2e-5]}\n"
 )
 CRUEL = """
 import os
@@ -109,7 +81,7 @@ from tcstudy.study import history_run
 follow = history_run.follow_point
 def cruel(study, *given):
     first, own = study.scenes
-    if 1.1 < own.material.beta / first.material.beta < 1.3 and own.friction == first.friction:
+    if own.material.beta / first.material.beta > 1.1 and own.friction == first.friction:
         os.kill(os.getpid(), 9)
     return follow(study, *given)
 history_run.follow_point = cruel
@@ -117,34 +89,22 @@ worker.main()
 """
 
 
-def test_workers_find_the_same_histories_and_one_that_kills_them_is_told(
+def test_workers_find_the_same_histories_and_one_that_breaks_ends_no_sweep(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """To the bit; what was broken is followed again by the next run."""
-    study, told = read_study_text(f"{SWEPT}output: {{sensitivity: [friction.delta]}}\n", "study.yaml"), []
+    """To the bit; the steps before stay; what was broken, or killed its worker, is followed again by the next run."""
+    study, told, begun = read_study_text(f"{SWEPT}output: {{sensitivity: [friction.delta]}}\n", "study.yaml"), [], []
     execute_history(study, tmp_path / "a.nc", jobs=1)
+    whole = loaded(tmp_path / "a.nc")
+    assert whole["u_T"].dims == ("tau_s", "alpha_T", "step", "node")
+    own = followed(tmp_path, SOFT, SWEPT.partition("history: ")[2].partition("\n")[0], name="one.nc")
+    assert np.array_equal(whole["u_T"].sel(tau_s=20e6, alpha_T=1.2e-5).values, own["u_T"].values)
     with monkeypatch.context() as patched:
         patched.setattr(workers, "ProcessExecutor", partial(ProcessExecutor, command=("-c", CRUEL)))
         summary = execute_history(study, tmp_path / "b.nc", lambda *at: told.append(at), jobs=2)
-    assert (summary.points, summary.ended) == (6, 1)
-    assert [point for point, *_ in told] == [0, 1, 2, 3, 4, 5]
-    with xr.open_dataset(tmp_path / "a.nc") as a:
-        assert a["u_T"].dims == ("tau_s", "alpha_T", "step", "node")
-        own = followed(tmp_path, SOFT, SWEPT.partition("history: ")[2].partition("\n")[0], name="one.nc")
-        assert np.array_equal(a["u_T"].sel(tau_s=20e6, alpha_T=1.2e-5).values, own["u_T"].values)
-    with xr.open_dataset(tmp_path / "b.nc") as b:
-        reasons = b["reason"].transpose("tau_s", "alpha_T").values.ravel()
-        assert sum("signal SIGKILL" in str(reason) for reason in reasons) == 1
-        assert np.count_nonzero(b["status"].values == PointStatus.ERROR) == 1
-    summary = execute_history(study, tmp_path / "b.nc", jobs=2)
-    assert (summary.ended, summary.found) == (0, 25)
-    with xr.open_dataset(tmp_path / "a.nc") as a, xr.open_dataset(tmp_path / "b.nc") as b:
-        assert a.drop_attrs().equals(b.drop_attrs())
-
-
-def test_a_step_that_breaks_down_ends_its_history_and_no_sweep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The steps before stay; the next run tries again and finds what an undisturbed one finds."""
-    study, steps, begun = read_study_text(SWEPT, "study.yaml"), history_run.history, []
+    assert (summary.points, summary.ended) == (4, 1)
+    assert [point for point, *_ in told] == [0, 1, 2, 3]
+    steps = history_run.history
 
     def broken(*given: Any) -> Iterator[HistoryStep]:
         begun.append(given)
@@ -153,20 +113,19 @@ def test_a_step_that_breaks_down_ends_its_history_and_no_sweep(tmp_path: Path, m
                 raise RuntimeError("no such state")
             yield step
 
-    execute_history(study, tmp_path / "a.nc", jobs=1)
     with monkeypatch.context() as patched:
         patched.setattr(history_run, "history", broken)
-        summary = execute_history(study, tmp_path / "b.nc", jobs=1)
-    assert (summary.points, summary.ended) == (6, 1)
-    with xr.open_dataset(tmp_path / "b.nc") as b:
-        found = b["status"].transpose("tau_s", "alpha_T", "step").values.reshape(6, 5)
-        reasons = b["reason"].transpose("tau_s", "alpha_T").values.ravel()
-    assert np.count_nonzero(found == PointStatus.OK) == 27
-    assert found[1].tolist() == [PointStatus.OK] * 2 + [PointStatus.ERROR] + [PointStatus.NOT_RUN] * 2
-    assert str(reasons[1]) == "RuntimeError: no such state"
-    assert execute_history(study, tmp_path / "b.nc", jobs=1).found == 27
-    with xr.open_dataset(tmp_path / "a.nc") as a, xr.open_dataset(tmp_path / "b.nc") as b:
-        assert a.drop_attrs().equals(b.drop_attrs())
+        assert execute_history(study, tmp_path / "c.nc", jobs=1).ended == 1
+    for name, reason, status in (("b.nc", "signal SIGKILL", [2, 0, 0, 0]), ("c.nc", "no such state", [1, 1, 2, 0])):
+        data = loaded(tmp_path / name)
+        found = data["status"].transpose("tau_s", "alpha_T", "step").values.reshape(4, 4)
+        names = [PointStatus.NOT_RUN, PointStatus.OK, PointStatus.ERROR]
+        assert found[1].tolist() == [names[k] for k in status]
+        assert np.count_nonzero(found == PointStatus.OK) == 12 + status.count(1)
+        assert reason in str(data["reason"].transpose("tau_s", "alpha_T").values.ravel()[1])
+        summary = execute_history(study, tmp_path / name, jobs=1)
+        assert (summary.ended, summary.found) == (0, 12 + status.count(1))
+        assert loaded(tmp_path / name).equals(whole)
 
 
 def test_a_step_without_solution_ends_the_history(tmp_path: Path) -> None:
@@ -181,3 +140,77 @@ def test_a_step_without_solution_ends_the_history(tmp_path: Path) -> None:
     assert status[5:] == [0, 0, 0]
     assert data["reason"].item()
     assert np.all(np.isnan(data["u_T_max"].values[5:]))
+
+
+NUMBERS = {"friction.tau_s": 20e6, "E": 210e9, "history.stiffness": 500e9}
+PLASTIC = "{memory: elastic-plastic, stiffness: 500 GPa/m, steps: [{theta: 60 K, in: 2}, {theta: -30 K}]}"
+QUANTITIES = ("u_T_max", "friction_resultant")
+
+
+def quantities(data: xr.Dataset, number: str = "") -> np.ndarray:
+    """(2, steps) of a history, or their derivatives by a number."""
+    return np.array([data[name_of(q, number) if number else q].values for q in QUANTITIES])
+
+
+def test_derivatives_of_steps_against_histories_and_gone_on_from_a_file(tmp_path: Path) -> None:
+    """More steps behind the same ones: what is there stays to the bit, and what follows is as computed at once."""
+    asked, longer = f"output.sensitivity=[{', '.join(NUMBERS)}]", PLASTIC.replace("]}", ", {theta: 50 K}]}")
+    data = followed(tmp_path, SOFT, PLASTIC, asked)
+    assert data["sensitivity_status"].values.tolist() == [DIFFERENTIABLE] * 4
+    for name, value in NUMBERS.items():
+        values = [(f"{name}={value * (1.0 + h)!r}", f"{name}{h}.nc") for h in (1e-4, -1e-4)]
+        up, down = (quantities(followed(tmp_path, SOFT, PLASTIC, *each[:1], name=each[1])) for each in values)
+        exact, apart = quantities(data, name), (up - down) / (2e-4 * value)
+        assert exact == pytest.approx(apart, abs=2e-6 * np.max(np.abs(apart)) + 1e-9 * np.max(np.abs(exact)))
+        assert np.all(exact[:, 0] == 0.0)
+    grown = followed(tmp_path, SOFT, longer, asked)
+    whole = followed(tmp_path, SOFT, longer, asked, name="whole.nc")
+    assert grown.sizes["step"] == 5
+    assert np.isfinite(quantities(grown, "history.stiffness")).all()
+    for name in grown:
+        if name in ("u_T", "kappa", "plastic", "status") or str(name).startswith("sensitivity"):
+            assert np.array_equal(grown[name].values, whole[name].values), name
+    assert grown["dissipated"].values == pytest.approx(whole["dissipated"].values, rel=1e-12)
+    with pytest.raises(StoreError, match="another study"):
+        followed(tmp_path, SOFT.replace("20 MPa", "21 MPa"), longer)
+    with pytest.raises(StoreError, match="other steps"):
+        followed(tmp_path, SOFT, longer.replace("60 K", "61 K"))
+
+
+STOPS = """
+units: none
+body: {rectangle: {width: 2.2324723790194616, height: 0.8591188145243812}}
+boundary: {bottom: contact, left: clamped, top: free, right: {role: traction, g: [0, 0]}}
+material: {E: 1.3012522407224956, nu: 0.3288450301226269, alpha_T: 0.8}
+heat: {theta: 0}
+friction: {law: slip-weakening, tau_s: 0.3860451627262666, tau_k: 0.14047222250773428, delta: 0.42213692902206257}
+mesh: {maxh: 0.2}
+solver: {tolerance: 1e-13}
+"""
+PULLED = """{memory: friction, steps: [
+  {boundary.right.g_x: 1.1, theta: 0.3, in: 3}, {boundary.right.g_x: -0.3, theta: 0.1, in: 3},
+  {boundary.right.g_x: 0.9, theta: -0.6, in: 3}, {theta: 0.5, boundary.right.g_x: -1.2, in: 3}]}"""
+
+
+def test_a_node_that_slides_and_stops_within_a_step(tmp_path: Path) -> None:
+    """Its κ is not what the ends of the step tell; differences of fourth order of histories at other steps."""
+    data = followed(tmp_path, STOPS, PULLED, "output.sensitivity=[friction.tau_s]")
+    assert data["sensitivity_status"].values[-1] == DIFFERENTIABLE
+    tau, h, ends = 0.3860451627262666, 3e-6, []
+    for way in (2.0, 1.0, -1.0, -2.0):
+        other = followed(tmp_path, STOPS, PULLED, f"friction.tau_s={tau * (1.0 + way * h)!r}", name=f"{way}.nc")
+        ends.append(quantities(other)[:, -1])
+    exact = (8.0 * (ends[1] - ends[2]) - (ends[0] - ends[3])) / (12.0 * h * tau)
+    assert quantities(data, "friction.tau_s")[:, -1] == pytest.approx(exact, rel=1e-5)
+
+
+def test_a_number_at_the_end_of_what_it_may_be_has_the_derivative_of_its_side(tmp_path: Path) -> None:
+    """A film that falls to nothing: τ_k can only grow; one of no size at all has a scale as well."""
+    study = SOFT.replace("tau_k: 15 MPa", "tau_k: 0 MPa").replace("delta: 1 mm", "delta: 4 mm")
+    history = "{memory: friction, steps: [{theta: 60 K}, {theta: -30 K}]}"
+    data = followed(tmp_path, study, history, "output.sensitivity=[friction.tau_k, loads.f_x]")
+    for name, change, key in (("friction.tau_k", 2e3, "friction.tau_k={}"), ("loads.f_x", 1e3, "loads.f=[{}, 0]")):
+        runs = [followed(tmp_path, study, history, key.format(k * change), name=f"{name}{k}.nc") for k in (0, 1, 2)]
+        ends = [run["friction_resultant"].values for run in runs]
+        exact = (4.0 * ends[1] - ends[2] - 3.0 * ends[0]) / (2.0 * change)
+        assert data[name_of("friction_resultant", name)].values == pytest.approx(exact, rel=1e-5, abs=1e-9)

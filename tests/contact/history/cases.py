@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
-from tcstudy.contact.history.problem import HistoryProblem
+from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
+from tcstudy.contact.history.steps import history
 from tcstudy.contact.problem import CondensedBody
 from tcstudy.laws.laws import Laws
 from tcstudy.matrices import law
@@ -50,3 +52,33 @@ def coupled_line(m: int) -> tuple[Array, Array, Array]:
 def softening() -> Laws:
     """A film that falls by 3.75 GPa/m, less steeply than λ₁ of the coupled line (π GPa/m · …) rises."""
     return law("slip-weakening", tau_s=2e7, tau_k=1.4e7, delta=4e-3)
+
+
+def followed(body: HistoryProblem, loads: list[Array], missed: float = 1e-8) -> list[HistoryStep]:
+    """All steps solved, energies in order; along paths closure is rounding, and no jump without energy."""
+    steps, before = list(history(body, loads)), HistoryStep.virgin(body.body.m)
+    assert [step.reason for step in steps] == [""] * len(loads)
+    for step in steps:
+        check_energies(body, before, step)
+        if body.branch == "continued":
+            size = step.dissipated + step.stored + abs(step.energy) + abs(before.energy)
+            assert abs(step.closure) <= missed * size
+            assert (step.released > 0.0) == (step.jumps > 0)
+        before = step
+    return steps
+
+
+def check_energies(body: HistoryProblem, before: HistoryStep, step: HistoryStep) -> None:
+    """ΔE + ΔB + D + closure + released = work, the identity to rounding, nothing negative, κ only grows; and the
+    two-sided estimate where each state is the lowest."""
+    assert step.identity <= 1e-14
+    assert np.all(step.kappa >= before.kappa)
+    assert step.dissipated >= 0.0
+    change = step.load - before.load
+    gained = step.energy - before.energy + step.stored - before.stored + step.dissipated
+    size = abs(step.energy) + abs(before.energy) + step.stored + before.stored + abs(step.work) + step.dissipated
+    assert gained + step.closure + step.released == pytest.approx(step.work, abs=1e-12 * size)
+    if body.branch == "lowest":
+        assert gained <= -change @ before.v + 1e-12 * size
+        if step.unique:
+            assert gained >= -change @ step.v - 1e-12 * size

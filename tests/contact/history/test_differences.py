@@ -6,34 +6,32 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from tcstudy.contact.history.differences import HALFWAY, STEPS, one_sided, two_sided
 
-Array = NDArray[np.float64]
+Function = Callable[[float], float]
 
 
-def both(f: Callable[[float], float], p: float) -> tuple[float, float]:
+def both(f: Function, p: float) -> tuple[float, float]:
     """By both sides, and from above alone, at p in units of p."""
     middle = np.array([f(p)])
     above, below = (np.array([[f(p * (1.0 + way * h))] for h in (*STEPS, HALFWAY)]) for way in (1.0, -1.0))
     return float(two_sided(middle, above[:2], below[:2], p)[0]), float(one_sided(middle, above, p)[0])
 
 
-@pytest.mark.parametrize("p", [3.0, 3e-9, 3e9])
+@pytest.mark.parametrize("p", [3e-9, 3e9])
 @pytest.mark.parametrize(
     ("f", "slope"),
     [(lambda x: x**3, 27.0), (lambda x: np.sqrt(x - 2.75), 1.0), (lambda x: 7.0, 0.0), (lambda x: 0.0, 0.0)],
     ids=["curved", "near a fold", "constant", "nothing"],
 )
-def test_smooth_functions_in_any_units(f: Callable[[float], float], slope: float, p: float) -> None:
+def test_smooth_functions_in_any_units(f: Function, slope: float, p: float) -> None:
     assert both(lambda x: f(3.0 * x / p), p) == pytest.approx((3.0 / p * slope,) * 2, rel=1e-5)
 
 
 def test_where_both_sides_differ_there_is_none() -> None:
     assert np.isnan(both(lambda x: abs(x - 1.0) + x, 1.0)[0])
     assert np.isnan(both(lambda x: float(x > 1.0), 1.0)[0])
-    beside = 1.0 + 0.3 * STEPS[1]
+    beside, farther = 1.0 + 0.3 * STEPS[1], 1.0 + 2.0 * STEPS[1]
     assert np.all(np.isnan(both(lambda x: max(x - beside, 0.0) + x, 1.0)))
-    farther = 1.0 + 2.0 * STEPS[1]
     assert both(lambda x: max(x - farther, 0.0) + x, 1.0)[0] == pytest.approx(1.0, rel=1e-9)
