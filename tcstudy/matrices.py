@@ -19,14 +19,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from tcstudy.contact import all_solutions as enumeration
 from tcstudy.contact import certificates
-from tcstudy.contact.all_solutions import LAW_ERROR, Equilibria
-from tcstudy.contact.block import Answer
-from tcstudy.contact.boxes import Limits
+from tcstudy.contact.all_solutions import LAW_ERROR, Equilibria, Limits
 from tcstudy.contact.certificates import Certificate
-from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path
 from tcstudy.contact.path.start import NoSolutionError
 from tcstudy.contact.problem import ContactProblem as PlainProblem
+from tcstudy.contact.solve import Answer, solve_contact
 from tcstudy.errors import ProblemError
 from tcstudy.laws.composed import nodal
 from tcstudy.laws.laws import Laws

@@ -30,8 +30,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.convex_step import convex_step
-from tcstudy.contact.newton import ROUNDINGS, Slopes, directions, leave_saddles, slopes
+from tcstudy.contact.newton import ROUNDINGS, Slopes, convex_step, directions, leave_saddles, slopes
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import Place

@@ -16,6 +16,7 @@ quality of the start, never correctness.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cached_property
 from typing import Any
 
@@ -30,6 +31,44 @@ from tcstudy.laws.pieces import BEND, Place
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+
+
+class Status(IntEnum):
+    """Why a run ended. Only CONVERGED is a solution; everything else carries a reason."""
+
+    CONVERGED = 0
+    ITERATION_LIMIT = 1
+    STALLED = 2
+    NOT_FINITE = 3
+    UNBOUNDED = 4
+    NOT_POSITIVE_DEFINITE = 5
+    INCLUSION_VIOLATED = 6
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Result of one run.
+
+    x:              the last iterate, (n,)
+    f:              objective there
+    status:         why the run ended
+    reason:         one sentence for the user: what happened and, on failure, what to try
+    iterations:     steps taken
+    evaluations:    evaluations of the objective (a line-search trial counts as one)
+    """
+
+    x: NDArray[np.float64]
+    f: float
+    status: Status
+    reason: str
+    iterations: int
+    evaluations: int
+
+    @property
+    def converged(self) -> bool:
+        """True if the method's own stopping test was met."""
+        return self.status == Status.CONVERGED
+
 
 COARSEST = 40
 """Contact nodes up to which a body has no coarser copy."""

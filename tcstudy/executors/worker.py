@@ -10,7 +10,7 @@ import threading
 import time
 from multiprocessing.connection import Connection
 
-import tcstudy.contact.block  # noqa: F401 which most calls need: imported while the parent makes meshes
+import tcstudy.contact.solve  # noqa: F401 which most calls need: imported while the parent makes meshes
 from tcstudy.executors.pool import answered, keep_freed_memory
 
 

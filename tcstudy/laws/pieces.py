@@ -16,7 +16,7 @@ both ends, where p + q s would have lost all digits.
 
 Many laws are padded tables, one row a law; an index says which of them a node, or a row and node, has. A piece is named
 by its address, law·(K+1) + piece, so that values of a thousand laws cost what values of one do; a kink has the address
-of the piece to its left. The numbers may be complex, with a derivative in their imaginary parts (`derivatives`).
+of the piece to its left. The numbers may be complex, with a derivative in their imaginary parts (`composed`).
 """
 
 from __future__ import annotations

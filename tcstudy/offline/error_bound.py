@@ -24,9 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.condense import ForwardLoad
-from tcstudy.contact.block import solve_block
 from tcstudy.contact.path.piecewise_linear_approximation import piecewise_linear
 from tcstudy.contact.problem import CondensedBody
+from tcstudy.contact.solve import solve_block
 from tcstudy.fem.boundary import values_at
 from tcstudy.fem.energy_error import acting, own_strain, stress_of
 from tcstudy.laws.composed import nodal

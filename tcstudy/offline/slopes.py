@@ -25,9 +25,9 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.contact.linearised import Linearised
+from tcstudy.contact.solution import Linearised
 from tcstudy.fem.forms import Moduli, Springs
-from tcstudy.laws.derivatives import agreed, derivative, law_slopes, number_of, stepped
+from tcstudy.laws.composed import agreed, derivative, law_slopes, number_of, stepped
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level
 from tcstudy.offline.loads import loaded_by

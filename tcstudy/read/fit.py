@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from tcstudy.errors import StudyError, UserFault
-from tcstudy.laws.derivatives import POINTS
+from tcstudy.laws.composed import POINTS
 from tcstudy.read.document import whole_key
 from tcstudy.read.fields import Context, Fields, none_after_fault, out_of_bounds, users, words_in
 from tcstudy.read.loads import check_fit, differentiable, level_of, meant_number, named_number

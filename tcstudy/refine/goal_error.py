@@ -82,9 +82,8 @@ from numpy.typing import NDArray
 
 from tcstudy.accuracy.corners import Side, Sticks, opening, sticking_near, vertex, vertices
 from tcstudy.accuracy.norms import located, prolongation
-from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.status import Status
+from tcstudy.contact.problem import ContactProblem, Status
+from tcstudy.contact.solve import solve_contact
 from tcstudy.fem.energy_error import own_strain, stress_of
 from tcstudy.fem.meshes import CurveEnd, PlaneMesh, curve_ends, refine_uniformly
 from tcstudy.offline.level import Level

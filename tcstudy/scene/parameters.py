@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from tcstudy.expressions.expression import Expression, parse
-from tcstudy.laws.composed import EdgeLaws
-from tcstudy.laws.derivatives import POINTS
+from tcstudy.laws.composed import POINTS, EdgeLaws
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.scene.keys import LOADED, OF_ALL_LAWS, ROWS, Key, law_rows, row, rows
 from tcstudy.scene.records import Clamped, Convection, Loaded, Rigid, Scalar, Scene, exchanges

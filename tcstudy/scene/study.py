@@ -401,7 +401,7 @@ class SolverPlan:
                     zero, at the frictionless solution and at the neighbouring sweep point), the one that continues
                     the neighbour's ("continued"), or the one from zero ("from-zero")
     every:          whether all solutions are sought, and proved to be all, beside the lowest found (branch: all)
-    max_boxes, max_seconds: where the search for all of one point ends (contact/boxes.py)
+    max_boxes, max_seconds: where the search for all of one point ends (contact/all_solutions.py)
     """
 
     names: tuple[str, ...] = (SEPARABLE,)

@@ -27,7 +27,7 @@ from tcstudy.data.store import Record, write_record
 from tcstudy.data.tables import FIT
 from tcstudy.errors import FitError, GeometryFailed
 from tcstudy.fem.meshes import Meshes, refine_uniformly
-from tcstudy.laws.derivatives import law_slopes, number_of
+from tcstudy.laws.composed import law_slopes, number_of
 from tcstudy.laws.pieces import GrowthError
 from tcstudy.laws.shapes import LawError
 from tcstudy.offline.level import Level

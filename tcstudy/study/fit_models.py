@@ -21,11 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.condense import NotPositiveDefinite
-from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.linearised import Linearised
 from tcstudy.contact.path.follow import Follower, Path
 from tcstudy.contact.path.record import WHOLE
-from tcstudy.contact.status import Status
+from tcstudy.contact.problem import Status
+from tcstudy.contact.solution import Linearised
+from tcstudy.contact.solve import solve_contact
 from tcstudy.errors import FitError, PathError, StudyError
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import WholeBody, change_of

@@ -19,7 +19,7 @@ from tcstudy.accuracy.fitted import Feet, feet
 from tcstudy.contact.path.follow import Path
 from tcstudy.contact.path.smooth import CurvePoint, Goal, SmoothPath
 from tcstudy.errors import FitError
-from tcstudy.laws.derivatives import LawSlopes, law_slopes, number_of
+from tcstudy.laws.composed import LawSlopes, law_slopes, number_of
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import WholeBody, change_of
 from tcstudy.scene.parameters import path_scene

@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.accuracy.fitted import Box, Minimum, minimise, misfit
-from tcstudy.laws.composed import EdgeLaws
-from tcstudy.laws.derivatives import POINTS
+from tcstudy.laws.composed import POINTS, EdgeLaws
 from tcstudy.scene.study import FitPlan
 
 Array = NDArray[np.float64]

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.condense import NotPositiveDefinite
-from tcstudy.contact.block import solve_block
-from tcstudy.contact.boxes import Limits
+from tcstudy.contact.all_solutions import Limits
 from tcstudy.contact.problem import CondensedBody
+from tcstudy.contact.solve import solve_block
 from tcstudy.data.on_request import variables
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.executors import TIMEOUT, Job, SerialExecutor, WorkersFailed, timed

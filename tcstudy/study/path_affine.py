@@ -10,12 +10,12 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from tcstudy.contact.bounds import solution_boxes
-from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.certificates import solution_boxes
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path
 from tcstudy.contact.path.piecewise_linear_approximation import piecewise_linear
 from tcstudy.contact.path.start import NoSolutionError
-from tcstudy.contact.status import Status
+from tcstudy.contact.problem import Status
+from tcstudy.contact.solve import solve_contact
 from tcstudy.errors import PathError
 from tcstudy.offline.level import Level
 from tcstudy.scene.records import Scene

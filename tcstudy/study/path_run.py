@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from tcstudy.condense import NotPositiveDefinite
-from tcstudy.contact.block import TIE
-from tcstudy.contact.boxes import Limits
+from tcstudy.contact.all_solutions import Limits
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.history.hysteresis import hysteresis
 from tcstudy.contact.path.complete import Branches, all_branches
@@ -23,6 +22,7 @@ from tcstudy.contact.path.problem import by_code
 from tcstudy.contact.path.proofs import proved_minima
 from tcstudy.contact.path.query import PathSolution, folds, lowest, solutions_at, solutions_of
 from tcstudy.contact.path.record import WHOLE, PathStatus
+from tcstudy.contact.solve import TIE
 from tcstudy.data.provenance import SHORTFALLS, Remark, collect, tell
 from tcstudy.data.records import LevelRecord
 from tcstudy.data.store import Record, write_record

@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.all_solutions import Equilibria
-from tcstudy.contact.block import Answer
 from tcstudy.contact.certificates import as_row, certify
-from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.status import Status
+from tcstudy.contact.problem import Status
+from tcstudy.contact.solve import Answer, solve_contact
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.data.schema import (
     ALL_PROVED,

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.linearised import EVENT, Linearised
+from tcstudy.contact.solution import EVENT, Linearised
 from tcstudy.data.on_request import AT_EVENT, AT_FOLD, DIFFERENTIABLE, EVENTS, STATUS, name_of
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import Change, WholeBody, change_of, friction_slopes

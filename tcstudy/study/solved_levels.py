@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.accuracy.norms import Line, Modulus, Triangles
-from tcstudy.contact.active_set import polished
-from tcstudy.contact.block import TIE
+from tcstudy.contact.solution import polished
+from tcstudy.contact.solve import TIE
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.errors import GeometryFailed
 from tcstudy.offline.level import Level

@@ -14,9 +14,9 @@ from itertools import product
 
 import numpy as np
 
-from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.history.steps import history
 from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.solve import solve_contact
 from tcstudy.matrices import law
 from tcstudy.scene.histories import HISTORY_BRANCHES, Memory
 from tests.contact.history.cases import coupled_line, remembering, softening

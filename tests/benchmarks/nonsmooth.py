@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Sequence
 
-from tcstudy.contact.bundle.newton import BundleNewton
+from tcstudy.contact.bundle import BundleNewton
 from tests.contact.bundle.scalable import Problem, published, random_problem
 
 

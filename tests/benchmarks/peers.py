@@ -1,6 +1,6 @@
 """Bundle-Newton and its peers on the same contact problems: `python -m tests.benchmarks.peers` writes results/peers.md.
 
-Methods: ours run as tcstudy.contact.contact runs them. Those of scipy get L̃ in units of c·(peak of b), one subgradient
+Methods: ours run as tcstudy.contact.solve runs them. Those of scipy get L̃ in units of c·(peak of b), one subgradient
          (right limits of b), second derivatives where they take them, and tolerances of 1e-10 or better without a
          limit of iterations. Each is stopped after LIMIT seconds and judged by the best point that it has seen
 Starts:  zero and, where the answer misses the tolerance, the frictionless solution too; the better answer counts
@@ -28,11 +28,10 @@ import scipy.optimize
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from tcstudy.contact.active_set import polished
-from tcstudy.contact.bundle.contact import solve_with_bundle
-from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.status import Status
+from tcstudy.contact.bundle import solve_with_bundle
+from tcstudy.contact.problem import ContactProblem, Status
+from tcstudy.contact.solution import polished
+from tcstudy.contact.solve import solve_contact
 from tcstudy.data.provenance import package_versions
 from tests.benchmarks.cases import Case, families
 from tests.benchmarks.semismooth import semismooth_newton

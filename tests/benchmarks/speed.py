@@ -22,8 +22,8 @@ from threadpoolctl import threadpool_limits
 import tcstudy
 from tcstudy.condense import condense
 from tcstudy.contact.certificates import certify
-from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.problem import least_eigenvalue
+from tcstudy.contact.solve import solve_contact
 from tcstudy.fem.forms import ElasticForms
 from tcstudy.fem.geometry import build
 from tcstudy.fem.meshes import PlaneMesh

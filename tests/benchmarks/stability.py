@@ -15,8 +15,8 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.status import Status
+from tcstudy.contact.problem import Status
+from tcstudy.contact.solve import solve_contact
 from tests.benchmarks.cases import Grid, real, synthetic
 from tests.contact.contact_cases import independent_residual
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.status import Status
+from tcstudy.contact.problem import Status
+from tcstudy.contact.solve import solve_contact
 from tests.benchmarks import gallery
 from tests.benchmarks.cases import SHAPE, WEAK, Case, Grid, down_jumps, families, real, synthetic, up_jumps
 from tests.benchmarks.peers import PEERS, TOLERANCE, Solve, markdown, measure

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from ruamel.yaml import YAML
 
-from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.solve import solve_contact
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.refine.family import Family

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.solve import solve_contact
 from tcstudy.fem.geometry import GeometryFailed
 from tcstudy.fem.meshes import PlaneMesh, refine_marked, refine_uniformly
 from tcstudy.offline.level import Level

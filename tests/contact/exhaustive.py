@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.contact.certificates import Certificate, certify
-from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.solve import solve_contact
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.study import ESCAPE
 from tests.benchmarks.cases import down_jumps, up_jumps

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.block import Answer, solve_block
 from tcstudy.contact.problem import CondensedBody
+from tcstudy.contact.solve import Answer, solve_block
 from tcstudy.laws.laws import Laws
 from tests.contact import contact_cases as cases
 

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from tcstudy.contact.active_set import extended, polished
 from tcstudy.contact.certificates import certify
-from tcstudy.contact.contact import nearest_minimum, solve_contact
-from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.status import Status
+from tcstudy.contact.problem import ContactProblem, Status
+from tcstudy.contact.solution import extended, polished
+from tcstudy.contact.solve import nearest_minimum, solve_contact
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import tresca
 from tcstudy.scene.study import TOLERANCE

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.contact.all_solutions import all_solutions, of_rows
-from tcstudy.contact.boxes import Limits, PolygonProblems, reach_of
+from tcstudy.contact.all_solutions import Limits, PolygonProblems, all_solutions, of_rows, reach_of
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.laws import Laws

@@ -3,17 +3,18 @@
 import numpy as np
 import pytest
 
-from tcstudy.contact.bounds import (
+from tcstudy.contact.certificates import (
     bends_below_tangent,
+    certify,
+    definite,
     largest_push,
     least_slopes,
     quotient,
     solution_boxes,
     value_range,
 )
-from tcstudy.contact.certificates import certify, definite
-from tcstudy.contact.contact import nearest_minimum
 from tcstudy.contact.problem import CondensedBody, ContactProblem
+from tcstudy.contact.solve import nearest_minimum
 from tcstudy.laws.laws import Laws
 from tests.contact import contact_cases as cases
 from tests.contact import exhaustive

@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from tcstudy.contact.active_set import polished
-from tcstudy.contact.contact import nearest_minimum, solve_contact
-from tcstudy.contact.convex_step import convex_step
 from tcstudy.contact.descent import descend, descend_nested
-from tcstudy.contact.problem import CondensedBody, ContactProblem
-from tcstudy.contact.status import Status
+from tcstudy.contact.newton import convex_step
+from tcstudy.contact.problem import CondensedBody, ContactProblem, Status
+from tcstudy.contact.solution import polished
+from tcstudy.contact.solve import nearest_minimum, solve_contact
 from tcstudy.laws.shapes import linear, piecewise_linear, tresca
 from tests.contact import contact_cases as cases
 from tests.contact.ill_conditioned import FAMILIES, Family, body

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tcstudy.contact.envelopes import moreau_envelopes
+from tcstudy.contact.search import moreau_envelopes
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import DOWN
 from tests.contact import contact_cases as cases

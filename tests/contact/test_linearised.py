@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.linearised import Linearised
 from tcstudy.contact.problem import ContactProblem
-from tcstudy.laws.derivatives import law_slopes
+from tcstudy.contact.solution import Linearised
+from tcstudy.contact.solve import solve_contact
+from tcstudy.laws.composed import law_slopes
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import SHAPES
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from tcstudy.contact.certificates import certify
-from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.status import Status
+from tcstudy.contact.problem import ContactProblem, Status
+from tcstudy.contact.solve import solve_contact
 from tcstudy.laws.pieces import DOWN, UP
 from tcstudy.laws.shapes import piecewise_linear
 from tests.contact import contact_cases as cases

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from tcstudy.contact.certificates import certify
-from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.status import Status
+from tcstudy.contact.problem import ContactProblem, Status
+from tcstudy.contact.solve import solve_contact
 from tcstudy.laws.composed import nodal
 from tcstudy.laws.laws import NONE, Laws
 from tcstudy.laws.shapes import tresca

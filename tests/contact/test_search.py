@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from tcstudy.contact import search
-from tcstudy.contact.block import Answer
-from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.status import Status
+from tcstudy.contact.problem import ContactProblem, Status
+from tcstudy.contact.solve import Answer, solve_contact
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import piecewise_linear
 from tcstudy.scene.study import ESCAPE, Branch

@@ -10,9 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 from tcstudy.contact.certificates import certify
-from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.extended import extended_residual, friction_defect, two_product, two_sum
 from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.solve import solve_contact
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import piecewise_linear
 from tests.contact.ill_conditioned import body

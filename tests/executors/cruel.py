@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tcstudy.contact import block
+from tcstudy.contact import solve
 from tcstudy.errors import GeometryFailed
 from tcstudy.executors import worker
 from tcstudy.laws.laws import Laws
@@ -49,13 +49,13 @@ def harm(what: str) -> None:
 
 if __name__ == "__main__":
     WHAT, TAU, FILE = sys.argv[1], float(sys.argv[2]), Path(sys.argv[3])
-    original = block.solve_block
+    original = solve.solve_block
 
     def cruel(body: object, loads: object, laws: Laws, *more: object) -> object:
         if np.any(laws.scales[laws.index] == TAU):
             treat(WHAT, FILE, once=False)
         return original(body, loads, laws, *more)  # type: ignore[arg-type]
 
-    block.solve_block = cruel  # type: ignore[assignment]
+    solve.solve_block = cruel  # type: ignore[assignment]
     del sys.argv[1:4]
     worker.main()

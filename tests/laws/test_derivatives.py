@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.laws.derivatives import law_slopes
+from tcstudy.laws.composed import law_slopes
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import SHAPES
 

@@ -7,7 +7,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 import pytest
 
-from tcstudy.contact.bounds import bends_below_tangent, least_slopes, value_range
+from tcstudy.contact.certificates import bends_below_tangent, least_slopes, value_range
 from tcstudy.laws.composed import total
 from tcstudy.laws.laws import NONE, Laws
 from tcstudy.laws.pieces import BEND

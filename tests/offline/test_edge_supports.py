@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.solve import solve_contact
 from tcstudy.offline.level import Level
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene

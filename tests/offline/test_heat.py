@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tcstudy.condense import Condensation
-from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.solve import solve_contact
 from tcstudy.data.schema import HEAT_BOUND
 from tcstudy.fem.geometry import build
 from tcstudy.offline import heat as heat_factor

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from tcstudy.contact.block import Answer
-from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.status import Status
+from tcstudy.contact.problem import Status
+from tcstudy.contact.solve import Answer, solve_contact
 from tcstudy.data.records import LevelRecord
 from tcstudy.offline.level import Level
 from tcstudy.refine import goal_error as goal_error_module

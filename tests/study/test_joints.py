@@ -11,8 +11,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import tcstudy
-from tcstudy.contact.contact import solve_contact
 from tcstudy.contact.history.memory import MemoryModel, NodeState
+from tcstudy.contact.solve import solve_contact
 from tcstudy.fem.meshes import Meshes
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level

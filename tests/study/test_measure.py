@@ -12,9 +12,8 @@ import pytest
 
 import tcstudy
 from tcstudy.accuracy.norms import prolongation
-from tcstudy.contact.block import Answer
-from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.status import Status
+from tcstudy.contact.problem import ContactProblem, Status
+from tcstudy.contact.solve import Answer
 from tcstudy.data.measured import STAGES
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import Record

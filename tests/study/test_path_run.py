@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 from tcstudy.cli import main
-from tcstudy.contact.boxes import Limits
+from tcstudy.contact.all_solutions import Limits
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.data.store import Record
 from tcstudy.fem.geometry import build

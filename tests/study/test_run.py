@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 import tcstudy
-from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.solve import solve_contact
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.errors import StudyError
 from tcstudy.fem import forms as heat

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.solve import solve_contact
 from tcstudy.data.on_request import AT_EVENT, DIFFERENTIABLE, name_of, quotient
 from tcstudy.errors import StudyError
 from tcstudy.fem.meshes import Meshes

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.solve import solve_contact
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.fem.meshes import PlaneMesh, refine_marked, refine_uniformly
 from tcstudy.offline.level import Level

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import optimize
 
-from tcstudy.contact.boxes import PolygonProblems
+from tcstudy.contact.all_solutions import PolygonProblems
 
 
 def sides_of_all_solutions(problems: PolygonProblems, most: int = 40) -> list[tuple[int, ...]]:

@@ -14,8 +14,8 @@ import numpy as np
 from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
-from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.status import Status
+from tcstudy.contact.problem import Status
+from tcstudy.contact.solve import solve_contact
 from tcstudy.fem.energy_error import own_strain
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.level import Level

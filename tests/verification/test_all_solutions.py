@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import tcstudy
-from tcstudy.contact.all_solutions import all_solutions
-from tcstudy.contact.boxes import PolygonProblems, reach_of
+from tcstudy.contact.all_solutions import PolygonProblems, all_solutions, reach_of
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.study.run import stages
 from tests.verification.milp import sides_of_all_solutions

@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.solve import solve_contact
 from tcstudy.offline.level import Level
 from tcstudy.scene.records import Scene
 from tests.verification.scenes import HEATED_BRACKET, levels_of, study_of

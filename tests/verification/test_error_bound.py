@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 import tcstudy
 from tcstudy.accuracy.norms import prolongation
-from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.solve import solve_contact
 from tcstudy.errors import StudyError
 from tcstudy.fem.energy_error import own_strain, stress_of
 from tcstudy.offline.error_bound import ErrorBounds

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.solve import solve_contact
 from tcstudy.read.study import read_study_text
 from tcstudy.refine.family import ErrorEstimator
 from tcstudy.study.reference import FineReference

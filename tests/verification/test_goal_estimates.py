@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.solve import solve_contact
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import ErrorEstimator, Family
 from tcstudy.scene.study import FamilyName, Goal, MeshPlan, Study

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.contact.block import solve_block
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.problem import CondensedBody, ContactProblem, least_eigenpair
+from tcstudy.contact.solve import solve_block
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import slip_weakening
 from tests.verification.scenes import RECTANGLE, levels_of, study_of

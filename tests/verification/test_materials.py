@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import tcstudy
-from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.solve import solve_contact
 from tcstudy.read.study import read_study_text
 from tcstudy.refine.family import ErrorEstimator
 from tcstudy.reports.picture import body_fields

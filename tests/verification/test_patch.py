@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.contact.active_set import polished
-from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.solution import polished
+from tcstudy.contact.solve import solve_contact
 from tcstudy.fem.geometry import build
 from tcstudy.offline.level import Level
 from tests.verification.patch import CASES, HEIGHT, SOFTENING, Case, exact_energy, patch_study

@@ -11,7 +11,7 @@ import ngsolve as ngs
 import numpy as np
 from ngsolve.solvers import NewtonMinimization
 
-from tcstudy.contact.contact import solve_contact
+from tcstudy.contact.solve import solve_contact
 from tcstudy.fem.geometry import build
 from tcstudy.offline.level import Level
 from tests.verification.scenes import mesh_family, study_of

@@ -22,16 +22,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.block import Answer
-from tcstudy.contact.contact import as_it_is, nearest_minimum, solve_contact
 from tcstudy.contact.history.memory import LAW_ERROR
 from tcstudy.contact.history.problem import HistoryProblem, HistoryStep, booked, proved
 from tcstudy.contact.path.basis_inverse import BasisInverse, SingularCellError
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path, PathStatus
 from tcstudy.contact.path.smooth import folds_beside
 from tcstudy.contact.path.start import locate
-from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.status import Status
+from tcstudy.contact.problem import ContactProblem, Status
+from tcstudy.contact.solve import Answer, as_it_is, nearest_minimum, solve_contact
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.study import Acceptance, Direction
 

@@ -17,14 +17,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.block import Answer
-from tcstudy.contact.bounds import far, least_slopes
-from tcstudy.contact.certificates import certify, positive_definite
+from tcstudy.contact.certificates import certify, far, least_slopes, positive_definite
 from tcstudy.contact.history.memory import MemoryModel, NodeState
 from tcstudy.contact.newton import slopes
 from tcstudy.contact.path.problem import ScaledBody
-from tcstudy.contact.problem import CondensedBody, ContactProblem, kept, least_lowered
-from tcstudy.contact.status import Status
+from tcstudy.contact.problem import CondensedBody, ContactProblem, Status, kept, least_lowered
+from tcstudy.contact.solve import Answer
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.histories import HistoryBranch, Memory
 from tcstudy.scene.study import Acceptance

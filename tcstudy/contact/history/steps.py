@@ -8,12 +8,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.convex_step import convex_step
 from tcstudy.contact.history.continued import continued
 from tcstudy.contact.history.problem import HistoryProblem, HistoryStep, booked, proved
-from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.status import Status
+from tcstudy.contact.newton import convex_step
+from tcstudy.contact.problem import ContactProblem, Status
+from tcstudy.contact.solve import solve_contact
 from tcstudy.scene.study import Branch
 
 Array = NDArray[np.float64]

@@ -17,8 +17,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.all_solutions import Equilibria, all_solutions
-from tcstudy.contact.boxes import EPS, OVER_LOADS, Limits, PolygonProblems, inverse_of, reach_of
+from tcstudy.contact.all_solutions import (
+    EPS,
+    OVER_LOADS,
+    Equilibria,
+    Limits,
+    PolygonProblems,
+    all_solutions,
+    inverse_of,
+    reach_of,
+)
 from tcstudy.contact.path.follow import Follower
 from tcstudy.contact.path.problem import ParametricProblem
 from tcstudy.contact.path.query import solutions_at

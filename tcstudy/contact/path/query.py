@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.active_set import polished
 from tcstudy.contact.path.record import Path
 from tcstudy.contact.path.smooth import SmoothPath
+from tcstudy.contact.solution import polished
 from tcstudy.laws.laws import Laws
 
 Array = NDArray[np.float64]

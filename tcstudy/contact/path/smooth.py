@@ -20,7 +20,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.contact.factors import factor_free, with_diagonal
+from tcstudy.contact.newton import factor_free, with_diagonal
 from tcstudy.contact.path.problem import ParametricProblem
 from tcstudy.contact.path.record import Path
 from tcstudy.laws.laws import Laws

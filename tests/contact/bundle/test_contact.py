@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tcstudy.contact.bundle.contact import contact_oracle, solve_with_bundle
-from tcstudy.contact.contact import solve_contact
-from tcstudy.contact.problem import ContactProblem
-from tcstudy.contact.status import Status
+from tcstudy.contact.bundle import contact_oracle, solve_with_bundle
+from tcstudy.contact.problem import ContactProblem, Status
+from tcstudy.contact.solve import solve_contact
 from tcstudy.laws.shapes import linear, piecewise_linear, tresca
 from tcstudy.scene.study import EXACT
 from tests.contact import contact_cases as cases

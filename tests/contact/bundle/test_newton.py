@@ -9,9 +9,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from tcstudy.contact.bundle.newton import BundleNewton, Oracle, State
-from tcstudy.contact.bundle.simplex_qp import direction, dual_decrease, positive_definite
-from tcstudy.contact.status import Outcome, Status
+from tcstudy.contact.bundle import BundleNewton, Oracle, State
+from tcstudy.contact.problem import Outcome, Status
+from tcstudy.contact.simplex_qp import direction, dual_decrease, positive_definite
 
 from . import tr798
 from .scalable import Problem, affine_maximum, published, random_problem, slopes, sum_of_moduli

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
 from tcstudy.contact.history.steps import history
-from tcstudy.contact.status import Status
+from tcstudy.contact.problem import Status
 from tcstudy.laws.laws import Laws
 from tcstudy.matrices import law
 from tcstudy.scene.histories import HistoryBranch, Memory

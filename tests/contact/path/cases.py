@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.contact import nearest_minimum
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path
+from tcstudy.contact.solve import nearest_minimum
 from tcstudy.laws.laws import Laws
 from tests.contact import contact_cases as cases
 

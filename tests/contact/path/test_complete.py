@@ -8,8 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from tcstudy.contact.all_solutions import all_solutions
-from tcstudy.contact.boxes import Limits
+from tcstudy.contact.all_solutions import Limits, all_solutions
 from tcstudy.contact.path.complete import _even, all_branches
 from tcstudy.contact.path.problem import ParametricProblem
 from tcstudy.contact.path.record import Path, PathStatus

@@ -21,7 +21,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.contact.factors import cholesky
+from tcstudy.contact.newton import cholesky
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
