@@ -30,20 +30,29 @@ from tcstudy.accuracy.orders import (
     smooth_up_to,
     smoothness,
 )
-from tcstudy.data.files import check_writable
 from tcstudy.data.measured import BY_ITSELF, ERRORS, LEVELS, NUMBERS, VERDICTS, Measured, convergence_record
-from tcstudy.data.provenance import collect, tell
 from tcstudy.data.records import PointStatus
-from tcstudy.data.store import missing, write_record
+from tcstudy.data.store import missing
 from tcstudy.data.writer import geometry_place, outer_axes
-from tcstudy.errors import ConvergenceError, GeometryFailed, StoreError
+from tcstudy.errors import ConvergenceError, GeometryFailed
 from tcstudy.exact.numbers import exact_energy, exact_friction_resultant, exact_slip_length
 from tcstudy.fem.meshes import graded_points
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Acceptance, Study, Variant
-from tcstudy.study.lint import once, warnings
-from tcstudy.study.reference import Errors, ExactReference, FineReference, Reference, with_meaning
-from tcstudy.study.solved_levels import BARE, Length, Say, Solution, SolvedLevel, solve_levels
+from tcstudy.study.lint import once
+from tcstudy.study.reference import (
+    BARE,
+    Errors,
+    ExactReference,
+    FineReference,
+    Length,
+    Reference,
+    Say,
+    Solution,
+    SolvedLevel,
+    solve_levels,
+)
+from tcstudy.study.run import to_file
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -57,26 +66,25 @@ NOTABLE = 0.1
 
 
 def orders_to_expect(study: Study, finest: SolvedLevel, solution: Solution, scene: Scene) -> dict[str, Expected]:
-    """Expected orders from the corners and from stick and slip on the finest level, or as the study gives them."""
-    mixed = solution.ok and bool(solution.sticks.any()) and not bool(solution.sticks.all())
-    if study.exact is not None:
-        return expected_orders(smooth_up_to(study.exact.exponent, _held_ends(finest, solution), mixed))
+    """Expected orders from the corners and from stick and slip on the finest level, or as the study gives them.
 
+    Of the contact nodes beside held ones those that carry next to no ξ make no difference.
+    """
+    sticks = solution.sticks
+    mixed = solution.ok and 0 < int(np.count_nonzero(sticks)) < len(sticks)
+    if study.exact is not None:
+        ends = HeldEnds()
+        if solution.ok:
+            size = np.abs(solution.xi)
+            held = finest.line.next_to_held & (size > NOTABLE * np.max(size, initial=0.0))
+            ends = HeldEnds(slip=bool((held & ~sticks).any()), stick=bool((held & sticks).any()))
+        return expected_orders(smooth_up_to(study.exact.exponent, ends, mixed))
     places = finest.mesh.points[finest.line.nodes]
-    near = sticking_near(finest.edges if solution.ok else (), places, solution.sticks)
-    corners = vertices(scene, near)
+    corners = vertices(scene, sticking_near(finest.edges if solution.ok else (), places, sticks))
     graded = graded_points(study)
     apart = 1e-6 * max((math.hypot(*point) for point, _ in graded), default=0.0)
     mus = [next((mu for point, mu in graded if math.dist(point, one.at) <= apart), 1.0) for one in corners or ()]
     return expected_orders(smoothness(corners, mixed, mus, loads=scene.material.expands))
-
-
-def _held_ends(finest: SolvedLevel, solution: Solution) -> HeldEnds:
-    """What the contact nodes beside held ones do; those that carry next to no ξ make no difference."""
-    if not solution.ok:
-        return HeldEnds()
-    held = finest.line.next_to_held & (np.abs(solution.xi) > NOTABLE * np.max(np.abs(solution.xi), initial=0.0))
-    return HeldEnds(slip=bool((held & ~solution.sticks).any()), stick=bool((held & solution.sticks).any()))
 
 
 def own_error(order: float) -> float:
@@ -129,8 +137,8 @@ def without_errors(study: Study) -> str:
 
 def converge_to_file(
     study: Study, path: Path, say: Say, command: Sequence[str] = ("tcstudy",), length: Length = BARE
-) -> int:
-    """Measure the convergence of a study into a file; returns the number of solutions that failed.
+) -> None:
+    """Measure the convergence of a study into a file.
 
     Raises ConvergenceError if the study's levels do not suit, StoreError if the file cannot be written, GeometryFailed
     if the body cannot be meshed.
@@ -140,28 +148,17 @@ def converge_to_file(
     if study.mesh.strategy.adapts:
         what = "adaptive meshes have no common h to show rates over, and they come with their own error estimates"
         raise ConvergenceError(f"{what}; use tcstudy run or tcstudy cost, or --set mesh.family=uniform")
-    if problems := check_writable(path, 1_000_000):
-        raise StoreError("; ".join(problems))
-    tell(remarks := warnings(study))
-    measured = converge(study, say, length)
-    write_record(path, study, convergence_record(study, measured), collect(study, command, remarks=remarks))
-    return int(np.count_nonzero([point["status"] != PointStatus.OK for point in measured.points]))
+    to_file(path, study, command, lambda: convergence_record(study, converge(study, say, length)))
 
 
 def converge(study: Study, say: Say = lambda text: None, length: Length = BARE) -> Measured:
-    """The convergence of a study.
+    """The convergence of a study; of several geometries each is measured on its own levels.
 
     say: called with a line of text as work goes on;  length: how that has h
     Raises GeometryFailed if the body cannot be meshed, of several geometries if none can.
     """
-    return (_of_geometries if study.variants else _of_body)(study, say, length)
-
-
-def _of_geometries(study: Study, say: Say, length: Length) -> Measured:
-    """The convergence of all geometries, each measured on its own levels.
-
-    Raises GeometryFailed if none has a mesh.
-    """
+    if not study.variants:
+        return _of_body(study, say, length)
     found: list[tuple[Variant, Measured]] = []
     lost: list[tuple[Variant, str]] = []
     for variant in study.variants:
@@ -185,9 +182,10 @@ def _of_geometries(study: Study, say: Say, length: Length) -> Measured:
             points[place] = point
         for name, values in meshes.items():
             values[geometry_place(study, variant)] = one.meshes[name]
-    words = list(dict.fromkeys(one.reference for _, one in found))
+    words = dict.fromkeys(one.reference for _, one in found)
     notes = [f"refused, {variant.words}: {reason}" for variant, reason in lost]
-    notes += map(str, once([(variant.words, one.notes) for variant, one in found]))
+    for note in once([(variant.words, one.notes) for variant, one in found]):
+        notes.append(str(note) if note.where else f"each geometry: {note.text}")  # which may have counts of one
     return Measured(points, meshes, "; or ".join(words), notes)
 
 
@@ -248,14 +246,11 @@ def _point(
 ) -> dict[str, Any]:
     """What the file has of a point, by name: its status, errors with their rates, numbers with their limits."""
     solutions = [level.solutions[index] for level in levels]
-    h = np.array([level.h_max for level in levels])
-    ok = np.array([s.ok for s in solutions])
+    h, ok = np.array([level.h_max for level in levels]), np.array([s.ok for s in solutions])
     point: dict[str, Any] = {"status": np.array([s.status for s in solutions], dtype=np.int8)}
     expected = orders_to_expect(study, levels[-1], solutions[-1], scene)
-    found: list[Errors] = [{} for _ in levels]
-    for i in np.flatnonzero(compared):  # of none without a reference
-        assert reference is not None
-        found[i] = with_meaning(reference.errors(levels[i], index, scene), scene)
+    found: list[Errors] = [reference.errors(one, index, scene) if reference is not None and used else {}
+                           for one, used in zip(levels, compared, strict=True)]  # fmt: skip
     size = float(np.linalg.norm(np.ptp(levels[-1].mesh.points, axis=0)))
     nested, aim = study.exact is None, Acceptance(study.solver.tolerance).aim
     for name in (measure.name for measure in ERRORS):
@@ -264,10 +259,9 @@ def _point(
         point |= {f"{part}_{name}": value for part, value in series.items()}
     for name, stored in BY_ITSELF.items():
         point[name] = np.array([s.numbers.get(stored, np.nan) for s in solutions])
-    exact = {}
-    if isinstance(reference, ExactReference):
-        assert study.exact is not None
-        exact = {
+    exact = {"heat_balance": 0.0}
+    if isinstance(reference, ExactReference) and study.exact is not None:
+        exact |= {
             "friction_resultant": exact_friction_resultant(scene, reference.xi(scene)),
             "energy": exact_energy(study.exact, scene, levels[-1].mesh),
             "slip_length": exact_slip_length(study.exact, scene),
@@ -276,15 +270,12 @@ def _point(
         values = np.array([s.numbers.get(name, np.nan) for s in solutions])
         if not np.isfinite(values).any():
             continue
-        parts = {
-            "value": values,
-            **dict.fromkeys(("order", "limit", "uncertainty", "limit_order"), np.nan),
-            "exact": 0.0,
-        }
+        parts: dict[str, Any] = dict.fromkeys(("order", "limit", "uncertainty", "limit_order"), np.nan)
         if name != "heat_balance":  # rounding on every level: nothing to extrapolate
             limit = richardson(h, values, ok)
-            parts |= {"order": limit.orders, "limit": limit.value, "uncertainty": limit.uncertainty}
-            parts |= {"limit_order": limit.order, "exact": exact.get(name, np.nan)}
+            parts = {"order": limit.orders, "limit": limit.value, "uncertainty": limit.uncertainty}
+            parts["limit_order"] = limit.order
+        parts |= {"value": values, "exact": exact.get(name, np.nan)}
         point |= {f"{part}_{name}": value for part, value in parts.items()}
     return point
 

@@ -15,31 +15,37 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from tcstudy.accuracy.orders import dominated
-from tcstudy.data.files import check_writable
 from tcstudy.data.measured import BOUND, COST_TABLE, MEASURES, OWN, STAGES
-from tcstudy.data.provenance import collect, tell
 from tcstudy.data.records import PointStatus
-from tcstudy.data.store import Record, missing, write_record
-from tcstudy.errors import CostError, GeometryFailed, StoreError
+from tcstudy.data.store import Record, missing
+from tcstudy.errors import CostError, GeometryFailed
 from tcstudy.fem.meshes import graded_points
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.scene.study import FAMILIES, SOLVERS, TO_TOLERANCE, FamilyName, Goal, MeshPlan, Study
-from tcstudy.study.lint import warnings
 from tcstudy.study.point import solve_point
-from tcstudy.study.reference import Errors, ExactReference, FineReference, Reference, with_meaning
-from tcstudy.study.run import stages
-from tcstudy.study.solved_levels import SolvedLevel, empty_level, solution_of
+from tcstudy.study.reference import (
+    Errors,
+    ExactReference,
+    FineReference,
+    Reference,
+    Solution,
+    SolvedLevel,
+    empty_level,
+    solution_of,
+)
+from tcstudy.study.run import stages, to_file
 
-Array = NDArray[np.float64]
 Progress = Callable[[str, float | None], None]
 """(what is being done, seconds left if known)."""
+Times = dict[str, float]
+"""Wall time of one solution, from the body to its displacements, by STAGES [s]."""
+Relative = dict[tuple[str, int, str], dict[str, float]]
+"""Relative errors by (family, level, solver)."""
 
 RUNS = 5
 """How often everything is timed."""
@@ -60,19 +66,13 @@ SAME = 1e-8
 
 def cost_to_file(
     study: Study, index: tuple[int, ...], point: str, runs: int, path: Path, progress: Progress, command: Sequence[str]
-) -> int:
-    """Measure accuracy against cost at one sweep point into a file; returns the number of solutions that failed.
+) -> None:
+    """Measure accuracy against cost at one sweep point into a file. point: its labels.
 
     Raises CostError, StoreError if the file cannot be written, GeometryFailed if the body cannot be meshed.
     """
-    if problems := check_writable(path, 1_000_000):
-        raise StoreError("; ".join(problems))
-    tell(remarks := warnings(at_point(study, index)))
-    with threadpool_limits(1, user_api="blas"):
-        cost = measure(study, index, runs, progress)
-    cost = replace(cost, attributes={**cost.attributes, "point": point})
-    write_record(path, study, cost, collect(study, command, remarks=remarks))
-    return int(np.count_nonzero(~np.isin(cost.values["status"], (PointStatus.OK, PointStatus.NOT_RUN))))
+    alone = at_point(study, index)
+    to_file(path, study, command, lambda: measure(alone, runs, progress, {"point": point}), alone)
 
 
 def at_point(study: Study, index: tuple[int, ...]) -> Study:
@@ -90,63 +90,110 @@ def at_point(study: Study, index: tuple[int, ...]) -> Study:
     return replace(study, scenes=(study.scenes[row],), axes=())
 
 
-def measure(study: Study, index: tuple[int, ...], runs: int, progress: Progress) -> Record:
-    """Errors and wall times of one sweep point on all families with all solvers.
+def measure(study: Study, runs: int, progress: Progress, told: dict[str, Any] | None = None) -> Record:
+    """Errors and wall times of a study of one point on all families with all solvers.
 
-    index: which sweep point;  runs: how often everything is timed
+    runs: how often everything is timed;  told: attributes of the record
     Raises CostError if no mesh could be solved, GeometryFailed if the body cannot be meshed.
     """
-    study = at_point(study, index)
     (scene,) = study.scenes
     what = "materials differ by region" if scene.material.regions else "friction differs along the contact line"
     if (scene.material.regions or isinstance(scene.friction, EdgeLaws)) and study.mesh.goal.quantity != "energy":
         raise CostError(f"{what}, and errors of goals are not estimated then; set mesh.goal=energy")
-    names = dict.fromkeys((*study.solver.names, *SOLVERS))
-    study = replace(study, solver=replace(study.solver, names=tuple(names)))
+    study = replace(study, solver=replace(study.solver, names=tuple(dict.fromkeys((*study.solver.names, *SOLVERS)))))
     clock, notes = time.perf_counter(), list[str]()
     curves = first_run(study, progress, notes)
     first = time.perf_counter() - clock
-    errors, words, own_error = errors_of(study, curves, progress)
-    if study.mesh.guarantee:
-        for curve in curves:
-            add_bounds(study, curve, errors, progress)
+    reference, words, own_error = reference_of(study, curves, progress)
+    errors = errors_of(study, curves, reference, progress)
+    for curve in curves if study.mesh.guarantee else ():
+        add_bounds(study, curve, errors, progress)
     for run in range(1, runs):
         progress(f"run {run + 1} of {runs}", first * (runs - run))
         turn = run % len(curves)
         for curve in curves[turn:] + curves[:turn]:
-            curve.time_again(study)
-    return _record(study, curves, errors, notes, {"reference": words, "reference_error": float(own_error)})
+            known = curve.levels
+            steps = walk(study, curve.plan, lambda name, level, known=known: name in known[level].solutions)  # type: ignore[misc]
+            curve.times.append([times for _, times in islice(steps, len(known))])
+    told = {"reference": words, "reference_error": own_error, "runs": np.int32(runs), **(told or {})}
+    return _record(study, curves, errors, notes, told)
+
+
+@dataclass
+class CostCurve:
+    """The measured levels of one family.
+
+    own:    level of the study's own settings, None if the family is not the study's
+    levels: what the solvers found on them, by name;  times: by run and level, of each solver
+    """
+
+    family: str
+    plan: MeshPlan
+    own: int | None = None
+    levels: list[SolvedLevel] = field(default_factory=list)
+    times: list[list[dict[str, Times]]] = field(default_factory=lambda: [[]])
+
+    @property
+    def next(self) -> float:
+        """Unknowns to expect of the next level: a uniform one has four times as many, an adaptive step may add few."""
+        *before, last = (level.n_dof for level in self.levels)
+        return last * (last / before[-1] if before else self.plan.strategy.least_growth)
+
+    def follow(self, study: Study, progress: Progress, notes: list[str]) -> Iterator[int]:
+        """Solve the levels and keep them, as far as the caller goes on, with all solvers that are worth the wait; the
+        unknowns of each."""
+        dropped: set[str] = set()
+        try:
+            for level, taken in walk(study, self.plan, lambda name, _: name not in dropped):
+                self.times[0].append(taken)
+                self.levels.append(level)
+                i = len(self.levels) - 1
+                progress(f"{self.family}, level {i}: {level.n_dof} dofs", None)
+                for name, times in list(taken.items())[1:]:
+                    solve = times["solve"]
+                    other = sum(times.values()) - solve
+                    if solve > PATIENCE and solve > WORTH * other:
+                        dropped.add(name)
+                        notes.append(
+                            f"{name} is not followed beyond level {i} of the {self.family} meshes: there its solution "
+                            f"took {solve:.1f} s, {solve / other:.0f} times all other work."
+                        )
+                yield level.n_dof
+        except GeometryFailed as error:
+            if not self.levels:
+                raise
+            notes.append(f"{self.family} meshes end at level {len(self.levels) - 1}: {error}")
 
 
 def first_run(study: Study, progress: Progress, notes: list[str]) -> list[CostCurve]:
     """Solve everything once; the study's own meshes come first, since they say how far the others go."""
-    mesh = study.mesh
+    mesh, limit = study.mesh, math.inf
     own = CostCurve(OWN, mesh)
     if mesh.tolerance is None and not mesh.listed and not mesh.estimate:  # their finest is a point of a family's curve
         own = CostCurve(mesh.family, family_plan(mesh, mesh.family))
-    for _ in own.first_run(study, progress, notes):
-        full = mesh.strategy.adapts and own.n_dof > mesh.max_dofs
-        if own.own is None and (len(own.solved) == mesh.levels or full):
-            own.own, limit = len(own.solved) - 1, _limit(own)
-        if own.own is not None and own.next > limit:
+
+    def reached(n_dof: int) -> float:
+        """Unknowns up to which curves go, as the study's own mesh, reached just now, has so many."""
+        own.own = len(own.levels) - 1
+        return max(float(n_dof), min(BEYOND * n_dof, MOST))
+
+    for n_dof in own.follow(study, progress, notes):
+        if own.own is None and (len(own.levels) == mesh.levels or (mesh.strategy.adapts and n_dof > mesh.max_dofs)):
+            limit = reached(n_dof)
+        if own.next > limit:
             break
     if own.own is None:
-        own.own, limit = len(own.solved) - 1, _limit(own)
+        limit = reached(own.levels[-1].n_dof)
     twin = ""
     if not graded_points(replace(study, mesh=family_plan(mesh, "graded"))):
         twin = "uniform" if own.family == "graded" else "graded"
         notes.append("Graded and uniform meshes are the same here, as nothing is singular; they are shown once.")
     others = [CostCurve(name, family_plan(mesh, name)) for name in FAMILIES if name not in (own.family, twin)]
     for curve in others:
-        for _ in curve.first_run(study, progress, notes):
+        for _ in curve.follow(study, progress, notes):
             if curve.next > limit:
                 break
     return sorted((own, *others), key=lambda curve: (*FAMILIES, OWN).index(curve.family))
-
-
-def _limit(own: CostCurve) -> float:
-    """Unknowns up to which curves go, as the study's own mesh, reached just now, has so many."""
-    return max(float(own.n_dof), min(BEYOND * own.n_dof, MOST))
 
 
 def family_plan(plan: MeshPlan, family: FamilyName) -> MeshPlan:
@@ -155,104 +202,15 @@ def family_plan(plan: MeshPlan, family: FamilyName) -> MeshPlan:
     return replace(own, tolerance=None, max_dofs=10**9, estimate=False, guarantee=False)
 
 
-@dataclass
-class CostCurve:
-    """The measured levels of one family.
-
-    own:    level of the study's own settings, None if the family is not the study's
-    solved: by level what its solvers found, by name;  stages: by run and level what that took
-    """
-
-    family: str
-    plan: MeshPlan
-    own: int | None = None
-    solved: list[dict[str, SolvedLevel]] = field(default_factory=list)
-    stages: list[list[dict[str, Stages]]] = field(default_factory=list)
-
-    @property
-    def sizes(self) -> list[int]:
-        """Unknowns by level."""
-        return [next(iter(found.values())).n_dof for found in self.solved]
-
-    @property
-    def n_dof(self) -> int:
-        """Unknowns of the last level."""
-        return self.sizes[-1]
-
-    @property
-    def next(self) -> float:
-        """Those to expect of the next: a uniform level has four times as many, an adaptive step may add few."""
-        sizes = self.sizes
-        return sizes[-1] * (sizes[-1] / sizes[-2] if len(sizes) > 1 else self.plan.strategy.least_growth)
-
-    def first_run(self, study: Study, progress: Progress, notes: list[str]) -> Iterator[None]:
-        """Solve the levels and keep them, as far as the caller goes on, with all solvers that are worth the wait."""
-        dropped: set[str] = set()
-        self.stages.append([])
-        try:
-            for step in walk(study, self.plan, lambda name, _: name not in dropped):
-                self.stages[-1].append(step.stages)
-                self.solved.append(step.solved)
-                progress(f"{self.family}, level {len(self.solved) - 1}: {self.n_dof} dofs", None)
-                for name, taken in list(step.stages.items())[1:]:
-                    other = taken.total - taken.solve
-                    if taken.solve > PATIENCE and taken.solve > WORTH * other:
-                        dropped.add(name)
-                        notes.append(
-                            f"{name} is not followed beyond level {len(self.solved) - 1} of the {self.family} meshes: "
-                            f"there its solution took {taken.solve:.1f} s, {taken.solve / other:.0f} times all other "
-                            "work."
-                        )
-                yield
-        except GeometryFailed as error:
-            if not self.solved:
-                raise
-            notes.append(f"{self.family} meshes end at level {len(self.solved) - 1}: {error}")
-
-    def time_again(self, study: Study) -> None:
-        """Time the levels once more, from nothing."""
-        self.stages.append([])
-        for step in walk(study, self.plan, lambda name, level: name in self.solved[level]):
-            self.stages[-1].append(step.stages)
-            if len(self.stages[-1]) == len(self.solved):
-                break
-
-
-@dataclass(frozen=True)
-class Stages:
-    """Wall time of one solution, from the body to its displacements [s].
-
-    mesh:     geometry and meshing;  assemble: matrices and contact line
-    condense: factorisation, temperature, condensed load, certificates and the way back to the body
-    solve:    the contact problem;  steps: all levels before, with their estimates, where the mesh depends on them
-    """
-
-    mesh: float
-    assemble: float
-    condense: float
-    solve: float
-    steps: float
-
-    @property
-    def total(self) -> float:
-        """Everything [s]."""
-        return self.mesh + self.assemble + self.condense + self.solve + self.steps
-
-
-class MeasuredLevel(NamedTuple):
-    """One level of a walk: what came of the solvers that were run, and how long it took, by name.
-
-    estimate: estimated relative error in the energy norm, NaN where the family needs none
-    """
-
-    solved: dict[str, SolvedLevel]
-    stages: dict[str, Stages]
-    estimate: float
-
-
-def walk(study: Study, plan: MeshPlan, wanted: Callable[[str, int], bool]) -> Iterator[MeasuredLevel]:
+def walk(
+    study: Study, plan: MeshPlan, wanted: Callable[[str, int], bool] = lambda name, level: False
+) -> Iterator[tuple[SolvedLevel, dict[str, Times]]]:
     """Run a study of one point level by level; the first of its solvers decides about meshes, others take turns there.
 
+    Each level with what came of the solvers that were run, and how long it took, by name: mesh: geometry and meshing;
+    assemble: matrices and contact line; condense: factorisation, temperature, condensed load, certificates and the way
+    back to the body; solve: the contact problem; steps: all levels before, with their estimates, where the mesh
+    depends on them.
     wanted: which other solvers to run on which level. Raises GeometryFailed if the body cannot be meshed.
     """
     first, *others = study.solver.names
@@ -271,52 +229,69 @@ def walk(study: Study, plan: MeshPlan, wanted: Callable[[str, int], bool]) -> It
         found = {name: solution_of(alone, level, one) for name, one in blocks.items()}
         spent = {name: one.numbers.get("time_solve", math.nan) for name, one in found.items()}
         meshing = times.mesh if plan.listed else meshing + times.mesh
-        shared, taken = times.points - spent[first], dict[str, Stages]()
+        shared, taken = times.points - spent[first], dict[str, Times]()
         for name, solve in spent.items():
             made = times.geometry + (times.mesh if plan.open_ended else meshing)
             steps = before[name] + (times.estimate if plan.tolerance is not None else 0.0)
-            taken[name] = Stages(made, times.assemble, shared, solve, steps)
+            taken[name] = dict(zip(STAGES, (made, times.assemble, shared, solve, steps), strict=True))
             if plan.open_ended:
                 before[name] += times.mesh + times.assemble + shared + solve + times.estimate
-        empty = empty_level(study, level)
-        solved = {name: replace(empty, solutions={(): one}) for name, one in found.items()}
-        yield MeasuredLevel(solved, taken, found[first].numbers.get("error_estimate", math.nan))
+        yield replace(empty_level(study, level), solutions=found), taken
         if stop:
             return
 
 
-def errors_of(
-    study: Study, curves: list[CostCurve], progress: Progress
-) -> tuple[dict[tuple[str, int, str], dict[str, float]], str, float]:
-    """Relative errors by (family, level, solver), what they are measured against, and the reference's own error.
+def reference_of(study: Study, curves: list[CostCurve], progress: Progress) -> tuple[Reference, str, float]:
+    """What errors are measured against, in words, and its own estimated relative error: the exact solution, or that on
+    an adaptive mesh.
+
+    Raises CostError if it is not solved, GeometryFailed if there is no mesh that is fine enough.
+    """
+    if study.exact is not None:
+        return ExactReference(study.exact), "the exact solution", 0.0
+    finest = max(curve.levels[-1].n_dof for curve in curves)
+    least = max(LEAST * finest, min(FINER * finest, LARGEST))
+    plan = replace(family_plan(study.mesh, TO_TOLERANCE), goal=Goal(), marking=max(study.mesh.marking, 0.7))
+    best: SolvedLevel | None = None
+    try:
+        for best, _ in walk(study, plan):
+            progress(f"reference: {best.n_dof} of at least {least:.0f} dofs", None)
+            if best.n_dof >= least:
+                break
+    except GeometryFailed:  # triangles too small for the mesher: the mesh before serves if it is fine enough
+        if best is None or best.n_dof < least * LEAST / FINER:
+            raise
+    assert best is not None
+    (found,) = best.solutions.values()
+    if found.status != PointStatus.OK:
+        why = found.reason or found.status.name.lower()
+        raise CostError(f"the reference, an adaptive mesh of {best.n_dof} dofs, was not solved: {why}")
+    error = found.numbers.get("error_estimate", math.nan)
+    words = f"adaptive mesh of {best.n_dof} dofs, with an estimated error of {100 * error:.2g} % in energy"
+    return FineReference(replace(best, solutions=dict.fromkeys(study.solver.names, found))), words, error
+
+
+def errors_of(study: Study, curves: list[CostCurve], reference: Reference, progress: Progress) -> Relative:
+    """Relative errors of all curves, over the norms on the finest mesh.
 
     Raises CostError if there is no solution to compare with.
     """
-    words, own_error, scene = "the exact solution", 0.0, study.scenes[0]
-    if study.exact is not None:
-        reference: Reference = ExactReference(study.exact)
-    else:
-        finest_dofs = max(curve.n_dof for curve in curves)
-        least = max(LEAST * finest_dofs, min(FINER * finest_dofs, LARGEST))
-        best, own_error = _reference(study, least, progress)
-        reference = FineReference(best)
-        words = f"adaptive mesh of {best.n_dof} dofs, with an estimated error of {100 * own_error:.2g} % in energy"
-    found, sizes, finest = {}, {}, 0
+    (scene,) = study.scenes
+    found, sizes, finest = dict[tuple[str, int, str], Errors](), dict[str, float](), 0
     for curve in curves:
-        for level, by_solver in enumerate(curve.solved):
-            progress(f"errors of {curve.family}, level {level}", None)
-            known: list[tuple[SolvedLevel, Errors]] = []
-            for name, one in by_solver.items():
-                errors = next((e for other, e in known if _same(one, other)), None)
-                if errors is None:
-                    errors = reference.errors(one, (), scene)
+        for i, level in enumerate(curve.levels):
+            progress(f"errors of {curve.family}, level {i}", None)
+            for name, one in level.solutions.items():
+                same = (found[curve.family, i, n] for n, other in level.solutions.items()
+                        if (curve.family, i, n) in found and _same(one, other))  # fmt: skip
+                if (errors := next(same, None)) is None:
+                    errors = reference.errors(level, name, scene)
                     for what, value in reference.numbers(scene).items():
                         if math.isfinite(value):
-                            errors[what] = abs(one.solutions[()].numbers.get(what, math.nan) - value), abs(value)
-                    known.append((one, errors := with_meaning(errors, scene)))
-                found[curve.family, level, name] = errors
-                if one.n_dof > finest and errors:
-                    finest, sizes = one.n_dof, {measure: size for measure, (_, size) in errors.items()}
+                            errors[what] = abs(one.numbers.get(what, math.nan) - value), abs(value)
+                found[curve.family, i, name] = errors
+                if level.n_dof > finest and errors:
+                    finest, sizes = level.n_dof, {measure: size for measure, (_, size) in errors.items()}
     relative = {
         key: {measure: e / sizes[measure] for measure, (e, _) in errors.items() if sizes.get(measure, 0.0) > 0.0}
         for key, errors in found.items()
@@ -324,85 +299,50 @@ def errors_of(
     if not any(relative.values()):
         remedy = "give it a load, for example by --set, or name a sweep point that has one by --at"
         raise CostError(f"nothing loads this scene: its solution is zero, and errors have no size; {remedy}")
-    return relative, words, own_error
+    return relative
 
 
-def add_bounds(
-    study: Study, curve: CostCurve, errors: dict[tuple[str, int, str], dict[str, float]], progress: Progress
-) -> None:
+def add_bounds(study: Study, curve: CostCurve, errors: Relative, progress: Progress) -> None:
     """Add the proved bounds of the error on all levels of a family, found by a walk of its own, which is not timed."""
-    plan, first = replace(curve.plan, guarantee=True), study.solver.names[0]
-    for level, step in enumerate(islice(walk(study, plan, lambda name, level: False), len(curve.solved))):
-        progress(f"bounds of {curve.family}, level {level}", None)
-        bound = step.solved[first].solutions[()].numbers.get("error_bound_relative", math.nan)
-        for name, one in curve.solved[level].items():
-            if math.isfinite(bound) and _same(one, curve.solved[level][first]):
-                errors[curve.family, level, name][BOUND.name] = bound
+    first = study.solver.names[0]
+    for i, (level, _) in zip(range(len(curve.levels)), walk(study, replace(curve.plan, guarantee=True)), strict=False):
+        progress(f"bounds of {curve.family}, level {i}", None)
+        bound, known = level.solutions[first].numbers.get("error_bound_relative", math.nan), curve.levels[i].solutions
+        for name, one in known.items():
+            if math.isfinite(bound) and _same(one, known[first]):
+                errors[curve.family, i, name][BOUND.name] = bound
 
 
-def _same(one: SolvedLevel, other: SolvedLevel) -> bool:
+def _same(a: Solution, b: Solution) -> bool:
     """Whether two solvers found the same solution on one mesh."""
-    a, b = one.solutions[()], other.solutions[()]
     if a.u is None or b.u is None:
         return False
     return float(np.max(np.abs(a.v - b.v), initial=0.0)) <= SAME * float(np.max(np.abs(a.v), initial=0.0))
 
 
-def _reference(study: Study, least: float, progress: Progress) -> tuple[SolvedLevel, float]:
-    """The solution on an adaptive mesh of at least so many unknowns, and its estimated relative error.
-
-    Raises CostError if it is not solved, GeometryFailed if there is no mesh that is fine enough.
-    """
-    plan = replace(family_plan(study.mesh, TO_TOLERANCE), goal=Goal(), marking=max(study.mesh.marking, 0.7))
-    step = None
-    try:
-        for step in walk(study, plan, lambda name, level: False):
-            (best,) = step.solved.values()
-            progress(f"reference: {best.n_dof} of at least {least:.0f} dofs", None)
-            if best.n_dof >= least:
-                break
-    except GeometryFailed:  # triangles too small for the mesher: the mesh before serves if it is fine enough
-        if step is None or best.n_dof < least * LEAST / FINER:
-            raise
-    assert step is not None
-    found = best.solutions[()]
-    if found.status != PointStatus.OK:
-        why = found.reason or found.status.name.lower()
-        raise CostError(f"the reference, an adaptive mesh of {best.n_dof} dofs, was not solved: {why}")
-    return best, step.estimate
-
-
-def _record(
-    study: Study,
-    curves: list[CostCurve],
-    errors: dict[tuple[str, int, str], dict[str, float]],
-    notes: list[str],
-    told: dict[str, Any],
-) -> Record:
+def _record(study: Study, curves: list[CostCurve], errors: Relative, notes: list[str], told: dict[str, Any]) -> Record:
     """All curves as arrays, padded to the longest. told: attributes of the reference."""
-    solvers, runs = study.solver.names, len(curves[0].stages)
-    levels = max(len(curve.solved) for curve in curves)
-    sizes = {"family": len(curves), "solver": len(solvers), "level": levels, "run": runs}
+    solvers, levels = study.solver.names, max(len(curve.levels) for curve in curves)
+    sizes = {"family": len(curves), "solver": len(solvers), "level": levels, "run": len(curves[0].times)}
     measured = [m.name for m in MEASURES if any(m.name in one for one in errors.values())]
     wanted = {f"{what}_{name}" for what in ("error", "dominated") for name in measured}
     table = [v for v in COST_TABLE if v.name in wanted or not v.name.startswith(("error_", "dominated_"))]
     values: dict[str, Any] = {v.name: missing(v, tuple(sizes[dim] for dim in v.dims)) for v in table}
     values |= {"family": [curve.family for curve in curves], "solver": solvers}
-    values |= {"level": np.arange(levels), "run": np.arange(runs)}
+    values |= {"level": np.arange(levels), "run": np.arange(sizes["run"])}
     values["reason"][:] = ""
     for f, curve in enumerate(curves):
-        for level, by_solver in enumerate(curve.solved):
-            for solver, one in by_solver.items():
-                at, own = (f, solvers.index(solver), level), [run[level][solver] for run in curve.stages]
-                best, found = min(own, key=lambda taken: taken.total), one.solutions[()]
-                row = {"status": found.status, "reason": found.reason, "time": [taken.total for taken in own]}
-                row |= {f"time_{stage}": getattr(best, stage) for stage in STAGES}
-                row |= {f"error_{name}": error for name, error in errors[curve.family, level, solver].items()}
+        for i, level in enumerate(curve.levels):
+            for name, size in (("h_max", level.h_max), ("n_dof", level.n_dof), ("n_contact", len(level.line.nodes))):
+                values[name][f, i] = size
+            for solver, one in level.solutions.items():
+                own = [run[i][solver] for run in curve.times]
+                row = {"status": one.status, "reason": one.reason, "time": [sum(taken.values()) for taken in own]}
+                row |= {f"time_{stage}": t for stage, t in min(own, key=lambda taken: sum(taken.values())).items()}
+                row |= {f"error_{name}": error for name, error in errors[curve.family, i, solver].items()}
                 for name in row.keys() & values.keys():
-                    values[name][at] = row[name]
-                for name, size in (("h_max", one.h_max), ("n_dof", one.n_dof), ("n_contact", len(one.line.nodes))):
-                    values[name][f, level] = size
-    if any(curve.solved[-1][solvers[0]].solutions[()].numbers.get("unique") == 0 for curve in curves):
+                    values[name][f, solvers.index(solver), i] = row[name]
+    if any(curve.levels[-1].solutions[solvers[0]].numbers.get("unique") == 0 for curve in curves):
         notes.append(
             "The solution is not certified to be the only one: meshes and solvers may have found different ones, "
             "which shows as an error that does not fall."
@@ -413,4 +353,4 @@ def _record(
         values[f"dominated_{name}"] = dominated(fastest.ravel(), error.ravel()).reshape(error.shape)
     chosen = next(curve for curve in curves if curve.own is not None)
     own_level = {"own_family": chosen.family, "own_solver": solvers[0], "own_level": np.int32(chosen.own or 0)}
-    return Record("cost", COST_TABLE, values, told | own_level | {"runs": np.int32(runs), "notes": "\n".join(notes)})
+    return Record("cost", COST_TABLE, values, told | own_level | {"notes": "\n".join(notes)})

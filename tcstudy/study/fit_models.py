@@ -38,7 +38,7 @@ from tcstudy.study.fit_path import MovingPath
 from tcstudy.study.history_scene import STIFFNESS, with_stiffness
 from tcstudy.study.history_scene import followed as followed_steps
 from tcstudy.study.path_affine import affine_load, followed, straightened
-from tcstudy.study.sensitivities import Rates, rates_of
+from tcstudy.study.point import Rates, rates_of
 
 Array = NDArray[np.float64]
 DIFFERENCE = 1e-6

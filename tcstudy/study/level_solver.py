@@ -4,6 +4,9 @@ A block depends on the study and on the size of the contact line alone, so that 
 help with, has the same blocks and in them the same numbers, to the bit. Points of a block share λ/μ; their loads are
 rows of one array and their laws rows of one table (tcstudy.contact). Points for which the study names several solvers
 or the bundle method are solved one by one, here.
+
+The contact line has the normals of the exact curve: the mesh cuts arcs into chords; errors, and the exact solution as a
+start, belong to the curve.
 """
 
 from __future__ import annotations
@@ -12,6 +15,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -19,12 +23,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.accuracy.norms import Line
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.all_solutions import Limits
 from tcstudy.contact.problem import CondensedBody
 from tcstudy.contact.solve import solve_block
 from tcstudy.data.on_request import variables
 from tcstudy.data.records import BlockRecord, PointStatus
+from tcstudy.exact.numbers import exact_u_T
 from tcstudy.executors import TIMEOUT, Job, SerialExecutor, WorkersFailed, timed
 from tcstudy.laws.composed import row_laws
 from tcstudy.offline.error_bound import ErrorBounds
@@ -32,9 +38,8 @@ from tcstudy.offline.level import Level
 from tcstudy.refine.family import ErrorEstimator
 from tcstudy.scene.points import combinations, of_stiffness
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import Study
-from tcstudy.study.point import all_failed, block_record, solve_point
-from tcstudy.study.starts import Solutions, contact_line, exact_at
+from tcstudy.scene.study import Exact, Study
+from tcstudy.study.point import all_failed, block_record, derivatives_of, solve_point
 
 Array = NDArray[np.float64]
 Pending = Callable[[], BlockRecord]
@@ -54,6 +59,13 @@ class Times:
     assemble: float = 0.0
     points: float = 0.0
     estimate: float = 0.0
+
+    @contextmanager
+    def of(self, what: str) -> Iterator[None]:
+        """What is done within it takes so much more."""
+        clock = time.perf_counter()
+        yield
+        setattr(self, what, getattr(self, what) + time.perf_counter() - clock)
 
 
 @dataclass(frozen=True)
@@ -90,37 +102,38 @@ class LevelSolver:
 
         finished: what it left; its solutions start neighbours, and their errors are estimated again, since the next
                   mesh depends on them
-        A few blocks are prepared ahead, so that whoever solves them need not wait for loads.
+        A few blocks are prepared ahead, so that whoever solves them need not wait for loads; but not one that needs
+        the solutions of those before, or takes away the factor that these need to end.
         """
-        waiting: deque[tuple[Block, Pending]] = deque()
+        output, waiting = self.study.output, deque[tuple[Block, Pending]]()
         done = np.zeros(len(self.study.scenes), dtype=bool)
+        more = self.estimator is not None or self.study.mesh.guarantee or output.fields or output.asks
         for record in finished:
             done[record.points] = True
+            if self.estimator is not None:
+                record = self._completed(record)
             if self.solutions is not None:
                 self.solutions.take(record)
-            if self.estimator is not None:
-                self._completed(record)
+
+        def ready(block: Block | None) -> Iterator[BlockRecord]:
+            """The records of blocks on their way that must end before this one is started."""
+            while waiting and (
+                block is None
+                or len(waiting) > self.executor.ahead
+                or (self.solutions is not None and block.wave != waiting[-1][0].wave)
+                or (more and block.ratio != waiting[-1][0].ratio)
+            ):
+                for record in self._records(*waiting.popleft()):
+                    if self.solutions is not None:
+                        self.solutions.take(record)
+                    yield record
+
         for block in self.blocks:
-            while waiting and (len(waiting) > self.executor.ahead or self._must_wait(waiting[-1][0], block)):
-                yield from self._finish(*waiting.popleft())
+            yield from ready(block)
             left = replace(block, points=block.points[~done[block.points]])
             if len(left.points):
                 waiting.append((left, self._started(left)))
-        while waiting:
-            yield from self._finish(*waiting.popleft())
-
-    def _must_wait(self, last: Block, block: Block) -> bool:
-        """Whether a block needs the solutions of those before, or takes away the factor that these need to end."""
-        output = self.study.output
-        more = self.estimator is not None or self.study.mesh.guarantee or output.fields or output.asks
-        return (self.solutions is not None and block.wave != last.wave) or (more and block.ratio != last.ratio)
-
-    def _finish(self, block: Block, pending: Pending) -> Iterator[BlockRecord]:
-        """The records of a block; its solutions are kept where others begin from them."""
-        for record in self._records(block, pending):
-            if self.solutions is not None:
-                self.solutions.take(record)
-            yield record
+        yield from ready(None)
 
     def _records(self, block: Block, pending: Pending) -> Iterator[BlockRecord]:
         """All points at once; where that breaks down, half of them at a time, to find the one that does it.
@@ -128,22 +141,19 @@ class LevelSolver:
         Every failure becomes a status with its reason: one point must not end a sweep.
         """
         try:
-            record = self._completed(pending())
+            yield self._completed(pending())
+            return
         except WorkersFailed:
             raise
         except NotPositiveDefinite as error:
             status, reason = PointStatus.SINGULAR, str(error)
         except Exception as error:  # what it was stands in the data
             status, reason = PointStatus.ERROR, f"{type(error).__name__}: {error}"
-        else:
-            yield record
-            return
         if len(block.points) == 1:
             yield all_failed(self.study, self.level.mesh.level, block.points, status, reason)
             return
         halves = [replace(block, points=part) for part in np.array_split(block.points, 2)]
-        started = [self._started(half) for half in halves]
-        for half, one in zip(halves, started, strict=True):
+        for half, one in [(half, self._started(half)) for half in halves]:
             yield from self._records(half, one)
 
     def _started(self, block: Block) -> Pending:
@@ -173,13 +183,13 @@ class LevelSolver:
         if (key := (Level.ratio(scenes[0]), mu)) not in self.bodies:  # made once for blocks that follow one another
             self.bodies.clear()
             self.bodies[key] = CondensedBody.of(mu * condensed.A_tilde, condensed.c, condensed.lambda_1_error)
-        body, limits = self.bodies[key], Limits(plan.max_boxes, plan.max_seconds) if plan.every else None
-        name = f"level-{level.mesh.level} points {block.points.min()}-{block.points.max()}"
-        job = Job(timed, name, max(TIMEOUT, FACTORISATIONS / FLOPS * points * m**3 / 3.0))
-        if limits is not None:
-            job = replace(job, timeout=job.timeout + points * (limits.seconds + SLOWEST))
+        timeout, limits = max(TIMEOUT, FACTORISATIONS / FLOPS * points * m**3 / 3.0), None
+        if plan.every:
+            limits = Limits(plan.max_boxes, plan.max_seconds)
+            timeout += points * (limits.seconds + SLOWEST)
+        job = Job(timed, f"level-{level.mesh.level} points {block.points.min()}-{block.points.max()}", timeout)
         future = self.executor.submit(
-            job, solve_block, body, loads, laws, plan.branch, plan.tolerance, near, self.exact, limits
+            job, solve_block, self.bodies[key], loads, laws, plan.branch, plan.tolerance, near, self.exact, limits
         )
         return lambda: block_record(self.study, level, block.points, scenes, condensed, laws, *future.result())
 
@@ -192,14 +202,13 @@ class LevelSolver:
     def _requested(self) -> list[Callable[[Scene, Array], dict[str, Any]]]:
         """What gives the numbers on request of a scene and its u_T (m,), by variable name."""
         from tcstudy.offline.requested_outputs import RequestedOutputs  # only for a study that asks for more
-        from tcstudy.study.sensitivities import of_point
 
         output = self.study.output
         found: list[Callable[[Scene, Array], dict[str, Any]]] = []
         if output.probes or output.quantities:
             found.append(RequestedOutputs(self.level, output).of)
         if output.sensitivity:
-            found.append(lambda scene, v: of_point(self.level, scene, v, output.sensitivity))
+            found.append(lambda scene, v: derivatives_of(self.level, scene, v, output.sensitivity))
         return found
 
     def _completed(self, record: BlockRecord) -> BlockRecord:
@@ -213,12 +222,11 @@ class LevelSolver:
         fields, status, reasons = dict(record.fields), record.status.copy(), dict(record.reasons)
         for row in np.flatnonzero(record.status == PointStatus.OK).tolist():
             scene, v, found = self.study.scenes[int(record.points[row])], record.u_T[row], dict[str, Any]()
-            clock = time.perf_counter()
-            if guarantee:
-                found = self._bounds.look(scene, v)
-            if self.estimator is not None:
-                found |= self.estimator.look(record.index(row), scene, v, found.get("error_bound_relative"))
-            self.times.estimate += time.perf_counter() - clock
+            with self.times.of("estimate"):
+                if guarantee:
+                    found = self._bounds.look(scene, v)
+                if self.estimator is not None:
+                    found |= self.estimator.look(record.index(row), scene, v, found.get("error_bound_relative"))
             if output.fields and not record.fields:
                 for name, values in self.level.fields(scene, v).items():
                     fields.setdefault(name, np.full((len(record), len(values)), np.nan))[row] = values
@@ -300,3 +308,46 @@ def _waves(study: Study) -> Places:
     if study.solver.branch != "continued" or not study.shape:
         return np.zeros(len(study.scenes), dtype=np.intp)
     return np.asarray(sum(np.indices(study.shape)), dtype=np.intp).ravel()
+
+
+class Solutions:
+    """Contact solutions of a level found so far: where neighbours begin from."""
+
+    def __init__(self, study: Study, m: int, order: Places) -> None:
+        """m: contact unknowns;  order: (P,) places in the order in which they are solved"""
+        self._shape, self._rank = study.shape, np.argsort(order)
+        self._v = np.full((len(study.scenes), m), np.nan)
+
+    def take(self, block: BlockRecord) -> None:
+        """Remember a block's solutions."""
+        if block.u_T is not None:
+            ok = block.status == PointStatus.OK
+            self._v[block.points[ok]] = block.u_T[ok]
+
+    def beside(self, points: Places) -> Array:
+        """(P, m) the solutions one step back along the last sweep dimension that has a step back and a solution there.
+
+        NaN in rows without one. One that is solved later counts as none, so that a resumed run has the same bits.
+        """
+        found = np.full((len(points), self._v.shape[1]), np.nan)
+        index = np.array(np.unravel_index(points, self._shape)) if self._shape else np.zeros((0, len(points)), int)
+        for d in range(len(self._shape)):  # the last dimension overwrites those before
+            back = index.copy()
+            back[d] -= 1
+            inside = np.flatnonzero(back[d] >= 0)
+            before = np.ravel_multi_index(tuple(back[:, inside]), self._shape)
+            v = self._v[before]
+            known = ~np.isnan(v).any(axis=1) & (self._rank[before] < self._rank[points[inside]])
+            found[inside[known]] = v[known]
+        return found
+
+
+def exact_at(exact: Exact, line: Line) -> Array:
+    """(m,) u_T of the exact solution at the nodes of the line [m]."""
+    return line.at_nodes(exact_u_T(exact))
+
+
+def contact_line(level: Level) -> Line:
+    """The contact line with the exact curve's normals at both ends of every segment."""
+    line, mesh = level.line, level.mesh
+    return Line(mesh.points, line.segments, mesh.end_normals[line.which], line.nodes, line.c)

@@ -16,7 +16,10 @@ from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.all_solutions import Equilibria
 from tcstudy.contact.certificates import as_row, certify
 from tcstudy.contact.problem import Status
+from tcstudy.contact.solution import EVENT, Linearised
 from tcstudy.contact.solve import Answer, solve_contact
+from tcstudy.data.on_request import AT_EVENT, AT_FOLD, DIFFERENTIABLE, EVENTS, name_of
+from tcstudy.data.on_request import STATUS as DERIVATIVE_STATUS
 from tcstudy.data.records import BlockRecord, PointStatus
 from tcstudy.data.schema import (
     ALL_PROVED,
@@ -35,8 +38,9 @@ from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
 from tcstudy.offline.level import CondensedBlock, Level
 from tcstudy.offline.requested_outputs import line_numbers
+from tcstudy.offline.slopes import Change, WholeBody, change_of, friction_slopes
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import Study
+from tcstudy.scene.study import Sensitivity, Study
 
 Array = NDArray[np.float64]
 
@@ -201,3 +205,55 @@ def _by_solver(condensed: CondensedBlock, solved: Sequence[tuple[Answer, float]]
         "solver_time": times,
         "solver_difference": [d / scale if scale > 0.0 else d for d in apart],
     }
+
+
+# -- derivatives by numbers of the study, for the variables of `data.on_request` --------------------------
+# A point is linearised once at its solution (`contact.linearised`); a number then costs O(m²).
+
+Rates = tuple[Array, Array, float]
+"""(m,) derivatives of v and ξ by a number, and that of the mean θ."""
+
+
+def rates_of(whole: WholeBody, number: Sensitivity, at: Linearised, change: Change) -> Rates:
+    """Derivatives by a number at a solution. Raises KeyError for one that the scene does not have."""
+    right = whole.right_side(change)
+    friction = friction_slopes(whole.level, whole.scene, number, at)
+    dv = at.step(right - at.problem.c * friction.b, friction.kinks)
+    return dv, right - at.problem.A_tilde @ dv, change.theta_mean
+
+
+def derivatives_of(level: Level, scene: Scene, v: Array, numbers: tuple[Sensitivity, ...]) -> dict[str, float]:
+    """Derivatives at the solution v (m,) of a scene by variable name, with the verdict on them; NaN at an event."""
+    at = Linearised.at(level.condensed(scene).problem, v)
+    verdict = AT_FOLD if at.singular else AT_EVENT if at.events else DIFFERENTIABLE
+    found: dict[str, float] = {DERIVATIVE_STATUS: verdict, EVENTS: at.events}
+    if verdict != DIFFERENTIABLE:
+        return found
+    whole = WholeBody(level, scene, v)
+    for number in numbers:
+        try:
+            change = change_of(level, scene, number)
+            dv, dxi, theta_mean = rates_of(whole, number, at, change)
+            friction = friction_slopes(level, scene, number, at)
+        except KeyError:  # a law of the sweep that has no such parameter
+            continue
+        values = {
+            "u_T_max": _of_largest(v, dv),
+            "friction_resultant": float(dxi.sum()),
+            "theta_mean": theta_mean,
+            "lambda_1": whole.lambda_1(change),
+            "omega": friction.omega,
+            "energy": whole.energy(change) + friction.energy,
+        }
+        found |= {name_of(quantity, number.name): value for quantity, value in values.items()}
+    return found
+
+
+def _of_largest(v: Array, dv: Array) -> float:
+    """Derivative of max |v|; NaN where several nodes have it and do not agree."""
+    if not len(v):
+        return 0.0
+    size = np.abs(v)
+    change = np.sign(v) * dv
+    own = change[size >= (1.0 - EVENT) * size.max()]
+    return float(own[0]) if np.ptp(own) <= EVENT * np.max(np.abs(change)) else float("nan")

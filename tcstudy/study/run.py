@@ -26,12 +26,13 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from tcstudy.data.files import check_writable
 from tcstudy.data.journal import Journal
 from tcstudy.data.provenance import collect, holds, tell
 from tcstudy.data.reading import PARTIAL
 from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.data.schema import LIVE_PREFIX
-from tcstudy.data.store import write
+from tcstudy.data.store import Record, write, write_record
 from tcstudy.data.variants import write_variants
 from tcstudy.data.writer import axis_problems
 from tcstudy.errors import GeometryFailed, StoreError, UserFault
@@ -65,22 +66,18 @@ class LevelWork:
 class Watcher(Protocol):
     """What a run reports while it works, with the geometry in words where there are several."""
 
-    def begin(self, work: Sequence[LevelWork]) -> None: ...
-    def level(self, record: LevelRecord, geometry: str = "") -> None: ...
-    def block(self, record: BlockRecord) -> None: ...
-
-
-class Quiet:
-    """A watcher that shows nothing."""
-
     def begin(self, work: Sequence[LevelWork]) -> None:
-        """Nothing to show."""
+        return
 
     def level(self, record: LevelRecord, geometry: str = "") -> None:
-        """Nothing to show."""
+        return
 
     def block(self, record: BlockRecord) -> None:
-        """Nothing to show."""
+        return
+
+
+class Quiet(Watcher):
+    """A watcher that shows nothing."""
 
 
 @dataclass(frozen=True)
@@ -124,10 +121,7 @@ def run(
 
 
 def stages(
-    study: Study,
-    finished: Sequence[BlockRecord] = (),
-    executor: BlockExecutor | None = None,
-    first: int = 0,
+    study: Study, finished: Sequence[BlockRecord] = (), executor: BlockExecutor | None = None, first: int = 0
 ) -> Iterator[Stage]:
     """The levels of a study one after the other; take all blocks of one before the next is asked for.
 
@@ -139,20 +133,15 @@ def stages(
     meshes = meshes_of(study)
     geometry = time.perf_counter() - clock
     for i in range(study.mesh.levels):
-        known = [block for block in finished if block.level == i]
-        times = Times(geometry)
+        known, times = [block for block in finished if block.level == i], Times(geometry)
         try:
-            clock = time.perf_counter()
-            mesh = meshes.next(i)
-            times.mesh = time.perf_counter() - clock
-            if i < first:
-                continue
+            with times.of("mesh"):
+                mesh = meshes.next(i)
             whole = sum(map(len, known)) == len(study.scenes)
-            if whole and not (study.mesh.estimates or study.output.live):
+            if i < first or (whole and not (study.mesh.estimates or study.output.live)):
                 continue
-            clock = time.perf_counter()
-            level = Level(mesh, study.scenes[0], study.scenes, guarantee=study.mesh.guarantee)
-            times.assemble = time.perf_counter() - clock
+            with times.of("assemble"):
+                level = Level(mesh, study.scenes[0], study.scenes, guarantee=study.mesh.guarantee)
         except GeometryFailed as error:
             if i == 0 or not study.mesh.listed:
                 raise
@@ -160,13 +149,12 @@ def stages(
             failed = all_failed(study, i, left, PointStatus.MESH_FAILED, str(error))
             yield Stage(None, None, iter((failed,) if len(left) else ()), str)
             continue
-        clock = time.perf_counter()
-        estimator = meshes.estimator(level) if isinstance(meshes, Family) else None
-        times.estimate = time.perf_counter() - clock
+        with times.of("estimate"):
+            estimator = meshes.estimator(level) if isinstance(meshes, Family) else None
         who = executor(study, level.line.m) if executor is not None else SerialExecutor()
-        solver = LevelSolver(study, level, estimator, who, times)
+        blocks = LevelSolver(study, level, estimator, who, times).solve(known)
         stop = partial(_stop, estimator, i + 1 == study.mesh.levels, times)
-        yield Stage(level, level_record(study, mesh, level), _timed(solver.solve(known), times), stop, times)
+        yield Stage(level, level_record(study, mesh, level), _timed(blocks, times), stop, times)
         if stop() and study.mesh.open_ended:
             return
 
@@ -179,9 +167,10 @@ def meshes_of(study: Study) -> Meshes:
 def _timed(blocks: Iterator[BlockRecord], times: Times) -> Iterator[BlockRecord]:
     """The blocks; what they took goes to `points`, estimates left out."""
     while True:
-        clock, estimate = time.perf_counter(), times.estimate
-        block = next(blocks, None)
-        times.points += time.perf_counter() - clock - (times.estimate - estimate)
+        before = times.estimate
+        with times.of("points"):
+            block = next(blocks, None)
+        times.points -= times.estimate - before
         if block is None:
             return
         yield block
@@ -189,10 +178,8 @@ def _timed(blocks: Iterator[BlockRecord], times: Times) -> Iterator[BlockRecord]
 
 def _stop(estimator: ErrorEstimator | None, last: bool, times: Times) -> str:
     """Why refinement ends on this level; empty if it goes on."""
-    clock = time.perf_counter()
-    words = estimator.stop(last) if estimator is not None else ""
-    times.estimate += time.perf_counter() - clock
-    return words
+    with times.of("estimate"):
+        return estimator.stop(last) if estimator is not None else ""
 
 
 def level_record(study: Study, mesh: PlaneMesh, level: Level) -> LevelRecord:
@@ -255,7 +242,25 @@ def work_of(study: Study, points: Sequence[int], done: Sequence[int]) -> list[Le
 
 LONG, LARGE = 60.0, 2**28
 """Seconds of contact problems, and bytes of results, from which a geometry is solved and kept block by block."""
-Records = Iterable[LevelRecord | BlockRecord]
+
+
+def to_file(
+    path: Path, study: Study, command: Sequence[str], find: Callable[[], Record], alone: Study | None = None
+) -> None:
+    """Write the file of what `find` finds of a study, or of a part of it alone; its warnings are said before.
+
+    Raises StoreError if the file cannot be written, before any work as far as that is known.
+    """
+    if problems := check_writable(path, SMALL):
+        raise StoreError("; ".join(problems))
+    tell(remarks := warnings(alone or study))
+    with threadpool_limits(1, user_api="blas"):
+        record = find()
+    write_record(path, study, record, collect(study, command, remarks=remarks))
+
+
+SMALL = 1_000_000
+"""Bytes that a file of errors, costs or a fit has at most."""
 
 
 @dataclass(frozen=True)
@@ -312,13 +317,14 @@ def _into_file(
     command: Sequence[str],
     pool: WorkerPool,
     kept: Kept,
-    alone: bool = True,
-    solved: Records | None = None,
+    part: tuple[Variant, tuple[int, ...]] | None = None,
+    solved: Iterable[LevelRecord | BlockRecord] | None = None,
 ) -> Summary:
     """Run all points of a study with one body: what the file keeps, or an earlier run left, is where this one begins.
 
-    alone:  whether this is the whole run: its warnings are said, and the workers may go when all points are solved
-    solved: what a worker found already, in the order of a run
+    part:   the geometry of a sweep and the sweep's shape, where this is not the whole run: then nothing is said of it,
+            and its workers stay
+    solved: what a worker found already, in the order of a run, shown when it is safe
     """
     # Two BLAS threads make the many small dense operations of a sweep slower, not faster.
     with threadpool_limits(1, user_api="blas"), Journal.open(output, study) as journal:
@@ -329,19 +335,24 @@ def _into_file(
         # what broke down unexpectedly is tried again; what failed by its own numbers would fail again
         known = (block for block in journal.blocks() if not np.any(block.status == PointStatus.ERROR))
         finished = [*(as_start(study, block) for block in known), *kept.left_out()]
-        remarks = warnings(study, alone)
-        tell([*journal.warnings, *(remarks if alone else ())])
+        remarks = warnings(study, part is None)
+        tell([*journal.warnings, *(remarks if part is None else ())])
         points, idle = int(kept.asked.sum()), int((~kept.asked).sum())
         done = [sum(len(one) for one in finished if one.level == i) - idle for i in range(study.mesh.levels)]
-        watcher.begin(work_of(study, [points] * study.mesh.levels, done))
+        if part is None:
+            watcher.begin(work_of(study, [points] * study.mesh.levels, done))
+        later = list[LevelRecord | BlockRecord]()
         if min(done) == points and not (study.output.live or study.mesh.estimates):  # not even a mesh is needed
             solved = ()
         for record in run(study, finished, pool.blocks) if solved is None else solved:
             if isinstance(record, LevelRecord) and record.level in before:
                 record = _same_mesh(before[record.level], record)
             journal.add(record)
-            _show(watcher, record)
-        if alone:
+            if solved is None:
+                _show(watcher, record, part)
+            else:
+                later.append(record)
+        if part is None:
             pool.close()  # before the file, which takes memory, is written
         journal.flush()
         levels, provenance = journal.levels(), kept.before(collect(study, command, remarks=remarks))
@@ -349,6 +360,8 @@ def _into_file(
             study = replace(study, mesh=replace(study.mesh, levels=levels[-1].level + 1))
         count, failed = write(output, study, levels, journal.blocks, provenance)
         journal.discard()
+    for record in later:
+        _show(watcher, record, part)
     return Summary(output, count, failed, sum(done))
 
 
@@ -363,11 +376,15 @@ def _same_mesh(old: LevelRecord, new: LevelRecord) -> LevelRecord:
     return replace(old, fields=new.fields, stop=new.stop)
 
 
-def _show(watcher: Watcher, record: LevelRecord | BlockRecord) -> None:
-    if isinstance(record, BlockRecord):
-        watcher.block(record)
-    elif not record.stop:  # one that says why the level was the last follows its points
-        watcher.level(record)
+def _show(
+    watcher: Watcher, record: LevelRecord | BlockRecord, part: tuple[Variant, tuple[int, ...]] | None = None
+) -> None:
+    """Tell of a level or of points, those of a geometry by their places in the whole sweep."""
+    if isinstance(record, LevelRecord):
+        if not record.stop:  # one that says why the level was the last follows its points
+            watcher.level(record, part[0].words if part else "")
+    else:
+        watcher.block(replace(record, points=part[0].places[record.points], shape=part[1]) if part else record)
 
 
 def _geometries(
@@ -397,12 +414,8 @@ def _geometries(
         status, reason = PointStatus.MESH_FAILED, variant.reason
         try:
             if variant.study is not None and (own.path != file or own.todo.any()):
-                solved = next(answers).result() if who is not None and i in sent else None
-                part = _Part(study, variant, watcher)
-                shown = Quiet() if solved is not None else part  # what a worker found is shown when it is safe
-                resumed += _into_file(variant.study, file, shown, command, pool, own, False, solved).resumed
-                for record in solved or ():
-                    _show(part, record)
+                solved, part = next(answers).result() if i in sent and who is not None else None, (variant, study.shape)
+                resumed += _into_file(variant.study, file, watcher, command, pool, own, part, solved).resumed
         except GeometryFailed as error:
             reason = str(error)
         except UserFault:
@@ -444,23 +457,3 @@ def solve_geometry(study: Study) -> list[LevelRecord | BlockRecord]:
     for keys, what, remedy in built_faults(study):
         raise GeometryFailed(f"{what}; {remedy}", tuple(map(str, keys)))
     return list(run(study))
-
-
-@dataclass(frozen=True)
-class _Part:
-    """Shows the run of one geometry as a part of the whole."""
-
-    study: Study
-    variant: Variant
-    watcher: Watcher
-
-    def begin(self, work: Sequence[LevelWork]) -> None:
-        """The whole has begun before."""
-
-    def level(self, record: LevelRecord, geometry: str = "") -> None:
-        """A level of this geometry."""
-        self.watcher.level(record, self.variant.words)
-
-    def block(self, record: BlockRecord) -> None:
-        """Points of it, by their places in the whole sweep."""
-        self.watcher.block(replace(record, points=self.variant.places[record.points], shape=self.study.shape))

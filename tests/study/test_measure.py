@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,9 +25,8 @@ from tcstudy.scene.study import MeshPlan, Study
 from tcstudy.study import cost as cost_module
 from tcstudy.study import point as point_module
 from tcstudy.study.convergence import converge
-from tcstudy.study.cost import CostCurve, MeasuredLevel, Stages, cost_to_file, measure, walk
-from tcstudy.study.reference import ExactReference, FineReference
-from tcstudy.study.solved_levels import SolvedLevel, solve_levels
+from tcstudy.study.cost import CostCurve, at_point, cost_to_file, measure, walk
+from tcstudy.study.reference import ExactReference, FineReference, SolvedLevel, solve_levels
 from tests.verification.scenes import RECTANGLE, study_of
 from tests.verification.series import errors, series
 
@@ -136,12 +137,7 @@ def test_friction_is_looked_up_on_its_own_side_of_a_slot() -> None:
 
 
 def _solved(study: Study, plan: MeshPlan, levels: int) -> list[SolvedLevel]:
-    found = []
-    for step in walk(study, plan, lambda name, level: False):
-        found.append(step.solved["separable-newton"])
-        if len(found) == levels:
-            break
-    return found
+    return [level for level, _ in itertools.islice(walk(study, plan), levels)]
 
 
 def test_an_adaptive_reference_measures_the_true_error_of_uniform_meshes() -> None:
@@ -153,7 +149,7 @@ def test_an_adaptive_reference_measures_the_true_error_of_uniform_meshes() -> No
     assert fine.n_dof > 10 * uniform[-1].n_dof
     exact, reference = ExactReference(study.exact), FineReference(fine)
     for level in uniform:
-        true, measured = exact.errors(level, (), scene), reference.errors(level, (), scene)
+        true, measured = (one.errors(level, "separable-newton", scene) for one in (exact, reference))
         for name, (error, _) in measured.items():
             # ξ is a step function on both meshes, and the reference's own error is not small beside it
             assert error == pytest.approx(true[name][0], rel=0.2 if name.startswith("xi") else 0.05), (
@@ -168,7 +164,7 @@ SMALL = ("mesh={maxh: 0.8, levels: 3}",)
 
 
 def _measure(study: Study, runs: int = 2) -> Record:
-    return measure(study, (0,) * len(study.shape), runs, lambda text, left: None)
+    return measure(at_point(study, (0,) * len(study.shape)), runs, lambda text, left: None)
 
 
 def own(cost: Record) -> tuple[int, int, int]:
@@ -276,33 +272,30 @@ def test_a_scene_without_load_is_refused_and_nothing_is_written(tmp_path: Path) 
 
 
 def test_uniform_meshes_cost_all_refinements_and_adaptive_ones_all_solutions_before() -> None:
-    study = study_of(PULLED, *SMALL)
-    found = {f: [s.stages["separable-newton"] for s in walk(study, MeshPlan((0.8,), 3, f), lambda *of: False)]
-             for f in ("uniform", "adaptive")}  # fmt: skip
-    for stages in found.values():
-        assert all(one.total == pytest.approx(sum(getattr(one, name) for name in STAGES)) for one in stages)
-    assert np.all(np.diff([one.mesh for one in found["uniform"]]) > 0.0)
-    assert not any(one.steps for one in found["uniform"])
-    for before, one in zip(found["adaptive"], found["adaptive"][1:], strict=False):
-        assert one.steps > before.steps + before.assemble + before.condense + before.solve
+    study, found = study_of(PULLED, *SMALL), {}
+    for family in ("uniform", "adaptive"):
+        found[family] = [times["separable-newton"] for _, times in walk(study, MeshPlan((0.8,), 3, family))]
+        assert all(tuple(times) == STAGES for times in found[family])
+    assert np.all(np.diff([one["mesh"] for one in found["uniform"]]) > 0.0)
+    assert not any(one["steps"] for one in found["uniform"])
+    for before, one in itertools.pairwise(found["adaptive"]):
+        assert one["steps"] > before["steps"] + before["assemble"] + before["condense"] + before["solve"]
 
 
 def test_a_solver_is_left_behind_only_where_it_is_slow_in_both_ways(monkeypatch: pytest.MonkeyPatch) -> None:
     """More than 3 s and more than four times all other work."""
-    level = SimpleNamespace(n_dof=10)
 
     def dropped(solve: float, other: float) -> bool:
-        taken = {"first": Stages(other, 0, 0, 0.1, 0), "second": Stages(other, 0, 0, solve, 0)}
-        asked = list[bool]()
+        taken, asked = {name: {"mesh": other, "solve": s} for name, s in (("one", 0.1), ("two", solve))}, list[bool]()
 
-        def walk(study: object, plan: object, wanted: Callable[[str, int], bool]) -> Iterator[MeasuredLevel]:
+        def walk(study: object, plan: object, wanted: Callable[[str, int], bool]) -> Iterator[tuple[Any, Any]]:
             for i in range(2):
-                asked.append(wanted("second", i))
-                yield MeasuredLevel({"first": level}, taken, 0.0)  # type: ignore[dict-item]
+                asked.append(wanted("two", i))
+                yield SimpleNamespace(n_dof=10), taken
 
         monkeypatch.setattr(cost_module, "walk", walk)
         notes: list[str] = []
-        list(CostCurve("uniform", MeshPlan((0.5,), 1)).first_run(None, lambda text, left: None, notes))  # type: ignore[arg-type]
+        list(CostCurve("uniform", MeshPlan((0.5,), 1)).follow(None, lambda text, left: None, notes))  # type: ignore[arg-type]
         assert bool(notes) == (asked == [True, False])
         return asked == [True, False]
 

@@ -23,7 +23,7 @@ from tcstudy.reports.picture import read_picture
 from tcstudy.reports.terminal.summary import summary
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import OutputPlan, Study
-from tcstudy.study import level_solver, sensitivities
+from tcstudy.study import level_solver
 from tcstudy.study.level_solver import Solutions, blocks_of
 from tests.verification.patch import CASES, LENGTH, SOFTENING, patch_study
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, study_of
@@ -274,14 +274,14 @@ def test_reactions_balance_the_loads(changes: tuple[str, ...]) -> None:
 
 def test_a_number_that_breaks_down_ends_its_point_and_no_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The solution stays in the file with the reason beside it, and nothing of what was asked for."""
-    original = sensitivities.of_point
+    original = level_solver.derivatives_of
 
     def broken(level: Level, scene: Scene, *more: Any) -> dict[str, float]:
         if not scene.material.expands:
             raise RuntimeError("no such element")
         return original(level, scene, *more)
 
-    monkeypatch.setattr(sensitivities, "of_point", broken)
+    monkeypatch.setattr(level_solver, "derivatives_of", broken)
     data = run(tmp_path, BAR.replace("output: {", "output: {sensitivity: [E], ")).isel(level=0)
     assert data["status"].values.tolist() == [PointStatus.ERROR, PointStatus.OK]
     assert str(data["reason"][0].values) == "numbers on request: RuntimeError: no such element"

@@ -19,7 +19,7 @@ from tcstudy.read.study import read_study_text
 from tcstudy.reports.terminal.summary import summary
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
-from tcstudy.study.sensitivities import of_point
+from tcstudy.study.point import derivatives_of
 
 QUANTITIES = ("u_T_max", "friction_resultant", "theta_mean", "energy", "lambda_1", "omega")
 BRACKET = """
@@ -112,7 +112,7 @@ def test_every_kind_of_number_against_differences(text: str, values: dict[str, f
     study, level = asking(text, *values)
     scene, scenery = study.scenes[0], Scenery.of(study)
     v = results(level, scene)[1]
-    found = of_point(level, scene, v, study.output.sensitivity)
+    found = derivatives_of(level, scene, v, study.output.sensitivity)
     assert found["sensitivity_status"] == DIFFERENTIABLE
     for number in study.output.sensitivity:
         value, steps = values[number.name], np.array([2e-4, 1e-4])
@@ -141,7 +141,7 @@ def test_no_derivative_at_an_event() -> None:
     scene = study.scenes[0]
     v = results(level, scene)[1]
     law = replace(scene.one_law, kinks=scene.one_law.kinks + v[0] - scene.one_law.kinks[-1])
-    found = of_point(level, replace(scene, friction=law), v, study.output.sensitivity)
+    found = derivatives_of(level, replace(scene, friction=law), v, study.output.sensitivity)
     assert found["sensitivity_status"] == AT_EVENT
     assert found["sensitivity_events"] >= 1
     assert not [name for name in found if name.startswith("sensitivity_u_T_max")]

@@ -84,8 +84,7 @@ def test_stick_slip(mixed: Measured, norm: str, order: float, bound: float) -> N
 
 def test_a_held_end_takes_a_third_of_the_traction(mixed: Measured) -> None:
     """S₁ = [x⁰, x^{3/2}] carries the load of one hat function: ξ₁ = 2/3 of the exact one where the node sticks."""
-    from tcstudy.study.reference import ExactReference
-    from tcstudy.study.solved_levels import solve_levels
+    from tcstudy.study.reference import ExactReference, solve_levels
 
     study = closed_forms.stick_slip(6)
     assert study.exact is not None

@@ -7,8 +7,7 @@ import pytest
 from tcstudy.contact.solve import solve_contact
 from tcstudy.read.study import read_study_text
 from tcstudy.refine.family import ErrorEstimator
-from tcstudy.study.reference import FineReference
-from tcstudy.study.solved_levels import solve_levels
+from tcstudy.study.reference import FineReference, solve_levels
 from tests.verification.scenes import levels_of
 
 SPRINGS = """

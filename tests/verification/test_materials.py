@@ -16,8 +16,7 @@ from tcstudy.refine.family import ErrorEstimator
 from tcstudy.reports.picture import body_fields
 from tcstudy.reports.stresses import stresses, von_mises
 from tcstudy.study.plan import plan
-from tcstudy.study.reference import FineReference
-from tcstudy.study.solved_levels import solve_levels
+from tcstudy.study.reference import FineReference, solve_levels
 from tests.verification.scenes import levels_of
 
 Array = NDArray[np.float64]
