@@ -28,7 +28,7 @@ from tcstudy.reports.figures.panels import Panel, Scale
 from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.picture import read_picture
 from tcstudy.reports.text import number
-from tests.reports.figures.draw_cases import example_laws
+from tests.reports.figures.shown import example_laws
 from tests.reports.page.browser import Browser
 from tests.verification.gallery_forms import Law, bar
 

@@ -1,67 +1,53 @@
-"""Result files that the tests of pictures share."""
+"""Result files that the tests of reports share, each of one small run, and the browser in which pages are opened."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import shutil
+from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 
+import netCDF4
+import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.cli import main
-from tcstudy.read.study import read_study_text
-from tcstudy.study.run import execute
-from tests.reports.figures.draw_cases import (
-    ALPHA,
-    TAU,
-    result,
-)
+from tcstudy.data.reading import put_seal
+from tcstudy.data.records import PointStatus
+from tcstudy.read.study import read_study, read_study_text
+from tests.reports.page.browser import Browser
 
-
-@pytest.fixture(scope="module")
-def grid(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return result(tmp_path_factory.mktemp("grid") / "plate.nc")
-
-
-@pytest.fixture(scope="module")
-def listed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    alpha = replace(ALPHA, values=(25, 100, 25), labels=(25.0, 100.0, 25.0))
-    tau = replace(TAU, values=(1, 2, 3), labels=(1e6, 1e6, 2e7))
-    return result(tmp_path_factory.mktemp("list") / "plate.nc", "list", (alpha, tau))
-
-
-BLOCK = {
-    "body": {"rectangle": {"width": "200 mm", "height": "100 mm"}},
-    "boundary": {
-        "bottom": "contact",
-        "left": "clamped",
-        "top": {"role": "convection", "g": ["8 MPa", 0]},
-        "right": "free",
-    },
-    "material": {"E": "210 GPa", "nu": 0.3, "k": 45, "alpha_T": 12e-6},
-    "heat": {"alpha": 100, "theta_bar": "20 K"},
-    "friction": {"law": "slip-weakening", "tau_s": "4 MPa", "tau_k": "1 MPa", "delta": "5 um"},
-    "mesh": {"maxh": "50 mm", "levels": 2},
-    "sweep": {"E": ["100 GPa", "210 GPa", "50 GPa"], "theta_bar": ["0 K", "40 K"]},
-    "output": {"fields": True},
-}
-
-
-@pytest.fixture(scope="session")
-def block(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("block") / "block.nc"
-    tcstudy.run(tcstudy.Study.from_dict(BLOCK), path, jobs=1)
-    return path
-
-
-@pytest.fixture(scope="session")
-def fitted(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The fit of the gallery on a coarse mesh."""
-    path, config = tmp_path_factory.mktemp("fit") / "pull.nc", Path(__file__).parents[2] / "configs" / "pull_fit.yaml"
-    assert main(["run", str(config), "--set", "mesh.maxh=8 mm", "--set", "fit.starts=1", "--output", str(path)]) == 0
-    return path
-
-
+CONFIGS = Path(__file__).parents[2] / "configs"
+BLOCK = """
+title: A block <on> a film for $5 and $6
+body: {outline: [{from: [0, 0], edge: film}, {from: [0.2, 0], edge: end}, {from: [0.2, 0.1], edge: top},
+                 {from: [0, 0.1], edge: back}]}
+boundary: {film: contact, back: clamped, top: convection, end: {role: traction, g: [3 MPa, 0]}}
+material: {E: 210 GPa, nu: 0.3, k: 45, alpha_T: 12e-6}
+heat: {alpha: 200, theta_bar: 10 K, q: 5e4}
+friction: {law: slip-weakening, tau_s: 90 MPa, tau_k: 60 MPa, delta: 40 um}
+mesh: {maxh: 40 mm, levels: 2}
+sweep:
+  theta_bar: [20 K, 0 K, 10 K]
+  friction:
+    plain: {law: tresca, tau: 90 MPa}
+    weak: {law: slip-weakening, tau_s: 90 MPa, tau_k: 60 MPa, delta: 40 um}
+output: {fields: true, live: true}
+"""
+REASON = "the stiffness matrix is singular"
+LISTED = "sweep={mode: zip, heat.alpha: [25, 100, 25], friction.tau_s: [90 MPa, 90 MPa, 95 MPa]}"
+FILMS = """
+units: none
+title: Two films, one of them rougher to the right, with a gap
+body: {outline: [{from: [0, 0], edge: film}, {from: [1, 0], edge: shoe}, {from: [2, 0], edge: grip},
+                 {from: [2, 0.2], edge: top}, {from: [0, 0.2], edge: tail}]}
+boundary: {film: contact, shoe: contact, grip: {role: clamped, u_x: 0.4, u_y: free}, top: free, tail: free}
+material: {E: 10, nu: 0, plane: stress}
+friction: {film: {law: tresca, tau: 2, strength: "min(1, max(0, 2*x - 0.5))"},
+           shoe: {law: slip-weakening, tau_s: 1, tau_k: 0.5, delta: 0.1}}
+mesh: {maxh: 0.1}
+output: {quantities: [section_force]}
+"""
 PADS = """
 title: Pads of several thicknesses
 body: {rectangle: {width: 60 mm, height: 10 mm}}
@@ -72,10 +58,65 @@ mesh: {maxh: 5 mm, levels: 2}
 sweep: {boundary.top.u_x: [1 mm, 2 mm], body.rectangle.height: [20 mm, 5 mm, 10 mm]}
 output: {fields: true}
 """
+RAIL = """
+units: none
+title: A bar that warms and cools on friction, held in the middle
+body: {rectangle: {width: 8, height: 0.5, edges: {bottom: base, left: middle, right: end, top: head}}}
+boundary: {base: contact, middle: {role: clamped, u_x: 0, u_y: free}, head: free, end: free}
+material: {E: 100, nu: 0, plane: stress, alpha_T: 0.01}
+heat: {theta: 0}
+friction: {law: tresca, tau: 0.5}
+mesh: {maxh: 0.5}
+history:
+  memory: friction
+  steps: [{theta: 4, in: 2, name: warm}, {theta: -4, in: 4, name: cold}, {theta: 0, in: 2, name: back}]
+  repeat: 2
+sweep: {friction.tau: [0.5, 0.25, 1], E: [100, 50]}
+"""
+NEAR = (
+    "fit.parameters={friction.tau_s: {start: 7.3 MPa, within: [1 MPa, 50 MPa]},"
+    " friction.delta: {start: 0.158 mm, within: [0.01 mm, 1 mm]}}"
+)
+STUDIES: dict[str, tuple[str | Path, list[str]]] = {
+    "block": (BLOCK, []),
+    "listed": (BLOCK, [LISTED, "mesh.levels=1", "output={}"]),
+    "single": (BLOCK, ["sweep=null", "mesh.levels=1", "output={}"]),
+    "films": (FILMS, []),
+    "pads": (PADS, []),
+    "history": (RAIL, []),
+    "path": (CONFIGS / "path.yaml", ["mesh.levels=1"]),
+    "fit": (CONFIGS / "pull_fit.yaml", ["mesh.maxh=8 mm", "fit.starts=1", NEAR]),
+}
+Stored = Callable[[str], Path]
 
 
 @pytest.fixture(scope="session")
-def pads(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("pads") / "pads.nc"
-    execute(read_study_text(PADS), path)
-    return path
+def stored(tmp_path_factory: pytest.TempPathFactory) -> Stored:
+    """The file of a study by its name, run when it is first asked for; in "failed" the block's last point failed."""
+    folder = tmp_path_factory.mktemp("stored")
+
+    @cache
+    def made(name: str) -> Path:
+        path = folder / f"{name}.nc"
+        if name == "failed":
+            shutil.copy(made("block"), path)
+            with netCDF4.Dataset(path, "a") as nc:
+                nc["status"][2, 1, 1], nc["reason"][2, 1, 1] = PointStatus.SINGULAR, REASON
+                for one in (*nc.variables.values(), nc["level_1"]["u_T"], nc["level_1"]["xi"]):
+                    if one.dtype == float and one.dimensions[:2] == nc["status"].dimensions[:2]:
+                        one[(2, 1, 1) if "level" in one.dimensions else (2, 1)] = np.nan
+            put_seal(path)
+            return path
+        text, changes = STUDIES[name]
+        study = read_study(text, changes) if isinstance(text, Path) else read_study_text(text, name, changes)
+        tcstudy.run(study, path, jobs=1)
+        return path
+
+    return made
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    window = Browser(tmp_path_factory.mktemp("profile"))
+    yield window
+    window.close()

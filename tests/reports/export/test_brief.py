@@ -3,28 +3,26 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 
 from tcstudy.data.store import open_results
 from tcstudy.reports.export.brief import brief, json_text
-from tests.reports.figures.draw_cases import FAILED
+from tests.reports.conftest import REASON, Stored
 
 
-def test_points_have_the_numbers_of_the_file(grid: Path) -> None:
-    found = json.loads(json_text(brief(grid)))
-    assert (found["kind"], found["title"]) == ("run", "Plate for $5 and $6")
-    assert found["verdict"].endswith("3 of 4 solved.")
-    assert [(point["alpha"], point["friction"]) for point in found["points"]] == [
-        (25.0, "tresca"), (25.0, "softening"), (100.0, "tresca"), (100.0, "softening"),
-    ]  # fmt: skip
-    with open_results(grid) as tree:
+def test_points_have_the_numbers_of_the_file(stored: Stored) -> None:
+    found = json.loads(json_text(brief(stored("failed"))))
+    assert (found["kind"], found["title"]) == ("run", "A block <on> a film for $5 and $6")
+    assert found["verdict"].endswith("5 of 6 solved.")
+    places = [(theta, law) for theta in (0.0, 10.0, 20.0) for law in ("plain", "weak")]
+    assert [(point["theta_bar"], point["friction"]) for point in found["points"]] == places
+    with open_results(stored("failed")) as tree:
         slip = tree["slip_length"].values
         assert found["levels"]["n_dof"] == tree["n_dof"].values.tolist()
-    for point, index in zip(found["points"], np.ndindex(2, 2), strict=True):
-        solved = index != FAILED
-        assert point["status"] == ["ok", "ok" if solved else "singular"]
-        assert (point["reason"][1] == "") == solved
+    for point, index in zip(found["points"], np.ndindex(3, 2), strict=True):
+        failed = index == (2, 1)
+        assert point["status"] == ["ok", "singular" if failed else "ok"]
+        assert point["reason"] == ["", REASON if failed else ""]
         np.testing.assert_array_equal(np.array(point["slip_length"], dtype=float), slip[index])
     assert found["units"]["slip_length"] == "m"

@@ -14,7 +14,7 @@ from tcstudy.reports.export.export_fields import write_fields
 from tcstudy.reports.picture import BodyFields
 from tcstudy.reports.stresses import principal, recovered, stresses, von_mises
 from tcstudy.scene.records import Material
-from tests.reports.figures.draw_cases import result
+from tests.reports.conftest import Stored
 
 E, NU, ALPHA_T, THETA = 200e9, 0.3, 1e-5, 40.0
 LAM, MU = E * NU / ((1 + NU) * (1 - 2 * NU)), E / (2 * (1 + NU))
@@ -74,17 +74,17 @@ def test_stresses_of_free_expansion() -> None:
     assert np.allclose(von_mises(sigma), E * free, rtol=1e-11)
 
 
-def test_pyvista_opens_the_sweep(block: Path, tmp_path: Path) -> None:
+def test_pyvista_opens_the_sweep(stored: Stored, tmp_path: Path) -> None:
     pyvista = pytest.importorskip("pyvista", reason="PyVista, which reads the files as ParaView does, is not installed")
-    written = write_fields(block, tmp_path)
+    written = write_fields(stored("block"), tmp_path)
     assert (written.points, written.lacks) == (6, ())
     reader = pyvista.PVDReader(str(written.path))
     assert list(reader.time_values) == [0, 1, 2, 3, 4, 5]
-    reader.set_active_time_value(3.0)  # the file has E ascending: 100 GPa, 40 K
+    reader.set_active_time_value(3.0)
     solid, line = reader.read()
-    with tcstudy.open_results(block) as tree:
-        group = tree["level_1"].dataset.sel(E=100e9, theta_bar=40.0).load()
-    assert (solid.field_data["E"][0], solid.field_data["theta_bar"][0]) == (100e9, 40.0)
+    with tcstudy.open_results(stored("block")) as tree:
+        group = tree["level_1"].dataset.sel(theta_bar=10.0, friction="weak").load()
+    assert (solid.field_data["theta_bar"][0], solid.field_data["friction"][0]) == (10.0, "weak")
     assert np.array_equal(solid["u"], np.column_stack([group["u_x"], group["u_y"], 0.0 * group["u_x"]]))
     assert np.array_equal(solid["theta"], group["theta"])
     assert np.array_equal(line["u_T"], group["u_T"])
@@ -95,50 +95,43 @@ def test_pyvista_opens_the_sweep(block: Path, tmp_path: Path) -> None:
     for name, unit in (("stress", "Pa"), ("energy_density", "J m-3")):
         array = solid.cell_data.GetArray(name)
         assert array.GetInformation().Get(type(array).UNITS_LABEL()) == unit
-    area = solid.compute_cell_sizes()["Area"]
+    area = np.asarray(solid.compute_cell_sizes()["Area"])
     assert area.sum() == pytest.approx(0.02)
-    check_balance(solid, np.asarray(area))
-
-
-def check_balance(solid: object, area: np.ndarray) -> None:
-    """The stresses do the virtual work of the known traction: for w = (x y, 0), zero on clamp and contact line,
-
-    ∫ σ:ε(w) = ∫ σ_xx y + σ_xy x = 8 MPa · H · ∫₀ᴸ x dx.
-    """
-    height, length, g = 0.1, 0.2, 8e6
-    centre = solid.cell_centers().points  # type: ignore[attr-defined]
-    sigma = solid["stress"]  # type: ignore[index]
-    work = np.sum(area * (sigma[:, 0] * centre[:, 1] + sigma[:, 3] * centre[:, 0]))
-    assert work == pytest.approx(g * height * length**2 / 2, rel=0.05)
+    # the stresses do the virtual work of the known traction: for the interpolant w of (x y, 0), which is zero on clamp
+    # and contact line, ∫ σ:ε(w) = ∫ σ_xx ∂w/∂x + σ_xy ∂w/∂y = 3 MPa · L · ½ H²
+    corners, sigma = solid.points[solid.cells_dict[5]], solid["stress"]
+    w = corners[..., 0] * corners[..., 1]
+    corners[..., 2] = 1.0
+    slope = np.linalg.solve(corners, w[..., None])[..., 0]
+    work = np.sum(area * (sigma[:, 0] * slope[:, 0] + sigma[:, 3] * slope[:, 1]))
+    assert work == pytest.approx(3e6 * 0.2 * 0.1**2 / 2, rel=1e-8)
 
 
 @pytest.mark.filterwarnings("ignore:numba is not installed", "ignore:No (standard_name|CRS)")  # those of maps
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
-def test_xugrid_opens_the_mesh_of_a_level(block: Path) -> None:
+def test_xugrid_opens_the_mesh_of_a_level(stored: Stored) -> None:
     xugrid = pytest.importorskip("xugrid", reason="xugrid, which reads UGRID, is not installed")
-    with tcstudy.open_results(block) as tree:
+    with tcstudy.open_results(stored("block")) as tree:
         level = tree["level_1"].to_dataset()
         opened = xugrid.UgridDataset(level)
         grid = opened.grid
         assert (grid.name, grid.node_dimension, grid.face_dimension) == ("mesh", "mesh_node", "mesh_face")
         assert np.array_equal(grid.node_coordinates, np.column_stack([level["node_x"], level["node_y"]]))
         assert np.sum(grid.area) == pytest.approx(0.02)
-        assert opened["u_x"].sel(E=100e9, theta_bar=40.0).sizes == {"mesh_node": grid.n_node}
+        assert opened["u_x"].sel(friction="weak", theta_bar=10.0).sizes == {"mesh_node": grid.n_node}
         assert all(level[name].attrs["location"] == "node" for name in ("theta", "u_x", "u_y"))
 
 
-def test_without_fields_and_solutions_the_lines_are_written(tmp_path: Path) -> None:
-    path = result(tmp_path / "plate.nc", fields=False)
-    written = write_fields(path, tmp_path / "plate", {"alpha": 100})
+def test_without_fields_and_solutions_the_lines_are_written(stored: Stored, tmp_path: Path) -> None:
+    written = write_fields(stored("listed"), tmp_path / "plate", {"alpha": 100})
     assert written.points == 1
     assert "output.fields=true" in written.lacks[0]
-    assert "1 of 2 points have no solution on level 1" in written.lacks[1]
-    assert [file.name for file in sorted((tmp_path / "plate").iterdir())] == [
-        "plate.pvd",
-        "plate_0002_alpha-100_friction-tresca.vtp",
-    ]
+    names = [file.name for file in sorted((tmp_path / "plate").iterdir())]
+    assert names == ["listed.pvd", "listed_0001_alpha-100_tau_s-9e+07.vtp"]
+    failed = write_fields(stored("failed"), tmp_path / "failed", {"theta_bar": 20})
+    assert (failed.points, failed.lacks) == (1, ("1 of 2 points have no solution on level 1",))
     with pytest.raises(DrawError, match="no level 7"):
-        write_fields(path, tmp_path / "plate", level=7)
-    with pytest.raises(DrawError, match="alpha = 3"):
-        write_fields(path, tmp_path / "none", {"alpha": 3})
+        write_fields(stored("failed"), tmp_path / "plate", level=7)
+    with pytest.raises(DrawError, match="theta_bar = 3"):
+        write_fields(stored("failed"), tmp_path / "none", {"theta_bar": 3})
     assert not (tmp_path / "none").exists()

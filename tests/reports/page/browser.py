@@ -1,9 +1,12 @@
-"""A headless Chromium for tests, driven through chromedriver's HTTP interface (WebDriver), with nothing to install."""
+"""A headless Chromium for tests, driven through chromedriver's HTTP interface (WebDriver), with nothing to install; and
+a page's data as it unpacks them."""
 
 from __future__ import annotations
 
 import base64
+import gzip
 import json
+import re
 import shutil
 import socket
 import subprocess
@@ -12,6 +15,10 @@ import urllib.error
 import urllib.request
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+
+from tcstudy.reports.page.container import TYPES
 
 FLAGS = ("headless", "no-sandbox", "disable-gpu", "disable-quic", "no-first-run", "disable-background-networking",
          "disable-component-update", "disable-sync", "hide-scrollbars")  # fmt: skip
@@ -126,3 +133,28 @@ def fragment(browser: Browser) -> dict[str, str]:
     """The state that the address holds."""
     found = browser.run("return Object.fromEntries(new URLSearchParams(location.hash.slice(1)))")
     return {str(key): str(value) for key, value in found.items()}
+
+
+def data_of(page: Path) -> Any:
+    """The header of a page with its arrays in place."""
+    found = re.search(r'id="data">([^<]*)<', page.read_text(encoding="utf-8"))
+    assert found
+    return unpacked(found.group(1))
+
+
+def unpacked(text: str) -> Any:
+    raw = gzip.decompress(base64.b64decode(text))
+    length = int.from_bytes(raw[:4], "little")
+    start = -(-(4 + length) // 8) * 8
+
+    def fill(node: Any) -> Any:
+        if isinstance(node, list):
+            return [fill(one) for one in node]
+        if not isinstance(node, dict):
+            return node
+        if "$" in node:
+            count = int(np.prod(node["s"], dtype=int))
+            return np.frombuffer(raw, TYPES[node["$"]], count, start + node["o"]).reshape(node["s"])
+        return {key: fill(one) for key, one in node.items()}
+
+    return fill(json.loads(raw[4 : 4 + length]))

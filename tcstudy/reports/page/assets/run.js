@@ -109,7 +109,7 @@ TC.run = {
   // Colour of a value, and the bar that explains it.
   shade(values) {
     const [lo, hi] = TC.range(values);
-    return { lo, hi, of: (v) => TC.colour(hi > lo ? (v - lo) / (hi - lo) : 0.5) };
+    return { lo, hi, of: (v) => TC.colour(hi > lo && Number.isFinite(v) ? (v - lo) / (hi - lo) : 0.5) };
   },
   map(host) {
     if (!host) return;

@@ -1,0 +1,226 @@
+"""Pictures of laws, sweeps, paths, histories and fits: the numbers drawn, what is said and refused, any size."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+pytest.importorskip("matplotlib")
+
+from tcstudy.data.store import load_root
+from tcstudy.errors import DrawError, UsageError
+from tcstudy.laws.shapes import SHAPES
+from tcstudy.read.study import read_study_text
+from tcstudy.reports.figures import style
+from tcstudy.reports.figures.draw import Wanted, picture
+from tcstudy.reports.figures.law import law_figure, laws_of
+from tcstudy.reports.figures.sweep import curves_figure, map_figure, read_sweep
+from tcstudy.reports.picture import read_picture
+from tcstudy.reports.stored_study import law_of_nodes
+from tcstudy.reports.terminal.path_summary import seen_folds
+from tcstudy.scene.histories import ContactState, node_states
+from tests.reports.conftest import FILMS, Stored
+from tests.reports.figures.shown import SIZES, crowded, drawn, key_of
+
+BRITTLE = SHAPES["piecewise-linear"].build(points=[(0.0, 2e7), (1e-5, 2e7), (1e-5, 5e6)])
+FIXED = {"tau": 0.5, "E": 100}
+
+
+def test_where_friction_differs_every_node_stands_on_the_law_of_its_edge(stored: Stored) -> None:
+    point = read_picture(stored("films"))
+    laws, index, strength = laws_of(point)
+    line, bonded = point.line, strength > 0
+    assert [edge for edge, _ in laws] == ["film", "shoe", "film and shoe"]
+    assert list(np.flatnonzero(index == 2)) == list(np.flatnonzero(np.isclose(line.x, 1.0)))
+    assert strength == pytest.approx(np.where(line.x < 1, np.clip(2 * line.x - 0.5, 0, 1), 1.0))
+    for k, (_, law) in enumerate(laws):
+        here = bonded & (index == k)
+        low, high = law.interval(line.u_T[here])
+        xi = line.xi[here] / strength[here]
+        assert np.all((low - 1e-6 <= xi) & (xi <= high + 1e-6))
+    figure, _ = drawn(stored("films"), law=True)
+    marked = [line for line in figure.axes[0].lines if line.get_linestyle() == "None"]
+    assert sum(len(np.asarray(line.get_xdata())) for line in marked) == np.count_nonzero(bonded) < len(bonded)
+    assert key_of(figure)[:2] == ["film: tresca", "shoe: slip-weakening"]
+    assert "strength" in figure.axes[0].get_ylabel()
+    # states go out by the law of each node: softening only on the shoe, between nothing and 0.1 of slip
+    with xr.open_datatree(stored("films")) as tree:
+        group = tree["level_0"].to_dataset().load()
+    states = node_states(law_of_nodes(read_study_text(FILMS).scenes[0].friction, group), line.u_T, line.sticks)
+    softens = (line.x >= 1) & (line.u_T > 0) & (line.u_T < 0.1) & ~line.sticks
+    assert softens.any()
+    assert np.array_equal(states == ContactState.SOFTEN, softens)
+    assert np.all(states[(line.x >= 1) & (line.u_T > 0.1)] == ContactState.WEAKENED)
+
+
+def test_every_node_stands_at_its_slip_and_traction(stored: Stored) -> None:
+    point = read_picture(stored("block"))
+    m = len(point.line.u_T)
+    with style.styled():
+        figure = law_figure(point, ([("", BRITTLE)], np.zeros(m, dtype=np.intp), np.ones(m)), style.Look())
+    marked = [np.array(line.get_data(), dtype=float) for line in figure.axes[0].lines if line.get_linestyle() == "None"]
+    drawn = np.concatenate(marked, axis=1)
+    np.testing.assert_allclose(np.sort(drawn), np.sort([1e6 * point.line.u_T, point.line.xi / 1e6]))
+    assert key_of(figure)[-1] == f"slips ({np.count_nonzero(~point.line.sticks)} nodes)"
+    assert "down-jump: sudden loss" in key_of(figure)
+    assert figure.axes[0].get_xlabel() == "slip $u_T$ [µm]"
+    assert crowded(figure) == []
+    with pytest.raises(DrawError, match="cannot be read any more"):
+        laws_of(replace(point, scene=None))
+
+
+def test_curves_show_the_stored_numbers_and_say_what_is_missing(stored: Stored) -> None:
+    figure, words = drawn(stored("failed"), x="heat.theta_bar", y="u_T_max", by="friction")
+    lines = [line for line in figure.axes[0].lines if not str(line.get_label()).startswith("_")]
+    assert [line.get_label() for line in lines] == ["plain", "weak"]
+    kept = load_root(stored("failed"))["u_T_max"].values[:, :, 1]
+    for line, values in zip(lines, kept.T, strict=True):
+        np.testing.assert_allclose(np.array(line.get_data(), dtype=float), [[0.0, 10.0, 20.0], 1e6 * values])
+    assert np.isnan(kept).tolist() == [[False, False], [False, False], [False, True]]
+    assert figure.axes[0].get_xlabel() == r"$\bar\theta$ [K]"
+    assert figure.axes[0].get_ylabel().endswith("[µm]")
+    said = [text.get_text() for text in figure.texts]
+    assert (said[0], said[-1]) == ("A block <on> a film for $5 and $6", "1 of 6 points left out: 1 singular (×)")
+    assert words == "u_T_max over theta_bar and friction, level 1, 1 of 6 points left out: 1 singular"
+    chosen = read_sweep(stored("block"), ("theta_bar",), "u_T_max", {"friction": "weak"}, 0)
+    assert (chosen.words, len(chosen.values)) == ("friction = weak, level 0", 3)
+
+
+def test_a_map_tells_solved_cells_from_others_and_where_omega_is_lambda_1(stored: Stored) -> None:
+    shown = read_sweep(stored("failed"), ("theta_bar", "friction"), "u_T_max", None, -1)
+    with style.styled():
+        figure = map_figure(shown, style.Look())
+        bounded = map_figure(replace(shown, excess=np.array([-1.0, -2.0, 1.0, 2.0, 1.0, 1.0])), style.Look())
+    (mesh,) = figure.axes[0].collections
+    missing = [[False] * 3, [False, False, True]]
+    np.testing.assert_array_equal(np.ma.getmaskarray(mesh.get_array()), missing)
+    hatches = [patch.get_hatch() for patch in figure.axes[0].patches if np.size(patch.get_path().vertices) > 2]
+    open_ = np.count_nonzero(~shown.proved & np.isfinite(shown.values))
+    assert [sum(str(hatch) == one for hatch in hatches) for one in ("//", "xxx")] == [open_, 1]
+    assert key_of(figure)[0] == "no solution"
+    assert figure.axes[1].get_ylabel().endswith("[µm]")
+    assert key_of(bounded)[-1] == r"$\omega = \lambda_1$"
+
+
+def test_points_of_a_list_and_random_ones_are_not_joined(stored: Stored) -> None:
+    by = read_sweep(stored("listed"), ("alpha", "tau_s"), "slip_length", None, -1)
+    assert [len(one.labels) for one in by.parameters] == [2, 2]
+    assert by.parameters[1].title == r"$\tau_s$ [MPa]"
+    one = read_sweep(stored("listed"), ("alpha",), "slip_length", None, -1)  # two points of the list share one α
+    random = replace(by, parameters=tuple(replace(one, random=True) for one in by.parameters))
+    for sweep, expected in ((by, "-"), (one, "None"), (random, "None")):
+        with style.styled():
+            assert curves_figure(sweep, style.Look()).axes[0].lines[0].get_linestyle() == expected
+    with style.styled():
+        dots = map_figure(random, style.Look()).axes[0].collections[0]
+    assert np.asarray(dots.get_offsets()).tolist() == [[25.0, 90.0], [100.0, 90.0], [25.0, 95.0]]
+
+
+def test_stable_unstable_and_lowest_parts_are_told_apart(stored: Stored) -> None:
+    data = load_root(stored("path"), "path")
+    figure, _ = drawn(stored("path"))
+    curve = next(axes for axes in figure.axes if axes.get_ylabel().startswith("mean"))
+    (solid,) = [line for line in curve.lines if line.get_color() == style.INK]
+    red = [line for line in curve.lines if line.get_color() == style.VERMILLION]
+    (dashed,), (folds,) = ([one for one in red if (one.get_marker() == "o") is marks] for marks in (False, True))
+    pieces = [int(np.isfinite(np.diff(np.asarray(one.get_xdata(), dtype=float))).sum()) for one in (solid, dashed)]
+    assert pieces == [int(data["stable"].sum()), data.sizes["piece"] - int(data["stable"].sum())]
+    vertices, small = seen_folds(data)
+    assert (len(vertices), small) == (8, data.sizes["fold"] - 8)
+    assert folds.get_xdata() == pytest.approx(1e3 * data["parameter"].values[vertices], rel=1e-12)
+    assert key_of(figure)[:3] == ["stable", "unstable", "global minimum (proved)"]
+    assert key_of(figure, 1) == ["sticks", "slips and softens", "slips, weakened"]
+    assert curve.get_xlim() == pytest.approx((0.0, 2.0))
+    assert "$u_x$ of plate [mm]" in [axes.get_xlabel() for axes in figure.axes]
+    assert len(figure.axes) == 3  # one y-axis a panel
+
+
+def test_the_loop_is_the_slip_of_the_end_over_the_load(stored: Stored) -> None:
+    figure, words = drawn(stored("history"), at=FIXED)
+    assert words.startswith("slip over theta, 16 steps")
+    loop, motion, spent, left = figure.axes
+    data = load_root(stored("history"), "history").sel(**FIXED)
+    end = data["u_T"].values[:, np.abs(data["u_T"].values).max(axis=0).argmax()]
+    whole = next(line for line in loop.lines if len(np.asarray(line.get_xdata())) == 17)
+    assert np.array_equal(np.asarray(whole.get_xdata()), data["theta"].values)
+    assert np.asarray(whole.get_ydata()) / np.asarray(whole.get_ydata())[2] == pytest.approx(end / end[2])
+    assert {text.get_text() for text in loop.texts} - {""} == {"warm", "cold", "start", "back"}
+    what = np.asarray(motion.collections[0].get_array()).reshape(data.sizes["node"], 16)
+    assert np.all(what[-1] == [1, 1, 2, 2, 2, 2, 1, 1] * 2)  # the end always slides, with the load
+    assert np.all(what[0] == 0)  # what is next to the middle never does
+    sums = [data["dissipated"].values[1:9].sum(), data["dissipated"].values[9:].sum()]
+    assert np.asarray(spent.lines[0].get_ydata()) == pytest.approx(sums)
+    slips = data["u_T"].values[[0, 8, 16]]
+    assert np.asarray(left.lines[0].get_ydata()) == pytest.approx(np.abs(np.diff(slips, axis=0)).max(axis=1))
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize(
+    ("name", "wanted"),
+    [("block", {}), ("path", {"y": "friction"}), ("history", {"at": FIXED, "y": "dissipated"}), ("fit", {})],
+)
+def test_no_text_leaves_the_page(
+    stored: Stored, name: str, wanted: dict[str, object], size: tuple[float, float]
+) -> None:
+    figure, _ = drawn(stored(name), size=size, **wanted)
+    assert crowded(figure, alone=True) == []
+    if name == "fit":  # the law stands below where it is narrow
+        _, residuals, law = (axes.get_position() for axes in figure.axes)
+        assert (law.y1 <= residuals.y0 or residuals.y1 <= law.y0) == (size is not None and size[0] < 4.0)
+
+
+def test_sizes() -> None:
+    assert style.size_in_inches("80 x 100 mm") == pytest.approx(style.size_in_inches("8x10cm")) == (8 / 2.54, 10 / 2.54)
+    for text in ("8x5", "x5cm", "0x5cm", "9000x5cm", "-8x5cm"):
+        with pytest.raises(UsageError, match="size: "):
+            style.size_in_inches(text)
+    assert [style.Look((width, 4.0)).letters for width in (2.0, 6.0, 20.0)] == [7.0, 7.125, style.USUAL]
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted", "message"),
+    [
+        ("block", Wanted(x="theta_bar", y="slip_lenght"), "no number 'slip_lenght' .* did you mean 'slip_length'"),
+        ("block", Wanted(map=("theta_bar", "theta_bar"), of="energy"), "theta_bar is named twice"),
+        ("block", Wanted(x="theta_bar", y="energy", at={"theta_bar": 10}), "theta_bar is drawn with all its values"),
+        ("block", Wanted(x="theta_bar"), "x: give y, too"),
+        ("block", Wanted(law=True, map=("theta_bar", "friction"), of="u_T_max"), "map: law is another picture"),
+        ("block", Wanted(size=(3.0, 1.0)), "size: .* cm is the least height"),
+        ("block", Wanted(of="sigma"), "has no field 'sigma'"),
+        ("block", Wanted(along="1, 1"), "is no line"),
+        ("block", Wanted(along="0, a: 1, 1"), "is no line"),
+        ("block", Wanted(along="1, 1: 2, 2"), "no point of this line"),
+        ("path", Wanted(y="slip"), "use one of mean-slip"),
+        ("history", Wanted(y="u_X"), "has no number"),
+        ("history", Wanted(at={"alpha": 1}), "no swept parameter 'alpha'"),
+    ],
+)
+def test_bad_names_are_refused_before_anything_is_written(
+    stored: Stored, tmp_path: Path, name: str, wanted: Wanted, message: str
+) -> None:
+    with pytest.raises((DrawError, UsageError), match=message) as caught:
+        picture(stored(name), tmp_path / "a.png", wanted)
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "a.png").exists()
+
+
+def test_the_same_file_every_time_with_text_as_text_and_matplotlib_left_alone(stored: Stored, tmp_path: Path) -> None:
+    """Journals refuse fonts of Type 3; letters as outlines can be neither edited nor found."""
+    import matplotlib
+
+    with matplotlib.rc_context({"font.size": 7.0, "axes.spines.top": True}):
+        before = dict(matplotlib.rcParams)
+        for name in ("a.svg", "b.svg", "p.pdf", "a.png"):
+            said = picture(stored("single"), tmp_path / name, Wanted(size=(6.0, 5.0)))
+        assert dict(matplotlib.rcParams) == before
+    assert said.startswith(f"{tmp_path / 'a.png'}: A block <on> a film")
+    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+    assert "Contact line: " in (tmp_path / "a.svg").read_text(encoding="utf-8")
+    written = (tmp_path / "p.pdf").read_bytes()
+    assert b"/Subtype /Type3" not in written
+    assert b"/FontFile2" in written
+    assert (tmp_path / "a.png").read_bytes()[16:24] == (1800).to_bytes(4) + (1500).to_bytes(4)

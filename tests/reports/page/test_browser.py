@@ -1,0 +1,330 @@
+"""Pages in a real browser: they draw without complaint, obey mouse and keys, keep their state in the address; and where
+ω < λ₁ the live mode gives the answers of tcstudy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import tcstudy
+from tcstudy.cli import main
+from tcstudy.contact.problem import ContactProblem
+from tcstudy.data.provenance import collect
+from tcstudy.data.store import write_record
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.shapes import LENGTH, SHAPES, STIFFNESS, TRACTION
+from tcstudy.offline.level import Level
+from tcstudy.read.study import read_study, read_study_text
+from tcstudy.refine.family import Family
+from tcstudy.reports.page.write import write_page
+from tcstudy.scene.records import Convection, Traction
+from tcstudy.scene.study import Study
+from tests.reports.conftest import CONFIGS, REASON, Stored
+from tests.reports.page.browser import Browser, fragment, missing, text_of
+from tests.reports.terminal.test_cost import made
+
+pytestmark = [pytest.mark.browser, pytest.mark.skipif(bool(missing()), reason=missing())]
+
+
+def shown(browser: Browser, file: Path, place: str = "") -> Browser:
+    browser.size(1280, 1000)
+    browser.open(write_page(file, file.with_suffix(".html")).path, place)
+    return browser
+
+
+def click(browser: Browser, selector: str, **more: bool) -> None:
+    browser.run("document.querySelector(arguments[0]).dispatchEvent(new MouseEvent('click', arguments[1]))", selector,
+                {"bubbles": True} | more)  # fmt: skip
+
+
+def saved(browser: Browser, button: str) -> list[str]:
+    """The lines of what a button downloads, after the name."""
+    browser.run("TC.save = (name, text) => { window.saved = name + '\\r\\n' + text; };")
+    click(browser, button)
+    return str(browser.run("return window.saved")).strip().split("\r\n")
+
+
+SHIPPED: dict[str, tuple[str, ...]] = {
+    "coated_block": ("mesh.levels=1",),
+    "cyclic_pull": (),
+    "isola": (),
+    "pipeline_cycles": (),
+    "ring": ("mesh.levels=1",),
+    "spring_rail": (),
+    "two_films": (),
+    "welded_rail": ("mesh.maxh=344 mm",),
+}
+"""Shipped studies that have parts of their own, and what is changed so that they take a second or two."""
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_page_of_a_shipped_study_is_drawn(name: str, browser: Browser, tmp_path: Path) -> None:
+    file = tmp_path / f"{name}.nc"
+    changes = [f"--set={one}" for one in SHIPPED[name]]
+    assert main(["run", str(CONFIGS / f"{name}.yaml"), *changes, "-q", f"--output={file}"]) == 0
+    page = shown(browser, file)
+    assert page.run("return document.querySelectorAll('#main svg path').length") > 4
+    assert page.run("return [...document.querySelectorAll('#main > div')].every((part) => part.innerText.length)")
+    assert page.complaints() == []
+
+
+def test_a_run_obeys_clicks_keys_and_its_address(browser: Browser, stored: Stored) -> None:
+    page = shown(browser, stored("block"), "#x=theta_bar&y=friction")
+    assert "6 of 6 solved" in text_of(page, "#verdict")
+    click(page, '[data-point="1"]')
+    assert fragment(page)["at"] == "0,1"
+    assert "θ̄ = 0 K, friction: weak" in text_of(page, "#point")
+    page.run("document.querySelector('#sweep svg[tabindex]').focus()")
+    for key in ("ArrowRight", "ArrowRight", "[", "c"):
+        page.press(key)
+    assert {key: fragment(page)[key] for key in ("at", "level", "vs")} == {"at": "2,1", "level": "0", "vs": "2,1"}
+    html = stored("block").with_suffix(".html")
+    page.open(html, "#q=slip_length&at=2,1&vs=0,0&level=0&theme=dark")
+    assert "slip length" in text_of(page, "#sweep h3")
+    assert "dashed: θ̄ = 0 K, friction: plain" in text_of(page, "#point")
+    page.open(html, "#q=none&at=9,9&level=-3&x=nothing&vs=1&sort=x")
+    first = "return document.querySelector('#table tbody tr').innerText"
+    click(page, "#table th:nth-child(3) button")
+    least = page.run(first)
+    click(page, "#table th:nth-child(3) button")
+    assert page.run(first) != least
+    name, head, *rows = saved(page, "#table [aria-label=csv]")
+    assert (name, len(rows)) == ("block-level1.csv", 6)
+    assert head.startswith("theta_bar [K],friction,u_T_max [m]")
+    for other in ("failed", "listed", "single"):
+        page = shown(browser, stored(other), "#at=2,1&level=1")
+        assert page.run("return document.querySelectorAll('#point svg').length") > 0
+        assert (REASON in text_of(page, "#point")) == (other == "failed")
+    assert page.complaints() == []
+
+
+def test_sliders_solve_again(browser: Browser, stored: Stored) -> None:
+    page = shown(browser, stored("block"), "#mode=live&at=0,0")
+    move = (
+        "const slider = document.querySelector(`input[aria-label='${arguments[0]}']`); slider.value = arguments[1];"
+        "slider.dispatchEvent(new Event('input')); TC.live.show(TC.live.point);"
+        "return TC.live.answer && Math.max(...TC.live.answer.v);"
+    )
+    assert "only solution" in text_of(page, "main")
+    before = page.run("return Math.max(...TC.live.answer.v)")
+    pulled = page.run(move, "loads ×", 400)
+    assert pulled > before
+    page.run("return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")  # the address
+    assert fragment(page)["set"] == "3,1,1"
+    assert page.run(move, "friction ×", 400) < pulled
+    page.open(stored("block").with_suffix(".html"), "#mode=live&at=0,1&set=1,1,0.125")
+    assert "not solved here" in text_of(page, "main")
+    assert page.run("return TC.live.answer") is None
+    assert page.complaints() == []
+
+
+def test_every_equilibrium_of_a_point_can_be_looked_at(browser: Browser, tmp_path: Path) -> None:
+    changes = [
+        "friction={law: piecewise-linear, points: [[0, 25 MPa], [15 um, 25 MPa], [15 um, 5 MPa]]}",
+        "sweep={boundary.end.g: [[12 MPa, 0], [16 MPa, 0]], theta_bar: [0 K, 10 K]}",
+        *("mesh.levels=1", "output.fields=false", "solver.branch=all"),
+    ]
+    tcstudy.run(read_study(CONFIGS / "quickstart.yaml", changes), tmp_path / "all.nc")
+    page = shown(browser, tmp_path / "all.nc", "#at=0,1&q=solutions")
+    assert "3 of 3 equilibria, proved" in text_of(page, "#point")
+    curve = '[aria-label="slip along the contact line"] path[stroke]'
+    slip = f"return document.querySelector('{curve}').getAttribute('d')"
+    lowest = page.run(slip)
+    click(page, '[aria-label="equilibrium 2"]')
+    assert fragment(page)["eq"] == "2"
+    assert page.run(slip) != lowest
+    click(page, '[data-point="0"]')
+    assert "9 of 9 equilibria, proved" in text_of(page, "#point")
+    assert fragment(page)["eq"] == "0"
+    assert page.complaints() == []
+
+
+SMALL = """
+title: A strip
+units: none
+body: {rectangle: {width: 2, height: 1}}
+boundary: {bottom: contact, left: free, top: {role: clamped, u_x: 0.1, u_y: 0}, right: free}
+material: {E: 1, nu: 0.3}
+friction: {law: slip-weakening, tau_s: 0.05, tau_k: 0.01, delta: 0.02}
+mesh: {maxh: 2, levels: 4}
+"""
+
+
+def test_files_of_converge_and_cost_and_those_beside_a_run(browser: Browser, tmp_path: Path) -> None:
+    study = tmp_path / "strip.yaml"
+    study.write_text(SMALL, encoding="utf-8")
+    files = {word: tmp_path / f"strip{end}.nc" for word, end in (("run", ""), ("converge", ".convergence"))}
+    for command, file in files.items():
+        assert main([command, str(study), "--output", str(file)]) == 0
+    files["cost"] = tmp_path / "strip.cost.nc"
+    write_record(files["cost"], read_study(study), made(), collect(read_study(study), ["tcstudy"]))
+    for command, file in reversed(files.items()):
+        page = shown(browser, file)
+        assert page.run("return document.querySelectorAll('main svg').length") > 1, command
+    told = text_of(page, "#accuracy")
+    assert "Measured convergence" in told
+    assert "Accuracy against cost" in told
+    assert browser.complaints() == []
+
+
+def test_every_edge_has_its_law_with_its_own_nodes(browser: Browser, stored: Stored) -> None:
+    page = shown(browser, stored("films"))
+    assert "Slip, friction and section force along film, shoe" in text_of(page, "#point")
+    count = """return [...document.querySelectorAll('#point h3')].filter((h) => h.textContent.startsWith('Friction'))
+        .map((h) => [h.textContent, h.parentElement.querySelectorAll('[fill-opacity]').length,
+                     h.parentElement.nextSibling.textContent])"""
+    film, shoe = page.run(count)
+    assert film[0].startswith("Friction law of film (tresca)")
+    assert shoe[0].startswith("Friction law of shoe (slip-weakening)")
+    assert "divided by the strength" in film[2]
+    x = np.array(page.run("return Array.from(Object.values(TC.data.lines)[0].x)"))
+    # the node where they meet has parts of both laws, and is not drawn
+    own = (x < 1 - 1e-9) & (x > 0.25 + 1e-9), x > 1 + 1e-9
+    assert (film[1], shoe[1]) == tuple(np.count_nonzero(nodes) for nodes in own)
+    assert page.complaints() == []
+
+
+def test_a_history_shows_sweep_loop_steps_and_energies(browser: Browser, stored: Stored) -> None:
+    page = shown(browser, stored("history"))
+    for part in ("#sweep", "#point", "#accuracy", "#table"):
+        assert page.run("return document.querySelector(arguments[0]).querySelectorAll('svg, table').length", part) > 0
+    assert "step: 16, back" in text_of(page, "#point")
+    page.press("[")
+    assert fragment(page)["step"] == "15"
+    click(page, '[data-point="2"]')
+    assert fragment(page)["at"] == "1,0"
+    _, head, *rows = saved(page, "#steps [aria-label='csv']")
+    assert (head[:21], len(rows)) == ("step,name,cycle,theta", 17)
+    page.open(stored("history").with_suffix(".html"), "#yof=dissipated&xof=step&step=3&at=2,1&theme=dark")
+    assert "energy dissipated in the step over step" in text_of(page, "#steps")
+    assert "step: 3" in text_of(page, "#point")
+    assert page.complaints() == []
+
+
+def test_a_geometry_is_chosen_and_its_body_and_line_are_drawn(browser: Browser, stored: Stored) -> None:
+    page = shown(browser, stored("pads"), "#at=0,0&x=height&y=u_x")
+    level, high = "return document.querySelector('#accuracy table tbody').innerText", "return TC.point.panel.frame.high"
+    sizes, before = page.run(level), page.run(high)
+    page.run("document.querySelector('#sweep svg[tabindex]').focus()")
+    page.press("ArrowRight")
+    page.press("ArrowRight")
+    assert page.run(high) == pytest.approx(4.0 * before)
+    assert page.run(level) != sizes
+    click(page, "[data-point]", shiftKey=True)
+    assert "dashed: " in text_of(page, "#point")
+    assert page.complaints() == []
+
+
+def test_a_fit_shows_its_data_numbers_and_law(browser: Browser, stored: Stored) -> None:
+    page = shown(browser, stored("fit"), "#step=4")
+    assert "datum: 5 of 60" in text_of(page, "#fit")
+    page.press("]")
+    assert fragment(page)["step"] == "5"
+    assert page.run("return document.querySelectorAll('#fit svg .mark').length") >= 120
+    assert "friction.delta" in text_of(page, "#found")
+    _, head, *rows = saved(page, "#table [aria-label=csv]")
+    assert head == "datum,boundary.grip.u_x [m],value [N m-1],predicted [N m-1],noise [N m-1],residual"
+    assert len(rows) == 60
+    assert page.complaints() == []
+
+
+@pytest.mark.parametrize(("width", "media"), [(390, ""), (1280, ""), (720, "print")])
+def test_nothing_sticks_out_of_screen_or_paper(browser: Browser, stored: Stored, width: int, media: str) -> None:
+    browser.command("Emulation.setEmulatedMedia", media=media)
+    try:
+        for name in ("block", "history", "pads", "fit"):
+            page = stored(name).with_suffix(".html")
+            browser.size(width, 900, phone=width < 500)
+            browser.open(page if page.exists() else write_page(stored(name), page).path, "#theme=dark" if media else "")
+            assert browser.run("return document.documentElement.scrollWidth") <= width, name
+        if media:
+            assert browser.run("return getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    finally:
+        browser.command("Emulation.setEmulatedMedia", media="")
+    assert browser.complaints() == []
+
+
+# -- the live mode -----------------------------------------------------------------------------------------------------
+
+PLATE = """
+title: A plate in sloping surroundings
+units: none
+body: {rectangle: {width: 2, height: 1}}
+boundary: {bottom: contact, left: {role: clamped, u_x: 0.02, u_y: 0}, top: convection,
+           right: {role: traction, pressure: -0.05}}
+material: {E: 1, nu: 0.3, k: 1, alpha_T: 0.05}
+heat: {alpha: 2, theta_bar: "1 + x", q: 0.5}
+friction: {law: tresca, tau: 0.03}
+mesh: {maxh: 0.3, levels: 2}
+sweep: {alpha: [4, 0.5], friction: {teeth: {law: saw-tooth, tau: 0.03, delta: 0.02, teeth: 3, drop: 0.6, decay: 0.8},
+        spring: {law: linear, k: 0.3}, bond: {law: bilinear, tau: 0.03, s0: 0.02, sf: 0.3},
+        decay: {law: exponential, a: 0.03, b: 0.01, delta: 0.2},
+        shelf: {law: piecewise-linear, points: [[0, 0.02], [0.05, 0.04], [0.05, 0.01], [0.2, 0.02]], slope: 0.01}}}
+output: {live: true}
+"""
+SETTINGS, AGREEMENT = 100, 1e-10
+
+SOLVE = """
+TC.live.setup();
+return arguments[0].map(({point, set}) => {
+  if (!TC.live.unique(point, set)) return null;
+  const answer = TC.solve(TC.live.problem(point, set));
+  return {...answer, v: Array.from(answer.v), xi: null};
+});
+"""
+
+
+def scaled(law: Laws, f: float, g: float) -> Laws:
+    """The law f b(s / g), made anew from its parameters."""
+    assert law.made is not None
+    by = {TRACTION: f, STIFFNESS: f / g, LENGTH: g}
+    values = dict(law.made.values)
+    for key in SHAPES[law.made.shape].parameters:
+        if values.get(key.name) is not None and key.dimension in by:
+            values[key.name] *= by[key.dimension]
+    if "points" in values:
+        values["points"] = [(s * g, b * f) for s, b in values["points"]]
+    return SHAPES[law.made.shape].build(**values)
+
+
+def settings(study: Study, level: Level, seed: int) -> Iterator[tuple[int, dict[str, float], ContactProblem]]:
+    """Random places of all sliders; the problem is made by the study's own code, not from what the page holds."""
+    random = np.random.default_rng(seed)
+    for _ in range(SETTINGS):
+        point, load = int(random.integers(len(study.scenes))), float(random.uniform(-1.0, 2.0))
+        f, g = float(np.exp(random.uniform(-0.7, 0.7))), float(np.exp(random.uniform(-0.4, 1.0)))
+        scene = study.scenes[point]
+        boundary = tuple(
+            (name, replace(role, g=(load * role.g[0], load * role.g[1]), pressure=load * role.pressure)
+             if isinstance(role, Traction | Convection) else role) for name, role in scene.boundary
+        )  # fmt: skip
+        changed: Any = replace(scene, boundary=boundary, friction=scaled(scene.friction, f, g))
+        yield point, {"load": load, "strength": f, "slip": g}, level.condensed(changed).problem
+
+
+def test_answers_agree_with_tcstudy(browser: Browser, tmp_path: Path) -> None:
+    study = read_study_text(PLATE)
+    tcstudy.run(study, tmp_path / "study.nc")
+    shown(browser, tmp_path / "study.nc", "#mode=live")
+    family = Family(study)
+    meshes = [family.next(i) for i in range(study.mesh.levels)]
+    cases = list(settings(study, Level(meshes[-1], study.scenes[0], study.scenes), seed=11))
+    answers = browser.run(SOLVE, [{"point": point, "set": told} for point, told, _ in cases])
+    solved = 0
+    for (_, _, p), answer in zip(cases, answers, strict=True):
+        own = tcstudy.solve(tcstudy.ContactProblem(p.A_tilde, p.l_tilde, p.c, p.law))
+        steep = p.law.omega / p.lambda_1
+        assert (answer is not None) == (steep < 1.0) or abs(steep - 1.0) < 1e-5
+        if answer is None:
+            continue
+        solved += 1
+        assert answer["converged"]
+        assert np.max(np.abs(np.array(answer["v"]) - own.v)) <= AGREEMENT * np.max(np.abs(own.v))
+        assert answer["residual"] <= AGREEMENT
+    assert solved >= SETTINGS // 5
+    assert browser.complaints() == []
