@@ -53,7 +53,6 @@ SHIPPED: dict[str, tuple[str, ...]] = {
     "coated_block": ("mesh.levels=1",),
     "cyclic_pull": (),
     "isola": (),
-    "pipeline_cycles": (),
     "ring": ("mesh.levels=1",),
     "spring_rail": (),
     "two_films": (),
