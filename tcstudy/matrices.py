@@ -22,7 +22,7 @@ from tcstudy.contact import certificates
 from tcstudy.contact.all_solutions import LAW_ERROR, Equilibria, Limits
 from tcstudy.contact.certificates import Certificate
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path
-from tcstudy.contact.path.start import NoSolutionError
+from tcstudy.contact.path.walk import NoSolutionError
 from tcstudy.contact.problem import ContactProblem as PlainProblem
 from tcstudy.contact.solve import Answer, solve_contact
 from tcstudy.errors import ProblemError

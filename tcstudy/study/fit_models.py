@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.path.follow import Follower, Path
-from tcstudy.contact.path.record import WHOLE
+from tcstudy.contact.path.problem import WHOLE
 from tcstudy.contact.problem import Status
 from tcstudy.contact.solution import Linearised
 from tcstudy.contact.solve import solve_contact

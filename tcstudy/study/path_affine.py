@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tcstudy.contact.certificates import solution_boxes
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path
 from tcstudy.contact.path.piecewise_linear_approximation import piecewise_linear
-from tcstudy.contact.path.start import NoSolutionError
+from tcstudy.contact.path.walk import NoSolutionError
 from tcstudy.contact.problem import Status
 from tcstudy.contact.solve import solve_contact
 from tcstudy.errors import PathError

@@ -18,10 +18,8 @@ from tcstudy.contact.certificates import certify
 from tcstudy.contact.history.hysteresis import hysteresis
 from tcstudy.contact.path.complete import Branches, all_branches
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path
-from tcstudy.contact.path.problem import by_code
-from tcstudy.contact.path.proofs import proved_minima
-from tcstudy.contact.path.query import PathSolution, folds, lowest, solutions_at, solutions_of
-from tcstudy.contact.path.record import WHOLE, PathStatus
+from tcstudy.contact.path.problem import WHOLE, PathStatus, by_code
+from tcstudy.contact.path.query import PathSolution, folds, lowest, proved_minima, solutions_at, solutions_of
 from tcstudy.contact.solve import TIE
 from tcstudy.data.provenance import SHORTFALLS, Remark, collect, tell
 from tcstudy.data.records import LevelRecord

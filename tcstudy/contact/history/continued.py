@@ -27,7 +27,7 @@ from tcstudy.contact.history.problem import HistoryProblem, HistoryStep, booked,
 from tcstudy.contact.path.basis_inverse import BasisInverse, SingularCellError
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path, PathStatus
 from tcstudy.contact.path.smooth import folds_beside
-from tcstudy.contact.path.start import locate
+from tcstudy.contact.path.walk import locate
 from tcstudy.contact.problem import ContactProblem, Status
 from tcstudy.contact.solve import Answer, as_it_is, nearest_minimum, solve_contact
 from tcstudy.laws.laws import Laws

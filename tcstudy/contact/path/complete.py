@@ -28,9 +28,8 @@ from tcstudy.contact.all_solutions import (
     reach_of,
 )
 from tcstudy.contact.path.follow import Follower
-from tcstudy.contact.path.problem import ParametricProblem
+from tcstudy.contact.path.problem import ParametricProblem, Path, PathStatus
 from tcstudy.contact.path.query import solutions_at
-from tcstudy.contact.path.record import Path, PathStatus
 from tcstudy.laws.pieces import BEND
 from tcstudy.scene.study import Direction
 

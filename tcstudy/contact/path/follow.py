@@ -4,7 +4,7 @@ For a piecewise-linear law the filled graph of b̂ is a polygonal line at every 
 piece of the line, (u, ξ, t) moves along a straight line; at the end of it one node goes on to the next piece of its
 graph, and the path continues in the next cell. Nothing is approximated and nothing is iterated: folds (t turns), stick,
 slip, up- and down-jumps and unstable solutions all are vertices of one polygon. Several nodes at once, starts on a
-vertex and pieces with a singular matrix are part of the method (walk, corner).
+vertex and pieces with a singular matrix are part of the method (walk.py).
 
 Orientation: what keeps the path from turning round is that the node that has reached its bound goes on in the same
 sense along its graph. Generically the pieces then form a curve without branches, so a cell is entered at most once:
@@ -24,11 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.contact.path.basis_inverse import SingularCellError
-from tcstudy.contact.path.corner import cross, onward, rays
-from tcstudy.contact.path.problem import Codes, ParametricProblem
-from tcstudy.contact.path.record import Path, PathStatus
-from tcstudy.contact.path.start import locate
-from tcstudy.contact.path.walk import Ray, Walk
+from tcstudy.contact.path.problem import Codes, ParametricProblem, Path, PathStatus
+from tcstudy.contact.path.walk import Ray, Walk, cross, locate, onward, rays
 from tcstudy.scene.study import Acceptance, Direction
 
 __all__ = ["Follower", "ParametricProblem", "Path", "PathStatus"]
@@ -138,12 +135,12 @@ class _Half:
             for careful in (False, True):
                 count = AGAIN if careful else min(2 * count, TOGETHER)
                 self.end = self._some(mark, done, count, careful)
-                points = walk.points(*(np.array(rows) for rows in zip(*self.vertices[done:], strict=True)))
-                off = np.max(np.abs(points.defect) / p.c, axis=1) / p.traction_scale
+                t, u, traction, defect = walk.points(*map(np.array, zip(*self.vertices[done:], strict=True)))
+                off = np.max(np.abs(defect) / p.c, axis=1) / p.traction_scale
                 at = 1 + int(off[1:].argmax()) if len(off) > 1 else 0  # the first is where it begins
                 worst, good, limit = float(off[at]), AIM * accept.aim, accept.aim
                 if not worst <= good:
-                    noise = p.xi_rounding(float(points.t[at]), points.u[at])
+                    noise = p.xi_rounding(float(t[at]), u[at])
                     limit = accept.limit(noise)
                     good = min(limit, max(good, 0.5 * noise, reached))
                 if worst <= (limit if careful else good):
@@ -152,7 +149,7 @@ class _Half:
                 self.end = PathStatus.LOST_ACCURACY
                 self._back_to(done + int(np.argmin(np.append(off[1:] <= limit, False))))
             new = slice(min(done, 1), len(self.vertices) - done)
-            self.blocks.append((points.t[new], points.u[new], points.traction[new], off[new]))
+            self.blocks.append((t[new], u[new], traction[new], off[new]))
             reached, walk.tie = 2.0 * worst if careful else 0.0, walk.usual_tie
             if self.end is None:
                 walk.balance()

@@ -21,8 +21,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.contact.newton import factor_free, with_diagonal
-from tcstudy.contact.path.problem import ParametricProblem
-from tcstudy.contact.path.record import Path
+from tcstudy.contact.path.problem import ParametricProblem, Path
 from tcstudy.laws.laws import Laws
 
 Array = NDArray[np.float64]

@@ -10,8 +10,7 @@ import pytest
 
 from tcstudy.contact.all_solutions import Limits, all_solutions
 from tcstudy.contact.path.complete import _even, all_branches
-from tcstudy.contact.path.problem import ParametricProblem
-from tcstudy.contact.path.record import Path, PathStatus
+from tcstudy.contact.path.problem import ParametricProblem, Path, PathStatus
 from tests.contact.contact_cases import spring
 from tests.contact.random_polygons import by_brute_force, random_problem
 

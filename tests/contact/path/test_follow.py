@@ -10,7 +10,7 @@ import pytest
 from tcstudy.contact.path.basis_inverse import CAPACITY, BasisInverse
 from tcstudy.contact.path.follow import Follower, ParametricProblem, PathStatus
 from tcstudy.contact.path.query import solutions_at
-from tcstudy.contact.path.start import NoSolutionError
+from tcstudy.contact.path.walk import NoSolutionError
 from tcstudy.laws.composed import nodal
 from tcstudy.laws.laws import Laws
 from tests.contact import contact_cases as cases

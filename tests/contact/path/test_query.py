@@ -11,8 +11,7 @@ from scipy.optimize import brentq
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.path.follow import Path
 from tcstudy.contact.path.piecewise_linear_approximation import piecewise_linear
-from tcstudy.contact.path.proofs import proved_minima
-from tcstudy.contact.path.query import folds, lowest, solutions_at, solutions_of, turn_sizes
+from tcstudy.contact.path.query import folds, lowest, proved_minima, solutions_at, solutions_of, turn_sizes
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.scene.study import Acceptance
 from tests.contact import contact_cases as cases
