@@ -9,14 +9,15 @@ import pytest
 import xarray as xr
 
 import tcstudy
+from tcstudy.contact.all_solutions import all_solutions
 from tcstudy.reports.verdict import verdict
-from tests.verification.test_all_solutions import FILMS, QUICKSTART, all_solutions, quickstart_problems
+from tests.verification.scenes import BRITTLE, QUICKSTART, quickstart_problems
 
 SWEEP = "sweep={boundary.end.g: [[2 MPa, 0], [20 MPa, 0]], theta_bar: [10 K, 0 K, 12 K]}"
 
 
-def study(*more: str, sweep: str = SWEEP, film: str = "brittle") -> tcstudy.Study:
-    law = f"friction={{law: piecewise-linear, points: {FILMS[film]}}}" if film in FILMS else film
+def study(*more: str, sweep: str = SWEEP, law: str = f"{{law: piecewise-linear, points: {BRITTLE}}}") -> tcstudy.Study:
+    law = f"friction={law}"
     return tcstudy.load(QUICKSTART, ["mesh.levels=1", "solver={branch: all}", law, sweep, *more])
 
 
@@ -30,7 +31,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_file_has_every_solution_and_its_proofs(file: Path) -> None:
     with xr.open_datatree(file) as tree:
         root, line = tree.to_dataset().isel(level=0), tree["level_0"]
-        problems = quickstart_problems("brittle", SWEEP.removeprefix("sweep="))
+        problems = quickstart_problems(SWEEP.removeprefix("sweep="))
         shape = root["status"].shape
         assert root["complete"].values.all()
         for place, problem in enumerate(problems):
@@ -55,8 +56,8 @@ def test_limits_and_polygons_are_told_and_claim_nothing(tmp_path: Path) -> None:
     assert set(complete) == {0, 1}
     assert np.all(count[complete == 1] == 1)
     assert "all equilibria proved at 1 of 6 (1 each)" in verdict(tmp_path / "few.nc")[0]
-    law = "friction={law: exponential, a: 40 MPa, b: 10 MPa, delta: 5 um}"
-    found = tcstudy.run(study(sweep="sweep={boundary.end.g: [[20 MPa, 0]]}", film=law), tmp_path / "decay.nc")
+    law = "{law: exponential, a: 40 MPa, b: 10 MPa, delta: 5 um}"
+    found = tcstudy.run(study(sweep="sweep={boundary.end.g: [[20 MPa, 0]]}", law=law), tmp_path / "decay.nc")
     assert found["complete"].values.ravel().tolist() == [2]
     assert "of the polygons of exponential laws" in verdict(tmp_path / "decay.nc")[0]
 

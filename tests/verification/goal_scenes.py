@@ -74,11 +74,6 @@ exact: {loads: derived, u: ["sin(pi*x)*(1 + 0.8*(1 + x)*y)", "x*y^2"]}
 """
 """A linear law that grows along the edge: u_T = sin(πx), ∫ξ = 2.4/π, with loads that follow."""
 
-SPRUNG = FILM.replace("left: clamped", "left: symmetry").replace(
-    "right: free", "right: {role: traction, spring: {normal: 0.05, tangential: 0.2}}"
-)
-"""The film on half a block whose end rests on springs."""
-
 PRESSED = FILM.replace(
     '{role: traction, g: ["0.03*x", -0.01]}', "{role: rigid, force: [0.03, -0.02], moment: 0.01}"
 ).replace("left: clamped", "left: {role: traction, spring: {normal: 0.2}}")
@@ -92,8 +87,6 @@ _SPLIT = """body:
     - {from: [2, 1], edge: top}
     - {from: [0, 1], edge: left}
 boundary: {shoe: contact, bottom"""
-UNEVEN = FILM.replace("delta: 0.1}", 'delta: 0.1, strength: "1 + 0.5*sin(2*x)"}')
-"""The film with a strength that varies along it."""
 PATCH = FILM.replace("delta: 0.1}", 'delta: 0.1, strength: "1 - 0.6*max(0, min(1, (x - 0.83)*1e9))"}')
 """The film weaker beyond x = 0.83, which is no node."""
 PATCH_AT_NODE = PATCH.replace(

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
+import tcstudy
+from tcstudy.contact.problem import ContactProblem
 from tcstudy.fem.geometry import Geometry, build
 from tcstudy.fem.meshes import PlaneMesh, mesh_at
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import MeshPlan, Study
+from tcstudy.study.run import stages
 
 RECTANGLE = """
 units: none
@@ -64,3 +68,15 @@ def levels_of(study: Study) -> list[Level]:
 def study_of(text: str, *overrides: str) -> Study:
     """A study from text."""
     return read_study_text(text, "test", overrides)
+
+
+QUICKSTART = Path(__file__).parents[2] / "configs" / "quickstart.yaml"
+BRITTLE = "[[0 um, 40 MPa], [10 um, 40 MPa], [10 um, 10 MPa]]"
+
+
+def quickstart_problems(sweep: str) -> list[ContactProblem]:
+    """The condensed problems of quickstart's body on a brittle film, m = 13 on its first mesh."""
+    law = f"friction={{law: piecewise-linear, points: {BRITTLE}}}"
+    study = tcstudy.load(QUICKSTART, ["mesh.levels=1", f"sweep={sweep}", law])
+    *_, last = stages(study)
+    return [last.level.condensed(scene).problem for scene in study.scenes]  # type: ignore[union-attr]

@@ -54,7 +54,7 @@ def test_total_energy_is_that_of_the_whole_system(bracket: tuple[Scene, Level]) 
     assert answer.energy + condensed.constant == pytest.approx(direct, rel=1e-11)
 
 
-@pytest.mark.parametrize("alpha", [1e-8, 1e-4, 0.8, 1e4, 1e8])
+@pytest.mark.parametrize("alpha", [1e-8, 0.8, 1e8])
 def test_temperature_equals_an_assembled_solve(alpha: float) -> None:
     """The spectral form on Γ_θ against the assembled system kK + αM, each rounding error of which is removed.
 

@@ -63,53 +63,22 @@ def ring() -> Measured:
     return converge(derived.ring(5))
 
 
-@pytest.fixture(scope="module")
-def block() -> Measured:
-    return converge(derived.block(5))
-
-
-@pytest.mark.parametrize(
-    ("norm", "order", "bound"),
-    [
+def test_ring(ring: Measured) -> None:
+    """On a curved contact line, with a weakening film: b falls by w = 0.6 < λ₁."""
+    for norm, order, bound in (
         *(("theta_L2", 2, 8.5e-5), ("theta_H1", 1, 2.3e-2), ("u_energy", 1, 1.8e-2), ("u_H1", 1, 1.9e-2)),
         *(("u_L2", 2, 2.7e-4), ("u_T_L2", 1.5, 1.3e-3), ("u_T_max", 1, 6e-3), ("xi_nodes", 1.5, 4e-4)),
-    ],
-)
-def test_ring(ring: Measured, norm: str, order: float, bound: float) -> None:
-    """On a curved contact line, with a weakening film: b falls by w = 0.6 < λ₁."""
-    own = errors(ring.points[0])[norm]
-    assert own.expected == order
-    assert own.rate[-1] == pytest.approx(order, abs=0.1)
-    assert own.error[-1] < bound
+    ):
+        own = errors(ring.points[0])[norm]
+        assert own.expected == order
+        assert own.rate[-1] == pytest.approx(order, abs=0.1)
+        assert own.error[-1] < bound
 
 
-@pytest.mark.parametrize(
-    ("norm", "order", "bound"),
-    [
-        *(("theta_L2", 2, 3.2e-5), ("theta_H1", 1, 1e-2), ("u_energy", 1, 1.1e-2), ("u_H1", 1, 7.5e-3)),
-        *(("u_L2", 2, 7e-5), ("u_T_L2", 2, 2.5e-4), ("xi_L2", 1, 1.8e-3), ("xi_nodes", 2, 6e-5)),
-    ],
-)
-def test_block(block: Measured, norm: str, order: float, bound: float) -> None:
-    own = errors(block.points[0])[norm]
-    assert own.expected == order
-    assert own.verdict == "as_expected"
-    assert own.rate[-1] == pytest.approx(order, abs=0.05)
-    assert own.error[-1] < bound
-
-
-def test_turning_the_block_changes_nothing(block: Measured) -> None:
-    """Up to where the mesher puts the nodes of the turned body, 1e-9 of its size elsewhere."""
-    turned = errors(converge(derived.block(3, 37.0)).points[0])
-    for name, one in errors(block.points[0]).items():
-        np.testing.assert_allclose(turned[name].error * turned[name].size, one.error[:3] * one.size, rtol=2e-7)
-
-
-def test_numbers_tend_to_the_exact_ones(ring: Measured, block: Measured) -> None:
-    for found in (ring, block):
-        for name in ("energy", "friction_resultant", "slip_length"):
-            own = series(found.points[0], name)
-            assert np.isfinite(own.exact)
-            assert abs(own.limit - own.exact) <= max(own.uncertainty, 1e-12)
-            assert own.uncertainty < 3e-4 * abs(own.exact)
-        assert found.notes == []
+def test_numbers_tend_to_the_exact_ones(ring: Measured) -> None:
+    for name in ("energy", "friction_resultant", "slip_length"):
+        own = series(ring.points[0], name)
+        assert np.isfinite(own.exact)
+        assert abs(own.limit - own.exact) <= max(own.uncertainty, 1e-12)
+        assert own.uncertainty < 3e-4 * abs(own.exact)
+    assert ring.notes == []

@@ -32,9 +32,7 @@ from tests.verification.goal_scenes import (
     PRESSED,
     RESULTANT,
     SLIP_LENGTH,
-    SPRUNG,
     TWO_LAWS,
-    UNEVEN,
     Row,
     at_crossing,
     fine_value,
@@ -73,13 +71,6 @@ def both(study: Study, goal: Goal, known: float) -> None:
         check(table(study, goal, known, family, levels, MOST))
 
 
-@pytest.mark.parametrize("change", [0.21, 0.683])
-def test_numbers_of_stick_and_slip(change: float) -> None:
-    """The front elsewhere: ∫ξ and u_T are in closed form."""
-    both(front_study(change), RESULTANT, front_resultant(change))
-    both(front_study(change), Goal("u_T", (0.85, 0.0)), front_slip(change, 0.85))
-
-
 @pytest.mark.parametrize(("study", "goals"), [
     (ring_scene()[0], ((RESULTANT, ring_scene()[1]), (Goal("u_T", (math.cos(0.7), math.sin(0.7))), ring_scene()[2]))),
     (spring_scene()[0], ((RESULTANT, spring_scene()[1]), (Goal("u_T", (0.3, 0.0)), math.sin(0.3 * math.pi)))),
@@ -98,8 +89,7 @@ SLIP = Goal("u_T", (1.4, 0.0))
     [
         (HEATED, SLIP, 2),  # thermal load, softening, two fronts, oblique sides
         (LAYERED, RESULTANT, 4),  # with under 45 unknowns the estimate is up to 11 times too large
-        (UNEVEN, RESULTANT, 2),
-        *((text, goal, 2) for text in (FILM, SPRUNG, PRESSED) for goal in (RESULTANT, SLIP)),
+        (PRESSED, SLIP, 2),
     ],
 )
 def test_numbers_against_much_finer_solutions(text: str, goal: Goal, first: int) -> None:
@@ -124,11 +114,9 @@ def test_numbers_under_a_law_that_grows_along_its_edge() -> None:
 
 def test_numbers_of_a_film_and_a_shoe() -> None:
     """The cell of the node where they meet straddles them: an error of first order, and known to be."""
-    study = scene_of(TWO_LAWS)
-    for goal in (RESULTANT, Goal("u_T", (1.4, 0.0))):
-        rows = table(study, goal, fine_value(TWO_LAWS, goal), "adaptive", 20, FEWER)
-        check(rows)
-        assert all(1.0 < row.effectivity < 2.0 for row in rows[3:]), rows
+    rows = table(scene_of(TWO_LAWS), RESULTANT, fine_value(TWO_LAWS, RESULTANT), "adaptive", 20, FEWER)
+    check(rows)
+    assert all(1.0 < row.effectivity < 2.0 for row in rows[3:]), rows
 
 
 def test_a_film_that_is_weaker_from_somewhere_within_a_cell_on() -> None:
@@ -173,16 +161,6 @@ def test_estimates_of_the_slip_length_cover_its_error(slip_rows: list[list[Row]]
     assert 1.0 < float(np.median(ratios)) < 2.5
 
 
-@pytest.mark.parametrize("text", [HEATED, FILM])
-def test_slip_length_by_refined_references(text: str) -> None:
-    study = scene_of(text)
-    known = fine_value(text, SLIP_LENGTH)
-    rows = table(study, SLIP_LENGTH, known, "adaptive", 20, FEWER)
-    ratios = np.array([row.effectivity for row in rows[2:]])
-    assert np.mean(ratios >= 0.9) >= 0.9, ratios
-    assert 1.0 < float(np.median(ratios)) < 4.5, ratios  # both fronts and what is not linear cancel in part
-
-
 # -- tolerances --------------------------------------------------------------------------------------
 
 
@@ -193,23 +171,12 @@ def met(study: Study, goal: Goal, known: float, tolerance: float) -> None:
     assert n_dof < 20_000
 
 
-@pytest.mark.parametrize(("change", "tolerance"), [(0.71, 1e-2), (0.27, 1e-3), (0.55, 1e-3)])
+@pytest.mark.parametrize(("change", "tolerance"), [(0.71, 1e-2), (0.27, 1e-3)])
 def test_tolerances_of_closed_forms_are_met(change: float, tolerance: float) -> None:
     study = front_study(change)
     met(study, SLIP_LENGTH, 1.0 - change, tolerance)
     met(study, RESULTANT, front_resultant(change), tolerance)
     met(study, Goal("u_T", (0.9, 0.0)), front_slip(change, 0.9), 3.0 * tolerance)
-
-
-def test_tolerances_by_refined_references_are_met() -> None:
-    """The references are some 30 times finer than what the tolerance asks for."""
-    for text, goal, tolerance in (
-        (FILM, RESULTANT, 2e-3),
-        (FILM, SLIP_LENGTH, 2e-3),
-        (HEATED, SLIP_LENGTH, 2e-3),
-        (HEATED, Goal("u_T", (1.4, 0.0)), 3e-2),
-    ):
-        met(scene_of(text), goal, fine_value(text, goal), tolerance)
 
 
 # -- units -------------------------------------------------------------------------------------------
@@ -227,7 +194,7 @@ friction: {{law: slip-weakening, tau_s: {0.012 * p}, tau_k: {0.006 * p}, delta: 
 mesh: {{maxh: {0.5 * s}, levels: 1}}
 """
     for goal, unit in ((RESULTANT, p * s), (SLIP_LENGTH, s)):
-        one = table(scene_of(FILM), goal, 1.0, "adaptive", 7)
-        other = table(scene_of(scaled), goal, unit, "adaptive", 7)
+        one = table(scene_of(FILM), goal, 1.0, "adaptive", 5)
+        other = table(scene_of(scaled), goal, unit, "adaptive", 5)
         assert [row.n_dof for row in one] == [row.n_dof for row in other]
         assert [row.estimate for row in one] == pytest.approx([row.estimate for row in other], rel=1e-9)

@@ -7,26 +7,16 @@ import pytest
 
 from tcstudy.contact.solution import polished
 from tcstudy.contact.solve import solve_contact
-from tcstudy.fem.geometry import build
-from tcstudy.offline.level import Level
 from tests.verification.patch import CASES, HEIGHT, SOFTENING, Case, exact_energy, patch_study
-from tests.verification.scenes import mesh_family
-
-MESHES = (0.6, 0.35, 0.17)
+from tests.verification.scenes import levels_of
 
 
-def level_of(case: Case, maxh: float, degrees: float) -> tuple[Level, object]:
-    study = patch_study(case, maxh, degrees)
-    mesh = next(iter(mesh_family(build(study.scenes[0].body), study.mesh)))
-    return Level(mesh, study.scenes[0]), study
-
-
-@pytest.mark.parametrize("degrees", [0.0, 37.0])
-@pytest.mark.parametrize("maxh", MESHES)
+@pytest.mark.parametrize(("maxh", "degrees"), [(0.6, 0.0), (0.17, 37.0)])
 @pytest.mark.parametrize("case", CASES, ids=lambda c: f"{'soft' if c.law == SOFTENING else 'drop'}-U{c.U}")
 def test_every_solution_satisfies_the_inclusion(case: Case, maxh: float, degrees: float) -> None:
-    level, study = level_of(case, maxh, degrees)
-    scene = study.scenes[0]
+    """All are solutions, nothing between them is, and both solvers find one."""
+    study = patch_study(case, maxh, degrees)
+    [level], scene = levels_of(study), study.scenes[0]
     condensed = level.condensed(scene)
     problem = condensed.problem
     assert problem.c.sum() == pytest.approx(1.3, rel=1e-12)
@@ -35,42 +25,27 @@ def test_every_solution_satisfies_the_inclusion(case: Case, maxh: float, degrees
         assert problem.inclusion_residual(v, tolerance=1e-12) < 1e-12
         energy = problem.energy(v) + condensed.constant
         assert energy == pytest.approx(exact_energy(case, study, slip), abs=1e-12)
-        u = level.displacement(scene, v)
         turn = np.radians(degrees)
         depth = level.mesh.points @ [-np.sin(turn), np.cos(turn)]
         along = slip + (case.U - slip) * depth / HEIGHT
         exact = np.concatenate([np.cos(turn) * along, np.sin(turn) * along])
-        assert np.max(np.abs(u - exact)) < 1e-12
-    between = np.full(problem.m, max(case.slips) + 0.05)
-    assert problem.inclusion_residual(between) > 1e-3
-
-
-@pytest.mark.parametrize("degrees", [0.0, 37.0])
-@pytest.mark.parametrize("maxh", MESHES)
-@pytest.mark.parametrize("case", CASES, ids=lambda c: f"{'soft' if c.law == SOFTENING else 'drop'}-U{c.U}")
-@pytest.mark.parametrize("solver", ["separable-newton", "bundle-newton"])
-def test_solvers_find_a_solution_in_closed_form(solver: str, case: Case, maxh: float, degrees: float) -> None:
-    level, study = level_of(case, maxh, degrees)
-    problem = level.condensed(study.scenes[0]).problem
-    answer = solve_contact(problem, solver)
-    assert answer.status == 0, answer.reason
-    assert answer.inclusion_residual < 1e-10
-    assert min(np.max(np.abs(answer.v - slip)) for slip in case.slips) < 1e-11
+        assert np.max(np.abs(level.displacement(scene, v) - exact)) < 1e-12
+    assert problem.inclusion_residual(np.full(problem.m, max(case.slips) + 0.05)) > 1e-3
+    for solver in ("separable-newton", "bundle-newton"):
+        answer = solve_contact(problem, solver)
+        assert answer.status == 0, answer.reason
+        assert answer.inclusion_residual < 1e-10
+        assert min(np.max(np.abs(answer.v - slip)) for slip in case.slips) < 1e-11
 
 
 def test_the_unstable_solution_is_reached_from_nearby() -> None:
     """s = 0.2 is a maximum along uniform slip: minimisers avoid it, Newton on the active pieces does not."""
-    level, study = level_of(Case(SOFTENING, 0.8, (0.2,)), 0.35, 0.0)
+    case = Case(SOFTENING, 0.8, (0.0, 0.2, 0.6))
+    study = patch_study(case, 0.35)
+    [level] = levels_of(study)
     problem = level.condensed(study.scenes[0]).problem
     end = polished(problem, np.full(problem.m, 0.23), exact=False)
-    v, residual = end.v, end.residual
-    assert residual < 1e-12
-    assert np.max(np.abs(v - 0.2)) < 1e-12
-
-
-def test_energies_of_the_three_solutions() -> None:
-    """The published figures of the unit block: 0.32, 0.34, 0.30 for s = 0, 0.2, 0.6."""
-    case = Case(SOFTENING, 0.8, (0.0, 0.2, 0.6))
-    study = patch_study(case, 0.5)
+    assert end.residual < 1e-12
+    assert np.max(np.abs(end.v - 0.2)) < 1e-12
     energies = [exact_energy(case, study, s) / 1.3 for s in case.slips]
-    assert energies == pytest.approx([0.32, 0.34, 0.30], abs=1e-15)
+    assert energies == pytest.approx([0.32, 0.34, 0.30], abs=1e-15)  # the published figures of the unit block

@@ -12,7 +12,6 @@ from tcstudy.errors import DrawError
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.draw import Wanted, picture
-from tcstudy.reports.terminal.convergence import _fixed, _uncertain
 from tcstudy.reports.terminal.summary import text_of
 
 STUDY = read_study_text("""\
@@ -101,18 +100,3 @@ def test_nothing_to_draw(tmp_path):
     assert "energy" in text_of(tmp_path / "a.nc", True)
     with pytest.raises(DrawError, match="no errors"):
         picture(tmp_path / "a.nc", tmp_path / "a.png")
-
-
-@pytest.mark.parametrize(
-    ("value", "uncertainty", "shown"),
-    [
-        (-4.2e-17, 0.083, "0 ± 0.083"),
-        (0.0, 0.083, "0 ± 0.083"),
-        (0.0, 0.0, "0"),
-        (-0.004, 0.5, "0.00 ± 0.50"),  # no minus before a zero
-        (1.0, 0.01, "1.000 ± 0.010"),
-    ],
-)
-def test_rounding_of_zero_is_zero(value, uncertainty, shown):
-    assert _uncertain(value, uncertainty) == shown
-    assert _fixed(-1e-4) == "0.00"

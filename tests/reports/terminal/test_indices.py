@@ -10,7 +10,7 @@ import pytest
 
 import tcstudy
 from tcstudy.errors import UsageError
-from tcstudy.reports.terminal.indices import indices, indices_json, indices_text, sample
+from tcstudy.reports.terminal.indices import indices, indices_text, sample
 from tests.commands import CONFIGS, tcstudy_command
 from tests.verification.scenes import study_of
 
@@ -23,15 +23,6 @@ material: {E: 1, nu: 0.3}
 friction: {law: tresca, tau: 1000}
 mesh: {maxh: 1}
 sweep: {mode: saltelli, points: 128, parameters.a: {uniform: [0, 1]}, parameters.b: {normal: {mean: 1, sigma: 0.5}}}
-"""
-PAD = """
-units: none
-body: {rectangle: {width: 5, height: 1}}
-boundary: {bottom: contact, left: free, top: {role: clamped, u_x: 0.05, u_y: 0}, right: free}
-material: {E: 3, nu: 0.45}
-friction: {law: slip-weakening, tau_s: 0.08, tau_k: 0.02, delta: 0.02}
-mesh: {maxh: 1}
-sweep: {mode: saltelli, points: 32, tau_s: {lognormal: {median: 0.08, sigma: 0.25}}, delta: {uniform: [0.01, 0.03]}}
 """
 
 
@@ -59,18 +50,6 @@ def test_a_body_that_sticks_has_the_indices_of_a_linear_function(tmp_path: Path)
             sample(file, word)
 
 
-def test_sides_of_a_jump_are_told_apart(tmp_path: Path) -> None:
-    file = finished(tmp_path, PAD)
-    text = indices_text(file, "slip_length")
-    assert "slip_length leaves a gap: " in text
-    assert "Indices of the side on which a point lies" in text
-    assert "Indices of slip_length" not in text
-    found = indices_json(file, "slip_length")
-    assert [table["caption"].split(":")[0] for table in found["tables"]][1:] == ["Below", "Above"]
-    side = found["tables"][0]["total"]
-    assert side["tau_s"]["value"] > 0.3
-
-
 def test_the_example(tmp_path: Path) -> None:
     """On a coarse mesh: what its guide says of it holds, the strength decides whether the pad holds."""
     words = ("--set", "mesh.maxh=10 mm", "--set", "sweep.points=32", "--output", tmp_path / "pad.nc", "-q")
@@ -84,6 +63,7 @@ def test_the_example(tmp_path: Path) -> None:
     side = {name: index["value"] for name, index in found["tables"][0]["total"].items()}
     assert "leaves a gap" in found["said"][-1]
     assert max(side, key=lambda name: side[name]) == "tau_s"
+    assert [table["caption"].split(":")[0] for table in found["tables"]][1:] == ["Below", "Above"]
 
 
 def test_points_that_were_there_have_first_orders_of_numbers_and_choices(tmp_path: Path) -> None:
