@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ruamel.yaml import YAML
 
 import tcstudy
 
@@ -31,25 +32,21 @@ def study() -> tcstudy.Study:
 
 
 def test_run_path_converge_draw_and_report(study: tcstudy.Study, tmp_path: Path) -> None:
-    points = study.with_(path=None)
-    run = tcstudy.run(points, tmp_path / "run.nc", jobs=1)
-    along = tcstudy.run(study, tmp_path / "path.nc")
+    points, file = study.with_(path=None), tmp_path / "run.nc"
+    run, along = tcstudy.run(points, file, jobs=1), tcstudy.run(study, tmp_path / "path.nc")
     slips = run[f"level_{study.mesh.levels - 1}"]["u_T"].values.ravel()
     at = along["solution_u_T"].values
     assert any(np.allclose(row, slips, rtol=1e-9, atol=1e-12) for row in at.reshape(-1, len(slips)))
-    errors = tcstudy.converge(study, tmp_path / "errors.nc")
-    assert "status" in errors
-    assert tcstudy.draw(tmp_path / "run.nc", tmp_path / "run.png", level=0).stat().st_size > 1000
-    assert tcstudy.draw(tmp_path / "path.nc", tmp_path / "path.svg").exists()
-    assert tcstudy.draw(tmp_path / "run.nc", tmp_path / "law.pdf", law=True, size="8x10cm").exists()
+    assert "status" in tcstudy.converge(study, tmp_path / "errors.nc")
+    assert tcstudy.draw(file, tmp_path / "law.png", law=True, size="8x10cm").stat().st_size > 1000
     with pytest.raises(tcstudy.UserFault, match="x: law is another picture"):
-        tcstudy.draw(tmp_path / "run.nc", tmp_path / "law.png", law=True, x="a", y="b")
-    assert tcstudy.report(tmp_path / "run.nc") == tmp_path / "run.html"
-    written = (tmp_path / "run.nc").stat().st_mtime_ns
-    tcstudy.run(points, tmp_path / "run.nc")
-    assert (tmp_path / "run.nc").stat().st_mtime_ns == written
+        tcstudy.draw(file, tmp_path / "law.png", law=True, x="a", y="b")
+    assert tcstudy.report(file) == tmp_path / "run.html"
+    written = file.stat().st_mtime_ns
+    tcstudy.run(points, file)
+    assert file.stat().st_mtime_ns == written
     with pytest.raises(tcstudy.StoreError, match="another study"):
-        tcstudy.run(points.with_(friction_delta=0.2), tmp_path / "run.nc")
+        tcstudy.run(points.with_(friction_delta=0.2), file)
 
 
 def test_a_notebook_needs_no_file_names(study: tcstudy.Study, tmp_path: Path) -> None:
@@ -100,17 +97,11 @@ def test_a_study_shows_itself_and_its_faults_in_one_line(study: tcstudy.Study) -
     changed = study.with_(friction_delta="7 mm", units=None)
     assert changed["friction.delta"] == "7 mm"
     assert "friction.delta" in changed._ipython_key_completions_()
-    assert tcstudy.Study.from_dict(yaml_of(changed)).to_yaml() == changed.to_yaml()
+    again = tcstudy.Study.from_dict(YAML(typ="safe").load(changed.to_yaml()))
+    assert again.to_yaml() == changed.to_yaml()
     with pytest.raises(tcstudy.UsageError, match=r"no friction\.delat; did you mean 'friction\.delta'") as caught:
         changed["friction.delat"]
     assert caught.value._render_traceback_() == [f"UsageError: {caught.value}"]
-
-
-def yaml_of(study: tcstudy.Study) -> dict[str, object]:
-    """What is read from the text that a study gives back."""
-    from ruamel.yaml import YAML
-
-    return dict(YAML(typ="safe").load(study.to_yaml()))
 
 
 def test_faults_are_one_line(study: tcstudy.Study, tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -10,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import tcstudy
-from tests.commands import tcstudy_command, tcstudy_process
+from tests.commands import Said, tcstudy_command, tcstudy_process
 
 STUDY = """units: none
 body: {rectangle: {width: 2, height: 1}}
@@ -28,152 +29,176 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_run_writes_the_file_and_a_table(folder: Path) -> None:
-    """In a process of its own, as the others are not: streams, exit code, what is left are those of a shell."""
-    result = tcstudy_process("run", "block.yaml", cwd=folder)
-    assert result.returncode == 0, result.stderr
-    assert (folder / "results" / "block.nc").exists()
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Said]:
+    """The study run in a process of its own, so that streams, exit code, what is left are those of a shell."""
+    folder = tmp_path_factory.mktemp("ran")
+    (folder / "block.yaml").write_text(STUDY)
+    done = tcstudy_process("run", "block.yaml", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert list(folder.glob("results/*")) == [folder / "results" / "block.nc"]
+    return folder, Said(done.returncode, done.stdout, done.stderr)
+
+
+def test_run_writes_the_file_and_a_table(ran: tuple[Path, Said], monkeypatch: pytest.MonkeyPatch) -> None:
+    folder, result = ran
     assert "4 of 4 solutions found; data in results/block.nc" in result.stdout
     assert "level 1: h_max =" in result.stderr
-    assert list(folder.glob("results/*")) == [folder / "results" / "block.nc"]
-    shown = tcstudy_command("show", "results/block.nc", cwd=folder)
-    assert shown.returncode == 0
-    assert shown.stdout.strip() in result.stdout
-    (folder / "block.yaml").write_text(STUDY.replace("maxh: 0.3", "maxh: 0"))
-    refused = tcstudy_process("run", "block.yaml", cwd=folder)
-    assert (refused.returncode, refused.stdout, refused.stderr.count("\n")) == (2, "", 1)
-
-
-def test_one_line_one_object_and_narrow_tables(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    quiet = tcstudy_command("run", "block.yaml", "-q", cwd=folder)
-    assert (quiet.returncode, quiet.stderr) == (0, "")
+    wide = tcstudy_command("show", "results/block.nc", cwd=folder).stdout
+    assert wide.strip() in result.stdout
+    quiet = tcstudy_command("show", "results/block.nc", "-q", cwd=folder)
+    assert (quiet.stderr, quiet.stdout.count("\n")) == ("", 1)
     assert quiet.stdout.startswith("results/block.nc: Largest slip")
     assert "2 of 2 solved" in quiet.stdout
-    assert quiet.stdout.count("\n") == 1
     found = json.loads(tcstudy_command("show", "results/block.nc", "--json", cwd=folder).stdout)
     with tcstudy.open_results(folder / "results" / "block.nc") as tree:
         assert [point["u_T_max"] for point in found["points"]] == tree["u_T_max"].values.tolist()
-    wide = tcstudy_command("show", "results/block.nc", cwd=folder).stdout
     monkeypatch.setenv("COLUMNS", "80")
     assert max(map(len, wide.splitlines())) > 80
     assert max(map(len, tcstudy_command("show", "results/block.nc", cwd=folder).stdout.splitlines())) <= 80
     assert tcstudy_command("show", "results/block.nc", "-v", cwd=folder).stdout == wide
 
 
-def test_draw(folder: Path) -> None:
-    assert tcstudy_command("run", "block.yaml", cwd=folder).returncode == 0
+def test_draw(ran: tuple[Path, Said]) -> None:
     words = ("--x", "tau", "--y", "slip_length", "--size", "8x10cm")
-    curves = tcstudy_command("draw", "results/block.nc", "c.png", *words, cwd=folder)
+    curves = tcstudy_command("draw", "results/block.nc", "c.png", *words, cwd=ran[0])
     assert (curves.returncode, curves.stdout) == (0, "c.png: slip_length over tau, level 1\n"), curves.stderr
-    for words, said in (
-        (("--at", "tua=0.01"), "tau"),
-        (("--map", "tau"), "--map: name two"),
-        (("--size", "tau"), "--size: "),
-    ):
-        wrong = tcstudy_command("draw", "results/block.nc", "b.png", *words, cwd=folder)
+    for option, said in (("--at=tua=0.01", "tau"), ("--map=tau", "--map: name two"), ("--size=tau", "--size: ")):
+        wrong = tcstudy_command("draw", "results/block.nc", "b.png", option, cwd=ran[0])
         assert (wrong.returncode, wrong.stderr.count("\n")) == (2, 1)
         assert said in wrong.stderr
-    assert not (folder / "b.png").exists()
+    assert not (ran[0] / "b.png").exists()
+
+
+def test_a_finished_study_ends_at_once_and_another_one_asks(ran: tuple[Path, Said]) -> None:
+    folder, first = ran
+    file = shutil.copy(folder / "results" / "block.nc", folder / "again.nc")
+    asked, other = ("run", "block.yaml", "-o", "again.nc"), ("--set", "sweep={}")
+    again = tcstudy_command(*asked, cwd=folder)
+    assert again.returncode == 0
+    assert again.stderr == "again.nc holds these results already; --force computes them again\n"
+    assert again.stdout.replace("found before", "found") == first.stdout.replace("results/block", "again")
+    refused = tcstudy_command(*asked, *other, cwd=folder)
+    assert (refused.returncode, refused.stderr.count("\n")) == (2, 1)
+    assert refused.stderr.startswith("block.yaml: again.nc holds the results of another study")
+    for words, said in ((), "holds these results already; a run ends at once"), (other, "a run would stop here"):
+        planned = tcstudy_command(*asked, "--dry-run", *words, cwd=folder)
+        assert planned.returncode == 0
+        assert said in planned.stdout
+    assert file.read_bytes() == (folder / "results" / "block.nc").read_bytes()
+    assert tcstudy_command(*asked, *other, "--force", cwd=folder).returncode == 0
+    with tcstudy.open_results(file) as tree:
+        assert tree["status"].shape == (2,)
 
 
 def test_plan_touches_nothing(folder: Path) -> None:
     result = tcstudy_command("run", "block.yaml", "--dry-run", cwd=folder)
     assert result.returncode == 0, result.stderr
-    assert "2 points × 2 levels = 4 solutions" in result.stdout
-    assert "left out: heat problem: " in result.stdout
-    assert "level  maxh " in result.stdout
+    for said in ("2 points × 2 levels = 4 solutions", "left out: heat problem: ", "level  maxh ",
+                 "1 stiffness factorisation, no temperature field", " s of CPU time, about 0.3 GB\n"):  # fmt: skip
+        assert said in result.stdout
     assert "about" not in result.stdout.split("left out")[0]  # sizes are counted
-    assert "1 stiffness factorisation, no temperature field" in result.stdout
-    assert " s of CPU time, about 0.3 GB\n" in result.stdout
     assert sorted(p.name for p in folder.iterdir()) == ["block.yaml"]
     found = json.loads(tcstudy_command("run", "block.yaml", "--dry-run", "--json", cwd=folder).stdout)
     assert (found["points"], len(found["levels"]), found["factorisations"]) == (2, 2, 1)
 
 
-@pytest.mark.parametrize(
-    ("words", "name"),
-    [
-        *(("run block.yaml --output=", name) for name in ("/dev/null", "x" * 300, "", "d/", "a\x1b[1m")),
-        ("converge block.yaml --plot=", "a\nb"),
-        ("export block.nc --csv --output=", "x" * 300),
-        ("init ", "a\x1b[1m"),
-    ],
-)
-def test_what_cannot_name_an_output_is_refused_in_one_line(words: str, name: str, folder: Path) -> None:
-    *before, last = words.split(" ")
-    refused = tcstudy_command(*before, last + name, cwd=folder)
+PATH = "--set=path={parameter: load, from: 0, to: 2} "
+REFUSED = [
+    *((f"run block.yaml --output={name}", "") for name in ("/dev/null", "x" * 300, "", "d/", "a\x1b[1m")),
+    ("converge block.yaml --plot=a\nb", "has characters that no line shows"),
+    (f"export block.yaml --csv --output={'x' * 300}", ""),
+    ("init a\x1b[1m", ""),
+    ("run missing.yaml", "missing.yaml"),
+    ("cost block.yaml --output=new/", "new/ is a folder; give the name of a file in it"),
+    ("cost block.yaml --output=block.yaml/a.nc", "block.yaml is a file"),
+    ("show .", "is a directory; name a file in it"),
+    ("show block.yaml", "block.yaml is a study and not its results; name the .nc file"),
+    ("run block.nc", "this is a result file; name its study"),
+    ("report block.nc --output=page.pdf", "page.pdf: a page's name ends in .html; choose such a name"),
+    ("convrge", "tcstudy: there is no command 'convrge'; did you mean 'converge'?"),
+    ("study.yaml", "did you mean tcstudy run study.yaml?"),
+    ("zzz", "use one of run, converge, cost, show, draw, report, export, init"),
+    ("plan study.yaml --set E=1", "tcstudy: plan is now: tcstudy run study.yaml --set E=1 --dry-run"),
+    ("merge", "tcstudy: merge is now: xarray's work: see 'Files that grow' in results/README.md"),
+    ("converge block.yaml --set=mesh.levels=1", "one level has no convergence"),
+    ("converge block.yaml --plot=a.txt", ".png"),
+    ("converge block.yaml --at=tau=0.7", "no point of the study has tau = 0.7"),
+    ("converge block.yaml --quiet --json", "--quiet and --json exclude each other"),
+    ("converge block.yaml --plot=a.png --set=mesh.levels=3",
+     "--plot: there would be no errors to draw: two levels must be 4 times coarser"),
+    ("cost block.yaml --at=friction.tau=0.7", "block.yaml: no point of the study has tau = 0.7"),
+    ("cost block.yaml --at=friction.tau=0.01 --at=tau=0.01", "friction.tau and tau are one parameter; give it once"),
+    ("cost block.yaml --at=tau=0.01 --at=tau=0.005", "--at: tau is given twice"),
+    (f"run block.yaml {PATH} --append", "--append adds points of a sweep, and block.yaml has a section path;"),
+    (f"run block.yaml {PATH} --dask=local", "--dask: a path has no work for others; leave it out"),
+    (f"run block.yaml {PATH} --set=mesh={{maxh: 0.3, tolerance: 0.2}}",
+     "path: the path is of one mesh, and adaptive meshes follow from the solutions of a run"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("words", "message"), REFUSED)
+def test_what_cannot_be_is_refused_in_one_line_and_leaves_nothing(words: str, message: str, folder: Path) -> None:
+    (folder / "block.nc").write_bytes(b"\x89HDF")
+    command, _, options = words.partition(" --")
+    given = [*command.split(" "), *(f"--{word.strip(' ')}" for word in options.split(" --") if options)]
+    given = [part for word in given for part in (word.split(" ") if word.startswith("--set E") else [word])]
+    refused = tcstudy_command(*given, cwd=folder)
     assert refused.returncode == 2
     assert refused.stderr.count("\n") == 1
+    assert refused.stdout == ""
+    assert message in refused.stderr
     assert "usage:" not in refused.stderr
+    assert sorted(p.name for p in folder.iterdir()) == ["block.nc", "block.yaml"]
 
 
-def test_usage_errors(folder: Path) -> None:
-    assert tcstudy_command(cwd=folder).returncode == 2
-    assert tcstudy_command("fly", cwd=folder).returncode == 2
-    missing = tcstudy_command("run", "missing.yaml", cwd=folder)
-    assert missing.returncode == 2
-    assert missing.stderr.count("\n") == 1
-    for command in ("run", "cost"):
-        slashed = tcstudy_command(command, "block.yaml", "--output", "new/", cwd=folder)
-        assert slashed.returncode == 2
-        assert "new/ is a folder; give the name of a file in it" in slashed.stderr
-    assert "is a directory; name a file in it" in tcstudy_command("show", ".", cwd=folder).stderr
-    not_results = tcstudy_command("show", "block.yaml", cwd=folder)
-    assert not_results.returncode == 2
-    assert "block.yaml is a study and not its results; name the .nc file" in not_results.stderr
-    (folder / "block.nc").write_bytes(b"\x89HDF")
-    assert "this is a result file; name its study" in tcstudy_command("run", "block.nc", cwd=folder).stderr
-    page = tcstudy_command("report", "block.nc", "-o", "page.pdf", cwd=folder)
-    assert (page.returncode, page.stderr.strip()) == (2, "page.pdf: a page's name ends in .html; choose such a name")
+def test_a_picture_without_matplotlib_is_refused_before_any_work(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    refused = tcstudy_command("cost", "block.yaml", "--plot", "a.png", cwd=folder)
+    assert refused.returncode == 2
+    assert 'pip install "tcstudy[plot]"' in refused.stderr
+    assert sorted(p.name for p in folder.iterdir()) == ["block.yaml"]
 
 
-def test_a_command_loads_no_other(folder: Path) -> None:
-    code = (
-        "import sys; from tcstudy.cli import main\n"
-        "try: main(['run', 'missing.yaml'])\n"
-        "except SystemExit: pass\n"
-        "print(sorted(name.split('.')[-1] for name in sys.modules if name.startswith('tcstudy.commands.')))"
-    )
-    result = subprocess.run([sys.executable, "-c", code], cwd=folder, text=True, capture_output=True)
-    assert result.stdout == "['run', 'shared']\n"
-
-
-def test_help_and_faults_load_nothing_heavy(folder: Path) -> None:
+def test_help_and_faults_load_nothing_heavy_and_a_command_no_other(folder: Path) -> None:
     (folder / "bad.yaml").write_text(STUDY.replace("maxh: 0.3", "maxh: 0"))
     code = (
         "import sys; from tcstudy.cli import main\n"
         "try: main(sys.argv[1:])\n"
         "except SystemExit: pass\n"
-        "heavy = {'ngsolve', 'netgen', 'matplotlib', 'xarray'} & set(sys.modules)\n"
-        "light = {'numpy', 'scipy', 'shapely', 'pint', 'ruamel'} & set(sys.modules)\n"
-        "print('HEAVY', sorted(heavy), 'LIGHT', sorted(light))"
+        "print(*(name for name in sys.modules if '.' not in name or name.startswith('tcstudy.commands.')))"
     )
-    for words, light in ((["--help"], "[]"), (["run", "--help"], "[]"), (["run", "bad.yaml", "--dry-run"], None)):
-        result = subprocess.run([sys.executable, "-c", code, *words], cwd=folder, text=True, capture_output=True)
-        assert "HEAVY []" in result.stdout, result.stdout + result.stderr
-        if light is not None:
-            assert f"LIGHT {light}" in result.stdout
+    heavy, light = {"ngsolve", "netgen", "matplotlib", "xarray"}, {"numpy", "scipy", "shapely", "pint", "ruamel"}
+    for words in ("--help", "run --help", "run bad.yaml --dry-run"):
+        done = subprocess.run([sys.executable, "-c", code, *words.split()], cwd=folder, text=True, capture_output=True)
+        loaded = {*done.stdout.splitlines()[-1].split()}
+        assert not loaded & (heavy if "bad" in words else heavy | light)
+        if words.startswith("run"):
+            assert {name for name in loaded if "." in name} == {"tcstudy.commands.run", "tcstudy.commands.shared"}
 
 
-def test_a_finished_study_ends_at_once_and_another_one_asks(folder: Path) -> None:
-    first = tcstudy_command("run", "block.yaml", cwd=folder)
-    file = folder / "results" / "block.nc"
-    before = file.read_bytes()
-    again = tcstudy_command("run", "block.yaml", cwd=folder)
-    assert (first.returncode, again.returncode) == (0, 0)
-    assert again.stderr == "results/block.nc holds these results already; --force computes them again\n"
-    assert again.stdout.replace("found before", "found") == first.stdout
-    other = tcstudy_command("run", "block.yaml", "--set", "sweep={}", cwd=folder)
-    assert other.returncode == 2
-    assert other.stderr.startswith("block.yaml: results/block.nc holds the results of another study")
-    assert other.stderr.count("\n") == 1
-    assert file.read_bytes() == before
-    cases = (([], "holds these results already; a run ends at once"), (["--set", "sweep={}"], "a run would stop here"))
-    for words, said in cases:
-        planned = tcstudy_command("run", "block.yaml", "--dry-run", *words, cwd=folder)
-        assert planned.returncode == 0
-        assert said in planned.stdout
-    forced = tcstudy_command("run", "block.yaml", "--set", "sweep={}", "--force", cwd=folder)
-    assert forced.returncode == 0, forced.stderr
-    with tcstudy.open_results(file) as tree:
-        assert tree["status"].shape == (2,)
+SOFTENING = "--set=friction={law: slip-weakening, tau_s: 0.02, tau_k: 0, delta: 0.001}"
+HEATED = ("--set=material.beta=1", "--set=heat={}", "--set=sweep={theta: [0.001, 0.03]}", SOFTENING)
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--set=mesh.levels=4",), "how exact these are: tcstudy converge block.yaml --set=mesh.levels=4\n"),
+        (HEATED, "'--set=path={parameter: heat.theta, from: 0.001, to: 0.03}'\n"),
+        ((*HEATED, "--set=solver={branch: all}"), "how exact these are: tcstudy converge"),
+        (
+            (
+                "--set=solver={name: separable-newton, tolerance: 1e-19}",
+                "--set=friction={law: exponential, b: 0.004, delta: 0.05}",
+                "--set=sweep={a: [0.006, 0.007]}",
+            ),
+            "what failed, and why: tcstudy show results/block.nc -v\n",
+        ),
+    ],
+    ids=["levels", "swept load", "all known", "failed"],
+)
+def test_a_run_ends_with_the_command_that_fits_it(folder: Path, options: tuple[str, ...], told: str) -> None:
+    result = tcstudy_command("run", "block.yaml", *options, cwd=folder)
+    assert told in result.stdout
+    assert ("whether a path" in result.stdout) == ("path={" in told)

@@ -1,4 +1,4 @@
-"""The guides say what is: files that exist, sections that stand, arrows that are tested."""
+"""The guides say what is: files that exist, sections that stand, arrows that are tested, studies that can be run."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tcstudy.read.study import read_study
+from tests.commands import CONFIGS, tcstudy_command
 from tests.test_house import ARROWS, PACKAGE
 
 ROOT = PACKAGE.parent
@@ -43,12 +45,6 @@ def test_every_study_is_in_the_index() -> None:
     }
 
 
-def test_a_wheel_has_the_guides() -> None:
-    text = (Path(ROOT) / "pyproject.toml").read_text(encoding="utf-8")
-    assert '"tcstudy" = ["py.typed", "*.md"]' in text
-    assert (PACKAGE / "py.typed").exists()
-
-
 GUIDES = ("README.md", "configs/README.md", "results/README.md", "tcstudy/README.md")
 
 
@@ -71,10 +67,6 @@ def test_links_of_the_guides_lead_somewhere() -> None:
     assert not wrong
 
 
-def test_the_first_page_is_short() -> None:
-    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) < 200
-
-
 def test_the_gallery_has_short_studies_and_small_pictures() -> None:
     index = (ROOT / "configs" / "README.md").read_text(encoding="utf-8").split("# More studies")[0]
     names = re.findall(r"^\*\*(\w+)\.yaml\*\*", index, re.MULTILINE)
@@ -86,12 +78,26 @@ def test_the_gallery_has_short_studies_and_small_pictures() -> None:
         assert (ROOT / "results" / f"gallery-{name}.png").stat().st_size < 150_000
 
 
-def test_the_first_page_runs_in_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_first_page_is_short_and_runs_in_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its example, as it stands."""
     (tmp_path / "results").mkdir()
     (tmp_path / "configs").symlink_to(ROOT / "configs")
     monkeypatch.chdir(tmp_path)
-    found = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(text.splitlines()) < 200
+    found = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     names: dict[str, object] = {}
     exec("".join(found), names)
     assert names["result"]["status"].size == 72  # type: ignore[index]
+
+
+@pytest.mark.parametrize("config", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_every_study_is_planned(config: Path, tmp_path: Path) -> None:
+    study = read_study(config)
+    coarse = () if study.mesh.listed or study.mesh.levels == 1 else ("--set", "mesh.levels=1")
+    said = tcstudy_command("run", config, "--dry-run", *coarse, cwd=tmp_path)
+    assert said.returncode == 0, said.stderr
+    does = {"path": "  path along ", "fit": "  fit of "}.get(study.kind, f"{len(study.scenes)} point")
+    assert does in said.stdout
+    assert " GB\n" in said.stdout
+    assert not list(tmp_path.iterdir())

@@ -5,7 +5,9 @@ from __future__ import annotations
 import runpy
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,16 +17,12 @@ import tcstudy
 HERE = Path(__file__).parent
 
 
-def test_the_walk_through_runs(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_walk_through_runs_and_the_guide_quotes_it(capsys: pytest.CaptureFixture[str]) -> None:
     runpy.run_path(str(HERE / "walkthrough.py"))
     assert "largest inclusion residual" in capsys.readouterr().out
-
-
-def test_the_guide_quotes_it() -> None:
-    text = (HERE / "walkthrough.py").read_text(encoding="utf-8")
     guide = (HERE.parent / "tcstudy" / "README.md").read_text(encoding="utf-8")
     quoted = guide.split("```python\n")[1].split("```")[0]
-    assert quoted in text
+    assert quoted in (HERE / "walkthrough.py").read_text(encoding="utf-8")
     assert quoted.count("tcstudy.") >= 4
 
 
@@ -45,42 +43,32 @@ A = [[2.0, -1.0], [-1.0, 2.0]]
 LAW = tcstudy.law("tresca", tau=1.0)
 
 
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        (([[2, 1], [0, 2]], [0, 0], [1, 1]), r"^A_tilde is not symmetric: \[0, 1\] = 1, \[1, 0\] = 0"),
-        (([[1, 2], [2, 1]], [0, 0], [1, 1]), r"^A_tilde is not positive definite \(least eigenvalue -1"),
-        (([[1, np.nan], [np.nan, 1]], [0, 0], [1, 1]), r"^A_tilde\[0, 1\] is not a finite number"),
-        ((A, [0, np.inf], [1, 1]), r"^l_tilde\[1\] is not a finite number"),
-        ((A, [0, 0], [1, 0]), r"^c\[1\] = 0 is no length"),
-        ((A, [0, 0, 0], [1, 1]), r"^l_tilde has the shape \(3,\); it must be \(2,\)"),
-        ((A, "ab", [1, 1]), r"^l_tilde must be an array"),
-    ],
-)
-def test_bad_matrices_are_refused_in_one_line(given: tuple[object, object, object], said: str) -> None:
-    with pytest.raises(tcstudy.UserFault, match=said) as fault:
-        tcstudy.ContactProblem(*given, LAW)
-    assert "\n" not in str(fault.value)
+def problem(A_tilde: object = A, l_tilde: object = (0, 0), c: object = (1, 1), law: object = LAW) -> Any:
+    return tcstudy.ContactProblem(A_tilde, l_tilde, c, law)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
     ("call", "said"),
     [
+        (lambda: problem([[2, 1], [0, 2]]), r"^A_tilde is not symmetric: \[0, 1\] = 1, \[1, 0\] = 0"),
+        (lambda: problem([[1, 2], [2, 1]]), r"^A_tilde is not positive definite \(least eigenvalue -1"),
+        (lambda: problem([[1, np.nan], [np.nan, 1]]), r"^A_tilde\[0, 1\] is not a finite number"),
+        (lambda: problem(l_tilde=[0, np.inf]), r"^l_tilde\[1\] is not a finite number"),
+        (lambda: problem(c=[1, 0]), r"^c\[1\] = 0 is no length"),
+        (lambda: problem(l_tilde=[0, 0, 0]), r"^l_tilde has the shape \(3,\); it must be \(2,\)"),
+        (lambda: problem(l_tilde="ab"), r"^l_tilde must be an array"),
+        (lambda: problem(law="tresca"), "law is a str"),
+        (lambda: problem(law=[LAW] * 3), "law has 3 laws, but c has 2 nodes"),
         (lambda: tcstudy.law("tresco", tau=1.0), "there is no law 'tresco'"),
         (lambda: tcstudy.law("tresca", mu=1.0), "no such parameter"),
         (lambda: tcstudy.law(points=[(0, -1.0)]), "law piecewise-linear"),
-        (lambda: tcstudy.solve(tcstudy.ContactProblem(A, [0, 0], [1, 1], LAW), "newton"), "there is no solver"),
-        (
-            lambda: tcstudy.solve(tcstudy.ContactProblem(A, [0, 0], [1, 1], LAW), max_iterations=5),
-            "is of bundle-newton",
-        ),
-        (lambda: tcstudy.certify(tcstudy.ContactProblem(A, [0, 0], [1, 1], LAW), [1.0]), "v has the shape"),
-        (lambda: tcstudy.follow(tcstudy.ContactProblem(A, [0, 0], [1, 1], LAW), [1, 0], [5, 5]), "no path"),
-        (lambda: tcstudy.ContactProblem(A, [0, 0], [1, 1], "tresca"), "law is a str"),
-        (lambda: tcstudy.ContactProblem(A, [0, 0], [1, 1], [LAW] * 3), "law has 3 laws, but c has 2 nodes"),
+        (lambda: tcstudy.solve(problem(), "newton"), "there is no solver"),
+        (lambda: tcstudy.solve(problem(), max_iterations=5), "is of bundle-newton"),
+        (lambda: tcstudy.certify(problem(), [1.0]), "v has the shape"),
+        (lambda: tcstudy.follow(problem(), [1, 0], [5, 5]), "no path"),
     ],
 )
-def test_bad_options_are_refused_in_one_line(call, said: str) -> None:  # type: ignore[no-untyped-def]
+def test_bad_matrices_and_options_are_refused_in_one_line(call: Callable[[], object], said: str) -> None:
     with pytest.raises(tcstudy.ProblemError, match=said) as fault:
         call()
     assert "\n" not in str(fault.value)
@@ -102,7 +90,7 @@ def test_a_law_for_every_node_is_solved_certified_and_followed() -> None:
 
 
 def test_units_decide_nothing() -> None:
-    for force, length in ((1.0, 1.0), (1e9, 1e-6), (1e-7, 1e5)):
+    for force, length in ((1e9, 1e-6), (1e-7, 1e5)):
         law = tcstudy.law("slip-weakening", tau_s=force, tau_k=0.0, delta=4 * length)
         matrix = np.array([[1.0, 1e-13], [0.0, 1.0]]) * force / length
         problem = tcstudy.ContactProblem(matrix, np.array([1.2, 0.5]) * force, [1.0, 1.0], law)

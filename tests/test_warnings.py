@@ -19,12 +19,22 @@ body: {rectangle: {width: 2 m, height: 1 m}}
 boundary: {bottom: contact, left: {role: clamped, u_x: 0, u_y: 0}, top: {role: traction, g: [0.1 MPa, 0]}, right: free}
 material: {E: 1 GPa, nu: 0.49}
 friction: {law: tresca, tau: 1 kPa}
-mesh: {maxh: 0.5 m, levels: 3}
+mesh: {maxh: 0.5 m, levels: 2}
+"""
+LAWS = """sweep:
+  friction:
+    soft: {law: slip-weakening, tau_s: 50 kPa, tau_k: 0, delta: 1 mm}
+    none: {law: tresca, tau: 0}
+    spring: {law: linear, k: 1 MPa/m}
+    fading: {law: exponential, a: 50 kPa, b: 0, delta: 1 mm}
+    rising: {law: exponential, a: 10 kPa, b: 50 kPa, delta: 1 nm}
+    teeth: {law: saw-tooth, tau: 50 kPa, delta: 1 mm, teeth: 4, drop: 1}
+    steep: {law: piecewise-linear, points: [[0, 5e4], [0.03, 5e4], [0.030000000000000002, 5e4], [0.1, 1e5]]}
+    pushing: {law: piecewise-linear, points: [[0.01, -2e4], [0.02, 3e4]], odd: false, slopes: [0, 1]}
 """
 SECTIONS = {
     "run": "sweep: {E: [1 GPa, 2 GPa]}\n",
     "converge": "",
-    "cost": "",
     "path": "path: {parameter: boundary.left.u_x, from: 0 mm, to: 0.1 mm}\n",
     "history": "history: {memory: friction, steps: [{boundary.left.u_x: 0.1 mm, in: 1}]}\n",
 }
@@ -91,3 +101,13 @@ def test_a_warning_of_one_geometry_says_which(tmp_path: Path) -> None:
         [kept] = remarks_of(tree.attrs)
         assert (kept.where, str(kept)) == ("parameters.dip = 0.1 m", said)
         assert [len(remarks_of(tree[f"geometry_{i}"].attrs)) for i in (0, 1)] == [0, 1]
+
+
+def test_no_warning_of_numpy_reaches_a_user(tmp_path: Path) -> None:
+    """Every kind of law, heated, with warnings as errors."""
+    heat = "heat: {alpha: 1, theta_bar: 5 K}\n"
+    text = STUDY.replace("right: free", "right: convection").replace("0.49", "0.3, k: 1, alpha_T: 1e-5")
+    (tmp_path / "scene.yaml").write_text(text + heat + LAWS)
+    result = tcstudy_command("run", "scene.yaml", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "Warning" not in result.stderr + result.stdout

@@ -1,45 +1,117 @@
-"""Files of all kinds keep the conventions that other programs read them by."""
+"""Files of all kinds keep the conventions that other programs read them by (CF-1.11): by the compliance checker."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import netCDF4
+import numpy as np
 import pytest
 
 from tcstudy.cli import main
-from tests.data.compliance import cf_faults
+from tcstudy.data.measured import Measured, convergence_record, convergence_table
+from tcstudy.data.provenance import collect
+from tcstudy.data.store import write_record
+from tcstudy.read.study import read_study_text
+from tests.data.by_points import write
+from tests.data.conftest import ALPHA, FRICTION, make_block, make_level, make_study
+from tests.verification.scenes import RECTANGLE
 
 CONFIGS = Path(__file__).parents[2] / "configs"
+STUMBLES = {"check_coordinate_variables_strict_monotonicity", "check_invalid_same_named_dimension_across_groups"}
+"""Where the checker itself stumbles, over text coordinates and groups; these are no findings about the file."""
+FEW = ("theta_L2", "u_energy", "u_T_max", "xi_L2", "energy", "heat_balance", "status")
+"""A measure of every kind of units: the checker's time grows with the square of the number of variables."""
+
+
+def faults(file: Path) -> str:
+    """What the checker of cf:1.11 says, if it found anything."""
+    runner: Any = pytest.importorskip("compliance_checker.runner")
+    runner.CheckSuite.load_all_available_checkers()
+    report = file.with_name("report.txt")
+    options = {"checker_names": ["cf:1.11"], "verbose": 0, "criteria": "strict", "output_format": "text"}
+    passed, _ = runner.ComplianceChecker.run_checker(ds_loc=str(file), output_filename=str(report), **options)
+    text = report.read_text()
+    stumbled = set(re.findall(r"cf:1\.11\.(\w+)", text)) - STUMBLES
+    return "" if passed and "All tests passed!" in text and not stumbled else text
+
+
+def ran(config: str, *changes: str) -> Callable[[Path], None]:
+    """Make the file of a study that is shipped."""
+    given = [word for change in changes for word in ("--set", change)]
+    return lambda file: assert_ok(main(["run", str(CONFIGS / f"{config}.yaml"), *given, "-o", str(file), "-q"]))
+
+
+def assert_ok(code: int) -> None:
+    assert code == 0
+
+
+def swept(**kind: Any) -> Callable[[Path], None]:
+    """Make a file with whole-body fields of made-up points."""
+
+    def make(file: Path) -> None:
+        study = make_study(**kind)
+        blocks = [make_block(n, shape=study.shape, fields=True) for n in range(2)]
+        write(file, study, [make_level(n, fields=True) for n in range(2)], blocks)
+
+    return make
+
+
+def convergence(file: Path) -> None:
+    """Make the file of some measures, with made-up values over a temperature and a named law."""
+    laws = "{weak: {law: tresca, tau: 1}, strong: {law: tresca, tau: 2}}"
+    text = RECTANGLE.replace("units: none", "institution: nobody").replace("free", "convection")
+    heat = "material.k=10", "material.alpha_T=1e-5", "heat={alpha: 10}"
+    study = read_study_text(text, "s", [*heat, f"sweep={{theta_bar: [10 K, 20 K], friction: {laws}}}"])
+    h, ones = 0.5 ** np.arange(3), np.ones(3, dtype=np.int32)
+    table = [v for v in convergence_table(study) if "*" in v.dims and v.name.endswith(FEW)]
+    point = {v.name: h if "level" in v.dims else "smooth" if v.dtype == "str" else 1 for v in table}
+    meshes = {"h_max": h, "n_dof": ones, "n_contact": ones, "compared": ones}
+    measured = Measured([point] * len(study.scenes), meshes, "the exact solution", ["Mind it."])
+    write_record(file, study, convergence_record(study, measured), collect(study, ("tcstudy", "converge")))
+
+
 CASES = {
-    "fit": ("pull_fit", ["mesh.maxh=10 mm", "fit.starts=1"]),
-    "path": ("path", ["mesh.levels=1"]),
-    "history": ("pipeline_cycles", ["mesh.maxh=20 m"]),
-    "run": ("thickness_map", ["mesh.levels=1", "sweep={parameters.H: [8 mm, 16 mm]}"]),
+    "fit": ran("pull_fit", "mesh.maxh=10 mm", "fit.starts=1"),
+    "path": ran("path", "mesh.levels=1"),
+    "history": ran("pipeline_cycles", "mesh.maxh=20 m"),
+    "geometries": ran("thickness_map", "mesh.levels=1", "sweep={parameters.H: [8 mm, 16 mm]}"),
+    "grid": swept(),
+    "list": swept(mode="list", axes=(ALPHA, FRICTION)),
+    "dimensionless": swept(units="none", axes=(ALPHA,)),
+    "convergence": convergence,
 }
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 @pytest.mark.parametrize("kind", CASES)
-def test_compliance_checker_finds_no_fault(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    study, changes = CASES[kind]
-    file = tmp_path / f"{study}.nc"
-    given = [word for change in changes for word in ("--set", change)]
-    assert main(["run", str(CONFIGS / f"{study}.yaml"), *given, "--output", str(file), "-q"]) == 0
-    capsys.readouterr()
-    faults, stumbled = cf_faults(file, tmp_path, capsys)
-    assert not faults
-    # the checker itself stumbles over text coordinates and over groups; these are no findings about the file
-    assert stumbled <= {
-        "check_coordinate_variables_strict_monotonicity", "check_invalid_same_named_dimension_across_groups"
-    }  # fmt: skip
+def test_compliance_checker_finds_no_fault(kind: str, tmp_path: Path) -> None:
+    CASES[kind](tmp_path / "out.nc")
+    assert not faults(tmp_path / "out.nc")
 
 
-def test_the_checker_would_find_a_fault(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_checker_would_find_a_fault(tmp_path: Path) -> None:
     """Otherwise the tests of conventions say nothing."""
     broken = tmp_path / "broken.nc"
     with netCDF4.Dataset(broken, "w") as nc:
         nc.setncattr("Conventions", "CF-1.11")
         nc.createDimension("level", 3)
         nc.createVariable("error", "f8", ("level",)).setncatts({"units": "m", "standard_name": "no_such_name"})
-    assert "§3.3 Standard Name" in cf_faults(broken, tmp_path, capsys)[0]
+    assert "§3.3 Standard Name" in faults(broken)
+
+
+def test_missing_values_cannot_be_mistaken(written: Path) -> None:
+    with netCDF4.Dataset(written) as nc:
+        nc.set_auto_maskandscale(False)
+        for v in (*nc.variables.values(), *nc["level_0"].variables.values()):
+            if v.dtype == np.float64 and "_FillValue" in v.ncattrs():
+                assert np.isnan(v._FillValue)
+            elif v.dtype in (np.int8, np.int32):  # a _FillValue would make xarray turn them into floats
+                assert "_FillValue" not in v.ncattrs()
+        for name, dtype in (("energy", "f8"), ("iterations", "i4"), ("unique", "i1")):
+            assert ("_FillValue" in nc[name].ncattrs()) == (dtype == "f8")
+            assert ("valid_min" in nc[name].ncattrs()) == (dtype == "i4")
+        assert nc["iterations"].valid_min.dtype == np.int32

@@ -12,36 +12,38 @@ from types import SimpleNamespace
 import netCDF4
 import pytest
 
-from tcstudy.data import files
+from tcstudy.data import files, store
 from tcstudy.data.files import StoreError, check_writable
-from tcstudy.data.records import LevelRecord
+from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.store import open_results
 from tcstudy.scene.study import Study
-from tests.data.by_points import PointRecord, write
+from tests.data.by_points import write
+from tests.data.conftest import make_block
 
 pytestmark = pytest.mark.filterwarnings("error")
 
-Levels = tuple[LevelRecord, ...]
-Points = list[PointRecord]
 
-
-def _fail(*_: object, **__: object) -> None:
-    raise OSError(28, "No space left on device")
-
-
-@pytest.mark.parametrize("step", ["fsync", "replace"])
-def test_a_full_disk_leaves_the_old_file(
-    written: Path,
-    study: Study,
-    levels: Levels,
-    points: Points,
-    step: str,
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize("step", ["fsync", "replace", "records"])
+def test_a_full_disk_or_an_interrupt_leaves_the_old_file(
+    written: Path, study: Study, levels: tuple[LevelRecord, ...], step: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = written.read_bytes()
-    monkeypatch.setattr(os, step, _fail)
-    with pytest.raises(StoreError, match=r"No space left on device.*Free some space"):
-        write(written, study, levels, points[:1])
+
+    def fail(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    def records() -> Iterator[BlockRecord]:
+        yield make_block(0)
+        if step == "records":
+            raise KeyboardInterrupt
+
+    if step != "records":
+        monkeypatch.setattr(os, step, fail)
+    with pytest.raises(
+        KeyboardInterrupt if step == "records" else StoreError,
+        match=None if step == "records" else r"No space left on device.*Free some space",
+    ):
+        store.write(written, study, levels, records, {})
     assert written.read_bytes() == before
     assert os.listdir(written.parent) == [written.name]
 
@@ -49,13 +51,12 @@ def test_a_full_disk_leaves_the_old_file(
 _LIMITED = """
 import resource, sys
 from pathlib import Path
-sys.path.insert(0, str(Path(sys.argv[2]).parents[1]))
-from tests.data.conftest import make_level, make_point, make_study
+from tests.data.conftest import make_block, make_level, make_study
 from tcstudy.data.files import StoreError
 from tests.data.by_points import write
-resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]), int(sys.argv[3])))
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), int(sys.argv[2])))
 try:
-    write(Path(sys.argv[1]), make_study(), [make_level(0), make_level(1)], [make_point((0, 0, 0), 0)])
+    write(Path(sys.argv[1]), make_study(), [make_level(0), make_level(1)], [make_block(0)])
 except StoreError as error:
     print(error)
     sys.exit(3)
@@ -67,8 +68,9 @@ except StoreError as error:
 def test_a_disk_that_fills_while_netcdf_writes_leaves_the_old_file(written: Path, limit: int) -> None:
     before = written.read_bytes()
     assert len(before) > limit
-    command = [sys.executable, "-c", _LIMITED, str(written), str(Path(__file__).parent), str(limit)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, env=_environment())
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    command = [sys.executable, "-c", _LIMITED, str(written), str(limit)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, env=environment)
     assert (done.returncode, done.stderr) == (3, "")
     assert "cannot write" in done.stdout
     assert "space" in done.stdout
@@ -76,29 +78,12 @@ def test_a_disk_that_fills_while_netcdf_writes_leaves_the_old_file(written: Path
     assert os.listdir(written.parent) == [written.name]
 
 
-def _environment() -> dict[str, str]:
-    return {**os.environ, "PYTHONPATH": str(Path(files.__file__).parents[2])}
-
-
-def test_an_interrupt_leaves_the_old_file(written: Path, study: Study, levels: Levels, points: Points) -> None:
-    before = written.read_bytes()
-
-    def interrupted() -> Iterator[PointRecord]:
-        yield points[0]
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        write(written, study, levels, interrupted)
-    assert written.read_bytes() == before
-    assert os.listdir(written.parent) == [written.name]
-
-
-def test_a_write_protected_file_is_not_replaced(written: Path, study: Study, levels: Levels, points: Points) -> None:
+def test_a_write_protected_file_is_not_replaced(written: Path, study: Study) -> None:
     written.chmod(0o444)
     assert any("write-protected" in problem for problem in check_writable(written, 0))
     before = written.read_bytes()
     with pytest.raises(StoreError, match="write-protected"):
-        write(written, study, levels, points)
+        write(written, study, [], [])
     assert written.read_bytes() == before
 
 
@@ -107,39 +92,37 @@ def test_check_writable_finds_what_is_wrong_and_leaves_nothing(
 ) -> None:
     assert check_writable(output, 1000) == []
     assert os.listdir(tmp_path) == []
-    assert "is a directory" in check_writable(tmp_path, 0)[0]
     (tmp_path / "file").touch()
-    assert "is a file" in check_writable(tmp_path / "file" / "deep" / "study.nc", 0)[0]
+    names = {
+        "": "is a directory",
+        "file/deep/study.nc": "is a file",
+        "a\0b": "NUL",
+        "b\udcff.nc": "no UTF-8 text",
+        "x" * 245 + ".nc": "has a part of 248 bytes",
+    }
+    for name, part in names.items():
+        [problem] = check_writable(tmp_path / name, 1)
+        assert part in problem
+        assert problem.isprintable()
+        problem.encode()
     monkeypatch.setattr(files.shutil, "disk_usage", lambda _: SimpleNamespace(free=3_000_000))
     assert check_writable(output, 1_000_000) == []
     assert "3 MB free, but the results need 3.3 MB" in check_writable(output, 1_100_000)[0]
 
 
 def test_files_that_are_no_finished_results_are_refused(tmp_path: Path, written: Path) -> None:
-    with pytest.raises(StoreError, match="there is no file"):
-        open_results(tmp_path / "none.nc")
     (tmp_path / "run.nc.partial").touch()
-    with pytest.raises(StoreError, match=r"has not finished.*resume"):
-        open_results(tmp_path / "run.nc")
-    short = tmp_path / "short.nc"
-    short.write_bytes(written.read_bytes()[:-1000])
-    with pytest.raises(StoreError, match="cut short"):
-        open_results(short)
+    (tmp_path / "short.nc").write_bytes(written.read_bytes()[:-1000])
     with netCDF4.Dataset(tmp_path / "midway.nc", "w") as nc:  # what a dead writer leaves opens without an error
         nc.title = "midway"
-    with pytest.raises(StoreError, match="is unfinished"):
-        open_results(tmp_path / "midway.nc")
-
-
-@pytest.mark.parametrize(
-    ("name", "part"),
-    [("a\0b", "NUL"), ("b\udcff.nc", "no UTF-8 text"), ("x" * 245 + ".nc", "has a part of 248 bytes")],
-)
-def test_names_that_no_result_can_have(tmp_path: Path, name: str, part: str) -> None:
-    [problem] = check_writable(tmp_path / name, 1)
-    assert part in problem
-    assert problem.isprintable()
-    problem.encode()
+    for name, why in {
+        "none": "there is no file",
+        "run": r"has not finished.*resume",
+        "short": "cut short",
+        "midway": "is unfinished",
+    }.items():
+        with pytest.raises(StoreError, match=why):
+            open_results(tmp_path / f"{name}.nc")
 
 
 def test_what_killed_writers_left_goes_and_what_others_write_stays(output: Path, study: Study) -> None:

@@ -1,7 +1,9 @@
-"""The result file: what is written comes back."""
+"""The result file: what is written comes back, in the order of its sweep, whatever the passes of the writer."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -10,121 +12,155 @@ import netCDF4
 import numpy as np
 import pytest
 
-from tcstudy.data import schema
+from tcstudy.data import schema, store
 from tcstudy.data.files import StoreError
-from tcstudy.data.records import LevelRecord, PointStatus
+from tcstudy.data.provenance import collect
+from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
 from tcstudy.data.store import open_results
-from tcstudy.scene.study import Study
-from tests.data.by_points import PointRecord, write
-from tests.data.conftest import make_level, make_point
+from tcstudy.data.writer import sweep_points, tile_shape, tiles
+from tcstudy.reports.select_point import describe, locate
+from tcstudy.scene.study import START_NAMES, Axis, MeshPlan, Study
+from tests.data.by_points import write
+from tests.data.conftest import ALPHA, FRICTION, make_block, make_level, make_study
+from tests.verification.scenes import RECTANGLE, study_of
 
 pytestmark = pytest.mark.filterwarnings("error")
-
 Levels = tuple[LevelRecord, ...]
 
-Points = list[PointRecord]
+
+def assert_held(file: Path, *blocks: BlockRecord) -> None:
+    """Every number of every point is in the file."""
+    with open_results(file) as tree:
+        for block in blocks:
+            place, line = np.unravel_index(block.points, block.shape), tree[f"level_{block.level}"]
+            for name, values in block.numbers.items():
+                np.testing.assert_array_equal(tree[name].values[(*place, block.level)], values, name)
+            np.testing.assert_array_equal(tree["status"].values[(*place, block.level)], block.status)
+            for name, values in {"u_T": block.u_T, "xi": block.xi, "sticks": block.sticks, **block.fields}.items():
+                np.testing.assert_array_equal(line[name].values[place], values, name)
 
 
-def test_every_number_of_every_point_comes_back_exactly(written: Path, points: Points) -> None:
-    with open_results(written) as tree:
-        root = tree.to_dataset().load()
-        groups = [tree[f"level_{n}"].to_dataset().load() for n in range(2)]
-    for p in points:
-        place = (*p.index, p.level)
-        stored = {name: root[name].values[place] for name in p.numbers}
-        assert {n: tuple(v) if np.ndim(v) else v for n, v in stored.items()} == p.numbers
-        assert root["status"].values[place] == PointStatus.OK
-        assert root["reason"].values[place] == ""
-        np.testing.assert_array_equal(groups[p.level]["u_T"].values[p.index], p.u_T)
-        np.testing.assert_array_equal(groups[p.level]["sticks"].values[p.index], p.sticks)
-        np.testing.assert_array_equal(groups[p.level]["xi"].values[p.index], p.xi)
-
-
-def test_not_run_points_are_visible_and_keep_integers_integer(
-    output: Path, study: Study, levels: Levels, points: Points
-) -> None:
-    missing = points.pop()
-    write(output, study, levels, points)
+def test_points_and_whole_body_fields_come_back_and_those_not_run_are_visible(output: Path, study: Study) -> None:
+    levels = [make_level(n, fields=True) for n in range(2)]
+    blocks = [make_block(0, fields=True), make_block(1, *range(11), fields=True)]
+    write(output, study, levels, blocks)
+    assert_held(output, *blocks)
     with open_results(output) as tree:
-        here = tree.to_dataset().isel(dict(zip(tree["status"].dims, (*missing.index, missing.level), strict=True)))
-        assert here["status"] == PointStatus.NOT_RUN
-        assert here["reason"] == "not run"
-        assert here["iterations"] == -1
+        here = tree.to_dataset().isel(dict(zip(tree["status"].dims, (1, 2, 1, 1), strict=True)))
+        assert (here["status"], here["reason"], here["iterations"]) == (PointStatus.NOT_RUN, "not run", -1)
         assert here["iterations"].dtype == np.int32
-        assert np.isnan(here["energy"])
-        assert np.isnan(tree["level_1"]["u_T"].values[missing.index]).all()
-        assert (tree["level_1"]["sticks"].values[missing.index] == schema.UNKNOWN).all()
-        assert tree["level_1"]["sticks"].dtype == np.int8
+        group = tree["level_1"]
+        assert all(np.isnan([*here["energy"].values.ravel(), *group[n].values[1, 2, 1]]).all() for n in ("u_T", "u_x"))
+        assert (group["sticks"].values[1, 2, 1] == schema.UNKNOWN).all()
+        assert group["sticks"].dtype == np.int8
         assert int((tree["status"] == PointStatus.NOT_RUN).sum()) == 1
+        for name in ("triangle", "node_y"):
+            np.testing.assert_array_equal(group[name].values, levels[1].fields[name])
+        assert group["mesh"].attrs["face_node_connectivity"] == "triangle"
+        assert group["theta"].attrs["mesh"] == "mesh"
     with netCDF4.Dataset(output) as nc:  # netCDF4 masks by valid_min
         assert nc["iterations"][...].mask.sum() == 1
 
 
-def test_whole_body_fields_stand_on_their_mesh(output: Path, study: Study) -> None:
-    levels = [make_level(n, fields=True) for n in range(2)]
-    points = [make_point(i, n, fields=True) for n in range(2) for i in np.ndindex(study.shape)]
-    missing = points.pop()
-    write(output, study, levels, points)
-    with open_results(output) as tree:
-        for p in points:
-            for name, values in p.fields.items():
-                np.testing.assert_array_equal(tree[f"level_{p.level}"][name].values[p.index], values)
-        group = tree["level_1"]
-        assert np.isnan(group["u_x"].values[missing.index]).all()
-        np.testing.assert_array_equal(group["triangle"].values, levels[1].fields["triangle"])
-        np.testing.assert_array_equal(group["node_y"].values, levels[1].fields["node_y"])
-        assert group["mesh"].attrs["face_node_connectivity"] == "triangle"
-        assert group["theta"].attrs["mesh"] == "mesh"
-
-
-def test_names_of_axes_that_collide_are_refused(output: Path, study: Study, levels: Levels, points: Points) -> None:
+def test_names_of_axes_that_collide_are_refused(output: Path, study: Study) -> None:
     for name, text in (("energy", "name of a result"), ("node", "name of a result"), ("a b", "letters")):
         bad = replace(study, axes=(replace(study.axes[0], name=name, path=(name,)), *study.axes[1:]))
         with pytest.raises(StoreError, match=text):
-            write(output, bad, levels, points)
-    twice = replace(study, axes=(study.axes[0], study.axes[0]))
+            write(output, bad, [], [])
     with pytest.raises(StoreError, match="two swept parameters are named 'alpha'"):
-        write(output, twice, levels, [])
+        write(output, replace(study, axes=(study.axes[0], study.axes[0])), [], [])
 
 
 @pytest.mark.parametrize("mode", ["grid", "list"])
 def test_an_axis_with_the_name_of_a_result_gets_its_path_for_a_name(
-    output: Path, list_study: Study, mode: Literal["grid", "list"]
+    output: Path, mode: Literal["grid", "list"]
 ) -> None:
-    alpha, friction = list_study.axes
     axes = (
-        replace(alpha, name="theta", path=("heat", "theta")),
-        replace(friction, name="omega", path=("heat", "omega")),
+        replace(ALPHA, name="theta", path=("heat", "theta"), labels=(100.0, 25.0)),
+        replace(FRICTION, name="omega", path=("heat", "omega")),
     )
-    named = replace(list_study, mode=mode, axes=axes)
-    points = [make_point(index, 1, fields=True) for index in np.ndindex(named.shape)]
-    write(output, named, [make_level(n, fields=True) for n in range(2)], points)
+    named = make_study(mode=mode, axes=axes)
+    block = make_block(1, shape=named.shape, fields=True)
+    write(output, named, [make_level(n, fields=True) for n in range(2)], [block])
+    assert_held(output, block)
     with open_results(output) as tree:
         assert tree["heat_theta"].values.tolist() == [100.0, 25.0]
-        assert tree["heat_omega"].values.tolist() == ["tresca", "decay"]
-        for p in points:
-            assert tree["omega"].values[(*p.index, 1)] == p.numbers["omega"]
-            np.testing.assert_array_equal(tree["level_1"]["theta"].values[p.index], p.fields["theta"])
-
-
-def _counts(level: LevelRecord) -> tuple[int, int]:
-    return level.n_contact, len(level.fields.get("node_x", ()))
+        assert tree["heat_omega"].values.tolist() == ["tresca", "slip weakening"]
 
 
 def test_expected_bytes_is_close_to_the_file(written: Path, study: Study, levels: Levels) -> None:
+    def expected(*levels: LevelRecord) -> int:
+        return schema.expected_bytes(study, [(one.n_contact, len(one.fields.get("node_x", ()))) for one in levels])
+
     size = written.stat().st_size
-    assert size <= schema.expected_bytes(study, [_counts(level) for level in levels]) <= 2 * size
-    n = 2000
-    long = replace(
-        levels[0],
-        n_contact=n,
-        edge=np.zeros(n, np.int8),
-        **{name: np.linspace(0, 1, n) for name in ("arclength", "x", "y", "c")},
-    )
-    rng = np.random.default_rng(1)  # what cannot be compressed
-    points = [replace(make_point(index, 0), u_T=rng.random(n), xi=rng.random(n)) for index in np.ndindex(study.shape)]
-    points = [replace(point, sticks=rng.integers(0, 2, n).astype(np.int8)) for point in points]
-    write(written, study, [long, levels[1]], points)
-    assert schema.expected_bytes(study, [_counts(long), _counts(levels[1])]) == pytest.approx(
-        written.stat().st_size, rel=0.25
-    )
+    assert size <= expected(*levels) <= 2 * size
+    n, rng = 2000, np.random.default_rng(1)  # what cannot be compressed
+    line = {name: np.linspace(0, 1, n) for name in ("arclength", "x", "y", "c")}
+    long = replace(levels[0], n_contact=n, edge=np.zeros(n, np.int8), **line)
+    rows = {name: rng.random((12, n)) for name in ("u_T", "xi")}
+    write(written, study, [long, levels[1]], [make_block(0, **rows, sticks=rng.integers(0, 2, (12, n), dtype=np.int8))])
+    assert expected(long, levels[1]) == pytest.approx(written.stat().st_size, rel=0.25)
+
+
+@pytest.mark.parametrize("shape", [(), (1,), (7,), (3, 5), (4, 1, 6), (2, 3, 4, 5), (1000,)])
+@pytest.mark.parametrize("points", [1, 2, 7, 20, 10_000])
+def test_tiles_follow_one_another_and_cover_the_sweep_once(shape: tuple[int, ...], points: int) -> None:
+    places = np.arange(math.prod(shape)).reshape(shape)
+    tile = tile_shape(shape, points)
+    assert math.prod(tile) <= points
+    found = [(places[cut].ravel().tolist(), start, stop) for cut, start, stop in tiles(shape, tile)]
+    assert [values for values, *_ in found] == [[*range(start, stop)] for _, start, stop in found]
+    assert [place for values, *_ in found for place in values] == [*range(math.prod(shape))]
+
+
+@pytest.mark.parametrize("memory", [2**26, 200_000])
+def test_a_long_sweep_comes_back_whatever_the_passes(
+    output: Path, memory: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """15,000 points, blocks a stride apart, in no order, with every tenth failed."""
+    axes = [
+        Axis(n, ("heat", n), x, x, "1") for n, x in (("a", (*range(20),)), ("b", (*range(30),)), ("d", (*range(25),)))
+    ]
+    study, rng = make_study(axes=tuple(axes), mesh=MeshPlan((0.1,), 1)), np.random.default_rng(3)
+    order, starts = np.arange(15_000).reshape(study.shape).transpose(2, 0, 1).ravel(), np.arange(len(START_NAMES)) % 3
+    blocks = []
+    for points in rng.permutation(np.array_split(order, 40)):
+        failed = points % 10 == 0
+        status = np.where(failed, PointStatus.NOT_CONVERGED, PointStatus.OK).astype(np.int8)
+        reasons = {int(row): f"point {points[row]}" for row in np.flatnonzero(failed) if points[row] < 1000}
+        line = np.where(failed, np.nan, points.astype(float))[:, None] + np.arange(3.0)
+        numbers = {"energy": points / 7.0, "iterations": points % 13 + 0.0, "start_energy": line[:, starts]}
+        sticks = np.where(failed[:, None], -1, line > 5.0).astype(np.int8)
+        blocks.append(BlockRecord(0, study.shape, points, status, reasons, numbers, line, -line, sticks))
+    passes = 0
+
+    def again() -> Iterator[BlockRecord]:
+        nonlocal passes
+        passes += 1
+        yield from blocks
+
+    for name, value in (("MEMORY", memory), ("CHUNK", 2**15)):
+        monkeypatch.setattr(store, name, value)
+    store.write(output, study, [make_level(0)], again, collect(study, ["tcstudy"]))
+    assert not list(output.parent.glob(".*.tmp"))
+    assert passes > 10 if memory < 2**26 else passes == 1
+    assert_held(output, *blocks)
+    with netCDF4.Dataset(output) as nc:
+        for name in ("energy", "start_energy", "level_0/u_T"):
+            assert nc[name].filters()["fletcher32"]
+            assert nc[name].filters()["zlib"]
+        assert nc["h_max"].chunking() == "contiguous"
+        words = [f"point {p}" if p % 10 == 0 and p < 1000 else "" for p in range(15_000)]
+        assert nc["reason"][...].ravel().tolist() == words
+
+
+def test_axes_ascend_or_fall_and_points_are_found_by_their_labels() -> None:
+    """CF wants monotonic coordinates: values that go up and down are sorted, falling ones and texts stay."""
+    study = study_of(RECTANGLE, "sweep={tau: [0.02, 0.01, 0.03], nu: [0.3, 0.2], mode: grid}")
+    assert [axis.labels for axis in study.axes] == [(0.01, 0.02, 0.03), (0.3, 0.2)]
+    points = sweep_points(study)
+    where = locate(points, {"tau": "0.02", "nu": 0.3})
+    assert tuple(where.values()) == (1, 0)
+    assert describe(points, where) == "tau = 0.02, nu = 0.3"
+    scene = study.scenes[1 * 2 + 0]
+    assert (scene.material.nu, scene.friction.b_scale) == (0.3, 0.02)

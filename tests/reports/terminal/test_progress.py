@@ -6,7 +6,6 @@ import io
 import tempfile
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from tcstudy.data.records import BlockRecord, PointStatus
@@ -28,8 +27,7 @@ class Terminal(io.StringIO):
 
 
 def record(level: int, status: PointStatus, reason: str = "why") -> BlockRecord:
-    point = PointRecord((0,), level, status, reason, {}, np.empty(0), np.empty(0))
-    return block_of((point,), (1,))
+    return block_of(PointRecord((0,), level, status, reason, {}), (1,))
 
 
 @pytest.mark.parametrize("stream", [io.StringIO, Terminal])
