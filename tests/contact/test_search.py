@@ -62,6 +62,13 @@ def test_wells_once_missed(
     assert solve_contact(problem).energy == pytest.approx(exhaustive.least_energy(problem), rel=1e-12)
 
 
+def test_no_node_moves_from_a_point_that_is_no_minimum() -> None:
+    A_tilde, c = cases.half_laplacian(5)
+    law, slip = cases.slip_weakening(1.0, 0.2, 0.2), np.full(5, 0.1)
+    problem = ContactProblem(A_tilde, A_tilde @ slip + c * law.b(slip), c, law)
+    assert len(search.move_starts(problem.rows, slip[None])[0]) == 0
+
+
 def test_one_node_leaves_a_well_along_an_exponential() -> None:
     """b = 0.5 + 0.5 e^(−10 s) falls fastest where the node sticks; b + s = 0.95 again at 0.4441."""
     law = cases.exponential_decay(1.0, 0.5, 0.1)

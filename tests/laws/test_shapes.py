@@ -88,6 +88,7 @@ def test_corners_without_a_bend_are_left_out(name: str, values: dict[str, Any], 
 REFUSED: list[tuple[str, dict[str, Any], str, str]] = [
     ("tresca", {}, "tau", "missing"),
     ("tresca", {"tau": -1}, "tau", "at least 0"),
+    ("tresca", {"tau": "2"}, "tau", "number"),
     ("tresca", {"tau": 10**400}, "tau", "finite"),
     ("tresca", {"tau": 1, "tua": 1}, "tua", "did you mean 'tau'"),
     ("slip-weakening", {"tau_s": 1, "tau_k": 1, "delta": 0}, "delta", "above 0"),

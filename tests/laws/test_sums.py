@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tcstudy.contact.certificates import bends_below_tangent, least_slopes, value_range
+from tcstudy.contact.path.piecewise_linear_approximation import piecewise_linear
 from tcstudy.laws.composed import total
 from tcstudy.laws.laws import NONE, Laws
 from tcstudy.laws.pieces import BEND
@@ -63,6 +64,12 @@ def test_exponentials_of_different_decay_add_up_exactly() -> None:
 
 TWO = total(law("exponential", a=2.0, b=0.5, delta=0.3), law("exponential", a=0.4, b=1.4, delta=0.05))
 """Falls and rises again: b″ changes its sign, b′ too."""
+
+
+def test_chords_of_two_exponentials_miss_them_by_the_tolerance_at_most() -> None:
+    chords = piecewise_linear(TWO, 1e-3, 3.0)
+    assert is_odd(chords)
+    assert 1e-4 * TWO.b_scale < np.max(np.abs(chords.b(SLIPS) - TWO.b(SLIPS))) <= (1.0 + 1e-9) * 1e-3 * TWO.b_scale
 
 
 def test_bounds_hold_for_two_exponentials() -> None:
