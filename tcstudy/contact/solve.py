@@ -130,7 +130,7 @@ def solve_block(
         block.begin_at(exact)
     solutions = None
     if limits is not None:
-        solutions = of_rows(body.A_tilde, body.c, laws, rows.l_tilde, body.lambda_1, limits)
+        solutions = of_rows(rows, limits)
         block.take_least(solutions)
     return replace(block.answer(prove), solutions=solutions)
 

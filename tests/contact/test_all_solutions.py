@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.contact.all_solutions import Limits, PolygonProblems, all_solutions, of_rows, reach_of
+from tcstudy.contact.all_solutions import Limits, PolygonProblems, all_solutions, of_rows
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.laws import Laws
@@ -52,7 +52,7 @@ def test_rows_with_laws_of_their_own_are_the_problems_one_by_one() -> None:
     problem = saw_tooth(6.0)
     laws = [SAW, tcstudy.law(points=[(0, 4), (1, 1)]), tcstudy.law("tresca", tau=1.0)]
     loads = np.array([[1.0], [0.85], [0.2]]) * problem.l_tilde
-    rows = of_rows(problem.A_tilde, problem.c, Laws.of(laws, [[0], [1], [2]]), loads, problem.lambda_1)
+    rows = of_rows(ContactProblem(problem.A_tilde, loads, problem.c, Laws.of(laws, [[0], [1], [2]])))
     for found, law, load in zip(rows, laws, loads, strict=True):
         alone = all_solutions(ContactProblem(problem.A_tilde, load, problem.c, law))
         assert found.complete
@@ -96,10 +96,7 @@ def test_solutions_put_on_corners_of_their_cells_are_never_lost() -> None:
         corner = ContactProblem(problem.A_tilde, problem.A_tilde @ v + problem.c * zeta, problem.c, problem.law)
         found = all_solutions(corner)
         assert not found.complete
-        graph = PolygonProblems(
-            corner.A_tilde, corner.c, corner.law, corner.l_tilde[None],
-            reach_of(corner.c, corner.law, corner.l_tilde[None], corner.lambda_1),
-        )  # fmt: skip
+        graph = PolygonProblems(corner.A_tilde, corner.c, corner.law, corner.l_tilde[None], corner.lambda_1)
         ends = graph.points[0, np.arange(3)[:, None], found.undecided[..., None] + np.arange(2)]
         at = np.array([v, zeta]).T[:, None]
         assert np.any((np.abs(ends - at) < 1e-12).all(-1).any(-1).all(-1)), seed

@@ -1,6 +1,6 @@
 """Every branch of solutions over an interval of t, closed loops included, proved to be all or said why not.
 
-`contact.boxes` finds all cells that may hold a solution for some t, with t as one more coordinate of its boxes: slabs
+`contact.all_solutions` finds all cells that may hold a solution for some t, as problems with a load that varies: slabs
 of t cover the interval and every step but a proof of emptiness keeps all solutions. In a cell the solutions are one
 segment (`segments`): branches are followed from those that begin at an end of the interval, loops from what is left.
 
@@ -19,13 +19,11 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.all_solutions import (
     EPS,
-    OVER_LOADS,
     Equilibria,
     Limits,
     PolygonProblems,
     all_solutions,
     inverse_of,
-    reach_of,
 )
 from tcstudy.contact.path.follow import Follower
 from tcstudy.contact.path.problem import ParametricProblem, Path, PathStatus
@@ -89,19 +87,17 @@ def all_branches(
         like what was found of unfinished branches, so that every branch known is whole.
     Raises ValueError for laws with exponential pieces.
     """
-    law, limits = problem.law, limits or Limits()
-    low, high = min(begin, end), max(begin, end)
-    loads = np.stack([problem.load(low), problem.load(high)])
-    reach = reach_of(problem.c, law, loads, lambda_1)
-    per_s = (high - low) * problem.l_1
-    boxes = PolygonProblems(problem.A_tilde, problem.c, law, np.tile(loads[0], (SLABS, 1)), reach, per_s)
-    edge = np.linspace(0.0, 1.0, SLABS + 1)
-    cells = boxes.search(boxes.whole(np.arange(SLABS), edge[:-1], edge[1:]), limits, OVER_LOADS)
+    limits, low, high = limits or Limits(), min(begin, end), max(begin, end)
+    edge, per_s = np.linspace(0.0, 1.0, SLABS + 1), (high - low) * problem.l_1
+    loads = problem.load(low) + 0.5 * (edge[1:] + edge[:-1])[:, None] * per_s
+    boxes = PolygonProblems(problem.A_tilde, problem.c, problem.law, loads, lambda_1, per_s * 0.5 / SLABS)
+    cells = boxes.search(limits)
     stopped = bool(np.any(cells.stopped))
     listed = {t: all_solutions(problem.at(t), limits) for t in at if stopped or not low <= t <= high}
     inside = [x.sides for t, x in listed.items() if low <= t <= high]
     sides = np.unique(np.concatenate([cells.sides, *inside]), axis=0)
-    parts = [segments(boxes, sides[i : i + _CELLS]) for i in range(0, max(len(sides), 1), _CELLS)]
+    cuts, load = range(0, max(len(sides), 1), _CELLS), problem.load(low)
+    parts = [segments(boxes, load, per_s, sides[i : i + _CELLS]) for i in cuts]
     found = Segments(*map(np.concatenate, zip(*parts, strict=True)))
     one, undecided = found.one, int(np.count_nonzero(~(found.one | found.none)))
     keys, u, s, open_end = [row.tobytes() for row in sides[one]], found.u[one], found.s[one], found.open_end[one]
@@ -175,8 +171,8 @@ class Segments(NamedTuple):
     open_end: Flags
 
 
-def segments(problems: PolygonProblems, sides: Index) -> Segments:
-    """The exact segment of every cell, of which the nodes are on these sides (n, m), s between 0 and 1.
+def segments(problems: PolygonProblems, load: Array, per_s: Array, sides: Index) -> Segments:
+    """The exact segment of every cell, of which the nodes are on these sides (n, m), for loads from s = 0 to 1.
 
     Places τ_i on the sides and s, in units of the columns, are x with m equations N x = r: one line x = α + γ σ, σ
     along the direction of the line, about, which the last row of B = [N; γᵀ] adds; it is cut by the ends 0 and 1.
@@ -186,12 +182,13 @@ def segments(problems: PolygonProblems, sides: Index) -> Segments:
     19 (2010) 287–449, §10 (verified linear systems).
     """
     (n, m), c, rows = sides.shape, problems.c, np.arange(len(sides))
-    assert problems.l_1 is not None
-    p, D = problems.ends(np.zeros(n, dtype=np.intp), sides)
+    first = np.zeros(n, dtype=np.intp)
+    p = problems.at(first, sides.astype(float))
+    D = problems.at(first, sides.astype(float) + 1.0) - p
     M, size, scale = problems.matrix(D)
-    l_1, load, largest = np.abs(problems.l_1), problems.load[0], np.abs(p) + np.abs(D)
+    l_1, largest = np.abs(per_s), np.abs(p) + np.abs(D)
     scale = np.concatenate([scale, np.full((n, 1), l_1.max())], axis=-1)
-    N = np.concatenate([M, np.broadcast_to(-problems.l_1[:, None], (n, m, 1))], axis=-1)
+    N = np.concatenate([M, np.broadcast_to(-per_s[:, None], (n, m, 1))], axis=-1)
     unit = np.abs(N / scale[:, None]).max(axis=-1)
     N /= unit[..., None]
     line = np.linalg.qr((N / scale[:, None]).swapaxes(1, 2), mode="complete")[0][..., m] * scale
@@ -199,14 +196,14 @@ def segments(problems: PolygonProblems, sides: Index) -> Segments:
     def products(w: Array) -> Array:
         return np.column_stack([(size(w[:, :m]) + l_1 * w[:, m:]) / unit, np.sum(np.abs(line * w), axis=-1)])
 
-    Y, rho = inverse_of(np.concatenate([N, line[:, None]], axis=1), products, scale)
+    Y, share = inverse_of(np.concatenate([N, line[:, None]], axis=1), products, scale)
     r = (load - p[..., 0] @ problems.A - c * p[..., 1]) / unit
     off = 4.0 * (m + 8) * EPS * (np.abs(load) + largest[..., 0] @ problems.size_of_A + c * largest[..., 1]) / unit
     alpha, gamma = (Y[..., :m] @ r[..., None])[..., 0], Y[..., m]
     noise, far = (np.abs(Y[..., :m]) @ off[..., None])[..., 0], np.sqrt(m + 1.0) * scale.max(axis=-1, keepdims=True)
     terms = np.abs(alpha) + noise + far * np.abs(gamma)
-    share = np.where(np.isfinite(rho), rho / (1.0 - np.minimum(rho, 0.5)), 0.0)
-    noise += share[:, None] * terms.max(axis=-1, keepdims=True)
+    proved = np.isfinite(share)
+    noise += np.where(proved, share, 0.0)[:, None] * terms.max(axis=-1, keepdims=True)
     flat, rising = far * np.abs(gamma) <= noise, gamma > 0.0
     alpha, gamma, noise = alpha / scale, gamma / scale, noise / scale
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -223,8 +220,7 @@ def segments(problems: PolygonProblems, sides: Index) -> Segments:
     later[rows, node[:, 0]], sooner[rows, node[:, 1]] = -np.inf, np.inf
     sure &= later.max(axis=-1) < ends[:, 0] - error[rows, node[:, 0]]
     sure &= sooner.min(axis=-1) > ends[:, 1] + error[rows, node[:, 1]]
-    none = out & np.isfinite(rho)
-    one = sure & ~doubt & ~out & np.isfinite(rho)
+    none, one = out & proved, sure & ~doubt & ~out & proved
     x = alpha[:, None] + gamma[:, None] * np.where(np.isfinite(ends), ends, 0.0)[..., None]
     facets = np.stack([~rising, rising], axis=1).astype(float)
     x = np.where(np.arange(m + 1) == node[..., None], facets, x)
