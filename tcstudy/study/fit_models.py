@@ -1,6 +1,6 @@
 """What a study says of measurements, for given numbers of it, with derivatives by these numbers.
 
-Of a history (`history_scene`) the steps are compared that were measured: one history an evaluation, and one for every
+Of a history (`history_run`) the steps are compared that were measured: one history an evaluation, and one for every
 number, which is a little off, for differences. All other derivatives are exact.
 
 Vertical: the scene is solved at every datum, each from the solution before (the way a test goes: one solve a datum),
@@ -35,9 +35,9 @@ from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Direction, FitPlan, Sensitivity
 from tcstudy.study.fit_path import MovingPath
-from tcstudy.study.history_scene import STIFFNESS, with_stiffness
-from tcstudy.study.history_scene import followed as followed_steps
-from tcstudy.study.path_affine import affine_load, followed, straightened
+from tcstudy.study.history_run import STIFFNESS, with_stiffness
+from tcstudy.study.history_run import followed as followed_steps
+from tcstudy.study.path_run import affine_load, followed, straightened
 from tcstudy.study.point import Rates, rates_of
 
 Array = NDArray[np.float64]

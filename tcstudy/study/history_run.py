@@ -5,6 +5,8 @@ lies on the straight line. All steps of all points share the mesh, and those of 
 
 Of a sweep whole histories are work for workers, where these pay: each makes the mesh once and follows one point after
 the other; this process takes their steps in the order of the sweep and alone writes.
+
+Derivatives are differences of whole histories on the same mesh (`contact.history.steps`), all side by side.
 """
 
 from __future__ import annotations
@@ -12,9 +14,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, fields, replace
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -22,8 +24,9 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from tcstudy.condense import NotPositiveDefinite
-from tcstudy.contact.history.problem import HistoryStep
-from tcstudy.contact.history.steps import history
+from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
+from tcstudy.contact.history.steps import HALFWAY, STEPS, derivative, history
+from tcstudy.contact.problem import CondensedBody
 from tcstudy.data.history_store import (
     Values,
     at_step,
@@ -35,6 +38,8 @@ from tcstudy.data.history_store import (
     take_row,
 )
 from tcstudy.data.journal import Journal
+from tcstudy.data.on_request import AT_EVENT, DIFFERENTIABLE, STEP_QUANTITIES, name_of
+from tcstudy.data.on_request import STATUS as SLOPES_STATUS
 from tcstudy.data.provenance import collect, study_sha256, tell
 from tcstudy.data.records import PointStatus
 from tcstudy.data.store import write_record
@@ -44,13 +49,14 @@ from tcstudy.fem.meshes import Meshes
 from tcstudy.laws.composed import row_laws
 from tcstudy.offline.level import Level
 from tcstudy.offline.requested_outputs import debonded_front, region_lengths
+from tcstudy.offline.slopes import WholeBody, change_of, is_load
+from tcstudy.read.scenes import Scenery
 from tcstudy.read.study import read_study_text
-from tcstudy.scene.histories import AT_REST, UnfitLaw
-from tcstudy.scene.parameters import loaded_scene
+from tcstudy.scene.histories import AT_REST, HistoryPlan, Keys, UnfitLaw
+from tcstudy.scene.parameters import loaded_scene, numbers
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import Study
+from tcstudy.scene.study import Sensitivity, Study
 from tcstudy.study.append import differences
-from tcstudy.study.history_scene import problem_of, step_derivatives
 from tcstudy.study.lint import warnings
 from tcstudy.study.point import STATUS
 from tcstudy.study.run import level_record
@@ -58,6 +64,8 @@ from tcstudy.study.sizes import of_history
 from tcstudy.study.workers import WorkerPool, submit
 
 Array = NDArray[np.float64]
+STIFFNESS = ("history", "stiffness")
+"""Key path of k, the number of a memory."""
 FREE = ("history.steps", "history.repeat")
 """Keys in which a study may differ from that of the file it goes on from; the steps themselves are compared."""
 
@@ -222,9 +230,39 @@ def follow_point(study: Study, key: str, row: Values, point: int) -> Values:
 
 
 def _follow(study: Study, level: Level, scene: Scene, row: Values, point: int) -> Iterator[int]:
-    """Every step of a point that is solved; its row (1, …) has it then, or the reason why there is no further one."""
+    """Every step of a point that is still to do and solved; its row (1, …) has it then, or why there is no further."""
+    plan, output, requested = study.history, study.output, None
+    assert plan is not None
     try:
-        yield from _of_point(study, level, scene, row, point)
+        problem, loads = problem_of(plan, level, scene, study.solver.tolerance)
+        body, laws = problem.body, row_laws([problem.law], np.ones(1))
+        row["lambda_1"][0], row["lambda_1_error"][0], row["margin"][0] = body.lambda_1, body.A_error, problem.margin
+        beside = np.full((1, np.count_nonzero(level.line.unknowns < 0)), np.nan)
+        if output.probes or output.quantities:
+            from tcstudy.offline.requested_outputs import RequestedOutputs  # only for a study that asks for more
+
+            requested, at = RequestedOutputs(level, output), plan.loads()
+        first, start = int(steps_done(row)[0]), None
+        if first:  # the last step of the file, as the next one needs it
+            names = {field.name for field in fields(HistoryStep)} & row.keys() - {"status", "reason"}
+            own = {"plastic": 0.0 * loads[0]} | {name: row[name][0, first - 1] for name in names}
+            start = HistoryStep(v=row["u_T"][0, first - 1], load=loads[first - 1], **own)
+        slopes = islice(step_derivatives(study, level, scene, point), first, None) if output.sensitivity else iter(())
+        for n, step in enumerate(history(problem, loads[first:], start), first):
+            before, found = row["u_T"][0, n - 1] if n else 0.0, dict(vars(step))
+            found |= {"status": STATUS[step.status], "u_T": step.v, "u_T_max": np.max(np.abs(step.v), initial=0.0)}
+            moved = np.abs(step.v - before) > AT_REST * max(np.abs(step.v).max(initial=0.0), np.max(np.abs(before)))
+            found |= {"friction_resultant": body.c @ step.xi, "slip_length": body.c[moved].sum()}
+            lengths = region_lengths(level, laws, step.kappa[None], beside)
+            found |= {name: length for name, (length,) in lengths.items()}
+            found |= debonded_front(level.line, problem.law, step.kappa)
+            if step.solved:
+                found |= requested.of(loaded_scene(scene, at[n]), step.v) if requested is not None else {}
+                found |= next(slopes, {})
+            for name, every in row.items():
+                if name in found:
+                    every[at_step(every, 0, n)] = found[name]
+            yield n
     except UserFault:
         raise
     except (NotPositiveDefinite, UnfitLaw) as error:
@@ -237,38 +275,99 @@ def _end(row: Values, status: PointStatus, reason: str) -> None:
     row["status"][0, steps_done(row)[0]], row["reason"][0] = status, reason
 
 
-def _of_point(study: Study, level: Level, scene: Scene, row: Values, point: int) -> Iterator[int]:
-    """The steps of one point that are still to do."""
-    plan, output, requested = study.history, study.output, None
-    assert plan is not None
-    problem, loads = problem_of(plan, level, scene, study.solver.tolerance)
-    body = problem.body
-    row["lambda_1"][0], row["lambda_1_error"][0], row["margin"][0] = body.lambda_1, body.A_error, problem.margin
-    laws, beside = row_laws([problem.law], np.ones(1)), np.full((1, np.count_nonzero(level.line.unknowns < 0)), np.nan)
-    if output.probes or output.quantities:
-        from tcstudy.offline.requested_outputs import RequestedOutputs  # only for a study that asks for more
-
-        requested, at = RequestedOutputs(level, output), plan.loads()
-    first = int(steps_done(row)[0])
-    slopes = islice(step_derivatives(study, level, scene, point), first, None) if output.sensitivity else iter(())
-    start = _state(row, first - 1, loads[first - 1]) if first else None
-    for n, step in enumerate(history(problem, loads[first:], start), first):
-        before, found = row["u_T"][0, n - 1] if n else 0.0, dict(vars(step))
-        found |= {"status": STATUS[step.status], "u_T": step.v, "u_T_max": np.max(np.abs(step.v), initial=0.0)}
-        moved = np.abs(step.v - before) > AT_REST * max(np.abs(step.v).max(initial=0.0), np.max(np.abs(before)))
-        found |= {"friction_resultant": body.c @ step.xi, "slip_length": body.c[moved].sum()}
-        found |= {name: length for name, (length,) in region_lengths(level, laws, step.kappa[None], beside).items()}
-        found |= debonded_front(level.line, problem.law, step.kappa)
-        if step.solved:
-            found |= requested.of(loaded_scene(scene, at[n]), step.v) if requested is not None else {}
-            found |= next(slopes, {})
-        for name, every in row.items():
-            if name in found:
-                every[at_step(every, 0, n)] = found[name]
-        yield n
+def problem_of(
+    plan: HistoryPlan, level: Level, scene: Scene, tolerance: float | None
+) -> tuple[HistoryProblem, list[Array]]:
+    """What all steps of a scene share, and the loads l̃ of all steps. Raises NotPositiveDefinite."""
+    at = [level.condensed(loaded_scene(scene, values)) for values in plan.stations()]
+    first = at[0].problem
+    lambda_1 = None if plan.loose else level.lambda_1(scene)
+    body = CondensedBody.known(first.A_tilde, first.c, first.A_error, lambda_1=lambda_1, loose=plan.loose)
+    line = level.line
+    names = plan.memory.by_node(first.law, line.edge_names, line.edge, line.joints)
+    problem = HistoryProblem(body, first.law, plan.memory, plan.branch, tolerance, names)
+    return problem, plan.along([one.problem.l_tilde for one in at])
 
 
-def _state(row: Values, n: int, load: Array) -> HistoryStep:
-    """The step n of a file, as the next one needs it."""
-    names = {field.name for field in fields(HistoryStep)} & row.keys() - {"status", "reason"}
-    return HistoryStep(v=row["u_T"][0, n], load=load, **{"plastic": 0.0 * load} | {k: row[k][0, n] for k in names})
+def with_stiffness(plan: HistoryPlan, values: dict[Keys, float]) -> HistoryPlan:
+    """The plan with the k of these values, if they have one."""
+    stiffness = values.get(STIFFNESS, plan.memory.stiffness)
+    return replace(plan, memory=replace(plan.memory, stiffness=stiffness))
+
+
+def followed(
+    plan: HistoryPlan, level: Level, scene: Scene, tolerance: float | None
+) -> Iterator[tuple[HistoryStep, float]]:
+    """Step 0 and all others with the mean θ of each; one that fails is the last.
+
+    Raises NotPositiveDefinite, UnfitLaw, and KeyError for a load that the scene does not have.
+    """
+    problem, loads = problem_of(plan, level, scene, tolerance)
+    means = [level.temperature(loaded_scene(scene, values)).mean for values in plan.stations()]
+    yield from zip(history(problem, loads), plan.along(means), strict=False)
+
+
+def step_derivatives(study: Study, level: Level, scene: Scene, point: int) -> Iterator[dict[str, float]]:
+    """Of every step of a scene what its study asks for, by variable name; without what its law does not have.
+
+    They begin with step 0 wherever the history goes on. Histories of other numbers that end early have no more of them.
+    """
+    scenery, tolerance, c = Scenery.of(study), study.solver.tolerance, level.line.c
+    assert study.history is not None
+    plan: HistoryPlan = study.history
+
+    def steps(number: Sensitivity | None = None, value: float = 0.0) -> Iterator[Array]:
+        """The STEP_QUANTITIES of all steps with this value of a number, as far as they are solved."""
+        own, varied = plan, scene
+        if number is not None and number.path == STIFFNESS:
+            own = with_stiffness(plan, {STIFFNESS: value})
+        elif number is not None:
+            varied = scenery.at(scene, {number.path: value}, point)
+        for step, mean in followed(own, level, varied, tolerance):
+            if step.solved:
+                yield np.array([np.max(np.abs(step.v), initial=0.0), c @ step.xi, mean])
+
+    def begun(number: Sensitivity, value: float) -> Iterator[Array] | None:
+        """The same; None where the number cannot have this value."""
+        found = steps(number, value)
+        try:
+            return chain([next(found)], found)
+        except (StudyError, ValueError, NotPositiveDefinite, StopIteration):
+            return None
+
+    varied = dict[str, tuple[float, list[Iterator[Array]]]]()
+    for number in study.output.sensitivity:
+        with suppress(KeyError):  # a law of the sweep that has no such parameter
+            value, scale = _value(plan, level, scene, number)
+            up, down = ([begun(number, value + way * h * scale) for h in STEPS] for way in (1.0, -1.0))
+            others = [*up, *down]
+            if not all(others):  # on the one side on which it can be
+                one, way = (up, 1.0) if all(up) else (down, -1.0)
+                others, scale = [*one, begun(number, value + way * HALFWAY * scale)], way * scale
+            varied[number.name] = scale, [other or iter(()) for other in others]
+    for row in steps():
+        found: dict[str, float] = {SLOPES_STATUS: DIFFERENTIABLE}
+        for name, (scale, each) in varied.items():
+            slopes = derivative(row, np.array([next(one, np.full(len(row), np.nan)) for one in each]), scale)
+            found |= {name_of(q, name): float(x) for q, x in zip(STEP_QUANTITIES, slopes, strict=True)}
+        if not np.all(np.isfinite(list(found.values()))):
+            found[SLOPES_STATUS] = AT_EVENT
+        yield found
+
+
+def _value(plan: HistoryPlan, level: Level, scene: Scene, number: Sensitivity) -> tuple[float, float]:
+    """(value, scale) of a number; of a load at least that which is as much as friction bears.
+
+    Raises KeyError for a number that the scene does not have.
+    """
+    if number.path == STIFFNESS:
+        value = float(plan.memory.stiffness or 0.0)
+        return value, value
+    value = float(dict(numbers(scene))[number.path].value)  # type: ignore[arg-type]
+    law, units = level.law(scene), {"1": 1.0, "Pa": scene.laws[0].b_scale, "m": scene.laws[0].s_scale}
+    if is_load(number.path):
+        right = WholeBody(level, scene, np.zeros(level.line.m)).right_side(change_of(level, scene, number))
+        change = np.max(np.abs(right), initial=0.0)
+        full = law.b_scale * float(np.max(level.condensed(scene).problem.c)) / change if change else abs(value)
+        return value, max(abs(value), full) or 1.0
+    return value, abs(value) or units.get(number.units, 0.0) or level.lambda_1(scene)

@@ -1,37 +1,44 @@
 """Follow a study's path: the equilibria on the branch from rest, those at requested values, and the hysteresis loop,
-into its file."""
+into its file.
+
+Along one parameter t the load is l̃(t) = l̃₀ + t l̃₁, found from two values of t and checked at two others (method: l̃ is
+affine in f, g, q, θ̄ and in prescribed displacements, eq. (20) of the paper with fixed Ã).
+"""
 
 from __future__ import annotations
 
 import pathlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.all_solutions import Limits
-from tcstudy.contact.certificates import certify
-from tcstudy.contact.history.hysteresis import hysteresis
+from tcstudy.contact.certificates import certify, solution_boxes
+from tcstudy.contact.history.steps import hysteresis
 from tcstudy.contact.path.complete import Branches, all_branches
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path
+from tcstudy.contact.path.piecewise_linear_approximation import piecewise_linear
 from tcstudy.contact.path.problem import WHOLE, PathStatus, by_code
 from tcstudy.contact.path.query import PathSolution, folds, lowest, proved_minima, solutions_at, solutions_of
-from tcstudy.contact.solve import TIE
+from tcstudy.contact.path.walk import NoSolutionError
+from tcstudy.contact.problem import Status
+from tcstudy.contact.solve import TIE, solve_contact
 from tcstudy.data.provenance import SHORTFALLS, Remark, collect, tell
-from tcstudy.data.records import LevelRecord
 from tcstudy.data.store import Record, write_record
 from tcstudy.data.tables import PATH
-from tcstudy.errors import GeometryFailed
+from tcstudy.errors import GeometryFailed, PathError
 from tcstudy.offline.level import Level
 from tcstudy.scene.histories import ContactState, contact_states
 from tcstudy.scene.parameters import path_scene
-from tcstudy.scene.study import Acceptance, Branch, PathPlan, Study
+from tcstudy.scene.records import Scene
+from tcstudy.scene.study import Acceptance, Branch, Direction, PathPlan, Study
 from tcstudy.study.lint import loaded, warnings
-from tcstudy.study.path_affine import AffineLoad, PathError, affine_load, followed, straightened
 from tcstudy.study.run import stages
 
 Array = NDArray[np.float64]
@@ -40,14 +47,95 @@ Progress = Callable[[int, float], None]
 LIMITS = Limits(boxes=20_000, seconds=20.0)
 """Of each of the slabs that a range is proved in."""
 
+AFFINE = 1e-9
+"""Largest relative deviation from a straight line that counts as rounding."""
 
-@dataclass(frozen=True)
-class _Setting:
-    """A path ready to be followed: the problem with the law itself and with its piecewise-linear stand-in."""
+
+class AffineLoad(NamedTuple):
+    """The contact problem of a level along t.
+
+    problem:  Ã, l̃₀, l̃₁, c and the law
+    defect:   largest |l̃ − l̃₀ − t l̃₁| at the values that were checked, relative to the largest |l̃|
+    constant: what the total potential energy has beside L̃(u₁), eq. (20), a parabola of t [J/m]
+    """
+
+    problem: ParametricProblem
+    defect: float
+    constant: Polynomial
+
+
+SHARES = np.array([0.0, 1.0, 0.4, 0.75])
+"""Where between two values of t the load is taken: the first two give it, it is checked at the others."""
+
+
+def affine_load(level: Level, scene_of: Callable[[float], Scene], begin: float, end: float, name: str) -> AffineLoad:
+    """The problem of `scene_of` along t.
+
+    begin, end: two values of t;  name: of the parameter, for messages
+    Raises PathError if l̃ is not affine in t or does not depend on it.
+    """
+    length = end - begin
+    solved = [level.condensed(scene_of(end if x == 1.0 else begin + x * length)) for x in SHARES.tolist()]
+    first = solved[0].problem
+    if not all(np.array_equal(first.A_tilde, one.problem.A_tilde) for one in solved):
+        raise PathError(f"the stiffness changes with {name}: a path needs a parameter of the loads alone")
+    loads = np.array([one.problem.l_tilde for one in solved])
+    change, size = loads[1] - loads[0], float(np.max(np.abs(loads), initial=0.0))
+    if np.max(np.abs(change), initial=0.0) <= 1e-13 * size:
+        raise PathError(f"the load on the contact line does not depend on {name}; choose another path.parameter")
+    off = float(np.max(np.abs(loads - loads[0] - SHARES[:, None] * change)))
+    if off > AFFINE * size:
+        raise PathError(
+            f"the load is not affine in {name} (relative deviation {off / size:.1e} from a straight line), so there "
+            "is no piecewise-linear path along it; use a sweep"
+        )
+    l_1 = change / length
+    span = begin, end
+    problem = ParametricProblem(first.A_tilde, loads[0] - begin * l_1, l_1, first.c, first.law, span, first.A_error)
+    at_1, at_04 = (one.constant - solved[0].constant for one in solved[1:3])  # of a parabola
+    k_2 = (at_1 - at_04 / 0.4) / 0.6
+    constant = Polynomial([solved[0].constant, at_1 - k_2, k_2], domain=span, window=(0.0, 1.0))
+    return AffineLoad(problem, off / size, constant)
+
+
+def straightened(
+    level: Level, scene: Scene, problem: ParametricProblem, law_error: float, within: tuple[float, float]
+) -> ParametricProblem:
+    """The problem with straight pieces in the place of exponential ones, as far as solutions within two t may slip."""
+    if problem.law.piecewise_linear:
+        return problem
+    boxes = [solution_boxes(problem.at(t).rows) for t in within]
+    reach = max(float(np.max(np.abs(side))) for box in boxes for side in box)
+    return problem.with_law(level.law(scene.with_laws(lambda law: piecewise_linear(law, law_error, reach))))
+
+
+def followed(
+    problem: ParametricProblem,
+    follower: Follower,
+    branch: Branch,
+    begin: float,
+    direction: Direction,
+    name: str,
+    progress: Callable[[int, float], None] | None = None,
+) -> tuple[Path, Array]:
+    """The path from a solution at t = begin, and that (m,); branch: of `solve_contact`;  name: of t, for messages.
+
+    Raises PathError without a solution to start from.
+    """
+    answer = solve_contact(problem.at(begin), tolerance=follower.tolerance, branch=branch)
+    if answer.status != Status.CONVERGED:
+        raise PathError(f"there is no solution to start from at {name} = {begin:g}: {answer.reason}")
+    try:
+        return follower.follow(problem, answer.v, begin, direction, progress), answer.v
+    except NoSolutionError as error:
+        raise PathError(str(error)) from error
+
+
+class _Setting(NamedTuple):
+    """What a path is followed for."""
 
     plan: PathPlan
     load: AffineLoad
-    straight: ParametricProblem
     lambda_1: float
     tolerance: float | None
 
@@ -62,11 +150,16 @@ def follow_path(study: Study, progress: Progress | None = None) -> Record:
     plan = study.path
     if plan is None:
         raise PathError("the study has no section path; add path: {parameter: theta_bar, from: 0 K, to: 40 K}")
-    level, line = _level(study, plan)
+    last = study.mesh.levels - 1 if plan.level is None else plan.level
+    mesh = replace(study.mesh, levels=last + 1, tolerance=None, estimate=False)  # the level that a run would have
+    stage = next(stages(replace(study, mesh=mesh, scenes=(plan.scene,), axes=()), first=last))
+    if stage.level is None or stage.record is None:
+        raise GeometryFailed(next(stage.blocks).reasons[0])
+    level, line = stage.level, stage.record
     try:
         load = affine_load(level, lambda t: path_scene(plan.scene, plan.parameter, t), plan.begin, plan.end, plan.name)
         straight = straightened(level, plan.scene, load.problem, plan.law_error, plan.within)
-        setting = _Setting(plan, load, straight, level.lambda_1(plan.scene), study.solver.tolerance)
+        setting = _Setting(plan, load, level.lambda_1(plan.scene), study.solver.tolerance)
     except NotPositiveDefinite as error:
         raise PathError(str(error)) from error
     direction = plan.direction
@@ -78,15 +171,10 @@ def follow_path(study: Study, progress: Progress | None = None) -> Record:
     every = None
     if plan.complete:
         every = all_branches(straight, plan.begin, plan.end, setting.lambda_1, LIMITS, plan.at)
-    told = {
-        "parameter": plan.name,
-        "parameter_range": np.array([plan.begin, plan.end]),
-        "parameter_within": np.array(plan.within),
-        "begin_status": path.begin.name.lower(),
-        "begin_reason": path.begin.reason,
-        "end_status": path.end.name.lower(),
-        "end_reason": path.end.reason,
-    }
+    told: Values = {"parameter": plan.name, "parameter_range": np.array([plan.begin, plan.end])}
+    told["parameter_within"] = np.array(plan.within)
+    for name, status in (("begin", path.begin), ("end", path.end)):
+        told |= {f"{name}_status": status.name.lower(), f"{name}_reason": status.reason}
     values = {
         **vars(line),
         **line.fields,
@@ -100,22 +188,12 @@ def follow_path(study: Study, progress: Progress | None = None) -> Record:
         **_solutions(setting, path, every),
     }
     if plan.hysteresis:
-        found, told["loop_reason"] = _loop(setting, v)
+        found, told["loop_reason"] = _loop(setting, straight, v)
         values |= found
     if every is not None:
         values |= _branches(setting, path, every)
         told["complete_reason"] = every.reason
     return Record("path", PATH, values, told)
-
-
-def _level(study: Study, plan: PathPlan) -> tuple[Level, LevelRecord]:
-    """The mesh level of the path, as a run of its scene would have it, and what the data keep of it."""
-    last = study.mesh.levels - 1 if plan.level is None else plan.level
-    mesh = replace(study.mesh, levels=last + 1, tolerance=None, estimate=False)
-    stage = next(stages(replace(study, mesh=mesh, scenes=(plan.scene,), axes=()), first=last))
-    if stage.level is None or stage.record is None:
-        raise GeometryFailed(next(stage.blocks).reasons[0])
-    return stage.level, stage.record
 
 
 def _curve(setting: _Setting, path: Path) -> Values:
@@ -192,29 +270,26 @@ def _solutions(setting: _Setting, path: Path, every: Branches | None) -> Values:
     least = np.full(len(at), np.inf)
     np.minimum.at(least, i, energy)
     least_one = energy <= least[i] + TIE * float(np.max(np.abs(energy), initial=0.0))
-    proved, alone = least_one & known[i], count[i] == 1
+    sure = least_one & known[i]
+    proved = (("unique", sure & (count[i] == 1)), ("strict_minimum", sure), ("global_minimum", sure))
     return {
         "at": at,
         "solution_count": count.tolist(),
         "solution_at": i,
         "solution_parameter": at[i],
-        "solution_piece": [s.piece for s in rows],
+        **{f"solution_{name}": [getattr(s, name) for s in rows] for name in ("piece", "residual", "stable")},
         "solution_energy": energy + setting.load.constant(at[i]),
-        "solution_residual": [s.residual for s in rows],
         "solution_rounding": [problem.xi_rounding(v) for problem, v in pairs],
-        "solution_stable": [s.stable for s in rows],
         "solution_lowest": least_one,
-        "solution_unique": np.array([proof.unique for proof in proofs], dtype=bool) | (proved & alone),
-        "solution_strict_minimum": np.array([proof.strict_minimum for proof in proofs], dtype=bool) | proved,
-        "solution_global_minimum": np.array([proof.global_minimum for proof in proofs], dtype=bool) | proved,
+        **{f"solution_{name}": np.array([getattr(p, name) for p in proofs], dtype=bool) | it for name, it in proved},
         "solution_u_T": v,
         "solution_xi": np.array([problem.xi(v) / path.problem.c for problem, v in pairs]).reshape(v.shape),
     }
 
 
-def _loop(setting: _Setting, v: Array) -> tuple[Values, str]:
+def _loop(setting: _Setting, problem: ParametricProblem, v: Array) -> tuple[Values, str]:
     """The loop between begin and end, and why it is not whole."""
-    plan, problem = setting.plan, setting.straight
+    plan = setting.plan
     loop = hysteresis(problem, v, plan.begin, plan.end, plan.max_pieces, setting.tolerance)
     ways, jumps = loop.ways, loop.jumps
     counts = np.array([len(way.t) for way in ways], dtype=np.int32)
@@ -247,7 +322,15 @@ def execute_path(
 
     swept: names of the sweep, whose values a path does not have. Raises PathError, StoreError or GeometryFailed.
     """
-    tell(remarks := _remarks(study, swept))
+    remarks = []
+    if swept:
+        unused = f"a path is of one scene, that outside the sweep; the values of {', '.join(swept)} are not used"
+        remarks.append(Remark(unused))
+    if (plan := study.path) is not None:  # of the scene as it is written, without load at the end farther from zero
+        farther = path_scene(plan.scene, plan.parameter, max(plan.begin, plan.end, key=abs))
+        scene = plan.scene if loaded([plan.scene]).all() else farther
+        remarks += warnings(replace(study, scenes=(scene,), axes=(), variants=()))
+    tell(remarks)
     with threadpool_limits(1, user_api="blas"):
         record = follow_path(study, progress)
     found = shortfalls(study, record)
@@ -255,16 +338,6 @@ def execute_path(
     record = replace(record, attributes={**record.attributes, SHORTFALLS: "\n".join(found)})
     write_record(output, study, record, collect(study, command, remarks=remarks))
     return found
-
-
-def _remarks(study: Study, swept: Sequence[str]) -> list[Remark]:
-    """Warnings of the scene as it is written, or where that has no load, at the end that is farther from zero."""
-    if (plan := study.path) is None:
-        return []
-    farther = path_scene(plan.scene, plan.parameter, max(plan.begin, plan.end, key=abs))
-    scene = plan.scene if loaded([plan.scene]).all() else farther
-    unused = f"a path is of one scene, that outside the sweep; the values of {', '.join(swept)} are not used"
-    return [*([Remark(unused)] if swept else []), *warnings(replace(study, scenes=(scene,), axes=(), variants=()))]
 
 
 def shortfalls(study: Study, record: Record) -> list[str]:

@@ -9,7 +9,7 @@ from tcstudy.contact.solve import solve_contact
 from tcstudy.offline.level import Level
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene
-from tcstudy.study.path_affine import affine_load
+from tcstudy.study.path_run import affine_load
 from tests.verification.scenes import levels_of, study_of
 
 BAR = """

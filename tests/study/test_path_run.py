@@ -19,8 +19,7 @@ from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.scene.parameters import path_scene
 from tcstudy.study import path_run
-from tcstudy.study.path_affine import PathError, affine_load
-from tcstudy.study.path_run import follow_path, shortfalls
+from tcstudy.study.path_run import PathError, affine_load, follow_path, shortfalls
 from tcstudy.study.run import run
 from tests.commands import CONFIGS
 from tests.data.by_points import one_by_one

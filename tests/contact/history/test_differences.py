@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from tcstudy.contact.history.differences import HALFWAY, STEPS, one_sided, two_sided
+from tcstudy.contact.history.steps import HALFWAY, STEPS, derivative
 
 Function = Callable[[float], float]
 
@@ -16,7 +16,8 @@ def both(f: Function, p: float) -> tuple[float, float]:
     """By both sides, and from above alone, at p in units of p."""
     middle = np.array([f(p)])
     above, below = (np.array([[f(p * (1.0 + way * h))] for h in (*STEPS, HALFWAY)]) for way in (1.0, -1.0))
-    return float(two_sided(middle, above[:2], below[:2], p)[0]), float(one_sided(middle, above, p)[0])
+    beside = np.concatenate([above[:2], below[:2]])
+    return float(derivative(middle, beside, p)[0]), float(derivative(middle, above, p)[0])
 
 
 @pytest.mark.parametrize("p", [3e-9, 3e9])

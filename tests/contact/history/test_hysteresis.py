@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tcstudy.contact.history.hysteresis import hysteresis
+from tcstudy.contact.history.steps import hysteresis
 from tcstudy.contact.path.follow import ParametricProblem
 from tcstudy.laws import shapes as laws
 from tcstudy.laws.composed import nodal
