@@ -103,7 +103,7 @@ def with_named_region(root: Node) -> Node:
     known = {} if regions is None else regions.value
     if shape is None or not isinstance(shape.value, Mapping) or not isinstance(known, Mapping) or INLINE in known:
         return root
-    if (body := root.child("body")) is None or not isinstance(body.value, Mapping):
+    if (body := root.at("body")) is None or not isinstance(body.value, Mapping):
         return root
     root = put(root, ("heat", "omega"), replace(shape, value=INLINE))
     return put(root, ("body", "regions", INLINE), shape)
@@ -297,7 +297,7 @@ def check_goal(ctx: Context, node: Node, goal: Goal, body: Body, scenes: Sequenc
         x, y = goal.at
         remedy = f"give a point on {' or '.join(contact)}" if contact else "give an edge the role contact"
         what = f"the point ({x:g}, {y:g}) is not on a contact edge" + (f", but {away:g} away" if edges else "")
-        ctx.errors.at(node.child("u_T") or node, what, remedy)
+        ctx.errors.at(node.at("u_T") or node, what, remedy)
 
 
 def check_mesh(ctx: Context, maxh: Node, plan: MeshPlan, body: Body) -> None:

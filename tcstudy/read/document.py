@@ -11,7 +11,6 @@ import json
 import re
 import warnings
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 
 from ruamel.yaml import YAML
@@ -32,9 +31,8 @@ MAX_DEPTH = 40
 MAX_BYTES = 16_000_000
 """Of a study, or a table beside it; MAX_NODES numbers with their keys take less."""
 TAG = "tag:yaml.org,2002:"
-TEXT_TAGS = {TAG + "str", TAG + "timestamp", TAG + "merge", TAG + "value"}
-NUMBER_TAGS = {TAG + "int", TAG + "float"}
-SCALAR_TAGS = {TAG + "null", TAG + "bool"} | NUMBER_TAGS | TEXT_TAGS
+TEXTS, NUMBERS = {"!!str", "!!timestamp", "!!merge", "!!value"}, {"!!null", "!!bool", "!!int", "!!float"}
+"""Tags of scalars that stay texts, and of those that have a value."""
 
 
 class _TooDeep(MarkedYAMLError):
@@ -98,7 +96,7 @@ def compose(text: str, file: str, errors: Collector, path: str = "", *, option: 
             root = library.compose(text)
         if root is None:
             raise _refusal(file, "the file is empty", "start from configs/quickstart.yaml")
-        return _Builder(file, errors, option).node(root, path, None)
+        return _Builder(library, file, errors, option).node(root, path, None)
     except _TooDeep as error:
         mark, remedy = error.problem_mark, "a study needs fewer than ten levels"
         line, column = (0, 0) if option else (mark.line + 1, mark.column + 1)
@@ -137,8 +135,8 @@ def _syntax_error(error: YAMLError, text: str, file: str, option: bool) -> Study
 class _Builder:
     """Turns the library's nodes into ours."""
 
-    def __init__(self, file: str, errors: Collector, option: bool) -> None:
-        self.file, self.errors, self.option, self.count = file, errors, option, 0
+    def __init__(self, library: YAML, file: str, errors: Collector, option: bool) -> None:
+        self.library, self.file, self.errors, self.option, self.count = library, file, errors, option, 0
         self.open: list[YamlNode] = []
 
     def mark(self, node: YamlNode) -> Mark:
@@ -158,26 +156,26 @@ class _Builder:
         if said:
             raise _refusal(self.file, said, remedy, mark.line, mark.column, path)
         self.open.append(node)
-        value = self.value(node, path, mark)
+        value: Scalar | Mapping[str, Node] | tuple[Node, ...] = None
+        tag = str(node.tag).replace(TAG, "!!")
+        if isinstance(node, SequenceNode) and tag == "!!seq":
+            value = tuple(self.node(item, f"{path}[{i}]", None) for i, item in enumerate(node.value))
+        elif isinstance(node, MappingNode) and tag == "!!map":
+            value = self.mapping(node, path)
+        elif not isinstance(node, ScalarNode) or tag not in TEXTS | NUMBERS:
+            self.errors.unreadable(mark, path, f"the YAML tag {tag} is not supported", "remove the tag")
+        elif tag in TEXTS:
+            value = str(node.value)
+        elif len(node.value) > LONGEST:
+            said = f"is a number of {len(node.value)} characters, of which at most {LONGEST} are read"
+            self.errors.unreadable(mark, path, said, "round it, or write it with an exponent")
+        else:
+            try:
+                value = self.library.constructor.construct_object(node)
+            except (ValueError, KeyError):
+                self.errors.unreadable(mark, path, f"{node.value[:40]!r} is not a number", "write a decimal number")
         self.open.pop()
         return Node(value, path, mark, key or mark)
-
-    def value(self, node: YamlNode, path: str, mark: Mark) -> Scalar | Mapping[str, Node] | tuple[Node, ...]:
-        tag = str(node.tag)
-        if isinstance(node, SequenceNode) and tag == TAG + "seq":
-            return tuple(self.node(item, f"{path}[{i}]", None) for i, item in enumerate(node.value))
-        if isinstance(node, MappingNode) and tag == TAG + "map":
-            return self.mapping(node, path)
-        said, remedy = f"the YAML tag {tag.replace(TAG, '!!')} is not supported", "remove the tag"
-        if isinstance(node, ScalarNode) and tag in SCALAR_TAGS:
-            said, remedy = f"{str(node.value)[:40]!r} is not a number", "write a decimal number"
-            with suppress(ValueError):
-                if tag not in NUMBER_TAGS or len(node.value) <= LONGEST:
-                    return _scalar(tag, str(node.value))
-                said = f"is a number of {len(node.value)} characters, of which at most {LONGEST} are read"
-                remedy = "round it, or write it with an exponent"
-        self.errors.unreadable(mark, path, said, remedy)
-        return None
 
     def mapping(self, node: MappingNode, path: str) -> dict[str, Node]:
         children: dict[str, Node] = {}
@@ -194,21 +192,6 @@ class _Builder:
             else:
                 children[name] = self.node(item, inner, mark)
         return children
-
-
-def _scalar(tag: str, text: str) -> Scalar:
-    """The value of a scalar by its YAML 1.2 tag; raises ValueError."""
-    if tag in TEXT_TAGS:
-        return text
-    if tag == TAG + "null":
-        return None
-    if tag == TAG + "bool":
-        return text.lower() in ("true", "yes", "on")
-    number = text.replace("_", "").lower()
-    if tag == TAG + "float":
-        return float(number.replace(".inf", "inf").replace(".nan", "nan"))
-    prefix = re.match(r"[+-]?0[xob]", number)
-    return int(number, 0) if prefix else int(number)
 
 
 def apply_overrides(root: Node, overrides: Sequence[str], short: Mapping[str, str], errors: Collector) -> Node:
@@ -250,14 +233,14 @@ def apply_overrides(root: Node, overrides: Sequence[str], short: Mapping[str, st
 
 def whole_key(root: Node, key: str, short: Mapping[str, str] = SHORT) -> str:
     """The key path of a bare name of the section `parameters`, or of a short name; others as they are."""
-    names = root.child("parameters")
-    own = names is not None and names.child(key) is not None and key not in rows("")
+    names = root.at("parameters")
+    own = names is not None and names.at(key) is not None and key not in rows("")
     return f"parameters.{key}" if own else short.get(key, key)
 
 
 def _of_sweep(root: Node, key: str) -> Keys | None:
     """The place of sweep.PARAMETER, whose key in the sweep may be a path or a short name; None if it has none yet."""
-    sweep, rest = root.child("sweep"), key.removeprefix("sweep.")
+    sweep, rest = root.at("sweep"), key.removeprefix("sweep.")
     if rest == key or sweep is None or not isinstance(sweep.value, Mapping):
         return None
     for own in sorted(sweep.value, key=len, reverse=True):

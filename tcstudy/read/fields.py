@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, Concatenate, Literal, ParamSpec, TypeVar
 
 from tcstudy.expressions import expression as expressions
 from tcstudy.expressions.expression import CONSTANTS, FUNCTIONS, VARIABLES, ExpressionError, parse
-from tcstudy.read.node import Collector, Node, elsewhere, hint, is_name, meant
+from tcstudy.read.node import Collector, Node, elsewhere, hint, is_name, likeness, meant
 from tcstudy.scene.keys import Key, rows, short_of
 from tcstudy.scene.records import Scalar
 from tcstudy.scene.units import (
@@ -120,7 +120,6 @@ class Context:
     """What every reader needs: where faults go, whether texts may have units, the study's folder, its named numbers.
 
     before: how often faults were met before the section that is read
-    known:  what sections without a fault were read as, by reader and what it was given, for the next geometry
     """
 
     errors: Collector
@@ -128,7 +127,6 @@ class Context:
     folder: Path = Path()
     named: dict[str, Named] = field(default_factory=dict)
     before: int = 0
-    known: dict[object, Any] = field(default_factory=dict)
 
     def sound(self) -> None:
         """End the reading of a section that has a fault."""
@@ -314,6 +312,10 @@ class Context:
         raise AssertionError(kind)
 
 
+OWN = 0.6
+"""Likeness from which on an unknown key is taken for one misspelt of its own section, though another section has it."""
+
+
 class Fields:
     """The values of a section whose keys stand in the table; unknown and missing keys are recorded on the way in."""
 
@@ -343,9 +345,11 @@ class Fields:
         free = [name for name in known if name not in node.value]
         near = {key: meant(key, free, known) for key in node.value if key not in known}
         for key, like in near.items():
-            remedy = elsewhere(key, node.path, like) or f"use one of the keys {', '.join(free or known)}"
+            remedy = f"did you mean {like!r}?" if like else f"use one of the keys {', '.join(free or known)}"
             if key[:1].isdigit():
                 remedy = "write decimals with a point: a comma begins the next entry"
+            elif not like or likeness(key, like) < OWN:
+                remedy = elsewhere(key, node.path) or remedy
             ctx.errors.at(node.value[key], "unknown key", remedy, on_key=True)
         for key in self.required:
             if key not in node.value and key not in near.values():  # a misspelt key is one fault, not two
@@ -389,7 +393,7 @@ def only_key(ctx: Context, node: Node, section: str, example: str) -> tuple[str,
 
 def word_of(ctx: Context, node: Node, section: str, key: str) -> str:
     """The word that decides which other keys a section has; empty after a fault."""
-    before, word = len(ctx.errors), node.child(key)
+    before, word = len(ctx.errors), node.at(key)
     if word is None:
         Fields(ctx, node, section, (key,))
     found = ctx.choice(word, rows(section)[key].words) if word else ""
@@ -496,7 +500,7 @@ def _words(node: Node) -> frozenset[str]:
 
 def users(root: Node, name: str) -> set[str]:
     """The names that follow from one, itself included."""
-    section = root.child("parameters")
+    section = root.at("parameters")
     given = section.value if section is not None and isinstance(section.value, Mapping) else {}
     found, size = {name}, 0
     while len(found) > size:

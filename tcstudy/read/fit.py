@@ -49,7 +49,7 @@ def read_fit(
     fields, root, scene = Fields(ctx, node, "fit"), reader.root, reader.base
     if scene is None:
         return None
-    if root.child("sweep"):
+    if root.at("sweep"):
         ctx.errors.at(node, "a fit is of one scene, but the study has a sweep", "remove the sweep")
     columns, file, sha256 = _columns(ctx, fields, scene, history) if fields["data"] else ([], "", "")
     memory, scenery = history.memory if history else None, Scenery(reader)
@@ -133,7 +133,7 @@ def _check(fields: Fields, plan: FitPlan) -> None:
         fields.fault("compare", "a path takes one law; use compare: vertical")
     elif _to_and_fro(plan) > SHUFFLED:
         said = "the data jump to and fro, but feet on a path need them in the order of the test; "
-        file = fields.values["data"].child("file") or fields.node
+        file = fields.values["data"].at("file") or fields.node
         fields.ctx.errors.at(file, said + "sort the lines by time, or compare: vertical")
 
 
@@ -211,7 +211,7 @@ def _column(
 
 def _moves(root: Node, name: str) -> str:
     """Why an own number of the study cannot be fitted; empty if it can."""
-    used = [key for key in GEOMETRIC if (node := root.child(key)) and words_in(node, users(root, name))]
+    used = [key for key in GEOMETRIC if (node := root.at(key)) and words_in(node, users(root, name))]
     return f"{' and '.join(used)} {'is' if len(used) == 1 else 'are'} made of it" if used else ""
 
 

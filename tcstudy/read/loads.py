@@ -252,7 +252,7 @@ def _load(ctx: Context, word: str, node: Node, known: Mapping[Keys, Number], swe
 
 def _refuse(ctx: Context, root: Node, mesh: MeshPlan | None) -> None:
     """What a history does not do."""
-    solver = root.at("solver", "name") or root.child("solver")
+    solver = root.at("solver", "name") or root.at("solver")
     named = solver is not None and not isinstance(solver.value, Mapping) and solver.value != SEPARABLE
     errors = bool(mesh and mesh.estimates and not mesh.strategy.adapts)
     past = "an exact solution is of one scene without a past, and the study has a history; remove one of them"
@@ -392,7 +392,7 @@ def check_together(
     derived = "loads are derived for the section heat only; give the loads, or loads: given"
     for has, feature, page, why in (  # what a live page takes in its place, why an exact solution has it not
         (laws, "friction differs along the contact line", "one law", ""),
-        (root.child("materials"), "materials differ by region, where stresses jump", "one material", one),
+        (root.at("materials"), "materials differ by region, where stresses jump", "one material", one),
         (any(isinstance(role, Rigid) for role in roles), "an edge is rigid", "none", no_edge),
         (springs, "an edge rests on springs", "none", no_edge),
         (own, "an edge has heat of its own", "one alpha and one theta_bar", derived if exact and exact.derived else ""),
@@ -402,8 +402,8 @@ def check_together(
         if has and exact and why:
             ctx.errors.at(root.nearest("exact"), f"{feature}, and {why}")
     for key in ("path", "history", "fit"):
-        if root.child(key) and mesh and mesh.guarantee:
+        if root.at(key) and mesh and mesh.guarantee:
             ctx.errors.at(root.nearest("mesh", "guarantee"), f"is of single points, not of a {key}; remove it")
-        if root.child(key) and solver and solver.every:
+        if root.at(key) and solver and solver.every:
             remedy = "write path.complete: true" if key == "path" else "remove it"
             ctx.errors.at(root.nearest("solver", "branch"), f"is of single points, not of a {key}", remedy)

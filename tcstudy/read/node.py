@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from tcstudy.errors import Problem, shortened
-from tcstudy.scene.keys import has_rows, of_role, rows, short_of
+from tcstudy.scene.keys import of_role, rows, short_of
 
 Scalar: TypeAlias = "bool | int | float | str | None"
 Keys: TypeAlias = "tuple[str | int, ...]"
@@ -69,18 +69,17 @@ class Node:
         """The entries of a list; a value that is none is one."""
         return self.value if isinstance(self.value, tuple) else (self,)
 
-    def child(self, key: str) -> Node | None:
-        """The value under a key, None if there is none or this is no mapping."""
-        return self.value.get(key) if isinstance(self.value, Mapping) else None
-
     def at(self, *keys: str | int) -> Node | None:
         """The value at a path, None if there is none."""
-        node: Node | None = self
+        node = self
         for key in keys:
-            if node is None or isinstance(key, str):
-                node = None if node is None else node.child(str(key))
+            here = node.value
+            if isinstance(here, Mapping) and key in here:
+                node = here[key]  # type: ignore[index]
+            elif isinstance(here, tuple) and isinstance(key, int) and key < len(here):
+                node = here[key]
             else:
-                node = node.value[key] if isinstance(node.value, tuple) and key < len(node.value) else None
+                return None
         return node
 
     def nearest(self, *keys: str | int) -> Node:
@@ -130,13 +129,11 @@ class Collector:
         self.point = ""
         self.drawn = False
         self.refused: list[str] | None = None
-        self._count = 0
-        self._places: set[tuple[Mark, str]] = set()
-        self._said: set[str] = set()
-        self._unreadable: set[Mark] = set()
-        self._seen: set[Problem] = set()
         self.columns: set[tuple[str, str]] = set()
-        self._alike: dict[tuple[str, str], list[Problem]] = {}
+        self._count = 0
+        self._met: set[object] = set()
+        self._unreadable: set[Mark] = set()
+        self._alike: dict[tuple[str, str], tuple[int, Problem, int]] = {}
 
     def __len__(self) -> int:
         """How often a fault was met, repeated ones included: unchanged if what was read in between is sound."""
@@ -151,10 +148,10 @@ class Collector:
 
     def once(self, node: Node, *said: str, key: str | None = None) -> None:
         """Record a fault between sections, whose place depends on the sweep point, at the first place only."""
-        self._count += 1
-        what, _ = halves(said)
-        if what not in self._said:
-            self._said.add(what)
+        if (what := halves(said)[0]) in self._met:
+            self._count += 1
+        else:
+            self._met.add(what)
             self.at(node, *said, key=key)
 
     def unfit(self, node: Node, key: str, *said: str) -> None:
@@ -173,26 +170,24 @@ class Collector:
     def at_mark(self, mark: Mark, key: str, *said: str) -> None:
         """Record a fault at a place."""
         self._count += 1
-        if mark in self._unreadable or (self.point and (mark, key) in self._places):
+        if mark in self._unreadable or (self.point and (mark, key) in self._met):
             return
         what, remedy = halves(said)
         if self.point and (self.drawn or not key.startswith("sweep")):
             what = f"{what} ({'' if self.drawn else 'with '}{self.point})"
         problem = Problem(mark.file, mark.line, mark.column, key, what, remedy)
-        self._places.add((mark, key))
-        kind = re.sub(r"[-+]?[\d.]+(e[-+]?\d+)?", "", what) if (mark.file, key) in self.columns else ""
-        alike = self._alike.setdefault((key, kind), []) if kind else []
-        if problem in self._seen:
+        if problem in self._met:
             return
-        self._seen.add(problem)
-        if not alike:
-            alike.append(problem)
+        self._met |= {(mark, key), problem}
+        kind = (key, re.sub(r"[-+]?[\d.]+(e[-+]?\d+)?", "", what))
+        if (mark.file, key) in self.columns and kind in self._alike:  # one message, not one a line
+            at, first, count = self._alike[kind]
+            others = f"{first.what}, and {count} other line{'s' if count > 1 else ''} likewise"
+            self.problems[at] = replace(first, what=others)
+            self._alike[kind] = at, first, count + 1
+        else:
+            self._alike[kind] = len(self.problems), problem, 1
             self.problems.append(problem)
-        else:  # one fault of a column is one message, not one a line
-            others = f"{alike[0].what}, and {len(alike)} other line{'s' if len(alike) > 1 else ''} likewise"
-            at = next(i for i, known in enumerate(self.problems) if known.what.startswith(alike[0].what))
-            self.problems[at] = replace(alike[0], what=others)
-            alike.append(problem)
 
 
 def halves(said: tuple[str, ...]) -> tuple[str, str]:
@@ -235,25 +230,13 @@ def meant(key: str, free: list[str], known: list[str]) -> str | None:
     return best if likeness(key, best) > likeness(key, unused) else unused
 
 
-OWN, LIKE = 0.6, 0.8
-"""Likeness from which on an unknown key is taken for one misspelt of its own section, though another has it as it is
-written, and for one misspelt of another section."""
-
-
-def elsewhere(key: str, path: str, near: str | None) -> str:
-    """Remedy for an unknown key of the section at a path: the nearest key there, or one of another section.
-
-    near: the nearest key of its own section
-    """
-    other = {name: rows(name) for name in rows("") if name != path.split(".")[0].split("[")[0] and has_rows(name)}
-    homes = [name for name, own in other.items() if key in own]
-    if (not near or likeness(key, near) < OWN) and (homes or (path and key in rows(""))):
-        return f"{key} belongs in {' or '.join(homes)}" if homes else f"{key} belongs at the top of the study"
-    if near:
-        return f"did you mean {near!r}?"
-    words = difflib.get_close_matches(key, {word for own in other.values() for word in own}, n=1, cutoff=LIKE)
-    homes = [name for name, own in other.items() if words and words[0] in own]
-    return f"did you mean {words[0]!r} of {' or '.join(homes)}?" if homes else ""
+def elsewhere(key: str, path: str) -> str:
+    """Where a key belongs that the section at a path does not have: another section of the study, or its top."""
+    if "." in path or "[" in path:
+        return ""
+    homes = [name for name in rows("") if name != path and key in rows(name)]
+    top = f"{key} belongs at the top of the study" if path and key in rows("") else ""
+    return f"{key} belongs in {' or '.join(homes)}" if homes else top
 
 
 def split_path(path: str) -> Keys | None:

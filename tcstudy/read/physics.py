@@ -78,7 +78,7 @@ def read_boundary(ctx: Context, node: Node, names: tuple[str, ...] | None) -> Bo
 
 def keys_of(node: Node) -> tuple[str, ...]:
     """The keys that the role of an edge takes; all of them if it has none that is known."""
-    word = node.child("role") if isinstance(node.value, Mapping) else node
+    word = node.at("role") if isinstance(node.value, Mapping) else node
     return of_role(str(word.value)) if word is not None and word.value in ROLES else ALL_KEYS
 
 
@@ -88,7 +88,7 @@ def _role(ctx: Context, node: Node) -> Role:
         node = replace(node, value={"role": node})
     if not (kind := word_of(ctx, node, "boundary", "role")):
         return Free()
-    foreign = [key for key in ALL_KEYS if node.child(key) and key not in of_role(kind)]
+    foreign = [key for key in ALL_KEYS if node.at(key) and key not in of_role(kind)]
     fields = Fields(ctx, node, "boundary", ("role",), (*of_role(kind), *foreign))
     for key in foreign:
         fields.fault(key, f"the role {kind} takes no {key}", _home(key), on_key=True)
@@ -171,7 +171,7 @@ def read_materials(
         if regions is not None and name not in regions:
             known = f"use one of {', '.join(regions)}" if regions else "add its shape under body.regions"
             ctx.errors.once(item, f"the body has no region {name!r}", hint(name, regions, known))
-        elif plane := item.child("plane"):
+        elif plane := item.at("plane"):
             ctx.errors.once(plane, "the whole body is in plane strain or in plane stress", "give it under material")
         elif one := _material(ctx, item, material.plane):
             found.append((name, one))
@@ -184,7 +184,7 @@ def _material(ctx: Context, node: Node, plane: Literal["strain", "stress"] | Non
 
     plane: the assumption for the whole body, where that is read already
     """
-    pairs = [pair for pair in (("E", "nu"), ("lambda", "mu")) if any(node.child(key) for key in pair)]
+    pairs = [pair for pair in (("E", "nu"), ("lambda", "mu")) if any(node.at(key) for key in pair)]
     fields = Fields(ctx, node, "material", (pairs or [("E", "nu")])[0] if len(pairs) < 2 else ())
     E, nu, lame = fields.value("E"), fields.value("nu"), None
     if len(pairs) == 2:
@@ -213,7 +213,7 @@ def read_loads(ctx: Context, node: Node | None) -> tuple[Scalar, Scalar]:
 
 def laws_by_edge(node: Node | None) -> dict[str, Node]:
     """The laws of the section `friction` by edge; empty where it is one law."""
-    found = dict(node.children) if node and not node.child("law") else {}
+    found = dict(node.children) if node and not node.at("law") else {}
     return found if any(isinstance(one.value, Mapping) for one in found.values()) else {}
 
 
@@ -306,7 +306,7 @@ def read_heat(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) 
     """
     if node is None:
         return Heat()
-    if node.child("theta"):
+    if node.at("theta"):
         fields = Fields(ctx, node, "heat", ("theta",))
         if others := [key for key in fields.values if key in fields.rows and key != "theta"]:
             what = f"theta is the known temperature, so {', '.join(others)} would not be used"
@@ -350,7 +350,7 @@ def check_heat(ctx: Context, root: Node, heat: Heat, boundary: Boundary, materia
     own = [edge for edge, role in boundary if role.heat is not None]
     passing = [(edge, role.heat or EdgeHeat()) for edge, role in boundary if exchanges(role)]
     held = [edge for edge, role in boundary if role.heat is not None and role.heat.theta is not None]
-    section, alpha = root.child("heat"), root.nearest("heat", "alpha")
+    section, alpha = root.at("heat"), root.nearest("heat", "alpha")
     if heat.theta is not None or (section is None and not own):
         why = "the study has no section heat" if section is None else "the temperature theta is given"
         for edge in dict.fromkeys((*(edge for edge, _ in passing), *own)):

@@ -49,7 +49,7 @@ OF_MESH = ("maxh", "levels", "max_levels", "family", "goal", "of", "known")
 
 def with_sizes(ctx: Context, root: Node) -> Node:
     """The study with what `h` of the sweep says put into `mesh`: sizes as its maxh, a tolerance among its keys."""
-    h, mesh = root.at("sweep", "h"), root.child("mesh")
+    h, mesh = root.at("sweep", "h"), root.at("mesh")
     if h is None:
         return root
     if isinstance(h.value, tuple):
@@ -68,12 +68,12 @@ def with_sizes(ctx: Context, root: Node) -> Node:
 
 def read_mesh(ctx: Context, root: Node, body: Body | None, scenes: Sequence[Scene]) -> MeshPlan | None:
     """The meshes, coarse to fine; None after a fault in them by themselves, not in what they are for this body."""
-    section = root.child("mesh")
+    section = root.at("mesh")
     plan = None if section is None else _mesh(ctx, section)  # that it is missing is recorded already
     if section and plan and body:
         check_mesh(ctx, root.nearest("mesh", "maxh"), plan, body)
         check_guarantee(ctx, root, plan, body)
-        if scenes and (goal := section.child("of") or section.child("goal")):
+        if scenes and (goal := section.at("of") or section.at("goal")):
             check_goal(ctx, goal, plan.goal, body, scenes)
     return plan
 
@@ -172,7 +172,7 @@ def read_solver(ctx: Context, node: Node | None) -> SolverPlan:
 @none_after_fault
 def read_output(ctx: Context, root: Node, body: Body | None, scenes: Sequence[Scene]) -> OutputPlan:
     """Where the data go, and what is asked for beside the mandatory ones but derivatives; None after a fault."""
-    if (node := root.child("output")) is None:
+    if (node := root.at("output")) is None:
         return OutputPlan()
     fields = Fields(ctx, node, "output")
     given = fields.given(key for key in fields.rows if key not in ("sensitivity", "probes"))

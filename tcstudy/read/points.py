@@ -132,7 +132,7 @@ Drawn = tuple[tuple[Node, ...], tuple[str, ...], str]
 def read_design(ctx: Context, node: Node, mode: str, most: int, d: int) -> Design | None:
     """How many points are drawn, and from which seed; None after a fault."""
     before = len(ctx.errors)
-    points, seed = node.child("points"), node.child("seed")
+    points, seed = node.at("points"), node.at("seed")
     if points is None:
         ctx.errors.at(node, "is missing", "say how many are drawn: points: 500", key=f"{node.path}.points")
         return None

@@ -55,7 +55,7 @@ class SceneReader:
         """loose: whether the supports may leave rigid motions, which friction alone resists."""
         self.ctx, self.root, self.sweep, self.loose, self.named = ctx, root, sweep, loose, ctx.named
         self.body: Body | None
-        self.body, self.names = read_body(ctx, node) if (node := root.child("body")) else (None, None)
+        self.body, self.names = read_body(ctx, node) if (node := root.at("body")) else (None, None)
         self.regions: tuple[str, ...] | None = None
         if self.body is not None:
             self.regions = tuple(region.name for region in self.body.regions)
@@ -73,14 +73,14 @@ class SceneReader:
         keys = KEYS.get(section, (section,))
         if path[0] != "parameters":
             return path[0] in keys
-        here = [node for key in keys if (node := self.root.child(key))]
+        here = [node for key in keys if (node := self.root.at(key))]
         here += [value for axis in self.sweep.axes if axis.parameter.path[0] in keys for value in axis.values]
         names = users(self.root, path[-1])
         return any(words_in(node, names) for node in here)
 
     def read(self) -> Sequence[Scene]:
         """One scene for each point, in C order of the axes; after a fault the base study's, if it has none."""
-        base = {s: self._base(s) for s in SECTIONS}
+        base = {s: self.section(s, self.root) for s in SECTIONS}
         self._compare(self.root, base)
         if self.body is not None and None not in base.values():
             self.base = Scene(self.body, **{_FIELD.get(s, s): value for s, value in base.items()})
@@ -113,7 +113,7 @@ class SceneReader:
         base: the record of the base study, which an untouched section keeps
         """
         axes, names = self.touching[section], self.root
-        own = {s: n for s in KEYS.get(section, (section,)) if (n := self.root.child(s))}
+        own = {s: n for s in KEYS.get(section, (section,)) if (n := self.root.at(s))}
         root: Node | None = Node(own, "", self.root.mark, self.root.mark)
         if not axes:
             return root, base
@@ -128,7 +128,7 @@ class SceneReader:
                 except KeyError:  # the base study has something else there, which is recorded already
                     root = None
         if names is not self.root:
-            self.ctx.named = read_parameters(self.ctx, names.child("parameters"))
+            self.ctx.named = read_parameters(self.ctx, names.at("parameters"))
         record = self.section(section, root)
         self.ctx.named = self.named
         return root, record
@@ -158,26 +158,9 @@ class SceneReader:
             words.append(f"{axis.key} = {shown}")
         return f"drawn point {key[0]}: {', '.join(words)}" if drawn else ", ".join(words)
 
-    def _base(self, section: str) -> Any:
-        """The record of a section of the base study; of many geometries that of the last one with the same text."""
-        nodes = [node for key in KEYS.get(section, (section,)) if (node := self.root.child(key))]
-        words = [name for node in nodes for name in sorted(words_in(node, self.named))] if self.named else []
-        named = tuple((name, self.named[name]) for name in words)
-        body = (self.body, self.loose) if section == "boundary" else None
-        key, before = (
-            (section, *nodes, named, self.names, self.regions, body),
-            len(self.ctx.errors),
-        )
-        if key in self.ctx.known:
-            return self.ctx.known[key]
-        record = self.section(section, self.root)
-        if len(self.ctx.errors) == before:
-            self.ctx.known[key] = record
-        return record
-
     def section(self, section: str, root: Node | None) -> Any:
         """The record of a section of a study; None after a fault."""
-        node = root.child(section) if root else None
+        node = root.at(section) if root else None
         if section == "loads":
             return read_loads(self.ctx, node)
         if section == "heat":
@@ -185,7 +168,7 @@ class SceneReader:
         if root is None or node is None:
             return None
         if section == "material":
-            return read_materials(self.ctx, node, root.child("materials"), self.regions)
+            return read_materials(self.ctx, node, root.at("materials"), self.regions)
         if section == "friction":
             return read_friction(self.ctx, node, self._contact_lines())
         boundary = read_boundary(self.ctx, node, self.names)
@@ -199,14 +182,11 @@ class SceneReader:
 
     def _contact_lines(self) -> dict[str, list[Edge]]:
         """The edges of an outline where its study has contact, by name, and all by the name ""."""
-        roles = self.root.child("boundary")
-        children = roles.children if roles and self.body and self.body.outline is not None else {}
-        contact = {name for name, own in children.items() if "contact" in (own.value, (own.child("role") or own).value)}
-        edges = [edge for loop in self.body.loops for edge in loop.edges] if self.body and contact else []
-        return {
-            "": [edge for edge in edges if edge.name in contact],
-            **{name: [edge for edge in edges if edge.name == name] for name in contact},
-        }
+        roles, edges = self.root.at("boundary"), self.body.edges if self.body and self.body.outline else ()
+        own = roles.children.items() if roles else ()
+        contact = [name for name, role in own if "contact" in (role.value, (role.at("role") or role).value)]
+        lines = {name: [edge for edge in edges if edge.name == name] for name in contact}
+        return lines | {"": [edge for edge in edges if edge.name in contact]}
 
     def _compare(self, root: Node, values: Mapping[str, Any]) -> None:
         """Checks across the sections of one scene."""
@@ -236,7 +216,7 @@ class Scenery:
         """That of a study."""
         ctx = Context(Collector(), study.units, study.source.parent if study.source else Path())
         root = with_named_region(tree_of(study, ctx.errors))
-        ctx.named = read_parameters(ctx, root.child("parameters"))
+        ctx.named = read_parameters(ctx, root.at("parameters"))
         return cls(SceneReader(ctx, root, Sweep(), loose=True), study)
 
     def at(self, scene: Scene, values: Mapping[Keys, float], point: int | None = None) -> Scene:
@@ -257,7 +237,7 @@ class Scenery:
             root = put_number(root, path, Node.of(value, ".".join(path))) if path != ("load",) else root
         ctx, outer = reader.ctx, (reader.ctx.errors, reader.ctx.named)
         ctx.errors = errors = Collector()
-        ctx.named = read_parameters(ctx, root.child("parameters"))
+        ctx.named = read_parameters(ctx, root.at("parameters"))
         touched = [s for s in SECTIONS if any(reader.touches(path, s) for path in values)]
         found = {_FIELD.get(s, s): reader.section(s, root) for s in touched}
         ctx.errors, ctx.named = outer

@@ -18,7 +18,7 @@ import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -59,11 +59,11 @@ def body_as_given(path: Path, overrides: Sequence[str] = ()) -> Body | None:
     """The body of a study that has faults, unjudged; None where it cannot be read either."""
     ctx = Context(Collector(), folder=path.parent)
     root = apply_overrides(compose(load_text(path), str(path), ctx.errors), tuple(overrides), SHORT, ctx.errors)
-    if not isinstance(root.value, Mapping) or (node := root.child("body")) is None:
+    if not isinstance(root.value, Mapping) or (node := root.at("body")) is None:
         return None
-    if (units := root.child("units")) and units.value == "none":
+    if (units := root.at("units")) and units.value == "none":
         ctx.units = "none"
-    ctx.named = read_parameters(ctx, names) if (names := root.child("parameters")) else {}
+    ctx.named = read_parameters(ctx, names) if (names := root.at("parameters")) else {}
     return read_body(ctx, node)[0]
 
 
@@ -85,17 +85,17 @@ def read_study_text(
     if not isinstance(root.value, Mapping):
         ctx.errors.at(root, f"a study is a mapping, but this is {root.kind()}", "see configs/quickstart.yaml")
         raise StudyError(ctx.errors.problems)
-    if units := root.child("units"):  # on which every number depends
+    if units := root.at("units"):  # on which every number depends
         ctx.units = "none" if ctx.choice(units, row("", "units").words) == "none" else "SI"
-    words = {key: ctx.text(node) for key in ("title", "institution") if (node := root.child(key))}
+    words = {key: ctx.text(node) for key in ("title", "institution") if (node := root.at(key))}
     header = {"title": source.stem if source else name} | words | {"text": text, "source": source}
     before = len(ctx.errors)
-    ctx.named = read_parameters(ctx, names) if (names := root.child("parameters")) else {}
+    ctx.named = read_parameters(ctx, names) if (names := root.at("parameters")) else {}
     if len(ctx.errors) > before:  # every use of a name without a value would be one fault more
         raise StudyError(ctx.errors.problems)
     root = with_sizes(ctx, with_named_region(root))
     if swept is None:
-        swept = not root.child("path") or bool(root.child("history") or root.child("fit"))
+        swept = not root.at("path") or bool(root.at("history") or root.at("fit"))
     sweep = read_sweep(ctx, root, overrides if swept else ())
     said = with_sweep(overrides, sweep.written()) if sweep.tabled else overrides
     if sweep.axes and geometric(root, sweep):
@@ -108,7 +108,7 @@ def read_study_text(
 
 def _one_body(header: dict[str, Any], ctx: Context, root: Node, sweep: Sweep, said: tuple[str, ...]) -> Study:
     """The study of one body and its meshes. said: options that make the text this study."""
-    root = with_swept_keys(without_loads(ctx, root, sweep) if root.child("exact") else root, sweep)
+    root = with_swept_keys(without_loads(ctx, root, sweep) if root.at("exact") else root, sweep)
     Fields(ctx, root, "", REQUIRED)
     memory = root.at("history", "memory")
     loose = memory is not None and all(one.value == "friction" for one in memory.children.values() or (memory,))
@@ -116,17 +116,17 @@ def _one_body(header: dict[str, Any], ctx: Context, root: Node, sweep: Sweep, sa
     scenes = reader.read()
     ctx.errors.point = ""
     body, base = reader.body, reader.base
-    mesh, solver = read_mesh(ctx, root, body, scenes), read_solver(ctx, root.child("solver"))
+    mesh, solver = read_mesh(ctx, root, body, scenes), read_solver(ctx, root.at("solver"))
     output = read_output(ctx, root, body, scenes)
-    path = read_path(ctx, node, base, mesh) if (node := root.child("path")) else None
-    exact = read_exact(ctx, node, root, body) if (node := root.child("exact")) else None
-    node = root.child("history") if scenes else None
+    path = read_path(ctx, node, base, mesh) if (node := root.at("path")) else None
+    exact = read_exact(ctx, node, root, body) if (node := root.at("exact")) else None
+    node = root.at("history") if scenes else None
     history = read_history(ctx, node, root, base, scenes, mesh, sweep) if node else None
     if output and not ctx.errors.problems and (node := root.at("output", "sensitivity")):
         output = replace(output, sensitivity=read_sensitivity(ctx, node, root, base, scenes, exact, history))
-    node = None if ctx.errors.problems else root.child("fit")
+    node = None if ctx.errors.problems else root.at("fit")
     fit = read_fit(ctx, node, reader, mesh, history) if node else None
-    if any(map(root.child, ("path", "exact", "history", "fit"))) or (output and output.live):
+    if any(map(root.at, ("path", "exact", "history", "fit"))) or (output and output.live):
         check_together(ctx, root, scenes, mesh, solver, output, exact)
     if exact and exact.derived and body and not ctx.errors.problems:
         scenes = derived_scenes(ctx, root, sweep, exact, body, scenes)
@@ -140,7 +140,7 @@ def _one_body(header: dict[str, Any], ctx: Context, root: Node, sweep: Sweep, sa
 
 def geometric(root: Node, sweep: Sweep) -> list[int]:
     """The axes that change the body or its meshes: numbers of these sections, and names that they use."""
-    sections = [node for name in GEOMETRIC if (node := root.child(name)) is not None]
+    sections = [node for name in GEOMETRIC if (node := root.at(name)) is not None]
     found = []
     for i, axis in enumerate(sweep.axes):
         path = axis.parameter.path
@@ -163,56 +163,49 @@ def read_variants(
     said: options that make the text this study;  read: (ctx, root, sweep, said) → Study, for one geometry
     Raises StudyError with the faults of the first geometry that has some, or if all are refused.
     """
-    outer = geometric(root, sweep)
-    variants: list[Variant] = []
+    outer, variants = geometric(root, sweep), list[Variant]()
+
+    def of(one: Variant, root: Node, rest: Sweep, said: tuple[str, ...]) -> tuple[Variant, tuple[Problem, ...]]:
+        """A geometry with its study, or with why it is refused; and what else is wrong with it."""
+        inner = Context(Collector(), ctx.units, ctx.folder, ctx.named)
+        if names := root.at("parameters"):
+            inner.named = read_parameters(inner, names)
+        refused = inner.errors.refused = []
+        try:
+            study = read(inner, root, rest, said)
+            return replace(one, study=None if refused else study, reason=(refused or [""])[0]), ()
+        except StudyError as error:
+            return replace(one, reason=(refused or [""])[0]), () if refused else error.problems
+
     geometries = list(_geometries(root, sweep, outer, overrides))
-    for one in geometries:
-        study, reason, problems = _read_one(ctx, one, read)
-        if problems:
-            others = {p for at in {geometries[0], geometries[-1]} - {one} for p in _read_one(ctx, at, read)[2]}
-            said_where = (p if p in others else _of(p, one.words) for p in problems)
-            raise StudyError([*ctx.errors.problems, *said_where])
-        variants.append(Variant(one.words, one.index, one.places, study, reason))
+    for number, one in enumerate(geometries):
+        made, problems = of(*one)
+        if problems:  # those that the first or the last has as well are of the study
+            others = {p for at in {0, len(geometries) - 1} - {number} for p in of(*geometries[at])[1]}
+            own = [p if p in others or p.key.startswith("sweep") else replace(p, what=f"{p.what} (with {made.words})")
+                   for p in problems]  # fmt: skip
+            raise StudyError([*ctx.errors.problems, *own])
+        variants.append(made)
     first = next((one.study for one in variants if one.study is not None), None)
     if first is None:
         what = f"no geometry of the sweep can be made ({variants[0].words}: {variants[0].reason})"
         ctx.errors.at(sweep.axes[outer[0]].node, what, "sweep over others", on_key=True)
-        raise StudyError(ctx.errors.problems)
-    if first.mesh.open_ended:
+    elif first.mesh.open_ended:
         what = "changes the body or its meshes, and with a tolerance or adaptive meshes each would end on another level"
         remedy = "use a uniform or graded family, or write one study for each geometry"
         ctx.errors.at(sweep.axes[outer[0]].node, what, remedy, on_key=True)
-    if ctx.errors.problems:
+    if first is None or ctx.errors.problems:
         raise StudyError(ctx.errors.problems)
-    return replace(
-        first,
-        scenes=Scenes.joined([((one.study or first).scenes, one.places) for one in variants]),
-        variants=tuple(variants),
-        axes=records(sweep, ctx.units),
-        mode=sweep.mode,
-        design=sweep.design,
-        overrides=said,
-    )
+    scenes = Scenes.joined([((one.study or first).scenes, one.places) for one in variants])
+    said_of_sweep = {"axes": records(sweep, ctx.units), "mode": sweep.mode, "design": sweep.design, "overrides": said}
+    return replace(first, scenes=scenes, variants=tuple(variants), **said_of_sweep)  # type: ignore[arg-type]
 
 
-@dataclass(frozen=True, eq=False)
-class _Geometry:
-    """The study with the swept numbers of one geometry put in.
-
-    index: places of the values of the outer axes;  places: of the points;  rest: what of the sweep is left
-    said:  options with which the text of the whole study is that of this geometry
-    """
-
-    words: str
-    index: tuple[int, ...]
-    places: np.ndarray
-    root: Node
-    rest: Sweep
-    said: tuple[str, ...]
-
-
-def _geometries(root: Node, sweep: Sweep, outer: list[int], overrides: tuple[str, ...]) -> Iterator[_Geometry]:
-    """The geometries of a sweep in order."""
+def _geometries(
+    root: Node, sweep: Sweep, outer: list[int], overrides: tuple[str, ...]
+) -> Iterator[tuple[Variant, Node, Sweep, tuple[str, ...]]]:
+    """The geometries of a sweep in order: each without its study, the text with its numbers put in, what of the sweep
+    is left, and the options with which the text of the whole study is that of this geometry."""
     axes, inner = [sweep.axes[i] for i in outer], tuple(axis for i, axis in enumerate(sweep.axes) if i not in outer)
     if sweep.mode == "grid":
         sizes = [len(axis.values) for axis in sweep.axes]
@@ -224,41 +217,21 @@ def _geometries(root: Node, sweep: Sweep, outer: list[int], overrides: tuple[str
         for k in range(len(sweep.axes[0].values)):
             found.setdefault(tuple(axis.labels[k] for axis in axes), []).append(k)
         groups = {(at[0],) * len(axes): np.array(at, dtype=np.intp) for at in found.values()}
-    said = with_sweep(overrides, replace(sweep, axes=inner).written()) if sweep.mode == "grid" else ()
+    rest = replace(sweep, axes=inner)
+    said = with_sweep(overrides, rest.written())
     for index, places in groups.items():
-        rest, own = replace(sweep, axes=inner), said
         if sweep.mode == "list":
             left = tuple(axis.at(places) for axis in inner)
             rest = replace(sweep, axes=left, mode="list" if left else "grid", design=None, tabled=False)
-            own = with_sweep(overrides, rest.written())
-        words, fixed, made = [], [], root
+            said = with_sweep(overrides, rest.written())
+        words, own, made = [], list(said), root
         for axis, k in zip(axes, index, strict=True):
             path, value = ".".join(axis.parameter.path), axis.values[k]
             words.append(f"{axis.key} = {value.brief()}")
-            fixed.append(f"{path}={json.dumps(value.plain(), ensure_ascii=False)}")
+            own.append(f"{path}={json.dumps(value.plain(), ensure_ascii=False)}")
             with suppress(KeyError):  # something else stands there, which the section's reader records
                 made = put(made, split_path(path) or (), value)
-        yield _Geometry(", ".join(words), index, places, made, rest, (*own, *fixed))
-
-
-def _read_one(
-    ctx: Context, one: _Geometry, read: Callable[..., Study]
-) -> tuple[Study | None, str, tuple[Problem, ...]]:
-    """The study of a geometry, why it is refused, and what else is wrong with it."""
-    inner = Context(Collector(), ctx.units, ctx.folder, ctx.named, known=ctx.known)
-    if names := one.root.child("parameters"):
-        inner.named = read_parameters(inner, names)
-    refused = inner.errors.refused = []
-    try:
-        study = read(inner, one.root, one.rest, one.said)
-        return (None, refused[0], ()) if refused else (study, "", ())
-    except StudyError as error:
-        return None, refused[0] if refused else "", () if refused else error.problems
-
-
-def _of(problem: Problem, words: str) -> Problem:
-    """A fault that other geometries do not have."""
-    return problem if problem.key.startswith("sweep") else replace(problem, what=f"{problem.what} (with {words})")
+        yield Variant(", ".join(words), index, places, None), made, rest, tuple(own)
 
 
 DERIVED = "derived"
@@ -277,27 +250,10 @@ def without_loads(ctx: Context, root: Node, sweep: Sweep) -> Node:
     word = root.at("exact", "loads")
     if word is None or word.value == "given" or not isinstance(root.value, Mapping):
         return root
-    _refuse(ctx, word, root, sweep)
-    sections = {key: node for key, node in root.value.items() if key != "path"}
-    if loads := root.child("loads"):
-        sections["loads"] = _derived(ctx, loads, ("f",), f=(replace(loads, value=0),) * 2)
-    if heat := root.child("heat"):
-        # that theta is given is the fault, not that alpha is not
-        alone = {"alpha": 1} if heat.child("theta") and not heat.child("alpha") else {}
-        sections["heat"] = _derived(ctx, heat, OF_HEAT, theta_bar=0, **alone)
-    boundary = root.child("boundary")
-    if boundary and isinstance(boundary.value, Mapping):
-        edges = {name: _edge(ctx, edge) for name, edge in boundary.value.items()}
-        sections["boundary"] = replace(boundary, value=edges)
-    return replace(root, value=sections)
-
-
-def _refuse(ctx: Context, word: Node, root: Node, sweep: Sweep) -> None:
-    """Studies in which nothing can be derived, and swept loads."""
     if root.at("body", "file"):
         what = "the body comes from a file, whose normals are no expressions, so loads cannot be derived"
         ctx.errors.at(word, what, "give the loads, or describe the body by its outline")
-    if path := root.child("path"):
+    if path := root.at("path"):
         what = "a path changes a load, but loads: derived leaves none to change"
         ctx.errors.at(path, what, "remove path, or give the loads", on_key=True)
     for axis in sweep.axes:
@@ -306,41 +262,37 @@ def _refuse(ctx: Context, word: Node, root: Node, sweep: Sweep) -> None:
             remedy = "remove it from the sweep, or give the loads"
             ctx.errors.at(axis.node, f"{axis.key} is swept, but {FOLLOWS}", remedy, on_key=True)
 
+    def without(node: Node, keys: Iterable[str], needed: str = "", *, held: bool = False) -> Node:
+        """A section with 0 for the loads that are needed, or for what is held and not free, and without the others."""
+        kept = dict(node.children)
+        for key, given in [(key, kept.pop(key)) for key in keys if key in kept]:
+            parts = given.entries if key == "u" else (given,)
+            for part in parts:
+                if part.value != DERIVED and not (held and part.value == "free"):
+                    ctx.errors.at(part, f"is given, but {FOLLOWS}", REMEDY, on_key=part is given)
+            zeros = tuple(part if part.value == "free" else replace(part, value=0) for part in parts)
+            if held:
+                kept[key] = replace(given, value=(zeros * 2)[:2]) if key == "u" else zeros[0]
+        zero = replace(node, value=0)
+        kept |= {needed: replace(node, value=(zero, zero)) if needed == "f" else zero} if needed else {}
+        return replace(node, value=kept) if isinstance(node.value, Mapping) else node
 
-def _derived(ctx: Context, node: Node, keys: tuple[str, ...], **instead: int | tuple[Node, ...]) -> Node:
-    """A mapping without the keys, and other values; one that is given and not the word `derived` is a fault."""
-    if not isinstance(node.value, Mapping):
-        return node
-    for given in (node.value[key] for key in keys if key in node.value):
-        if given.value != DERIVED:
-            ctx.errors.at(given, f"is given, but {FOLLOWS}", REMEDY, on_key=True)
-    kept = {key: child for key, child in node.value.items() if key not in keys}
-    return replace(node, value=kept | {key: replace(node, value=value) for key, value in instead.items()})
-
-
-def _edge(ctx: Context, node: Node) -> Node:
-    """The role of an edge with 0 for what is derived: tractions, and displacements of a clamped edge but free ones."""
-    word = node.child("role") if isinstance(node.value, Mapping) else node
-    if word is not node and word is not None and word.value == "clamped":
-        held = {key: _held(ctx, key, child) for key, child in node.value.items()}  # type: ignore[union-attr]
-        return replace(node, value=held)
-    loaded = {"pressure": 0} if word is not None and word.value == "traction" else {}
-    if word is node and loaded:
-        node = replace(node, value={"role": node})
-    return _derived(ctx, node, TRACTIONS, **loaded)
-
-
-def _held(ctx: Context, key: str, node: Node) -> Node:
-    """A key of a clamped edge, 0 for every displacement that is not free."""
-    if key not in COMPONENTS or node.value == "free":
-        return node
-    if key == "u" and node.value == DERIVED:
-        return replace(node, value=(replace(node, value=0),) * 2)
-    if key == "u" and isinstance(node.value, tuple):
-        return replace(node, value=tuple(_held(ctx, "u_x", item) for item in node.value))
-    if node.value != DERIVED:
-        ctx.errors.at(node, f"is given, but {FOLLOWS}", REMEDY, on_key=not node.path.endswith("]"))
-    return replace(node, value=0)
+    sections, boundary = {key: node for key, node in root.children.items() if key != "path"}, root.at("boundary")
+    if loads := root.at("loads"):
+        sections["loads"] = without(loads, ("f",), "f")
+    if heat := root.at("heat"):
+        if heat.at("theta") and not heat.at("alpha"):  # that theta is given is the fault, not that alpha is not
+            heat = put(heat, ("alpha",), replace(heat, value=1))
+        sections["heat"] = without(heat, OF_HEAT, "theta_bar")
+    edges = {}
+    for name, edge in boundary.children.items() if boundary else ():
+        role = (edge.at("role") or edge).value
+        node = replace(edge, value={"role": edge}) if edge.value == "traction" else edge
+        clamped, needed = role == "clamped", "pressure" if role == "traction" else ""
+        edges[name] = without(node, COMPONENTS if clamped else TRACTIONS, needed, held=clamped)
+    if boundary and edges:
+        sections["boundary"] = replace(boundary, value=edges)
+    return replace(root, value=sections)
 
 
 def derived_scenes(

@@ -99,16 +99,16 @@ def read_sweep(ctx: Context, root: Node, overrides: Sequence[str]) -> Sweep:
 
     overrides: `--set` options, whose values must not be lost to it
     """
-    node, before = root.child("sweep"), len(ctx.errors)
+    node, before = root.at("sweep"), len(ctx.errors)
     if node is None or node.value == {}:
         return Sweep()
     if not isinstance(node.value, Mapping):
         remedy = "write one PARAMETER: [values] per line, for example alpha: [25, 100]"
         ctx.errors.at(node, f"must be a mapping of parameters to values, but is {node.kind()}", remedy)
         return Sweep()
-    points, known, design = node.child("points"), may_vary(ctx, root, node), None
+    points, known, design = node.at("points"), may_vary(ctx, root, node), None
     tabled = points is not None and isinstance(points.value, str)
-    mode = ctx.choice(item, MODES) if (item := node.child("mode")) else "list" if tabled else "grid"
+    mode = ctx.choice(item, MODES) if (item := node.at("mode")) else "list" if tabled else "grid"
     given = {key: item for key, item in node.value.items() if key not in ("mode", "h")}
     if mode in DESIGNS:
         items = {key: item for key, item in given.items() if key not in OF_DESIGNS}
@@ -116,7 +116,7 @@ def read_sweep(ctx: Context, root: Node, overrides: Sequence[str]) -> Sweep:
         if not items:
             ctx.errors.at(node, "has no parameter to draw; add one, for example alpha: {uniform: [25, 100]}")
         design = read_design(ctx, node, mode, MAX_POINTS, len(items))
-        drawn = draw(ctx, design, found, node.child("correlation")) if design else {}
+        drawn = draw(ctx, design, found, node.at("correlation")) if design else {}
         axes = [_axis(ctx, key, *found[key], *three) for key, three in drawn.items()]  # type: ignore[arg-type]
     elif mode == "list":
         axes = _point_list(ctx, node, given, known)
@@ -124,11 +124,11 @@ def read_sweep(ctx: Context, root: Node, overrides: Sequence[str]) -> Sweep:
         named = {key: p for key, item in given.items() if (p := _parameter(ctx, key, item, known))}
         axes = [_listed(ctx, key, given[key], p, known) for key, p in named.items()]
     _check_axes(ctx, node, axes, mode)
-    _check_law_parameters(ctx, axes, root.child("friction"))
+    _check_law_parameters(ctx, axes, root.at("friction"))
     if len(ctx.errors) > before:
         return Sweep()
     axes = [axis.ascending() for axis in axes] if mode == "grid" else axes
-    sweep = Sweep("grid" if mode == "grid" else "list", tuple(axes), node.child("h"), design, tabled)
+    sweep = Sweep("grid" if mode == "grid" else "list", tuple(axes), node.at("h"), design, tabled)
     sweep = _of_sections(root, sweep)
     if ctx.named:
         check_swept_names(ctx, root, sweep, (*SECTIONS, "materials", *GEOMETRIC))
@@ -138,14 +138,14 @@ def read_sweep(ctx: Context, root: Node, overrides: Sequence[str]) -> Sweep:
 
 def may_vary(ctx: Context, root: Node, node: Node) -> dict[Keys, Parameter]:
     """All that the sweep of this study may vary, by path: keys of its scene, numbers of its body and meshes, names."""
-    points, boundary, friction = node.child("points"), root.child("boundary"), root.child("friction")
+    points, boundary, friction = node.at("points"), root.at("boundary"), root.at("friction")
     named = [path_of(key) for one in (node, *(points.entries if points else ())) for key in one.children]
     edges = {edge: keys_of(item) for edge, item in boundary.children.items()} if boundary else {}
     if boundary is None:  # then those that the sweep names, with all keys
         edges = {words[1]: ALL_KEYS for words in named if len(words) == 3 and words[0] == "boundary"}
-    laws = {edge: str(word.value) for edge, one in laws_by_edge(friction).items() if (word := one.child("law"))}
-    law = word.value if friction and (word := friction.child("law")) else None
-    own = root.child("materials")
+    laws = {edge: str(word.value) for edge, one in laws_by_edge(friction).items() if (word := one.at("law"))}
+    law = word.value if friction and (word := friction.at("law")) else None
+    own = root.at("materials")
     regions = [*(own.children if own else ()), *(words[1] for words in named if words[0] == "materials" and words[1:])]
     known = sweepable(edges, laws or (law if isinstance(law, str) else None), tuple(dict.fromkeys(regions)))
     names = ctx.named.items()
@@ -167,7 +167,7 @@ def may_vary(ctx: Context, root: Node, node: Node) -> dict[Keys, Parameter]:
 
 def _of_sections(root: Node, sweep: Sweep) -> Sweep:
     """The sweep without parameters of a boundary or a friction that is not there: that is missing, not its keys."""
-    lost = {section for section in ("boundary", "friction") if root.child(section) is None}
+    lost = {section for section in ("boundary", "friction") if root.at(section) is None}
     return replace(sweep, axes=tuple(a for a in sweep.axes if a.parameter.path[0] not in lost or a.parameter.is_whole))
 
 
@@ -282,7 +282,7 @@ def _whole(node: Node, parameter: Parameter) -> tuple[str, Node]:
     """A law or a material in a point, after its name: its key in {NAME: law}, else that of its shape or all it says."""
     if len(node.children) == 1 and not parameter.is_one(node.value):
         return next(iter(node.children.items()))
-    return str(word.value) if (word := node.child("law")) else node.text(), node
+    return str(word.value) if (word := node.at("law")) else node.text(), node
 
 
 def _check_axes(ctx: Context, node: Node, axes: list[SweptAxis], mode: str) -> None:
@@ -321,10 +321,10 @@ def _check_law_parameters(ctx: Context, axes: list[SweptAxis], law: Node | None)
         *place, name = axis.parameter.path
         if place[:1] != ["friction"] or axis.parameter.is_whole or name in OF_ALL_LAWS:
             continue
-        base = law.child(place[1]) if law and place[1:] else law
+        base = law.at(place[1]) if law and place[1:] else law
         whole = [one for one in axes if one.parameter.is_whole and one.parameter.path == tuple(place)]
         laws = [value for one in whole for value in one.values] or ([base] if base else [])
-        for word in (str(own.value) for node in laws if (own := node.child("law"))):
+        for word in (str(own.value) for node in laws if (own := node.at("law"))):
             names = [p.name for p in SHAPES[word].parameters] if word in SHAPES else [name]
             if name not in names:
                 remedy = f"it has {', '.join(names)}; sweep the whole law by friction: {{NAME: {{law: ...}}, ...}}"

@@ -394,13 +394,8 @@ def law_rows(law: str) -> tuple[Key, ...]:
 
 
 def rows(section: str) -> dict[str, Key]:
-    """The rows of a section by name."""
-    return _by_section()[section]
-
-
-def has_rows(section: str) -> bool:
-    """Whether there is a section of this name with keys of its own."""
-    return section in _by_section()
+    """The rows of a section by name; none of what is no section."""
+    return _by_section().get(section, {})
 
 
 def row(section: str, name: str) -> Key:

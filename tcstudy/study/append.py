@@ -198,7 +198,7 @@ def merge_studies(old: Study, new: Study) -> Study:
     units = {axis.path: axis.written if axis.written[0] else _axis(old, axis).written for axis in new.axes}
     old, new = (replace(one, axes=tuple(_in_unit(axis, *units[axis.path]) for axis in one.axes)) for one in (old, new))
     sweep = _grid(old, new) if old.mode == new.mode == "grid" else _list(old, new)
-    if (h := tree_of(new).child("sweep")) is not None and (sizes := h.child("h")) is not None:
+    if (h := tree_of(new).at("sweep")) is not None and (sizes := h.at("h")) is not None:
         sweep["h"] = sizes.plain()
     name = str(new.source) if new.source is not None else "<text>"
     return read_study_text(new.text, name, with_sweep(new.overrides, sweep), new.source)

@@ -166,7 +166,7 @@ def unused(study: Study) -> list[str]:
     if "parameters" not in study.text and not any("parameters" in text for text in study.overrides):
         return []
     root = tree_of(study, Collector())
-    names, sections = root.child("parameters"), root.value
+    names, sections = root.at("parameters"), root.value
     if names is None or not (isinstance(names.value, Mapping) and isinstance(sections, Mapping)):
         return []
     others = [node for key, node in sections.items() if key not in ("title", "institution", "units", "parameters")]

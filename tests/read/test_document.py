@@ -76,7 +76,7 @@ def test_put_copies_only_what_it_touches() -> None:
     changed = put(root, ("a", "b", 1), new)
     assert changed.plain() == {"a": {"b": [1, 9]}, "c": {"d": 3}}
     assert root.plain() == {"a": {"b": [1, 2]}, "c": {"d": 3}}
-    assert changed.child("c") is root.child("c")
+    assert changed.at("c") is root.at("c")
     assert put(root, ("x", "y"), new).plain() == {"a": {"b": [1, 2]}, "c": {"d": 3}, "x": {"y": 9}}
     assert put(root, ("c", "d"), None).plain() == {"a": {"b": [1, 2]}, "c": {}}
 
