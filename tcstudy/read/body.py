@@ -6,7 +6,7 @@ expressions, which must have a finite value where they are used, at sample point
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import is_dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tcstudy.expressions.expression import Expression
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.read.fields import Context, Fields, only_key
-from tcstudy.read.node import Node, put, split_path
+from tcstudy.read.node import Node, split_path
 from tcstudy.scene.keys import rows
 from tcstudy.scene.points import why_no_bound
 from tcstudy.scene.records import (
@@ -46,7 +46,6 @@ from tcstudy.shapes.edges import body_area, body_size, edge_distance, edge_norma
 SIDES = tuple(rows("sides"))
 FORMATS = {".step": "mm", ".stp": "mm", ".brep": "m"}
 """Formats of geometry files and the length unit that is usual in each."""
-REGION_SHAPES = tuple(rows("region"))
 SHAPES = ("outline", "rectangle", "file")
 
 Names = tuple[str, ...]
@@ -93,29 +92,11 @@ def edge_names(body: Body) -> Names:
     return tuple(dict.fromkeys(names))
 
 
-INLINE = "omega"
-"""Name of the region that `heat.omega` describes in place."""
-
-
-def with_named_region(root: Node) -> Node:
-    """The study with the region that `heat.omega` describes in place among those of the body."""
-    shape, regions = root.at("heat", "omega"), root.at("body", "regions")
-    known = {} if regions is None else regions.value
-    if shape is None or not isinstance(shape.value, Mapping) or not isinstance(known, Mapping) or INLINE in known:
-        return root
-    if (body := root.at("body")) is None or not isinstance(body.value, Mapping):
-        return root
-    root = put(root, ("heat", "omega"), replace(shape, value=INLINE))
-    return put(root, ("body", "regions", INLINE), shape)
-
-
 def check_shape(ctx: Context, body: Body, root: Node) -> bool:
     """Record what is wrong with the shape of the body where the study gives it; True if it is sound."""
     faults = _faults(body)
     for fault in faults:
-        node = root.nearest(*(split_path(fault.where) or ("body",)))
-        where = node.path if node.path == "heat.omega" else fault.where
-        ctx.errors.unfit(node, where, fault.what, fault.remedy)
+        ctx.errors.unfit(root.nearest(*(split_path(fault.where) or ("body",))), fault.where, fault.what, fault.remedy)
     return not faults
 
 

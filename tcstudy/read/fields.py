@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, wraps
 from pathlib import Path
@@ -46,7 +46,7 @@ from tcstudy.scene.units import (
 from tcstudy.shapes.faults import LARGEST, SMALLEST
 
 if TYPE_CHECKING:
-    from tcstudy.read.sweep import Sweep
+    pass
 
 
 P = ParamSpec("P")
@@ -507,22 +507,3 @@ def users(root: Node, name: str) -> set[str]:
         size = len(found)
         found |= {other for other, node in given.items() if words_in(node, found)}
     return found
-
-
-def check_swept_names(ctx: Context, root: Node, sweep: Sweep, sections: Sequence[str]) -> None:
-    """A swept name may act in the sections of a scene only, and in no swept value."""
-    for axis in sweep.axes:
-        if axis.parameter.path[0] != "parameters":
-            continue
-        following = users(root, axis.parameter.path[-1])
-        for other in sweep.axes:
-            for value in other.values:
-                if words := words_in(value, following):
-                    what = f"is made of {min(words)}, which is swept as well"
-                    ctx.errors.at(value, what, "write its values out, or put the expression where the key is")
-                    break
-        assert isinstance(root.value, Mapping)
-        for key, node in root.value.items():
-            if key not in (*UNNAMED, *sections) and (words := words_in(node, following)):
-                what = f"is swept, but {key} depends on it ({min(words)}), and a study has one {key}"
-                ctx.errors.at(axis.node, what, "write one study for each value, with --set", on_key=True)

@@ -18,7 +18,6 @@ from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import GrowthError
 from tcstudy.laws.shapes import SHAPES, LawError
-from tcstudy.read.body import INLINE, REGION_SHAPES
 from tcstudy.read.fields import Context, Fields, Unsound, none_after_fault, word_of
 from tcstudy.read.node import COMPONENTS, Node, hint, nearest
 from tcstudy.scene.keys import LOADED, MOVED, OF_ALL_LAWS, law_rows, of_role, row, rows
@@ -318,27 +317,16 @@ def read_heat(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) 
 
 def _omega(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) -> tuple[str, ...]:
     """Names of the regions that make up ω; empty for the whole body."""
-    if node is None:
-        return ()
-    if isinstance(node.value, Mapping):
-        if ctx.errors.point and node.path.startswith("sweep"):
-            remedy = "describe the regions under body.regions and sweep over their names"
-            ctx.errors.at(node, "a shape cannot be swept, because the mesh depends on it", remedy)
-        elif INLINE in (regions or ()):
-            remedy = f"write omega: {INLINE}, or give the region under body.regions another name"
-            ctx.errors.at(node, f"the body already has a region {INLINE!r}", remedy)
-        return (INLINE,)
-    items = node.value if isinstance(node.value, tuple) else (node,) if isinstance(node.value, str) else ()
-    if not items:
-        remedy = f"write NAME or [NAME, ...], or a shape: {', '.join(REGION_SHAPES)}"
-        ctx.errors.at(node, f"must name regions of the body, but is {node.kind()}", remedy)
     names: list[str] = []
+    items = () if node is None or not isinstance(node.value, str | tuple) else node.entries
+    if node is not None and not items:
+        remedy = "write NAME or [NAME, ...] of shapes under body.regions"
+        ctx.errors.at(node, f"must name regions of the body, but is {node.kind()}", remedy)
     for item in items:
         name = ctx.text(item, "the name of a region")
         if name and regions is not None and name not in regions:
-            shape = f"add it under body.regions, or write one of {', '.join(REGION_SHAPES)} here"
-            remedy = hint(name, regions, f"use one of {', '.join(regions)}" if regions else shape)
-            ctx.errors.at(item, f"the body has no region {name!r}", remedy)
+            otherwise = f"use one of {', '.join(regions)}" if regions else "add its shape under body.regions"
+            ctx.errors.at(item, f"the body has no region {name!r}", hint(name, regions, otherwise))
         if name in names:
             ctx.errors.at(item, f"the region {name!r} is given twice", "name each region once")
         names.append(name)

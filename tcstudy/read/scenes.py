@@ -25,7 +25,6 @@ from tcstudy.read.body import (
     read_body,
     supports,
     supports_fault,
-    with_named_region,
 )
 from tcstudy.read.document import tree_of
 from tcstudy.read.fields import Context, read_parameters, users, words_in
@@ -215,7 +214,7 @@ class Scenery:
     def of(cls, study: Study) -> Scenery:
         """That of a study."""
         ctx = Context(Collector(), study.units, study.source.parent if study.source else Path())
-        root = with_named_region(tree_of(study, ctx.errors))
+        root = tree_of(study, ctx.errors)
         ctx.named = read_parameters(ctx, root.at("parameters"))
         return cls(SceneReader(ctx, root, Sweep(), loose=True), study)
 

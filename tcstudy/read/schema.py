@@ -15,7 +15,7 @@ from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.fields import LISTS, PAIRS, SOME
 from tcstudy.read.plans import IN_SWEEP
 from tcstudy.scene.keys import OF_ALL_LAWS, Key, law_rows, of_role, row, rows
-from tcstudy.scene.parameters import SHORT, WHOLE, sweepable
+from tcstudy.scene.parameters import NUMBERS, SHORT, WHOLE, sweepable
 from tcstudy.scene.study import PROVED, Quantity
 from tcstudy.scene.units import NONE
 
@@ -24,6 +24,8 @@ Schema = dict[str, Any]
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 TITLE = "A study of tcstudy"
 NAME = "^[A-Za-z0-9_]+$"
+OWN = r"^((boundary|friction|materials|parameters|body|mesh)\..+|(loads\.)?f_[xy])$"
+"""Paths of what a sweep may vary of an edge, a region or a body."""
 ONE_OF = ("hole", "region", "values", "distribution")
 """Sections that hold one of their keys."""
 SOME_TEXT: Schema = {"type": "string", "pattern": r"\S"}
@@ -31,22 +33,19 @@ SYMBOL = "^[A-Za-z](_[A-Za-z0-9]+)?$"
 """Of the names of parameters, one that a schema can tell from a word: a letter, maybe with an index."""
 TEXTS: dict[str, Schema] = {
     "number_text": {
-        "description": "a number with its unit, or an expression without x and y",
         "type": "string",
         "pattern": "[0-9π√*/+(]|pi|" + SYMBOL,
     },
     "field_text": {
-        "description": "a number with its unit, or an expression in x and y",
         "type": "string",
         "pattern": "[0-9π√*/+(]|pi|(^|[^A-Za-z_])[exy]([^A-Za-z_]|$)|^(free|derived)$|" + SYMBOL,
     },
 }
-NAMED = Key("NAME", "quantity", "")
-"""Stands for a number of the section `parameters`."""
 NUMBER_TEXT: Schema = {"$ref": "#/$defs/number_text"}
 FIELD_TEXT: Schema = {"$ref": "#/$defs/field_text"}
 VALUE: Schema = {"anyOf": [{"type": "number"}, NUMBER_TEXT]}
 """A number with any unit."""
+SPACED_OR_DRAWN: list[Schema] = [{"$ref": "#/$defs/values"}, {"$ref": "#/$defs/distribution"}]
 
 
 def schema_text() -> str:
@@ -68,20 +67,16 @@ def schema() -> Schema:
     made["body"] |= {"oneOf": [{"required": [name]} for name in ("outline", "rectangle", "file")]}
     for shape in ("circle", "rectangle"):  # of a region they have no edge
         made["hole"]["properties"][shape] |= {"required": ["edge"]}
-    for named in ("", "named_"):  # which keys a sweep knows depends on the section `parameters`
-        made[f"{named}point"] = _sweep(_at_point, ()) | {"additionalProperties": VALUE if named else False}
-        points = replace(row("sweep", "points"), of=(f"{named}point",))
-        beside = (points if name == "points" else one for name, one in rows("sweep").items())
-        made[f"{named}sweep"] = _sweep(_swept, tuple(beside))
-        made[f"{named}sweep"] |= {"additionalProperties": _swept(NAMED) if named else False}
+    made["point"] = _sweep(_at_point, (), VALUE)
+    made["sweep"] = _sweep(_swept, tuple(rows("sweep").values()), {"anyOf": [_list(VALUE, 1), *SPACED_OR_DRAWN]})
     made["step"] |= {"additionalProperties": VALUE, "minProperties": 1}
-    whole = _section("", ("body", "boundary"))
     swept = {"anyOf": [{"required": ["sweep"]}, {"required": ["exact"]}]}  # which may supply the other sections
     needed = {"required": [one.name for one in rows("").values() if one.required]}
-    del whole["properties"]["sweep"]["$ref"]
-    sweeps = [{"properties": {"sweep": _ref(section)}} for section in ("named_sweep", "sweep")]
-    by_names = {"if": {"required": ["parameters"]}, "then": sweeps[0], "else": sweeps[1]}
-    whole |= {"allOf": [by_names, {"if": swept, "else": needed}]}
+    known_names: Schema = {"anyOf": [{"enum": [*made["sweep"]["properties"]]}, {"pattern": OWN}]}
+    in_points = {"points": {"items": {"propertyNames": known_names}}}
+    by_names = {"sweep": {"propertyNames": known_names, "properties": in_points}}  # and those of `parameters`
+    choices = [{"if": swept, "else": needed}, {"if": {"required": ["parameters"]}, "else": {"properties": by_names}}]
+    whole = _section("", ("body", "boundary")) | {"allOf": choices}
     return {"$schema": DRAFT, "title": TITLE, **whole, "$defs": made | TEXTS}
 
 
@@ -101,32 +96,32 @@ def _takes(key: str, word: str, names: tuple[str, ...]) -> Schema:
     return {"if": given, "then": {"propertyNames": {"enum": [key, *names]}}}
 
 
-def _sweep(made: Callable[[Key], Schema], beside: tuple[Key, ...]) -> Schema:
-    """A mapping of parameters to what `made` says of each; of an edge, a region or a number of the body any."""
+def _sweep(made: Callable[[Key], Schema], beside: tuple[Key, ...], of_names: Schema) -> Schema:
+    """A mapping of parameters to what `made` says of each; of an edge, a region or a number of the body any.
+
+    of_names: what a number of the section `parameters` has
+    """
     named = {".".join(path): row(path[0] if path[1:] else "", path[-1]) for path in sweepable({}, None)}
     named |= {name: named[path] for name, path in SHORT.items() if path in named}
-    properties = {one.name: _described(one) for one in beside}
-    own = rf"^(({'|'.join(('boundary', 'friction', 'materials', 'parameters', 'body', 'mesh'))})\..+|(loads\.)?f_[xy])$"
     return {
         "type": "object",
-        "properties": properties | {path: made(one) for path, one in named.items()},
-        "patternProperties": {own: {"type": ["array", "object", "number", "string"]}},
+        "properties": {one.name: _described(one) for one in beside} | {path: made(one) for path, one in named.items()},
+        "patternProperties": {OWN: {"type": ["array", "object", "number", "string"]}},
         "minProperties": 0 if beside else 1,
+        "additionalProperties": of_names,
     }
 
 
 def _swept(one: Key) -> Schema:
     if one.kind in WHOLE:
         return {"type": "object", "minProperties": 1, "additionalProperties": _fragment(one)}
-    listed = _list(_at_point(one), 1)
-    numbers = one.kind in ("number", "integer", "field", "component", "quantity")
-    return {"anyOf": [listed, *([_ref("values")] if numbers else []), _ref("distribution")]}
+    return {"anyOf": [_list(_at_point(one), 1), *SPACED_OR_DRAWN[one.kind not in (*NUMBERS, "quantity") :]]}
 
 
 def _at_point(one: Key) -> Schema:
     if one.kind in WHOLE:
         return {"anyOf": [_fragment(one), _swept(one) | {"maxProperties": 1}]}
-    return _ref(f"{one.section}/properties/{one.name}") if one is not NAMED else VALUE
+    return _ref(f"{one.section}/properties/{one.name}")
 
 
 def _described(one: Key) -> Schema:
@@ -209,7 +204,7 @@ FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     "section": _sub_section,
     "sections": lambda one: _list(_sub_section(one), int(one.least or 0)),
     "named sections": lambda one: _named(_sub_section(one)),
-    "names": lambda one: {"anyOf": [SOME_TEXT, _list(SOME_TEXT, 1), _ref("region")]},
+    "names": lambda one: {"anyOf": [SOME_TEXT, _list(SOME_TEXT, 1)]},
     "sizes or tolerance": _sizes_or_tolerance,
     "goal": lambda one: {
         "anyOf": [{"enum": [*(word for word in get_args(Quantity) if word != "u_T"), PROVED]}, _ref("goal")]

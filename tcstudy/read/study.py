@@ -27,7 +27,7 @@ import numpy as np
 
 from tcstudy.errors import Problem, StudyError
 from tcstudy.exact.loads import Checks, Derivation, SolutionFault
-from tcstudy.read.body import check_finite, read_body, with_named_region
+from tcstudy.read.body import check_finite, read_body
 from tcstudy.read.document import apply_overrides, compose, load_text, with_sweep
 from tcstudy.read.fields import Context, Fields, none_after_fault, read_parameters, users, words_in
 from tcstudy.read.fit import read_fit, read_tests
@@ -93,7 +93,7 @@ def read_study_text(
     ctx.named = read_parameters(ctx, names) if (names := root.at("parameters")) else {}
     if len(ctx.errors) > before:  # every use of a name without a value would be one fault more
         raise StudyError(ctx.errors.problems)
-    root = with_sizes(ctx, with_named_region(root))
+    root = with_sizes(ctx, root)
     if swept is None:
         swept = not root.at("path") or bool(root.at("history") or root.at("fit"))
     sweep = read_sweep(ctx, root, overrides if swept else ())

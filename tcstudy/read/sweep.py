@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.document import whole_key
-from tcstudy.read.fields import Context, check_swept_names, only_key
+from tcstudy.read.fields import UNNAMED, Context, none_after_fault, only_key, users, words_in
 from tcstudy.read.node import Mark, Node, hint, nearest, place_of, put_number, split_path
 from tcstudy.read.physics import ALL_KEYS, keys_of, laws_by_edge
 from tcstudy.read.points import OF_DESIGNS, draw, read_design, read_table
@@ -79,19 +79,16 @@ class Sweep:
 
     def written(self) -> dict[str, object]:
         """The section `sweep` with all values or points written out."""
-        size: dict[str, object] = {"h": self.h.plain()} if self.h else {}
         written: dict[str, Any] = {}
         for axis in self.axes:
             plain = [value.plain() for value in axis.values]
-            named = zip(map(str, axis.labels), plain, strict=True)
-            if axis.parameter.is_whole:
-                written[axis.key] = dict(named) if self.mode == "grid" else [{name: value} for name, value in named]
-            else:
-                written[axis.key] = plain
+            named = [{str(label): value} for label, value in zip(axis.labels, plain, strict=True)]
+            whole = {name: value for one in named for name, value in one.items()} if self.mode == "grid" else named
+            written[axis.key] = whole if axis.parameter.is_whole else plain
         if self.mode == "list":
             points = [dict(zip(written, point, strict=True)) for point in zip(*written.values(), strict=True)]
             written = {"mode": "list", "points": points}
-        return written | size
+        return written | ({"h": self.h.plain()} if self.h else {})
 
 
 def read_sweep(ctx: Context, root: Node, overrides: Sequence[str]) -> Sweep:
@@ -110,28 +107,30 @@ def read_sweep(ctx: Context, root: Node, overrides: Sequence[str]) -> Sweep:
     tabled = points is not None and isinstance(points.value, str)
     mode = ctx.choice(item, MODES) if (item := node.at("mode")) else "list" if tabled else "grid"
     given = {key: item for key, item in node.value.items() if key not in ("mode", "h")}
-    if mode in DESIGNS:
-        items = {key: item for key, item in given.items() if key not in OF_DESIGNS}
-        found = {key: (item, p) for key, item in items.items() if (p := _parameter(ctx, key, item, known))}
-        if not items:
-            ctx.errors.at(node, "has no parameter to draw; add one, for example alpha: {uniform: [25, 100]}")
-        design = read_design(ctx, node, mode, MAX_POINTS, len(items))
-        drawn = draw(ctx, design, found, node.at("correlation")) if design else {}
-        axes = [_axis(ctx, key, *found[key], *three) for key, three in drawn.items()]  # type: ignore[arg-type]
-    elif mode == "list":
+    if mode == "list":
         axes = _point_list(ctx, node, given, known)
     else:
-        named = {key: p for key, item in given.items() if (p := _parameter(ctx, key, item, known))}
-        axes = [_listed(ctx, key, given[key], p, known) for key, p in named.items()]
+        items = {key: item for key, item in given.items() if mode not in DESIGNS or key not in OF_DESIGNS}
+        found = {key: (item, p) for key, item in items.items() if (p := _parameter(ctx, key, item, known))}
+        if mode in DESIGNS:
+            if not items:
+                ctx.errors.at(node, "has no parameter to draw; add one, for example alpha: {uniform: [25, 100]}")
+            design = read_design(ctx, node, mode, MAX_POINTS, len(items))
+            drawn = draw(ctx, design, found, node.at("correlation")) if design else {}
+            axes = [_axis(ctx, key, *found[key], *three) for key, three in drawn.items()]  # type: ignore[arg-type]
+        else:
+            axes = [_listed(ctx, key, item, p, known) for key, (item, p) in found.items()]
     _check_axes(ctx, node, axes, mode)
     _check_law_parameters(ctx, axes, root.at("friction"))
     if len(ctx.errors) > before:
         return Sweep()
+    # parameters of a boundary or a friction that is not there: that is missing, not its keys
+    lost = {section for section in ("boundary", "friction") if root.at(section) is None}
+    axes = [a for a in axes if a.parameter.path[0] not in lost or a.parameter.is_whole]
     axes = [axis.ascending() for axis in axes] if mode == "grid" else axes
     sweep = Sweep("grid" if mode == "grid" else "list", tuple(axes), node.at("h"), design, tabled)
-    sweep = _of_sections(root, sweep)
     if ctx.named:
-        check_swept_names(ctx, root, sweep, (*SECTIONS, "materials", *GEOMETRIC))
+        _check_names(ctx, root, sweep)
     _check_options(ctx, root, sweep, overrides)
     return sweep
 
@@ -145,8 +144,8 @@ def may_vary(ctx: Context, root: Node, node: Node) -> dict[Keys, Parameter]:
         edges = {words[1]: ALL_KEYS for words in named if len(words) == 3 and words[0] == "boundary"}
     laws = {edge: str(word.value) for edge, one in laws_by_edge(friction).items() if (word := one.at("law"))}
     law = word.value if friction and (word := friction.at("law")) else None
-    own = root.at("materials")
-    regions = [*(own.children if own else ()), *(words[1] for words in named if words[0] == "materials" and words[1:])]
+    regions = [*(own.children if (own := root.at("materials")) else ())]
+    regions += [words[1] for words in named if words[0] == "materials" and words[1:]]
     known = sweepable(edges, laws or (law if isinstance(law, str) else None), tuple(dict.fromkeys(regions)))
     names = ctx.named.items()
     rows_of: dict[Keys, Key] = {("parameters", name): Key(name, "number", "", one.dimension) for name, one in names}
@@ -165,16 +164,24 @@ def may_vary(ctx: Context, root: Node, node: Node) -> dict[Keys, Parameter]:
     return known | {path: Parameter(path, one) for path, one in rows_of.items()}
 
 
-def _of_sections(root: Node, sweep: Sweep) -> Sweep:
-    """The sweep without parameters of a boundary or a friction that is not there: that is missing, not its keys."""
-    lost = {section for section in ("boundary", "friction") if root.at(section) is None}
-    return replace(sweep, axes=tuple(a for a in sweep.axes if a.parameter.path[0] not in lost or a.parameter.is_whole))
+def _check_names(ctx: Context, root: Node, sweep: Sweep) -> None:
+    """A swept name may act in the sections of a scene only, and in no swept value."""
+    for axis in (axis for axis in sweep.axes if axis.parameter.path[0] == "parameters"):
+        following = users(root, axis.parameter.path[-1])
+        for other in sweep.axes:
+            if value := next((one for one in other.values if words_in(one, following)), None):
+                what = f"is made of {min(words_in(value, following))}, which is swept as well"
+                ctx.errors.at(value, what, "write its values out, or put the expression where the key is")
+        for key, node in root.children.items():
+            if key not in (*UNNAMED, *SECTIONS, "materials", *GEOMETRIC) and (words := words_in(node, following)):
+                what = f"is swept, but {key} depends on it ({min(words)}), and a study has one {key}"
+                ctx.errors.at(axis.node, what, "write one study for each value, with --set", on_key=True)
 
 
 def _check_options(ctx: Context, root: Node, sweep: Sweep, overrides: Sequence[str]) -> None:
     """A value of an option that the sweep replaces would be lost without a word."""
-    named = zip(sweep.axes, short_names([axis.parameter.path for axis in sweep.axes]), strict=True)
-    swept = [(axis.key, name, axis.parameter.path, axis.parameter.is_whole) for axis, name in named]
+    names = short_names([axis.parameter.path for axis in sweep.axes])
+    swept = [(a.key, name, a.parameter.path, a.parameter.is_whole) for a, name in zip(sweep.axes, names, strict=True)]
     if sweep.h is not None and isinstance(sweep.h.value, tuple):
         swept.append(("h", "maxh", ("mesh", "maxh"), False))
     for option in (text for text in overrides if "=" in text):
@@ -183,15 +190,15 @@ def _check_options(ctx: Context, root: Node, sweep: Sweep, overrides: Sequence[s
         for name, short, words, whole in swept:
             path = split_path(".".join(words)) or ()
             same, there = keys == path or (key == short and key not in rows("")), root.at(*path)
-            # its value comes of the option
-            above = path[: len(keys)] == keys and there is not None and there.mark.file == place
+            above = path[: len(keys)] == keys and there is not None and there.mark.file == place  # its value is of it
             if same or above or keys[: len(path)] == path:
-                lost = "this value" if same or not above else "its value here"
+                section = above and not same
                 listed = f', --set "sweep.{name}=[{value}]"' if same and sweep.mode == "grid" and not whole else ""
-                others = "" if same or not above else "set the others here by keys of their own, "
+                others = "set the others here by keys of their own, " if section else ""
                 remedy = f"{others}give the sweep other values{listed}, or remove it by --set sweep=null"
                 where = ".".join(map(str, path if same or above else keys))
-                ctx.errors.at_mark(Mark(place, 0, 0), where, f"{name} is swept, so {lost} would not be used", remedy)
+                what = f"{name} is swept, so {'its value here' if section else 'this value'} would not be used"
+                ctx.errors.at_mark(Mark(place, 0, 0), where, what, remedy)
 
 
 def with_swept_keys(root: Node, sweep: Sweep) -> Node:
@@ -244,8 +251,8 @@ def _point_list(
     ctx: Context, node: Node, given: Mapping[str, Node], known: Mapping[Keys, Parameter]
 ) -> list[SweptAxis]:
     """mode: list, whose points all name the same parameters."""
-    points = given.get("points")
-    if stray := [key for key in given if key != "points"]:
+    points, stray = given.get("points"), [key for key in given if key != "points"]
+    if stray:
         remedy = "put it into points: [{PARAMETER: value, ...}, ...], or use mode: grid"
         what = f"with mode: list the parameter {stray[0]!r} belongs into points"
         ctx.errors.at(given[stray[0]], what, remedy, on_key=True)
@@ -256,19 +263,16 @@ def _point_list(
     if isinstance(points.value, str):
         columns = read_table(ctx, points, lambda key, cell: _parameter(ctx, key, cell, known))
         return [_axis(ctx, *column) for column in columns]
-    listed = ctx.items(points, "a list of points {PARAMETER: value, ...}", least=1)
+    listed, axes = ctx.items(points, "a list of points {PARAMETER: value, ...}", least=1), []
     for point in listed:
-        said = ""
         if not point.children:
             what = f"must be a mapping of parameters to values, but is {point.kind()}"
-            said = f"{what}; write {{PARAMETER: value, ...}}"
-        elif {*point.children} != {*listed[0].children}:
-            what = f"names {', '.join(point.children)}, but the first point {', '.join(listed[0].children)}"
-            said = f"{what}; name the same parameters in every point"
-        if said:
-            ctx.errors.at(point, said)
+            ctx.errors.at(point, what, "write {PARAMETER: value, ...}")
             return []
-    axes = []
+        if {*point.children} != {*listed[0].children}:
+            what = f"names {', '.join(point.children)}, but the first point {', '.join(listed[0].children)}"
+            ctx.errors.at(point, what, "name the same parameters in every point")
+            return []
     for key, item in listed[0].children.items() if listed else ():
         if parameter := _parameter(ctx, key, item, known):
             values, names = tuple(point.children[key] for point in listed), ()
@@ -347,62 +351,53 @@ def records(sweep: Sweep, units: str) -> tuple[Axis, ...]:
 
 
 def _listed(ctx: Context, key: str, node: Node, p: Parameter, known: Mapping[Keys, Parameter]) -> SweptAxis:
-    """The axis of a parameter whose values are listed, or spaced."""
-    first = len(ctx.errors.problems)
-    axis = _axis(ctx, key, node, p, *_values(ctx, node, p))
+    """The axis of a parameter whose values are listed, spaced, or laws or materials by name."""
+    first, kind, values = len(ctx.errors.problems), p.row.kind, node.value
+    names: tuple[str, ...] = ()
+    if p.is_whole and node.children and not p.is_one(node.value):
+        values, names = tuple(node.children.values()), tuple(node.children)
+    elif p.is_whole:
+        own = "{law: tresca, tau: 20 MPa}" if kind == "law" else "{E: 210 GPa, nu: 0.3}"
+        what = f"must be a mapping of names to {kind}s, but is {node.kind()}"
+        what = f"is a single {kind}, not a mapping of names to {kind}s" if p.is_one(node.value) else what
+        ctx.errors.at(node, what, ctx.example(f"write {{NAME: {own}, NAME: ...}}"))
+    elif node.children and kind in NUMBERS:
+        values = _spaced(ctx, node, p.row.dimension)
+    elif not isinstance(values, tuple) or not values:
+        empty = node.value in (None, (), {})
+        shown = ctx.example(p.row.dimension.example) if empty else node.brief()
+        example = f"{shown}, ...] or {{linspace: [a, b, n]}}" if kind in NUMBERS else "..., ...]"
+        what = "has no values" if empty else f"must be a list of values, but is {node.kind()}"
+        ctx.errors.at(node, what, f"write a list such as [{example}")
+    axis = _axis(ctx, key, node, p, values if isinstance(values, tuple) else (), names)
     if others := [".".join(path) for path in known if path[-1] == key and path != p.path]:
         faults, meant = ctx.errors.problems, f", or {' or '.join(others)} for {key}, which is {'.'.join(p.path)}"
         faults[first:] = [replace(fault, remedy=fault.remedy + meant) for fault in faults[first:]]
     return axis
 
 
-def _values(ctx: Context, node: Node, parameter: Parameter) -> tuple[Nodes, tuple[str, ...]]:
-    """The values of an axis, and their names if they are laws or materials."""
-    kind, dimension, whole = parameter.row.kind, parameter.row.dimension, parameter.is_whole
-    spaced, empty, one = kind in NUMBERS, node.value in (None, (), {}), whole and parameter.is_one(node.value)
-    if node.children and whole and not one:
-        return tuple(node.children.values()), tuple(node.children)
-    if node.children and spaced:
-        return _spaced(ctx, node, dimension), ()
-    if isinstance(node.value, tuple) and not empty and not whole:
-        return node.value, ()
-    if whole:
-        own = "{law: tresca, tau: 20 MPa}" if kind == "law" else "{E: 210 GPa, nu: 0.3}"
-        what = f"is a single {kind}, not a mapping of names to {kind}s"
-        what = what if one else f"must be a mapping of names to {kind}s, but is {node.kind()}"
-        ctx.errors.at(node, what, ctx.example(f"write {{NAME: {own}, NAME: ...}}"))
-    else:
-        shown = ctx.example(dimension.example) if empty else node.brief()
-        example = f"{shown}, ...] or {{linspace: [a, b, n]}}" if spaced else "..., ...]"
-        what = "has no values" if empty else f"must be a list of values, but is {node.kind()}"
-        ctx.errors.at(node, what, f"write a list such as [{example}")
-    return (), ()
-
-
+@none_after_fault
 def _spaced(ctx: Context, node: Node, dimension: Dimension) -> Nodes:
     """{linspace: [a, b, n]} or {geomspace: [a, b, n]}: n values from a to b, both included; geometric spacing rounded
-    to what logarithms give."""
-    before = len(ctx.errors)
+    to what logarithms give. None after a fault."""
     kind, item = only_key(ctx, node, "values", "{linspace: [a, b, n]}")
-    if not kind:
-        return ()
+    ctx.sound()
     if not isinstance(item.value, tuple) or len(item.value) != 3:
         ctx.errors.at(item, f"must be [a, b, n], but is {item.kind()}", f"write {{{kind}: [a, b, n]}}")
-        return ()
-    a, b = (ctx.quantity(end, dimension) for end in item.value[:2])
-    n = ctx.integer(item.value[2], 2, MAX_POINTS)
+    ctx.sound()
+    a, b = (ctx.quantity(end, dimension) for end in item.entries[:2])
+    n = ctx.integer(item.entries[2], 2, MAX_POINTS)
     if kind == "geomspace" and a * b <= 0.0:
         remedy = "give two positive numbers, or use linspace"
         ctx.errors.at(item, f"geomspace needs two ends of one sign, not {a:g} and {b:g}", remedy)
     if a == b:
         ctx.errors.at(item, "both ends are equal, so the values are repeated", "give two different ends")
-    if len(ctx.errors) > before:
-        return ()
-    shares = (i / (n - 1) for i in range(1, n - 1))
+    ctx.sound()
+    shares = [i / (n - 1) for i in range(1, n - 1)]
     if kind == "linspace":
         between = [a + (b - a) * t for t in shares]
     else:
         between = [math.copysign(math.exp((1 - t) * math.log(abs(a)) + t * math.log(abs(b))), a) for t in shares]
-    unit = common_unit([end.value for end in item.value[:2]], dimension) if ctx.units == "SI" else ("", 1.0)
+    unit = common_unit([end.value for end in item.entries[:2]], dimension) if ctx.units == "SI" else ("", 1.0)
     numbers = (a, *(float(f"{value:.15g}") for value in between), b)
     return tuple(replace(item, value=value, shown_in=unit) for value in numbers)

@@ -262,7 +262,7 @@ ROWS: tuple[Key, ...] = (
     swept("heat.alpha", "number", "heat transfer coefficient", u.HEAT_TRANSFER, least=0.0),
     load("heat.theta_bar", "field", "temperature of the surroundings", u.TEMPERATURE),
     load("heat.q", "field", "source", u.HEAT_SOURCE, default=0.0),
-    swept("heat.omega", "names", "where the source is: a region, several, or a shape (default: everywhere)"),
+    swept("heat.omega", "names", "where the source is: a region, or several (default: everywhere)"),
     load("heat.theta", "field", "known temperature of the whole body", u.TEMPERATURE),
     needed("friction.law", "choice", "", example="tresca", words=tuple(SHAPES)),
     swept("friction.strength", "field", "factor of the law, 0 in a gap of the bond", default=1.0, example="1"),

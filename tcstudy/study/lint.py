@@ -246,7 +246,7 @@ def _of_regions(body: Body, geometry: Geometry) -> Iterator[Found]:
     for region in body.regions:
         whole, inside = loop_area(region.loop), areas.get(region.name, 0.0)
         slack = min(TOLERANCE * geometry.size * sum(edge_length(edge) for edge in region.loop.edges), 0.1 * whole)
-        keys = ("body", "regions", region.name) if region.name != "omega" else ("heat", "omega")
+        keys = ("body", "regions", region.name)
         if inside <= slack:
             yield keys, "the region lies outside the face of the file", "move it inside; coordinates are metres"
         elif whole - inside > slack:

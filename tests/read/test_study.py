@@ -92,13 +92,6 @@ def test_heat_loads_exact_solutions_and_plans() -> None:
     assert study.output == OutputPlan(None, True)
 
 
-def test_a_region_in_place_is_called_omega() -> None:
-    study = plain(("theta_bar: 4", "theta_bar: 4, q: 1, omega: {polygon: [[1, 0.2], [1.5, 0.2], [1, 0.7]]}"))
-    scene = study.scenes[0]
-    assert (scene.heat.omega, [region.name for region in scene.body.regions]) == (("omega",), ["omega"])
-    assert scene.body.regions[0].loop.edges[1].start == (1.5, 0.2)
-
-
 def test_spaced_values() -> None:
     for values, labels in (
         ("{linspace: [1 kW/(m^2*K), 2000, 3]}", (1000.0, 1500.0, 2000.0)),
