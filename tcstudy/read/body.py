@@ -47,6 +47,7 @@ SIDES = tuple(rows("sides"))
 FORMATS = {".step": "mm", ".stp": "mm", ".brep": "m"}
 """Formats of geometry files and the length unit that is usual in each."""
 SHAPES = ("outline", "rectangle", "file")
+AN_EDGE = "{from: [0 mm, 0 mm], edge: NAME}"
 
 Names = tuple[str, ...]
 
@@ -80,7 +81,7 @@ def read_body(ctx: Context, node: Node) -> tuple[Body | None, Names | None]:
     named = tuple(_region(ctx, item, name) for name, item in regions.items())
     body = Body(loops[-1] if loops else None, tuple(holes), named, brep)
     names = edge_names(body)
-    known = len(given) == 1 and "" not in names
+    known = len(given) == 1 and names and "" not in names
     return body if len(ctx.errors) == before else None, names if known else None
 
 
@@ -127,7 +128,7 @@ def _loop(ctx: Context, node: Node, kind: str, section: str = "", edge: str | No
     section: of the keys of the shape, if not named as the shape;  edge: name of all edges, None if the shape has it
     """
     if kind == "outline":
-        chain = [Fields(ctx, item, kind) for item in ctx.items(node, "a list of edges", least=2)]
+        chain = [Fields(ctx, item, kind) for item in ctx.items(node, "a list of edges", 2, AN_EDGE)]
         starts, names, middles = ([one.value(key) for one in chain] for key in ("from", "edge", "through"))
         if len(starts) == 2 and middles == [None, None]:
             remedy = "give a third edge, or an arc by `through: [x, y]`"

@@ -202,11 +202,11 @@ class Context:
             return False
         return True
 
-    def items(self, node: Node, content: str, least: int = 0) -> tuple[Node, ...]:
+    def items(self, node: Node, content: str, least: int = 0, example: str = "...") -> tuple[Node, ...]:
         """The entries of a list; empty after a fault."""
         if isinstance(node.value, tuple) and len(node.value) >= least:
             return node.value
-        self.errors.at(node, f"must be {content}, but is {node.kind()}", f"write {content}: [..., ...]")
+        self.errors.at(node, f"must be {content}, but is {node.kind()}", f"write {content}: [{example}, ...]")
         return ()
 
     def pair(self, node: Node, content: str, example: str) -> tuple[Node, Node] | None:

@@ -38,15 +38,14 @@ SHUFFLED = 4.0
 
 
 @none_after_fault
-def read_fit(
-    ctx: Context, node: Node, reader: SceneReader, mesh: MeshPlan | None, history: HistoryPlan | None
-) -> FitPlan | None:
+def read_fit(ctx: Context, reader: SceneReader, mesh: MeshPlan | None, history: HistoryPlan | None) -> FitPlan | None:
     """The fit; None after a fault.
 
     reader: of the scene without a sweep, mesh: the meshes; None if they have faults of their own
     history: that of the study, at whose steps was measured
     """
-    fields, root, scene = Fields(ctx, node, "fit"), reader.root, reader.base
+    root, scene, node = reader.root, reader.base, reader.root.nearest("fit")
+    fields = Fields(ctx, node, "fit")
     if scene is None:
         return None
     if root.at("sweep"):

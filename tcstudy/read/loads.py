@@ -19,7 +19,7 @@ from tcstudy.laws.composed import EdgeLaws
 from tcstudy.read.body import corner_faults, supports_fault
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.node import Node, hint
-from tcstudy.read.sweep import Sweep
+from tcstudy.read.scenes import SceneReader
 from tcstudy.scene.histories import MOST_STEPS, HistoryLine, HistoryPlan, Memory, UnfitLaw
 from tcstudy.scene.keys import row, rows
 from tcstudy.scene.parameters import (
@@ -52,12 +52,9 @@ OF_PATH = ("parameter", "from", "to", "within", "at", "level")
 
 
 @none_after_fault
-def read_path(ctx: Context, node: Node, scene: Scene | None, mesh: MeshPlan | None) -> PathPlan | None:
-    """The path; None after a fault.
-
-    scene: the scene without the sweep, mesh: the meshes; None if they have faults of their own
-    """
-    fields = Fields(ctx, node, "path")
+def read_path(ctx: Context, reader: SceneReader, mesh: MeshPlan | None) -> PathPlan | None:
+    """The path of the scene without the sweep; None after a fault. mesh: None if it has faults of its own"""
+    fields, scene = Fields(ctx, reader.root.nearest("path"), "path"), reader.base
     ctx.sound()
     word = fields.value("parameter")
     if scene is None or not word:
@@ -66,11 +63,9 @@ def read_path(ctx: Context, node: Node, scene: Scene | None, mesh: MeshPlan | No
     if keys not in known and keys in sweepable({}, None) and keys[0] in ("heat", "material", "friction"):
         what = f"the load is not affine in {'.'.join(keys)} in this study, so no path can be followed along it"
         fields.fault("parameter", what, f"use a sweep over it; a path runs along {', '.join(usable(known))}")
-    elif keys not in known:
-        remedy = meant_number(word, known, "a path runs along")
-        fields.fault("parameter", f"the scene has no parameter {word!r} for a path", remedy)
-    elif why := no_single_load(keys, known[keys], "along a path"):
-        fields.fault("parameter", why)
+    else:
+        missing = f"the scene has no parameter {word!r} for a path"
+        load_named(ctx, fields.values["parameter"], word, known, "along a path", missing, "a path runs along")
     ctx.sound()
     dimension = known[keys].row.dimension
     begin, end = (fields.value(key, dimension) for key in ("from", "to"))
@@ -118,15 +113,28 @@ def meant_number(word: str, known: Mapping[Keys, Number], otherwise: str, more: 
     return hint(same[0] if same else word, same or [*names, *shorter, *more], f"{otherwise} {', '.join(names)}")
 
 
-def no_single_load(keys: Keys, load: Number, where: str) -> str:
-    """What is wrong with a load that is to change by itself, and what to do; empty if nothing is."""
-    name = ".".join(keys)
-    if load.idle:
-        return f"{load.idle}, so the solution does not depend on {name}; choose another load"
-    if isinstance(load.value, Expression):
+def load_named(
+    ctx: Context, node: Node, word: str, known: Mapping[Keys, Number], where: str, missing: str, otherwise: str,
+    more: Iterable[str] = (), on_key: bool = False
+) -> Keys | None:  # fmt: skip
+    """The key path of a load that is to change by itself; None after a fault.
+
+    where: "along a path";  missing: what is wrong where no load has the name;  otherwise, more: as of `meant_number`
+    """
+    keys, name = path_of(word), ".".join(path_of(word))
+    load = known.get(keys)
+    if load is None:
+        ctx.errors.at(node, missing, meant_number(word, known, otherwise, more), on_key=on_key)
+    elif load.idle:
+        what = f"{load.idle}, so the solution does not depend on {name}"
+        ctx.errors.at(node, what, "choose another load", on_key=on_key)
+    elif isinstance(load.value, Expression):
         what = f"{name} varies in space ({load.value}), but {where} it is one number"
-        return f"{what}; give {name} a number, or use load, the factor of all mechanical loads"
-    return ""
+        remedy = f"give {name} a number, or use load, the factor of all mechanical loads"
+        ctx.errors.at(node, what, remedy, on_key=on_key)
+    else:
+        return keys
+    return None
 
 
 def level_of(ctx: Context, fields: Fields, mesh: MeshPlan | None, what: str) -> dict[str, Any]:
@@ -140,27 +148,16 @@ def level_of(ctx: Context, fields: Fields, mesh: MeshPlan | None, what: str) -> 
 
 
 @none_after_fault
-def read_history(
-    ctx: Context,
-    node: Node,
-    root: Node,
-    base: Scene | None,
-    scenes: Sequence[Scene],
-    mesh: MeshPlan | None,
-    sweep: Sweep,
-) -> HistoryPlan | None:
-    """The history; None after a fault.
-
-    base: the scene without the sweep, None if it has faults of its own;  scenes: of the sweep
-    """
-    swept = [axis.parameter.path for axis in sweep.axes]
-    fields = Fields(ctx, node, "history")
+def read_history(ctx: Context, reader: SceneReader, mesh: MeshPlan | None) -> HistoryPlan | None:
+    """The history of the scene without the sweep; None after a fault."""
+    root, base, scenes = reader.root, reader.base, reader.scenes
+    fields = Fields(ctx, root.nearest("history"), "history")
     ctx.sound()
     if base is None:
         return None
     memory = _memory(ctx, fields, base)
     known = dict(affine_numbers(base))
-    lines = _lines(ctx, fields, known, swept)
+    lines = _lines(ctx, fields, known, [axis.parameter.path for axis in reader.sweep.axes])
     ctx.sound()
     if "elastic-plastic" in memory.names and memory.stiffness is None:
         fields.missing("stiffness")
@@ -239,15 +236,11 @@ def _lines(
 
 def _load(ctx: Context, word: str, node: Node, known: Mapping[Keys, Number], swept: Collection[Keys]) -> Keys | None:
     """The load that a key of a line names; None after a fault."""
-    keys = path_of(word)
-    if keys not in known:
-        remedy = meant_number(word, known, "use one of", rows("step"))
-        said = f"is no load of this study that a history may change; {remedy}"
-    elif not (said := no_single_load(keys, known[keys], "in a history")) and keys in swept:
-        said = "is swept, too; sweep something else, or leave it out of the steps"
-    if said:
-        ctx.errors.at(node, said, on_key=True)
-    return None if said else keys
+    missing = "is no load of this study that a history may change"
+    keys = load_named(ctx, node, word, known, "in a history", missing, "use one of", rows("step"), on_key=True)
+    if keys in swept:
+        ctx.errors.at(node, "is swept, too; sweep something else, or leave it out of the steps", on_key=True)
+    return keys
 
 
 def _refuse(ctx: Context, root: Node, mesh: MeshPlan | None) -> None:
@@ -299,18 +292,10 @@ def check_numbers(ctx: Context, node: Node, numbers: Iterable[Sensitivity], hist
 
 
 def read_sensitivity(
-    ctx: Context,
-    node: Node,
-    root: Node,
-    base: Scene | None,
-    scenes: Sequence[Scene],
-    exact: Exact | None,
-    history: HistoryPlan | None,
+    ctx: Context, node: Node, reader: SceneReader, exact: Exact | None, history: HistoryPlan | None
 ) -> tuple[Sensitivity, ...]:
-    """The numbers by name or key path, each once.
-
-    base: the scene without the sweep;  exact: the exact solution, whose derived loads would have to follow
-    """
+    """The numbers by name or key path, each once. exact: the solution, whose derived loads would have to follow"""
+    root, base, scenes = reader.root, reader.base, reader.scenes
     if base is None:
         return ()
     if exact is not None and exact.derived:
@@ -372,18 +357,14 @@ def named_number(
 
 
 def check_together(
-    ctx: Context,
-    root: Node,
-    scenes: Sequence[Scene],
-    mesh: MeshPlan | None,
-    solver: SolverPlan | None,
-    output: OutputPlan | None,
-    exact: Exact | None,
-) -> None:
+    ctx: Context, reader: SceneReader, mesh: MeshPlan | None, solver: SolverPlan | None, output: OutputPlan | None,
+    exact: Exact | None
+) -> None:  # fmt: skip
     """Report what a feature of the scenes, a path, a history or a fit excludes and the study asks for.
 
     mesh … exact: what it asks for beside its scenes; None for what it does not, or has faults in
     """
+    root, scenes = reader.root, reader.scenes
     roles = dict(scenes[0].boundary).values() if scenes else ()
     laws = any(isinstance(scene.friction, EdgeLaws) for scene in distinct(scenes, "friction"))
     springs = any(scene.springs for scene in distinct(scenes, "boundary"))

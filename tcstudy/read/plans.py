@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -13,8 +13,9 @@ import numpy as np
 from tcstudy.read.body import check_goal, check_guarantee, check_mesh
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.node import Node, put
+from tcstudy.read.scenes import SceneReader
 from tcstudy.scene.keys import rows
-from tcstudy.scene.records import Body, Contact, Scene
+from tcstudy.scene.records import Contact
 from tcstudy.scene.study import (
     ALL,
     BUNDLE,
@@ -66,15 +67,15 @@ def with_sizes(ctx: Context, root: Node) -> Node:
     return put(root, ("mesh",), replace(mesh, value={**mesh.value, **own.values}))
 
 
-def read_mesh(ctx: Context, root: Node, body: Body | None, scenes: Sequence[Scene]) -> MeshPlan | None:
+def read_mesh(ctx: Context, reader: SceneReader) -> MeshPlan | None:
     """The meshes, coarse to fine; None after a fault in them by themselves, not in what they are for this body."""
-    section = root.at("mesh")
-    plan = None if section is None else _mesh(ctx, section)  # that it is missing is recorded already
+    root, body = reader.root, reader.body
+    plan = _mesh(ctx, section) if (section := root.at("mesh")) else None  # that it is missing is recorded already
     if section and plan and body:
         check_mesh(ctx, root.nearest("mesh", "maxh"), plan, body)
         check_guarantee(ctx, root, plan, body)
-        if scenes and (goal := section.at("of") or section.at("goal")):
-            check_goal(ctx, goal, plan.goal, body, scenes)
+        if reader.scenes and (goal := section.at("of") or section.at("goal")):
+            check_goal(ctx, goal, plan.goal, body, reader.scenes)
     return plan
 
 
@@ -170,9 +171,9 @@ def read_solver(ctx: Context, node: Node | None) -> SolverPlan:
 
 
 @none_after_fault
-def read_output(ctx: Context, root: Node, body: Body | None, scenes: Sequence[Scene]) -> OutputPlan:
+def read_output(ctx: Context, reader: SceneReader) -> OutputPlan:
     """Where the data go, and what is asked for beside the mandatory ones but derivatives; None after a fault."""
-    if (node := root.at("output")) is None:
+    if (node := reader.root.at("output")) is None:
         return OutputPlan()
     fields = Fields(ctx, node, "output")
     given = fields.given(key for key in fields.rows if key not in ("sensitivity", "probes"))
@@ -182,20 +183,18 @@ def read_output(ctx: Context, root: Node, body: Body | None, scenes: Sequence[Sc
             ctx.errors.at(where, f"{where.brief()!r} names no file", "write a name such as results/study.nc")
         given["path"] = path
     if (node := fields["quantities"]) and "section_force" in (given["quantities"] or ()):
-        _check_section(ctx, node, body, scenes)
+        _check_section(ctx, node, reader)
     ctx.sound()
-    return OutputPlan(**given, probes=_probes(ctx, fields["probes"], body, scenes))
+    return OutputPlan(**given, probes=_probes(ctx, fields["probes"], reader))
 
 
-def _check_section(ctx: Context, node: Node, body: Body | None, scenes: Sequence[Scene]) -> None:
+def _check_section(ctx: Context, node: Node, reader: SceneReader) -> None:
     """Sections are cut across one straight contact line; that of a body from a file shows on its mesh."""
-    if body is None or body.outline is None or not scenes:
+    if reader.body is None or reader.body.outline is None or not reader.scenes:
         return
-    names = scenes[0].edges(Contact)
-    edges = [edge for edge in body.edges if edge.name in names]
-    along = np.array(
-        [np.subtract(edge.end, edge.start) / np.hypot(*np.subtract(edge.end, edge.start)) for edge in edges]
-    )
+    edges = [edge for edge in reader.body.edges if edge.name in reader.scenes[0].edges(Contact)]
+    along = np.array([np.subtract(edge.end, edge.start) for edge in edges])
+    along /= np.hypot(*along.T)[:, None]
     bends = any(edge.through for edge in edges) or np.abs(along @ [along[0, 1], -along[0, 0]]).max() > STRAIGHT
     gaps = len({edge.start for edge in edges} - {edge.end for edge in edges}) > 1
     if bends or gaps:
@@ -203,18 +202,18 @@ def _check_section(ctx: Context, node: Node, body: Body | None, scenes: Sequence
         ctx.errors.at(node, f"{what}, and no one section lies across it", "remove it; forces gives those of edges")
 
 
-def _probes(ctx: Context, node: Node | None, body: Body | None, scenes: Sequence[Scene]) -> tuple[Probe, ...]:
+def _probes(ctx: Context, node: Node | None, reader: SceneReader) -> tuple[Probe, ...]:
     """The probes; one outside the body is a fault. A body from a file is not judged, and has no u_T at probes."""
     if node is None:
         return ()
-    before, point = len(ctx.errors), replace(rows("output")["probes"], kind="point")
+    before, point, body = len(ctx.errors), replace(rows("output")["probes"], kind="point"), reader.body
     places = ctx.mapping(node, "names to points", "write {tip: [200 mm, 60 mm]}", named=True)
     probes = [Probe(name, ctx.value(place, point)) for name, place in places.items()]
-    if body is None or body.outline is None or not scenes or len(ctx.errors) > before:
+    if body is None or body.outline is None or not reader.scenes or len(ctx.errors) > before:
         return tuple(probes)
     import shapely
 
-    shape, contact = loop_polygon(body.outline, loop_size(body.outline)), scenes[0].edges(Contact)
+    shape, contact = loop_polygon(body.outline, loop_size(body.outline)), reader.scenes[0].edges(Contact)
     for hole in body.holes:
         shape = shape.difference(loop_polygon(hole, loop_size(hole)))
     found = []

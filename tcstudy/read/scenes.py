@@ -65,6 +65,7 @@ class SceneReader:
         self.supports: set[tuple[object, ...]] = set()
         self.finite: set[int] = set()
         self.base: Scene | None = None
+        self.scenes: Sequence[Scene] = ()
         ctx.errors.drawn = sweep.design is not None
 
     def touches(self, path: tuple[str, ...], section: str) -> bool:
@@ -77,23 +78,22 @@ class SceneReader:
         names = users(self.root, path[-1])
         return any(words_in(node, names) for node in here)
 
-    def read(self) -> Sequence[Scene]:
-        """One scene for each point, in C order of the axes; after a fault the base study's, if it has none."""
+    def read(self) -> None:
+        """Find one scene for each point, in C order of the axes; after a fault the base study's, if it has none."""
         base = {s: self.section(s, self.root) for s in SECTIONS}
         self._compare(self.root, base)
         if self.body is not None and None not in base.values():
             self.base = Scene(self.body, **{_FIELD.get(s, s): value for s, value in base.items()})
-        alone = (self.base,) if self.base else ()
+            self.scenes = (self.base,)
         if not self.sweep.axes:
-            return alone
+            return
         keys = {s: self._keys(s) for s in SECTIONS}
         read = {s: [self._at(s, key, base[s]) for key in keys[s][0]] for s in SECTIONS}
         self._compare_points(keys, read)
         records = {_FIELD.get(s, s): [record for _, record in read[s]] for s in SECTIONS}
-        if self.body is None or any(record is None for known in records.values() for record in known):
-            return alone
-        which = {_FIELD.get(s, s): keys[s][1] for s in SECTIONS} | {"body": np.zeros_like(keys["heat"][1])}
-        return Scenes(records | {"body": [self.body]}, which)
+        if self.body is not None and not any(record is None for known in records.values() for record in known):
+            which = {_FIELD.get(s, s): keys[s][1] for s in SECTIONS} | {"body": np.zeros_like(keys["heat"][1])}
+            self.scenes = Scenes(records | {"body": [self.body]}, which)
 
     def _keys(self, section: str) -> tuple[list[Indices], NDArray[np.int32]]:
         """All combinations of the values of the axes that touch a section, and (P,) which one each point has."""

@@ -113,23 +113,20 @@ def _one_body(header: dict[str, Any], ctx: Context, root: Node, sweep: Sweep, sa
     memory = root.at("history", "memory")
     loose = memory is not None and all(one.value == "friction" for one in memory.children.values() or (memory,))
     reader = SceneReader(ctx, root, sweep, loose=loose)
-    scenes = reader.read()
+    reader.read()
     ctx.errors.point = ""
-    body, base = reader.body, reader.base
-    mesh, solver = read_mesh(ctx, root, body, scenes), read_solver(ctx, root.at("solver"))
-    output = read_output(ctx, root, body, scenes)
-    path = read_path(ctx, node, base, mesh) if (node := root.at("path")) else None
-    exact = read_exact(ctx, node, root, body) if (node := root.at("exact")) else None
-    node = root.at("history") if scenes else None
-    history = read_history(ctx, node, root, base, scenes, mesh, sweep) if node else None
+    mesh, solver, output = read_mesh(ctx, reader), read_solver(ctx, root.at("solver")), read_output(ctx, reader)
+    path = read_path(ctx, reader, mesh) if root.at("path") else None
+    exact = read_exact(ctx, reader) if root.at("exact") else None
+    history = read_history(ctx, reader, mesh) if reader.scenes and root.at("history") else None
     if output and not ctx.errors.problems and (node := root.at("output", "sensitivity")):
-        output = replace(output, sensitivity=read_sensitivity(ctx, node, root, base, scenes, exact, history))
-    node = None if ctx.errors.problems else root.at("fit")
-    fit = read_fit(ctx, node, reader, mesh, history) if node else None
+        output = replace(output, sensitivity=read_sensitivity(ctx, node, reader, exact, history))
+    fit = read_fit(ctx, reader, mesh, history) if not ctx.errors.problems and root.at("fit") else None
     if any(map(root.at, ("path", "exact", "history", "fit"))) or (output and output.live):
-        check_together(ctx, root, scenes, mesh, solver, output, exact)
-    if exact and exact.derived and body and not ctx.errors.problems:
-        scenes = derived_scenes(ctx, root, sweep, exact, body, scenes)
+        check_together(ctx, reader, mesh, solver, output, exact)
+    scenes = reader.scenes
+    if exact and exact.derived and reader.body and not ctx.errors.problems:
+        scenes = derived_scenes(ctx, reader, exact, reader.body)
     if ctx.errors.problems or mesh is None or solver is None or output is None:
         raise StudyError(ctx.errors.problems)
     axes = records(sweep, ctx.units) if sweep.axes else ()
@@ -295,11 +292,10 @@ def without_loads(ctx: Context, root: Node, sweep: Sweep) -> Node:
     return replace(root, value=sections)
 
 
-def derived_scenes(
-    ctx: Context, root: Node, sweep: Sweep, exact: Exact, body: Body, scenes: Sequence[Scene]
-) -> Sequence[Scene]:
+def derived_scenes(ctx: Context, reader: SceneReader, exact: Exact, body: Body) -> Sequence[Scene]:
     """The scenes with their loads; what forbids it is recorded, once for each place."""
     checks, derivation, before = Checks(exact, body), Derivation(exact, body), len(ctx.errors)
+    root, sweep, scenes = reader.root, reader.sweep, reader.scenes
 
     def sound(faults: Iterable[SolutionFault]) -> bool:
         for fault in faults:
@@ -336,12 +332,12 @@ def _missing(exact: Exact, scenes: Sequence[Scene]) -> Iterator[SolutionFault]:
 
 
 @none_after_fault
-def read_exact(ctx: Context, node: Node, root: Node, body: Body | None) -> Exact:
+def read_exact(ctx: Context, reader: SceneReader) -> Exact:
     """The exact solution; None after a fault."""
-    fields = Fields(ctx, node, "exact")
+    fields = Fields(ctx, reader.root.nearest("exact"), "exact")
     u, theta, xi, exponent, loads = (fields.value(key) for key in ("u", "theta", "xi", "exponent", "loads"))
     exact = Exact(u, theta, xi, exponent, loads == DERIVED)
     ctx.sound()
-    if body is not None:
-        check_finite(ctx, root, "exact", exact, body)
+    if reader.body is not None:
+        check_finite(ctx, reader.root, "exact", exact, reader.body)
     return exact

@@ -178,6 +178,7 @@ def _share(least: float) -> dict[str, Any]:
     return {"above": 0.0, "below": 1.0, "least": least}
 
 
+_LINES = "[{load: 0.5}, {load: 1}]"
 _FITTED = "{friction.tau_s: {start: 4 MPa, within: [1 MPa, 50 MPa]}}"
 _NAMED = '{friction_resultant: "P [N/mm]"}'
 _TESTS = f"[{{data: {{file: short.csv, columns: {_NAMED}}}, with: {{parameters.L: 50 mm}}}}]"
@@ -335,8 +336,8 @@ ROWS: tuple[Key, ...] = (
     key("exact.exponent", "number", "of its singularity", above=0.0),
     key("exact.loads", "choice", "`derived`: it also makes the loads", words=("given", "derived"), default="given"),
     needed("path.parameter", "text", "what varies, or `load`", example="theta_bar"),
-    needed("path.from", "quantity", "where the path starts", example="0 K"),
-    needed("path.to", "quantity", "the other end of the range", example="40 K"),
+    needed("path.from", "quantity", "where the path starts", example="0"),
+    needed("path.to", "quantity", "the other end of the range", example="1"),
     key("path.at", "quantities", "values at which the solutions on the branch are listed"),
     key("path.within", "span", "how far it may leave the range"),
     key("path.start", "choice", "solution that it starts from", words=get_args(Start), default=_PATH["start"]),
@@ -354,7 +355,7 @@ ROWS: tuple[Key, ...] = (
     key("output.live", "flag", "keep what a page needs to solve by itself (half a megabyte a level)", default=False),
     key("history", "section", "[loads one after the other, friction that remembers](#load-histories)"),
     needed("history.memory", "choice by edge", "what a contact node remembers", example="friction", words=MEMORIES),
-    needed("history.steps", "sections", "lines: loads by path or short name, what they become", least=1, of=("step",)),
+    needed("history.steps", "sections", "lines: loads and what they become", example=_LINES, least=1, of=("step",)),
     key("history.repeat", "integer", "cycles of all lines", default=1, least=1, most=MOST_STEPS),
     key("history.branch", "choice", "which solution of a step", words=HISTORY_BRANCHES, default="continued"),
     key("history.stiffness", "number", "of elastic-plastic bonds", u.STIFFNESS, "100 GPa/m", above=0.0),
