@@ -1,10 +1,12 @@
 """The bundle-Newton method for locally Lipschitz functions with an oracle x → (f, g, G).
 
 Problem:    min f(x), x ∈ Rⁿ;  f(x), one subgradient g ∈ ∂f(x), a symmetric G of second derivatives of the active piece
-Model:      model.py (damped quadratic pieces, subgradient locality measures)
+Model:      f(x) + max_j { −α_j + g_jᵀd + ½ρ_j dᵀG_j d },   x the centre, d the step
+Pieces:     f_j = f(y_j) + g(y_j)ᵀδ + ½ρ_j δᵀG_jδ,  g_j = g(y_j) + ρ_j G_j δ,  δ = x − y_j,  0 ≤ ρ_j ≤ 1
+Locality:   α_j = max{ |f(x) − f_j|, γ‖W‖ s_j² },  s_j the distance of y_j from x
 Subproblem: simplex_qp.py (dual active set on orthogonal factors)
 Literature: Lukšan & Vlček, A bundle-Newton method for nonsmooth unconstrained minimization,
-            Math. Programming 83 (1998) 373–391
+            Math. Programming 83 (1998) 373–391 (quadratic model, damping, subgradient locality measures)
 
 Steps, after evaluating y = x + d with predicted decrease w:
   serious   f(y) ≤ f(x) − m_L w: y becomes the centre
@@ -18,14 +20,6 @@ Left out: the publication's line search over t with m_L, m_R, t_0 (every iterati
 follows the success, one evaluation an iteration), bounds and linear constraints, and its absolute constants: all
 tests here are relative, so that f → af and x → ax give the same iterates to rounding.
 
-The model of the bundle-Newton method: the largest of damped quadratic pieces, and its minimiser.
-
-Model:      f(x) + max_j { −α_j + g_jᵀd + ½ρ_j dᵀG_j d },   x the centre, d the step
-Pieces:     f_j = f(y_j) + g(y_j)ᵀδ + ½ρ_j δᵀG_jδ,  g_j = g(y_j) + ρ_j G_j δ,  δ = x − y_j,  0 ≤ ρ_j ≤ 1
-Locality:   α_j = max{ |f(x) − f_j|, γ‖W‖ s_j² },  s_j the distance of y_j from x
-Literature: Lukšan & Vlček, A bundle-Newton method for nonsmooth unconstrained minimization,
-            Math. Programming 83 (1998) 373–391 (quadratic model, damping, subgradient locality measures)
-
 Differences from the publication, each because it saves evaluations:
   * ‖W‖ in the locality measure makes γ a pure number; s_j is the distance, not the length of the path.
   * ρ_j is not 0 or 1: it is lowered in proportion to the amount by which the piece lies above f(x).
@@ -37,18 +31,14 @@ Differences from the publication, each because it saves evaluations:
 Where all pieces share the curvature of a smooth part, G_j = B + diag(h_j), products with N pieces cost O(n² + Nn)
 instead of O(Nn²) and the bundle stores N vectors instead of N matrices: the oracle then returns h (n,) in place of G.
 
-The condensed contact problem as an oracle of the bundle-Newton method.
+The condensed contact problem is such a function,
 
 f(v) = L̃(v) = ½vᵀÃv − l̃ᵀv + Σc_i j(v_i),   g(v) = Ãv − l̃ + c b(v),   G(v) = Ã + diag(c b′(v))
-with the right limits of b and b′ at a kink: one selection of ∂L̃(v).
-
-Literature: Šestak & Jovanović, Appl. Math. Mech. 31 (2010), §3 (condensation, eqs. 20, 21);
-            Lukšan & Vlček, Math. Programming 83 (1998) 373–391 (the method)
-
-A node that slips is smooth and costs nothing; every sticking node is a direction in which L̃ is nonsmooth and
-needs a subgradient of its own, so iterations grow with the number of sticking nodes. The separable structure of
-Ψ is deliberately not used by the iteration. It is used to stop: once the predicted decrease is small, the pieces
-that the nodes seem to rest on are tried (active_set.py), and where they satisfy the inclusion (21) at no higher
+with the right limits of b and b′ at a kink: one selection of ∂L̃(v) (Šestak & Jovanović, Appl. Math. Mech. 31 (2010),
+§3, eqs. 20, 21). A node that slips is smooth and costs nothing; every sticking node is a direction in which L̃ is
+nonsmooth and needs a subgradient of its own, so iterations grow with the number of sticking nodes. The separable
+structure of Ψ is deliberately not used by the iteration. It is used to stop: once the predicted decrease is small, the
+pieces that the nodes seem to rest on are tried (solution.py), and where they satisfy the inclusion (21) at no higher
 energy the remaining iterations, which would only add digits, are left out.
 """
 
@@ -56,7 +46,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,8 +97,7 @@ class Bundle:
 
     def with_one(self, new: Bundle) -> Bundle:
         """These and others behind them."""
-        pairs = (self.y, new.y), (self.f, new.f), (self.g, new.g), (self.G, new.G)
-        y, f, g, G = (np.concatenate(pair) for pair in pairs)
+        y, f, g, G = (np.append(getattr(self, x), getattr(new, x), axis=0) for x in ("y", "f", "g", "G"))
         return Bundle(y, f, g, G, self.base)
 
     def times(self, d: Array) -> Array:
@@ -282,17 +271,12 @@ def bounded_step(model: Model, lam: Array, radius: float, unit: float, likely_sh
             shift = max(slope / radius, 10.0 * shift)
         step = minimise(model, lam, shift, unit, far)
         used += step.factorisations
-    found = inside or cut_back(model, step, radius)
-    return replace(found, promise=promise, factorisations=used)
-
-
-def cut_back(model: Model, step: Step, radius: float) -> Step:
-    """A step that is too long, shortened to the radius and on until the model falls."""
-    t = min(1.0, radius / step.length) if step.length > 0.0 else 0.0
-    while t > 1e-15 and model.value(t * step.d) >= 0.0:
-        t *= 0.5
-    d = t * step.d
-    return replace(step, d=d, decrease=-model.value(d))
+    if inside is None:  # too long: shortened to the radius and on until the model falls
+        t = min(1.0, radius / step.length) if step.length > 0.0 else 0.0
+        while t > 1e-15 and model.value(t * step.d) >= 0.0:
+            t *= 0.5
+        inside = replace(step, d=t * step.d, decrease=-model.value(t * step.d))
+    return replace(inside, promise=promise, factorisations=used)
 
 
 Oracle = Callable[[Array], tuple[float, Array, Array]]
@@ -305,61 +289,27 @@ IDENTIFY, EVERY = 1e-4, 10
 trials."""
 
 
-@dataclass(frozen=True, eq=False)
-class State:
-    """Where a run is.
+class State(NamedTuple):
+    """What a run is watched by: the centre, its value and what led there."""
 
-    x, f:     centre and its value
-    f0:       value at the start
-    pieces:   the bundle; one of them lies at x
-    lam:      (N,) multipliers that belong to `pieces`
-    radius:   bound of the next step
-    unit:     length of x that the run started with
-    model, step: the model about x and its minimiser
-    kind:     what led here
-    nulls, resets: null steps and resets since the last serious step
-    promised: decrease predicted at the start
-    """
-
+    kind: Kind
     x: Array
     f: float
-    f0: float
-    pieces: Bundle
-    lam: Array
-    radius: float
-    unit: float
-    model: Model
-    step: Step
-    kind: Kind = "start"
-    nulls: int = 0
-    resets: int = 0
-    evaluations: int = 1
-    factorisations: int = 0
-    promised: float = 0.0
-
-    @property
-    def scale(self) -> float:
-        """What the predicted decrease is compared with: |f| and a share of the decrease so far, if not both are 0."""
-        return abs(self.f) + 1e-3 * (self.f0 - self.f) or self.promised
-
-    @property
-    def accuracy(self) -> float:
-        """Predicted decrease relative to `scale`."""
-        predicted = max(self.step.decrease, self.step.promise)
-        if predicted == 0.0:
-            return 0.0
-        return predicted / self.scale if self.scale > 0.0 else float("inf")
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class BundleNewton:
-    """Options of the method.
+    """The method with its options, and where its run is.
 
     tolerance:      predicted decrease relative to |f| (+ 10⁻³ of the decrease so far) at which to stop
     max_iterations: limit of steps, each with at most one evaluation and INNER quadratic programmes on average
     x_unit:         length by which to bound the first step (None: ‖x0‖; from f, g and G if x0 = 0)
     gamma:          weight γ of the distance in the locality measure
     base:           (n, n) B where the oracle returns the diagonals h of G = B + diag(h)
+
+    A run has its centre x with f there, the bundle `pieces`, of which one lies at x, with multipliers lam (N,), the
+    radius that bounds the next step, the model about x and its minimiser `step`; null steps and resets since the last
+    serious step; evaluations and quadratic programmes so far.
     """
 
     tolerance: float = 1e-11
@@ -379,18 +329,29 @@ class BundleNewton:
 
         exact: (x, decrease left) → the exact minimum beside x, if it is found;  watch: called with every state
         """
-        first = self._evaluated(oracle, x0)
+        self.oracle, self.evaluations, self.programmes = oracle, 0, 0
+        first = self.evaluated(x0)
         if not first.finite:
             reason = "f, g or G is not finite at the start; start from another point"
             return Outcome(x0, float(first.f[0]), Status.NOT_FINITE, reason, 0, 1)
-        state = self._first(first)
+        self.x, self.f, self.f0, self.nulls, self.resets, self.shift = (
+            first.y[0],
+            float(first.f[0]),
+            first.f[0],
+            0,
+            0,
+            0.0,
+        )
+        self.unit = self.x_unit or first_unit(first)
+        self.redirect("start", first, np.ones(1), self.unit)
+        self.promised = max(self.step.promise, self.step.decrease)
         for iteration in range(self.max_iterations + 1):
             if watch is not None:
-                watch(state)
-            ended = self.verdict(state)
-            x, f, left = state.x, state.f, IDENTIFY * state.scale
-            due = state.evaluations % EVERY == 0 if ended is None else ended[0] == Status.CONVERGED
-            if exact is not None and due and state.step.decrease <= left and (found := exact(x, left)) is not None:
+                watch(State(self.kind, self.x, self.f))
+            ended = self.verdict()
+            x, f, left = self.x, self.f, IDENTIFY * self.scale
+            due = self.evaluations % EVERY == 0 if ended is None else ended[0] == Status.CONVERGED
+            if exact is not None and due and self.step.decrease <= left and (found := exact(x, left)) is not None:
                 x, f, ended = found, oracle(found)[0], ended or (Status.CONVERGED, "on the exact active pieces")
             if ended is None and iteration == self.max_iterations:
                 reason = (
@@ -399,65 +360,77 @@ class BundleNewton:
                 )
                 ended = Status.ITERATION_LIMIT, reason
             if ended is not None:
-                return Outcome(x, f, *ended, iteration, state.evaluations)
-            state = self.step(oracle, state)
+                return Outcome(x, f, *ended, iteration, self.evaluations)
+            self.advance()
         raise AssertionError
 
-    def _first(self, first: Bundle) -> State:
-        """The state with the first direction."""
-        unit, x, f, one = self.x_unit or first_unit(first), first.y[0], float(first.f[0]), np.ones(1)
-        model = Model.about(x, f, first, self.gamma, spectral_norm(first, one))
-        step = bounded_step(model, one, unit, unit)
-        promised, used = max(step.promise, step.decrease), step.factorisations
-        return State(x, f, f, first, step.lam, unit, unit, model, step, factorisations=used, promised=promised)
+    @property
+    def scale(self) -> float:
+        """What the predicted decrease is compared with: |f| and a share of the decrease so far, if not both are 0."""
+        return float(abs(self.f) + 1e-3 * (self.f0 - self.f)) or self.promised
 
-    def step(self, oracle: Oracle, state: State) -> State:
-        """One serious, null, short or reset step (see the head of this file)."""
-        if state.accuracy <= self.tolerance:
-            return self._reset(state)
-        length, centre = state.step.length, state.pieces.take(np.argmin(state.model.s, keepdims=True))
-        new = self._evaluated(oracle, state.x + state.step.d)
-        state = replace(state, evaluations=state.evaluations + 1)
-        if not new.finite:
-            return self._redirected(state, state.pieces, state.lam, 0.25 * length, "short")
-        f, slope = float(new.f[0]), float(centre.g[0] @ state.step.d)
-        ratio = (state.f - f) / state.step.decrease
-        if ratio < M_L and smoothly_joined(centre, new)[0]:
-            bend = 2.0 * (f - state.f - slope)  # of the parabola through f(x), its slope along d, and f(y)
-            share = float(np.clip(-slope / bend, 0.1, 0.5)) if bend > 0.0 else 0.5
-            return self._redirected(state, state.pieces, state.lam, share * length, "short")
-        if ratio < M_L:
-            radius, selected = self._radius_after_null(state, new), self._selected(state, new, state.x)
-            return self._redirected(replace(state, nulls=state.nulls + 1), *selected, radius, "null")
-        radius = 0.5 * min(state.radius, length) if ratio < 0.1 else state.radius
-        radius = max(radius, 4.0 * length if ratio > 0.9 else 2.0 * length if ratio > 0.5 else 0.0)
-        moved = replace(state, x=new.y[0], f=f, nulls=0, resets=0)
-        return self._redirected(moved, *self._selected(state, new, new.y[0]), radius, "serious")
+    @property
+    def accuracy(self) -> float:
+        """Predicted decrease relative to `scale`."""
+        predicted = max(self.step.decrease, self.step.promise)
+        return predicted / self.scale if self.scale > 0.0 else np.inf if predicted else 0.0
 
-    def _evaluated(self, oracle: Oracle, y: Array) -> Bundle:
-        f, g, G = oracle(y)
+    def evaluated(self, y: Array) -> Bundle:
+        """The piece of y."""
+        f, g, G = self.oracle(y)
+        self.evaluations += 1
         g, G = np.asarray(g, dtype=float), np.asarray(G, dtype=float)
         return Bundle(y[None], np.array([f], dtype=float), g[None], G[None], self.base)
 
-    def _redirected(self, state: State, pieces: Bundle, lam: Array, radius: float, kind: Kind) -> State:
-        """The state with a new bundle and radius, and the direction that follows from them."""
-        model = Model.about(state.x, state.f, pieces, self.gamma, spectral_norm(pieces, lam))
-        step = bounded_step(model, lam, radius, max(radius, state.unit), state.step.shift)
-        used = state.factorisations + step.factorisations
-        return replace(
-            state, pieces=pieces, lam=step.lam, radius=radius, model=model, step=step, kind=kind, factorisations=used
-        )
+    def redirect(self, kind: Kind, pieces: Bundle, lam: Array, radius: float) -> None:
+        """The direction that follows from a bundle and a radius."""
+        curvature = float(np.max(np.abs(np.linalg.eigvalsh(pieces.combined(lam)))))  # ‖Σλ_jG_j‖₂
+        self.model = Model.about(self.x, self.f, pieces, self.gamma, curvature)
+        self.step = bounded_step(self.model, lam, radius, max(radius, self.unit), self.shift)
+        self.kind, self.pieces, self.lam, self.radius, self.shift = kind, pieces, self.step.lam, radius, self.step.shift
+        self.programmes += self.step.factorisations
 
-    def _selected(self, state: State, new: Bundle, x: Array) -> tuple[Bundle, Array]:
+    def advance(self) -> None:
+        """One serious, null, short or reset step (see the head of this file)."""
+        if self.accuracy <= self.tolerance:
+            return self.reset()
+        pieces, lam, radius, step, length = self.pieces, self.lam, self.radius, self.step, self.step.length
+        centre, new = pieces.take(np.argmin(self.model.s, keepdims=True)), self.evaluated(self.x + step.d)
+        if not new.finite:
+            return self.redirect("short", pieces, lam, 0.25 * length)
+        f, slope = float(new.f[0]), float(centre.g[0] @ step.d)
+        ratio = (self.f - f) / step.decrease
+        if ratio < M_L and smoothly_joined(centre, new)[0]:
+            bend = 2.0 * (f - self.f - slope)  # of the parabola through f(x), its slope along d, and f(y)
+            share = float(np.clip(-slope / bend, 0.1, 0.5)) if bend > 0.0 else 0.5
+            return self.redirect("short", pieces, lam, share * length)
+        if ratio < M_L:
+            # shorter if the new piece hardly changes the model at d, or if null steps repeat at the bound
+            alone = Model.about(self.x, self.f, new, self.gamma, self.model.curvature)
+            if alone.value(step.d) < -M_R * step.decrease:
+                radius = 0.5 * min(radius, length)
+            elif step.shift > 0.0 and self.nulls > 0:
+                radius = float(0.7 ** (1.0 / np.sum(lam > ACTIVE))) * min(
+                    radius, length
+                )  # k kinks need some k null steps
+            self.nulls += 1
+            return self.redirect("null", *self.selected(new, self.x), radius)
+        radius = 0.5 * min(radius, length) if ratio < 0.1 else radius
+        radius = max(radius, 4.0 * length if ratio > 0.9 else 2.0 * length if ratio > 0.5 else 0.0)
+        chosen = self.selected(new, new.y[0])
+        self.x, self.f, self.nulls, self.resets = new.y[0], f, 0, 0
+        return self.redirect("serious", *chosen, radius)
+
+    def selected(self, new: Bundle, x: Array) -> tuple[Bundle, Array]:
         """The next bundle about x with `new` last, and multipliers for it to start from.
 
         A piece that is smoothly joined to the new one and farther from the centre is obsolete; beyond 2n + 5 pieces the
         oldest inactive ones leave.
         """
-        pieces, lam = state.pieces, state.lam
+        pieces, lam = self.pieces, self.lam
         farther = np.linalg.norm(pieces.y - x, axis=1) >= np.linalg.norm(new.y[0] - x)
         obsolete = farther & smoothly_joined(pieces, new)
-        idle = np.flatnonzero(~obsolete & (lam <= ACTIVE) & (state.model.s > 0.0))
+        idle = np.flatnonzero(~obsolete & (lam <= ACTIVE) & (self.model.s > 0.0))
         most = 2 * len(x) + 4
         leaving = idle[: max(0, np.count_nonzero(~obsolete) - most)]
         kept = np.setdiff1d(np.flatnonzero(~obsolete), leaving)
@@ -465,64 +438,42 @@ class BundleNewton:
         lam = lam / lam.sum() if lam.sum() > 0.0 else np.full(len(lam), 1.0 / len(lam))
         return pieces.take(kept).with_one(new), lam
 
-    def _radius_after_null(self, state: State, new: Bundle) -> float:
-        """Shorter if the new piece hardly changes the model at d, or if null steps repeat at the bound."""
-        d, shortest = state.step.d, min(state.radius, state.step.length)
-        alone = Model.about(state.x, state.f, new, self.gamma, state.model.curvature)
-        if alone.value(d) < -M_R * state.step.decrease:
-            return 0.5 * shortest
-        if state.step.shift > 0.0 and state.nulls > 0:
-            active = int(np.sum(state.lam > ACTIVE))
-            return float(0.7 ** (1.0 / active)) * shortest  # k kinks need some k null steps
-        return state.radius
-
-    def remote(self, state: State) -> NDArray[np.bool_]:
+    def remote(self) -> NDArray[np.bool_]:
         """(N,) active pieces whose origin is too far away to prove stationarity."""
-        model = state.model
-        return (state.lam > ACTIVE) & (model.curvature * model.s**2 > 1e4 * self.tolerance * state.scale)
+        return (self.lam > ACTIVE) & (self.model.curvature * self.model.s**2 > 1e4 * self.tolerance * self.scale)
 
-    def _reset(self, state: State) -> State:
+    def reset(self) -> None:
         """Drop the remote active pieces and look for them again within the distance that proves stationarity."""
-        keep = np.flatnonzero(~self.remote(state))
-        nearby = float(np.sqrt(1e4 * self.tolerance * state.scale / state.model.curvature))
-        radius = 0.5 * nearby  # steps may exceed it a little; what they find must not be remote again
-        state = replace(state, resets=state.resets + 1)
-        return self._redirected(state, state.pieces.take(keep), np.full(len(keep), 1.0 / len(keep)), radius, "reset")
+        keep = np.flatnonzero(~self.remote())
+        nearby = float(np.sqrt(1e4 * self.tolerance * self.scale / self.model.curvature))
+        self.resets += 1
+        # steps may exceed the radius a little; what they find must not be remote again
+        self.redirect("reset", self.pieces.take(keep), np.full(len(keep), 1.0 / len(keep)), 0.5 * nearby)
 
-    def verdict(self, state: State) -> tuple[Status, str] | None:
+    def verdict(self) -> tuple[Status, str] | None:
         """None to go on, else why to stop; converged: predicted decrease ≤ tolerance by pieces from nearby."""
-        if state.accuracy <= self.tolerance:
-            if not np.any(self.remote(state)):
-                return Status.CONVERGED, f"predicted decrease {state.accuracy:.1e} of |f|, by pieces from nearby"
-            if state.resets > 10 + len(state.x):
-                reason = (
-                    f"the predicted decrease is {state.accuracy:.1e} of |f|, but only by pieces from too far away, and "
-                    f"{state.resets} searches nearby found no others; allow a larger tolerance"
-                )
-                return Status.STALLED, reason
-            return None
-        if state.factorisations > INNER * self.max_iterations:
-            reason = (
-                f"{state.factorisations} quadratic programmes, more than {INNER} for each of {self.max_iterations} "
-                f"iterations, at a predicted decrease of {state.accuracy:.1e} of |f|; allow more (max_iterations) or a "
-                "larger tolerance"
+        predicted = f"predicted decrease {self.accuracy:.1e} of |f|"
+        if self.accuracy <= self.tolerance:
+            if not np.any(self.remote()):
+                return Status.CONVERGED, f"{predicted}, by pieces from nearby"
+            if self.resets <= 10 + len(self.x):
+                return None
+            searches = f"only by pieces from too far away, and {self.resets} searches nearby found no others"
+            return Status.STALLED, f"{predicted}, but {searches}; allow a larger tolerance"
+        if self.programmes > INNER * self.max_iterations:
+            return Status.ITERATION_LIMIT, (
+                f"{self.programmes} quadratic programmes, more than {INNER} for each of {self.max_iterations} "
+                f"iterations, at a {predicted}; allow more (max_iterations) or a larger tolerance"
             )
-            return Status.ITERATION_LIMIT, reason
-        if state.radius > 1e12 * state.unit:
-            reason = f"f still falls at a distance of {state.radius:.1e}: it may be unbounded below; check its growth"
+        if self.radius > 1e12 * self.unit:
+            reason = f"f still falls at a distance of {self.radius:.1e}: it may be unbounded below; check its growth"
             return Status.UNBOUNDED, reason
-        if state.step.decrease <= 0.0 or state.step.length <= 4 * np.finfo(float).eps * float(np.linalg.norm(state.x)):
-            reason = (
-                f"steps have shrunk to rounding level at a predicted decrease of {state.accuracy:.1e} of |f|; "
+        if self.step.decrease <= 0.0 or self.step.length <= 4 * np.finfo(float).eps * float(np.linalg.norm(self.x)):
+            return Status.STALLED, (
+                f"steps have shrunk to rounding level at a {predicted}; "
                 "check g and G against differences of f, or allow a larger tolerance"
             )
-            return Status.STALLED, reason
         return None
-
-
-def spectral_norm(pieces: Bundle, lam: Array) -> float:
-    """‖Σλ_jG_j‖₂."""
-    return float(np.max(np.abs(np.linalg.eigvalsh(pieces.combined(lam)))))
 
 
 def first_unit(piece: Bundle) -> float:
@@ -552,7 +503,6 @@ def solve_with_bundle(
     max_iterations: int | None = None,
     inclusion: float | None = 1e-12,
     tolerance: float = 1e-13,
-    watch: Callable[[State], None] | None = None,
 ) -> Outcome:
     """Run the method on the contact problem from x0 (m,) [m].
 
@@ -573,4 +523,4 @@ def solve_with_bundle(
 
     length = float(np.linalg.norm(problem.frictionless())) or problem.law.s_scale
     method = BundleNewton(tolerance, max_iterations or 2000, length or None, base=problem.A_tilde)
-    return method.run(contact_oracle(problem), x0, None if inclusion is None else exact, watch)
+    return method.run(contact_oracle(problem), x0, None if inclusion is None else exact)
