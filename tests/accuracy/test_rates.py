@@ -33,6 +33,8 @@ def test_errors_that_grow_like_rounding_are_rounding():
     assert fit(h, 7 * error, usable, rounding_level(h)).slope == pytest.approx(-2.0)
     levelled = fit(h, np.maximum(1e-6 * h**2, error), usable, rounding_level(h))
     assert (levelled.slope, levelled.exact) == (pytest.approx(2.0), False)
+    for short in (fit(H, np.full(6, np.nan), ALL), fit(H[:1], np.ones(1), ALL[:1])):
+        assert np.isnan(short.slope)
 
 
 def test_richardson_finds_limit_and_order():

@@ -51,6 +51,8 @@ def test_what_vanishes_is_the_number_zero() -> None:
     assert (scene.heat.q, scene.heat.theta_bar) == (0.0, 1.0)
     assert roles["right"].g[0] == 0.0
     np.testing.assert_allclose(at(roles["right"].g[1], 1.0, Y), 0.22, rtol=1e-13)
+    known, _ = boundary_of(("convection", "traction"), ("heat: {alpha: 3}\n", ""))  # nothing convects: θ is known
+    assert str(known.heat.theta) == "1 + x*(1 + 0.5*cos(pi*y))"
 
 
 def test_components_and_the_word_derived() -> None:
@@ -139,13 +141,19 @@ def test_tractions_around_holes_on_arcs_and_on_four_sides_of_one_name() -> None:
             np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * np.max(np.abs(expected)))
 
 
-def test_an_edge_ends_where_its_line_goes_on() -> None:
+def test_one_field_is_the_normal_on_all_curves_and_an_edge_ends_where_its_line_goes_on() -> None:
     """The lines of the re-entrant corner's edges meet base and wall, one before its start, one behind its end."""
     corners = [(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0)]
     body = Body(polygon_loop(corners, ["base", *4 * ["rest"], "wall"]))
-    for point, normal in ((np.array([1.0, 0.0]), (0.0, -1.0)), (np.array([0.0, 1.0]), (-1.0, 0.0))):
-        field = normal_field(body, body_edges(body, None))
-        np.testing.assert_allclose([value_of(scalar(part), *point) for part in field], normal, atol=1e-13)
+    curved = read_study_text(HOLES).scenes[0].body
+    samples = [(curved, *edge_samples(*edge)) for edge in body_edges(curved, None)]
+    samples += [
+        (body, np.array([at]), np.array([n])) for at, n in (((1.0, 0.0), (0.0, -1.0)), ((0.0, 1.0), (-1.0, 0.0)))
+    ]
+    for own, points, normals in samples:
+        field = normal_field(own, body_edges(own, None))
+        found = np.column_stack([value_of(scalar(part), *points.T) for part in field])
+        np.testing.assert_allclose(found, normals, rtol=0, atol=1e-13)
 
 
 @pytest.mark.parametrize(("u_y", "accepted"), [("x*(x^2+y^2-1)^2 + x", True), ("x*(x^2+y^2-1)^2 + 1.00001*x", False)])
