@@ -13,7 +13,8 @@ Edges that differ in α by fixed ratios ρ have M = Σ ρ M_e and g̃ = Σ ρ g�
 
 The variations that one q, θ̄, flux or θ_D gives for all α are a *family*, rational functions of a with poles at −μ_k: to
 rounding they span few dimensions (15 to 30), however many values of α there are. So a family is stored as a few
-*columns*, fields on the body, and α enters through their factors only.
+*columns*, fields on the body, and α enters through their factors only: the field of the load, or of θ_D, that vanishes
+elsewhere on Γ_θ, which belongs to every a, and fields of orthonormal variations.
 
 A uniform temperature makes no heat flow: K·1 = 0. Entries of K grow with the flatness of the triangles, and their
 rounding is heat that comes from nowhere: the factor's harmonic extension of 1 is not 1. Where it is off by more than
@@ -22,12 +23,9 @@ triangle, in the form ∫∇θ·∇φ_i of three flows that sum to zero: no entr
 whatever is rounded.
 Literature: N. J. Higham, Accuracy and Stability of Numerical Algorithms, 2002, ch. 12.
 
-Temperature of every scene of a sweep on one mesh, as parts of conduction problems and as loads of the body.
-
-Edges whose α keep their ratios share one set of modes, all of them one factor. Where
-conductivities differ by region K is that of k over the body's own: a factor for each set of ratios.
-
-Left out: any solve for what is constant or loads nothing.
+Edges whose α keep their ratios share one set of modes, all of them one factor. Where conductivities differ by region K
+is that of k over the body's own: a factor for each set of ratios. Left out: any solve for what is constant or loads
+nothing.
 """
 
 from __future__ import annotations
@@ -35,6 +33,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -67,13 +66,12 @@ MOST_STEPS = 5
 """Steps of refinement; one gains as many digits as the factor has right."""
 
 
-@dataclass(frozen=True)
-class HeatLoad:
-    """A source on the nodes: as given (n,), condensed onto Γ_θ, and after forward elimination."""
+class HeatLoad(NamedTuple):
+    """A source on the nodes: as given (n,), condensed onto Γ_θ (r,), and after forward elimination (N, 1)."""
 
     nodal: Array
     l_tilde: Array
-    forward: ForwardLoad
+    rows: Array
 
 
 class HeatFactor:
@@ -92,36 +90,27 @@ class HeatFactor:
         return self._factor.A_tilde
 
     @cached_property
-    def error(self) -> float:
-        """Largest error of the harmonic extension of θ = 1: 0 but for rounding × condition of the mesh."""
-        return float(np.max(np.abs(self._factor.expand(np.ones(len(self._kept))) - 1.0)))
-
-    @property
     def sound(self) -> bool:
-        """Whether the factor alone is accurate enough."""
-        return self.error <= UNSOUND
+        """Whether the factor alone is accurate enough: the harmonic extension of θ = 1 is 1 but for UNSOUND."""
+        return float(np.max(np.abs(self._factor.expand(np.ones(len(self._kept))) - 1.0))) <= UNSOUND
 
     def load(self, source: Array) -> HeatLoad:
         """The source condensed onto Γ_θ, (r,) [W/m]; Σ l̃ is the whole heat of the source."""
         forward = self._factor.forward(source)
         if self.sound:
-            return HeatLoad(source, forward.l_tilde, forward)
+            return HeatLoad(source, forward.l_tilde, forward.rows)
         theta = self._factor.expand(np.zeros(len(self._kept)), forward)
         rest = self._rest(source, theta, self._correction(theta, source))
-        return HeatLoad(source, self._factor.condense(rest), forward)
+        return HeatLoad(source, self._factor.condense(rest), forward.rows)
 
     def expand(self, on_line: Array, load: HeatLoad | None, carries: Array) -> Array:
         """Fields (n, s) with the values on_line (r, s) on Γ_θ; carries: (s,) how much of the load is in each."""
-        forward = None
-        if load is not None:
-            forward = ForwardLoad(load.l_tilde[:, None] * carries, load.forward.rows * carries)
-        fields = self._factor.expand(on_line, forward)
+        forward = load and ForwardLoad(load.l_tilde[:, None] * carries, load.rows * carries)
+        fields, nodal = self._factor.expand(on_line, forward), 0.0 if load is None else load.nodal
         if self.sound:
             return fields
-        nodal = np.zeros(len(fields)) if load is None else load.nodal
-        return np.column_stack(
-            [theta + self._correction(theta, share * nodal) for theta, share in zip(fields.T, carries, strict=True)]
-        )
+        pairs = zip(fields.T, carries, strict=True)
+        return np.column_stack([theta + self._correction(theta, share * nodal) for theta, share in pairs])
 
     # -- refinement --------------------------------------------------------------------------------
 
@@ -132,10 +121,10 @@ class HeatFactor:
         e, f = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
         return e, f, 2 * (e[:, 0] * f[:, 1] - e[:, 1] * f[:, 0])
 
-    def _rest(self, source: Array, theta: Array, correction: Array) -> Array:
+    def _rest(self, source: Array | float, theta: Array, correction: Array) -> Array:
         """source − K(θ + δ), all (n,): its sum is that of the source but for rounding of the heat itself."""
         e, f, twice = self._sides
-        triangles, rest = self._mesh.triangles, source.copy()
+        triangles, rest = self._mesh.triangles, source + np.zeros(len(theta))
         at, more = theta[triangles], correction[triangles]
         to_1, to_2 = ((at[:, i] - at[:, 0]) + (more[:, i] - more[:, 0]) for i in (1, 2))
         # ∇θ d, turned: large numbers cancel here, once, and what comes of it is the same heat for all three corners
@@ -146,7 +135,7 @@ class HeatFactor:
             np.subtract.at(rest, triangles[:, i], np.einsum("td,td->t", side, turned))
         return rest
 
-    def _correction(self, theta: Array, source: Array) -> Array:
+    def _correction(self, theta: Array, source: Array | float) -> Array:
         """What θ (n,) lacks, zero on Γ_θ; kept apart because θ + δ, rounded, would make flows of its own."""
         total, before = np.zeros(len(theta)), np.inf
         for _ in range(MOST_STEPS):
@@ -179,19 +168,6 @@ ROUNDING = 1e-14
 """Part of a variation that the columns of its family may miss, relative to the variation (norm of L²(Γ_θ))."""
 
 
-def basis_of(rows: Array) -> Array:
-    """(r, s) orthonormal columns from which every row (t, r) can be combined up to ROUNDING of its norm.
-
-    The row that is worst represented comes next; as many columns as rows say that nothing was saved.
-    """
-    norms = np.linalg.norm(rows, axis=1)
-    if not np.any(norms > 0.0):
-        return np.zeros((rows.shape[1], 0))
-    rest = (rows[norms > 0.0] / norms[norms > 0.0, None]).T
-    Q, R, _ = scipy.linalg.qr(rest, mode="economic", pivoting=True)
-    return np.asarray(Q[:, np.abs(R.diagonal()) > ROUNDING])
-
-
 # -- parts and families ----------------------------------------------------------------------------
 
 
@@ -213,32 +189,29 @@ class Part:
 
 @dataclass
 class _Family:
-    """Modal data of a family: its right-hand side r₀ + a r₁, its columns, and where variations stand among them.
+    """Modal data of a family: its right-hand side r₀ + a r₁, and its columns.
 
-    load:    the source or flux, None without;  held: (r,) θ_D, None without
+    load:    the source or flux, None without;  held: (r,) θ_D, None without; one of them is the first column, if any
     right:   (2, r) r₀ and r₁: l̃ and 0 of a load, 0 and g̃ of surroundings, −S_K θ_D and −M θ_D of what is held
     moments: (2, f) of both in the w_k
     heat:    that is put in [W/m];  moved: Σ_i |∫ q φ_i| [W/m]
-    columns: (values on Γ_θ in the w_k (f,), how much of the load or θ_D is in it)
-    basis:   (f, s) orthonormal, the last s of the columns made at the start; empty if every a has a column of its own
-    listed:  number of columns made at the start, which are computed together;  at: a → number of its own column
+    basis:   (f, s) the variations of the other columns in the w_k, orthonormal
+    listed:  number of columns made at the start, which are computed together
     """
 
     load: HeatLoad | None
     held: Array | None
     right: Array
     moments: Array
-    heat: float = 0.0
-    moved: float = 0.0
-    columns: list[tuple[Array, float]] = field(default_factory=list)
-    basis: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    heat: float
+    moved: float
+    basis: Array
     listed: int = 0
-    at: dict[float, int] = field(default_factory=dict)
 
     @property
-    def carries(self) -> bool:
-        """Whether its fields have a part that does not depend on a: that of the load, or of θ_D."""
-        return self.load is not None or self.held is not None
+    def carries(self) -> int:
+        """1 if its fields have a part that does not depend on a: that of the load, or of θ_D."""
+        return int(self.load is not None or self.held is not None)
 
 
 class Conduction:
@@ -297,7 +270,7 @@ class Conduction:
             through = family.moved if key.heats else most
         else:
             (r_0, r_1), x, constant = family.right, np.zeros(len(free)), 0.0
-            x[free] = W @ sum((f * family.columns[c.number][0] for c, f in shares), np.zeros(len(mu)))
+            x[free] = W @ (family.basis @ [f for _, f in shares[family.carries :]])
             flows = heat * np.where(free, a * (M @ x - r_1), r_0 - S @ x)
             heat_out, through = float(flows.sum()), float(np.abs(flows).sum())
         fields = tuple((column, strength * (theta * share)) for column, share in shares)
@@ -326,31 +299,23 @@ class Conduction:
         elif key.kind == "surroundings":
             ratio = self._ratios[key.where[0]] if self._ratios else 1.0
             right = zero, ratio * forms.surroundings(key.data, key.where)
-        else:
-            held = self._held(key)
+        else:  # a corner of two edges that hold temperatures belongs to the first
+            before, held = forms.held[: forms.held.index(key.where[0])], zero.copy()
+            own = np.setdiff1d(forms.mesh.nodes_on(*key.where), forms.mesh.nodes_on(*before))
+            held[np.searchsorted(forms.kept_nodes, own)] = values_at(key.data, forms.mesh.points[own])
             right = -(S @ held), -(M @ held)
         moments = np.array([W.T @ part[self._free] for part in right])
-        family = _Family(load, held, np.array(right), moments, float(source.sum()), float(np.abs(source).sum()))
-        at = [a for a in sorted(self._wanted.get(key, ())) if a > 0.0]
-        rows, carries = [self._variation(family, a) for a in at], family.carries
-        basis = basis_of(np.array(rows).reshape(len(at), W.shape[1]))
-        if basis.shape[1] + carries < len(at):
-            # the field of the load with θ = 0 on Γ_θ belongs to every a
-            family.columns = [(np.zeros(len(basis)), 1.0)] * carries + [(values, 0.0) for values in basis.T]
-            family.basis = basis
-        else:
-            family.columns, family.at = [(values, float(carries)) for values in rows], {a: i for i, a in enumerate(at)}
-        family.listed = len(family.columns)
+        heats = float(source.sum()), float(np.abs(source).sum())
+        family = _Family(load, held, np.array(right), moments, *heats, np.zeros((W.shape[1], 0)))
+        rows = [self._variation(family, a) for a in sorted(self._wanted.get(key, ())) if a > 0.0]
+        if rows and W.size:  # the variation that is worst represented comes next
+            norms = np.linalg.norm(rows, axis=1)
+            apart = np.transpose(rows) / np.where(norms > 0.0, norms, 1.0)
+            Q, R, _ = scipy.linalg.qr(apart, mode="economic", pivoting=True)
+            family.basis = np.asarray(Q[:, np.abs(R.diagonal()) > ROUNDING])
+        family.listed = family.carries + family.basis.shape[1]
         self._families[key] = family
         return family
-
-    def _held(self, key: FamilyKey) -> Array:
-        """(r,) the temperatures that an edge holds; a corner of two such edges belongs to the first."""
-        forms, values = self._forms, np.zeros(len(self._free))
-        before = forms.held[: forms.held.index(key.where[0])]
-        own = np.setdiff1d(forms.mesh.nodes_on(*key.where), forms.mesh.nodes_on(*before))
-        values[np.searchsorted(forms.kept_nodes, own)] = values_at(key.data, forms.mesh.points[own])
-        return values
 
     def _variation(self, family: _Family, a: float) -> Array:
         """(f,) the variation on Γ_θ in the w_k, for k = 1; the constant part, where there is one, is zero.
@@ -368,18 +333,14 @@ class Conduction:
         return values
 
     def _shares(self, key: FamilyKey, family: _Family, a: float) -> list[tuple[Column, float]]:
-        """The variation for a as a combination of columns, exact to rounding."""
-        if a not in family.at:
-            wanted = self._variation(family, a)
-            if (s := family.basis.shape[1]) > 0:
-                factors = family.basis.T @ wanted
-                missed = np.linalg.norm(wanted - family.basis @ factors)
-                if missed <= 2.0 * ROUNDING * np.linalg.norm(wanted):
-                    whole = [1.0] if family.listed > s else []
-                    return [(Column(key, i, family.listed), f) for i, f in enumerate([*whole, *factors.tolist()])]
-            family.at[a] = len(family.columns)
-            family.columns.append((wanted, float(family.carries)))
-        return [(Column(key, family.at[a], family.listed), 1.0)]
+        """The variation for a as a combination of columns, exact to rounding; one that they miss adds a column."""
+        wanted = self._variation(family, a)
+        missed = wanted - family.basis @ (family.basis.T @ wanted)
+        if np.linalg.norm(missed) > 2.0 * ROUNDING * np.linalg.norm(wanted):
+            missed -= family.basis @ (family.basis.T @ missed)
+            family.basis = np.column_stack([family.basis, missed / np.linalg.norm(missed)])
+        factors = [*family.carries * [1.0], *(family.basis.T @ wanted).tolist()]
+        return [(Column(key, i, family.listed), factor) for i, factor in enumerate(factors)]
 
     # -- columns on the body -----------------------------------------------------------------------
 
@@ -393,9 +354,11 @@ class Conduction:
         if (found := self._fields.find(column)) is not None:
             return found
         batch, family = column.together, self._family(column.family)
-        modal, carries = (np.array(x) for x in zip(*(family.columns[c.number] for c in batch), strict=True))
+        numbers = np.array([c.number for c in batch])
+        carries = np.where(numbers < family.carries, 1.0, 0.0)
         on_line = np.zeros((len(self._free), len(batch)))
-        on_line[self._free] = self._modes[3] @ modal.T
+        every = np.hstack([np.zeros((len(family.basis), family.carries)), family.basis])
+        on_line[self._free] = self._modes[3] @ every[:, numbers]
         if family.held is not None:
             on_line += np.outer(family.held, carries)
         values = self._factor().expand(on_line, family.load, carries)
