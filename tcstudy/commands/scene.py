@@ -95,9 +95,7 @@ def _coarsest(study: Study) -> SceneShape:
     regions = tuple(region.name for region in scene.body.regions)
     return SceneShape(
         {name: mesh.points[mesh.segments[mesh.on(name)]] for name in names},
-        mesh.points,
-        mesh.triangles,
-        mesh.numbered(regions),
+        (mesh.points, mesh.triangles, mesh.numbered(regions)),
         regions,
         lambda_1,
         (f"coarsest mesh{levels}: {counts}, longest edge {size}",),

@@ -7,8 +7,9 @@ times as long as high is drawn higher than it is, and its facts say how much. Dr
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+import textwrap
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,16 +18,16 @@ from numpy.typing import NDArray
 from tcstudy.errors import shortened
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
-from tcstudy.laws.shapes import SHAPES
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.edges import FILLS, HATCH, ROLES, chained, directions, draw_edge, evenly
 from tcstudy.reports.figures.law import draw_law, slip_range
 from tcstudy.reports.figures.panels import Array, Panel, scale
 from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.text import counted, number, pretty, scaled_labels, with_unit
-from tcstudy.scene.keys import symbol
+from tcstudy.scene.keys import law_rows, symbol
+from tcstudy.scene.parameters import Number, numbers
 from tcstudy.scene.points import distinct
-from tcstudy.scene.records import BODY, Clamped, EdgeHeat, Material, Role, Scalar, Scene
+from tcstudy.scene.records import BODY, Clamped, Role, Scalar
 from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
@@ -52,15 +53,13 @@ class SceneShape:
     """The shape of a scene as far as it is known.
 
     segments: (k, 2, 2) of every named edge, the body on their left [m]
-    points, triangles: of the coarsest mesh, None where there is none;  region: (t,) which of `regions`, 0 for none
+    mesh:     points, triangles and which of `regions` each is in, 0 for none, of the coarsest mesh, if there is one
     lambda_1: of that mesh [Pa/m], None if it is not known;  facts: what there is to say of mesh and sizes
     faults:   what is wrong with an edge, or with the whole
     """
 
     segments: Mapping[str, Array]
-    points: Array | None = None
-    triangles: NDArray[np.intp] | None = None
-    region: NDArray[np.intp] | None = None
+    mesh: tuple[Array, NDArray[np.intp], NDArray[np.intp]] | None = None
     regions: tuple[str, ...] = ()
     lambda_1: float | None = None
     facts: tuple[str, ...] = ()
@@ -69,85 +68,85 @@ class SceneShape:
 
 def scene_figure(title: str, study: Study | None, shape: SceneShape, look: style.Look) -> Figure:
     """The figure; of a study with faults, which is None, the outline with those that are of its edges."""
-    shape = replace(shape, segments={name: chained(segments) for name, segments in shape.segments.items()})
-    ends = np.concatenate(list(shape.segments.values())).reshape(-1, 2)
+    scene, si = study and study.scenes[0], study is None or study.units == "SI"
+    segments = {name: chained(pieces) for name, pieces in shape.segments.items()}
+    ends = np.concatenate(list(segments.values())).reshape(-1, 2)
     low, size = ends.min(axis=0), np.ptp(ends, axis=0)
-    one = WIDTH / size[0] if size[0] >= size[1] * WIDTH / HIGHEST else HIGHEST / size[1]
-    slender = size[0] > SLENDER * size[1]
+    one, slender = min(WIDTH / size[0], HIGHEST / size[1]), size[0] > SLENDER * size[1]
     scales = np.array([one, LEAST / size[1] if slender else one])
-    roles = study.scenes[0].boundary if study is not None else ()
-    roles = tuple((name, role) for name, role in roles if _lies(shape.segments.get(name)))
-    above = 0.3 + LINE * max((1 + len([*role_words(role, True)]) for _, role in roles), default=4)
-    above += ARROW * any(any((*role.g, role.pressure, *role.force)) for _, role in roles)
-    place = lambda points: (np.asarray(points) - low) * scales  # noqa: E731
-    units = "1" if study is not None and study.units == "none" else "m"
-    facts = [f"Body {with_unit(size[0], units)} × {with_unit(size[1], units)}"]
-    facts[0] += f", drawn {number(scales[1] / scales[0], 2)} times as high as it is" if slender else ""
-    facts[0] = ";  ".join([facts[0], *shape.facts])
-    laws = laws_drawn(study) if study is not None else {}
-    facts += [*scene_facts(study, shape.lambda_1)] if study is not None else []
+    roles, told = (dict(scene.boundary), dict(numbers(scene))) if scene else ({}, {})
+    labels = {
+        name: [name, *(role_words(name, roles[name], told, si) if name in roles else ())]
+        + ([shape.faults[name]] if name in shape.faults else [])
+        for name in segments
+    }
+    # what belongs to an edge that lies rather than stands goes above or below the body
+    lying = [name for name, s in segments.items() if np.any(np.abs(s[:, 1] - s[:, 0]) @ [1.0, -1.0] >= 0.0)]
+    above = 0.3 + LINE * max((len(labels[name]) for name in lying), default=5)
+    pushed = (roles[name] for name in lying if name in roles)
+    above += ARROW * any(any((*role.g, role.pressure, *role.force)) for role in pushed)
+    unit = "m" if si else "1"
+    body = f"Body {with_unit(size[0], unit)} × {with_unit(size[1], unit)}"
+    body += f", drawn {number(scales[1] / scales[0], 2)} times as high as it is" if slender else ""
+    facts, laws = [";  ".join([body, *shape.facts])], laws_drawn(study) if study is not None else {}
+    facts += scene_facts(study, told, shape.lambda_1) if study is not None else []
     width, height = size * scales + [2 * SIDE, 2 * above]
     rows, heights = [["scene"], *([["law"]] if laws else [])], [height, *([1.5] if laws else [])]
     sheet = Sheet(look, title, facts, rows, heights)
     axes = sheet.panels["scene"]
     axes.set(xlim=(-SIDE, width - SIDE), ylim=(-above, height - above), aspect="equal")
     axes.axis("off")
-    scene = study.scenes[0] if study is not None else None
-    _Drawing(axes, place, shape, scene, units == "m").draw()
+    placed = {name: (pieces - low) * scales for name, pieces in segments.items()}
+    taken = [evenly(ends, max(2, int(directions(ends)[0].sum() / 0.04)))[0] for ends in placed.values()]
+    drawing = _Drawing(axes, taken)
+    if shape.mesh is not None:
+        points, triangles, region = (shape.mesh[0] - low) * scales, *shape.mesh[1:]
+        drawing.mesh(points, triangles, region)
+    for name, pieces in placed.items():
+        drawing.edge(pieces, roles.get(name), segments[name], name in shape.faults)
+    for name, pieces in placed.items():
+        drawing.label(pieces, labels[name], style.VERMILLION if name in shape.faults else style.INK)
+    if scene and shape.mesh is not None:
+        for k, name in enumerate(shape.regions, 1):
+            lines = [name, *words(told, ("materials", name), si)]
+            lines += words(told, ("heat", "q"), si) if name in scene.heat.omega else []
+            drawing.text(points[triangles[region == k]].reshape(-1, 2), lines)
+        if force := words(told, ("loads",), si):
+            drawing.text(points, force)
     if laws:
-        _draw_laws(sheet, laws, units == "m", float(size[0]))
+        _draw_laws(sheet, laws, si, float(size[0]))
     sheet.key("scene")
     return sheet.finish()
 
 
 @dataclass
 class _Drawing:
-    """The panel of the scene. place: coordinates [m] → [inch];  taken: (k, 2) places that labels must leave free"""
+    """The panel of the scene; taken: (k, 2) places that labels must leave free."""
 
     axes: Axes
-    place: Any
-    shape: SceneShape
-    scene: Scene | None
-    si: bool
-    taken: list[Array] = field(default_factory=list)
+    taken: list[Array]
 
-    def draw(self) -> None:
-        """Everything, labels last."""
+    def mesh(self, points: Array, triangles: NDArray[np.intp], region: NDArray[np.intp]) -> None:
+        """Regions in their colours, and sides of triangles that are not too small."""
         from matplotlib.collections import PolyCollection
 
-        axes, shape = self.axes, self.shape
-        if shape.points is not None and shape.triangles is not None and shape.region is not None:
-            x, y = self.place(shape.points).T
-            for k in np.unique(shape.region):
-                corners = np.column_stack([x, y])[shape.triangles[shape.region == k]]
-                colour = FILLS[int(k) % len(FILLS)]
-                axes.add_collection(PolyCollection(list(corners), facecolor=colour, edgecolor=colour, linewidth=0.3))
-            sides = np.ptp(self.place(shape.points[shape.triangles]), axis=1)
-            if float(np.median(sides, axis=0).min()) > FINE:
-                axes.triplot(x, y, shape.triangles, color=style.INK, linewidth=0.4, alpha=0.25)
-        edges = {name: self.place(segments) for name, segments in shape.segments.items()}
-        self.taken += [evenly(ends, max(2, int(directions(ends)[0].sum() / 0.04)))[0] for ends in edges.values()]
-        roles = dict(self.scene.boundary) if self.scene is not None else {}
-        for name, ends in edges.items():
-            self._edge(name, ends, roles.get(name))
-        for name, ends in edges.items():
-            text = [name, *role_words(roles[name], self.si)] if name in roles else [name]
-            wrong = shape.faults.get(name, "")
-            self._label(ends, "\n".join(_lines([*text, *([wrong] if wrong else [])])), wrong != "")
-        self._inside()
+        for k in np.unique(region):
+            colour = FILLS[int(k) % len(FILLS)]
+            corners = list(points[triangles[region == k]])
+            self.axes.add_collection(PolyCollection(corners, facecolor=colour, edgecolor=colour, linewidth=0.3))
+        if float(np.median(np.ptp(points[triangles], axis=1), axis=0).min()) > FINE:
+            self.axes.triplot(*points.T, triangles, color=style.INK, linewidth=0.4, alpha=0.25)
 
-    def _edge(self, name: str, ends: Array, role: Role | None) -> None:
-        """The edge and the arrows of what it carries or prescribes."""
-        wrong, word = name in self.shape.faults, role.word if role is not None else "free"
+    def edge(self, ends: Array, role: Role | None, segments: Array, wrong: bool) -> None:
+        """An edge and the arrows of what it carries or prescribes; segments: its pieces [m]."""
+        word = role.word if role is not None else "free"
         how: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 4.0} if wrong else ROLES[word]
         fixed = type(role) is Clamped and None not in role.u
         self.taken.append(draw_edge(self.axes, ends, how, fixed))
         self.axes.plot([], [], label="fault" if wrong else word if role is not None else "edge", **how)
-        if role is None:
-            return
         lengths, along, normals = directions(ends)
         starts, of = evenly(ends, max(1, min(9, int(lengths.sum() / APART))))
-        for force, colour in _pushes(role, self.shape.segments[name].mean(axis=1), normals, along):
+        for force, colour in _pushes(role, segments.mean(axis=1), normals, along) if role is not None else ():
             size = float(np.max(np.hypot(*force.T)))
             if force.ndim == 1:  # one arrow for a resultant, in the middle of its edge
                 middle = ends.reshape(-1, 2).mean(axis=0)
@@ -161,85 +160,58 @@ class _Drawing:
         if np.hypot(*way) < 0.02:
             return
         across = float(way @ normal) / float(np.hypot(*way))
-        start = at + 0.07 * normal
-        start = start - way if across < -0.2 else start if across > 0.2 else start - 0.5 * way
-        end = start + way
+        start = at + 0.07 * normal - way * (1.0 if across < -0.2 else 0.0 if across > 0.2 else 0.5)
         shape = {"arrowstyle": "-|>", "mutation_scale": 8, "shrinkA": 0, "shrinkB": 0, "color": colour}
-        self.axes.annotate("", tuple(end), tuple(start), arrowprops=shape | {"linewidth": width}, zorder=5)
-        self.taken.append(np.linspace(start, end, 8))
+        self.axes.annotate("", tuple(start + way), tuple(start), arrowprops=shape | {"linewidth": width}, zorder=5)
+        self.taken.append(np.linspace(start, start + way, 8))
 
-    def _label(self, ends: Array, text: str, wrong: bool) -> None:
-        """A text outside its edge where nothing is in the way, or else inside."""
-        half, limits = _half(text), np.array([self.axes.get_xlim(), self.axes.get_ylim()])
+    def label(self, ends: Array, lines: Sequence[str], colour: str) -> None:
+        """Lines outside their edge where nothing is in the way, or else inside."""
+        limits = np.array([self.axes.get_xlim(), self.axes.get_ylim()])
         lengths, _, normals = directions(ends)
         share, places = np.cumsum(lengths) / lengths.sum(), []
         for apart in (0.1, 0.19, 0.28, 0.46, 0.64, -0.1, -0.4):
             for part in (0.5, 0.35, 0.65, 0.2, 0.8):
                 i = int(np.searchsorted(share, part))
                 at = ends[i].mean(axis=0) if len(ends) > 1 else ends[0, 0] + part * (ends[0, 1] - ends[0, 0])
-                way = math.copysign(1.0, apart) * normals[i]
-                centre = at + way * (abs(apart) + float(np.abs(way) @ half))
-                places.append((np.clip(centre, limits[:, 0] + half, limits[:, 1] - half), at))
-        self._write(text, places, half, style.VERMILLION if wrong else style.INK)
+                places.append((at, math.copysign(1.0, apart) * normals[i], abs(apart)))
+        self._write(
+            lines,
+            lambda half: [
+                (np.clip(at + way * (apart + np.abs(way) @ half), limits[:, 0] + half, limits[:, 1] - half), at)
+                for at, way, apart in places
+            ],
+            colour,
+        )
 
-    def _free(self, points: Array, text: str) -> None:
-        """A text over the middle of points, moved up or down until it is free."""
-        half, middle = _half(text), 0.5 * (points.min(axis=0) + points.max(axis=0))
-        moves = [np.array([dx, dy]) for dy in (0.0, 0.25, -0.25, 0.5, -0.5) for dx in (0.0, 1.0, -1.0, 2.0, -2.0)]
-        places = [(middle + move, points[np.argmin(np.hypot(*(points - middle - move).T))]) for move in moves]
-        self._write(text, places, half, style.INK)
+    def text(self, points: Array, lines: Sequence[str]) -> None:
+        """Lines over the middle of points, moved up or down until they are free."""
+        middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+        moved = [
+            middle + np.array([dx, dy]) for dy in (0.0, 0.25, -0.25, 0.5, -0.5) for dx in (0.0, 1.0, -1.0, 2.0, -2.0)
+        ]
+        places = [(centre, points[np.argmin(np.hypot(*(points - centre).T))]) for centre in moved]
+        self._write(lines, lambda _: places, style.INK)
 
-    def _write(self, text: str, places: Sequence[tuple[Array, Array]], half: Array, colour: str) -> None:
-        """A text at the first centre where the least is in the way, with a line to what it belongs to if that is far.
+    def _write(self, parts: Sequence[str], places: Callable[[Array], list[tuple[Array, Array]]], colour: str) -> None:
+        """Wrapped lines at the first centre where the least is in the way, with a line to what is far.
 
-        places: (centre, what it belongs to);  half: half its width and height
+        places: (centre, what it belongs to) for half the width and height of the text
         """
-        taken = np.concatenate(self.taken)
-        hits = [np.count_nonzero(np.all(np.abs(taken - centre) < half + 0.04, axis=1)) for centre, _ in places]
-        centre, at = places[int(np.argmin(hits))]
+        lines = [line for part in parts for line in textwrap.wrap(part, WIDEST, break_long_words=False)]
+        half, taken = 0.5 * np.array([LETTER * max(map(len, lines)), LINE * len(lines)]), np.concatenate(self.taken)
+        found = places(half)
+        hits = [np.count_nonzero(np.all(np.abs(taken - centre) < half + 0.04, axis=1)) for centre, _ in found]
+        centre, at = found[int(np.argmin(hits))]
         if np.any(np.abs(at - centre) > half + 0.2):
             line = np.array([at, np.clip(at, centre - half, centre + half)])
             self.axes.plot(*line.T, color=style.PALE, linewidth=0.6)
         box = {"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.6}
         how: dict[str, Any] = {"ha": "center", "va": "center", "bbox": box, "linespacing": 1.15, "in_layout": False}
-        how |= {"parse_math": False, "fontsize": style.pt(LETTERS), "zorder": 6}
-        self.axes.text(float(centre[0]), float(centre[1]), text, color=colour, **how)
+        how |= {"parse_math": False, "fontsize": style.pt(LETTERS), "zorder": 6, "color": colour}
+        self.axes.text(float(centre[0]), float(centre[1]), "\n".join(lines), **how)
         grid = np.stack(np.meshgrid(*(np.linspace(-1, 1, max(2, int(n / 0.05))) for n in 2 * half)), axis=-1)
         self.taken.append(centre + grid.reshape(-1, 2) * half)
-
-    def _inside(self) -> None:
-        """Body force, materials and heat sources of the regions, written on them."""
-        shape, scene = self.shape, self.scene
-        if scene is None or shape.points is None or shape.triangles is None or shape.region is None:
-            return
-        told = dict(scene.material.regions)
-        for k, name in enumerate(shape.regions, 1):
-            corners = shape.points[shape.triangles[shape.region == k]].reshape(-1, 2)
-            lines = [name, *([material_words(told[name], self.si)] if name in told else [])]
-            if name in scene.heat.omega and scene.heat.q:
-                lines.append(f"q = {_value(scene.heat.q, 'W m-3', self.si)}")
-            self._free(self.place(corners), "\n".join(_lines(lines)))
-        if any(component != 0.0 for component in scene.f):
-            values = ", ".join(_value(component, "N m-3", self.si) for component in scene.f)
-            self._free(self.place(shape.points), "\n".join(_lines([f"f = ({values})"])))
-
-
-def _half(text: str) -> Array:
-    """Half the width and height of a text."""
-    return 0.5 * np.array([LETTER * max(map(len, text.split("\n"))), LINE * (text.count("\n") + 1)])
-
-
-def _lies(segments: Array | None) -> bool:
-    """Whether a part of an edge lies rather than stands, so that what belongs to it goes above or below the body."""
-    return segments is not None and bool(np.any(np.abs(segments[:, 1] - segments[:, 0]) @ [1.0, -1.0] >= 0.0))
-
-
-def _lines(parts: Sequence[str]) -> Iterator[str]:
-    """The parts, each wrapped."""
-    import textwrap
-
-    for part in parts:
-        yield from textwrap.wrap(part, WIDEST, break_long_words=False)
 
 
 def _pushes(role: Role, points: Array, normals: Array, along: Array) -> Iterator[tuple[Array, str]]:
@@ -251,79 +223,57 @@ def _pushes(role: Role, points: Array, normals: Array, along: Array) -> Iterator
         return np.full(len(points), 0.0 if value is None else float(value))
 
     load = np.column_stack([at(one) for one in role.g]) - at(role.pressure)[:, None] * normals
-    if np.any(load):
-        yield load, style.VERMILLION
-    if any(role.force):
-        yield np.array(role.force), style.VERMILLION
     first, second = map(at, role.u)
     moved = np.column_stack([first, second])
     if role.frame == "nt":
         moved = first[:, None] * normals + second[:, None] * along
-    if np.any(moved):
-        yield moved, style.BLUE
+    pushes = (load, style.VERMILLION), (np.array(role.force), style.VERMILLION), (moved, style.BLUE)
+    yield from (one for one in pushes if np.any(one[0]))
 
 
-def _value(value: Scalar | None, units: str, si: bool) -> str:
-    if value is None or value == 0.0:
-        return "free" if value is None else "0"
-    if not isinstance(value, int | float):
-        return shortened(str(value), LONGEST)
-    return with_unit(value, units if si else "1")
+Told = Mapping[tuple[str, ...], Number]
 
 
-def role_words(role: Role, si: bool) -> Iterator[str]:
-    """What an edge does, with its values: "traction", "g = (3 MPa, 0)"."""
-    yield role.word
+def words(told: Told, path: tuple[str, ...], si: bool) -> list[str]:
+    """The numbers under a key path that are not 0, "g_x = 3 MPa"; β where it does not follow from α_T."""
+    return [
+        f"{' '.join(map(symbol, key[len(path) :] or key[-1:]))} = {_value(one, si)}"
+        for key, one in told.items()
+        if key[: len(path)] == path and not one.idle and (one.value != 0.0 or key[-1] == "nu")
+        if not (key[-1] == "beta" and (*key[:-1], "alpha_T") in told)
+    ]
+
+
+def _value(one: Number, si: bool) -> str:
+    if not isinstance(one.value, int | float):
+        return shortened(str(one.value), LONGEST)
+    return with_unit(one.value, one.row.dimension.cf if si else "1")
+
+
+def role_words(edge: str, role: Role, told: Told, si: bool) -> list[str]:
+    """What an edge does, with its values: "traction", "g_x = 3 MPa"."""
     names = ("u_N", "u_T") if role.frame == "nt" else ("u_x", "u_y")
-    if isinstance(role, Clamped) and role.word != "symmetry" and any(one != 0.0 for one in role.u):
-        yield from (
-            f"{name} {'free' if u is None else '= ' + _value(u, 'm', si)}"
-            for name, u in zip(names, role.u, strict=True)
-        )
-    heat, (k_N, k_T) = role.heat or EdgeHeat(), role.spring
-    loads = (("g", role.g, "Pa"), ("pressure", [role.pressure], "Pa"), ("force", role.force, "N m-1"),
-             ("moment", [role.moment or 0.0], "N"), ("k_N", [k_N], "Pa m-1"), ("k_T", [k_T], "Pa m-1"),
-             ("flux", [heat.flux], "W m-2"))  # fmt: skip
-    told = [one for one in loads if any(value != 0.0 for value in one[1])]
-    films = (("θ", [heat.theta], "K"), ("α", [heat.alpha], "W m-2 K-1"), ("θ̄", [heat.theta_bar], "K"))
-    for name, values, units in (*told, *(one for one in films if one[1] != [None])):
-        texts = ", ".join(_value(value, units, si) for value in values)
-        yield f"{name} = ({texts})" if len(values) > 1 else f"{name} = {texts}"
+    held = type(role) is Clamped and role.word != "symmetry" and any(one != 0.0 for one in role.u)
+    free = [f"{name} free" for name, u in zip(names, role.u, strict=True) if held and u is None]
+    return [role.word, *words(told, ("boundary", edge), si), *free]
 
 
-def material_words(material: Material, si: bool) -> str:
-    """The numbers of a material."""
-    found = [f"E = {_value(material.E, 'Pa', si)}", f"ν = {number(material.nu)}"]
-    if material.alpha_T:
-        found.append(f"α_T = {_value(material.alpha_T, 'K-1', si)}")
-    elif material.beta:
-        found.append(f"β = {_value(material.beta, 'Pa K-1', si)}")
-    return ", ".join([*found, *([f"k = {_value(material.k, 'W m-1 K-1', si)}"] if material.k else [])])
-
-
-def scene_facts(study: Study, lambda_1: float | None) -> Iterator[str]:
+def scene_facts(study: Study, told: Told, lambda_1: float | None) -> Iterator[str]:
     """Material and heat, the laws' ω beside λ₁, and what the study varies."""
     scene, si = study.scenes[0], study.units == "SI"
-    heat, rest = scene.heat, f" ({BODY})" if scene.material.regions else ""
-    parts = [f"Material{rest}: plane {scene.material.plane}, {material_words(scene.material, si)}"]
-    if heat.theta is not None:
-        parts.append(f"θ = {_value(heat.theta, 'K', si)}")
-    elif scene.material.expands and scene.conducts:
-        parts.append(f"α = {_value(heat.alpha, 'W m-2 K-1', si)}, θ̄ = {_value(heat.theta_bar, 'K', si)}")
-        parts += [f"q = {_value(heat.q, 'W m-3', si)}"] if heat.q and not heat.omega else []
-    yield ";  ".join(parts)
-    omegas, unit = (
-        [law.omega for one in distinct(study.scenes, "friction") for law in one.laws],
-        "Pa m-1" if si else "1",
-    )
+    rest = f" ({BODY})" if scene.material.regions else ""
+    material = ", ".join([f"plane {scene.material.plane}", *words(told, ("material",), si)])
+    yield ";  ".join(filter(None, [f"Material{rest}: {material}", ", ".join(words(told, ("heat",), si))]))
+    unit = "Pa m-1" if si else "1"
+    omegas = [law.omega for one in distinct(study.scenes, "friction") for law in one.laws]
     least, most = min(omegas), max(omegas)
     ends = dict.fromkeys(with_unit(x, unit) if np.isfinite(x) and x else number(x) for x in (least, most))
-    told = f"Steepest fall of the law ω = {' to '.join(ends)}"
+    fall = f"Steepest fall of the law ω = {' to '.join(ends)}"
     if lambda_1 is not None:
-        told += f", stiffness λ₁ ≈ {with_unit(lambda_1, unit)} on this mesh: " + (
+        fall += f", stiffness λ₁ ≈ {with_unit(lambda_1, unit)} on this mesh: " + (
             "one solution" if most < lambda_1 else "several solutions may exist" if least >= lambda_1 else
             "one solution for laws with ω below it, several may exist for others")  # fmt: skip
-    yield told
+    yield fall
     yield varied(study)
 
 
@@ -360,24 +310,22 @@ def laws_drawn(study: Study) -> dict[str, Laws]:
     edges = [edge for edge, _, _ in scenes[0].friction.laws] if isinstance(scenes[0].friction, EdgeLaws) else [""]
     if len(every) > MOST_LAWS:
         some = [every[k] for k in np.unique(np.linspace(0, len(every) - 1, MOST_LAWS).round().astype(int))]
-        name = f"{len(some)} of {len(every)} laws"
+        name = f"{len(some)} of {len(every)} laws"  # the first one has it
         return {f"{name}{' ' * k}": law for k, law in enumerate(some) if not law.vanishes}
     for k, law in enumerate(every):
         same = [one.made.values for one in every if one.name == law.name and one.made]
-        told = [f"{symbol(key)} = {_in_units(law, key, value, study.units == 'SI')}"
-                for key, value in (law.made.values if law.made else {}).items()
-                if isinstance(value, float) and any(other.get(key) != value for other in same)]  # fmt: skip
-        name = " ".join(filter(None, [edges[k % len(edges)], law.name, ", ".join(told)]))
+        rows = {one.name: one for one in law_rows(law.made.shape)} if law.made else {}
+        differ = [
+            f"{symbol(key)} = {_value(Number(rows[key], value), study.units == 'SI')}"
+            for key, value in (law.made.values if law.made else {}).items()
+            if isinstance(value, float) and key in rows and any(other.get(key) != value for other in same)
+        ]
+        name = " ".join(filter(None, [edges[k % len(edges)], law.name, ", ".join(differ)]))
         if axis is not None and len(every) == len(axis.labels):
             name = str(axis.labels[k])
         if not law.vanishes:
             found.setdefault(name, law)
     return found
-
-
-def _in_units(law: Laws, key: str, value: float, si: bool) -> str:
-    units = {one.name: one.dimension for one in SHAPES[law.made.shape].parameters}.get(key, "") if law.made else ""
-    return with_unit(value, units.replace("/m", " m-1") if units and si else "1")
 
 
 def _draw_laws(sheet: Sheet, laws: Mapping[str, Laws], si: bool, size: float) -> None:
