@@ -79,7 +79,7 @@ class Result:
     def to_dataframe(self) -> pandas.DataFrame:
         """A row a point and level (of a path a vertex, of a fit a datum), as `export` writes it to CSV; SI units."""
         from tcstudy.data.provenance import kind_from
-        from tcstudy.reports.export.export_table import ROWS
+        from tcstudy.reports.export.table import ROWS
 
         data = self.tree.to_dataset()
         dims = data["status"].dims if "status" in data else (ROWS[kind_from(data.attrs)],)

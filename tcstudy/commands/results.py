@@ -184,14 +184,14 @@ def exported(
 
     tell_stored(file)
     if form in TABLES:
-        from tcstudy.reports.export.export_table import write_table
+        from tcstudy.reports.export.table import write_table
 
         table = target if target is not None else file.with_suffix(f".{form}")
         if table.suffix != f".{form}":
             fail(f"{table}: a table of this form has a name that ends in .{form}; what else is there stays")
         return table, [counted(write_table(file, table, point), "row")]
     from tcstudy.data.files import check_writable
-    from tcstudy.reports.export.export_fields import write_fields
+    from tcstudy.reports.export.fields import write_fields
 
     folder = target if target is not None else file.with_suffix("")
     if folder.exists() and not folder.is_dir():

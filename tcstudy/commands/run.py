@@ -130,7 +130,7 @@ def _dry_run(options: argparse.Namespace) -> int:
 
 def _plan_json(study: Study, output: Path, forecast: Plan, expected: Resources) -> str:
     from tcstudy.data.writer import axis_name
-    from tcstudy.reports.export.brief import json_text
+    from tcstudy.reports.export.table import json_text
 
     axes = [{"name": axis_name(axis), "units": axis.units, "values": axis.labels} for axis in study.axes]
     about = {"kind": "plan", "title": study.title, "output": str(output), "axes": axes}

@@ -157,7 +157,7 @@ def say(options: argparse.Namespace, path: Path, below: Sequence[str] = (), of: 
             tell(remarks)
             print(f"{path}: {verdict_of(None, kind_of(path), path)[0]}")
         elif options.json:
-            from tcstudy.reports.export.brief import brief, json_text
+            from tcstudy.reports.export.table import brief, json_text
             from tcstudy.reports.terminal.indices import indices_json
 
             print(json_text(brief(path) | ({"indices": indices_json(path, of)} if of else {})))

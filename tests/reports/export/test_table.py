@@ -12,7 +12,7 @@ import pytest
 import tcstudy
 from tcstudy.data.store import load_root
 from tcstudy.errors import DrawError, UsageError
-from tcstudy.reports.export.export_table import write_table
+from tcstudy.reports.export.table import write_table
 from tests.reports.conftest import REASON, Stored
 
 
@@ -40,7 +40,7 @@ def test_pandas_reads_the_table_to_the_bit(stored: Stored, tmp_path: Path, monke
     assert [row["level"] for row in found["rows"]] == [0, 1]
     assert found["rows"][1]["energy"] == wanted["energy"].loc[(0.0, "weak", 1)]
     whole = file.read_bytes()
-    monkeypatch.setattr("tcstudy.reports.export.export_table.VALUES", 1)  # in memory at a time: the rows of one label
+    monkeypatch.setattr("tcstudy.reports.export.table.VALUES", 1)  # in memory at a time: the rows of one label
     write_table(stored("block"), file)
     assert file.read_bytes() == whole
 

@@ -1,0 +1,175 @@
+"""A result file as one table, for spreadsheets, pandas and R, with a row a point and level; or as one JSON object.
+
+Rows are those of the result file's `status`: of a run and of its convergence every point on every level, of cost every
+family, solver and level, of a history every point and step; of a path they are the vertices, of a fit the data. Every
+variable of the root that has a value a row is a column `name [unit]`, of one with several (by start, by solver) each is
+one, `start_energy.zero [J m-1]`. Numbers are written so that reading gives them back to the bit; flags are their words;
+what is missing is an empty field, or null. The table goes through memory some thousand rows at a time. Left out: what
+lies along the contact line and in the body (`fields`), and of a path what is no number of a vertex.
+
+The object has every variable by its name; what a run and a convergence have by point is a list of points in the order
+of the file (the last axis runs fastest), in which lists go over the levels.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tcstudy.data.files import check_writable, replace_file
+from tcstudy.data.measured import LEVELS
+from tcstudy.data.provenance import WARNINGS, kind_of, remarks_of
+from tcstudy.data.reading import reading, sweep_dims
+from tcstudy.data.schema import ESTIMATES, ROOT
+from tcstudy.data.store import load_root, open_root
+from tcstudy.errors import StoreError, UsageError
+from tcstudy.reports.page.container import Json, plain
+from tcstudy.reports.select_point import Value, matching
+from tcstudy.reports.terminal.summary import verdict_of
+
+if TYPE_CHECKING:
+    import pandas
+
+VALUES = 2**18
+"""Values that are in memory at a time."""
+ROWS = {"path": "vertex", "fit": "row"}
+"""Dimension of the rows where there is no status, by the kind of the file."""
+LABELLED = ("start", "solver", "run")
+"""Dimensions after those of the rows whose every label makes a column of its own."""
+OF_LEVELS = {"level", *(v.name for v in (*ROOT, *ESTIMATES, *LEVELS) if v.dims == ("level",))}
+"""What a level has once."""
+
+
+def write_table(path: Path, target: Path, point: Mapping[str, Value] | None = None) -> int:
+    """Write the table, replacing an old file in one step; returns its rows.
+
+    target: a .csv (RFC 4180, UTF-8, a header line), or a .json with one object: `title`, `kind`, `warnings`, `units` by
+            column, and `rows`, a list of objects, one a line, in which what is not finite is "inf", "-inf" or null
+    point:  labels of swept parameters; only the points that have them
+
+    Raises StoreError, DrawError, UsageError.
+    """
+    if faults := check_writable(target):
+        raise StoreError("; ".join(faults))
+    kind, written, as_csv = kind_of(path), 0, target.suffix == ".csv"
+    if point and kind in (*ROWS, "cost"):
+        raise UsageError(f"--at: the file of tcstudy {kind} has one scene and no sweep points; leave it out")
+    with reading(path), open_root(path) as root:
+        wanted = matching(root, point) if point else None
+        dims = tuple(map(str, root["status"].dims)) if "status" in root else (ROWS[kind],)
+        columns = _columns(root, dims)
+        units = {name: str(one.attrs.get("units", "1")) for name, one in columns.items()}
+        heads = [name if unit in ("", "1") else f"{name} [{unit}]" for name, unit in units.items()]
+        about = {"title": root.title, "kind": kind, "warnings": [*map(asdict, remarks_of(root.attrs))], "units": units}
+
+        def make(aside: Path) -> None:
+            nonlocal written
+            with open(aside, "w", encoding="utf-8", newline="") as stream:
+                if not as_csv:
+                    stream.write(f'{json.dumps(about, ensure_ascii=False)[:-1]}, "rows": [')
+                for frame in _frames(columns, {dim: root.sizes[dim] for dim in dims}, wanted):
+                    if as_csv:
+                        frame.to_csv(stream, header=heads if written == 0 else False, index=False, lineterminator="\n")
+                    else:
+                        rows = (dict(zip(units, row, strict=True)) for row in frame.itertuples(index=False, name=None))
+                        stream.write("\n" if written == 0 else ",\n")
+                        stream.write(",\n".join(map(json_text, rows)))
+                    written += len(frame)
+                stream.write("" if as_csv else "\n]}\n")
+
+        replace_file(target, make, sealed=False)
+    return written
+
+
+def _columns(root: Any, dims: tuple[str, ...]) -> dict[str, Any]:
+    """What has a value a row, in the order of the file, or several with a label each."""
+    found = dict[str, Any]()
+    for name, one in ((name, root.variables[name]) for name in (*root.coords, *root.data_vars)):
+        more = one.dims[-1] if len(one.dims) > 1 and one.dims[-1] in LABELLED and one.dims[-1] not in dims else None
+        if one.dims and {*one.dims} - {more} <= {*dims}:
+            labels = root[more].values.tolist() if more else ()
+            found |= {f"{name}.{label}": one[..., i] for i, label in enumerate(labels)} if more else {str(name): one}
+    return found
+
+
+def _frames(columns: Mapping[str, Any], sizes: Mapping[str, int], wanted: Any) -> Iterator[pandas.DataFrame]:
+    """Rows in C order of their index, some thousand at a time; the last dimension of a run's is the level."""
+    import pandas
+
+    (first, count), inner = next(iter(sizes.items())), math.prod([*sizes.values()][1:])
+    step = max(1, VALUES // len(columns) // inner)
+    for start in range(0, count, step):
+        shape = {**sizes, first: min(step, count - start)}
+        index = np.arange(start * inner, start * inner + math.prod(shape.values()))
+        kept = slice(None) if wanted is None else wanted[index // [*sizes.values()][-1]]
+
+        def cells(one: Any, start: int = start, shape: dict[str, int] = shape, kept: Any = kept) -> pandas.Series:
+            array = one.isel({first: slice(start, start + step)}, missing_dims="ignore")
+            values = array.values.reshape([n if dim in one.dims else 1 for dim, n in shape.items()])
+            found = pandas.Series(np.broadcast_to(values, tuple(shape.values())).ravel()[kept])
+            if "flag_meanings" in one.attrs:
+                return found.map(_words(one.attrs))
+            least = one.attrs.get("valid_min")
+            return (
+                found if least is None or found.dtype.kind == "f" else found.astype(object).where(found >= least, None)
+            )
+
+        frame = pandas.DataFrame({name: cells(one) for name, one in columns.items()})
+        if len(frame):
+            yield frame
+
+
+def _words(attrs: Any) -> dict[int, str]:
+    """The words of a flag by its values."""
+    return dict(zip(np.atleast_1d(attrs["flag_values"]).tolist(), attrs["flag_meanings"].split(), strict=True))
+
+
+def brief(path: Path) -> dict[str, Json]:
+    """The object that --json prints; its `verdict` is the sentence of --quiet. Raises StoreError."""
+    kind, data = kind_of(path), load_root(path)
+    told = {name: plain(value) for name, value in data.attrs.items() if name not in ("title", WARNINGS)}
+    named = ((str(name), data.variables[name]) for name in (*data.coords, *data.data_vars))
+    every = {name: one for name, one in named if "node" not in one.dims}
+    found = {
+        "kind": kind,
+        "file": str(path),
+        "title": str(data.attrs["title"]),
+        "warnings": [*map(asdict, remarks_of(data.attrs))],
+        "verdict": verdict_of(data, kind, path)[0],
+        "attributes": told,
+        "units": {name: str(one.attrs["units"]) for name, one in every.items() if "units" in one.attrs},
+    }
+    if kind not in ("run", "convergence"):
+        return found | {"values": {name: _listed(one) for name, one in every.items()}}
+    sweep = {dim: data.sizes[dim] for dim in sweep_dims(data)}
+    swept = {name for name, one in every.items() if {*one.dims} & {*sweep}}  # sizes too, of several geometries
+    swept |= set() if sweep else {name for name, one in every.items() if "level" in one.dims} - OF_LEVELS
+    columns = {name: _by_point(one, sweep) for name, one in every.items() if name in swept}
+    points = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    levels = {name: _listed(one) for name, one in every.items() if name not in swept}
+    return found | {"levels": levels, "points": points}
+
+
+def json_text(value: Json) -> str:
+    """One line of JSON; numbers that there are not are null."""
+    return json.dumps(plain(value), ensure_ascii=False, allow_nan=False)
+
+
+def _by_point(one: Any, sweep: dict[str, int]) -> list[Json]:
+    """What each point has of a variable, a number or a list over the dimensions beside the sweep."""
+    whole = one.set_dims({**sweep, **dict(one.sizes)}).transpose(*sweep, ...)
+    return list(_listed(whole.data.reshape(-1, *whole.shape[len(sweep) :]), one.attrs))
+
+
+def _listed(one: Any, attrs: Any = None) -> Json:
+    """Values as lists, flags as words."""
+    values, attrs = np.asarray(one), one.attrs if attrs is None else attrs
+    if "flag_meanings" in attrs:
+        values = np.vectorize(_words(attrs).get, otypes=[object])(values)
+    return values.tolist()
