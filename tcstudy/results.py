@@ -69,8 +69,8 @@ class Result:
     @property
     def summary(self) -> str:
         """The answer in one sentence, as the terminal and the page say it."""
+        from tcstudy.data.files import reading
         from tcstudy.data.provenance import kind_of
-        from tcstudy.data.reading import reading
         from tcstudy.reports.terminal.summary import verdict_of
 
         with reading(self.file):
@@ -150,7 +150,7 @@ def cached(kind: Kind, study: Study, **asked: object) -> FilePath:
 
 def why_again(target: FilePath, study: Study) -> str:
     """Why a file in the cache is computed: what differs from the study whose results came last under its name."""
-    from tcstudy.data.reading import attributes
+    from tcstudy.data.files import attributes
     from tcstudy.read.document import changes
 
     pattern = f"{target.name.removesuffix('.nc')[:-16]}{'?' * 16}.nc"
@@ -180,7 +180,7 @@ def open_results(path: str | FilePath) -> xarray.DataTree:
 
     Close it after use or open it in a `with`. Raises StoreError if there is none or its run has not finished.
     """
-    from tcstudy.data.store import open_results as open_tree
+    from tcstudy.data.reading import open_results as open_tree
 
     return open_tree(FilePath(path))
 

@@ -27,7 +27,7 @@ def converge(options: argparse.Namespace) -> int:
     """Errors, rates and limits over the levels."""
     point = shared.point_of(options)
     study, path = checked(options, "convergence")
-    from tcstudy.data.writer import sweep_points
+    from tcstudy.data.store import sweep_points
     from tcstudy.reports.select_point import locate
     from tcstudy.study.convergence import without_errors
 

@@ -44,8 +44,8 @@ def show(options: argparse.Namespace) -> int:
 
 
 def _show(options: argparse.Namespace, file: Path) -> None:
+    from tcstudy.data.files import attributes
     from tcstudy.data.provenance import kind_of
-    from tcstudy.data.reading import attributes
     from tcstudy.scene.designs import SALTELLI
 
     kind = kind_of(file)

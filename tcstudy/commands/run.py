@@ -129,7 +129,7 @@ def _dry_run(options: argparse.Namespace) -> int:
 
 
 def _plan_json(study: Study, output: Path, forecast: Plan, expected: Resources) -> str:
-    from tcstudy.data.writer import axis_name
+    from tcstudy.data.store import axis_name
     from tcstudy.reports.export.table import json_text
 
     axes = [{"name": axis_name(axis), "units": axis.units, "values": axis.labels} for axis in study.axes]

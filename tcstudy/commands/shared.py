@@ -146,8 +146,8 @@ def say(options: argparse.Namespace, path: Path, below: Sequence[str] = (), of: 
 
     Raises StoreError where the file was changed after it was written and does not hold what it should.
     """
+    from tcstudy.data.files import attributes, reading
     from tcstudy.data.provenance import kind_of, remarks_of, tell
-    from tcstudy.data.reading import attributes, reading
     from tcstudy.reports.terminal.summary import text_of, verdict_of
     from tcstudy.reports.terminal.tables import wrapped
 
@@ -331,7 +331,7 @@ def failures(output: Path) -> tuple[int, int]:
     import numpy as np
 
     from tcstudy.data.provenance import SHORTFALLS
-    from tcstudy.data.records import PointStatus
+    from tcstudy.data.schema import PointStatus
 
     with netCDF4.Dataset(output) as nc:
         if "status" not in nc.variables:
@@ -355,7 +355,7 @@ def outside_the_sweep(study: Study) -> Study:
 
 def _point(study: Study, at: Mapping[str, Any] | None) -> tuple[str, tuple[int, ...]]:
     """A sweep point by its labels: in words, and its index. Raises DrawError."""
-    from tcstudy.data.writer import sweep_points
+    from tcstudy.data.store import sweep_points
     from tcstudy.reports.select_point import describe, locate
 
     points = sweep_points(study)

@@ -25,15 +25,22 @@ from importlib import metadata
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any, Literal, get_args
 
-from tcstudy.data.reading import attributes, is_foreign, refuse_changed
+from tcstudy.data.files import attributes, is_foreign, refuse_changed
 from tcstudy.errors import StoreError, tell
 from tcstudy.scene.study import Acceptance, Study
 
 CONVENTIONS = "CF-1.11"
+
+
 REFERENCES = "Sestak & Jovanovic, Appl. Math. Mech. 31 (2010), doi:10.3879/j.issn.1000-0887.2010.01.008"
+
+
 PACKAGES = ("numpy", "scipy", "ngsolve", "xarray", "netCDF4", "tcstudy")
+
+
 NUMERICS = ("numpy", "scipy", "ngsolve", "netgen-mesher", "tcstudy")
 """Packages whose version can change a result (meshes are equal across runs, not across versions)."""
+
 
 GIT_TIMEOUT = 5.0
 """Seconds that git may take, for example on a slow network disk."""
@@ -194,6 +201,8 @@ def without_paths(sentence: str) -> str:
 
 
 Kind = Literal["run", "path", "history", "convergence", "cost", "fit"]
+
+
 CONTENT = "content"
 """Global attribute that tells the files of other commands from those of a run and of converge."""
 

@@ -1,193 +1,60 @@
-"""What an existing file is, found out before the netCDF library opens it; the sweep of one that is open.
+"""Finished files read: as xarray has them, and back as the records that they were written of, to the bit.
 
-A result file ends in a seal, a SHA-256 of all bytes before it, which tells without the library that tcstudy wrote the
-file and that no byte has changed since. It ignores what follows the end that a file states; a program that changes the
-file cuts the seal off. A file whose seal is broken is refused; one without a seal is read, which is told, and what
-fails on it is the file's fault, told in one line.
+For studies that grow or are mended: what is read here goes through the one writer again. Not here: which
+points of which study these are (`tcstudy.study.append`), and the group `live`, which is made of the whole sweep.
 """
 
 from __future__ import annotations
 
-import hashlib
 import math
-import os
-import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from enum import Enum
-from functools import lru_cache
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
-from tcstudy.errors import StoreError, tell
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.data import schema
+from tcstudy.data.files import attributes, reading
+from tcstudy.data.provenance import Kind, kind_of
+from tcstudy.data.records import BlockRecord, LevelRecord
+from tcstudy.data.schema import MISSING_COUNT, PointStatus, line_variables
+from tcstudy.data.store import Places, numbers, tile_shape, tiles
+from tcstudy.errors import StoreError
+from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-
-class Unreadable(Exception):
-    """The file cannot be read; the text says why."""
-
-
-_MARK = b"\ntcstudy result, sha256 "
-_LENGTH = len(_MARK) + 64 + 1
-_BLOCK = 1 << 20
-
-
-class Seal(Enum):
-    """WHOLE: the file is as it was written; BROKEN: it has changed; NONE: changed, cut, or a stranger's."""
-
-    WHOLE = "whole"
-    BROKEN = "broken"
-    NONE = "none"
-
-
-def put_seal(file: Path) -> None:
-    """Seal a finished file. Raises OSError."""
-    with open(file, "rb+") as stream:
-        digest = _digest(stream, os.fstat(stream.fileno()).st_size)
-        stream.seek(0, os.SEEK_END)
-        stream.write(_MARK + digest + b"\n")
-
-
-def seal_of(file: Path) -> Seal:
-    """What the seal of a regular file says. Raises OSError."""
-    now = file.stat()
-    return _seal_of(os.path.realpath(file), now.st_size, now.st_ino, now.st_mtime_ns)
-
-
-@lru_cache(maxsize=16)
-def _seal_of(file: str, size: int, *_stamp: int) -> Seal:
-    """Computed once while the file stays as it is: one command opens it several times."""
-    if size < _LENGTH:
-        return Seal.NONE
-    with open(file, "rb") as stream:
-        stream.seek(size - _LENGTH)
-        end = stream.read(_LENGTH)
-        if not (end.startswith(_MARK) and end.endswith(b"\n")):
-            return Seal.NONE
-        stream.seek(0)
-        return Seal.WHOLE if _digest(stream, size - _LENGTH) == end[len(_MARK) : -1] else Seal.BROKEN
-
-
-def _digest(stream: BinaryIO, length: int) -> bytes:
-    """SHA-256 of the first bytes of a stream, in hexadecimal digits."""
-    digest = hashlib.sha256()
-    while length > 0 and (block := stream.read(min(_BLOCK, length))):
-        digest.update(block)
-        length -= len(block)
-    return digest.hexdigest().encode()
-
-
-ANEW = "Run the study again with --force to make it anew"
-
-FINISHED = "finished"
-"""Global attribute set last: netCDF-4 opens a file whose writer died as if nothing were wrong."""
-
-PARTIAL = ".partial"
-"""What the journal of a run adds to the name of its output."""
-
-_MAGIC = (b"\x89HDF\r\n\x1a\n", b"CDF")
-"""How netCDF-4 and older netCDF files begin."""
-
-_FAULTS = (LookupError, ValueError, TypeError, AttributeError, ArithmeticError, OSError, RuntimeError, Warning)
-"""What reading and drawing values that do not fit together may raise."""
-
-
-def is_foreign(file: Path) -> bool:
-    """Whether there is a file that does not say it is a result of tcstudy; an empty one is no loss. Raises OSError."""
-    if not file.is_file() or not file.stat().st_size or seal_of(file) != Seal.NONE:
-        return False
-    try:
-        return not _says_ours(_attributes(file))
-    except Unreadable:
-        return True
-
-
-def attributes(path: Path) -> dict[str, Any]:
-    """The global attributes of a complete result file. Raises StoreError if it is none, or damaged."""
-    if str(path).startswith("~"):  # which netCDF would look for elsewhere
-        raise StoreError(f"{path} begins with ~, which only a shell knows as a home directory; write the directory out")
-    if path.is_dir():
-        raise StoreError(f"{path} is a directory; name a file in it")
-    if not path.exists():
-        if path.with_name(path.name + PARTIAL).exists():
-            raise StoreError(f"{path} is not there yet: its run has not finished. Run the study again to resume it")
-        raise StoreError(f"there is no file {path}. Run the study first, or check the name")
-    if not path.is_file():
-        raise StoreError(f"{path} is no file but a device or a pipe; name a result file")
-    if path.suffix in (".yaml", ".yml"):
-        raise StoreError(f"{path} is a study and not its results; name the .nc file that its run wrote")
-    try:
-        found = _attributes(path)
-    except Unreadable as error:
-        raise StoreError(f"{path} is no netCDF file or is cut short or damaged ({error}). {ANEW}") from error
-    except (OSError, RuntimeError) as error:
-        raise StoreError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from error
-    if not _says_ours(found):
-        raise StoreError(f"{path} is unfinished (its writer stopped midway) or not made by tcstudy. {ANEW}")
-    return found
-
-
-def _attributes(path: Path) -> dict[str, Any]:
-    if (seal := seal_of(path)) == Seal.BROKEN:
-        raise Unreadable("its checksum is wrong")
-    if seal == Seal.NONE and not _is_netcdf(path):
-        raise Unreadable("it does not begin like one")
     import netCDF4
-
-    try:
-        with netCDF4.Dataset(path) as nc:
-            values = {name: nc.getncattr(name) for name in nc.ncattrs()}
-    except (OSError, RuntimeError) as error:
-        if seal == Seal.WHOLE:
-            raise
-        raise Unreadable(getattr(error, "strerror", None) or str(error)) from error
-    return {name: value.tolist() if hasattr(value, "tolist") else value for name, value in values.items()}
+    import xarray
 
 
-def change_of(path: Path) -> str:
-    """That another program has changed a result file since tcstudy wrote it; empty if none has.
+def open_results(path: Path) -> xarray.DataTree:
+    """Open a result file lazily; close it after use or open it in a `with`.
 
-    Raises StoreError if it is no result file.
+    Raises StoreError if there is no file, if it is not a result file or if its run has not finished.
     """
     attributes(path)
-    return "" if seal_of(path) == Seal.WHOLE else f"{path} was changed since tcstudy wrote it"
+    import xarray  # here, because a run needs no xarray and its import takes longer than writing the file
+
+    return xarray.open_datatree(path, engine="netcdf4")
 
 
-def refuse_changed(path: Path) -> None:
-    """Raise StoreError for a file that another program has changed: nothing goes on from it."""
-    if change := change_of(path):
-        raise StoreError(f"{change}, and nothing goes on from such a file. {ANEW}")
+def open_root(path: Path, group: str = "") -> xarray.Dataset:
+    """The same of the root alone, or of one group, in the order of the file: of many geometries it takes less time."""
+    attributes(path)
+    import xarray
+
+    return xarray.open_dataset(path, engine="netcdf4", group=group or None)
 
 
-@contextmanager
-def reading(path: Path) -> Iterator[None]:
-    """For the time of a `with` that reads a result file: raises StoreError if the file is none, or if something fails
-    on one that has changed since tcstudy wrote it, which is told. What fails on a whole file passes as it is."""
-    if not (change := change_of(path)):
-        yield
-        return
-    tell([change])
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", RuntimeWarning)
-        try:
-            yield
-        except _FAULTS as error:
-            cause = f"{type(error).__name__}: {(str(error).splitlines() or [''])[0]}"
-            raise StoreError(
-                f"{path} was changed after tcstudy wrote it and does not hold what it should ({cause}). {ANEW}"
-            ) from error
-
-
-def _is_netcdf(file: Path) -> bool:
-    with open(file, "rb") as stream:
-        return stream.read(8).startswith(_MAGIC)
-
-
-def _says_ours(found: dict[str, Any]) -> bool:
-    return FINISHED in found and str(found.get("source", "")).startswith("tcstudy")
+def load_root(path: Path, kind: Kind | None = None) -> xarray.Dataset:
+    """The whole root group of a result file. Raises StoreError if it is none, or none of this kind."""
+    if kind is not None and (found := kind_of(path)) != kind:
+        raise StoreError(f"{path} holds a {found}, not a {kind}; use tcstudy show")
+    with open_root(path) as data:
+        return data.load()
 
 
 GEOMETRIES = "geometries"
@@ -227,7 +94,7 @@ def axis_names(data: Any) -> list[str]:
 
 
 ASKED = ("force_", "work_", "section_force_", "probe_", "reaction_", "theta_mean_", "von_mises_")
-"""How the names of numbers that `output.probes` and `output.quantities` ask for begin (data.on_request)."""
+"""How the names of numbers that `output.probes` and `output.quantities` ask for begin (data.schema)."""
 
 
 def asked(data: Any) -> list[str]:
@@ -241,3 +108,129 @@ def of_largest(data: Any) -> Any:
         return data
     names = [name for name in ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble") if name in data]
     return data.assign({name: data[name].max([d for d in data[name].dims if d != "level"]) for name in names})
+
+
+Values = NDArray[Any]
+VALUES = 2**22
+"""Numbers of one variable that are in memory at a time."""
+
+
+@contextmanager
+def opened(path: Path, group: str = "") -> Iterator[netCDF4.Dataset]:
+    """A finished file, or a group of it, nothing of which is masked. Raises StoreError."""
+    import netCDF4
+
+    with reading(path), netCDF4.Dataset(path) as nc:
+        nc.set_auto_mask(False)
+        yield nc[group] if group else nc
+
+
+def read_status(path: Path, group: str = "") -> NDArray[np.int8]:
+    """(P, levels) PointStatus in the order of the file, or of a group of it. Raises StoreError."""
+    with opened(path, group) as nc:
+        status: NDArray[np.int8] = nc["status"][...]
+    return status.reshape(-1, status.shape[-1])
+
+
+def read_geometries(path: Path) -> Places:
+    """(P,) number of the group geometry_i that a point of a sweep over geometries belongs to, −1 for none."""
+    with opened(path) as nc:
+        return np.asarray(nc["geometry"][...], dtype=np.intp).ravel()
+
+
+def read_levels(path: Path, group: str = "") -> dict[int, LevelRecord]:
+    """The records of the levels that have a mesh, without what a page needs to solve by itself. Raises StoreError."""
+    with opened(path, group) as nc:
+        return {int(group.level): _level(nc, group) for group in nc.groups.values()}
+
+
+def _level(nc: netCDF4.Dataset, group: netCDF4.Group) -> LevelRecord:
+    i = int(group.level)
+    values: dict[str, Any] = {name: group[name][...] for name in ("arclength", "x", "y", "c", "edge")}
+    values |= {name: nc[name][i].item() for name in ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble")}
+    meanings = str(getattr(group["edge"], "flag_meanings", ""))
+    return LevelRecord(
+        level=i,
+        **values,
+        edge_names=tuple(meanings.split()),
+        fields={
+            v.name: group[v.name][...]
+            for v in (*schema.MESH, schema.REGION, *schema.HELD[:-1], *schema.JOINTS)
+            if v.name in group.variables
+        },
+        stop=str(nc["stop"][i]) if "stop" in nc.variables else "",
+    )
+
+
+def read_blocks(
+    path: Path, study: Study, places: Places, wanted: NDArray[np.bool_], group: str = ""
+) -> Iterator[BlockRecord]:
+    """The points of a file as blocks of another study.
+
+    places: (P,) where the points of the file, in its order, stand in the sweep of `study`
+    wanted: (points of study, levels) which of them are given; those that were not run never are
+    group:  of one geometry, whose points these are
+    """
+    with opened(path, group) as nc:
+        shape = nc["status"].shape[:-1]
+        own = [v for v in numbers(study) if v.name in nc.variables]
+        for level in range(nc["status"].shape[-1]):
+            line = nc.groups.get(f"level_{level}")
+            for cut, start, stop in tiles(shape, tile_shape(shape, _points(line))):
+                at, status = places[start:stop], _flat(nc["status"][(*cut, level)], 0)
+                rows = np.flatnonzero((status != PointStatus.NOT_RUN) & wanted[at, level])
+                if not len(rows):
+                    continue
+                words = _flat(nc["reason"][(*cut, level)], 0)
+                more = {v.name: _number(nc[v.name], cut, level)[rows] for v in own}
+                more |= {v.name: _flat(line[v.name][cut], 1)[rows] for v in line_variables(study) if line is not None}
+                yield BlockRecord(
+                    level=level,
+                    shape=study.shape,
+                    points=at[rows],
+                    status=status[rows],
+                    reasons={row: str(words[i]) for row, i in enumerate(rows) if words[i]},
+                    numbers=more,
+                    **_on_line(line, cut, rows),
+                    solutions=_every(line, start + rows),
+                )
+
+
+def _every(group: netCDF4.Group | None, places: Places) -> dict[str, Values]:
+    """All solutions of the points at places of the file, if it has them."""
+    if group is None or "solution_point" not in group.variables:
+        return {}
+    of = np.asarray(group["solution_point"][...])
+    own = np.isin(of, places)
+    found = {v.name.removeprefix("solution_"): group[v.name][...][own] for v in schema.SOLUTION[1:]}
+    return found | {"row": np.searchsorted(places, of[own])}
+
+
+def _points(group: netCDF4.Group | None) -> int:
+    """How many points may be in memory at a time."""
+    widths = [1] if group is None else [int(d.size) for name, d in group.dimensions.items() if name.endswith("node")]
+    return max(1, VALUES // max(32, *widths))
+
+
+def _flat(values: Values, after: int) -> Values:
+    """Values by point; after: how many dimensions follow those of the sweep."""
+    array = np.asarray(values)
+    return array.reshape(-1, *array.shape[array.ndim - after :])
+
+
+def _number(variable: netCDF4.Variable, cut: tuple[slice, ...], level: int) -> Values:
+    """(P,) or (P, k) numbers of a level as records have them: NaN is missing."""
+    after = len(variable.dimensions) - len(cut) - 1
+    values = _flat(variable[(*cut, level)], after).astype(float)
+    if variable.dtype == np.int32:
+        values[values == MISSING_COUNT] = np.nan
+    return values
+
+
+def _on_line(group: netCDF4.Group | None, cut: tuple[slice, ...], rows: Places) -> dict[str, Any]:
+    """What points have on the contact line and in the body."""
+    if group is None:
+        return {}
+    found: dict[str, Any] = {name: _flat(group[name][cut], 1)[rows] for name in ("u_T", "xi", "sticks")}
+    fields = {v.name: _flat(group[v.name][cut], 1)[rows] for v in schema.FIELDS if v.name in group.variables}
+    return found | {"fields": fields}

@@ -2,22 +2,35 @@
 
 A block is a few arrays, because a point of a long sweep costs less to solve than a record of its own costs to keep.
 As a row of the journal a record is its scalars as JSON, its arrays as their bytes, and a checksum over both.
+
+The journal keeps finished points on the disk while a run goes on: an SQLite file `<output>.partial` beside the output.
+A record is safe at most COMMIT_SECONDS after `add`: SQLite with synchronous=FULL survives a crash, kill -9 and a
+power cut. The file is locked for as long as its process lives (SQLite's exclusive mode), so two runs cannot share
+an output. A journal of another study, of other versions of the numerics, or a damaged one is set aside, never
+deleted.
 """
 
 from __future__ import annotations
 
 import json
+import os
+import re
+import sqlite3
+import threading
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.schema import PointStatus
-
-__all__ = ["BlockRecord", "LevelRecord", "PointStatus"]
+from tcstudy.data.files import PARTIAL, remove_stale, special_file, sync_directory
+from tcstudy.data.provenance import program, study_sha256
+from tcstudy.errors import StoreError, shortened
+from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
 
@@ -158,3 +171,258 @@ def decode(row: Row) -> tuple[dict[str, Any], dict[str, Any], dict[str, dict[str
         place[key] = found.reshape(shape)  # a view: nobody writes into a record
         start += count * np.dtype(dtype).itemsize
     return json.loads(scalars), arrays, groups
+
+
+COMMIT_SECONDS = 0.25
+"""Longest time that a finished record waits for its commit; one commit costs some 15 ms of disk."""
+_INSERT = "INSERT OR REPLACE INTO record VALUES (?, ?, ?, ?, ?, ?, ?)"
+
+
+class Journal:
+    """The open journal of one run. Make it with `Journal.open`; safe to use from several threads.
+
+    warnings: sentences for the user, for example that an old journal was set aside
+    """
+
+    def __init__(self, path: Path, connection: sqlite3.Connection, warnings: tuple[str, ...]) -> None:
+        self.path, self.warnings = path, warnings
+        self._connection = connection
+        self._pending: list[Row] = []
+        self._lock = threading.RLock()
+        self._timer: threading.Timer | None = None
+        self._error: StoreError | None = None
+        self._closed = False
+
+    @classmethod
+    def open(cls, output: Path, study: Study) -> Journal:
+        """Create the journal of `output`, or resume it if it is of the same study and numerics.
+
+        Raises StoreError if another run is writing to the same output or the directory cannot be written.
+        """
+        path = Path(os.path.realpath(output))
+        path = Path(os.path.realpath(path.with_name(path.name + PARTIAL)))
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise StoreError(f"cannot make {path.parent}: {error.strerror}. choose another output") from error
+        header = {"study_sha256": study_sha256(study), "program": program()}
+        warnings: tuple[str, ...] = ()
+        connection, why = connect(path, header)
+        if why:
+            kept = set_aside(path, connection)
+            warnings = (f"{path.name} {why}; it is kept as {kept.name} and the run starts anew",)
+            connection, why = connect(path, header)
+        if connection is None or why:
+            raise StoreError(f"cannot start the journal {path}: {why}. Choose another output")
+        remove_stale(output, alone=True)
+        sync_directory(path.parent)
+        return cls(path, connection, warnings)
+
+    def add(self, record: BlockRecord | LevelRecord | Row) -> None:
+        """Keep a record, or a row; it is on the disk within COMMIT_SECONDS. A second one of the same place replaces it.
+
+        Raises StoreError if an earlier record could not be brought to the disk; it is tried again.
+        """
+        row = record if isinstance(record, tuple) else encode(record)
+        with self._lock:
+            if self._closed:
+                raise StoreError(f"the journal {self.path} is closed")
+            self._pending.append(row)
+            if self._error is not None:
+                self.flush()
+            elif self._timer is None:
+                self._timer = threading.Timer(COMMIT_SECONDS, self._flush_quietly)
+                self._timer.daemon = True
+                self._timer.start()
+
+    def flush(self) -> None:
+        """Bring every record to the disk. Raises StoreError if it cannot; the records stay for another try."""
+        with self._lock:
+            if self._timer is not None:
+                self._timer.cancel()
+                self._timer = None
+            if not self._pending or self._closed:
+                return
+            try:
+                with self._connection:
+                    self._connection.execute("BEGIN IMMEDIATE")
+                    self._connection.executemany(_INSERT, self._pending)
+            except (sqlite3.Error, OSError) as error:
+                self._error = StoreError(
+                    f"cannot keep finished points in {self.path}: {error}. Free some space; the run can then be resumed"
+                )
+                raise self._error from error
+            self._pending.clear()
+            self._error = None
+
+    def levels(self) -> tuple[LevelRecord, ...]:
+        """All level records, coarse to fine."""
+        return tuple(sorted((decode_level(row) for row in self._rows("level")), key=lambda level: level.level))
+
+    def blocks(self) -> Iterator[BlockRecord]:
+        """All blocks as they finished, read one by one: whole-body fields need not fit into memory."""
+        return (decode_block(row) for row in self._rows("block"))
+
+    def steps(self) -> Iterator[Row]:
+        """All steps of histories, as they were done."""
+        return self._rows("step")
+
+    def close(self) -> None:
+        """Flush and give up the lock; the journal stays for a later run. Closing twice does no harm."""
+        with self._lock:
+            try:
+                self.flush()
+            finally:
+                self._closed = True
+                self._connection.close()
+
+    def discard(self) -> None:
+        """Remove the journal. Only when the netCDF file is in place."""
+        with self._lock:
+            if self._timer is not None:
+                self._timer.cancel()
+            self._pending.clear()
+            self._closed = True
+            if os.name == "nt":  # an open file cannot be removed there
+                self._connection.close()
+            # removed before the lock goes, so that no other run can get hold of the dying file
+            self.path.unlink(missing_ok=True)
+            self._connection.close()
+            rollback_file(self.path).unlink(missing_ok=True)
+
+    def __enter__(self) -> Journal:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
+
+    def _rows(self, kind: str) -> Iterator[Row]:
+        with self._lock:
+            self.flush()
+            cursor = self._connection.execute(SELECT, (kind,))
+        while True:
+            with self._lock:
+                row = cursor.fetchone()
+            if row is None:
+                return
+            yield row
+
+    def _flush_quietly(self) -> None:
+        """The timer's flush: its error is kept for the next `add`, `flush` or `close`."""
+        with suppress(StoreError):
+            self.flush()
+
+
+SMALLEST_PAGE = 512
+"""Bytes of the smallest SQLite file that holds anything."""
+_TABLES = (
+    "CREATE TABLE header (key TEXT PRIMARY KEY, value TEXT NOT NULL)",
+    "CREATE TABLE record (kind TEXT, place TEXT, level INTEGER, scalars TEXT NOT NULL, layout TEXT NOT NULL, "
+    "arrays BLOB NOT NULL, crc INTEGER NOT NULL, PRIMARY KEY (kind, place, level))",
+)
+# NOT INDEXED: a scan in the order of rowid streams; by the index SQLite would first sort all arrays in memory
+SELECT = "SELECT kind, place, level, scalars, layout, arrays, crc FROM record NOT INDEXED WHERE kind = ? ORDER BY rowid"
+
+
+class _Damaged(Exception):
+    """The journal cannot be trusted; the text says why."""
+
+
+_FAULTS = (sqlite3.DatabaseError, _Damaged, ValueError, TypeError, LookupError, AttributeError, OverflowError)
+"""What a journal with damaged or foreign content may raise."""
+
+
+def connect(path: Path, header: dict[str, str]) -> tuple[sqlite3.Connection | None, str]:
+    """An open, locked journal with this header, and why it cannot be used ("" if it can)."""
+    connection: sqlite3.Connection | None = None
+    if what := special_file(path):
+        raise StoreError(f"{path} is {what}, no file. Remove it or choose another output")
+    # SQLite takes a file shorter than a page for an empty one and writes over it. Only its size is looked at: to open
+    # and close it here would drop the locks that this process has on it
+    if path.is_file() and 0 < path.stat().st_size < SMALLEST_PAGE:
+        return None, "is cut short"
+    try:
+        connection = sqlite3.connect(path, timeout=0.2, isolation_level=None, check_same_thread=False)
+        # locked before anything is judged: what another run is writing must not be set aside
+        connection.execute("PRAGMA locking_mode=EXCLUSIVE")
+        connection.execute("PRAGMA synchronous=FULL")
+        connection.execute("BEGIN EXCLUSIVE")
+        connection.execute("COMMIT")
+        return connection, _look_into(connection, header)
+    except _FAULTS as error:
+        obstacle = _obstacle(path, error)
+        if connection is not None and not obstacle:
+            line = (str(error).splitlines() or [type(error).__name__])[0]
+            return connection, f"is damaged ({shortened(line, 100)})"
+        if connection is not None:
+            connection.close()
+        raise StoreError(obstacle) from error
+
+
+def _obstacle(path: Path, error: Exception) -> str:
+    """What keeps a sound journal from being used; empty if the error speaks of damage."""
+    if not isinstance(error, sqlite3.Error):
+        return ""
+    text = str(error)
+    if "locked" in text:
+        return f"another run is writing to the same output ({path} is locked). Wait for it or choose another output"
+    # SQLite also calls a file with a damaged header read-only
+    if "readonly" in text and os.access(path, os.W_OK):
+        return ""
+    if isinstance(error, sqlite3.OperationalError) and re.search("unable to open|readonly|full|I/O", text):
+        return f"cannot use the journal {path}: {text}. Make room there or choose another output"
+    return ""
+
+
+def _look_into(connection: sqlite3.Connection, header: dict[str, str]) -> str:
+    """Make the tables of an empty journal; say why a filled one does not belong to this run."""
+    tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+    if not tables:
+        with connection:
+            connection.execute("BEGIN IMMEDIATE")
+            for statement in _TABLES:
+                connection.execute(statement)
+            connection.executemany("INSERT INTO header VALUES (?, ?)", header.items())
+        return ""
+    if tables != {"header", "record"}:
+        return "is not a journal of tcstudy"
+    verdict = connection.execute("PRAGMA quick_check").fetchone()[0]
+    if verdict != "ok":
+        raise _Damaged(verdict)
+    found = dict(connection.execute("SELECT key, value FROM header").fetchall())
+    if found.get("study_sha256") != header["study_sha256"]:
+        return "is of another study or other overrides"
+    if found != header:
+        return "was made by other versions of the program"
+    for kind in ("level", "block", "step"):
+        for row in connection.execute(SELECT, (kind,)):
+            if checksum(row) != row[-1]:
+                raise _Damaged(f"wrong checksum of {kind} {row[1]} on level {row[2]}")
+    # a write, because SQLite opens a file that it must not write without a word, locking or not
+    connection.execute("PRAGMA user_version = 1")
+    return ""
+
+
+def set_aside(path: Path, connection: sqlite3.Connection | None) -> Path:
+    """Rename a journal to the first free name .partial.old, .partial.old2, …"""
+    number = 1
+    while (kept := path.with_name(f"{path.name}.old{number if number > 1 else ''}")).exists():
+        number += 1
+    if connection is not None and os.name == "nt":  # an open file cannot be renamed there
+        connection.close()
+    # renamed before the lock goes, so that no other run can resume it in between
+    try:
+        os.rename(path, kept)
+    except OSError as error:
+        raise StoreError(f"cannot set {path} aside: {error.strerror}. Remove it or choose another output") from error
+    finally:
+        if connection is not None:
+            connection.close()
+    with suppress(FileNotFoundError):
+        os.rename(rollback_file(path), rollback_file(kept))
+    return kept
+
+
+def rollback_file(path: Path) -> Path:
+    """SQLite's own journal: it belongs to its database and must go wherever that goes."""
+    return path.with_name(path.name + "-journal")

@@ -10,15 +10,17 @@ One variable of a result file: what every table of variables is made of, and the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from itertools import product
 from typing import Any, Literal
 
 import numpy as np
 
 from tcstudy.scene.points import law_regions
-from tcstudy.scene.study import START_NAMES, Goal, Study
+from tcstudy.scene.records import Clamped, Contact, Free
+from tcstudy.scene.study import START_NAMES, Goal, Sensitivity, Study
 
 
 class PointStatus(IntEnum):
@@ -34,14 +36,11 @@ class PointStatus(IntEnum):
 
 
 Dtype = Literal["f8", "i4", "i1", "str"]
-
 Dims = tuple[str, ...]
 SWEEP = "*"
 """Stands for the dimensions of the sweep in a `FileVariable.dims`."""
-
 T, RATE = "t", "J m-1/t"
 """Stand for the units of a path's parameter, and of an energy per unit of it, in a `FileVariable.units`."""
-
 POINT_LEVEL = (SWEEP, "level")
 MISSING_COUNT = -1
 NOT_RUN = "not run"
@@ -101,7 +100,6 @@ def edge_flags(edge_names: Sequence[str]) -> dict[str, Any]:
 
 POINT = "point"
 """The one sweep dimension of a study in list mode."""
-
 JUDGED: Extra = (("ancillary_variables", "status"),)
 DIFFERENCE = (("units_metadata", "temperature: difference"),)
 _LEVEL = ("level",)
@@ -184,7 +182,6 @@ ROOT: tuple[FileVariable, ...] = (
     _time("condense"),
     _time("solve"),
 )
-
 REGIONS: tuple[FileVariable, ...] = (
     result("breathing_length", "m", "breathing length", "where u_T is not 0; missing for laws that stick nowhere"),
     *(result(f"{name}_length", "m", f"{name} length", what) for name, what in _OF_REGIONS.items()),
@@ -208,7 +205,6 @@ EVERY: tuple[FileVariable, ...] = (
     ),
 )
 """What is kept of a point where all its solutions are sought."""
-
 _SOLUTION, _SIDES = ("solution",), "counted from the left, jumps included"
 SOLUTION: tuple[FileVariable, ...] = (
     FileVariable("solution_point", "i4", "1", "place of its point in the sweep, in C order", _SOLUTION),
@@ -219,7 +215,6 @@ SOLUTION: tuple[FileVariable, ...] = (
     FileVariable("solution_piece", "i4", "1", "side of the law's graph", (*_SOLUTION, "node"), comment=_SIDES),
 )
 """All solutions of all points of a level, those of a point one after the other, lowest energy first."""
-
 _BY_SOLVER = (*POINT_LEVEL, "solver")
 SOLVERS: tuple[FileVariable, ...] = (
     FileVariable("solver_residual", "f8", "1", "inclusion residual by solver", _BY_SOLVER),
@@ -232,13 +227,11 @@ SOLVERS: tuple[FileVariable, ...] = (
     ),
 )
 """What is kept of every solver where a study names several; the first one's solution is the stored one."""
-
 ESTIMATES: tuple[FileVariable, ...] = (
     result("error_estimate", "1", "estimated error", "of the displacement in the energy norm, over its own norm"),
     FileVariable("stop", "str", "", "why refinement ended", _LEVEL),
 )
 """What is kept where errors are estimated."""
-
 GUARANTEED: tuple[FileVariable, ...] = (
     result("lambda_1_low", "Pa m-1", "lower bound of lambda_1 of the body", "of the body itself, not of the mesh"),
     result("lambda_1_high", "Pa m-1", "upper bound of lambda_1 of the body", "of the body itself, not of the mesh"),
@@ -256,7 +249,6 @@ GUARANTEED: tuple[FileVariable, ...] = (
     ),
 )
 """What is kept where a guarantee is asked for."""
-
 _GOALS = {
     "friction_resultant": ("N m-1", _INTEGRAL),
     "slip_length": ("m", _SLIPPING),
@@ -280,12 +272,9 @@ def goal_variables(goal: Goal, exact: bool) -> tuple[FileVariable, ...]:
 
 
 _GOAL_NAMES = ("goal", "goal_estimate", "goal_error", "goal_effectivity")
-
 LEVEL_COORDINATE = FileVariable("level", "i4", "1", "mesh level", _LEVEL, coordinate=True)
-
 _NODE = ("node",)
 _AT_NODE = (("coordinates", "arclength x y"),)
-
 CONTACT: tuple[FileVariable, ...] = (
     FileVariable("arclength", "f8", "m", "arc length on contact line", _NODE, coordinate=True),
     FileVariable("x", "f8", "m", "x of the contact node", _NODE, coordinate=True),
@@ -300,16 +289,13 @@ CONTACT: tuple[FileVariable, ...] = (
         no_value=UNKNOWN,
     ),
 )
-
 SECTION = FileVariable(
     *("section_force", "f8", "N m-1", "force of the section", (SWEEP, "node")),
     extra=JUDGED + _AT_NODE,
     comment="of the whole body across the line at the node, positive in tension",
 )
-
 LAYER = "layer_force_"
 """How the names of the forces of layers begin, which are as SECTION."""
-
 _END = ("held_end",)
 _AT_END = (("coordinates", "held_arclength held_x held_y"),)
 HELD: tuple[FileVariable, ...] = (
@@ -321,14 +307,12 @@ HELD: tuple[FileVariable, ...] = (
     FileVariable("held_u_T", "f8", "m", "tangential displacement of the held end", (SWEEP, *_END), extra=_AT_END),
 )
 """Ends of the contact line that carry no unknown, as a clamped edge prescribes their u_T; a level without has none."""
-
 JOINTS: tuple[FileVariable, ...] = (
     FileVariable("joint_node", "i4", "1", "contact node where two contact edges meet", ("joint",)),
     FileVariable("joint_edge", "i1", "1", "the edge before the node", ("joint",)),
     FileVariable("joint_share", "f8", "1", "part of its contact length on the edge before", ("joint",)),
 )
 """Nodes with the friction of two edges (`tcstudy.laws.composed`); a level of one contact edge has none."""
-
 _MESH_NODE = ("mesh_node",)
 _AT_MESH = (("coordinates", "node_x node_y"), ("mesh", "mesh"), ("location", "node"), *JUDGED)
 _CONNECTIVITY = (("cf_role", "face_node_connectivity"), ("start_index", np.int32(0)))
@@ -340,7 +324,6 @@ MESH_TOPOLOGY: dict[str, Any] = {
     "face_node_connectivity": "triangle",
 }
 """Attributes of the scalar variable `mesh` that ties a level's mesh together (UGRID-1.0)."""
-
 MESH: tuple[FileVariable, ...] = (
     FileVariable("node_x", "f8", "m", "x of the mesh node", _MESH_NODE, coordinate=True),
     FileVariable("node_y", "f8", "m", "y of the mesh node", _MESH_NODE, coordinate=True),
@@ -358,8 +341,6 @@ FIELDS: tuple[FileVariable, ...] = (
     FileVariable("u_x", "f8", "m", "displacement in x", (SWEEP, "mesh_node"), extra=_AT_MESH),
     FileVariable("u_y", "f8", "m", "displacement in y", (SWEEP, "mesh_node"), extra=_AT_MESH),
 )
-
-
 LIVE = tuple(
     FileVariable(name, "f8", units, long_name, dims)
     for name, units, long_name, dims in (
@@ -378,12 +359,10 @@ LIVE = tuple(
 """The group `live` of a level, what a browser needs to solve its contact problems (output.live; `live_arrays` in
 tcstudy.offline.level). A record hands them over as fields, LIVE_PREFIX before their names."""
 LIVE_PREFIX = "live_"
-
 _POINTS = (*ROOT, *REGIONS, *EVERY, *SOLVERS, *ESTIMATES, *GUARANTEED)
 _ALL = (*_POINTS, *SOLUTION, *CONTACT, SECTION, *HELD, *JOINTS, *MESH, REGION, *FIELDS)
 RESERVED = frozenset(name for v in _ALL for name in (v.name, *v.dims)) | {*_GOAL_NAMES, "geometry", "mesh", POINT}
-"""Names of the file that no swept parameter may take; see `tcstudy.data.writer`."""
-
+"""Names of the file that no swept parameter may take; see `tcstudy.data.store`."""
 BESIDE = 500
 """Bytes that HDF5 spends on a variable beside its values, at least."""
 
@@ -403,3 +382,139 @@ def expected_bytes(study: Study, levels: Sequence[tuple[int, int]]) -> int:
         if study.output.live:
             total += 8 * (contact + 2 * points) * contact if contact <= 250 else 0
     return total
+
+
+SENSITIVITY = "sensitivity_"
+"""How the names of derivatives begin."""
+
+
+def requested_variables(study: Study) -> tuple[FileVariable, ...]:
+    """The requested_variables that this study asks for."""
+    output = study.output
+    found = [*_probes(study), *_of_edges(study)]
+    if "von_mises" in output.quantities:
+        where = "of the middle of the triangle with the largest stress"
+        found += [
+            result("von_mises_max", "Pa", "largest von Mises stress", "of a triangle; it grows with h at corners"),
+            result("von_mises_x", "m", "x of the largest von Mises stress", where),
+            result("von_mises_y", "m", "y of the largest von Mises stress", where),
+        ]
+    if "section_force" in output.quantities:
+        found += [
+            result("section_force_max", "N m-1", "largest force of a section", "with its sign, positive in tension"),
+            result("section_force_at", "m", "arc length of the largest force of a section"),
+        ]
+    if output.sensitivity:
+        found += derivatives(output.sensitivity)
+    return tuple(found)
+
+
+def line_variables(study: Study) -> tuple[FileVariable, ...]:
+    """Those along the contact line."""
+    if "section_force" not in study.output.quantities:
+        return ()
+    told = "of the layer across the line at the node, positive in tension; in balance with all others, of P1 stresses"
+    layers = [name for name, _ in study.scenes[0].material.regions]
+    own = [
+        replace(SECTION, name=LAYER + name, long_name=f"force of the section of {name}", comment=told)
+        for name in layers
+    ]
+    return (SECTION, *own)
+
+
+def step_variables(study: Study) -> tuple[FileVariable, ...]:
+    """What a history has on request of every step."""
+    given = replace(study, output=replace(study.output, sensitivity=()))
+    dims = {POINT_LEVEL: (SWEEP, "step"), SECTION.dims: (SWEEP, "step", "node")}
+    own = [replace(v, dims=dims[v.dims]) for v in (*requested_variables(given), *line_variables(study))]
+    numbers = study.output.sensitivity
+    return (*own, *derivatives(numbers, STEP_QUANTITIES, (SWEEP, "step"))) if numbers else tuple(own)
+
+
+def _probes(study: Study) -> Iterator[FileVariable]:
+    for probe in study.output.probes:
+        x, y = probe.at
+        in_triangle = f"at ({x:g}, {y:g}), of the triangle that holds the point, which has one stress"
+        at, start = f"at ({x:g}, {y:g})", f"probe_{probe.name}"
+        for axis in "xy":
+            yield result(f"{start}_u_{axis}", "m", f"displacement in {axis} at {probe.name}", at)
+        yield result(f"{start}_theta", "K", f"temperature at {probe.name}", f"{at}, above the stress-free state")
+        for c in ("xx", "yy", "xy"):
+            yield result(
+                f"{start}_sigma_{c}",
+                "Pa",
+                f"stress {c} at {probe.name}",
+                in_triangle,
+            )
+        if probe.on_contact:
+            yield result(f"{start}_u_T", "m", f"tangential displacement at {probe.name}", f"{at} of the contact line")
+
+
+_THICK = "per unit thickness"
+
+
+def _of_edges(study: Study) -> Iterator[FileVariable]:
+    wanted = study.output.quantities
+    for name, role in study.scenes[0].boundary:
+        if "reactions" in wanted and isinstance(role, Clamped | Contact):
+            for axis in "xy":
+                what = "of the support on the body, per unit thickness; a corner counts to the first clamped edge"
+                yield result(f"reaction_{name}_{axis}", "N m-1", f"reaction of {name} in {axis}", what)
+        if "forces" in wanted and not isinstance(role, Free):
+            for axis in "xy":
+                yield result(f"force_{name}_{axis}", "N m-1", f"force of {name} in {axis}", f"on the body, {_THICK}")
+            yield result(f"work_{name}", "J m-1", f"work of {name}", f"its force times its displacement, {_THICK}")
+        if "theta_edges" in wanted:
+            what = "above the stress-free state, over the edge"
+            yield result(f"theta_mean_{name}", "K", f"mean temperature of {name}", what)
+
+
+_VERDICTS = ("not_judged", "differentiable", "at_event", "at_fold")
+NOT_JUDGED, DIFFERENTIABLE, AT_EVENT, AT_FOLD = range(4)
+SENSITIVITY_STATUS, SENSITIVITY_EVENTS = f"{SENSITIVITY}status", f"{SENSITIVITY}events"
+QUANTITIES = {
+    "u_T_max": ("m", "largest |u_T|"),
+    "friction_resultant": ("N m-1", "friction resultant"),
+    "theta_mean": ("K", "mean temperature"),
+    "lambda_1": ("Pa m-1", "tangential stiffness lambda_1"),
+    "omega": ("Pa m-1", "steepest fall omega of b"),
+    "energy": ("J m-1", "energy"),
+}
+"""Differentiated quantities, their units and names. `slip_length` is not among them: on one mesh it is a step function
+of every number, and its derivative 0 would say nothing."""
+STEP_QUANTITIES = ("u_T_max", "friction_resultant", "theta_mean")
+"""Those of the steps of a history."""
+
+
+def name_of(quantity: str, number: str) -> str:
+    """The variable of a quantity differentiated by a number of the study."""
+    return f"{SENSITIVITY}{quantity}_{number.replace('.', '_')}"
+
+
+def derivatives(
+    numbers: Sequence[Sensitivity], of: Iterable[str] = QUANTITIES, dims: tuple[str, ...] = POINT_LEVEL
+) -> Iterator[FileVariable]:
+    """The requested_variables of a study that asks for these, of points, or of the steps of a history."""
+    steps = "step" in dims
+    told = "difference of whole histories; missing where both sides differ" if steps else _AT_SOLUTION
+    yield FileVariable(SENSITIVITY_STATUS, "i1", "1", "verdict on derivatives", dims, extra=flags(*_VERDICTS))
+    if not steps:
+        yield replace(count(SENSITIVITY_EVENTS, "contact nodes at an event", extra=()), comment=_EVENT)
+    for number, quantity in product(numbers, of):
+        (units, what), extra = QUANTITIES[quantity], (("ancillary_variables", SENSITIVITY_STATUS),)
+        name, over = name_of(quantity, number.name), quotient(units, number.units)
+        yield FileVariable(name, "f8", over, f"{what} by {number.name}", dims, extra=extra, comment=told)
+
+
+_AT_SOLUTION = "at the solution, while its nodes keep their pieces of b"
+_EVENT = "where a node begins to slide, comes to rest or passes a kink, to 1e-9"
+
+
+def quotient(units: str, by: str) -> str:
+    """Units of a derivative in CF form: "m" by "Pa m-1" is "m Pa-1 m"."""
+    parts = [units] if units != "1" else []
+    for word in by.split() if by != "1" else ():
+        letters = word.rstrip("-0123456789")
+        power = -int(word[len(letters) :] or 1)
+        parts.append(letters if power == 1 else f"{letters}{power}")
+    return " ".join(parts) or "1"

@@ -1,35 +1,67 @@
-"""Variables of the files of a path, a history and a fit (CF-1.11): one group each, complete or not there at all.
+"""The files of paths, histories, fits, convergence and cost (CF-1.11): one group each, complete or not there at all.
 
 Path: `parameter`, `u_T` and `xi` hold the vertices of one polygon exactly, so that every point between two vertices is
 their linear combination; piece i lies between the vertices i and i + 1. Flags are bytes with flag_meanings; nothing is
-missing. History: a row a sweep point and step; after the step in which one ends early all is missing, and `reason`
-says why. Fit: what was found, how well it is known, what the data say against it, in SI units, which differ from
-parameter to parameter: `parameter_units` names them.
+missing.
+
+History: a row a sweep point and step, written again as steps are done. Step 0 puts the loads of the study as it is
+written on the virgin body; after the step in which a history ends early all is missing, and `reason` says why. `u_T`,
+`kappa` and `plastic` are all that the next step remembers, to the bit: a file in which steps are missing is that of a
+history that was stopped, the same study goes on from there, and so does one with more steps behind the same ones.
+
+Fit: what was found, how well it is known, what the data say against it, in SI units, which differ from parameter to
+parameter: `parameter_units` names them.
+
+Convergence: the dimensions of the sweep and the level; each error E has error_E (relative to the norm of the
+reference) and rate_E by level, and size_squared_E (that norm squared: it has a unit that CF can write), slope_E,
+slope_error_E, first_level_E, verdict_E, expected_E and reason_E by sweep point; each number Q has value_Q and order_Q
+by level, and limit_Q, uncertainty_Q, limit_order_Q and exact_Q by sweep point.
+
+Cost: the dimensions family, solver, level and run (repeated timings). Sizes have (family, level), `time` all four,
+stages the first three (of the fastest run); each error E has error_E and dominated_E.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.data.files import StoreError, is_foreign, refuse_changed
+from tcstudy.data.provenance import program
+from tcstudy.data.reading import load_root
+from tcstudy.data.records import LevelRecord, Row, decode, row_of
 from tcstudy.data.schema import (
+    BESIDE,
     CERTIFIED,
     CONTACT,
+    DIFFERENCE,
     JOINTS,
     JUDGED,
+    LEVEL_COORDINATE,
+    POINT_LEVEL,
     RATE,
     REGIONS,
     STATUS,
     SWEEP,
+    Dtype,
     FileVariable,
+    PointStatus,
     T,
     count,
     flag,
     flags,
+    region_variables,
     result,
+    step_variables,
 )
-from tcstudy.scene.histories import ContactState
+from tcstudy.data.store import Record, axis_name, geometry_dims, missing
+from tcstudy.scene.histories import START, ContactState
+from tcstudy.scene.study import Study
 
 _VERTEX, _PIECE, _FOLD, _EVENT, _INTERVAL = ("vertex",), ("piece",), ("fold",), ("event",), ("interval",)
 _AT, _SOLUTION, _LOOP, _JUMP = ("at",), ("solution",), ("loop_vertex",), ("jump",)
@@ -56,7 +88,6 @@ def _at_node(name: str, dtype: Any, units: str, long_name: str, dim: str, where:
 
 _ALONG = (("coordinates", "parameter"),)
 _STABLE = ("unstable", "stable")
-
 CURVE: tuple[FileVariable, ...] = (
     _number("parameter", T, "parameter of the path", _VERTEX),
     _at_node("u_T", "f8", "m", "tangential displacement", "vertex", "parameter"),
@@ -82,9 +113,7 @@ CURVE: tuple[FileVariable, ...] = (
     _flag("lowest_certified", "least energy of all states, proved at mid-range", _INTERVAL, CERTIFIED),
 )
 """The polygon of solutions with k vertices and k − 1 pieces, and lists beside it."""
-
 _WHERE = (("coordinates", "solution_parameter"),)
-
 SOLUTIONS: tuple[FileVariable, ...] = (
     _number("at", T, "value at which solutions were asked for", _AT),
     _index("solution_count", "number of solutions on the path at the value", _AT),
@@ -103,9 +132,7 @@ SOLUTIONS: tuple[FileVariable, ...] = (
     _at_node("solution_xi", "f8", "Pa", "tangential traction -S_T", "solution", "solution_parameter"),
 )
 """All solutions at the requested values, in the order of `at` and along the path."""
-
 _ROUND = (("coordinates", "loop_parameter"),)
-
 LOOP: tuple[FileVariable, ...] = (
     _number("loop_parameter", T, "parameter along the hysteresis loop", _LOOP),
     _index("loop_branch", "stable branch, counted along the loop", _LOOP),
@@ -122,7 +149,6 @@ LOOP: tuple[FileVariable, ...] = (
     FileVariable("loop_complete", "i1", "1", "whether both ends of the range were reached", (), coordinate=True),
 )
 """The quasi-static hysteresis loop: stable branches one after the other and the falls between them."""
-
 _BRANCH, _ON_BRANCH = ("branch",), ("branch_vertex",)
 _BY_BRANCH = (("coordinates", "branch_parameter"),)
 BRANCHES: tuple[FileVariable, ...] = (
@@ -138,10 +164,8 @@ BRANCHES: tuple[FileVariable, ...] = (
     _at_node("branch_xi", "f8", "Pa", "tangential traction -S_T", "branch_vertex", "branch_parameter"),
 )
 """Every branch of the range, if they are asked for; a closed one has its first vertex again at its end."""
-
 LINE = tuple(replace(v, coordinate=True) for v in CONTACT if v.dims == ("node",))
 """The contact line, as in the files of runs."""
-
 MESH_LEVEL: tuple[FileVariable, ...] = (
     _index("level", "mesh level, from coarse to fine"),
     _number("h_max", "m", "longest element edge"),
@@ -158,10 +182,8 @@ LEVEL: tuple[FileVariable, ...] = (
     _number("affine_defect", "1", "relative deviation of the load from a straight line in the parameter"),
 )
 """What there is once."""
-
 PATH = (*LINE, *LEVEL, *CURVE, *SOLUTIONS, *LOOP, *BRANCHES, *JOINTS)
 """Everything that a file of a path may hold."""
-
 _AT_STEP, _STEP_NODE = (SWEEP, "step"), (SWEEP, "step", "node")
 _OF_STEP = (("coordinates", "cycle arclength x y"), *JUDGED)
 
@@ -224,7 +246,6 @@ POINTS: tuple[FileVariable, ...] = (
 )
 """And once, of a point of the sweep."""
 HISTORY = (*STEPS, *NODES, *POINTS)
-
 P, D, S = ("parameter",), ("row",), ("start",)
 _OWN = "in the units of parameter_units"
 
@@ -270,3 +291,287 @@ FIT = (
 )
 """Everything that a file of a fit may hold. Residuals, and the Jacobian by ln p or by p (`logarithmic`), are in units
 of the noise."""
+VERDICTS = ("unknown", "exact", "as_expected", "faster", "slower", "pre_asymptotic", "too_few_levels")
+"""What the rates say; stored as flags."""
+
+
+@dataclass(frozen=True)
+class Measure:
+    """An error or a number by name: symbol for tables, units (of an error: of its square), meaning."""
+
+    name: str
+    symbol: str
+    units: str
+    long_name: str
+
+
+ERRORS = (
+    Measure("theta_L2", "θ in L²", "K2 m2", "error of the temperature in L2"),
+    Measure("theta_H1", "θ in H¹", "K2", "error of the temperature in the H1 seminorm"),
+    Measure("u_energy", "u in energy", "N", "error of the displacement in the energy norm"),
+    Measure("u_H1", "u in H¹", "m2", "error of the displacement in the H1 seminorm"),
+    Measure("u_L2", "u in L²", "m4", "error of the displacement in L2"),
+    Measure("u_T_L2", "u_T in L²(Γ_C)", "m3", "error of the tangential displacement in L2 of the contact line"),
+    Measure("u_T_max", "u_T in max", "m2", "largest error of the tangential displacement at the contact nodes"),
+    Measure("xi_L2", "ξ in L²(Γ_C)", "Pa2 m", "error of the friction traction as a step function in L2"),
+    Measure("xi_nodes", "ξ at nodes", "Pa2 m", "error of the friction traction at the contact nodes, weighted by c"),
+    Measure("xi_max", "ξ in max", "Pa2", "largest error of the friction traction at the contact nodes"),
+)
+BY_ITSELF = {"estimate_u_energy": "error_estimate", "bound_u_energy": "error_bound_relative"}
+"""What a study with a guarantee says of the error of the displacement by itself, by the names in a run."""
+NUMBERS = (
+    Measure("energy", "energy", "J m-1", "energy of the solution"),
+    Measure("friction_resultant", "∫ξ", "N m-1", "integral of -S_T over the contact line"),
+    Measure("slip_length", "slip length", "m", "length of the contact line that does not stick"),
+    Measure("heat_balance", "heat balance", "1", "relative defect of heat convected away against heat put in"),
+)
+
+
+class Measured(NamedTuple):
+    """The convergence of a study, before it is a record.
+
+    points:    of every sweep point its status (levels,) and what it has of the variables of `convergence_table`
+    meshes:    h_max, n_dof, n_contact and compared, whether a level is compared with the reference: (levels,), in a
+               sweep over geometries (…, levels) by the axes that change them, in the order of the file
+    reference: what errors are measured against, in words
+    """
+
+    points: Sequence[Mapping[str, Any]]
+    meshes: Mapping[str, NDArray[Any]]
+    reference: str
+    notes: Sequence[str]
+
+
+def convergence_record(study: Study, measured: Measured) -> Record:
+    """What the file of a convergence holds. What a point does not have, although others do, is missing there."""
+    levels = measured.meshes["h_max"].shape[-1]
+    values: dict[str, Any] = {"level": np.arange(levels), **measured.meshes}
+    table = convergence_table(study)
+    for variable in table:
+        having = [i for i, point in enumerate(measured.points) if variable.name in point]
+        if having:
+            shape = (len(measured.points), *((levels,) if "level" in variable.dims else ()))
+            rows = values[variable.name] = missing(variable, shape)
+            if variable.dtype == "str":
+                rows[:] = ""
+            for i in having:
+                rows[i] = measured.points[i][variable.name]
+    attributes = {"reference": measured.reference, "notes": "\n".join(measured.notes)}
+    return Record("convergence", table, values, attributes)
+
+
+def convergence_table(study: Study) -> tuple[FileVariable, ...]:
+    """The variables that the convergence of a study may have."""
+    by_geometry = (*geometry_dims(study), "level")
+    found = [LEVEL_COORDINATE, *(replace(one, dims=by_geometry) for one in LEVELS)]
+    found.append(FileVariable("status", "i1", "1", "status of the solution", coordinate=True, extra=STATUS))
+    for measure in (*ERRORS, *NUMBERS):
+        for part, dtype, meaning in _ERROR_PARTS if measure in ERRORS else _NUMBER_PARTS:
+            dims = POINT_LEVEL if part in _BY_LEVEL else (SWEEP,)
+            units = measure.units if part in _IN_UNITS else "1"
+            extra = flags(*VERDICTS) if part == "verdict" else ()
+            name, what = f"{part}_{measure.name}", meaning.format(measure.long_name)
+            found.append(FileVariable(name, dtype, units, what, dims, extra=extra))
+    if study.mesh.guarantee:
+        words = ("estimated relative", "proved bound of the relative")
+        found += [
+            FileVariable(n, "f8", "1", f"{w} {ERRORS[2].long_name}") for n, w in zip(BY_ITSELF, words, strict=True)
+        ]
+    return tuple(found)
+
+
+LEVELS = (
+    FileVariable("h_max", "f8", "m", "longest element edge", ("level",)),
+    FileVariable("n_dof", "i4", "1", "number of displacement unknowns", ("level",)),
+    FileVariable("n_contact", "i4", "1", "number of contact unknowns", ("level",)),
+    FileVariable("compared", "i1", "1", "1 if the level is compared with the reference", ("level",)),
+)
+"""What a level of a geometry has."""
+_ERROR_PARTS: tuple[tuple[str, Dtype, str], ...] = (
+    ("error", "f8", "relative {}"),
+    ("rate", "f8", "rate from the level before: {}"),
+    ("size_squared", "f8", "square of the norm of the reference, for the {}"),
+    ("slope", "f8", "least-squares order: {}"),
+    ("slope_error", "f8", "standard error of the order: {}"),
+    ("first_level", "i4", "first asymptotic level, -1 for none: {}"),
+    ("expected", "f8", "expected order: {}"),
+    ("reason", "str", "reason of the expected order: {}"),
+    ("verdict", "i1", "what the rates say: {}"),
+)
+"""What is kept of an error: name before that of the measure, type, meaning."""
+_NUMBER_PARTS: tuple[tuple[str, Dtype, str], ...] = (
+    ("value", "f8", "{}"),
+    ("order", "f8", "order from three levels: {}"),
+    ("limit", "f8", "extrapolated: {}"),
+    ("uncertainty", "f8", "uncertainty of the extrapolated value: {}"),
+    ("limit_order", "f8", "order of the extrapolation: {}"),
+    ("exact", "f8", "exact value where known: {}"),
+)
+"""The same of a number."""
+_IN_UNITS = ("size_squared", "value", "limit", "uncertainty", "exact")
+_BY_LEVEL = ("error", "rate", "value", "order")
+OWN = "study"
+"""Name of the study's own meshes where they belong to none of the families, in a file of cost."""
+STAGES = ("mesh", "assemble", "condense", "solve", "steps")
+"""Parts of the wall time, in the order they are spent."""
+_STAGE_NAMES = {
+    "mesh": "geometry and meshing",
+    "assemble": "assembly",
+    "condense": "temperature, factorisation, condensation, certificates and displacements",
+    "solve": "solution of the contact problem",
+    "steps": "all levels before and error estimates, where the mesh depends on them",
+}
+BOUND = Measure("u_bound", "u in energy, proved", "1", "proved bound of the error of the displacement, energy norm")
+MEASURES: tuple[Measure, ...] = (*ERRORS, BOUND, *(m for m in NUMBERS if m.name in ("energy", "friction_resultant")))
+"""Errors that a chart may be of, each relative to the reference; the bound needs none, but a guarantee of the study."""
+_MESHES, _SOLVED = ("family", "level"), ("family", "solver", "level")
+
+
+def _wall_time(name: str, long_name: str, *more: str) -> FileVariable:
+    return FileVariable(name, "f8", "s", long_name, (*_SOLVED, *more))
+
+
+def _charted_error(measure: Measure) -> tuple[FileVariable, FileVariable]:
+    """An error and whether it is dominated."""
+    error = measure.long_name if measure in (*ERRORS, BOUND) else f"error of the {measure.long_name}"
+    of, on_front = f"whether another is as fast and as accurate: {error}", flags("on_the_front", "dominated")
+    return (
+        FileVariable(f"error_{measure.name}", "f8", "1", f"relative {error}", _SOLVED),
+        FileVariable(f"dominated_{measure.name}", "i1", "1", of, _SOLVED, extra=on_front),
+    )
+
+
+COST_TABLE = (
+    FileVariable("family", "str", "", "mesh family", ("family",), coordinate=True),
+    FileVariable("solver", "str", "", "solver of the contact problem", ("solver",), coordinate=True),
+    LEVEL_COORDINATE,
+    FileVariable("run", "i4", "1", "repetition of the timing", ("run",), coordinate=True),
+    FileVariable("h_max", "f8", "m", "longest element edge", _MESHES),
+    FileVariable("n_dof", "i4", "1", "number of displacement unknowns, -1 where there is no mesh", _MESHES),
+    FileVariable("n_contact", "i4", "1", "number of contact unknowns, -1 where there is no mesh", _MESHES),
+    FileVariable("status", "i1", "1", "status of the solution", _SOLVED, extra=STATUS),
+    FileVariable("reason", "str", "", "why there is no solution", _SOLVED),
+    _wall_time("time", "wall time from the body to the displacements", "run"),
+    *(_wall_time(f"time_{stage}", f"wall time of the fastest run: {_STAGE_NAMES[stage]}") for stage in STAGES),
+    *(variable for measure in MEASURES for variable in _charted_error(measure)),
+)
+"""What a file of accuracy against cost may hold; another is as accurate and as fast as what is dominated, and better
+in one of the two."""
+Steps = dict[str, NDArray[Any]]
+"""All steps of all points by variable: (P, N) of a step, (P, N, m) of its nodes, (P,) of a point; filled row by row."""
+
+
+def history_variables(study: Study) -> tuple[FileVariable, ...]:
+    """The history_variables of this study's file; what its memory does not have is left out."""
+    assert study.history is not None
+    without = {v.name for v in REGIONS} - {v.name for v in region_variables(study)}
+    without |= {"plastic"} if study.history.memory.stiffness is None else set()
+    without |= {"debonded_from", "debonded_to"} if "debonded_length" in without else set()
+    without |= {"jumped"} if study.history.branch != "continued" else set()
+    return (*(v for v in HISTORY if v.name not in without), *step_variables(study))
+
+
+def history_bytes(study: Study, m: int) -> int:
+    """Size of the file [byte] without compression, with m contact unknowns."""
+    assert study.history is not None
+    steps, row, own = len(study.scenes) * (study.history.steps + 1), {"step": 1, "node": m}, history_variables(study)
+    numbers = sum(np.dtype(v.dtype).itemsize * row.get(v.dims[-1], 0) for v in own if v.dtype != "str")
+    return 60_000 + len(study.text.encode()) + BESIDE * len(own) + steps * numbers
+
+
+def empty_steps(study: Study, m: int, points: int) -> Steps:
+    """Nothing is known yet of so many points."""
+    assert study.history is not None
+    N = study.history.steps + 1
+    shapes: dict[str, tuple[int, ...]] = {"step": (points, N), "node": (points, N, m)}
+    values = {v.name: missing(v, shapes.get(v.dims[-1], (points,))) for v in history_variables(study)}
+    values["reason"][:] = ""
+    return values
+
+
+def steps_done(values: Steps) -> NDArray[np.intp]:
+    """(P,) steps that every point has, the one included in which it failed."""
+    return np.count_nonzero(values["status"] != PointStatus.NOT_RUN, axis=1)
+
+
+def at_step(array: NDArray[Any], point: Any, step: Any) -> Any:
+    """Where a variable has a step of a point, or the point where that has one value."""
+    return point if array.ndim == 1 else (point, step)
+
+
+def journal_row(values: Steps, point: int, step: int) -> Row:
+    """A step of a point for the journal."""
+    own = {name: np.asarray(every[at_step(every, point, step)]) for name, every in values.items()}
+    return row_of("step", str(point), step, {"reason": str(own.pop("reason"))}, own)
+
+
+def take_row(values: Steps, row: Row) -> None:
+    """Put a step from the journal where it belongs. Raises ValueError if it belongs nowhere."""
+    (scalars, arrays, _), point, step = decode(row), int(row[1]), int(row[2])
+    points, steps = values["status"].shape
+    if not (0 <= point < points and 0 <= step < steps):
+        raise ValueError(f"step {step} of point {point} is outside the history")
+    for name, value in {**arrays, **scalars}.items():
+        values[name][at_step(values[name], point, step)] = value
+
+
+def load_variables(study: Study) -> list[tuple[FileVariable, NDArray[Any]]]:
+    """Coordinates of the steps: number, name, cycle and every load that changes, with their values (N,)."""
+    plan = study.history
+    assert plan is not None
+    schedule, loads = list(plan.schedule()), plan.loads()
+    cycles = np.array([0, *(cycle for *_, cycle in schedule)])
+    names = np.array([START, *(name for *_, name, _ in schedule)], dtype=object)
+    found: list[tuple[FileVariable, Any]] = [
+        (FileVariable("step", "i4", "1", "step", ("step",), coordinate=True), np.arange(len(cycles))),
+        (FileVariable("step_name", "str", "", "name of the step", ("step",), coordinate=True), names),
+        (FileVariable("cycle", "i4", "1", "cycle, from 1", ("step",), coordinate=True), cycles),
+    ]
+    taken = {axis_name(axis) for axis in study.axes} | {v.name for v in (*HISTORY, *MESH_LEVEL, *LINE)}
+    for name, (keys, units, _) in zip(plan.names, plan.parameters, strict=True):
+        extra = DIFFERENCE if units == "K" else ()
+        chosen = "_".join(keys) if name in taken else name
+        variable = FileVariable(chosen, "f8", units, ".".join(keys), ("step",), coordinate=True, extra=extra)
+        found.append((variable, np.array([values[keys] for values in loads])))
+    return found
+
+
+def history_record(study: Study, line: LevelRecord, values: Steps) -> Record:
+    """All that is known so far."""
+    plan, loads = study.history, load_variables(study)
+    assert plan is not None
+    told: dict[str, str] = {"memory": plan.memory.words, "branch": plan.branch}
+    told["loads"] = " ".join(variable.name for variable, _ in loads if variable.dtype == "f8")
+    table = (*LINE, *MESH_LEVEL, *JOINTS, *(variable for variable, _ in loads), *history_variables(study))
+    return Record("history", table, {**vars(line), **line.fields, **{v.name: x for v, x in loads}, **values}, told)
+
+
+def read_known(path: Path, study: Study) -> tuple[Steps, dict[str, Any]] | None:
+    """What a file knows of the first steps of this study's history, and its attributes; None if there is no such file.
+
+    Raises StoreError where the file has other loads or a history of another program; that its study is this one but for
+    its steps is for the caller to judge.
+    """
+    if not path.is_file() or not path.stat().st_size or is_foreign(path):
+        return None
+    remedy = "give another --output, or --force to replace it"
+    try:
+        refuse_changed(path)
+        data = load_root(path, "history")
+        if data.attrs.get("program") != program():
+            raise StoreError(f"{path} holds this study as another version of the program or its libraries computed it")
+    except StoreError as error:
+        raise StoreError(f"{error}; {remedy}") from error
+    points = len(study.scenes)
+    values = empty_steps(study, data.sizes["node"], points)
+    both = slice(min(values["status"].shape[1], data.sizes["step"]))
+    for variable, own in load_variables(study):
+        name = variable.name
+        if variable.dtype == "f8" and not (name in data and np.array_equal(data[name].values[both], own[both])):
+            raise StoreError(f"{path} holds a history with other steps; {remedy}")
+    for name, every in values.items():
+        stored: NDArray[Any] = data[name].values
+        known = stored.reshape((points, *stored.shape[len(study.shape) :]))
+        where = at_step(every, slice(None), both)
+        every[where] = known[where]
+    return values, dict(data.attrs)

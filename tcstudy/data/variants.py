@@ -17,19 +17,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tcstudy.data.files import write_dataset
-from tcstudy.data.reading import GEOMETRIES, refuse_changed
+from tcstudy.data.files import refuse_changed, write_dataset
+from tcstudy.data.reading import GEOMETRIES, opened, read_blocks
 from tcstudy.data.records import BlockRecord
 from tcstudy.data.schema import POINT, SWEEP, FileVariable
-from tcstudy.data.store import KEPT, fill, missing, root_variables
-from tcstudy.data.stored import opened, read_blocks
-from tcstudy.data.writer import (
+from tcstudy.data.store import (
     COMPRESSED,
+    KEPT,
     SMALL,
     define,
+    fill,
     geometry_dims,
     geometry_place,
+    missing,
     put,
+    root_variables,
 )
 from tcstudy.errors import UsageError
 from tcstudy.scene.study import Study, Variant
@@ -37,8 +39,13 @@ from tcstudy.scene.study import Study, Variant
 if TYPE_CHECKING:
     import netCDF4
 
+
 OWN_POINT = "own_point"
+
+
 _WHAT = "i of the group geometry_i; -1 where the geometry was refused or has no mesh"
+
+
 NUMBER = FileVariable("geometry", "i4", "1", "number of the geometry", (SWEEP,), comment=_WHAT)
 
 

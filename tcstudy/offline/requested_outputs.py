@@ -233,7 +233,7 @@ class RequestedOutputs:
         return {probe: _place(self.level.mesh, np.array(probe.at)) for probe in self.output.probes}
 
     def of(self, scene: Scene, u_T: Array) -> dict[str, Any]:
-        """The numbers by variable name (data.on_request) at a solution u_T (m,) of a scene; N is (m,)."""
+        """The numbers by variable name (data.schema) at a solution u_T (m,) of a scene; N is (m,)."""
         level, wanted, mesh, found = self.level, self.output.quantities, self.level.mesh, dict[str, Any]()
         u, warm = level.displacement(scene, u_T), scene.material.expands
         theta = level.temperature(scene).theta if warm else np.zeros(mesh.n_points)

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.reading import GEOMETRIES, by_point, sweep_dims
+from tcstudy.data.reading import GEOMETRIES, by_point, open_results, sweep_dims
 from tcstudy.data.schema import STICKS
-from tcstudy.data.store import open_results
 from tcstudy.laws.composed import NO_JOINTS, Joints
 from tcstudy.reports.select_point import Value, check_solved, describe, level_number, locate
 from tcstudy.reports.stored_study import NamedEdge, joints_of, outline, scene_at, sources, stored_study

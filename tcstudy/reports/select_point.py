@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.reading import axis_names, sweep_dims
-from tcstudy.data.records import PointStatus
-from tcstudy.data.store import open_results
+from tcstudy.data.reading import axis_names, open_results, sweep_dims
+from tcstudy.data.schema import PointStatus
 from tcstudy.errors import DrawError, UsageError
 from tcstudy.reports.text import number, scaled_labels
 from tcstudy.scene import units as u

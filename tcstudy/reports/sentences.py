@@ -48,7 +48,7 @@ VERDICTS = {
     "pre_asymptotic": "pre-asymptotic",
     "too_few_levels": "too few levels",
 }
-"""By data.measured.VERDICTS, whose conditions are those of study.convergence.verdict; no order is called slow where
+"""By data.tables.VERDICTS, whose conditions are those of study.convergence.verdict; no order is called slow where
 corners were not analysed or errors are rounding."""
 GUESS = "?"
 """Stands behind an order of two levels, whose own error nothing tells."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tcstudy.data.provenance import without_paths
-from tcstudy.data.records import PointStatus
+from tcstudy.data.schema import PointStatus
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 

@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.records import PointStatus
-from tcstudy.data.schema import UNBALANCED
+from tcstudy.data.schema import UNBALANCED, PointStatus
 from tcstudy.errors import StoreError
 from tcstudy.reports import sentences
 from tcstudy.reports.text import pretty, scaled_labels, with_unit

@@ -455,7 +455,7 @@ class OutputPlan:
     live:   what a page needs to solve the contact problem by itself (`live_arrays` in offline.level); off unless
             asked for, because it takes up to half a megabyte a level and two loads a point
     sensitivity: numbers by which the results of every point are differentiated
-    probes, quantities: points and words for further numbers of every point (data.on_request)
+    probes, quantities: points and words for further numbers of every point (data.schema)
     """
 
     path: Path | None = None

@@ -21,10 +21,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.data.files import attributes, refuse_changed
 from tcstudy.data.provenance import program, study_sha256
-from tcstudy.data.reading import attributes, refuse_changed
-from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
-from tcstudy.data.stored import opened, read_blocks, read_geometries, read_levels, read_status
+from tcstudy.data.reading import opened, read_blocks, read_geometries, read_levels, read_status
+from tcstudy.data.records import BlockRecord, LevelRecord
+from tcstudy.data.schema import PointStatus
 from tcstudy.errors import StoreError, StudyError, shortened
 from tcstudy.read.document import tree_of, with_sweep
 from tcstudy.read.node import Node

@@ -30,10 +30,9 @@ from tcstudy.accuracy.orders import (
     smooth_up_to,
     smoothness,
 )
-from tcstudy.data.measured import BY_ITSELF, ERRORS, LEVELS, NUMBERS, VERDICTS, Measured, convergence_record
-from tcstudy.data.records import PointStatus
-from tcstudy.data.store import missing
-from tcstudy.data.writer import geometry_place, outer_axes
+from tcstudy.data.schema import PointStatus
+from tcstudy.data.store import geometry_place, missing, outer_axes
+from tcstudy.data.tables import BY_ITSELF, ERRORS, LEVELS, NUMBERS, VERDICTS, Measured, convergence_record
 from tcstudy.errors import ConvergenceError, GeometryFailed
 from tcstudy.exact.numbers import exact_energy, exact_friction_resultant, exact_slip_length
 from tcstudy.fem.meshes import graded_points
@@ -98,7 +97,7 @@ def own_error(order: float) -> float:
 
 
 def verdict(fitted: Fit, expected: float, nested: bool, log: float = 0.0, analysed: bool = True) -> str:
-    """What the rates say, see data.measured.VERDICTS.
+    """What the rates say, see data.tables.VERDICTS.
 
     log: how far below `expected` a factor |log h| puts them;  analysed: whether all that may lower it was looked at
     """

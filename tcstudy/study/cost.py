@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 
 from tcstudy.accuracy.orders import dominated
-from tcstudy.data.measured import BOUND, COST_TABLE, MEASURES, OWN, STAGES
-from tcstudy.data.records import PointStatus
+from tcstudy.data.schema import PointStatus
 from tcstudy.data.store import Record, missing
+from tcstudy.data.tables import BOUND, COST_TABLE, MEASURES, OWN, STAGES
 from tcstudy.errors import CostError, GeometryFailed
 from tcstudy.fem.meshes import graded_points
 from tcstudy.laws.composed import EdgeLaws

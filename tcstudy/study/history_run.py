@@ -27,22 +27,21 @@ from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
 from tcstudy.contact.history.steps import HALFWAY, STEPS, derivative, history
 from tcstudy.contact.problem import CondensedBody
-from tcstudy.data.history_store import (
-    Values,
+from tcstudy.data.provenance import collect, study_sha256, tell
+from tcstudy.data.records import Journal
+from tcstudy.data.schema import AT_EVENT, DIFFERENTIABLE, STEP_QUANTITIES, PointStatus, name_of
+from tcstudy.data.schema import SENSITIVITY_STATUS as SLOPES_STATUS
+from tcstudy.data.store import write_record
+from tcstudy.data.tables import (
+    Steps,
     at_step,
-    empty,
+    empty_steps,
     history_record,
     journal_row,
     read_known,
     steps_done,
     take_row,
 )
-from tcstudy.data.journal import Journal
-from tcstudy.data.on_request import AT_EVENT, DIFFERENTIABLE, STEP_QUANTITIES, name_of
-from tcstudy.data.on_request import STATUS as SLOPES_STATUS
-from tcstudy.data.provenance import collect, study_sha256, tell
-from tcstudy.data.records import PointStatus
-from tcstudy.data.store import write_record
 from tcstudy.errors import HistoryError, StoreError, StudyError, UserFault
 from tcstudy.executors import in_order
 from tcstudy.fem.meshes import Meshes
@@ -117,7 +116,7 @@ def execute_history(
         clock = time.perf_counter()
         level = _level(study)
         built = time.perf_counter() - clock
-        line, values = level_record(study, level.mesh, level), known or empty(study, level.line.m, points)
+        line, values = level_record(study, level.mesh, level), known or empty_steps(study, level.line.m, points)
         with Journal.open(output, study) as journal:
             tell(journal.warnings)
             for row in journal.steps():
@@ -139,11 +138,11 @@ def execute_history(
     return HistorySummary(points, plan.steps + 1, int(np.count_nonzero(values["reason"])), found)
 
 
-def _finished(values: Values, point: int) -> bool:
+def _finished(values: Steps, point: int) -> bool:
     return bool(values["reason"][point]) or PointStatus.NOT_RUN not in values["status"][point]
 
 
-def _known(path: Path, study: Study) -> tuple[Values | None, bool]:
+def _known(path: Path, study: Study) -> tuple[Steps | None, bool]:
     """What the file has of this study, and whether it is of this very study, steps and all; raises StoreError if it has
     another one."""
     if (found := read_known(path, study)) is None:
@@ -164,7 +163,7 @@ def _known(path: Path, study: Study) -> tuple[Values | None, bool]:
     return known, False
 
 
-def _again(values: Values) -> None:
+def _again(values: Steps) -> None:
     """Steps that broke down by no number's fault are to be tried again."""
     broken = values["status"] == PointStatus.ERROR
     values["status"][broken] = PointStatus.NOT_RUN
@@ -180,7 +179,7 @@ def _level(study: Study) -> Level:
     return Level(mesh, study.scenes[0], held=not plan.loose)
 
 
-def _steps(study: Study, level: Level, values: Values, staff: WorkerPool, built: float) -> Iterator[tuple[int, int]]:
+def _steps(study: Study, level: Level, values: Steps, staff: WorkerPool, built: float) -> Iterator[tuple[int, int]]:
     """(point, step) after every step that is solved here, and after the last that a worker solved of a point.
 
     `values` has it then. A worker gets the first scene as well, which makes the level. built: seconds that that took
@@ -196,7 +195,7 @@ def _steps(study: Study, level: Level, values: Values, staff: WorkerPool, built:
         return
     key = study_sha256(study)
 
-    def sent(point: int) -> Future[Values]:
+    def sent(point: int) -> Future[Steps]:
         pair = replace(study, scenes=(study.scenes[0], study.scenes[point]))
         return submit(who, follow_point, pair, key, rows[point], point, name=f"history {point}")
 
@@ -215,7 +214,7 @@ _kept: dict[str, Level] = {}
 """The level of a worker, by the study that it follows."""
 
 
-def follow_point(study: Study, key: str, row: Values, point: int) -> Values:
+def follow_point(study: Study, key: str, row: Steps, point: int) -> Steps:
     """All steps of the second scene of a study, on the level that the first makes, after those that its row has.
 
     key: of the whole study, whose level stays for the next point;  point: of its sweep
@@ -229,7 +228,7 @@ def follow_point(study: Study, key: str, row: Values, point: int) -> Values:
     return row
 
 
-def _follow(study: Study, level: Level, scene: Scene, row: Values, point: int) -> Iterator[int]:
+def _follow(study: Study, level: Level, scene: Scene, row: Steps, point: int) -> Iterator[int]:
     """Every step of a point that is still to do and solved; its row (1, …) has it then, or why there is no further."""
     plan, output, requested = study.history, study.output, None
     assert plan is not None
@@ -271,7 +270,7 @@ def _follow(study: Study, level: Level, scene: Scene, row: Values, point: int) -
         _end(row, PointStatus.ERROR, f"{type(error).__name__}: {error}")
 
 
-def _end(row: Values, status: PointStatus, reason: str) -> None:
+def _end(row: Steps, status: PointStatus, reason: str) -> None:
     row["status"][0, steps_done(row)[0]], row["reason"][0] = status, reason
 
 

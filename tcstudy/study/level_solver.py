@@ -28,8 +28,8 @@ from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.all_solutions import Limits
 from tcstudy.contact.problem import CondensedBody
 from tcstudy.contact.solve import solve_block
-from tcstudy.data.on_request import variables
-from tcstudy.data.records import BlockRecord, PointStatus
+from tcstudy.data.records import BlockRecord
+from tcstudy.data.schema import PointStatus, requested_variables
 from tcstudy.exact.numbers import exact_u_T
 from tcstudy.executors import TIMEOUT, Job, SerialExecutor, WorkersFailed, timed
 from tcstudy.laws.composed import row_laws
@@ -217,7 +217,7 @@ class LevelSolver:
         guarantee = self.study.mesh.guarantee
         if record.u_T is None or not (self.estimator is not None or guarantee or output.fields or output.asks):
             return record
-        names = [v.name for v in variables(self.study)] if output.asks else []
+        names = [v.name for v in requested_variables(self.study)] if output.asks else []
         numbers = dict(record.numbers) | {name: np.full(len(record), np.nan) for name in names}
         fields, status, reasons = dict(record.fields), record.status.copy(), dict(record.reasons)
         for row in np.flatnonzero(record.status == PointStatus.OK).tolist():

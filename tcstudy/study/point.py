@@ -18,19 +18,24 @@ from tcstudy.contact.certificates import as_row, certify
 from tcstudy.contact.problem import Status
 from tcstudy.contact.solution import EVENT, Linearised
 from tcstudy.contact.solve import Answer, solve_contact
-from tcstudy.data.on_request import AT_EVENT, AT_FOLD, DIFFERENTIABLE, EVENTS, name_of
-from tcstudy.data.on_request import STATUS as DERIVATIVE_STATUS
-from tcstudy.data.records import BlockRecord, PointStatus
+from tcstudy.data.records import BlockRecord
 from tcstudy.data.schema import (
     ALL_PROVED,
+    AT_EVENT,
+    AT_FOLD,
     BALANCED,
+    DIFFERENTIABLE,
     HEAT_BOUND,
     LIMITED,
     MET,
     NOT_ALL,
     NOT_JUDGED,
     OF_POLYGON,
+    SENSITIVITY_EVENTS,
+    SENSITIVITY_STATUS,
     UNBALANCED,
+    PointStatus,
+    name_of,
 )
 from tcstudy.executors import timed
 from tcstudy.laws.composed import row_laws
@@ -207,7 +212,7 @@ def _by_solver(condensed: CondensedBlock, solved: Sequence[tuple[Answer, float]]
     }
 
 
-# -- derivatives by numbers of the study, for the variables of `data.on_request` --------------------------
+# -- derivatives by numbers of the study, for the variables of `data.schema` --------------------------
 # A point is linearised once at its solution (`contact.linearised`); a number then costs O(m²).
 
 Rates = tuple[Array, Array, float]
@@ -226,7 +231,7 @@ def derivatives_of(level: Level, scene: Scene, v: Array, numbers: tuple[Sensitiv
     """Derivatives at the solution v (m,) of a scene by variable name, with the verdict on them; NaN at an event."""
     at = Linearised.at(level.condensed(scene).problem, v)
     verdict = AT_FOLD if at.singular else AT_EVENT if at.events else DIFFERENTIABLE
-    found: dict[str, float] = {DERIVATIVE_STATUS: verdict, EVENTS: at.events}
+    found: dict[str, float] = {SENSITIVITY_STATUS: verdict, SENSITIVITY_EVENTS: at.events}
     if verdict != DIFFERENTIABLE:
         return found
     whole = WholeBody(level, scene, v)

@@ -26,7 +26,8 @@ from scipy.spatial import cKDTree
 from tcstudy.accuracy.norms import Line, LineFunction, Modulus, Triangles, interpolation, less, located
 from tcstudy.contact.solution import polished
 from tcstudy.contact.solve import TIE
-from tcstudy.data.records import BlockRecord, PointStatus
+from tcstudy.data.records import BlockRecord
+from tcstudy.data.schema import PointStatus
 from tcstudy.errors import GeometryFailed
 from tcstudy.exact.numbers import exact_friction_resultant, exact_u_T, exact_xi
 from tcstudy.expressions.derivative import value_and_gradient

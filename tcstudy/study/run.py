@@ -26,15 +26,12 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from tcstudy.data.files import check_writable
-from tcstudy.data.journal import Journal
+from tcstudy.data.files import PARTIAL, check_writable
 from tcstudy.data.provenance import collect, holds, tell
-from tcstudy.data.reading import PARTIAL
-from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
-from tcstudy.data.schema import LIVE_PREFIX
-from tcstudy.data.store import Record, write, write_record
+from tcstudy.data.records import BlockRecord, Journal, LevelRecord
+from tcstudy.data.schema import LIVE_PREFIX, PointStatus
+from tcstudy.data.store import Record, axis_problems, write, write_record
 from tcstudy.data.variants import write_variants
-from tcstudy.data.writer import axis_problems
 from tcstudy.errors import GeometryFailed, StoreError, UserFault
 from tcstudy.executors import SerialExecutor, in_order
 from tcstudy.fem.boundary import held_ends

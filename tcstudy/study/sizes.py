@@ -224,7 +224,7 @@ def expected_bytes(study: Study, levels: Sequence[LevelForecast] | None = None) 
     except GeometryFailed:  # which is said elsewhere
         levels = ()
     if study.history is not None:
-        from tcstudy.data.history_store import history_bytes
+        from tcstudy.data.tables import history_bytes
 
         return history_bytes(study, study.history.of(levels).n_contact)
     return schema.expected_bytes(study, [(level.n_contact, level.nodes) for level in refined(levels, study.mesh)])

@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from tcstudy.data.records import PointStatus
+from tcstudy.data.schema import PointStatus
 from tcstudy.read.study import read_study
 from tcstudy.study.run import execute
 from tests.executors.machines import Machines

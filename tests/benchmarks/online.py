@@ -20,8 +20,8 @@ import scipy.linalg
 
 import tcstudy
 from tcstudy.contact.problem import CondensedBody
-from tcstudy.data.journal import Journal
 from tcstudy.data.provenance import collect
+from tcstudy.data.records import Journal
 from tcstudy.data.store import write
 from tcstudy.executors.pool import keep_freed_memory
 from tcstudy.laws.laws import Laws

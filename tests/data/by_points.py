@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from tcstudy.data import store
 from tcstudy.data.provenance import collect
-from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
+from tcstudy.data.records import BlockRecord, LevelRecord
+from tcstudy.data.schema import PointStatus
 from tcstudy.scene.study import Study
 
 Array = NDArray[Any]

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from tcstudy.data import schema
-from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
+from tcstudy.data.records import BlockRecord, LevelRecord
+from tcstudy.data.schema import PointStatus
 from tcstudy.scene.study import Axis, MeshPlan, OutputPlan, SolverPlan, Study
 from tests.data.by_points import write
 

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from tcstudy.cli import main
-from tcstudy.data.measured import Measured, convergence_record, convergence_table
 from tcstudy.data.provenance import collect
 from tcstudy.data.store import write_record
+from tcstudy.data.tables import Measured, convergence_record, convergence_table
 from tcstudy.read.study import read_study_text
 from tests.data.by_points import write
 from tests.data.conftest import ALPHA, FRICTION, make_block, make_level, make_study

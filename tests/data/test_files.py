@@ -14,8 +14,8 @@ import pytest
 
 from tcstudy.data import files, store
 from tcstudy.data.files import StoreError, check_writable
+from tcstudy.data.reading import open_results
 from tcstudy.data.records import BlockRecord, LevelRecord
-from tcstudy.data.store import open_results
 from tcstudy.scene.study import Study
 from tests.data.by_points import write
 from tests.data.conftest import make_block

@@ -18,10 +18,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tcstudy.data import journal as journal_module
+from tcstudy.data import records as records_module
 from tcstudy.data.files import StoreError
-from tcstudy.data.journal import Journal
-from tcstudy.data.records import BlockRecord, LevelRecord
+from tcstudy.data.records import BlockRecord, Journal, LevelRecord
 from tcstudy.scene.study import Study
 from tests.data.conftest import failed, make_block, make_level
 
@@ -79,7 +78,7 @@ _CHILD = """
 import resource, sys, time
 from pathlib import Path
 from tcstudy.data.files import StoreError
-from tcstudy.data.journal import Journal
+from tcstudy.data.records import Journal
 from tests.data.conftest import make_level, make_study
 from tests.data.test_journal import long
 journal, mode = Journal.open(Path(sys.argv[1]), make_study()), sys.argv[2]
@@ -206,7 +205,7 @@ def test_a_journal_of_another_study_or_program_is_set_aside_never_deleted(
     for place, (old, new) in enumerate(((study, other), (other, study))):
         fill(output, old, make_block(0, place))
         if not change:
-            monkeypatch.setattr(journal_module, "program", lambda place=place: f"edited {place}")
+            monkeypatch.setattr(records_module, "program", lambda place=place: f"edited {place}")
         with Journal.open(output, new) as journal:
             assert not [*journal.blocks()]
             (warning,) = journal.warnings

@@ -13,10 +13,9 @@ import pytest
 import xarray
 
 from tcstudy.data import provenance as provenance_module
-from tcstudy.data.files import StoreError, check_writable
+from tcstudy.data.files import Seal, StoreError, attributes, change_of, check_writable, is_foreign, reading, seal_of
 from tcstudy.data.provenance import holds
-from tcstudy.data.reading import Seal, attributes, change_of, is_foreign, reading, seal_of
-from tcstudy.data.store import open_results
+from tcstudy.data.reading import open_results
 from tcstudy.scene.study import Study
 from tcstudy.study.append import stored_study
 

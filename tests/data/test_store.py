@@ -15,9 +15,10 @@ import pytest
 from tcstudy.data import schema, store
 from tcstudy.data.files import StoreError
 from tcstudy.data.provenance import collect
-from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
-from tcstudy.data.store import open_results
-from tcstudy.data.writer import sweep_points, tile_shape, tiles
+from tcstudy.data.reading import open_results
+from tcstudy.data.records import BlockRecord, LevelRecord
+from tcstudy.data.schema import PointStatus
+from tcstudy.data.store import sweep_points, tile_shape, tiles
 from tcstudy.reports.select_point import describe, locate
 from tcstudy.scene.study import START_NAMES, Axis, MeshPlan, Study
 from tests.data.by_points import write

@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tcstudy.data.records import BlockRecord, PointStatus
+from tcstudy.data.records import BlockRecord
+from tcstudy.data.schema import PointStatus
 from tcstudy.executors import DaskExecutor, SerialExecutor, WorkersFailed
 from tcstudy.executors.cluster import CLOSE, CONNECT
 from tcstudy.study import level_solver

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tcstudy.data.journal import COMMIT_SECONDS
-from tcstudy.data.records import BlockRecord, PointStatus
+from tcstudy.data.records import COMMIT_SECONDS, BlockRecord
+from tcstudy.data.schema import PointStatus
 from tcstudy.errors import GeometryFailed
 from tcstudy.executors import Job, ProcessExecutor, SerialExecutor, WorkerDied, WorkersFailed, in_order
 from tcstudy.scene.study import Study

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tcstudy.data.writer import sweep_points
+from tcstudy.data.store import sweep_points
 from tcstudy.errors import StoreError, StudyError
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.data.journal import Journal
-from tcstudy.data.records import BlockRecord, LevelRecord
+from tcstudy.data.records import BlockRecord, Journal, LevelRecord
 from tcstudy.refine import family as error_estimator
 from tcstudy.refine.family import Family, bisected
 from tcstudy.refine.goals import Hidden

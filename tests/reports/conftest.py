@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.data.reading import put_seal
-from tcstudy.data.records import PointStatus
+from tcstudy.data.files import put_seal
+from tcstudy.data.schema import PointStatus
 from tcstudy.read.study import read_study, read_study_text
 from tests.reports.page.browser import Browser
 

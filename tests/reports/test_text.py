@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tcstudy.data.records import PointStatus
+from tcstudy.data.schema import PointStatus
 from tcstudy.reports.text import Failure, failure_lines, label, scaled_labels
 
 

@@ -14,8 +14,8 @@ import xarray as xr
 
 import tcstudy
 from tcstudy.cli import main
-from tcstudy.data.journal import COMMIT_SECONDS
-from tcstudy.data.records import PointStatus
+from tcstudy.data.records import COMMIT_SECONDS
+from tcstudy.data.schema import PointStatus
 from tcstudy.errors import StoreError
 from tcstudy.laws.laws import Laws
 from tcstudy.read.study import read_study_text

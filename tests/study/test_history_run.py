@@ -12,8 +12,7 @@ import pytest
 import xarray as xr
 
 from tcstudy.contact.history.problem import HistoryStep
-from tcstudy.data.on_request import DIFFERENTIABLE, name_of
-from tcstudy.data.records import PointStatus
+from tcstudy.data.schema import DIFFERENTIABLE, PointStatus, name_of
 from tcstudy.errors import StoreError
 from tcstudy.executors import ProcessExecutor
 from tcstudy.read.study import read_study_text

@@ -16,9 +16,9 @@ import tcstudy
 from tcstudy.accuracy.norms import prolongation
 from tcstudy.contact.problem import ContactProblem, Status
 from tcstudy.contact.solve import Answer
-from tcstudy.data.measured import STAGES
-from tcstudy.data.records import PointStatus
+from tcstudy.data.schema import PointStatus
 from tcstudy.data.store import Record
+from tcstudy.data.tables import STAGES
 from tcstudy.errors import CostError
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import MeshPlan, Study

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.data.records import PointStatus
+from tcstudy.data.schema import PointStatus
 from tcstudy.errors import GeometryFailed
 from tcstudy.fem import meshes
 from tcstudy.fem.geometry import Geometry

@@ -11,7 +11,8 @@ import xarray as xr
 
 import tcstudy
 from tcstudy.contact.solve import solve_contact
-from tcstudy.data.records import BlockRecord, PointStatus
+from tcstudy.data.records import BlockRecord
+from tcstudy.data.schema import PointStatus
 from tcstudy.errors import StudyError
 from tcstudy.fem import forms as heat
 from tcstudy.laws.laws import Laws

@@ -10,7 +10,7 @@ import pytest
 
 import tcstudy
 from tcstudy.contact.solve import solve_contact
-from tcstudy.data.on_request import AT_EVENT, DIFFERENTIABLE, name_of, quotient
+from tcstudy.data.schema import AT_EVENT, DIFFERENTIABLE, name_of, quotient
 from tcstudy.errors import StudyError
 from tcstudy.fem.meshes import Meshes
 from tcstudy.offline.level import Level

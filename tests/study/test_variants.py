@@ -11,7 +11,8 @@ import xarray as xr
 
 import tcstudy
 from tcstudy.cli import main
-from tcstudy.data.records import BlockRecord, PointStatus
+from tcstudy.data.records import BlockRecord
+from tcstudy.data.schema import PointStatus
 from tcstudy.errors import GeometryFailed, StudyError
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.terminal.summary import summary

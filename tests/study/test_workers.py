@@ -15,7 +15,8 @@ import pytest
 import xarray as xr
 from netgen import occ
 
-from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
+from tcstudy.data.records import BlockRecord, LevelRecord
+from tcstudy.data.schema import PointStatus
 from tcstudy.executors import ProcessExecutor, SerialExecutor
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.reports.terminal.forecast import expected_words

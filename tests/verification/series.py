@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any
 
-from tcstudy.data.measured import ERRORS, VERDICTS, convergence_table
+from tcstudy.data.tables import ERRORS, VERDICTS, convergence_table
 from tests.verification.scenes import RECTANGLE, study_of
 
 NAMES = {v.name for v in convergence_table(study_of(RECTANGLE))}

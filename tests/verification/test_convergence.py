@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.data.measured import Measured
+from tcstudy.data.tables import Measured
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
 from tcstudy.study.convergence import converge

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from tcstudy.data.measured import Measured
+from tcstudy.data.tables import Measured
 from tcstudy.fem.geometry import build
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text

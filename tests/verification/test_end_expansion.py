@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.data.records import PointStatus
+from tcstudy.data.schema import PointStatus
 from tests.commands import CONFIGS
 
 

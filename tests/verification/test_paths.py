@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tcstudy.data.store import load_root
+from tcstudy.data.reading import load_root
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
 from tcstudy.study.path_run import execute_path

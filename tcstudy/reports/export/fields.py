@@ -30,12 +30,10 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.files import replace_file
+from tcstudy.data.files import reading, replace_file
 from tcstudy.data.provenance import kind_of
-from tcstudy.data.reading import by_point, each_point, reading, refuse_geometries
-from tcstudy.data.records import PointStatus
-from tcstudy.data.schema import LAYER, SECTION, STICKS
-from tcstudy.data.store import open_results
+from tcstudy.data.reading import by_point, each_point, open_results, refuse_geometries
+from tcstudy.data.schema import LAYER, SECTION, STICKS, PointStatus
 from tcstudy.errors import UsageError
 from tcstudy.reports.picture import body_fields, contact_line
 from tcstudy.reports.select_point import Value, labels, level_number, matching

@@ -22,12 +22,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tcstudy.data.files import check_writable, replace_file
-from tcstudy.data.measured import LEVELS
+from tcstudy.data.files import check_writable, reading, replace_file
 from tcstudy.data.provenance import WARNINGS, kind_of, remarks_of
-from tcstudy.data.reading import reading, sweep_dims
+from tcstudy.data.reading import load_root, open_root, sweep_dims
 from tcstudy.data.schema import ESTIMATES, ROOT
-from tcstudy.data.store import load_root, open_root
+from tcstudy.data.tables import LEVELS
 from tcstudy.errors import StoreError, UsageError
 from tcstudy.reports.page.container import Json, plain
 from tcstudy.reports.select_point import Value, matching

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tcstudy.data.measured import BY_ITSELF, ERRORS, OWN, VERDICTS
-from tcstudy.data.records import PointStatus
+from tcstudy.data.schema import PointStatus
+from tcstudy.data.tables import BY_ITSELF, ERRORS, OWN, VERDICTS
 from tcstudy.errors import DrawError
 from tcstudy.reports import sentences
 from tcstudy.reports.figures import style

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tcstudy.data.files import attributes, reading
 from tcstudy.data.provenance import Kind, kind_of, remarks_of
-from tcstudy.data.reading import attributes, reading
-from tcstudy.data.store import load_root
+from tcstudy.data.reading import load_root
 from tcstudy.errors import UsageError, tell
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.accuracy import convergence_figure, cost_figure

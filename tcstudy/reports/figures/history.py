@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tcstudy.data.records import PointStatus
+from tcstudy.data.schema import PointStatus
 from tcstudy.errors import DrawError
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.panels import Array, Panel, Scale, contact_nodes, place_names, scale

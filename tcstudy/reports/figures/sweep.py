@@ -13,10 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.reading import by_point
-from tcstudy.data.records import PointStatus
-from tcstudy.data.schema import NOT_ALL
-from tcstudy.data.store import open_results
+from tcstudy.data.reading import by_point, open_results
+from tcstudy.data.schema import NOT_ALL, PointStatus
 from tcstudy.errors import DrawError
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.panels import Array, Panel, Scale, scale

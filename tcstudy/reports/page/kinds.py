@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from tcstudy.data.measured import MEASURES
 from tcstudy.data.reading import each_point
+from tcstudy.data.tables import MEASURES
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.accuracy import convergence_panels, cost_panels
 from tcstudy.reports.figures.fit import fit_panels

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tcstudy.data.reading import asked, axis_names, by_point, sweep_dims
-from tcstudy.data.records import PointStatus
+from tcstudy.data.schema import PointStatus
 from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.stored import Stored
 from tcstudy.reports.select_point import numbers_of

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.provenance import kind_of, measured_path
-from tcstudy.data.reading import GEOMETRIES, of_largest, sweep_dims
-from tcstudy.data.store import open_results
+from tcstudy.data.reading import GEOMETRIES, of_largest, open_results, sweep_dims
 from tcstudy.errors import StoreError
 from tcstudy.reports.stored_study import stored_study
 from tcstudy.scene.study import Study

@@ -11,9 +11,9 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from tcstudy.data.files import check_writable, replace_file
+from tcstudy.data.files import check_writable, reading, replace_file
 from tcstudy.data.provenance import remarks_of
-from tcstudy.data.reading import asked, each_point, reading
+from tcstudy.data.reading import asked, each_point
 from tcstudy.errors import PageError, tell
 from tcstudy.reports import sentences
 from tcstudy.reports.page.container import Container, Json

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from tcstudy.data.measured import BY_ITSELF, ERRORS, NUMBERS, VERDICTS, Measure
 from tcstudy.data.reading import axis_names, by_point, each_point
-from tcstudy.data.records import PointStatus
+from tcstudy.data.schema import PointStatus
+from tcstudy.data.tables import BY_ITSELF, ERRORS, NUMBERS, VERDICTS, Measure
 from tcstudy.reports import sentences
 from tcstudy.reports.select_point import Value, axis_labels, describe, locate
 from tcstudy.reports.terminal.tables import Heading, Part, Table

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from tcstudy.accuracy.orders import dominated
-from tcstudy.data.measured import MEASURES
-from tcstudy.data.records import PointStatus
+from tcstudy.data.schema import PointStatus
+from tcstudy.data.tables import MEASURES
 from tcstudy.errors import DrawError
 from tcstudy.reports.sentences import percent
 from tcstudy.reports.terminal.convergence import notes

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tcstudy.data.writer import axis_attributes, axis_name
+from tcstudy.data.store import axis_attributes, axis_name
 from tcstudy.reports.terminal.tables import plain_table, wrapped
 from tcstudy.reports.text import counted, headed, number, prefix, scaled_labels, span
 from tcstudy.scene.study import Study

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.reading import asked, by_point, each_point
-from tcstudy.data.records import PointStatus
+from tcstudy.data.schema import PointStatus
 from tcstudy.reports import sentences
 from tcstudy.reports.select_point import describe
 from tcstudy.reports.sentences import KINDS, CycleChange, cycle_change

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.accuracy.sobol import LEVEL, Index, correlation_ratios, jump, sobol
-from tcstudy.data.reading import reading
-from tcstudy.data.records import PointStatus
+from tcstudy.data.files import reading
+from tcstudy.data.schema import PointStatus
 from tcstudy.errors import UsageError
 from tcstudy.read.node import hint
 from tcstudy.reports.terminal.tables import plain_table, wrapped

@@ -12,7 +12,8 @@ from typing import Protocol, TextIO, cast
 import numpy as np
 
 from tcstudy.data.provenance import without_paths
-from tcstudy.data.records import BlockRecord, LevelRecord, PointStatus
+from tcstudy.data.records import BlockRecord, LevelRecord
+from tcstudy.data.schema import PointStatus
 from tcstudy.reports.terminal.stream import Stream, raw_terminal, visible
 from tcstudy.reports.text import counted, kind, named, number, span, with_unit
 from tcstudy.scene.study import Study
@@ -118,7 +119,7 @@ class Progress:
 
     def _name(self, index: tuple[int, ...]) -> str:
         """The labels of a sweep point."""
-        from tcstudy.data.writer import sweep_points  # needs xarray, which a run without failures does not
+        from tcstudy.data.store import sweep_points
         from tcstudy.reports.select_point import naming
 
         return naming(sweep_points(self._study))(index)

@@ -11,12 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from tcstudy.data.on_request import DIFFERENTIABLE
+from tcstudy.data.files import Seal, seal_of
 from tcstudy.data.provenance import kind_of
-from tcstudy.data.reading import GEOMETRIES, Seal, asked, axis_names, by_point, of_largest, seal_of, sweep_dims
-from tcstudy.data.records import PointStatus
-from tcstudy.data.schema import LIMITED, OF_POLYGON, UNBALANCED
-from tcstudy.data.store import load_root, open_root
+from tcstudy.data.reading import GEOMETRIES, asked, axis_names, by_point, load_root, of_largest, open_root, sweep_dims
+from tcstudy.data.schema import DIFFERENTIABLE, LIMITED, OF_POLYGON, UNBALANCED, PointStatus
 from tcstudy.reports.select_point import Value, axis_labels, describe, matching
 from tcstudy.reports.sentences import equilibria, locks, of_the_body
 from tcstudy.reports.terminal import convergence, cost, fit, history_summary, path_summary

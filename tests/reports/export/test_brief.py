@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 
-from tcstudy.data.store import open_results
+from tcstudy.data.reading import open_results
 from tcstudy.reports.export.table import brief, json_text
 from tests.reports.conftest import REASON, Stored
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.data.store import load_root
+from tcstudy.data.reading import load_root
 from tcstudy.errors import DrawError, UsageError
 from tcstudy.reports.export.table import write_table
 from tests.reports.conftest import REASON, Stored

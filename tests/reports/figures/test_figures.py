@@ -11,7 +11,7 @@ import xarray as xr
 
 pytest.importorskip("matplotlib")
 
-from tcstudy.data.store import load_root
+from tcstudy.data.reading import load_root
 from tcstudy.errors import DrawError, UsageError
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.study import read_study_text

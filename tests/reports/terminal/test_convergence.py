@@ -4,10 +4,10 @@ import netCDF4
 import numpy as np
 import pytest
 
-from tcstudy.data.measured import VERDICTS, Measured, convergence_record
 from tcstudy.data.provenance import collect
-from tcstudy.data.records import PointStatus
+from tcstudy.data.schema import PointStatus
 from tcstudy.data.store import write_record
+from tcstudy.data.tables import VERDICTS, Measured, convergence_record
 from tcstudy.errors import DrawError
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures import style

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from tcstudy.accuracy.orders import dominated
-from tcstudy.data.measured import COST_TABLE, STAGES
 from tcstudy.data.provenance import collect
-from tcstudy.data.records import PointStatus
-from tcstudy.data.store import Record, load_root, write_record
+from tcstudy.data.reading import load_root
+from tcstudy.data.schema import PointStatus
+from tcstudy.data.store import Record, write_record
+from tcstudy.data.tables import COST_TABLE, STAGES
 from tcstudy.reports.figures.draw import picture
 from tcstudy.reports.terminal.cost import (
     advice,

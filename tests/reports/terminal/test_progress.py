@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tcstudy.data.records import BlockRecord, PointStatus
+from tcstudy.data.records import BlockRecord
+from tcstudy.data.schema import PointStatus
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.terminal.progress import Progress
 from tcstudy.study.run import LevelWork, execute

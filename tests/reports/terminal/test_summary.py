@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tcstudy.data.records import LevelRecord, PointStatus
-from tcstudy.data.schema import BALANCED, LIMITED, UNBALANCED
+from tcstudy.data.records import LevelRecord
+from tcstudy.data.schema import BALANCED, LIMITED, UNBALANCED, PointStatus
 from tcstudy.reports.terminal.summary import summary
 from tcstudy.scene.study import Axis, MeshPlan, OutputPlan, SolverPlan, Study
 from tests.data.by_points import PointRecord, write
