@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from tcstudy.reports.verdict import RunSeen, abrupt, mesh_error, verdict
+from tests.reports.conftest import Stored
 
 
-def test_a_file_says_what_slips_and_last_how_many_points_are_solved(grid: Path) -> None:
-    text, _, ok = verdict(grid)
+def test_a_file_says_what_slips_and_last_how_many_points_are_solved(stored: Stored) -> None:
+    text, _, ok = verdict(stored("failed"))
     assert text.startswith("Largest slip")
-    assert text.endswith("3 of 4 solved.")
+    assert text.endswith("5 of 6 solved.")
     assert not ok
 
 
