@@ -108,7 +108,7 @@ def _dry_run(options: argparse.Namespace) -> int:
     if study.kind == "path":
         study = options.read = shared.outside_the_sweep(study)
     from tcstudy.data.provenance import already_there
-    from tcstudy.reports.terminal.forecast import expected_words, forecast_text
+    from tcstudy.reports.terminal.progress import expected_words, forecast_text
     from tcstudy.study.plan import plan, resources
     from tcstudy.study.workers import hands
 

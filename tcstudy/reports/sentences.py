@@ -1,20 +1,29 @@
-"""What reports say of results in words: a function a sentence, on plain values, and what must be true for it.
+"""What reports say of results in words, and what must be true for it; first of a run: what slips, debonds or jumps
+where, what is proved and how exact it is, how much is solved.
 
-A sentence whose condition does not hold is "" or a weaker one. Reports of all kinds take their words from here.
+A sentence whose condition does not hold is "" or a weaker one. Reports of all kinds take their words from here. That of
+a run reads the few variables that it speaks of and, of a file, only their last levels, without the libraries of tables
+and pictures: the sentence of a file of a million points takes no longer than its bytes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import closing
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.schema import OF_POLYGON
-from tcstudy.reports.text import counted, number, with_unit
+from tcstudy.data.schema import OF_POLYGON, UNBALANCED, PointStatus
+from tcstudy.errors import StoreError
+from tcstudy.reports.text import number, pretty, scaled_labels, with_unit
+from tcstudy.scene.keys import symbol
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 SAME = 1e-9
 """Relative difference of two energies that are one, and change of slips, relative to the largest, that is none."""
@@ -59,13 +68,192 @@ def percent(share: float) -> str:
     return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.2g} %" if share >= 1e-6 else f"{share:.1e}"
 
 
+def answered(*sentences: Iterable[str]) -> str:
+    """What came out, how far it is to be trusted, how much of it there is: each a sentence of its parts."""
+    told = ["; ".join(filter(None, parts)) for parts in sentences]
+    return " ".join(f"{one[0].upper()}{one[1:]}." for one in told if one)
+
+
+def slipped(slip: str, at: str, lengths: Mapping[str, tuple[str, str]]) -> str:
+    """The largest slip and where it is, and on how much of the contact line what happens.
+
+    lengths: what happens ("slips", "debonded") → least and largest length of all points; an empty least is 0
+    """
+    spans = [f"{what} on {f'lengths of {low} to {high}' if low and low != high else high if low else f'up to {high}'}"
+             for what, (low, high) in lengths.items()]  # fmt: skip
+    return ", ".join([f"largest slip {slip}{at}", *spans])
+
+
 # -- runs --------------------------------------------------------------------------------------------------------------
 
+FEWEST, STEEP, NOTABLE = 4, 4.0, 0.25
+"""A step is abrupt where a line has so many points, it is so many times the median of the others and so large a part
+of the largest value of the whole line."""
+PIECE = 2**16
+"""Points that are looked at together."""
+LENGTHS = {"slip": "slips", "debonded": "debonded", "softening": "softening", "yielded": "yielded"}
+"""Lengths of the contact line of which the sentence speaks, by what happens there."""
+HOW = {
+    "goal": "mesh error: largest estimated error of the goal",
+    "energy": "mesh error: largest estimated error of the displacement in the energy norm",
+    "change": "change of ∫ξ: the largest of all points, of their ∫|ξ|",
+    "no friction": "no friction by which to measure the mesh error",
+    "one mesh": "one mesh says nothing about its own error: add levels",
+}
+"""How the mesh error is known, or why there is none."""
 
-def proved(unique: int, least: int) -> str:
-    """How many solutions are proved unique, and how many, these included, of least energy."""
-    said = f"{unique} proved unique" if unique else "none proved unique"
-    return f"{said}, {least} proved to have the least energy" if least > unique else said
+
+@dataclass(frozen=True)
+class RunSeen:
+    """A run as the sentence sees it.
+
+    dims:   sweep dimensions;  levels: how many;  mode: "grid" or "list"
+    labels: values and attributes along a dimension, by name
+    take:   values of a variable on one level, counted from the end, (*dims, …); None if the file has none
+    friction: ∫|ξ| on the last level at a point, by its indices along the dimensions
+    units:  of the slip
+    stop:   why refinement ended, empty if nothing decided it
+    """
+
+    dims: tuple[str, ...]
+    levels: int
+    mode: str
+    labels: Callable[[str], tuple[NDArray[Any], Mapping[str, Any]]]
+    take: Callable[[str, int], NDArray[Any] | None]
+    friction: Callable[[tuple[int, ...]], float] = lambda place: 0.0
+    units: str = "1"
+    stop: str = ""
+
+    def ok(self, level: int = -1) -> Flags:
+        """(*dims) which points have a solution on a level."""
+        return np.asarray(self.take("status", level) == int(PointStatus.OK))
+
+    def flag(self, name: str, ok: Flags) -> Flags:
+        """(*dims) which solved points have a flag."""
+        values = self.take(name, -1)
+        return ok & (values == 1) if values is not None else np.zeros_like(ok)
+
+
+def verdict(path: Path) -> tuple[str, str, bool]:
+    """Of a file of tcstudy run, which must be readable (`tcstudy.data.reading`): the sentence, how the mesh
+    error in it is known, and whether all points are solved. Raises StoreError.
+    """
+    import netCDF4
+
+    with closing(netCDF4.Dataset(path)) as nc:
+        if not {"status", "level"} <= {*nc.variables}:
+            raise StoreError(f"{path} is no file of tcstudy run, converge, cost or path")
+        nc.set_auto_maskandscale(False)
+        dims, levels = tuple(d for d in nc["status"].dimensions if d != "level"), int(nc.dimensions["level"].size)
+
+        def take(name: str, level: int) -> NDArray[Any] | None:
+            if name not in nc.variables:
+                return None
+            return np.asarray(nc[name][(slice(None),) * len(dims) + (levels + level,)])
+
+        def labels(dim: str) -> tuple[NDArray[Any], Mapping[str, Any]]:
+            return np.asarray(nc[dim][...]), nc[dim].__dict__
+
+        def friction(place: tuple[int, ...]) -> float:
+            where, home = dict(zip(dims, place, strict=True)), nc
+            if "geometry" in nc.variables:
+                home = nc[f"geometry_{int(nc['geometry'][tuple(where[d] for d in nc['geometry'].dimensions)])}"]
+            group = home[f"level_{levels - 1}"]
+            xi = group["xi"][tuple(where[d] for d in group["xi"].dimensions[:-1])]
+            return float(np.abs(xi) @ group["c"][...])
+
+        units = str(nc["u_T_max"].units) if "u_T_max" in nc.variables else "1"
+        stop = str(nc["stop"][-1]) if "stop" in nc.variables else ""
+        return told(RunSeen(dims, levels, str(nc.sweep_mode), labels, take, friction, units, stop))
+
+
+def told(run: RunSeen) -> tuple[str, str, bool]:
+    """The sentence of a run as `verdict` has it."""
+    ok = run.ok()
+    total, solved = int(ok.size), int(ok.sum())
+    unique, least = run.flag("unique", ok), int(run.flag("global_minimum", ok).sum())
+    several_ = several_found(run, ok, unique)
+    trust = [f"{unique.sum()} proved unique" if unique.any() else "none proved unique"]
+    trust += [f"{least} proved to have the least energy"] if least > unique.sum() else []
+    if (body := run.take("proved_unique", -1)) is not None:
+        trust.append(f"{int((ok & (body == 1)).sum())} of them for the body itself")
+    if (bound := run.take("error_bound_relative", -1)) is not None:
+        most = float(np.max(bound[ok], initial=0.0))  # NaN where that of one point is not known
+        trust += [f"error of u proved to be at most {percent(most)}"] if 0.0 < most < 1.0 else []
+    count, complete = run.take("solutions", -1), run.take("complete", -1)
+    trust += [all_equilibria(count[ok], complete[ok])] if count is not None and complete is not None else []
+    trust += [f"{int(several_.sum())} with more than one solution found"] if several_.any() else []
+    error, how = mesh_error(run, ok)
+    trust += [error, run.stop.partition(":")[0] if " not met:" in run.stop else ""]
+    heat = [run.take("heat_status", i - run.levels) for i in range(run.levels)]
+    bad = sum(int(np.count_nonzero(one == UNBALANCED)) for one in heat if one is not None)
+    trust += [f"heat balance missed at {bad}"] if bad else []
+    answer = [_answer(run, ok), *abrupt(run, ok, several_)[:2]]
+    known = [", ".join(filter(None, trust))] if solved else []
+    return answered(answer, known, [f"{solved} of {total} solved"]), how, solved == total
+
+
+def _answer(run: RunSeen, ok: Flags) -> str:
+    """The largest slip with its point, and the lengths on which the line slips, has debonded, softens or yields."""
+    slip = run.take("u_T_max", -1)
+    if slip is None or not ok.any():
+        return ""
+    most = np.unravel_index(int(np.argmax(np.where(ok, slip, -1.0))), ok.shape)
+    if slip[most] == 0.0:
+        return "nothing slips"
+    lengths = dict[str, tuple[str, str]]()
+    for name, what in LENGTHS.items():
+        if ok.size > 1 and name in ("softening", "yielded") and (name == "softening" or lengths):
+            continue  # of a sweep the least that says it
+        own = run.take(f"{name}_length", -1)
+        if own is not None and (known := own[ok & np.isfinite(own)]).size and known.max() > 0.0:
+            low, high = (with_unit(float(x), run.units, 3) for x in (known.min(), known.max()))
+            lengths[what] = (low if known.min() > 0.0 else "", high)
+    place = dict(zip(run.dims, (int(i) for i in most), strict=True)) if run.mode == "grid" else {}
+    words = ", ".join(_labelled(run, place))
+    told = slipped(with_unit(float(slip[most]), run.units), f" at {words}" if words else "", lengths)
+    shear, at = run.take("shear_max", -1), run.take("shear_max_at", -1)
+    if ok.size > 1 or shear is None or at is None:
+        return told
+    stress = "1" if run.units == "1" else "Pa"
+    return f"{told}, largest shear {with_unit(shear.item(), stress)} at s = {with_unit(at.item(), run.units)}"
+
+
+def _labelled(run: RunSeen, place: dict[str, int]) -> list[str]:
+    """The labels of a point along axes with several values, "θ̄ = 12 K", "friction: brittle"."""
+    found = []
+    for name, i in place.items():
+        values = run.labels(name)[0]
+        if len(values) > 1:
+            labels, unit = _shown(run, name)
+            mark = ": " if values.dtype.kind in "OUS" else " = "
+            found.append(f"{symbol(name)}{mark}{labels[i]} {unit}".rstrip())
+    return found
+
+
+def several_found(run: RunSeen, ok: Flags, unique: Flags) -> Flags:
+    """(*dims) solved points at which more than one solution was found, piece by piece to save memory."""
+    if (count := run.take("solutions", -1)) is not None:
+        return np.asarray(ok & (count > 1))
+    if (starts := run.take("start_energy", -1)) is None:
+        return np.zeros_like(ok)
+    rows = starts.reshape(ok.size, -1)
+    found = [several(rows[i : i + PIECE], unique.ravel()[i : i + PIECE]) for i in range(0, ok.size, PIECE)]
+    return np.asarray(ok & np.concatenate(found).reshape(ok.shape))
+
+
+def several(energy: Array, unique: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(P,) more than one solution was found: starts (P, s) led to energies that differ by more than rounding, and no
+    proof says that this is all that it can be.
+    """
+    return np.asarray((different_energies(energy) > 1) & ~unique)
+
+
+def different_energies(energy: Array) -> NDArray[np.int_]:
+    """How many different energies the starts (last axis) of each point led to, relative to the largest."""
+    energy = np.sort(energy, axis=-1)
+    size = np.max(np.abs(np.where(np.isfinite(energy), energy, 0.0)), axis=-1, keepdims=True)
+    return np.asarray(1 + np.count_nonzero(np.diff(energy, axis=-1) > SAME * size, axis=-1))
 
 
 def equilibria(count: int, stable: int | None = None, complete: int = 1) -> str:
@@ -85,53 +273,92 @@ def all_equilibria(count: NDArray[np.int_], complete: NDArray[np.int_]) -> str:
     return told + (" of the polygons of exponential laws" if np.any(complete == OF_POLYGON) else "")
 
 
-def several(energy: Array, unique: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(P,) more than one solution was found: starts (P, s) led to energies that differ by more than rounding, and no
-    proof says that this is all that it can be.
+def mesh_error(run: RunSeen, ok: Flags) -> tuple[str, str]:
+    """The largest mesh error of the solved points, relative to a number that it is smaller than, and how it is known:
+    estimated, or else what the last level changed; "" where nothing is known of it.
     """
-    return np.asarray((different_energies(energy) > 1) & ~unique)
+    goal, wide = run.take("goal", -1), run.take("goal_estimate", -1)
+    if goal is not None and wide is not None and np.any(known := ok & np.isfinite(wide) & np.isfinite(goal)):
+        small = known & (wide > 0.0) & (wide >= np.abs(goal))  # the number is no larger than its error
+        share = (wide[known & ~small] / np.where(goal == 0.0, 1.0, np.abs(goal))[known & ~small]).max(initial=0.0)
+        said = [_share(float(share), "mesh error about {}")] if share > 0.0 else []
+        said += [f"the goal no larger than its mesh error at {small.sum()}"] if small.any() else []
+        return ", ".join(said), HOW["goal"]
+    estimates = run.take("error_estimate", -1)
+    if estimates is not None and np.isfinite(estimates[ok]).any():
+        return _share(float(np.nanmax(estimates[ok])), "mesh error about {}"), HOW["energy"]
+    if run.levels < 2 or not ok.any():
+        return "", HOW["one mesh"]
+    if (change := _change(run, ok)) is None:
+        return "", HOW["no friction"]
+    return _share(change, "∫ξ changed by {} with the last level"), HOW["change"]
 
 
-def different_energies(energy: Array) -> NDArray[np.int_]:
-    """How many different energies the starts (last axis) of each point led to, relative to the largest."""
-    energy = np.sort(energy, axis=-1)
-    size = np.max(np.abs(np.where(np.isfinite(energy), energy, 0.0)), axis=-1, keepdims=True)
-    return np.asarray(1 + np.count_nonzero(np.diff(energy, axis=-1) > SAME * size, axis=-1))
+def _share(error: float, words: str) -> str:
+    return words.format(percent(error)) if error < 1.0 else "mesh too coarse for the order of magnitude"
 
 
-def abrupt(change: str, place: str, seen: bool) -> str:
-    """A step of the slip between two neighbouring values of a swept number, so large beside those around it that it is
-    worth a word. It is called a jump only if two solutions were seen at one of them: a solution that is unique all the
-    way (ω < λ₁) changes steeply, but continuously, and two points do not tell a steep change from a jump.
+def _change(run: RunSeen, ok: Flags) -> float | None:
+    """Largest change of ∫ξ between the last two levels, relative to ∫|ξ|; None where there is no friction.
+
+    |∫ξ| ≤ ∫|ξ|, so that no point whose change relative to the first is less than what was found need be read.
     """
-    return f"slip jumps {place}" if seen else f"slip changes by {change} {place}"
+    last, before, both = run.take("friction_resultant", -1), run.take("friction_resultant", -2), ok & run.ok(-2)
+    if last is None or before is None:
+        return None
+    both &= np.isfinite(last) & np.isfinite(before)
+    change = np.abs(last - before)
+    most = np.divide(change, np.abs(last), out=np.where(change > 0.0, np.inf, 0.0), where=last != 0.0)
+    largest: float | None = None
+    for k in np.argsort(-np.where(both, most, -1.0), axis=None)[: both.sum()]:
+        place = tuple(int(i) for i in np.unravel_index(k, most.shape))
+        if largest is not None and most[place] <= largest:
+            break
+        if (size := run.friction(place)) > 0.0:
+            largest = max(largest or 0.0, float(change[place] / size))
+    return largest
 
 
-def mesh_error(error: float | None, estimated: bool, no_larger: int = 0) -> str:
-    """The largest error, relative to a number that it is smaller than: estimated, or else what the last level changed.
+def abrupt(run: RunSeen, ok: Flags, several: Flags) -> list[str]:
+    """Sentences on where the slip changes between two neighbouring values of a swept number, so much beside the steps
+    around it that it is worth a word, the largest first.
 
-    error:     None where nothing is known of it, or where there is nothing that it could be relative to
-    no_larger: points whose number is no larger than its estimated error, so that it is relative to nothing there
+    It is called a jump only if two solutions were seen at one of them: a solution that is unique all the way (ω < λ₁)
+    changes steeply, but continuously, and two points do not tell a steep change from a jump.
     """
-    said = []
-    if error is not None and error < 1.0:
-        share = percent(error)
-        said.append(f"mesh error about {share}" if estimated else f"∫ξ changed by {share} with the last level")
-    elif error is not None:
-        said.append("mesh too coarse for the order of magnitude")
-    said += [f"the goal no larger than its mesh error at {no_larger}"] if no_larger else []
-    return ", ".join(said)
+    slip = run.take("u_T_max", -1)
+    if run.mode != "grid" or slip is None:
+        return []
+    values, found = np.where(ok, slip, np.nan), list[tuple[float, str]]()
+    for axis, name in enumerate(run.dims):
+        if run.labels(name)[0].dtype.kind in "OUS" or values.shape[axis] < FEWEST:
+            continue
+        lines = np.moveaxis(values, axis, -1)
+        step = np.abs(np.diff(lines, axis=-1))
+        ordered = np.sort(step, axis=-1)  # NaN last
+        largest, size = ordered[..., -1], np.max(np.abs(lines), axis=-1)
+        others = np.median(ordered[..., :-1], axis=-1)
+        with np.errstate(invalid="ignore"):
+            abrupt = (largest > STEEP * others) & (largest > NOTABLE * size)
+        if not abrupt.any():
+            continue
+        line = np.unravel_index(int(np.argmax(np.where(abrupt, largest, 0.0))), abrupt.shape)
+        where = dict(zip([d for d in run.dims if d != name], (int(i) for i in line), strict=True))
+        at = int(np.argmax(step[line]))
+        change, seen = float(step[line][at]), bool(np.moveaxis(several, axis, -1)[line][at : at + 2].any())
+        labels, unit = _shown(run, name)
+        place = f"between {symbol(name)} = {labels[at]} and {labels[at + 1]} {unit}".rstrip()
+        place += f" ({', '.join(rest)})" if (rest := _labelled(run, where)) else ""
+        words = f"slip jumps {place}" if seen else f"slip changes by {with_unit(change, run.units, 2)} {place}"
+        found.append((change, words))
+    return [text for _, text in sorted(found, reverse=True)]
 
 
-def missed(stop: str) -> str:
-    """That a tolerance is not met, from why refinement ended ("tolerance 0.1 not met: …")."""
-    return stop.partition(":")[0] if " not met:" in stop else ""
-
-
-def bounded(bounds: Array) -> str:
-    """The proved bound of all relative errors (P,), empty where that of one is not known."""
-    most = float(np.max(bounds, initial=0.0))
-    return f"error of u proved to be at most {percent(most)}" if 0.0 < most < 1.0 else ""
+def _shown(run: RunSeen, name: str) -> tuple[list[str], str]:
+    """The labels of an axis and their unit as it is read."""
+    values, attrs = run.labels(name)
+    shown, unit = scaled_labels(values.tolist(), attrs)
+    return shown, pretty(unit) if unit != "1" else ""
 
 
 LOCKS = 1.1
@@ -166,16 +393,6 @@ def locks(mesh: Array, dual: Array) -> str:
         f"the mesh locks: its λ₁ is up to {number(ratio, 3)} times that of equilibrium elements, so that what is "
         "certified of the mesh by ω < λ₁ need not hold of the body; refine, or go by what is proved of the body"
     )
-
-
-HOW = {
-    "goal": "mesh error: largest estimated error of the goal",
-    "energy": "mesh error: largest estimated error of the displacement in the energy norm",
-    "change": "change of ∫ξ: the largest of all points, of their ∫|ξ|",
-    "no friction": "no friction by which to measure the mesh error",
-    "one mesh": "one mesh says nothing about its own error: add levels",
-}
-"""How the number of `mesh_error` is known, or why there is none."""
 
 
 # -- convergence -------------------------------------------------------------------------------------------------------
@@ -273,56 +490,6 @@ KINDS = {
     "ratcheting": "ratchet", "settling": "have not settled",
 }  # fmt: skip
 """What the histories of a sweep do, by `CycleChange.kind`."""
-
-
-# -- paths -------------------------------------------------------------------------------------------------------------
-
-
-def answered(*sentences: Iterable[str]) -> str:
-    """What came out, how far it is to be trusted, how much of it there is: each a sentence of its parts."""
-    told = ["; ".join(filter(None, parts)) for parts in sentences]
-    return " ".join(f"{one[0].upper()}{one[1:]}." for one in told if one)
-
-
-def slipped(slip: str, at: str, lengths: Mapping[str, tuple[str, str]]) -> str:
-    """The largest slip and where it is, and on how much of the contact line what happens.
-
-    lengths: what happens ("slips", "debonded") → least and largest length of all points; an empty least is 0
-    """
-    spans = [f"{what} on {f'lengths of {low} to {high}' if low and low != high else high if low else f'up to {high}'}"
-             for what, (low, high) in lengths.items()]  # fmt: skip
-    return ", ".join([f"largest slip {slip}{at}", *spans])
-
-
-def path(peak: str, snaps: Sequence[str], many: str, falls: int) -> list[str]:
-    """What happens along a path. peak: of friction;  snaps: ranges that it snaps back;  many: where equilibria are many
-
-    falls: how often slow loading to and fro falls to another part of it
-    """
-    parts = [f"peak {peak}" if peak else "no friction", *(f"snap-back from {snap}" for snap in snaps[:2])]
-    parts += [f"and {len(snaps) - 2} more"] if len(snaps) > 2 else []
-    return [", ".join(parts), many, f"slow loading to and fro falls {counted(falls, 'time')}" if falls else ""]
-
-
-def equilibria_at(count: int, off_path: int, value: str, complete: bool) -> str:
-    """All equilibria at one value of a path's parameter."""
-    told = f"{count} of {count} equilibria at {value}" if complete else f"at least {count} equilibria at {value}"
-    return f"{told}, {off_path} of them not on the path from the start" if off_path else told
-
-
-def state_taken(states: int, rank: int, value: str) -> str:
-    """In which of the stable states at the end of its range slow loading ends; rank: 1 for that of least energy."""
-    if states == 1:
-        return f"at {value} slow loading ends in the only stable state"
-    order = {1: "least", 2: "second least", 3: "third least"}.get(rank, f"{rank}th least")
-    return f"at {value} there are {states} stable states; slow loading ends in that of {order} energy"
-
-
-def closed_loop(low: str, high: str, pieces: int, stable: int) -> str:
-    """A loop between two values, the second with its unit."""
-    return (
-        f"a closed loop from {low} to {high} that the path does not meet, {stable} of {counted(pieces, 'piece')} stable"
-    )
 
 
 WHOLE = "all branches of equilibria in the range are proved to be known"

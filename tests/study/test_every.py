@@ -10,7 +10,7 @@ import xarray as xr
 
 import tcstudy
 from tcstudy.contact.all_solutions import all_solutions
-from tcstudy.reports.verdict import verdict
+from tcstudy.reports.sentences import verdict
 from tests.verification.scenes import BRITTLE, QUICKSTART, quickstart_problems
 
 SWEEP = "sweep={boundary.end.g: [[2 MPa, 0], [20 MPa, 0]], theta_bar: [10 K, 0 K, 12 K]}"

@@ -19,7 +19,7 @@ from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import PointStatus
 from tcstudy.executors import ProcessExecutor, SerialExecutor
 from tcstudy.read.study import read_study, read_study_text
-from tcstudy.reports.terminal.forecast import expected_words
+from tcstudy.reports.terminal.progress import expected_words
 from tcstudy.study import workers as who
 from tcstudy.study.append import mended
 from tcstudy.study.run import LevelWork, Quiet, execute, run, solve_geometry

@@ -18,7 +18,7 @@ from tcstudy.errors import StudyError
 from tcstudy.fem.energy_error import own_strain, stress_of
 from tcstudy.offline.error_bound import ErrorBounds
 from tcstudy.offline.level import Level
-from tcstudy.reports.verdict import verdict
+from tcstudy.reports.sentences import verdict
 from tcstudy.scene.points import why_no_bound
 from tcstudy.scene.records import Scene
 from tests.verification.scenes import levels_of, study_of

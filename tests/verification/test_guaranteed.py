@@ -14,7 +14,7 @@ from tcstudy.fem.forms import csr
 from tcstudy.offline import guaranteed
 from tcstudy.offline.guaranteed import Band, shape_constants
 from tcstudy.offline.level import Level
-from tcstudy.reports.verdict import verdict
+from tcstudy.reports.sentences import verdict
 from tcstudy.scene.records import Scene
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, study_of
 

@@ -16,8 +16,7 @@ from tcstudy.reports.figures import style
 from tcstudy.reports.figures.panels import Array, Panel, Scale, scale
 from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.select_point import Value, describe, locate
-from tcstudy.reports.terminal.convergence import GROUPS, shown
-from tcstudy.reports.terminal.cost import EXACT, SYMBOLS, advice, best, front, settings
+from tcstudy.reports.terminal.accuracy import EXACT, GROUPS, SYMBOLS, advice, best, front, settings, shown
 from tcstudy.scene.study import FAMILIES
 
 if TYPE_CHECKING:

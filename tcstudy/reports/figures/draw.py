@@ -22,7 +22,7 @@ from tcstudy.reports.figures.point import point_figure
 from tcstudy.reports.figures.profile import Ends, profile_figure
 from tcstudy.reports.figures.sweep import curves_figure, map_figure, read_sweep
 from tcstudy.reports.picture import read_picture
-from tcstudy.reports.terminal.cost import SYMBOLS, measure_of
+from tcstudy.reports.terminal.accuracy import SYMBOLS, measure_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -14,7 +14,7 @@ from tcstudy.reports.figures import style
 from tcstudy.reports.figures.panels import Array, Panel, Scale, contact_nodes, place_names, scale
 from tcstudy.reports.figures.sheet import Sheet
 from tcstudy.reports.select_point import Value, describe, locate
-from tcstudy.reports.terminal.history_summary import MOVES, last_change, motion
+from tcstudy.reports.terminal.paths import MOVES, last_change, motion
 from tcstudy.reports.text import counted
 
 if TYPE_CHECKING:

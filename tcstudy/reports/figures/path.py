@@ -12,7 +12,7 @@ from tcstudy.errors import DrawError
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.panels import Array, Panel, Scale, contact_nodes, scale
 from tcstudy.reports.figures.sheet import Sheet
-from tcstudy.reports.terminal.path_summary import STATES, seen_folds
+from tcstudy.reports.terminal.paths import STATES, seen_folds
 from tcstudy.reports.text import counted, labels, number, with_unit
 
 if TYPE_CHECKING:

@@ -31,7 +31,7 @@ from tcstudy.reports.page.point_part import along, geometry
 from tcstudy.reports.page.stored import Stored
 from tcstudy.reports.select_point import describe
 from tcstudy.reports.stored_study import at_rest
-from tcstudy.reports.terminal import convergence, cost, fit, history_summary, path_summary
+from tcstudy.reports.terminal import accuracy, fit, paths
 from tcstudy.reports.text import proved
 from tcstudy.scene.keys import symbol
 
@@ -48,8 +48,8 @@ def convergence_parts(data: Any, box: Container) -> list[Json]:
     for where in points[:MOST_POINTS]:
         at = data.isel(where)
         panels = [panel_part(one, box, high=300) for one in convergence_panels(at).values()]
-        shown[describe(data, where) or "the point"] = [beside(*panels), *text_parts(convergence.tables(at))]
-    told = [f"Reference: {data.attrs['reference']}.", convergence.LEGEND, *convergence.notes(data)]
+        shown[describe(data, where) or "the point"] = [beside(*panels), *text_parts(accuracy.tables(at))]
+    told = [f"Reference: {data.attrs['reference']}.", accuracy.LEGEND, *accuracy.notes(data)]
     told += [f"The first {MOST_POINTS} of {len(points)} points; the file has all."] if len(points) > MOST_POINTS else []
     return [choice("point", "p", shown), {"part": "text", "lines": told}]
 
@@ -58,15 +58,15 @@ def cost_parts(data: Any, box: Container) -> list[Json]:
     """Every measured setting by error, and what the file advises."""
     shown: dict[str, list[Json]] = {}
     held = [m for m in MEASURES if f"error_{m.name}" in data]
-    for m in sorted(held, key=lambda m: m.name != cost.DEFAULT):
+    for m in sorted(held, key=lambda m: m.name != accuracy.DEFAULT):
         panels = [panel_part(one, box, high=330) for one in cost_panels(data, m.name).values()]
-        found = cost.settings(data, m.name)
+        found = accuracy.settings(data, m.name)
         names = ("family", "solver", "level", "n_dof", "n_contact", "error", "time", "upper")
         units = {"time": "s", "upper": "s"}
         columns = [
             column(n, n.replace("_", " "), units.get(n, "1"), [getattr(s, n) for s in found], box) for n in names
         ]
-        shown[m.symbol] = [beside(*panels), *text_parts(cost.parts(data, m.name)), sheet_part(columns, "cost")]
+        shown[m.symbol] = [beside(*panels), *text_parts(accuracy.cost_parts(data, m.name)), sheet_part(columns, "cost")]
     return [choice("error of", "error", shown)] if shown else [{"part": "text", "lines": ["Nothing was measured."]}]
 
 
@@ -97,14 +97,14 @@ def path_sections(stored: Stored, box: Container) -> list[Json]:
             beside(*(panel_part(one, box, high=190) for one in strips)),
         ]
     low, high = sorted(float(x) for x in data.attrs["parameter_range"])
-    inside = [int(v) for v in path_summary.seen_folds(data)[0] if low <= t[v] <= high]
+    inside = [int(v) for v in paths.seen_folds(data)[0] if low <= t[v] <= high]
     first, scaled = inside[0] if inside else vertices // 2, scale("", t, units)
     unit = scaled.label.strip(" []")
     texts = [f"{symbol(name)} = {value:.4g} {unit}".rstrip() for value in scaled(t[keep])]
     laws, state = law_part(stored), data["state"].values[np.minimum(keep, pieces - 1)]
     line = _line(data, keep, state, False, box)
     line["law"] = laws["laws"][0] if laws is not None and "edges" not in laws else None  # the one that all nodes have
-    told = [one for one in path_summary.parts(data) if isinstance(one, str)]
+    told = [one for one in paths.path_parts(data) if isinstance(one, str)]
     title = "1  All equilibria of the range" if int(data.get("complete", 0)) else "1  Equilibria on this path"
     slider = states("along the path", texts, int(np.argmin(np.abs(keep - first))))
     curves = choice("response", "response", shown)
@@ -132,7 +132,7 @@ MEMORY = ("kappa", "plastic")
 def history_parts(stored: Stored, part: Any, without: tuple[str, ...], box: Container) -> Json:
     """One point of a history: loop, steps, what nodes do, energies, cycles and the table of all steps."""
     data = solved_steps(part)
-    told = [{"part": "text", "lines": history_summary.sentences_of(part)}]
+    told = [{"part": "text", "lines": paths.sentences_of(part)}]
     if not data.sizes["step"]:
         return {"point": told, "accuracy": [], "table": []}
     names, loads = loop_names(data), str(data.attrs["loads"]).split()
@@ -154,9 +154,9 @@ def history_parts(stored: Stored, part: Any, without: tuple[str, ...], box: Cont
         middle = np.full(len(steps), 0.5 * float(data["c"].sum()))
         motion = panel_part(panels.pop("motion"), box, (steps, middle), 250)
         held = any(name.startswith("u_") for name in loads)
-        moved = history_summary.motion(data["u_T"].values, data["jumped"].values if "jumped" in data else None)
+        moved = paths.motion(data["u_T"].values, data["jumped"].values if "jumped" in data else None)
         line = _line(data, slice(None), moved, at_rest(stored.study) and not held, box) | {
-            "moves": list(history_summary.MOVES),
+            "moves": list(paths.MOVES),
             "memory": [
                 column(name, str(data[name].attrs["long_name"]), str(data[name].attrs["units"]), [], box)
                 | {"v": box.rows(data[name].values)}

@@ -93,10 +93,11 @@ def text_parts(parts: Iterable[Part]) -> list[Json]:
     found: list[Json] = []
     for part in parts:
         if isinstance(part, Table):
-            rows, notes = [list(row) for row in part.rows], list(part.notes)
-            found.append(
-                {"part": "table", "caption": part.caption, "head": list(part.header), "rows": rows, "notes": notes}
+            head, rows = (
+                [one.title for one in part.columns],
+                list(zip(*(one.cells for one in part.columns), strict=True)),
             )
+            found.append({"part": "table", "caption": part.caption, "head": head, "rows": rows, "notes": part.notes})
         elif isinstance(part, str):
             found.append({"part": "text", "lines": [line.strip() for line in part.split("\n") if line.strip()]})
         elif isinstance(part, Heading) and part.level > 1:

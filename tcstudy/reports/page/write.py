@@ -23,7 +23,7 @@ from tcstudy.reports.page.parts import section
 from tcstudy.reports.page.point_part import body_part, drawn_level, line_part, live_part, shape
 from tcstudy.reports.page.run_part import history_run, level_numbers, run_part, time_of_levels
 from tcstudy.reports.page.stored import Stored, read
-from tcstudy.reports.terminal.path_summary import STATES
+from tcstudy.reports.terminal.paths import STATES
 from tcstudy.reports.terminal.summary import verdict_of
 from tcstudy.scene.keys import GREEK, ROWS, symbol
 

@@ -60,7 +60,7 @@ def _estimates(data: Any) -> Table:
     header = ["number", "estimate", "standard error", "95 % interval", "unit"]
     header += [f"corr. {k + 1}" for k in range(len(names))]
     last = len(header) - 1  # nothing stands above the diagonal
-    return Table("", tuple(header[:last]), tuple(tuple(row[:last]) for row in rows))
+    return Table.of_rows("", header[:last], [row[:last] for row in rows])
 
 
 def columns(data: Any) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:

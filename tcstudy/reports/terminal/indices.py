@@ -15,7 +15,7 @@ from tcstudy.data.files import reading
 from tcstudy.data.schema import PointStatus
 from tcstudy.errors import UsageError
 from tcstudy.read.node import hint
-from tcstudy.reports.terminal.tables import plain_table, wrapped
+from tcstudy.reports.terminal.tables import TextColumn, columns_table, wrapped
 from tcstudy.reports.text import number
 from tcstudy.scene.designs import SALTELLI
 
@@ -124,12 +124,12 @@ def indices_text(file: Path, of: str) -> str:
     found = indices(file, of)
     lines = [f"  {line}" for line in found.said]
     for caption, columns in found.tables.items():
-        header, cells = ["parameter"], [list(found.names)]
+        cells = [("parameter", list(found.names))]
         for heading, e in columns.items():
-            header += [heading, "from … to"]
-            cells += [[f"{v:.3f}" for v in e.value]]
-            cells += [[f"{low:.3f} … {high:.3f}" for low, high in zip(e.low, e.high, strict=True)]]
-        lines += ["", f"  {caption}:", "", plain_table(header, list(zip(*cells, strict=True)))]
+            cells.append((heading, [f"{v:.3f}" for v in e.value]))
+            cells.append(("from … to", [f"{low:.3f} … {high:.3f}" for low, high in zip(e.low, e.high, strict=True)]))
+        table = columns_table([TextColumn(*one, rank) for rank, one in enumerate(cells)])
+        lines += ["", f"  {caption}:", "", table]
     if len(found.tables) > 1:
         what = "share of the variance on a side that a parameter alone explains"
         lines += ["", f"  correlation ratio: {what}; parameters are not independent there, so there is no total"]

@@ -15,30 +15,34 @@ from tcstudy.data.files import Seal, seal_of
 from tcstudy.data.provenance import kind_of
 from tcstudy.data.reading import GEOMETRIES, asked, axis_names, by_point, load_root, of_largest, open_root, sweep_dims
 from tcstudy.data.schema import DIFFERENTIABLE, LIMITED, OF_POLYGON, UNBALANCED, PointStatus
+from tcstudy.reports import sentences
 from tcstudy.reports.select_point import Value, axis_labels, describe, matching
-from tcstudy.reports.sentences import equilibria, locks, of_the_body
-from tcstudy.reports.terminal import convergence, cost, fit, history_summary, path_summary
+from tcstudy.reports.terminal import accuracy, fit, paths
 from tcstudy.reports.terminal.tables import (
     WIDE,
+    Heading,
+    Part,
+    Table,
     TextColumn,
-    columns_table,
     fits,
-    plain_table,
+    quantity,
     render,
     split_table,
-    wrapped,
 )
-from tcstudy.reports.text import PROOFS, Failure, counted, digits_lost, failure_lines, headed, number, prefix, proved
-from tcstudy.reports.verdict import verdict as run_verdict
+from tcstudy.reports.text import PROOFS, Failure, counted, digits_lost, failure_lines, headed, number, proved
 
 NOT_SAID = ("start_energy", "start_used", "iterations", "evaluations", "omega", "uniqueness_margin")
 """Variables of which a summary says nothing: of a long sweep they need not be in memory."""
 MOST_ROWS = 48
 """Points shown; the file has them all."""
-
-
-SIZES = "h_max: longest edge; mesh.maxh is what the mesher aims at, its longest edges come to 1.2 to 1.6 times that"
-"""Measured on all uniform meshes in configs/ and eight more."""
+KINDS = {
+    "convergence": (accuracy.convergence_verdict, accuracy.convergence_parts),
+    "cost": (accuracy.cost_verdict, accuracy.cost_parts),
+    "path": (paths.path_verdict, paths.path_parts),
+    "history": (paths.history_verdict, paths.history_parts),
+    "fit": (fit.verdict, fit.parts),
+}
+"""What says the sentence and the parts of a file of another kind than a run."""
 
 
 def text_of(file: Path, full: bool = False, point: Mapping[str, Value] | None = None, of: str | None = None) -> str:
@@ -51,7 +55,7 @@ def text_of(file: Path, full: bool = False, point: Mapping[str, Value] | None = 
     kind = kind_of(file)
     if kind != "run":
         data = load_root(file)
-        heading, *rest = KINDS[kind].parts(data, full, point)
+        heading, *rest = KINDS[kind][1](data, full, point)
         text, how, _ = verdict_of(data, kind, file)
         first = [] if kind == "cost" else [f"{text} {how[:1].upper()}{how[1:]}{'.' * bool(how)}".rstrip()]
         return render([heading, *first, *rest])
@@ -69,13 +73,8 @@ def verdict_of(data: Any, kind: str, path: Path) -> tuple[str, str, bool]:
     data: its root dataset, which that of a run needs not; None where it is not read yet
     """
     if kind == "run":
-        return run_verdict(path)
-    found: tuple[str, str, bool] = KINDS[kind].verdict(load_root(path) if data is None else data)
-    return found
-
-
-KINDS = {"convergence": convergence, "cost": cost, "path": path_summary, "history": history_summary, "fit": fit}
-"""What says `verdict` and `parts` of a file of another kind than a run."""
+        return sentences.verdict(path)
+    return KINDS[kind][0](load_root(path) if data is None else data)
 
 
 def summary(path: Path, most: int | None = MOST_ROWS, point: Mapping[str, Value] | None = None) -> str:
@@ -85,49 +84,27 @@ def summary(path: Path, most: int | None = MOST_ROWS, point: Mapping[str, Value]
     """
     with open_root(path) as root:
         data = of_largest(root.drop_vars(NOT_SAID, errors="ignore").load())
-    several = f"  {data.attrs.get(GEOMETRIES)} geometries: the largest h_max, dofs and contact, the least λ₁"
-    stopped = f"  stopped: {data['stop'].values[-1]}" if "stop" in data and data["stop"].values[-1] else ""
-    told, *_ = run_verdict(path)
-    parts = [
-        data.attrs["title"],
-        f"  {told}",
-        _levels(data),
-        several if GEOMETRIES in data.attrs else "",
-        stopped,
-        _points(data, most, point or {}),
-        solver_table(data),
-    ]
-    parts += [f"  {line}" for line in _said(data)]
-    return wrapped("\n\n".join(part for part in parts if part))
+    return render(_parts(data, sentences.verdict(path)[0], most, point or {})).rstrip("\n")
 
 
-def _levels(data: Any) -> str:
-    """One row per mesh level: size, outcome, worst residual, where the time went."""
-    dims, total = sweep_dims(data), data["status"].isel(level=0).size
-    ok = (data["status"] == int(PointStatus.OK)).sum(dims).values
-
-    def column(title: str, values: Any, rank: int, units: str = "1", digits: int = 2, size: Any = None) -> TextColumn:
-        divisor, unit = prefix(values if size is None else size, units)
-        return TextColumn(headed(title, unit), [number(value / divisor, digits) for value in values.values], rank)
-
-    columns = [
-        TextColumn("level", [str(int(level)) for level in data["level"].values]),
-        column("h_max", data["h_max"], 2, data["h_max"].attrs["units"], 4),
-        TextColumn("dofs", [str(int(n)) for n in data["n_dof"].values], 1),
-        TextColumn("contact", [str(int(n)) for n in data["n_contact"].values], 7),
-        TextColumn("ok", [f"{int(n)}/{total}" for n in ok]),
-        column("worst residual", data["inclusion_residual"].max(dims), 0),
-        column("λ₁", data["lambda_1"].min(dims), 6, data["lambda_1"].attrs["units"], 4),
-        column("mesh+assembly [s]", data["time_mesh"] + data["time_assemble"], 9),
-        column("condense [s]", data["time_condense"].sum(dims), 10),
-        column("solve [s]", data["time_solve"].sum(dims), 8),
-    ]
-    for rank, (name, title) in enumerate(((n, t) for n, t in _ESTIMATED if n in data), 1):
-        units = data[name].attrs.get("units", "1")
-        columns.append(column(title, data[name].max(dims), rank, units, size=data[name].values))
-    return f"{columns_table(columns)}\n\n  {SIZES}"
+def _parts(data: Any, told: str, most: int | None, point: Mapping[str, Value]) -> Iterator[Part]:
+    """What a run's file holds."""
+    yield Heading(data.attrs["title"], 1)
+    yield f"  {told}"
+    yield _levels(data)
+    yield f"  {SIZES}"
+    if GEOMETRIES in data.attrs:
+        yield f"  {data.attrs[GEOMETRIES]} geometries: the largest h_max, dofs and contact, the least λ₁"
+    if "stop" in data and data["stop"].values[-1]:
+        yield f"  stopped: {data['stop'].values[-1]}"
+    yield from _points(data, most, point)
+    yield from _solvers(data)
+    for line in _said(data):
+        yield f"  {line}"
 
 
+SIZES = "h_max: longest edge; mesh.maxh is what the mesher aims at, its longest edges come to 1.2 to 1.6 times that"
+"""Measured on all uniform meshes in configs/ and eight more."""
 _ESTIMATED = (
     ("error_estimate", "est. rel. error"),
     ("error_bound_relative", "bound of it"),
@@ -136,6 +113,32 @@ _ESTIMATED = (
     ("goal_effectivity", "est./true"),
 )
 """Columns of the table of levels where errors are estimated: the largest of all points."""
+
+
+def _levels(data: Any) -> Table:
+    """One row per mesh level: size, outcome, worst residual, where the time went."""
+    dims, total = sweep_dims(data), data["status"].isel(level=0).size
+    ok = (data["status"] == int(PointStatus.OK)).sum(dims).values
+
+    def texts(title: str, name: str, rank: int = 0) -> TextColumn:
+        return TextColumn(title, [str(int(value)) for value in data[name].values], rank)
+
+    columns = [
+        texts("level", "level"),
+        quantity("h_max", data["h_max"].values, data["h_max"].attrs["units"], 4, 2),
+        texts("dofs", "n_dof", 1),
+        texts("contact", "n_contact", 7),
+        TextColumn("ok", [f"{int(n)}/{total}" for n in ok]),
+        quantity("worst residual", data["inclusion_residual"].max(dims).values, "1", 2),
+        quantity("λ₁", data["lambda_1"].min(dims).values, data["lambda_1"].attrs["units"], 4, 6),
+        quantity("mesh+assembly [s]", (data["time_mesh"] + data["time_assemble"]).values, "1", 2, 9),
+        quantity("condense [s]", data["time_condense"].sum(dims).values, "1", 2, 10),
+        quantity("solve [s]", data["time_solve"].sum(dims).values, "1", 2, 8),
+    ]
+    for rank, (name, title) in enumerate(((n, t) for n, t in _ESTIMATED if n in data), 1):
+        units = data[name].attrs.get("units", "1")
+        columns.append(quantity(title, data[name].max(dims).values, units, 2, rank, data[name].values))
+    return Table("", columns)
 
 
 _COLUMNS = (
@@ -151,8 +154,6 @@ _COLUMNS = (
     ("theta_mean", "mean θ", 6),
 )
 """Numbers of a point, their titles, and their importance where there is no room for all."""
-
-
 CERTIFIED = "certified: what is proved of the solution on its mesh (unique, global or local minimum of the energy)"
 EVERY_LEGEND = (
     'proved to be all, but "at least" where a limit was met or rounding leaves some open',
@@ -161,7 +162,7 @@ EVERY_LEGEND = (
 """Without and with exponential laws."""
 
 
-def _points(data: Any, most: int | None, point: Mapping[str, Value]) -> str:
+def _points(data: Any, most: int | None, point: Mapping[str, Value]) -> Iterator[Part]:
     """One row per point on the finest level, with what changed in ∫ξ since the level before."""
     dims, fine = sweep_dims(data), data.isel(level=-1)
     own = np.flatnonzero(matching(data, point)) if point else np.arange(fine["status"].size)
@@ -175,37 +176,39 @@ def _points(data: Any, most: int | None, point: Mapping[str, Value]) -> str:
 
     status = first("status")
     solved, run = status == PointStatus.OK, status != PointStatus.NOT_RUN
-    columns, scales = [], {}
+    labels = []
     for axis in axis_names(data):
         texts, unit = axis_labels(near, axis)
-        columns.append(TextColumn(headed(axis, unit), [texts[i] for i in place[str(data[axis].dims[0])]]))
-    labels = len(columns)
+        labels.append(TextColumn(headed(axis, unit), [texts[i] for i in place[str(data[axis].dims[0])]]))
+
+    def column(name: str, title: str, rank: int) -> TextColumn:
+        found = quantity(title, first(name), fine[name].attrs["units"], rank=rank, like=fine[name].values)
+        cells = [c if good or c == "–" else f"({c})" for c, good in zip(found.cells, solved, strict=True)]
+        return TextColumn(found.title, cells, rank)
+
     usual = [one for one in _COLUMNS if one[0] in fine and np.isfinite(fine[one[0]].values).any()]
     # a reaction is the force of a held edge: once is enough
     more = [n for n in asked(data) if not (n.startswith("reaction_") and n.replace("reaction_", "force_", 1) in fine)]
-    for name, title, rank in (*usual, *((name, name, 0) for name in more)):
-        divisor, unit = scales[name] = prefix(fine[name].values, fine[name].attrs["units"])
-        cells = [number(value / divisor) for value in first(name)]
-        cells = [c if good or c == "–" else f"({c})" for c, good in zip(cells, solved, strict=True)]
-        columns.append(TextColumn(headed(title, unit), cells, rank))
-    columns, wanted = columns[: labels + len(usual)], columns[labels + len(usual) :]
+    columns = [*labels, *(column(*one) for one in usual)]
+    wanted = [column(name, name, 0) for name in more]
     rest, legend = [], [CERTIFIED]
     if "solutions" in fine:
         told = zip(*(first(name).tolist() for name in ("solutions", "stable_solutions", "complete")), strict=True)
-        words = [equilibria(*one) if good else "–" for one, good in zip(told, solved, strict=True)]
+        words = [sentences.equilibria(*one) if good else "–" for one, good in zip(told, solved, strict=True)]
         rest.append(TextColumn("equilibria", words, 1))
         legend.append(f"equilibria: {EVERY_LEGEND[bool((fine['complete'] == OF_POLYGON).any())]}")
     flags = {name: first(name) for name, _ in PROOFS}
     proofs = [proved({name: flag[i] for name, flag in flags.items()}) for i in range(n)]
     proofs = [proofs[i] if solved[i] else "failed" if run[i] else "not run" for i in range(n)]
     rest.append(TextColumn("certified", proofs, 1))
+    names = [name for name, *_ in usual] + more
     if data.sizes["level"] > 1:
-        divisor, unit = scales.get("friction_resultant", (1.0, "1"))
-        change = np.abs(first("friction_resultant") - first("friction_resultant", -2)) / divisor
-        cells = [number(value, 2) if good else "–" for value, good in zip(change, solved, strict=True)]
-        rest.append(TextColumn(headed("Δ∫ξ to last level", unit), cells, 4))
-    lengths = [name for name in scales if name.endswith("_length")]
-    if "slip_length" not in scales:
+        change = np.abs(first("friction_resultant") - first("friction_resultant", -2))
+        like, units = fine["friction_resultant"].values, fine["friction_resultant"].attrs["units"]
+        scale = (units, 2, 4, like) if "friction_resultant" in names else ("1", 2, 4)
+        rest.append(quantity("Δ∫ξ to last level", np.where(solved, change, np.nan), *scale))
+    lengths = [name for name in names if name.endswith("_length")]
+    if "slip_length" not in names:
         legend.append("no slip length: b sticks nowhere, so that every slip is not 0")
     if any(np.isnan(first(name)[solved]).any() for name in lengths):
         legend.append("–: of a law without such a part (slip length: that sticks nowhere)")
@@ -215,15 +218,49 @@ def _points(data: Any, most: int | None, point: Mapping[str, Value]) -> str:
         )
     if np.any(run & ~solved):
         legend.append("failed: no solution; the numbers in (parentheses) are those of the last step")
-    parts = [
-        f"  Level {int(fine['level'])}, the finest:" + (f" first {n} of {len(own)} points" if n < len(own) else "")
-    ]
+    few = f" first {n} of {len(own)} points" if n < len(own) else ""
+    yield f"  Level {int(fine['level'])}, the finest:{few}"
     if wanted and not fits([*columns, *wanted, *rest], WIDE):
-        parts += [columns_table([*columns, *rest]), "  Asked for by output:"]
-        parts += [split_table([*columns[:labels], *wanted], labels)]
+        yield Table("", [*columns, *rest])
+        yield "  Asked for by output:"
+        yield split_table([*labels, *wanted], len(labels))
     else:
-        parts += [columns_table([*columns, *wanted, *rest])]
-    return "\n\n".join([*parts, "\n".join(f"  {line}" for line in legend)])
+        yield Table("", [*columns, *wanted, *rest])
+    yield "\n".join(f"  {line}" for line in legend)
+
+
+SAME = 1e-9
+"""Difference of energies, relative to the largest of a point, that is rounding."""
+
+
+def _solvers(data: Any) -> Iterator[Part]:
+    """Solvers compared where a run kept them side by side."""
+    if "solver" not in data.dims:
+        return
+
+    def by_solver(name: str) -> Any:
+        values = data[f"solver_{name}"].transpose("solver", ...).values.astype(float)
+        return values.reshape(values.shape[0], -1)
+
+    energy = by_solver("energy")
+    known = np.isfinite(energy).any(axis=0)
+    lowest = np.min(np.where(np.isfinite(energy), energy, np.inf), axis=0)
+    least = energy <= lowest + SAME * np.max(np.abs(np.nan_to_num(energy)), axis=0)
+    names, rows = [str(name) for name in data["solver"].values], []
+    for i, name in enumerate(names):
+        residual, steps, time, apart = (by_solver(one)[i][known] for one in _SOLVED)
+        worst, most = (float(np.nanmax(one)) if np.isfinite(one).any() else np.nan for one in (residual, apart))
+        share = f"{np.count_nonzero(least[i][known])}/{known.sum()}"
+        spent = number(np.nansum(time), 2)
+        rows.append(
+            [name, number(worst, 2), f"{steps[steps > 0].sum():.0f}", spent, share, number(most, 2) if i else "–"]
+        )
+    yield f"  Solvers compared on all points and levels; the solutions stored are those of {names[0]}:"
+    header = ("solver", "worst residual", "steps", "solve [s]", "lowest found", "largest difference of u_T")
+    yield Table.of_rows("", header, rows)
+
+
+_SOLVED = ("residual", "iterations", "time", "difference")
 
 
 def _said(data: Any) -> Iterator[str]:
@@ -252,7 +289,7 @@ def _said(data: Any) -> Iterator[str]:
         fine = data.isel(level=-1)
         low, high, dual, mesh = (fine[f"lambda_1{name}"].values.ravel() for name in ("_low", "_high", "_dual", ""))
         unique, units = fine["proved_unique"].values.ravel() == 1, data["lambda_1_low"].attrs["units"]
-        yield from filter(None, (of_the_body(low, high, unique, units), locks(mesh, dual)))
+        yield from filter(None, (sentences.of_the_body(low, high, unique, units), sentences.locks(mesh, dual)))
     if len(places := np.argwhere(data["heat_status"].values == UNBALANCED)):
         defects = data["heat_balance"].values[tuple(places.T)]
         span = dict.fromkeys((number(defects.min(), 2), number(defects.max(), 2)))
@@ -270,36 +307,6 @@ def _point(data: Any, place: Any) -> str:
     level = f"level {int(data['level'][where.pop('level')])}"
     name = describe(data, where)
     return f"{name} on {level}" if name else level
-
-
-SAME = 1e-9
-"""Difference of energies, relative to the largest of a point, that is rounding."""
-
-
-def solver_table(data: Any) -> str:
-    """Solvers compared where a run kept them side by side; empty where it used one."""
-    if "solver" not in data.dims:
-        return ""
-
-    def by_solver(name: str) -> Any:
-        values = data[f"solver_{name}"].transpose("solver", ...).values.astype(float)
-        return values.reshape(values.shape[0], -1)
-
-    energy = by_solver("energy")
-    known = np.isfinite(energy).any(axis=0)
-    lowest = np.min(np.where(np.isfinite(energy), energy, np.inf), axis=0)
-    least = energy <= lowest + SAME * np.max(np.abs(np.nan_to_num(energy)), axis=0)
-    names, rows = [str(name) for name in data["solver"].values], []
-    columns = [by_solver(what) for what in ("residual", "iterations", "time", "difference")]
-    for i, name in enumerate(names):
-        residual, steps, time, apart = (column[i][known] for column in columns)
-        largest = [float(np.nanmax(one)) if np.isfinite(one).any() else np.nan for one in (residual, apart)]
-        counted_steps, share = f"{steps[steps > 0].sum():.0f}", f"{np.count_nonzero(least[i][known])}/{known.sum()}"
-        apart_most = number(largest[1], 2) if i else "–"
-        rows.append([name, number(largest[0], 2), counted_steps, number(np.nansum(time), 2), share, apart_most])
-    header = ["solver", "worst residual", "steps", "solve [s]", "lowest found", "largest difference of u_T"]
-    legend = f"  Solvers compared on all points and levels; the solutions stored are those of {names[0]}:"
-    return legend + "\n\n" + plain_table(header, rows)
 
 
 def other_text(path: Path) -> str:

@@ -9,24 +9,49 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
+from typing import Any
+
+from tcstudy.reports.text import headed, number, prefix
 
 WIDTH, WIDE = 110, 200
 """Characters of a line of running text; of a table that may be split, where no terminal says how wide it is."""
 
 
 @dataclass(frozen=True)
-class Table:
-    """A table: caption, header and rows of equal length; `notes` stand below it. A text that is indented is a block
-    of lines.
+class TextColumn:
+    """A heading, its cells, and how important it is: where there is no room for all, the highest ranks go first."""
 
-    ranks: as of `plain_table`
-    """
+    title: str
+    cells: Sequence[str]
+    rank: int = 0
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The heading and the cells."""
+        return (self.title, *self.cells)
+
+
+def quantity(title: str, values: Any, units: str = "1", digits: int = 4, rank: int = 0, like: Any = None) -> TextColumn:
+    """A column of numbers under a heading with their unit, whose prefix suits them, or the values `like` them."""
+    divisor, unit = prefix(values if like is None else like, units)
+    return TextColumn(headed(title, unit), [number(value / divisor, digits) for value in values], rank)
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns of equal length under a caption; `notes` stand below. A text that is indented is a block of lines."""
 
     caption: str
-    header: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
+    columns: Sequence[TextColumn]
     notes: tuple[str, ...] = ()
-    ranks: tuple[int, ...] = ()
+
+    @classmethod
+    def of_rows(
+        cls, caption: str, header: Sequence[str], rows: Iterable[Sequence[str]], ranks: Sequence[int] = (), *notes: str
+    ) -> Table:
+        """The table by rows; without ranks columns go from the right, and the first one stays."""
+        cells = list(zip(*rows, strict=True)) or [()] * len(header)
+        return cls(caption, list(map(TextColumn, header, cells, ranks or range(len(header)))), notes)
 
 
 @dataclass(frozen=True)
@@ -67,9 +92,8 @@ def _text(part: Part) -> str:
     if isinstance(part, str):
         block = part.startswith("  ")
         return wrapped(part) if block else _filled(part, min(WIDTH, _width.get() or WIDTH), "  ")
-    table = plain_table(part.header, part.rows, part.ranks)
     head = [wrapped(f"  {part.caption}"), ""] if part.caption else []
-    return "\n".join([*head, table, *(wrapped(f"  {note}") for note in part.notes)])
+    return "\n".join([*head, columns_table(part.columns), *(wrapped(f"  {note}") for note in part.notes)])
 
 
 def _filled(text: str, width: int, indent: str) -> str:
@@ -84,39 +108,19 @@ def wrapped(text: str) -> str:
     return "\n".join(_filled(line, width, "    ") if _WORDS.match(line) else line for line in text.split("\n"))
 
 
-@dataclass(frozen=True)
-class TextColumn:
-    """A heading, its cells, and how important it is: where there is no room for all, the highest ranks go first."""
-
-    title: str
-    cells: Sequence[str]
-    rank: int = 0
-
-    @property
-    def lines(self) -> tuple[str, ...]:
-        """The heading and the cells."""
-        return (self.title, *self.cells)
-
-
-def plain_table(header: Sequence[str], rows: Sequence[Sequence[str]], ranks: Sequence[int] = ()) -> str:
-    """A table by rows; ranks of its columns, without which they go from the right, and the first one stays."""
-    cells = zip(*rows, strict=True) if rows else [()] * len(header)
-    return columns_table(list(map(TextColumn, header, cells, ranks or range(len(header)))))
-
-
 def columns_table(columns: Sequence[TextColumn]) -> str:
     """Plain text: columns aligned right where every cell looks like a number, left otherwise.
 
     Where the width is too small for all, the highest ranks go first, those of 0 never, and a line says which went.
     """
-    kept = list(range(len(columns)))
-    while not fits([columns[i] for i in kept]):
-        last = max(kept, key=lambda i: (columns[i].rank, i))
-        if columns[last].rank == 0:
+    kept = list(columns)
+    while not fits(kept):
+        last = max(range(len(kept)), key=lambda i: (kept[i].rank, i))
+        if kept[last].rank == 0:
             break
-        kept.remove(last)
-    gone = [column.title for i, column in enumerate(columns) if i not in kept]
-    text = _aligned([columns[i].lines for i in kept])
+        del kept[last]
+    gone = [column.title for column in columns if not any(column is one for one in kept)]
+    text = _aligned(kept)
     return "\n".join([text, wrapped(f"  no room for {', '.join(gone)} (-v has all)")] if gone else [text])
 
 
@@ -132,20 +136,15 @@ def split_table(columns: Sequence[TextColumn], labels: int) -> str:
         if parts[-1] and not fits([*columns[:labels], *parts[-1], column], WIDE):
             parts.append([])
         parts[-1].append(column)
-    return "\n\n".join(_aligned([column.lines for column in (*columns[:labels], *part)]) for part in parts)
+    return "\n\n".join(_aligned([*columns[:labels], *part]) for part in parts)
 
 
-def _aligned(cells: Sequence[Sequence[str]]) -> str:
-    header, *rows = zip(*cells, strict=True)
-    widths = [max(len(cell) for cell in column) for column in cells]
-    right = [_numeric(column[1:]) for column in cells]
-    lines = [
-        "  " + "  ".join(c.rjust(w) if r else c.ljust(w) for c, w, r in zip(row, widths, right, strict=True)).rstrip()
-        for row in (header, *rows)
-    ]
-    return "\n".join([lines[0], "  " + "─" * (sum(widths) + 2 * (len(widths) - 1)), *lines[1:]])
-
-
-def _numeric(column: Sequence[str]) -> bool:
-    """Whether every cell looks like a number, alone, in parentheses or missing; such columns are aligned right."""
-    return all(not cell or cell[0].isdigit() or cell[0] in "-+–∞−(" for cell in column)
+def _aligned(columns: Sequence[TextColumn]) -> str:
+    """A column is a number's, and aligned right, if every cell looks like one, alone, in parentheses or missing."""
+    padded = []
+    for column in columns:
+        width = max(map(len, column.lines))
+        right = all(not cell or cell[0].isdigit() or cell[0] in "-+–∞−(" for cell in column.cells)
+        padded.append([line.rjust(width) if right else line.ljust(width) for line in column.lines])
+    header, *rows = (f"  {'  '.join(cells).rstrip()}" for cells in zip(*padded, strict=True))
+    return "\n".join([header, "  " + "─" * (sum(len(column[0]) + 2 for column in padded) - 2), *rows])

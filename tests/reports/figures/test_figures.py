@@ -21,7 +21,7 @@ from tcstudy.reports.figures.law import law_figure, laws_of
 from tcstudy.reports.figures.sweep import curves_figure, map_figure, read_sweep
 from tcstudy.reports.picture import read_picture
 from tcstudy.reports.stored_study import law_of_nodes
-from tcstudy.reports.terminal.path_summary import seen_folds
+from tcstudy.reports.terminal.paths import seen_folds
 from tcstudy.scene.histories import ContactState, node_states
 from tests.reports.conftest import FILMS, Stored
 from tests.reports.figures.shown import SIZES, crowded, drawn, key_of

@@ -22,7 +22,7 @@ from tcstudy.reports.page.law_part import drawn
 from tcstudy.reports.page.parts import words
 from tcstudy.reports.page.stored import read
 from tcstudy.reports.page.write import write_page
-from tcstudy.reports.terminal.path_summary import STATES
+from tcstudy.reports.terminal.paths import STATES
 from tcstudy.scene.histories import ContactState
 from tests.reports.conftest import Stored
 from tests.reports.figures.shown import example_laws

@@ -15,7 +15,7 @@ from tcstudy.data.schema import PointStatus
 from tcstudy.data.store import Record, write_record
 from tcstudy.data.tables import COST_TABLE, STAGES
 from tcstudy.reports.figures.draw import picture
-from tcstudy.reports.terminal.cost import (
+from tcstudy.reports.terminal.accuracy import (
     advice,
     best,
     front,

@@ -1,8 +1,8 @@
 """Tables and words that fit."""
 
-from tcstudy.reports.terminal.tables import Table, fitting, plain_table, render, wrapped
+from tcstudy.reports.terminal.tables import Table, columns_table, fitting, render, wrapped
 
-TABLE = Table(
+TABLE = Table.of_rows(
     "Error of u_T",
     ("level", "u_T in L²(Γ_C)", "verdict"),
     (("0", "1.250e-02", "too few"), ("10", "(3.1e-03)", "100 % & more")),
@@ -19,7 +19,8 @@ def test_text_aligns_numbers_right():
 def test_columns_go_by_importance_and_are_named():
     header, rows = ("point", "less", "most", "least"), [("1" * 10, "2" * 10, "3" * 10, "4" * 10)]
     ranks = (0, 2, 1, 3)
-    whole = plain_table(header, rows, ranks)
+    columns = Table.of_rows("", header, rows, ranks).columns
+    whole = columns_table(columns)
     for width, gone in (
         (48, []),
         (47, ["least"]),
@@ -28,7 +29,7 @@ def test_columns_go_by_importance_and_are_named():
         (5, ["less", "most", "least"]),
     ):
         with fitting(width):
-            lines = plain_table(header, rows, ranks).splitlines()
+            lines = columns_table(columns).splitlines()
         assert ("\n".join(lines) == whole) == (not gone)
         assert [name for name in header if name not in lines[0].split()] == gone
         if gone and width > 20:

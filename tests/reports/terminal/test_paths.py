@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from tcstudy.reports.terminal.path_summary import seen_folds, verdict
+from tcstudy.reports.terminal.paths import _loop, path_verdict, seen_folds
 
 
 def path(*sizes: float) -> xr.Dataset:
@@ -33,4 +33,19 @@ def test_the_peak_is_said_as_a_force_and_in_the_mean() -> None:
         },
         attrs={"parameter": "boundary.grip.u_x", "parameter_range": [0.0, 1e-3]},
     )
-    assert verdict(data)[0].startswith("Peak ∫ξ 7 kN m⁻¹, 3.5 kPa in the mean, at u_x = 1 mm")
+    assert path_verdict(data)[0].startswith("Peak ∫ξ 7 kN m⁻¹, 3.5 kPa in the mean, at u_x = 1 mm")
+
+
+def test_many_falls_of_a_loop_are_one_line() -> None:
+    """Seven while the load rises and one while it falls; their range, their sum and the largest."""
+    t = np.append(np.linspace(1.0, 1.6, 7), 0.5)
+    jumps = {"jump_parameter": t, "jump_rising": (t >= 1.0).astype(int), "jump_drop": np.append(np.arange(1.0, 8.0), 2)}
+    data = xr.Dataset({name: ("jump", values) for name, values in jumps.items()})
+    data = data.assign(parameter=("vertex", t, {"units": "K"}), energy_lost=((), 30.0, {"units": "J m-1"}))
+    data = data.assign(loop_complete=1, loop_closed=1)
+    first, many, last = _loop(data, full=False)
+    assert first == "  hysteresis loop: 30 J m⁻¹ lost"
+    told = "7 falls at 1 K to 1.6 K (rising), 28 J m⁻¹ lost in sum, the largest 7 J m⁻¹ at 1.6 K (-v has all)"
+    assert many == f"    {told}"
+    assert last == "    falls at 0.5 K (falling), 2 J m⁻¹ lost"
+    assert len(list(_loop(data, full=True))) == 9

@@ -1,0 +1,437 @@
+"""What the files of convergence and of accuracy against cost say: errors with rates and orders, errors against time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from tcstudy.accuracy.orders import dominated
+from tcstudy.data.reading import axis_names, by_point, each_point
+from tcstudy.data.schema import PointStatus
+from tcstudy.data.tables import BY_ITSELF, ERRORS, MEASURES, NUMBERS, VERDICTS, Measure
+from tcstudy.errors import DrawError
+from tcstudy.reports import sentences
+from tcstudy.reports.select_point import Value, axis_labels, describe, locate
+from tcstudy.reports.sentences import percent
+from tcstudy.reports.terminal.tables import Heading, Part, Table, TextColumn
+from tcstudy.reports.text import counted, headed, number, prefix
+
+# -- convergence -------------------------------------------------------------------------------------------------------
+
+GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
+    ("θ", "temperature", ("theta_L2", "theta_H1")),
+    ("u", "displacement", ("u_energy", "u_H1", "u_L2")),
+    ("u_T", "tangential displacement on Γ_C", ("u_T_L2", "u_T_max")),
+    ("ξ", "friction traction on Γ_C", ("xi_L2", "xi_nodes", "xi_max")),
+)
+"""Errors that share a panel of the plot, in the order of the tables."""
+SYMBOLS = {measure.name: measure.symbol for measure in (*ERRORS, *MEASURES)}
+LEGEND = (
+    "rate: from the level before. order: least-squares slope ± standard error over the levels named; of two levels it "
+    f"is a guess ({sentences.GUESS}). PRE-ASYMPTOTIC: rates of the finest levels differ by more than 0.2. Values in "
+    "(parentheses) did not converge and enter no fit. Errors are relative to the norm of the reference; H¹ is the "
+    "seminorm; ξ is compared in L²(Γ_C) as a step function, and at the contact nodes."
+)
+MARKS = {"exact": "exact", "slower": " <", "faster": " >", "pre_asymptotic": " ~", "too_few_levels": sentences.GUESS}
+"""What stands in place of an order that is rounding, and behind one that is not as expected."""
+OVERVIEW = (
+    "Orders fitted over the levels. < slower and > faster than expected, ~ not yet settled (pre-asymptotic), exact: "
+    f"all errors are rounding, {sentences.GUESS}: a guess from two levels, (order): some level was not solved. "
+    "Tables of a point: --at NAME=VALUE; of all: -v."
+)
+RANKS = {"u_H1": 1, "xi_L2": 2, "u_L2": 3, "theta_H1": 4, "u_energy": 5, "theta_L2": 6, "u_T_L2": 7, "xi_nodes": 8}
+"""Importance of errors where there is no room for all."""
+STEADY = 1e-12
+"""Relative uncertainty that is rounding and not worth a word."""
+
+
+def convergence_verdict(data: Any) -> tuple[str, str, bool]:
+    """How many orders are as expected, how that is known, and whether all is well."""
+    found = [(m.symbol, VERDICTS[int(v)]) for m in ERRORS if shown(data, m.name)
+             for v in by_point(data[f"verdict_{m.name}"], data)]  # fmt: skip
+    solved = bool(np.all(data["status"].values == int(PointStatus.OK)))
+    lack = next((text for text in str(data.attrs["notes"]).split("\n") if text.startswith("No errors")), None)
+    told = lack if lack and not found else f"{sentences.orders(found, solved)}."
+    return told, "", solved and all(verdict != "slower" for _, verdict in found)
+
+
+def convergence_parts(data: Any, full: bool = True, point: Mapping[str, Value] | None = None) -> Iterator[Part]:
+    """Everything the report says, in order. Raises DrawError if there is no such point.
+
+    point: the sweep point whose tables to show;  full: the tables of every point where none is named, else of a sweep
+           the orders alone
+    """
+    yield Heading(f"Convergence: {data.attrs['title']}", 1)
+    yield f"Reference: {data.attrs['reference']}."
+    yield _levels(data)
+    points = [locate(data, point)] if point else each_point(data)
+    if len(points) > 1 and not full:
+        yield from _overview(data, points)
+        points = []
+    for where in points:
+        if where:
+            yield Heading(describe(data, where))
+        yield from tables(data.isel(where))
+    if points:
+        yield LEGEND
+    yield from notes(data)
+
+
+def notes(data: Any) -> list[str]:
+    """What the file notes of how it was measured."""
+    return [f"Note: {note}" for note in str(data.attrs["notes"]).split("\n") if note]
+
+
+def tables(at: Any) -> Iterator[Table]:
+    """The tables of a sweep point."""
+    if names := _shown(at):
+        yield _errors(at, names, str(at.attrs["reference"]).split(" (")[0])
+    if measures := [m for m in NUMBERS if f"value_{m.name}" in at and np.isfinite(at[f"value_{m.name}"]).any()]:
+        yield _numbers(at, measures)
+
+
+def shown(at: Any, name: str) -> bool:
+    """Whether the point has this error on some level."""
+    return f"error_{name}" in at and bool(np.isfinite(at[f"error_{name}"]).any())
+
+
+def _shown(at: Any) -> list[str]:
+    return [name for *_, group in GROUPS for name in group if shown(at, name)]
+
+
+def _levels(data: Any) -> Table:
+    """The levels; of a sweep over geometries those of each, beside what makes it."""
+    size, unit = prefix(data["h_max"].values, data["h_max"].attrs["units"])
+    dims = [str(dim) for dim in data["h_max"].dims if dim != "level"]
+    swept = [name for name in axis_names(data) if str(data[name].dims[0]) in dims]
+    labels = {name: axis_labels(data, name) for name in swept}
+    rows = []
+    for place in np.ndindex(*(data.sizes[dim] for dim in dims)):
+        where = dict(zip(dims, place, strict=True))
+        own = [labels[name][0][where[str(data[name].dims[0])]] for name in swept]
+        h, dofs, contact = (data[name].isel(where).values for name in ("h_max", "n_dof", "n_contact"))
+        for i in range(len(h)) if np.isfinite(h).all() else ():
+            rows.append((*own, str(i), number(h[i] / size), str(int(dofs[i])), str(int(contact[i]))))
+    header = [*(headed(name, labels[name][1]) for name in swept), "level", headed("h_max", unit)]
+    return Table.of_rows("Meshes", [*header, "dofs", "contact unknowns"], rows)
+
+
+def _overview(data: Any, points: Sequence[dict[str, int]]) -> Iterator[Part]:
+    """The orders of all points in one table, below the order expected of each error."""
+    names = _shown(data)
+    if not names:
+        yield "There is no reference, and so no errors; what the numbers tend to: -v."
+        return
+    columns = []
+    for i, name in enumerate(axis_names(data)):
+        texts, unit = axis_labels(data, name)
+        own = [texts[where[str(data[name].dims[0])]] for where in points]
+        columns.append(TextColumn(headed(name, unit), ["" if i else "expected", *own]))
+    for name in names:
+        span = np.unique(np.round(data[f"expected_{name}"].values, 2))
+        span = span[np.isfinite(span)]  # a point without a mesh has none
+        cells = ["…".join(dict.fromkeys(map(_fixed, span[[0, -1]]))) if len(span) else "–"]
+        for at in map(data.isel, points):
+            verdict = VERDICTS[int(at[f"verdict_{name}"])]
+            text = MARKS["exact"] if verdict == "exact" else _fixed(float(at[f"slope_{name}"])) + MARKS.get(verdict, "")
+            cells.append(text if (at["status"] == int(PointStatus.OK)).all() else f"({text})")
+        columns.append(TextColumn(SYMBOLS[name], cells, RANKS.get(name, 9)))
+    yield Table("Orders of convergence", columns)
+    yield OVERVIEW
+
+
+def _errors(at: Any, names: Sequence[str], reference: str) -> Table:
+    """A row for each error: its values by level with their rates, and the fitted beside the expected order."""
+    levels = np.flatnonzero(at["compared"].values)
+    ok = at["status"].values == int(PointStatus.OK)
+    rows = []
+    for name in names:
+        error, rate = at[f"error_{name}"].values, at[f"rate_{name}"].values
+        row = [SYMBOLS[name]]
+        for i in levels:
+            text = f"{error[i]:.3e}" if np.isfinite(error[i]) else "–"
+            row += [text if ok[i] else f"({text})", _fixed(rate[i])]
+        slope, verdict = float(at[f"slope_{name}"]), VERDICTS[int(at[f"verdict_{name}"])]
+        fitted = f"{int(at[f'first_level_{name}'])}–{np.flatnonzero(np.isfinite(error))[-1]}"
+        word = sentences.VERDICTS[verdict]
+        row += [sentences.order(slope, float(at[f"slope_error_{name}"]), 3), fitted if np.isfinite(slope) else "–"]
+        row.append(_fixed(float(at[f"expected_{name}"])))
+        row.append(word.upper() if verdict in ("slower", "pre_asymptotic") else word)
+        rows.append((*row, str(at[f"reason_{name}"].item())))
+        for beside in (one for one in BY_ITSELF if one.split("_", 1)[1] == name and one in at):
+            values = (f"{value:.3e}" if np.isfinite(value) else "–" for value in at[beside].values[levels])
+            rows.append((f"  {beside.split('_')[0]}", *(cell for text in values for cell in (text, "–")), *("–",) * 5))
+    header, ranks, k = ["error"], [0], len(levels)
+    for left, level in zip(range(k, 0, -1), levels, strict=True):  # coarse ones go first
+        header += [f"level {level}", "rate"]
+        ranks += [2 * left + 4, 2 * left + 3] if left > 2 else [0, 3]
+    table = Table.of_rows(
+        f"Relative errors; reference: {reference}",
+        [*header, "order", "levels", "expected", "verdict", "reason of the expected order"],
+        rows,
+        [*ranks, 0, 98, 2, 1, 99],
+    )
+    return replace(table, columns=[one for one in table.columns if {*one.cells} != {"–"}])  # no rate on the first
+
+
+def _numbers(at: Any, measures: Sequence[Measure]) -> Table:
+    """A row for each number: by level, extrapolated to h = 0; the heat balance tends to nothing and has two digits."""
+    ok = at["status"].values == int(PointStatus.OK)
+    rows, levels = [], len(ok)
+    for m in measures:
+        divisor, unit = prefix(at[f"value_{m.name}"].values, at[f"value_{m.name}"].attrs["units"])
+        tends = m.name != "heat_balance"
+        values = [number(value / divisor, 7 if tends else 2) for value in at[f"value_{m.name}"].values]
+        values = [value if good else f"({value})" for value, good in zip(values, ok, strict=True)]
+        limit, unsure, known = (float(at[f"{p}_{m.name}"]) / divisor for p in ("limit", "uncertainty", "exact"))
+        ends = [_uncertain(limit, unsure), _fixed(float(at[f"limit_order_{m.name}"])), number(known, 7)]
+        rows.append((headed(m.symbol, unit), *values, *(ends if tends else 3 * ["–"])))
+    header = ("number", *(f"level {i}" for i in range(levels)), "h → 0", "order", "exact")
+    ranks = (0, *(levels - i if i < levels - 1 else 0 for i in range(levels)), 0, 1, 0)
+    table = Table.of_rows("Numbers, extrapolated by Richardson's rule", header, rows, ranks)
+    return table if {*table.columns[-1].cells} != {"–"} else replace(table, columns=table.columns[:-1])
+
+
+def _uncertain(value: float, uncertainty: float) -> str:
+    """A value with as many digits as its uncertainty lets stand."""
+    if not np.isfinite(value):
+        return "–"
+    if not uncertainty > STEADY * abs(value):
+        return number(value, 7)
+    if abs(value) <= STEADY * uncertainty:  # rounding of zero
+        return f"0 ± {uncertainty:.2g}"
+    decimals = 1 - int(np.floor(np.log10(uncertainty)))
+    if decimals >= 0 and 1e-3 <= abs(value) < 1e7:
+        spread = f"{uncertainty:.{decimals}f}" if decimals <= 5 else f"{uncertainty:.2g}"
+        return f"{value:z.{decimals}f} ± {spread}"
+    digits = int(np.clip(np.ceil(np.log10(max(abs(value), uncertainty) / uncertainty)) + 2, 2, 10))
+    return f"{value:.{digits}g} ± {uncertainty:.2g}"
+
+
+def _fixed(value: float) -> str:
+    return f"{value:z.2f}" if np.isfinite(value) else "–"
+
+
+# -- accuracy against cost ---------------------------------------------------------------------------------------------
+
+DEFAULT = "u_energy"
+STEPS = 400
+NOTABLE = 1.05
+"""Ratio of times from which on another curve takes over: less is noise."""
+EXACT = 1e-10
+"""Relative error that is rounding: a solution in the P1 space of every mesh has no other."""
+SAME = 1e-9
+"""Relative difference of the errors of one mesh that two families begin with."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One measured setting.
+
+    error:     relative;  time, upper: least wall time of all runs and their upper quartile [s]
+    h_max:     longest edge of its mesh
+    dominated: whether another setting is as fast and as accurate, or is this one in a simpler family of meshes
+    solved:    whether it passed its acceptance test
+    own:       whether it is the study's own
+    """
+
+    family: str
+    solver: str
+    level: int
+    h_max: float
+    n_dof: int
+    n_contact: int
+    error: float
+    time: float
+    upper: float
+    solved: bool
+    own: bool
+    dominated: bool = True
+
+    @property
+    def words(self) -> str:
+        """The setting in words; "study" is its own family of meshes."""
+        family = "the study's meshes" if self.family == "study" else self.family
+        return f"{family}, level {self.level}, {self.solver}"
+
+    @property
+    def curve(self) -> tuple[str, str]:
+        """Family and solver."""
+        return self.family, self.solver
+
+    def on_mesh_of(self, other: Setting) -> bool:
+        """Whether two settings are one problem on one mesh, such as the first of two families."""
+        mine, its = ((s.solver, s.n_dof, s.n_contact, s.h_max) for s in (self, other))
+        return mine == its and self.solved and other.solved and abs(self.error - other.error) <= SAME * self.error
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A range of errors, from `start` down to `end`, that a family with a solver reaches in the least time."""
+
+    family: str
+    solver: str
+    start: float
+    end: float
+
+
+def measure_of(data: Any, wanted: str | None) -> str:
+    """The error to report: the one asked for, or of u in energy. Raises DrawError if the file does not have it."""
+    held = [m.name for m in MEASURES if f"error_{m.name}" in data]
+    if not held:
+        raise DrawError("the file has no errors: nothing was there to compare with")
+    name = wanted or (DEFAULT if DEFAULT in held else held[0])
+    if name not in held:
+        raise DrawError(f"there is no error {name!r} in the file; it has {', '.join(held)}")
+    return name
+
+
+def settings(data: Any, measure: str) -> list[Setting]:
+    """All settings that were measured, family by family, coarse to fine.
+
+    One mesh that two families share counts once for `dominated`, in the simplest of them and with the least of its
+    times, whose difference is noise; `dominated` in the file lets both stand.
+    """
+    own = tuple(str(data.attrs[f"own_{part}"]) for part in ("family", "solver", "level"))
+    families, solvers = (data[dim].values.tolist() for dim in ("family", "solver"))
+    h, n_dof, n_contact = (data[name].values for name in ("h_max", "n_dof", "n_contact"))
+    errors, times, status = (data[name].values for name in (f"error_{measure}", "time", "status"))
+    found = []
+    for f, s, level in np.argwhere(status != PointStatus.NOT_RUN).tolist():
+        name, runs = (str(families[f]), str(solvers[s]), level), times[f, s, level]
+        upper = float(np.quantile(runs, 0.75)) if np.all(np.isfinite(runs)) else float("nan")
+        mesh = float(h[f, level]), int(n_dof[f, level]), int(n_contact[f, level])
+        solved, error = int(status[f, s, level]) == PointStatus.OK, float(errors[f, s, level])
+        found.append(Setting(*name, *mesh, error, float(runs.min()), upper, solved, tuple(map(str, name)) == own))
+    first = [next(o for o in found if o is s or s.on_mesh_of(o)) for s in found]
+    counts = [a is s and s.solved for a, s in zip(first, found, strict=True)]
+    least = [min(o.time for o, one in zip(found, first, strict=True) if one is s or o is s) for s in found]
+    beaten = dominated(np.where(counts, least, np.nan), np.array([s.error for s in found]))
+    return [replace(s, dominated=bool(b)) for s, b in zip(found, beaten, strict=True)]
+
+
+def front(found: Sequence[Setting]) -> list[Setting]:
+    """Settings that no other beats in both, from fast to accurate."""
+    return sorted((s for s in found if not s.dominated), key=lambda s: s.time)
+
+
+def stretches(found: Sequence[Setting]) -> list[Stretch]:
+    """Which curve is the fastest to reach an error, from coarse to fine, as far as two mesh families reach.
+
+    Between levels, times are interpolated on logarithmic scales: a slightly different maxh has such an error.
+    """
+    curves: dict[tuple[str, str], list[Setting]] = {}
+    reached: dict[str, float] = {}
+    for s in found:
+        if s.solved and s.error > 0.0:  # families that begin with one mesh have the least of its times
+            same = (o.time for o in found if s.level == o.level == 0 and s.on_mesh_of(o))
+            curves.setdefault(s.curve, []).append(replace(s, time=min(same, default=s.time)))
+            reached[s.family] = min(reached.get(s.family, np.inf), s.error)
+    high = max((s.error for curve in curves.values() for s in curve), default=0.0)
+    if high <= EXACT:
+        return []
+    parts: list[Stretch] = []
+    for error in np.geomspace(high, sorted(reached.values())[:2][-1], STEPS).tolist():
+        times = {name: _time_to(curve, error) for name, curve in curves.items()}
+        near = [name for name, time in times.items() if time <= NOTABLE * min(times.values())]
+        if parts and (parts[-1].family, parts[-1].solver) in near:
+            parts[-1] = replace(parts[-1], end=error)
+        else:  # of those that noise cannot tell apart the first, which is the simplest
+            parts.append(Stretch(*near[0], error, error))
+    return parts
+
+
+def _time_to(curve: Sequence[Setting], error: float) -> float:
+    """Least time in which a curve gets to an error; infinite if it does not."""
+    times = [s.time for s in curve if s.error <= error * (1 + 1e-12)]
+    for a, b in pairwise(curve):
+        if a.error > error >= b.error:
+            share = np.log(a.error / error) / np.log(a.error / b.error)
+            times.append(a.time * (b.time / a.time) ** share)
+    return min(times, default=np.inf)
+
+
+def best(found: Sequence[Setting]) -> tuple[str, str] | None:
+    """The curve to take when accuracy is wanted: the fastest at the least error that two mesh families reach."""
+    parts = stretches(found)
+    return (parts[-1].family, parts[-1].solver) if parts else None
+
+
+def advice(found: Sequence[Setting]) -> list[str]:
+    """Sentences: what is best at which error, and how the study's own settings compare."""
+    measured = [s for s in found if s.solved and np.isfinite(s.error)]
+    if measured and max(s.error for s in measured) <= EXACT:
+        least = min(measured, key=lambda s: s.time)
+        return [
+            f"All errors are rounding (at most {max(s.error for s in measured):.1e}): every mesh represents this "
+            f"solution exactly, so more unknowns only cost time. Fastest: {least.words} in {_seconds(least.time)}."
+        ]
+    spans = []
+    for one in stretches(found):
+        family = "the study's meshes" if one.family == "study" else f"{one.family} meshes"
+        start, end = percent(one.start), percent(one.end)
+        span = f"of {end}" if start == end else f"from {start} to {end}"
+        spans.append(f"{family} with {one.solver} for errors {span}")
+    told = [f"Fastest: {'; '.join(spans)}."] if spans else []
+    own = next((s for s in found if s.own), None)
+    if own is None:
+        return told
+    if own not in measured:
+        return [*told, f"The study's own settings ({own.words}) were not solved."]
+    told.append(f"The study's own settings ({own.words}): error {percent(own.error)} in {_seconds(own.time)}.")
+    others = [s for s in measured if not s.own]
+    cheaper = min((s for s in others if s.error <= own.error), key=lambda s: s.time, default=own)
+    closer = min((s for s in others if s.time <= own.time), key=lambda s: s.error, default=own)
+    better = [s for s in (cheaper, closer) if s.time < own.time and s.error < own.error and not s.on_mesh_of(own)]
+    if not better:
+        told.append("No other setting measured is both faster and more accurate.")
+    for s in better[:1] if len(better) == 2 and better[0].on_mesh_of(better[1]) else dict.fromkeys(better):
+        told.append(
+            f"Faster and more accurate: {s.words}: {s.error / own.error:.2f} of the error in {s.time / own.time:.2f} "
+            f"of the time ({percent(s.error)} in {_seconds(s.time)})."
+        )
+    return told
+
+
+def _seconds(time: float) -> str:
+    """A wall time, "0.16 s"."""
+    return f"{time:.2g} s" if time < 99.5 else f"{time:.0f} s"
+
+
+def cost_verdict(data: Any) -> tuple[str, str, bool]:
+    """What to take of the settings measured."""
+    held = any(f"error_{m.name}" in data for m in MEASURES)
+    return " ".join(advice(settings(data, measure_of(data, None)))) if held else "Nothing was measured.", "", True
+
+
+def cost_parts(data: Any, *_: Any) -> Iterator[Part]:
+    """Everything the report says, in order. Raises DrawError where there is no error."""
+    measure = measure_of(data, None)
+    found = settings(data, measure)
+    yield Heading(f"Accuracy against cost: {data.attrs['title']}", 1)
+    yield from advice(found)
+    where = f"Scene: {data.attrs['point']}. " if data.attrs["point"] else ""
+    reference, runs = data.attrs["reference"].removeprefix("the "), counted(data.sizes["run"], "run")
+    yield (
+        f"{where}Errors of {SYMBOLS[measure]} against the {reference}. Wall time from the body "
+        f"to the displacements, each run from nothing: least of {runs}, upper quartile."
+    )
+    rows, solvers = [], data["solver"].values.tolist()
+    for family, level in dict.fromkeys((s.family, s.level) for s in found):
+        by_solver = {s.solver: s for s in found if (s.family, s.level) == (family, level)}
+        one = by_solver.get(solvers[0]) or next(iter(by_solver.values()))
+        error = f"{one.error:.3e}" if np.isfinite(one.error) else "–"
+        row = [family, str(level), str(one.n_dof), str(one.n_contact), error if one.solved else f"({error})"]
+        for s in map(by_solver.get, solvers):
+            mark = "" if s is None else "†" * s.own + "*" * (not s.dominated)
+            row += ["–", "–"] if s is None else [f"{s.time:.3g}{mark}", f"{s.upper:.3g}"]
+        rows.append(row)
+    header = ["meshes", "level", "dofs", "contact unknowns", f"error of {SYMBOLS[measure]}"]
+    header += [word for solver in solvers for word in (f"{solver} [s]", "quartile")]
+    marks = "* on the front   † the study's own settings   (error) not solved"
+    yield Table.of_rows("All that was measured", header, rows, [0] * len(header), marks)
+    yield from notes(data)

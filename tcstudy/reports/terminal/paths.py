@@ -1,0 +1,388 @@
+"""What the files of paths and load histories say: a sentence, their tables, and what happens along them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.data.reading import asked, by_point, each_point
+from tcstudy.data.schema import PointStatus
+from tcstudy.reports import sentences
+from tcstudy.reports.select_point import describe
+from tcstudy.reports.sentences import KINDS, LENGTHS, CycleChange, cycle_change
+from tcstudy.reports.terminal.tables import Heading, Part, Table, TextColumn, columns_table, quantity
+from tcstudy.reports.text import counted, digits_lost, number, prefix, proved, with_unit
+from tcstudy.scene.histories import AT_REST
+from tcstudy.scene.keys import symbol
+
+Array = NDArray[np.float64]
+
+MOST_ROWS = 60
+"""Solutions that are listed; the file has them all."""
+MOST_FALLS = 6
+"""Falls of a hysteresis loop in one direction that have a line each; of more one line tells their range and sum."""
+STATES = ("sticks", "slips", "slips and softens", "on a drop of b", "slips, weakened")
+"""What a contact node does, by ContactState."""
+VISIBLE = 0.005
+"""Part of the range below which a step back of the parameter cannot be told from a point of the picture."""
+
+
+# -- paths -------------------------------------------------------------------------------------------------------------
+
+
+def seen_folds(data: Any) -> tuple[NDArray[np.intp], int]:
+    """(vertices of the folds that show, number of smaller turns): these come from nodes that let go one by one."""
+    if not data.sizes.get("fold", 0):
+        return np.zeros(0, dtype=np.intp), 0
+    vertices = data["fold_vertex"].values.astype(np.intp)
+    low, high = data.attrs["parameter_range"]
+    large = data["fold_size"].values >= VISIBLE * abs(float(high) - float(low))
+    return vertices[large], int(np.count_nonzero(~large))
+
+
+def path_verdict(data: Any) -> tuple[str, str, bool]:
+    """Where friction is largest, where the path snaps back, how many equilibria there are; what is known of others."""
+    low, high = sorted(float(x) for x in data.attrs["parameter_range"])
+    t, units, c = data["parameter"].values, str(data["parameter"].attrs["units"]), data["c"].values
+    inside = (t >= low) & (t <= high)
+    force, stress = np.where(inside, np.abs(data["xi"].values @ c), 0.0), str(data["xi"].attrs["units"])
+    k = int(np.argmax(force))
+    whole, mean = with_unit(force[k], "1" if stress == "1" else "N m-1"), with_unit(force[k] / c.sum(), stress)
+    at = f"at {symbol(str(data.attrs['parameter']))} = {with_unit(t[k], units)}"
+    peak = [f"peak ∫ξ {whole}, {mean} in the mean, {at}" if force[k] > 0.0 else "no friction"]
+    turning, maxima = data["fold_vertex"].values.tolist() if "fold_vertex" in data else [], data.get("fold_maximum")
+    limit = dict(zip(turning, maxima.values.tolist(), strict=True)) if maxima is not None else {}
+    snaps = [(a, b) for a, b in pairwise(v for v in seen_folds(data)[0].tolist() if inside[v])
+             if limit[a] and not limit[b]]  # fmt: skip
+    peak += [f"snap-back from {with_unit(t[a], units)} to {with_unit(t[b], units)}" for a, b in snaps[:2]]
+    peak += [f"and {len(snaps) - 2} more"] if len(snaps) > 2 else []
+    many, falls = _most(t, low, high, units), int(data.sizes.get("jump", 0))
+    many += f", {counted(int(data['branch_loop'].sum()), 'closed loop')}" if "branch_loop" in data else ""
+    lost = f"slow loading to and fro falls {counted(falls, 'time')}" if falls else ""
+    if falls > 2 * MOST_FALLS:
+        lost += f" {_between(data['jump_parameter'].min(), data['jump_parameter'].max(), units)}"
+    known = sentences.WHOLE if int(data.get("complete", 0)) else sentences.CONNECTED
+    trust = [f"worst residual {number(float(data['residual'].max()), 2)}"]
+    return sentences.answered([", ".join(peak), many, lost], trust), known, True
+
+
+def _between(low: Any, high: Any, units: str) -> str:
+    """A range in words, "between 1 mm and 2 mm", or "near 1 mm" where both ends read alike."""
+    first, last = with_unit(low, units), with_unit(high, units)
+    return f"near {first}" if first == last else f"between {first} and {last}"
+
+
+def _most(t: Array, low: float, high: float, units: str) -> str:
+    """How many equilibria of the path there are at most at one value of its range, and between which values."""
+    ends = np.unique(np.clip(t, low, high))
+    middle = 0.5 * (ends[1:] + ends[:-1])
+    a, b = np.minimum(t[1:], t[:-1]), np.maximum(t[1:], t[:-1])
+    count = np.searchsorted(np.sort(a), middle) - np.searchsorted(np.sort(b), middle)
+    if not len(count) or count.max() < 2:
+        return "one equilibrium on it at every value of the range" if len(count) else ""
+    at = np.flatnonzero(count == count.max())
+    return f"{count.max()} equilibria on it {_between(ends[at[0]], ends[at[-1] + 1], units)}"
+
+
+def path_parts(data: Any, full: bool = False, *_: Any) -> Iterator[Part]:
+    """What a path's file holds: its extent and ends, the branches, the requested solutions, the loop."""
+    yield Heading(str(data.attrs["title"]), 1)
+    divisor, unit = prefix([float(x) for x in data.attrs["parameter_range"]], data["parameter"].attrs["units"])
+    yield "\n".join(_path(data, divisor, unit))
+    if branches := list(_branches(data, divisor, unit)):
+        yield "\n".join(branches)
+    if data.sizes.get("at", 0):
+        yield _solutions(data)
+    if loop := list(_loop(data, full)):
+        yield "\n".join(loop)
+
+
+def _path(data: Any, divisor: float, unit: str) -> Iterator[str]:
+    """Where the path runs, how it was computed, and why it ends."""
+    low, high = data.attrs["parameter_range"]
+    t = data["parameter"].values
+    span = f"from {number(low / divisor)} to {number(high / divisor)} {unit}".removesuffix(" 1")
+    reached = f"{number(t.min() / divisor)} … {number(t.max() / divisor)}"
+    yield f"  Path along {data.attrs['parameter']} {span}, reaching {reached}"
+    yield (
+        f"  level {int(data['level'])}: {int(data['n_dof'])} dofs, {int(data['n_contact'])} contact unknowns; "
+        f"omega/lambda_1 = {number(float(data['omega'] / data['lambda_1']))}"
+    )
+    if lost := digits_lost(float(data.get("lambda_1_error", 0.0))):
+        yield f"  {lost}"
+    vertices, small = seen_folds(data)
+    turns = f" and {counted(small, 'turn')} below {100 * VISIBLE:g} % of the range" if small else ""
+    inside = int(np.count_nonzero((t[vertices] >= min(low, high)) & (t[vertices] <= max(low, high))))
+    yield (
+        f"  {data.sizes['piece']} pieces ({int(data['stable'].sum())} stable), {counted(len(vertices), 'fold')}{turns}"
+        f", {inside} of the folds in the range, worst residual {number(float(data['residual'].max()), 2)}"
+    )
+    if float(data["law_error"]) > 0.0:
+        yield f"  the law is replaced by straight pieces, relative error {number(float(data['law_error']), 1)}"
+    for verb, name, at in (("begins", "begin", 0), ("ends", "end", -1)):
+        place = f"{number(t[at] / divisor)} {unit}".removesuffix(" 1")
+        yield f"  {verb} at {place}: {data.attrs[f'{name}_reason']}"
+
+
+def _branches(data: Any, divisor: float, unit: str) -> Iterator[str]:
+    """What is known of all branches, the loops among them, and the number of equilibria at the requested values."""
+    if "complete" not in data:
+        return
+    closed, on_path = (data[f"branch_{name}"].values.astype(bool) for name in ("loop", "on_path"))
+    of, t, stable = (data[f"branch_{name}"].values for name in ("of", "parameter", "stable"))
+    polygon = " of the law's polygon" if float(data["law_error"]) > 0.0 else ""
+    apart, open_ = int(np.count_nonzero(~closed & ~on_path)), int(np.count_nonzero(~closed))
+    told = f"{open_} open branch{'es' if open_ != 1 else ''}"
+    told += f" ({apart} not on the path in the range)" if apart else ""
+    told += f" and {counted(int(closed.sum()), 'closed loop')}{polygon}"
+    if data["complete"]:
+        yield f"  every branch of the range: {told}; complete (proved)"
+    else:
+        yield f"  branches found in the range: {told}; not proved complete: {data.attrs['complete_reason']}"
+    for k in np.flatnonzero(closed & ~on_path):
+        own = t[of == k] / divisor
+        ends = f"{number(own.min())} to {number(own.max())} {unit}".removesuffix(" 1")
+        yield (
+            f"  a closed loop from {ends} that the path does not meet, {int(stable[of == k].sum())} of "
+            f"{counted(len(own) - 1, 'piece')} stable"
+        )
+    if polygon or not data.sizes.get("at", 0):
+        return
+    known = data["at_complete"].values if "at_complete" in data else [data["complete"]] * data.sizes["at"]
+    for i, value in enumerate(data["at"].values):
+        on = data["solution_piece"].values[data["solution_at"].values == i]
+        all_ = f"{len(on)} of {len(on)}" if known[i] else f"at least {len(on)}"
+        off = int(np.count_nonzero(on < 0))
+        apart_ = f", {off} of them not on the path from the start" if off else ""
+        yield f"  {all_} equilibria at {number(value / divisor)} {unit}".removesuffix(" 1") + apart_
+
+
+def _solutions(data: Any) -> Table:
+    """One row per solution at the requested values."""
+    names = ("solution_parameter", "solution_energy", "solution_stable", "solution_lowest", "solution_residual")
+    t, energy, stable, least, residual = (data[name].values if name in data else np.zeros(0) for name in names)
+    c, rows = data["c"].values, slice(MOST_ROWS)
+    slip = data["solution_u_T"].values @ c / c.sum() if len(t) else np.zeros(0)
+    columns = []
+    for title, values, name, shown in (
+        (data.attrs["parameter"].split(".")[-1], data["at"].values, "at", t),
+        ("mean u_T", slip, "u_T", slip),
+        ("energy", energy, "energy", energy),
+    ):
+        like = [float(np.max(np.abs(values), initial=0.0))]
+        columns.append(quantity(title, shown[rows], data[name].attrs["units"], 5, like=like))
+    proofs = [proved(data.isel(solution=i), "solution_") for i in range(min(len(t), MOST_ROWS))]
+    columns += [
+        TextColumn("stable", ["yes" if one else "no" for one in stable[rows]]),
+        TextColumn("least" if "complete" in data else "least on path", ["yes" if x else "no" for x in least[rows]]),
+        TextColumn("certified", proofs),
+        quantity("residual", residual[rows], digits=2),
+    ]
+    ranked = [TextColumn(one.title, one.cells, rank) for rank, one in enumerate(columns)]
+    notes = [f"… {len(t) - MOST_ROWS} more solutions in the file"] if len(t) > MOST_ROWS else []
+    missing = quantity("", data["at"].values, data["at"].attrs["units"], like=[float(np.abs(data["at"]).max())]).cells
+    missing = [cell for cell, count in zip(missing, data["solution_count"].values, strict=True) if not count]
+    notes += [f"no solution on the path at {', '.join(missing)}"] if missing else []
+    return Table("", ranked, tuple(notes))
+
+
+def _loop(data: Any, full: bool) -> Iterator[str]:
+    """The energy lost in the loop and where the body falls; full: a line for every fall."""
+    if "energy_lost" not in data:
+        return
+    units, t_units = data["energy_lost"].attrs["units"], data["parameter"].attrs["units"]
+    if not int(data["loop_complete"]):
+        yield f"  hysteresis loop not completed: {data.attrs['loop_reason']}"
+        return
+    lost = f"  hysteresis loop: {with_unit(float(data['energy_lost']), units)} lost"
+    falls = int(data.sizes.get("jump", 0))
+    yield lost if falls else f"{lost}, the body never falls to another branch"
+    t, rising, drop = (data[f"jump_{name}"].values for name in ("parameter", "rising", "drop")) if falls else 3 * [[]]
+    for way, own in (("rising", rising == 1), ("falling", rising == 0)) if falls else ():
+        if not full and np.count_nonzero(own) > MOST_FALLS:
+            ends = np.sort(t[own])[[0, -1]]
+            most = int(np.argmax(np.where(own, drop, -np.inf)))
+            span = " to ".join(dict.fromkeys(with_unit(end, t_units) for end in ends))
+            yield (
+                f"    {np.count_nonzero(own)} falls at {span} ({way}), {with_unit(drop[own].sum(), units)} lost in sum"
+                f", the largest {with_unit(drop[most], units)} at {with_unit(t[most], t_units)} (-v has all)"
+            )
+            continue
+        for k in np.flatnonzero(own):
+            yield f"    falls at {with_unit(t[k], t_units)} ({way}), {with_unit(drop[k], units)} lost"
+    if taken := _taken_state(data):
+        yield f"    {taken}"
+    if falls and not int(data["loop_closed"]):
+        yield "    the loop does not close"
+
+
+def _taken_state(data: Any) -> str:
+    """Where all branches are known, in which of the stable states at the end of its range slow loading ends."""
+    if not int(data.get("complete", 0)) or "loop_energy" not in data:
+        return ""
+    end = float(data.attrs["parameter_range"][1])
+    of, t, stable = (data[f"branch_{name}"].values for name in ("of", "parameter", "stable"))
+    first = np.append(True, of[1:] != of[:-1])
+    last = np.append(first[1:], True)
+    beside = np.where(first, stable, np.roll(stable, 1))  # the piece that a branch's end is on
+    at = np.flatnonzero((first | last) & (t == end) & (beside != 0))
+    if not len(at):
+        return ""
+    value = with_unit(end, data["parameter"].attrs["units"])
+    if len(at) == 1:
+        return f"at {value} slow loading ends in the only stable state"
+    turn = int(np.argmin(np.abs(data["loop_parameter"].values - end)))
+    apart = np.abs(data["branch_u_T"].values[at] - data["loop_u_T"].values[turn]).max(axis=1, initial=0.0)
+    rank = int(np.argsort(np.argsort(data["branch_energy"].values[at]))[np.argmin(apart)])
+    order = ("least", "second least", "third least")[rank] if rank < 3 else f"{rank + 1}th least"
+    return f"at {value} there are {len(at)} stable states; slow loading ends in that of {order} energy"
+
+
+# -- histories ---------------------------------------------------------------------------------------------------------
+
+MOST_CYCLES, MOST_POINTS = 3, 20
+"""Cycles of one point whose steps are listed, and points that have a line; the file has them all."""
+MOVES = ("rests", "slides along t", "slides back", "jumps")
+"""What a node may do in a step."""
+ROUNDING = 1e-10
+"""What is smaller than this part of what the history reaches is rounding, and reads 0."""
+
+
+def motion(u_T: Array, jumped: NDArray[np.int8] | None) -> NDArray[np.int8]:
+    """(N, m) place in MOVES of every node in every step; in step 0 against zero.
+
+    u_T: (N, m) of the steps that were solved;  jumped: (N, m) 1 where a node moved by a jump, None where none can
+    """
+    moved = np.diff(u_T, axis=0, prepend=0.0)
+    still = AT_REST * (float(np.abs(u_T).max()) or 1.0)
+    what = np.where(np.abs(moved) <= still, 0, np.where(moved > 0.0, 1, 2)).astype(np.int8)
+    return what if jumped is None else np.where(jumped == 1, np.int8(3), what)
+
+
+def history_verdict(data: Any) -> tuple[str, str, bool]:
+    """How far the histories were followed, what jumps, what a cycle changes, how exact it is."""
+    solved, points = by_point(data["status"], data) == int(PointStatus.OK), each_point(data)
+    whole, changes = int(np.count_nonzero(solved.all(axis=1))), [last_change(data.isel(w)) for w in points]
+    slip, units = np.where(solved, by_point(data["u_T_max"], data), -1.0), str(data["u_T_max"].attrs["units"])
+    p, n = np.unravel_index(int(np.argmax(slip)), slip.shape)
+    at = f" at step {str(data['step_name'].values[n]) or n}"
+    at += f" of cycle {cycle}" if (cycle := int(data["cycle"].values[n])) > 1 else ""
+    at += f" ({words})" if (words := describe(data, points[p])) else ""
+    lengths: dict[str, tuple[str, str]] = {}
+    for key, what in LENGTHS.items():
+        own = data.get(f"{key}_length") if key != "slip" else None
+        most = np.nanmax(by_point(own, data)[solved], initial=0.0) if own is not None else 0.0
+        lengths |= {what: ("", with_unit(float(most), units, 3))} if most > 0.0 else {}
+    moves = slip[p, n] > 0.0
+    answer = [sentences.slipped(with_unit(float(slip[p, n]), units), at, lengths) if moves else "nothing slips"]
+    what = f"{counted(solved.shape[1] - 1, 'step')} in {counted(int(data['cycle'].max()), 'cycle')}"
+    if len(points) == 1:
+        done, reason = int(np.count_nonzero(solved)) - 1, data["reason"].values.item()
+        count = f"all {what} solved" if whole else f"{max(done, 0)} of {what} solved, then: {reason}"
+        answer.append(changes[0].words)
+    else:
+        count = f"{whole} of {len(points)} histories of {what} followed to their end"
+        kinds = [change.kind for change in changes if change.kind]
+        answer.append(", ".join(f"{kinds.count(kind)} {KINDS[kind]}" for kind in dict.fromkeys(kinds)))
+    jumped = int(np.where(solved, by_point(data["jumps"], data), 0).sum())
+    answer.append(counted(jumped, "jump") if jumped else "no jumps")
+    worst = by_point(data["inclusion_residual"], data)[solved]
+    trust = [f"worst residual {number(float(worst.max()), 2)}"] if len(worst) else []
+    return sentences.answered(answer, trust, [count]), "", whole == len(points)
+
+
+def history_parts(data: Any, every_row: bool = False, *_: Any) -> Iterator[Part]:
+    """What a history's file holds; every_row: all steps of all cycles and points."""
+    points, attrs = each_point(data), data.attrs
+    shown = points if every_row else points[:MOST_POINTS]
+    yield Heading(str(attrs["title"]), 1)
+    how = "the state of least energy found" if attrs["branch"] == "lowest" else "along its exact path"
+    lost = digits_lost(float(data["lambda_1_error"].max())) if "lambda_1_error" in data else ""
+    yield (
+        f"  History of {', '.join(_loads(data))}: {counted(data.sizes['step'] - 1, 'step')} in "
+        f"{counted(int(data['cycle'].max()), 'cycle')}; memory {attrs['memory']}; each step {how}\n"
+        f"  level {int(data['level'])}: {int(data['n_dof'])} dofs, {int(data['n_contact'])} contact unknowns"
+        + (f"\n  {lost}" if lost else "")
+    )
+    for where in shown:
+        name, part = describe(data, where), data.isel(where)
+        table = [_steps(part, every_row)] if every_row or len(points) == 1 else []
+        yield "\n".join([*([f"  {name}"] if name else []), *table, *(f"  {one}" for one in sentences_of(part))])
+    if ended := int(np.count_nonzero(data["reason"].values != "")):
+        yield f"  {ended} of {len(points)} histories ended early"
+    if len(shown) < len(points):
+        yield f"  … {len(points) - len(shown)} more points; --verbose shows all"
+
+
+def _steps(part: Any, all_cycles: bool) -> str:
+    """A line for every named step; energies are sums since the one before, 0 where they are rounding."""
+    names, cycle = part["step_name"].values, part["cycle"].values
+    rows = np.flatnonzero((part["status"].values == PointStatus.OK) & (names != "")).tolist()
+    listed = [i for i in rows if all_cycles or cycle[i] < MOST_CYCLES or cycle[i] == cycle[rows[-1]]]
+    begins = dict(zip(rows, [0, *(i + 1 for i in rows[:-1])], strict=True))
+    spent = part["dissipated"].values + part["released"].values + part["stored"].values
+
+    def read(values: Array, reached: Array) -> Array:
+        largest = float(np.nanmax(np.abs(reached), initial=0.0))
+        return np.where(np.abs(values) <= ROUNDING * largest, 0.0, values)
+
+    def since(name: str) -> Array:
+        values = read(part[name].values, spent)
+        return np.array([values[begins[i] : i + 1].sum() for i in listed])
+
+    pull, slip = part["friction_resultant"].values, part["u_T_max"].values
+    numbers: list[tuple[str, str, Array]] = [(name, name, part[name].values[listed]) for name in _loads(part)]
+    numbers.append(("max |u_T|", "u_T_max", read(slip, slip)[listed]))
+    numbers.append(("∫ξ", "friction_resultant", read(pull, np.abs(part["xi"].values) @ part["c"].values)[listed]))
+    numbers += [(name, name, since(name)) for name in ("dissipated", "released")]
+    numbers += [(name, name, part[name].values[listed]) for name in asked(part)]
+    columns = [
+        TextColumn("step", [str(names[i]) for i in listed]),
+        TextColumn("cycle", [str(cycle[i]) for i in listed]),
+    ]
+    columns += [quantity(title, v, str(part[name].attrs.get("units", "1")), 6) for title, name, v in numbers]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        columns.append(quantity("closure/dissipated", since("closure") / since("dissipated"), digits=2))
+    columns.append(TextColumn("proved", [proved(part.isel(step=i), none="–") for i in listed]))
+    table = columns_table([TextColumn(one.title, one.cells, rank) for rank, one in enumerate(columns)])
+    return table + ("\n  …" if len(listed) < len(rows) else "")
+
+
+def _loads(data: Any) -> list[str]:
+    """Names of the loads that change."""
+    return str(data.attrs["loads"]).split()
+
+
+def last_change(part: Any) -> CycleChange:
+    """What the last whole cycle of a point's history has changed.
+
+    What rounding of the forces may do to slips is that to tractions over the margin; 0 where nothing bounds it [m].
+    """
+    status, cycle, spent = part["status"].values, part["cycle"].values, part["dissipated"].values
+    whole = [c for c in range(1, int(cycle.max()) + 1) if np.all(status[cycle == c] == PointStatus.OK)]
+    ends = [0, *(int(np.flatnonzero(cycle == c)[-1]) for c in whole)]
+    each = np.array([spent[cycle == c].sum() for c in whole])
+    units = str(part["u_T"].attrs["units"]), str(part["dissipated"].attrs["units"])
+    margin, rounding = float(part["margin"]), 0.0
+    if margin > 0.0:
+        traction = float(np.nanmax(np.abs(part["xi"].values) / part["c"].values))
+        rounding = float(np.nanmax(part["inclusion_rounding"].values)) * traction / margin
+    return cycle_change(part["u_T"].values[ends], each, units, rounding)
+
+
+def sentences_of(part: Any) -> list[str]:
+    """Change from cycle to cycle, energies, and why the history ended early."""
+    done = np.flatnonzero(part["status"].values == PointStatus.OK)
+    reason = str(part["reason"].values.item())
+    if not len(done):
+        return [f"no step was solved: {reason}"]
+    worst, defect = (float(np.nanmax(part[name].values[done])) for name in ("inclusion_residual", "identity"))
+    jumps = int(part["jumps"].values[done].sum())
+    told = f"{counted(len(done) - 1, 'step')} solved, worst residual {number(worst, 2)}, energy identity to "
+    told += number(defect, 2) + (f", {counted(jumps, 'jump')}" if jumps else "")
+    ended = f"ended at step {len(done)}: {reason}" if reason else ""
+    return list(filter(None, [last_change(part).words, told, ended]))
