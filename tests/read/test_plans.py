@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-
 import pytest
 
 from tcstudy.errors import StudyError
@@ -37,15 +35,6 @@ friction: {law: tresca, tau: 0.01}
 def test_plans(text: str, plan: MeshPlan) -> None:
     study = read_study_text(f"{BASE}mesh: {text}\n")
     assert (study.mesh, len(study.axes)) == (plan, text.count("sweep"))
-
-
-@pytest.mark.parametrize("units", ["SI", "none"])
-def test_faults_of_sizes_have_the_unit_of_the_study(units: str) -> None:
-    unit = " m" if units == "SI" else ""
-    body = f"is larger than the body (2.23607{unit}); choose maxh well below it, for example 0.22{unit}"
-    for size, fault in ((6000, f"an element of 6000{unit} {body}"), (1e-6, f"; choose maxh above 0.00048{unit}")):
-        with pytest.raises(StudyError, match=re.escape(fault)):
-            read_study_text(f"{BASE}mesh: {{maxh: {size}}}\nunits: {units}\n", "test")
 
 
 STUDY = """

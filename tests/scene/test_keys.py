@@ -6,8 +6,7 @@ from dataclasses import fields
 
 from tcstudy.read.loads import OF_PATH
 from tcstudy.read.plans import OF_MESH
-from tcstudy.scene.keys import ROLES, ROWS, of_role, row, rows, symbol
-from tcstudy.scene.parameters import FIXED, SHORT, sweepable
+from tcstudy.scene.keys import ROLES, ROWS, rows, symbol
 from tcstudy.scene.records import Role
 from tcstudy.scene.study import MeshPlan, PathPlan
 
@@ -33,11 +32,3 @@ def test_every_key_is_once_in_its_section_and_every_role_has_its_record() -> Non
 def test_no_key_of_the_meshes_or_a_path_is_accepted_and_ignored() -> None:
     for section, plan, judged in (("mesh", MeshPlan, OF_MESH), ("path", PathPlan, OF_PATH)):
         assert {*rows(section)} - {*judged} <= {field.name for field in fields(plan)}
-
-
-def test_what_sweeps_take_follows_from_the_table() -> None:
-    found = sweepable({"top": of_role("traction")}, "linear")
-    assert found["heat", "theta_bar"].row == row("heat", "theta_bar")
-    assert [name for name in rows("boundary") if not found.get(("boundary", "top", name), found["friction",]).idle]
-    assert (SHORT["k"], SHORT["delta"]) == ("material.k", "friction.delta")
-    assert set(FIXED) >= {"body", "mesh", "solver", "output", "units", "exact"}
