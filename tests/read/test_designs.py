@@ -63,25 +63,6 @@ def test_drawn_numbers_are_correlated_by_pairs() -> None:
     assert np.corrcoef([axis.labels for axis in study.axes])[0, 1] == pytest.approx(-0.7, abs=0.02)
 
 
-@pytest.mark.parametrize(
-    ("sweep", "said"),
-    [
-        (
-            f'mode: sobol, {OF_TWO}4, correlation: {{"E, nu": 0.5}}',
-            "is no pair of drawn parameters; name two of E, tau",
-        ),
-        (f'mode: random, {OF_TWO}4, correlation: {{"E, tau_s": 1.5}}', "a correlation lies between -1 and 1"),
-        (f'mode: saltelli, {OF_TWO}4, correlation: {{"E, tau_s": 0.5}}', "takes its parameters as independent"),
-        ("mode: random, points: 50, tau_k: {normal: {mean: 0 MPa, sigma: 1 MPa}}", r"\(drawn point "),
-        ("points: no.csv", r"test:7:17: sweep.points: .*no.csv: there is no such file"),
-    ],
-)
-def test_points_that_cannot_be_are_refused(sweep: str, said: str) -> None:
-    with pytest.raises(StudyError, match=said) as caught:
-        swept(f"{{{sweep}}}")
-    assert len(caught.value.problems) == 1
-
-
 def test_points_stand_in_a_table_and_then_in_the_study(tmp_path: Path) -> None:
     table = "\N{BYTE ORDER MARK}E [GPa], friction.delta [um],boundary.top.pressure\n# measured\n1,500,0\n\n"
     (tmp_path / "points.csv").write_text(table + '2e0, 700,"1 MPa"\n', encoding="utf-8")
