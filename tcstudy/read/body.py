@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import is_dataclass, replace
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -66,15 +65,13 @@ def read_body(ctx: Context, node: Node) -> tuple[Body | None, Names | None]:
     loops = [_loop(ctx, value, key, "block") for key in SHAPES[:2] if (value := fields[key])]
     brep = _file(ctx, value) if (value := fields["file"]) else None
     holes = []
-    for item in ctx.items(value, "a list of holes") if (value := fields["holes"]) else ():
+    for item in ctx.items(fields["holes"], "a list of holes"):
         kind, inner = only_key(ctx, item, "hole", "{circle: {center: [x, y], radius: r}}")
         holes.append(_loop(ctx, inner, kind) if kind else _unknown(""))
     if brep and (value := fields["holes"]):
         ctx.errors.at(value, "holes are cut out of an outline, not of a file's face", "cut them in the CAD file")
-    regions: dict[str, Node] = {}
-    if value := fields["regions"]:
-        remedy = "write {NAME: {circle: {center: [x, y], radius: r}}}"
-        regions = ctx.mapping(value, "names to shapes", remedy, least=0, named=True)
+    remedy = "write {NAME: {circle: {center: [x, y], radius: r}}}"
+    regions = ctx.mapping(fields["regions"], "names to shapes", remedy, least=0, named=True)
     if BODY in regions:
         what = f"{BODY!r} is the name of what of the body no region takes"
         ctx.errors.at(regions[BODY], what, "give the region another name", on_key=True)
@@ -95,16 +92,10 @@ def edge_names(body: Body) -> Names:
 
 def check_shape(ctx: Context, body: Body, root: Node) -> bool:
     """Record what is wrong with the shape of the body where the study gives it; True if it is sound."""
-    faults = _faults(body)
+    faults = _oversized(body) or body_faults.check_body(body)
     for fault in faults:
         ctx.errors.unfit(root.nearest(*(split_path(fault.where) or ("body",))), fault.where, fault.what, fault.remedy)
     return not faults
-
-
-@lru_cache(maxsize=4096)
-def _faults(body: Body) -> list[body_faults.Fault]:
-    """What is wrong with the shape of a body, which many geometries may share."""
-    return _oversized(body) or body_faults.check_body(body)
 
 
 def _oversized(body: Body) -> list[body_faults.Fault]:
@@ -182,7 +173,7 @@ def _file(ctx: Context, node: Node) -> BrepFace:
         scale = math.nan
         fields.fault("unit", str(error), 'write for example "mm"')
     remedy = "write {NAME: [[x, y], ...]}: the edge nearest to each point gets the name"
-    named = ctx.mapping(fields["edges"], "names to points", remedy, least=0, named=True) if fields["edges"] else {}
+    named = ctx.mapping(fields["edges"], "names to points", remedy, least=0, named=True)
     points = replace(rows("file")["edges"], kind="points")
     edges = {name: ctx.value(item, points) for name, item in named.items()}
     return BrepFace(target, fields.value("face"), scale, tuple(edges.items()), fields.value("other"))

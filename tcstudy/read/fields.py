@@ -16,14 +16,16 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, wraps
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Concatenate, Literal, ParamSpec, TypeVar
 
 from tcstudy.expressions import expression as expressions
-from tcstudy.expressions.expression import CONSTANTS, FUNCTIONS, VARIABLES, ExpressionError, parse
+from tcstudy.expressions.expression import CONSTANTS, FUNCTIONS, VARIABLES, parse
 from tcstudy.read.node import Collector, Node, elsewhere, hint, is_name, likeness, meant
 from tcstudy.scene.keys import Key, rows, short_of
 from tcstudy.scene.records import Scalar
@@ -202,8 +204,10 @@ class Context:
             return False
         return True
 
-    def items(self, node: Node, content: str, least: int = 0, example: str = "...") -> tuple[Node, ...]:
+    def items(self, node: Node | None, content: str, least: int = 0, example: str = "...") -> tuple[Node, ...]:
         """The entries of a list; empty after a fault."""
+        if node is None:
+            return ()
         if isinstance(node.value, tuple) and len(node.value) >= least:
             return node.value
         self.errors.at(node, f"must be {content}, but is {node.kind()}", f"write {content}: [{example}, ...]")
@@ -211,16 +215,19 @@ class Context:
 
     def pair(self, node: Node, content: str, example: str) -> tuple[Node, Node] | None:
         """The two entries of a list of two; None after a fault."""
-        count = len(node.value) if isinstance(node.value, tuple) else 0
-        if isinstance(node.value, tuple) and count == 2:
+        if isinstance(node.value, tuple) and len(node.value) == 2:
             return node.value[0], node.value[1]
-        more = " (decimals have a point, a comma separates entries)" if count in (3, 4) else ""
+        more = " (decimals have a point, a comma separates entries)" if len(node.entries) in (3, 4) else ""
         remedy = f"write for example {self.example(example)}{more}"
         self.errors.at(node, f"must be {content}, but is {node.kind()}", remedy)
         return None
 
-    def mapping(self, node: Node, content: str, remedy: str, least: int = 1, named: bool = False) -> dict[str, Node]:
-        """The entries of a mapping of `content`; empty after a fault. named: by names"""
+    def mapping(
+        self, node: Node | None, content: str, remedy: str, least: int = 1, named: bool = False
+    ) -> dict[str, Node]:
+        """The entries of a mapping of `content`; empty after a fault, or without one. named: by names"""
+        if node is None:
+            return {}
         if not isinstance(node.value, Mapping) or len(node.value) < least:
             self.errors.at(node, f"must be a mapping of {content}, but is {node.kind()}", remedy)
         for name, item in node.children.items() if named else ():
@@ -407,57 +414,39 @@ UNNAMED = ("title", "institution", "units", "output", "parameters", "sweep")
 
 def read_parameters(ctx: Context, node: Node | None) -> dict[str, Named]:
     """The value and the dimension of every name; without those that have a fault."""
-    if node is None:
-        return {}
     given = ctx.mapping(node, "names to numbers", "write {height: 20 mm}")
     for name, item in given.items():
         if not WORD.fullmatch(name) or name in (*VARIABLES, *CONSTANTS, *FUNCTIONS):
             taken = f"{name!r} is no name of a parameter: it has a meaning in expressions, or other signs than letters"
             ctx.errors.at(item, taken, "use letters, digits and _", on_key=True)
-    known: dict[str, Named] = {}
-    for name in _in_order(ctx, given):
-        inner = Context(ctx.errors, ctx.units, ctx.folder, known)
-        before = len(ctx.errors)
-        found = _number(inner, given[name])
-        if len(ctx.errors) == before:
-            known[name] = found
-    return known
-
-
-def _in_order(ctx: Context, given: Mapping[str, Node]) -> Iterator[str]:
-    """Every name after those that it is made of; a circle is a fault, and what needs it is left out."""
-    done: dict[str, bool] = {}
-
-    def visit(name: str, way: tuple[str, ...]) -> Iterator[str]:
-        if name in way:
-            circle = " → ".join((*way[way.index(name) :], name))
-            ctx.errors.at(given[name], f"is made of itself: {circle}", "give one of these a number")
-            done.update(dict.fromkeys(way, False))
-        if name in way or name in done:
-            return
-        for other in sorted(words_in(given[name], given)):
-            yield from visit(other, (*way, name))
-        if done.setdefault(name, True):
-            yield name
-
-    for name in given:
-        yield from visit(name, ())
+    inner, made_of = replace(ctx, named={}), {name: words_in(item, given) for name, item in given.items()}
+    try:
+        for name in TopologicalSorter(made_of).static_order():
+            before = len(ctx.errors)
+            found = _number(inner, given[name])
+            if len(ctx.errors) == before:
+                inner.named[name] = found
+    except CycleError as error:
+        circle = error.args[1][:0:-1]
+        first = next(i for name in given for i, one in enumerate(circle) if one == name)
+        words = " → ".join([*circle[first:], *circle[: first + 1]])
+        ctx.errors.at(given[circle[first]], f"is made of itself: {words}", "give one of these a number")
+    return {name: inner.named[name] for name in given if name in inner.named}
 
 
 def _number(ctx: Context, node: Node) -> Named:
     """A number, a quantity of any dimension that a study has, or an expression."""
-    parts = split_quantity(node.value) if isinstance(node.value, str) else None
-    if parts is None or ctx.units == "none":
-        dimension = _dimension(ctx, node.value) if isinstance(node.value, str) and parts is None else NONE
-        return Named(ctx.quantity(node, dimension), dimension)
-    dimension, remedy = _of_unit(parts[1])
-    try:
+    parts, dimension = split_quantity(node.value) if isinstance(node.value, str) else None, NONE
+    if parts is not None and ctx.units == "SI":
+        dimension, remedy = _of_unit(parts[1])
         if remedy:
-            raise UnitError(f"{parts[1]!r} is not a unit of any number of a study", remedy)
-        return Named(to_si(*parts, dimension), dimension)
-    except UnitError as error:
-        ctx.errors.at(node, *error.args)
-        return Named(float("nan"), NONE)
+            ctx.errors.at(node, f"{parts[1]!r} is not a unit of any number of a study", remedy)
+            return Named(math.nan, NONE)
+    elif isinstance(node.value, str) and ctx.units == "SI" and ctx.named:  # plain for one that a study has not
+        with suppress(expressions.ExpressionError, UnitError):  # which whoever reads the number says
+            found = units_of(parse(node.value, tuple(ctx.named)), ctx.named)
+            dimension = next((one for one in DIMENSIONS if dimensions_of(one.si) == found), NONE)
+    return Named(ctx.quantity(node, dimension), dimension)
 
 
 @lru_cache(maxsize=256)
@@ -473,17 +462,6 @@ def _of_unit(unit: str) -> tuple[Dimension, str]:
     return NONE, remedy
 
 
-def _dimension(ctx: Context, text: str) -> Dimension:
-    """The dimension of an expression between names; plain numbers for one that a study has not."""
-    if ctx.units == "none" or not ctx.named:
-        return NONE
-    try:
-        found = units_of(parse(text, tuple(ctx.named)), ctx.named)
-    except (ExpressionError, UnitError):  # which whoever reads the number says
-        return NONE
-    return next((one for one in DIMENSIONS if dimensions_of(one.si) == found), NONE)
-
-
 def words_in(node: Node, names: Iterable[str]) -> frozenset[str]:
     """The names that occur in the texts below a node."""
     return _words(node) & {*names}
@@ -494,16 +472,13 @@ def _words(node: Node) -> frozenset[str]:
     """All words of the texts below a node."""
     if isinstance(node.value, str):
         return frozenset(WORD.findall(node.value))
-    inner = node.children.values() if node.children else node.value if isinstance(node.value, tuple) else ()
-    return frozenset().union(*map(_words, inner))
+    return frozenset().union(*map(_words, node.value if isinstance(node.value, tuple) else node.children.values()))
 
 
 def users(root: Node, name: str) -> set[str]:
     """The names that follow from one, itself included."""
-    section = root.at("parameters")
-    given = section.value if section is not None and isinstance(section.value, Mapping) else {}
-    found, size = {name}, 0
-    while len(found) > size:
+    section, found, size = root.at("parameters"), {name}, 0
+    while section is not None and len(found) > size:
         size = len(found)
-        found |= {other for other, node in given.items() if words_in(node, found)}
+        found |= {other for other, node in section.children.items() if words_in(node, found)}
     return found

@@ -57,7 +57,7 @@ def read_fit(ctx: Context, reader: SceneReader, mesh: MeshPlan | None, history: 
         for name, one in ctx.named.items()
     }
     parameters, remedy = [], "write {friction.tau_s: {start: 4 MPa, within: [1 MPa, 50 MPa]}}"
-    for name, item in ctx.mapping(given, "numbers", remedy).items() if (given := fields["parameters"]) else ():
+    for name, item in ctx.mapping(fields["parameters"], "numbers", remedy).items():
         if number := named_number(ctx, item, name, known, on_key=True):
             parameters.append(_parameter(ctx, item, number, known[number.path].row, scenery, memory))
     ctx.sound()
@@ -83,8 +83,7 @@ def read_tests(ctx: Context, root: Node, study: Study, read: Callable[[tuple[str
     assert first is not None
     for item in items.value if isinstance(items.value, tuple) else ():
         fields = Fields(ctx, item, "fit_test")
-        remedy, given = "write {loads.f_x: 2 MPa}", fields["with"]
-        values = ctx.mapping(given, "values by key path", remedy) if given else {}
+        values = ctx.mapping(fields["with"], "values by key path", "write {loads.f_x: 2 MPa}")
         own: dict[str, object] = {key: node.plain() for key, node in values.items()}
         own |= {f"fit.{name}": node.plain() for name in ("data", "noise") if (node := fields[name])} | {"fit.tests": []}
         replaced = tuple(f"{whole_key(root, key)}." for key in own)
@@ -155,7 +154,7 @@ def _columns(
     data, lines, text = Fields(ctx, fields.values["data"], "fit_data"), list[tuple[Node, ...]](), ""
     wanted, file, noise = data["columns"], data["file"], dict[str, Node]()
     remedy = 'write {boundary.grip.u_x: "Delta [mm]", friction_resultant: "P [N/mm]"}'
-    headings = ctx.mapping(wanted, "names to headings", remedy) if wanted and file else {}
+    headings = ctx.mapping(wanted, "names to headings", remedy) if file else {}
     if headings and file:
         text, lines = table_lines(ctx, file)
     if file is None or not lines:

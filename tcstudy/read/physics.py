@@ -163,8 +163,8 @@ def read_materials(
     own: the section `materials`;  regions: names of the regions of the body; None if they are not known
     """
     material = _material(ctx, node)
-    if own is None or material is None:
-        return material
+    if material is None:
+        return None
     found, remedy = [], ctx.example("write {REGION: {E: 70 GPa, nu: 0.33}}")
     for name, item in ctx.mapping(own, "regions to materials", remedy).items():
         if regions is not None and name not in regions:

@@ -177,7 +177,7 @@ def _correlation(
 ) -> np.ndarray[Any, Any] | None:
     """The correlation matrix of the drawn parameters; None after a fault. places: of each by its path"""
     R = np.eye(len(places))
-    pairs = ctx.mapping(node, "pairs to numbers", 'write {"E, tau_s": 0.6}', least=0) if node else {}
+    pairs = ctx.mapping(node, "pairs to numbers", 'write {"E, tau_s": 0.6}', least=0)
     for key, item in pairs.items():
         rho, two = ctx.quantity(item, NONE), [path_of(name.strip()) for name in key.split(",")]
         at = [places.get(path, places.get(("parameters", *path), -1)) for path in two]

@@ -63,7 +63,7 @@ def body_as_given(path: Path, overrides: Sequence[str] = ()) -> Body | None:
         return None
     if (units := root.at("units")) and units.value == "none":
         ctx.units = "none"
-    ctx.named = read_parameters(ctx, names) if (names := root.at("parameters")) else {}
+    ctx.named = read_parameters(ctx, root.at("parameters"))
     return read_body(ctx, node)[0]
 
 
@@ -90,7 +90,7 @@ def read_study_text(
     words = {key: ctx.text(node) for key in ("title", "institution") if (node := root.at(key))}
     header = {"title": source.stem if source else name} | words | {"text": text, "source": source}
     before = len(ctx.errors)
-    ctx.named = read_parameters(ctx, names) if (names := root.at("parameters")) else {}
+    ctx.named = read_parameters(ctx, root.at("parameters"))
     if len(ctx.errors) > before:  # every use of a name without a value would be one fault more
         raise StudyError(ctx.errors.problems)
     root = with_sizes(ctx, root)
@@ -165,8 +165,7 @@ def read_variants(
     def of(one: Variant, root: Node, rest: Sweep, said: tuple[str, ...]) -> tuple[Variant, tuple[Problem, ...]]:
         """A geometry with its study, or with why it is refused; and what else is wrong with it."""
         inner = Context(Collector(), ctx.units, ctx.folder, ctx.named)
-        if names := root.at("parameters"):
-            inner.named = read_parameters(inner, names)
+        inner.named = read_parameters(inner, root.at("parameters"))
         refused = inner.errors.refused = []
         try:
             study = read(inner, root, rest, said)
