@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import is_dataclass, replace
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -90,9 +91,12 @@ def edge_names(body: Body) -> Names:
     return tuple(dict.fromkeys(names))
 
 
+_check_body = lru_cache(maxsize=4096)(body_faults.check_body)  # many geometries may share a body
+
+
 def check_shape(ctx: Context, body: Body, root: Node) -> bool:
     """Record what is wrong with the shape of the body where the study gives it; True if it is sound."""
-    faults = _oversized(body) or body_faults.check_body(body)
+    faults = _oversized(body) or _check_body(body)
     for fault in faults:
         ctx.errors.unfit(root.nearest(*(split_path(fault.where) or ("body",))), fault.where, fault.what, fault.remedy)
     return not faults

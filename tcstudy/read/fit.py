@@ -230,19 +230,17 @@ def _parameter(
     if scale == "log" and low <= 0.0:
         fields.fault("within", "begins at 0 or below, which has no logarithm; write scale: linear")
     ctx.sound()
+    scene = scenery.reader.base
+    assert scene is not None
     for end in (low, high):
         why = f"must {must}" if (must := out_of_bounds(row, end)) else ""
-        if number.path[-1] == "alpha" and end <= 0.0:
-            why = why or "must be greater than 0, or the heat of the body cannot be told"
-        scene = scenery.reader.base
-        assert scene is not None
+        if not why and number.path[-1] == "alpha" and end <= 0.0:
+            why = "must be greater than 0, or the heat of the body cannot be told"
         try:
-            if not why and number.path[0] == "history" and memory:
-                memory = replace(memory, stiffness=end)
-            elif not why:
-                scene = scenery.at(scene, {number.path: end})
+            moved = scene if why or number.path[0] == "history" else scenery.at(scene, {number.path: end})
             if memory and not why:
-                memory.fits(scene.friction)
+                stiffness = end if number.path[0] == "history" else memory.stiffness
+                replace(memory, stiffness=stiffness).fits(moved.friction)
         except StudyError as error:
             why = error.problems[0].what
         except UnfitLaw as error:
@@ -250,9 +248,9 @@ def _parameter(
         if why:
             fields.fault("within", f"{number.name} = {end:g}: {why}; narrow the bounds")
     ctx.sound()
-    if number.path[0] == "parameters" and scenery.reader.base:
+    if number.path[0] == "parameters":
         try:
-            if not scenery.rates(scenery.reader.base, number.path[1], {number.path: start}):
+            if not scenery.rates(scene, number.path[1], {number.path: start}):
                 fields.fault("start", f"no section uses {number.name}; remove it")
         except UserFault as error:
             fields.fault("start", f"{error}; fit a number that is the same everywhere, or give it a value")

@@ -74,13 +74,13 @@ def table_lines(ctx: Context, node: Node) -> tuple[str, list[tuple[Node, ...]]]:
         ctx.errors.at(node, f"{path}: {error.problems[0].what}", "name a CSV table beside the study")
         return "", []
     lines = list(_csv_lines(ctx, text.removeprefix("\N{BYTE ORDER MARK}"), str(path)))
-    heads = lines[0] if lines else ()
-    words, wrong = [str(cell.value) for cell in heads], [line for line in lines if len(line) != len(heads)]
+    heads, wrong = lines[0] if lines else (), [line for line in lines if len(line) != len(lines[0])]
+    words = [str(cell.value) for cell in heads]
     twice = [k for k, word in enumerate(words) if word and word in words[:k]]
     other = [name for name, mark in {"semicolons": ";", "tabs": "\t"}.items() if len(words) == 1 and mark in words[0]]
     if len(ctx.errors) > before:
-        return "", []
-    if other:
+        pass
+    elif other:
         ctx.errors.at(heads[0], f"columns are separated by {other[0]}; write commas, and a point in decimals")
     elif words and all(re.fullmatch(NUMBER, word) for word in words):
         ctx.errors.at(heads[0], "the table has no headings; write a name and its unit over each column, as u_x [mm]")
@@ -129,19 +129,19 @@ Drawn = tuple[tuple[Node, ...], tuple[str, ...], str]
 """The values of one parameter; names of laws that stand for them in the data, if they are laws; the distribution."""
 
 
+@none_after_fault
 def read_design(ctx: Context, node: Node, mode: str, most: int, d: int) -> Design | None:
     """How many points are drawn, and from which seed; None after a fault."""
-    before = len(ctx.errors)
     points, seed = node.at("points"), node.at("seed")
     if points is None:
         ctx.errors.at(node, "is missing", "say how many are drawn: points: 500", key=f"{node.path}.points")
         return None
-    n = ctx.integer(points, 1, most)
-    start = ctx.value(seed, table.row("sweep", "seed")) if seed is not None else 0
-    if len(ctx.errors) == before and count(mode, n, d) > most:
+    n, start = ctx.integer(points, 1, most), ctx.value(seed, table.row("sweep", "seed")) if seed else 0
+    ctx.sound()
+    if count(mode, n, d) > most:
         what = f"{n} × ({d} + 2) points of {mode} are more than {most}"
         ctx.errors.at(points, what, "draw fewer points, or leave parameters out")
-    return Design(mode, n, start) if len(ctx.errors) == before else None
+    return Design(mode, n, start)
 
 
 def draw(
@@ -156,16 +156,15 @@ def draw(
     for (key, found), u in zip(read.items(), (points if correlation is None else correlated(points, R)).T, strict=True):
         node, parameter = items[key]
         if isinstance(found, Distribution):
-            inner = next(iter(node.value.values())).value if isinstance(node.value, Mapping) else ()
-            ends = inner.values() if isinstance(inner, Mapping) else inner if isinstance(inner, tuple) else ()
+            inner = next(iter(node.children.values()))
+            ends = inner.children.values() or inner.entries
             written = [end.value for end in ends if isinstance(end.value, str)]
             unit = common_unit(written, parameter.row.dimension) if ctx.units == "SI" else ("", 1.0)
             values = tuple(replace(node, value=value, shown_in=unit) for value in found.at(u).tolist())
             drawn[key] = values, (), str(found)
         elif found is not None:
-            entries = tuple(found.values()) if isinstance(found, dict) else found
+            names, entries = (tuple(found), tuple(found.values())) if isinstance(found, dict) else ((), found)
             which = np.minimum((u * len(entries)).astype(int), len(entries) - 1).tolist()
-            names = tuple(found) if isinstance(found, dict) else ()
             said = f"choice({', '.join(names or [entry.text() for entry in entries])})"
             drawn[key] = tuple(entries[i] for i in which), tuple(names[i] for i in which if names), said
     return drawn
@@ -189,13 +188,11 @@ def _correlation(
         else:
             R[at[0], at[1]] = R[at[1], at[0]] = rho
     ctx.sound()
-    if pairs and node is not None:
-        if mode == SALTELLI:
-            ctx.errors.at(node, f"mode: {SALTELLI} takes its parameters as independent", "use mode: sobol or random")
-        elif np.linalg.eigvalsh(R)[0] <= 0.0:
-            ctx.errors.at(node, "no parameters can be correlated like this: the matrix is not positive definite",
-                          "bring the numbers nearer to 0")  # fmt: skip
-    ctx.sound()
+    if pairs and node is not None and mode == SALTELLI:
+        ctx.errors.at(node, f"mode: {SALTELLI} takes its parameters as independent", "use mode: sobol or random")
+    elif pairs and node is not None and np.linalg.eigvalsh(R)[0] <= 0.0:
+        what = "no parameters can be correlated like this: the matrix is not positive definite"
+        ctx.errors.at(node, what, "bring the numbers nearer to 0")
     return R
 
 
@@ -205,10 +202,10 @@ Choice = dict[str, Node] | tuple[Node, ...]
 @none_after_fault
 def _distribution(ctx: Context, node: Node, parameter: Parameter, mode: str) -> Distribution | Choice | None:
     """The distribution of a parameter, or the values that are equally likely; None after a fault."""
-    whole, dimension = parameter.is_whole, parameter.row.dimension
+    whole, dimension, children = parameter.is_whole, parameter.row.dimension, node.children
     found: Choice | Distribution | None = None
-    if whole and isinstance(node.value, Mapping) and node.value and not parameter.is_one(node.value):
-        found = dict(node.value)
+    if whole and children and not parameter.is_one(children):
+        found = dict(children)
     elif whole or not isinstance(node.value, Mapping):
         shape = f"{{NAME: {{{WHOLE[parameter.row.kind][0]}: ...}}, NAME: ...}}" if whole else "{uniform: [a, b]}"
         remedy = f"with mode: {mode} write {shape}" + ("" if whole else " or {choice: [a, b]}")

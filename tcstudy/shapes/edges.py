@@ -10,9 +10,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
@@ -317,10 +317,12 @@ class TriangleGeometry:
         return np.einsum("tk...,tkd->t...d", nodal[self.triangles], self.slopes)
 
     @cached_property
-    def incidence(self) -> sp.csr_array:
+    def incidence(self) -> Any:
         """(n, t) with 1 where a node is a corner of a triangle."""
         t = len(self.triangles)
         entries = np.ones(3 * t), (self.triangles.ravel(), np.repeat(np.arange(t), 3))
+        import scipy.sparse as sp
+
         return sp.csr_array(sp.coo_array(entries, shape=(len(self.points), t)))
 
     def barycentric(self, at: Array, of: Indices | slice = slice(None)) -> Array:
