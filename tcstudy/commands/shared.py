@@ -305,9 +305,10 @@ def do(
                     return True, there
                 return False, f"held {done.found} steps; the others were added" if done.found else ""
             case "fit":
-                from tcstudy.study.fit import execute_fit
+                from tcstudy.study.fit import fit
+                from tcstudy.study.run import to_file
 
-                execute_fit(study, output, say, words)
+                to_file(output, study, words, lambda: fit(study, say))
             case "convergence":
                 from tcstudy.reports.text import with_unit
                 from tcstudy.study.convergence import converge_to_file

@@ -17,6 +17,7 @@ import numpy as np
 
 from tcstudy.errors import StudyError, UserFault
 from tcstudy.laws.composed import POINTS
+from tcstudy.laws.laws import Laws
 from tcstudy.read.document import whole_key
 from tcstudy.read.fields import Context, Fields, none_after_fault, out_of_bounds, users, words_in
 from tcstudy.read.loads import check_fit, differentiable, level_of, meant_number, named_number
@@ -127,8 +128,8 @@ def _check(fields: Fields, plan: FitPlan) -> None:
     if len(plan.given) != 1 or plan.place is not None or names != ["friction_resultant"]:
         need = "distances to a path need two columns; give one parameter of the load and friction_resultant"
         fields.fault("compare", f"{need}, or use compare: vertical")
-    elif len(plan.scene.laws) > 1:
-        fields.fault("compare", "a path takes one law; use compare: vertical")
+    elif not isinstance(plan.scene.friction, Laws):
+        fields.fault("compare", "a path takes one law, the same all along the contact line; use compare: vertical")
     elif _to_and_fro(plan) > SHUFFLED:
         said = "the data jump to and fro, but feet on a path need them in the order of the test; "
         file = fields.values["data"].at("file") or fields.node

@@ -4,41 +4,47 @@ Of a history (`history_run`) the steps are compared that were measured: one hist
 number, which is a little off, for differences. All other derivatives are exact.
 
 Vertical: the scene is solved at every datum, each from the solution before (the way a test goes: one solve a datum),
-and its results are compared; derivatives from the factor at each solution (`contact.linearised`).
+and its results are compared; derivatives from the factor at each solution (`contact.solution.Linearised`).
 
 Orthogonal: the path of the scene along the measured parameter t is followed once, and every datum is projected on the
 curve (t, R), R = Σξ, in units of the noise of both. By the envelope theorem ∂d/∂p = −nᵀ∂(t, R)/∂p, whatever coordinate
-along the curve is held fixed (`study.fit_path`).
+along the curve is held fixed. On a side of the polygon (t, R) the nodes keep their pieces, and held fixed is eᵀv with e
+along the side: the bordered matrix [H −l̃₁; eᵀ 0] is regular at a simple fold, where H is not. At a corner the slip of
+the node that passes its kink there is held on that kink. The same beside the path of a law with exponential pieces, on
+the curve itself (`contact.path.smooth`). Literature: Keller, in Rabinowitz (ed.), Applications of Bifurcation Theory
+(1977) 359–384 (bordering).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.accuracy.fitted import Feet, feet
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.path.follow import Follower, Path
 from tcstudy.contact.path.problem import WHOLE
+from tcstudy.contact.path.smooth import CurvePoint, Goal, SmoothPath
 from tcstudy.contact.problem import Status
 from tcstudy.contact.solution import Linearised
 from tcstudy.contact.solve import solve_contact
 from tcstudy.errors import FitError, PathError, StudyError
+from tcstudy.laws.composed import LawSlopes, law_slopes, number_of
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import WholeBody, change_of
 from tcstudy.read.scenes import Scenery
-from tcstudy.scene.histories import HistoryPlan, Keys, UnfitLaw
+from tcstudy.scene.histories import Keys, UnfitLaw
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Direction, FitPlan, Sensitivity
-from tcstudy.study.fit_path import MovingPath
 from tcstudy.study.history_run import STIFFNESS, with_stiffness
 from tcstudy.study.history_run import followed as followed_steps
 from tcstudy.study.path_run import affine_load, followed, straightened
-from tcstudy.study.point import Rates, rates_of
+from tcstudy.study.point import rates_of
 
 Array = NDArray[np.float64]
 DIFFERENCE = 1e-6
@@ -110,35 +116,36 @@ class FitModel:
         """The study with the numbers p against the data. Raises FitError where it has no solution."""
         scene = self.scene(p)
         if self.plan.history is not None:
-            return self._vertical(scene, [], self._steps(p))
+            return self._vertical(self._steps(p))
         numbers, chain = self.chain(p)
-        found = (self._vertical if self.plan.compare == "vertical" else self._orthogonal)(scene, numbers)
+        if self.plan.compare == "vertical":
+            found = self._vertical(self._points(scene, numbers))
+        else:
+            found = self._orthogonal(scene, numbers)
         found = replace(found, jacobian=found.jacobian @ chain)
         if not np.all(np.isfinite(found.jacobian)):
             raise FitError("the results have no derivative at a datum: it lies on a fold; use compare: orthogonal")
         return found
 
-    def plan_of(self, p: Array) -> HistoryPlan | None:
-        """The history with these numbers."""
-        paths = [one.number.path for one in self.plan.parameters]
-        return (
-            with_stiffness(self.plan.history, dict(zip(paths, p.tolist(), strict=True))) if self.plan.history else None
-        )
+    # -- at each datum: (3 + m,) the SCALARS and u_T, and (3 + m, k) their derivatives -------------------
 
-    def _steps(self, p: Array) -> dict[int, tuple[Array, Array]]:
-        """What is compared at the measured steps of the history, and its derivatives: differences inside the bounds."""
+    def _steps(self, p: Array) -> Iterator[tuple[Array, Array]]:
+        """Of the measured steps of the history; derivatives are differences inside the bounds."""
         middle, columns = self._followed(p), list[dict[int, Array]]()
         for j, one in enumerate(self.plan.parameters):
             h = DIFFERENCE * (p[j] if one.log else max(abs(p[j]), 1e-3 * (one.high - one.low)))
             q = p.copy()
             q[j] += h if p[j] + h <= one.high else -h
             columns.append({n: (x - middle[n]) / (q[j] - p[j]) for n, x in self._followed(q).items()})
-        return {n: (x, np.stack([column[n] for column in columns], axis=1)) for n, x in middle.items()}
+        for n in self.plan.at_steps:
+            yield middle[n], np.stack([column[n] for column in columns], axis=1)
 
     def _followed(self, p: Array) -> dict[int, Array]:
         """What is compared at the measured steps of the history; the rest of it is not followed."""
-        wanted, found, plan, scene = set(self.plan.at_steps), dict[int, Array](), self.plan_of(p), self.scene(p)
-        assert plan is not None
+        wanted, found, scene, history = set(self.plan.at_steps), dict[int, Array](), self.scene(p), self.plan.history
+        assert history is not None
+        paths = [one.number.path for one in self.plan.parameters]
+        plan = with_stiffness(history, dict(zip(paths, p.tolist(), strict=True)))
         try:
             for n, (step, mean) in enumerate(followed_steps(plan, self.level, scene, self.tolerance)):
                 self.solves += 1
@@ -152,42 +159,38 @@ class FitModel:
             raise FitError(str(error)) from error
         return found
 
-    def _results(self, scene: Scene, v: Array, xi: Array, moved: Iterable[Rates]) -> tuple[Array, Array]:
-        """(3 + m,) the SCALARS of a solution and u_T, and (3 + m, k) their derivatives."""
-        largest = int(np.argmax(np.abs(v)))
-        rows = [[dxi.sum(), np.sign(v[largest]) * dv[largest], mean, *dv] for dv, dxi, mean in moved]
-        mean = self.level.temperature(scene).mean if scene.material.beta != 0.0 else 0.0
-        return np.array([xi.sum(), np.max(np.abs(v)), mean, *v]), np.array(rows).T
-
-    def _vertical(
-        self, scene: Scene, numbers: list[Sensitivity], steps: dict[int, tuple[Array, Array]] | None = None
-    ) -> Compared:
-        """numbers: to differentiate by;  steps: of a history, in the place of solutions"""
-        plan, v, known = self.plan, None, None
-        count, k = len(plan.measured[0].values), len(numbers) if steps is None else len(plan.parameters)
-        predicted, slopes = np.empty((len(plan.measured), count)), np.empty((len(plan.measured), count, k))
-        for i in range(count):
-            loads = tuple(column.values[i] for column in plan.loads)
-            if steps is not None:
-                values, rates = steps[plan.at_steps[i]]
-            elif loads != known:  # the data of a profile have one load
-                for column, value in zip(plan.loads, loads, strict=True):
+    def _points(self, scene: Scene, numbers: list[Sensitivity]) -> Iterator[tuple[Array, Array]]:
+        """Of solutions, each continued from that before; the data of a profile have one load."""
+        v, known, result = None, None, None
+        for i in range(len(self.plan.measured[0].values)):
+            loads = tuple(column.values[i] for column in self.plan.loads)
+            if result is None or loads != known:
+                for column, value in zip(self.plan.loads, loads, strict=True):
                     scene = path_scene(scene, column.path, value)
                 v, known = self._solved(scene, v, i), loads
                 problem, whole = self.level.condensed(scene).problem, WholeBody(self.level, scene, v)
-                here = Linearised.at(problem, v)
-                moved = [rates_of(whole, one, here, change_of(self.level, scene, one)) for one in numbers]
-                values, rates = self._results(scene, v, problem.xi(v), moved)
-            for j, column in enumerate(plan.measured):
+                here, largest = Linearised.at(problem, v), int(np.argmax(np.abs(v)))
+                moved = (rates_of(whole, one, here, change_of(self.level, scene, one)) for one in numbers)
+                rates = [[dxi.sum(), np.sign(v[largest]) * dv[largest], mean, *dv] for dv, dxi, mean in moved]
+                mean = self.level.temperature(scene).mean if scene.material.beta != 0.0 else 0.0
+                result = np.array([problem.xi(v).sum(), np.max(np.abs(v)), mean, *v]), np.array(rates).T
+            yield result
+
+    def _vertical(self, results: Iterable[tuple[Array, Array]]) -> Compared:
+        """The results at every datum against the data."""
+        found, predicted, slopes = list(results), [], []
+        for column in self.plan.measured:
+            for i, (values, rates) in enumerate(found):
                 if column.name == "u_T":
-                    predicted[j, i], slopes[j, i] = self._weights[i] @ values[3:], self._weights[i] @ rates[3:]
+                    value, rate = self._weights[i] @ values[3:], self._weights[i] @ rates[3:]
                 else:
                     at = SCALARS.index(column.name)
-                    predicted[j, i], slopes[j, i] = values[at], rates[at]
-        data = np.array([column.values for column in plan.measured])
+                    value, rate = values[at], rates[at]
+                predicted.append(value)
+                slopes.append(rate)
+        data = np.concatenate([column.values for column in self.plan.measured])
         sigma = self.noise[: data.size]
-        residual = (predicted - data).ravel() / sigma
-        return Compared(residual, slopes.reshape(-1, k) / sigma[:, None], predicted.ravel())
+        return Compared((predicted - data) / sigma, np.array(slopes) / sigma[:, None], np.array(predicted))
 
     def _solved(self, scene: Scene, before: Array | None, i: int) -> Array:
         """The solution at a datum, continued from that before."""
@@ -211,13 +214,9 @@ class FitModel:
             raise FitError("a profile of u_T over x needs a contact line of which no two nodes have the same x")
         if np.any((x < along[0] - cell[0]) | (x > along[-1] + cell[-1])):
             raise FitError(f"x = {x[np.argmax(np.abs(x - along.mean()))]:g} of the profile is not on the contact line")
-        left = np.clip(np.searchsorted(along, x) - 1, 0, len(along) - 2)
-        share = np.clip((x - along[left]) / cell[left], 0.0, 1.0)
-        found = np.zeros((len(x), len(along)))
-        rows = np.arange(len(x))
-        found[rows, order[left]] = 1.0 - share
-        found[rows, order[left + 1]] = share
-        return found
+        weights = np.empty((len(x), len(along)))
+        weights[:, order] = np.transpose([np.interp(x, along, node) for node in np.eye(len(along))])
+        return weights
 
     # -- along the path ----------------------------------------------------------------------------
 
@@ -246,3 +245,130 @@ class FitModel:
             return followed(problem, follower, "from-zero", 0.0, way, column.name)[0]
         except PathError as error:
             raise FitError(str(error)) from error
+
+
+Held = tuple[Array, float, int]
+"""(row, time, kink): the coordinate row·v + time·t is held, at a corner on the kink, −1 elsewhere."""
+
+
+@dataclass(frozen=True, eq=False)
+class MovingPath:
+    """A path of a scene along a parameter (key path `along`), and the numbers by which it is differentiated."""
+
+    level: Level
+    scene: Scene
+    along: tuple[str, ...]
+    path: Path
+    numbers: Sequence[Sensitivity]
+
+    @cached_property
+    def laws(self) -> list[LawSlopes | None]:
+        """Derivatives of the law by each number, None where that is no number of it."""
+        law = self.scene.one_law
+        return [law_slopes(law, number_of(one.path)) if one.path[0] == "friction" else None for one in self.numbers]
+
+    def feet(self, data: Array, sigma: Array) -> tuple[Feet, Array]:
+        """Feet of data (n, 2) in units of sigma (2,), and (n, k) derivatives of the distances by the numbers.
+
+        Raises FitError where a curve is not found beside its path.
+        """
+        path, law = self.path, self.scene.one_law
+        foot = feet(data / sigma, path.curve / sigma)
+        sides = [(int(side), float(share)) for side, share in zip(foot.side, foot.share, strict=True)]
+        if law.piecewise_linear:
+            moved = self._at(sides)
+        else:
+            try:
+                curve = SmoothPath(path, law)
+                points = [
+                    curve.least(*place, _distance(datum, sigma)) for place, datum in zip(sides, data, strict=True)
+                ]
+            except ValueError as error:
+                raise FitError(str(error)) from error
+            moved = np.stack([self._derivative(p.codes, p.v, p.t, (p.row, p.time, p.kink)) for p in points])
+            foot = _on_curve(foot, points, data / sigma, sigma)
+        return foot, -np.einsum("nd,ndk->nk", foot.normal / sigma, moved)
+
+    def _at(self, places: Sequence[tuple[int, float]]) -> Array:
+        """(n, 2, k) derivatives of (t, R) by the numbers at shares of sides of the path, linear along a side."""
+        path, found, known = self.path, [], dict[tuple[int, int, int], tuple[Array, Array]]()
+        for place in places:
+            side, share, node, held = self._held(*place)
+            if (key := (side, node, held[-1])) not in known:
+                codes, ends = path.codes[side].astype(np.intp), (side, side + 1)
+                first, last = (self._derivative(codes, path.u[k], float(path.t[k]), held) for k in ends)
+                known[key] = first, last - first
+            constant, along = known[key]
+            found.append(constant + share * along)
+        return np.array(found)
+
+    def _held(self, side: int, share: float) -> tuple[int, float, int, Held]:
+        """(side, share, node, what is held): at a corner of a side on which the node that passes its kink there slides.
+
+        node: −1 where none does; at the ends of the path t is held
+        """
+        path, m = self.path, self.path.problem.m
+        vertex = side + int(share == 1.0)
+        if share in (0.0, 1.0) and vertex in (0, path.pieces):
+            return side, share, -1, (np.zeros(m), 1.0, -1)
+        for k in np.flatnonzero(path.events.vertex == vertex) if share in (0.0, 1.0) else ():
+            node = int(path.events.node[k])
+            for own, code in ((vertex - 1, path.events.before[k]), (vertex, path.events.after[k])):
+                if 0 <= own < path.pieces and path.problem.graph.free[code] and path.codes[own, node] == code:
+                    kink = int(path.problem.law.nearest_kink(np.full(m, path.u[vertex, node]))[node])
+                    return own, float(vertex - own), node, (np.eye(m)[node], 0.0, kink)
+        return side, share, -1, (*path.along(side), -1)
+
+    def _derivative(self, codes: NDArray[np.intp], v: Array, t: float, held: Held) -> Array:
+        """(2, k) ∂(t, R)/∂p at v and t, all nodes on the pieces of `codes`, row·v + time·t held, or its kink's."""
+        problem, law, (row, time, kink) = self.path.problem, self.scene.one_law, held
+        free, m, piece = np.flatnonzero(codes % 2 == 0), problem.m, codes // 2
+        at = path_scene(self.scene, self.along, t)
+        bordered = np.zeros((len(free) + 1, len(free) + 1))
+        bordered[:-1, :-1] = problem.A_tilde[np.ix_(free, free)]
+        bordered[np.arange(len(free)), np.arange(len(free))] += problem.c[free] * law.slope(v[free], piece[free])
+        scale = float(np.max(np.abs(bordered.diagonal()), initial=0.0)) or 1.0
+        bordered[:-1, -1] = -problem.l_1[free]
+        bordered[-1, :-1] = scale * row[free]
+        bordered[-1, -1] = scale * time
+        right = np.zeros((len(free) + 1, len(self.numbers)))
+        kinks, loads = (np.zeros((m, len(self.numbers))) for _ in range(2))
+        whole = WholeBody(self.level, at, v)
+        for j, number in enumerate(self.numbers):
+            load = whole.right_side(change_of(self.level, at, number))
+            b, moving = np.zeros(m), np.zeros(m)
+            if (change := self.laws[j]) is not None:
+                b = change.value(v, piece)
+                moving[piece < len(change.kinks)] = change.kinks[piece[piece < len(change.kinks)]]
+                right[-1, j] = scale * change.kinks[kink] if kink >= 0 else 0.0
+            moving[free] = 0.0
+            kinks[:, j], loads[:, j] = moving, load
+            right[:-1, j] = (load - problem.c * b - problem.A_tilde @ moving)[free]
+        step = np.linalg.solve(bordered, right)
+        dv = kinks
+        dv[free] = step[:-1]
+        dR = (loads - problem.A_tilde @ dv).sum(axis=0) + step[-1] * problem.l_1.sum()
+        return np.stack([step[-1], dR])
+
+
+def _distance(datum: Array, sigma: Array) -> Goal:
+    """½ of the squared distance of a point from a datum, in units of sigma."""
+
+    def goal(x: Array) -> tuple[float, Array, Array]:
+        apart = (x - datum) / sigma
+        return 0.5 * float(apart @ apart), apart / sigma, np.diag(sigma**-2.0)
+
+    return goal
+
+
+def _on_curve(foot: Feet, points: Sequence[CurvePoint], data: Array, sigma: Array) -> Feet:
+    """The feet of data on the curve beside those on the polygon, positive on the same side."""
+    at = np.array([point.x for point in points]) / sigma
+    along = np.array([point.first for point in points]) / sigma
+    across, left = data - at, np.stack([-along[:, 1], along[:, 0]], axis=1)
+    size = np.linalg.norm(across, axis=1)
+    near = size <= 1e-9 * np.linalg.norm(data, axis=1)
+    normal = np.where(near[:, None], left, across)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)[:, None]
+    normal *= np.where(np.sum(normal * foot.normal, axis=1) >= 0.0, 1.0, -1.0)[:, None]
+    return replace(foot, point=at, normal=normal, distance=np.sum(across * normal, axis=1))

@@ -62,12 +62,14 @@ def test_missing_parameters_hide_no_fault_of_the_data(tmp_path: Path) -> None:
     assert [problem.key for problem in info.value.problems] == ["fit.parameters", "fit.data.file"]
 
 
-def test_data_of_a_path_in_no_order_are_refused(tmp_path: Path) -> None:
+def test_data_of_a_path_in_no_order_and_laws_that_vary_along_the_line_are_refused(tmp_path: Path) -> None:
     """Feet on a path go forward with the data."""
     data = pulled(45)
     study_of(tmp_path, data[::-1])
     with pytest.raises(StudyError, match="the data jump to and fro"):
         study_of(tmp_path, np.random.default_rng(1).permutation(data))
+    with pytest.raises(StudyError, match=r"fit.compare: a path takes one law, the same all along the contact line"):
+        study_of(tmp_path, data, {"delta: 0.3 mm}": 'delta: 0.3 mm, strength: "1 + x"}'})
 
 
 def test_numbers_that_nothing_depends_on_are_named(tmp_path: Path) -> None:
