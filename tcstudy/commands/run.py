@@ -16,7 +16,7 @@ from tcstudy.commands.shared import MANNER, OK, SOME_FAILED, STUDY, Option, chec
 if TYPE_CHECKING:
     from tcstudy.scene.study import Study
     from tcstudy.study.plan import Plan
-    from tcstudy.study.sizes import Resources
+    from tcstudy.study.workers import Resources
 
 KEPT = "finished points are kept, the same command goes on from there"
 """What becomes of the work of a run that is stopped."""
@@ -109,8 +109,7 @@ def _dry_run(options: argparse.Namespace) -> int:
         study = options.read = shared.outside_the_sweep(study)
     from tcstudy.data.provenance import already_there
     from tcstudy.reports.terminal.progress import expected_words, forecast_text
-    from tcstudy.study.plan import plan, resources
-    from tcstudy.study.workers import hands
+    from tcstudy.study.plan import hands, plan, resources
 
     forecast = plan(study)
     workers, work = hands(study, forecast.levels, options.jobs)

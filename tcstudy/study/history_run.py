@@ -59,8 +59,7 @@ from tcstudy.study.append import differences
 from tcstudy.study.lint import warnings
 from tcstudy.study.point import STATUS
 from tcstudy.study.run import level_record
-from tcstudy.study.sizes import of_history
-from tcstudy.study.workers import WorkerPool, submit
+from tcstudy.study.workers import WorkerPool, of_history, submit
 
 Array = NDArray[np.float64]
 STIFFNESS = ("history", "stiffness")

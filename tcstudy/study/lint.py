@@ -37,7 +37,7 @@ from tcstudy.scene.records import Body, Clamped, Contact, Convection, Scene, Tra
 from tcstudy.scene.study import Study
 from tcstudy.shapes.edges import edge_length, edge_normal, loop_area
 from tcstudy.shapes.faults import TOLERANCE
-from tcstudy.study.sizes import expected_bytes
+from tcstudy.study.workers import expected_bytes
 
 AMBIENT = (250.0, 350.0)
 """Temperatures [K] of a workshop when they are counted from absolute zero, which the study does not do."""

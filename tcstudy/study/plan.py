@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,11 +30,11 @@ from tcstudy.scene.points import (
     why_no_heat,
 )
 from tcstudy.scene.records import Contact
-from tcstudy.scene.study import MeshPlan, Study
+from tcstudy.scene.study import Study
 from tcstudy.shapes.edges import body_area, boundary_lengths
 from tcstudy.study.lint import lint, locking_notes, once, unused
 from tcstudy.study.run import stages
-from tcstudy.study.sizes import (
+from tcstudy.study.workers import (
     MEMORY,
     NODE,
     POINT,
@@ -44,7 +44,11 @@ from tcstudy.study.sizes import (
     LevelForecast,
     Resources,
     expected_bytes,
+    for_blocks,
+    for_calls,
     meshing_seconds,
+    of_geometry,
+    of_history,
     predicted,
     refined,
     sizes,
@@ -144,32 +148,30 @@ def _of_body(study: Study, levels: tuple[LevelForecast, ...]) -> Plan:
     )
 
 
-def _left_out(study: Study, heat_solved: bool) -> list[str]:
-    scenes = study.scenes
-    out = []
+def _left_out(study: Study, heat_solved: bool) -> Iterator[str]:
+    scenes, mesh = study.scenes, study.mesh
     cold = count_points(scenes, FELT, lambda s: not needs_heat_solve(s))
-    if not heat_solved:
-        out.append(f"heat problem: {why_no_heat(scenes)}")
-    elif cold:
-        out.append(f"heat problem at {cold} of {len(scenes)} points: {why_no_heat(scenes)}")
+    if cold:
+        yield f"heat problem{f' at {cold} of {len(scenes)} points' if heat_solved else ''}: {why_no_heat(scenes)}"
     if not any(s.f != (0.0, 0.0) for s in distinct(scenes, "f")):
-        out.append("body force: f is zero or not given")
-    if not study.mesh.estimates and study.history is None:
-        out.append("error estimates: not asked for (mesh.estimate: true, a tolerance or family: adaptive adds them)")
-    if study.mesh.tolerance is not None:
-        mesh, unit = study.mesh, "" if study.units == "none" else " m"
-        out.append(
-            f"meshes finer than needed: {mesh.strategy.how} from maxh = {mesh.maxh[0]:g}{unit} until the "
-            f"{mesh.goal.kind} relative error of {mesh.goal.quantity} is at most {mesh.tolerance:g} at every point, "
-            f"{mesh.max_dofs} dofs are passed or there are {mesh.levels} levels"
+        yield "body force: f is zero or not given"
+    if not mesh.estimates and study.history is None:
+        yield "error estimates: not asked for (mesh.estimate: true, a tolerance or family: adaptive adds them)"
+    if mesh.tolerance is not None:
+        yield (
+            f"meshes finer than needed: {mesh.strategy.how} from maxh = {mesh.maxh[0]:g}"
+            f"{'' if study.units == 'none' else ' m'} until the {mesh.goal.kind} relative error of "
+            f"{mesh.goal.quantity} is at most {mesh.tolerance:g} at every point, {mesh.max_dofs} dofs are passed or "
+            f"there are {mesh.levels} levels"
         )
     if not study.output.fields and study.history is None:
-        out.append("whole-body fields u₂ and θ in the data: not asked for (output.fields: true keeps them)")
-    return out
+        yield "whole-body fields u₂ and θ in the data: not asked for (output.fields: true keeps them)"
 
 
 WORTH_SAYING = 2.0
 """Seconds of meshing from which on a forecast says so."""
+LONG = 2.0
+"""Lengths of elements over the height of a strip above which path and lowest state may differ (configs/README.md)."""
 
 
 def _notes(study: Study, levels: tuple[LevelForecast, ...]) -> Iterator[str]:
@@ -181,8 +183,22 @@ def _notes(study: Study, levels: tuple[LevelForecast, ...]) -> Iterator[str]:
     yield from (*idle_notes(study), *lint(study))
     if mesh.strategy.note:  # what the table of levels does not say
         yield mesh.strategy.note.format(goal=mesh.goal.quantity, power=1 - mesh.grading)
-    yield from _other_commands(study)
-    yield from _long_elements(study, levels)
+    if study.kind != "run":
+        others = [name for name in ("history", "path") if getattr(study, name) is not None and name != study.kind]
+        left = f"section {others[0]}" if others else "points of the sweep"
+        yield f"{asked(study)}: run does this; for the {left} add --set {study.kind}=null"
+    if study.exact is not None:
+        yield "exact solution given: measure the errors against it with tcstudy converge"
+    if study.history is not None and (body := scenes[0].body).brep is None:
+        lengths = boundary_lengths(body)
+        contact = sum(lengths[name] for name in scenes[0].edges(Contact))
+        ratio = contact**2 / (study.history.of(levels).n_contact * body_area(body))  # its height: area over Γ_C
+        if ratio > LONG:
+            yield (
+                f"elements on the contact line are {ratio:.2g} times as long as the body is high there: they push "
+                "nodes back before the front that comes to them, so that path and lowest state may differ by some per "
+                "cent; choose a smaller mesh.maxh or more levels"
+            )
     if scenes[0].material.regions and (swept := swept_parts(scenes)):
         names = ", ".join(name for where in swept for name in where)
         count = _factorisations(study)
@@ -214,40 +230,27 @@ def asked(study: Study) -> str:
     return ""
 
 
-def _other_commands(study: Study) -> Iterator[str]:
-    """What a run leaves alone, and what would do it."""
-    if study.kind != "run":
-        others = [name for name in ("history", "path") if getattr(study, name) is not None and name != study.kind]
-        left = f"section {others[0]}" if others else "points of the sweep"
-        yield f"{asked(study)}: run does this; for the {left} add --set {study.kind}=null"
-    if study.exact is not None:
-        yield "exact solution given: measure the errors against it with tcstudy converge"
-
-
-LONG = 2.0
-"""Lengths of elements over the height of a strip above which path and lowest state may differ (configs/README.md)."""
-
-
-def _long_elements(study: Study, levels: tuple[LevelForecast, ...]) -> Iterator[str]:
-    """Where the mesh pushes nodes of a thin strip back; the strip's height is its area over its contact line."""
-    scene = study.scenes[0]
-    if study.history is None or scene.body.brep is not None:
-        return
-    lengths = boundary_lengths(scene.body)
-    contact = sum(lengths[name] for name in scene.edges(Contact))
-    ratio = contact**2 / (study.history.of(levels).n_contact * body_area(scene.body))
-    if ratio > LONG:
-        yield (
-            f"elements on the contact line are {ratio:.2g} times as long as the body is high there: they push nodes "
-            "back before the front that comes to them, so that path and lowest state may differ by some per cent; "
-            "choose a smaller mesh.maxh or more levels"
-        )
+def hands(study: Study, levels: Sequence[LevelForecast], jobs: int | None) -> tuple[int, str]:
+    """How many processes will do the work, and in words who does what; empty if this one does all."""
+    scheduler = "or by those of a scheduler (--dask)"
+    if not study.variants and study.history is None:
+        most = max((for_blocks(study, level.n_contact, jobs) for level in levels), default=1)
+        return most, f"contact problems solved by {most} worker processes (--jobs), {scheduler}" if most > 1 else ""
+    if study.history is None:
+        what, each = "geometries", [of_geometry(one.study) for one in study.variants if one.study is not None]
+    else:
+        one = study.history.of(levels)
+        what, each = "histories", [of_history(study, one.n_dof, one.n_contact)] * len(study.scenes)
+    if len(each) < 2 or (count := for_calls(each, jobs)) == 1:
+        return 1, ""
+    return count, f"{len(each)} {what}, each whole by one of {count} worker processes (--jobs), {scheduler}"
 
 
 def resources(study: Study, found: Plan, workers: int = 1) -> Resources:
     """What a run of a study takes with so many workers, whose forecast is `found`, by a trial on its largest geometry.
 
-    The trial runs FEW and MANY of its points on one mesh, which tells mesh and factor from points.
+    The trial runs FEW and MANY of its points on one mesh, as the finest with TRIAL unknowns if that has more, which
+    tells mesh and factor from points.
     """
     own, largest = _geometries(study) if study.variants else ([study], study)
     levels = [refined(found.levels if one is largest else predicted(one), study.mesh) for one in own]
@@ -255,13 +258,14 @@ def resources(study: Study, found: Plan, workers: int = 1) -> Resources:
     each_worker = (memory if whole or study.history is not None else MEMORY) if workers > 1 else 0.0
     if why := unknown(study):
         return Resources(math.nan, memory, why, workers=workers, worker_memory=each_worker)
-    few, many = _sample(largest, FEW), _sample(largest, MANY)
-    mesh = coarser(study.mesh, refined(found.levels, study.mesh)[-1])
+    finest = refined(found.levels, study.mesh)[-1]
+    mesh = replace(study.mesh, maxh=(finest.h * math.sqrt(max(1.0, finest.n_dof / TRIAL)),), levels=1, refine=0)
+    few, many = (replace(_sample(largest, count), mesh=mesh) for count in (FEW, MANY))
     try:
         with threadpool_limits(1, user_api="blas"):
-            n_dof, m, body = _timed(replace(few, mesh=mesh))
+            n_dof, m, body = _timed(few)
             more = len(many.scenes) - len(few.scenes)
-            point = max(0.0, _timed(replace(many, mesh=mesh))[-1] - body) / more if more and body < ENOUGH else 0.0
+            point = max(0.0, _timed(many)[-1] - body) / more if more and body < ENOUGH else 0.0
     except GeometryFailed:
         return Resources(math.nan, memory, "the coarser meshes of a trial cannot be made")
     seconds, shared = START, 0.0
@@ -300,12 +304,6 @@ def _sample(study: Study, count: int) -> Study:
     places = np.unique(np.linspace(0, len(study.scenes) - 1, count).astype(int))
     scenes = tuple(study.scenes[int(i)] for i in places)
     return replace(study, scenes=scenes, axes=(), design=None, output=replace(study.output, live=False))
-
-
-def coarser(mesh: MeshPlan, finest: LevelForecast) -> MeshPlan:
-    """One mesh as the finest, with TRIAL unknowns if that has more."""
-    h = finest.h * math.sqrt(max(1.0, finest.n_dof / TRIAL))
-    return replace(mesh, maxh=(h,), levels=1, refine=0)
 
 
 def _timed(study: Study) -> tuple[int, int, float]:

@@ -43,8 +43,15 @@ from tcstudy.study.append import Kept, appended, mended
 from tcstudy.study.level_solver import LevelSolver, Times, keeps_solutions
 from tcstudy.study.lint import built_faults, faults, output_of, warnings
 from tcstudy.study.point import all_failed
-from tcstudy.study.sizes import contact_seconds, expected_bytes, of_geometry, predicted
-from tcstudy.study.workers import BlockExecutor, WorkerPool, submit
+from tcstudy.study.workers import (
+    BlockExecutor,
+    WorkerPool,
+    contact_seconds,
+    expected_bytes,
+    of_geometry,
+    predicted,
+    submit,
+)
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,9 @@ from tcstudy.read.study import read_study
 from tcstudy.refine.family import Family
 from tcstudy.scene.study import MeshPlan, Study
 from tcstudy.study import plan as plan_module
-from tcstudy.study import sizes as sizes_module
+from tcstudy.study import workers as workers_module
 from tcstudy.study.plan import plan, resources
-from tcstudy.study.sizes import MEMORY, START, predicted, refined, sizes
+from tcstudy.study.workers import MEMORY, START, predicted, refined, sizes
 from tests.commands import CONFIGS
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, study_of
 
@@ -237,7 +237,7 @@ def test_counted_sizes_are_those_of_the_run(study: Study) -> None:
 @pytest.mark.parametrize("mesh", ["{maxh: [0.2, 0.1, 0.05]}", "{maxh: 0.2, levels: 3, family: graded}"])
 def test_large_meshes_are_predicted_from_the_last_small_one(monkeypatch: pytest.MonkeyPatch, mesh: str) -> None:
     study = study_of(STRIPS, f"mesh={mesh}")
-    monkeypatch.setattr(sizes_module, "MOST_NODES", 250)
+    monkeypatch.setattr(workers_module, "MOST_NODES", 250)
     assert [v.exact for v in sizes(study)] == [True, False, False]
     for (nodes, n_dof, m), real in zip(said(study), of_run(study), strict=True):
         assert (nodes, n_dof) == pytest.approx(real[:2], rel=0.2)

@@ -23,8 +23,7 @@ from tcstudy.reports.terminal.progress import expected_words
 from tcstudy.study import workers as who
 from tcstudy.study.append import mended
 from tcstudy.study.run import LevelWork, Quiet, execute, run, solve_geometry
-from tcstudy.study.sizes import Resources
-from tcstudy.study.workers import submit
+from tcstudy.study.workers import Resources, submit
 from tests.benchmarks.kills import assert_same, children
 from tests.executors.test_processes import CRUEL, gone
 from tests.executors.test_processes import assert_same as assert_blocks

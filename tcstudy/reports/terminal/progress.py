@@ -182,7 +182,7 @@ def forecast_text(study: Study, plan: Any, more: Sequence[str], output: Path, wo
 
 
 def expected_words(expected: Any, at_most: bool = False) -> str:
-    """CPU time, cores and memory to expect, in words: rough figures. expected: a `tcstudy.study.sizes.Resources`"""
+    """CPU time, cores and memory to expect, in words: rough figures. expected: a `tcstudy.study.workers.Resources`"""
     up_to, workers = "up to " if at_most else "", expected.workers
     room = f"{up_to}about {(expected.memory + workers * expected.worker_memory) / 1e9:.1g} GB"
     if expected.unknown:
