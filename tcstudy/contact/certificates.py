@@ -355,30 +355,33 @@ def certify(
     proofs = Proofs(ContactProblem.on(body, problem.l_tilde, problem.law).rows)
     residual = extended(problem, v).residual if residual is None else residual
     solved = np.array([Acceptance(tolerance).accepts(residual, problem.xi_rounding(v))])
-    proofs.prove_unique()
     proofs.prove_lowest(np.flatnonzero(solved), v[None])
-    proofs.prove_strict(np.flatnonzero(solved), v[None])
     return row_of(proofs.certificate(v[None], np.array([residual]), solved), 0)
 
 
 class Proofs:
-    """What is proved of rows of problems, each flag (R,): `unique` before they are solved, the others of solutions."""
+    """What is proved of rows of problems, each flag (R,): `unique` before they are solved, the others of solutions.
 
-    def __init__(self, rows: ContactProblem) -> None:
-        count, body = len(rows.l_tilde), rows.body
-        self.rows, self.omega, share = rows, rows.law.omega_by_row, kept(body.A_error)
+    asked: False if nothing is to be proved
+    """
+
+    def __init__(self, rows: ContactProblem, asked: bool = True) -> None:
+        self.rows, self.asked, body, count = rows, asked, rows.body, len(rows.l_tilde)
+        self.convex, self.unique, self.lowest = np.zeros((3, count), dtype=bool)
+        self.low, self.high = np.zeros((2, count, body.m))
+        if not asked:
+            return
+        share, self.omega = kept(body.A_error), rows.law.omega_by_row
         with np.errstate(invalid="ignore"):  # of no nodes
             self.margin = share * body.lambda_1 - self.omega
         self.convex = (self.omega < (1.0 - MARGIN) * share * body.lambda_1) | (body.m == 0)
-        if rows.law.index.shape[1] > 1 and not body.loose:
-            self.margin = margins(rows)
+        if rows.law.index.shape[1] > 1 and not body.loose:  # laws by node: once for rows of the same falls
+            falls, row = np.unique(rows.law.falls[rows.law.index], axis=0, return_inverse=True)
+            least = [least_lowered(share * body.A_tilde, body.c, omega) for omega in falls]
+            self.margin = np.array(least)[row.reshape(-1)]
             self.convex |= self.margin > body.shift
-        self.unique, self.low, self.high = self.convex.copy(), *np.zeros((2, count, body.m))
-        self.lowest, self.strict = np.zeros((2, count), dtype=bool)
-
-    def prove_unique(self) -> None:
-        """Boxes of all solutions, and what is convex on them."""
-        open_, body = np.flatnonzero(~self.convex), self.rows.body
+        self.unique = self.convex.copy()
+        open_ = np.flatnonzero(~self.convex)
         if len(open_) and not body.loose:
             rows = self.rows.take(open_)
             self.low[open_], self.high[open_] = low, high = solution_boxes(rows)
@@ -387,25 +390,20 @@ class Proofs:
     def prove_lowest(self, points: Index, v: Array) -> None:
         """That solutions v (R, m) of these points, as far as they are not unique, are global minima."""
         points = points[~self.unique[points]]
-        if len(points) and not self.rows.body.loose:
+        if self.asked and len(points) and not self.rows.body.loose:
             rows = self.rows.take(points)
             self.lowest[points] = global_minimum(rows, v[points], self.low[points], self.high[points])
 
-    def prove_strict(self, points: Index, v: Array) -> None:
-        """That solutions of these points are strict minima; one that is unique or lowest is one."""
-        self.strict[points] = self.unique[points] | self.lowest[points]
-        open_ = points[~self.strict[points]]
-        if len(open_):
-            self.strict[open_] = strict_minimum(self.rows.take(open_), v[open_])
-
     def certificate(self, v: Array, residual: Array, solved: Flags) -> Certificate:
         """What is proved about the points, of solutions only beside `convex` and `unique`."""
-        body, lowest = self.rows.body, solved & (self.unique | self.lowest)
+        rows, body, lowest = self.rows, self.rows.body, solved & (self.unique | self.lowest)
+        strict, open_ = lowest.copy(), np.flatnonzero(solved & ~lowest)  # what is lowest is strict
+        if len(open_):
+            strict[open_] = strict_minimum(rows.take(open_), v[open_])
         lambda_1, error = np.full((2, len(v)), [[body.lambda_1], [body.A_error]])
         gap = np.full(len(v), np.nan)
         if body.m:
-            gap[lowest] = self.rows.take(np.flatnonzero(lowest)).distance(v[lowest]) ** 2 @ body.c / (2.0 * body.shift)
-        strict = solved & (self.strict | lowest)
+            gap[lowest] = rows.take(np.flatnonzero(lowest)).distance(v[lowest]) ** 2 @ body.c / (2.0 * body.shift)
         return Certificate(residual, lambda_1, error, self.omega, self.margin, self.convex, self.unique, strict, lowest,
                            gap)  # fmt: skip
 
@@ -426,12 +424,10 @@ def as_row(record: Any) -> Any:
     return None if record is None else np.asarray(record)[None]
 
 
-def positive_definite(
-    problem: ContactProblem, slope: Array, lambda_1: float, named: Index | None = None, margin: float = MARGIN
-) -> bool:
+def positive_definite(problem: ContactProblem, slope: Array, lambda_1: float, named: Index | None = None) -> bool:
     """Whether Ã + C diag(slope − μ) is positive definite on the named nodes (all by default)."""
     nodes = np.arange(problem.m, dtype=np.intp) if named is None else named
-    shift = pivot_shift(problem.A_tilde, problem.c, lambda_1, margin)
+    shift = pivot_shift(problem.A_tilde, problem.c, lambda_1)
     lowered = problem.c[nodes] * (slope - shift) / kept(problem.A_error)
     possible = np.all(np.diagonal(problem.A_tilde)[nodes] + lowered > 0.0)
     return bool(possible) and factor_free(problem.A_tilde, nodes, lowered)[1] == 0
@@ -467,14 +463,6 @@ def definite(body: CondensedBody, slope: Array) -> Flags:
     for row in rows:
         proved[row] = factor_free(body.A_tilde, np.arange(body.m), diagonal[row])[1] == 0
     return proved
-
-
-def margins(rows: ContactProblem) -> Array:
-    """(R,) λ_min(C^{−½}ÃC^{−½} − diag ω_i) of rows with laws by node, once for rows of the same falls [Pa/m]."""
-    body = rows.body
-    different, row = np.unique(rows.law.falls[rows.law.index], axis=0, return_inverse=True)
-    A_tilde = kept(body.A_error) * body.A_tilde
-    return np.array([least_lowered(A_tilde, body.c, omega) for omega in different])[row.reshape(-1)]
 
 
 def global_minimum(rows: ContactProblem, v: Array, low: Array, high: Array) -> Flags:

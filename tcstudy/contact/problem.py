@@ -338,10 +338,10 @@ def kept(error: float) -> float:
     return 1.0 if error <= MARGIN else max(1.0 - error, float(np.finfo(float).tiny))
 
 
-def pivot_shift(A_tilde: Array, c: Array, lambda_1: float, margin: float = MARGIN) -> float:
-    """μ = margin·λ₁, but no less than the rounding of a Cholesky factorisation [Pa/m]."""
+def pivot_shift(A_tilde: Array, c: Array, lambda_1: float) -> float:
+    """μ = MARGIN·λ₁, but no less than the rounding of a Cholesky factorisation [Pa/m]."""
     largest = float(np.max(np.diagonal(A_tilde) / c))
-    return max(margin * lambda_1, 8.0 * len(c) * float(np.finfo(float).eps) * largest)
+    return max(MARGIN * lambda_1, 8.0 * len(c) * float(np.finfo(float).eps) * largest)
 
 
 def least_eigenvalue(A_tilde: Array, c: Array) -> float:

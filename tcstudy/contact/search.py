@@ -80,12 +80,6 @@ def moreau_envelopes(laws: Laws, kappa: float) -> Laws:
     return _assembled(tables, kappa, arcs, land, leave, sigma).at(laws.index)
 
 
-def on_tangent(envelopes: Laws, kappa: float, s: Array) -> Flags:
-    """Whether slips lie inside a common tangent."""
-    at = envelopes.locate(s)
-    return ~at.on & (envelopes.q.take(at.piece) == -kappa) & ~envelopes.bent.take(at.piece)
-
-
 def _arcs(tables: Laws, rows: Index, kappa: float) -> _Arcs:
     """The arcs of the named laws, law by law from left to right."""
     reach = (far(tables) + 4.0 * tables.scales / kappa)[rows, None]
@@ -206,7 +200,9 @@ def envelope_starts(rows: ContactProblem, v: Array) -> tuple[Array, Flags]:
         ended = (
             descend_nested(smooth, v, LOOSE, coarse=LOOSE) if nested else descend(smooth, v, LOOSE, minima=not first)
         )
-        on_line = np.any(on_tangent(laws, kappa, ended.v), axis=1)
+        place = laws.locate(ended.v)
+        on_tangent = ~place.on & (laws.q.take(place.piece) == -kappa) & ~laws.bent.take(place.piece)
+        on_line = np.any(on_tangent, axis=1)
         found[at] = ended.v
         if first:
             lowest[at] = ~on_line & (ended.residual <= LOOSE)
@@ -221,86 +217,63 @@ def move_starts(rows: ContactProblem, v: Array) -> tuple[Array, Index, Index]:
 
     None for rows whose free nodes have no positive definite matrix, or where no move promises less energy.
     """
-    body, xi = rows.body, rows.xi(v)
-    s = slopes(rows, v, xi)
-    added, response = body.c * rows.law.slope(v, s.piece), dict[int, Array]()
-    for i, free in enumerate(s.free):
-        nodes = np.flatnonzero(free)
-        found = responses(body.A_tilde, nodes, added[i, nodes])
-        response |= {} if found is None else {i: found}
-    known, c = np.array(list(response), dtype=np.intp), body.c
-    stiffness = np.array([np.einsum("ij,ji->i", body.A_tilde, one) for one in response.values()]).reshape(-1, body.m)
-    gain, place = best_places(rows.law.of_nodes(known), v[known], xi[known] / c, stiffness / c)
+    body, c, xi, laws = rows.body, rows.body.c, rows.xi(v), rows.law
+    s, push = slopes(rows, v, xi), largest_push(laws)[laws.index]
+    added = c * laws.slope(v, s.piece)
     starts, owners, promises = [np.empty((0, body.m))], list[int](), list[int]()
-    for i, own_gain, own_place in zip(known.tolist(), gain * c, place, strict=True):
-        nodes = np.argsort(own_gain, kind="stable")[: min(PROMISES, np.count_nonzero(own_gain))]
-        starts.append(v[i] + response[i].T[nodes] * (own_place - v[i])[nodes, None])
-        owners += [i] * len(nodes)
-        promises += range(len(nodes))
+    for i, free in enumerate(s.free):
+        nodes, held = np.flatnonzero(free), np.flatnonzero(~free)
+        factor, info = factor_free(body.A_tilde, nodes, added[i, nodes])
+        if info != 0:
+            continue
+        response = np.eye(body.m)  # columns: how nodes move if one moves by 1 and the free ones relax
+        if len(nodes):
+            half = np.tril(scipy.linalg.lapack.dpotri(factor, lower=1)[0])
+            inverse = half + np.tril(half, -1).T
+            response[np.ix_(nodes, nodes)] = inverse / np.diagonal(inverse)
+            response[np.ix_(nodes, held)] = -inverse @ body.A_tilde[np.ix_(nodes, held)]
+        k = np.einsum("ij,ji->i", body.A_tilde, response) / c
+        gain, place = best_places(laws.of_nodes(i), v[i], xi[i] / c, k, push[i])
+        best = np.argsort(gain * c, kind="stable")[: min(PROMISES, np.count_nonzero(gain))]
+        starts.append(v[i] + response.T[best] * (place - v[i])[best, None])
+        owners += [i] * len(best)
+        promises += range(len(best))
     return np.concatenate(starts), np.array(owners, dtype=np.intp), np.array(promises, dtype=np.intp)
 
 
-def responses(A: Array, free: Index, added: Array) -> Array | None:
-    """(m, m) columns: how nodes move if one moves by 1 and the free ones relax; None unless A_FF + diag `added` ≻ 0.
+def best_places(laws: Laws, v: Array, force: Array, k: Array, push: Array) -> tuple[Array, Array]:
+    """(φ, s) (m,): the least φ of every node, 0 where nothing is gained, and where it is taken [Pa·m, m].
 
-    The stiffness k_i of a node so moved is that of its column, (A · response)_ii.
+    Candidates are the up-jumps and, on every piece that v is not on, the zero of φ′ = b + k (s − v) − ξ/c: b′ is
+    monotone there, so that φ′ rises on one part of it at most. push: how hard friction may push the slip on [Pa]
     """
-    factor, info = factor_free(A, free, added)
-    if info != 0:
-        return None
-    response, held = np.eye(len(A)), np.setdiff1d(np.arange(len(A)), free)
-    if len(free):
-        half = np.tril(scipy.linalg.lapack.dpotri(factor, lower=1)[0])
-        inverse = half + np.tril(half, -1).T
-        response[np.ix_(free, free)] = inverse / np.diagonal(inverse)
-        response[np.ix_(free, held)] = -inverse @ A[np.ix_(free, held)]
-    return response
-
-
-def best_places(laws: Laws, v: Array, force: Array, k: Array) -> tuple[Array, Array]:
-    """(φ, s), shape of v: the least φ, 0 where nothing is gained, and where it is taken [Pa·m, m]."""
-    tables, law, at = laws.tables, laws.index, laws.locate(v)
-    gain, place = np.zeros(v.shape), v.copy()
-    reach = 2.0 * np.abs(v) + (np.abs(force) + largest_push(tables)[law]) / k  # friction opposes slip, but for its push
-
-    def consider(s: Array) -> None:
-        known = np.isfinite(s)
-        s = np.where(known, s, v)
-        move = s - v
-        parts = np.stack([0.5 * k * move**2, -force * move, laws.integral(v, s, at)])
-        phi = parts.sum(axis=0)
-        better = known & (phi < -_NO_GAIN * np.abs(parts).sum(axis=0)) & (phi < gain)
-        gain[better], place[better] = phi[better], s[better]
-
-    for column in range(tables.q.shape[1]):
-        piece = np.broadcast_to((tables.first + column)[law], v.shape)
-        if np.any(tables.lower[:, column] < tables.upper[:, column]):
-            consider(_stationary(tables, piece, v, force, k, reach))
-        if column and np.any(tables.kinds[:, column - 1] == UP):
-            consider(np.where(tables.kind_above.take(piece - 1) == UP, tables.lower.take(piece), np.nan))
-    return gain, place
-
-
-def _stationary(tables: Laws, piece: Index, v: Array, force: Array, k: Array, reach: Array) -> Array:
-    """Where φ is least inside the addressed pieces, NaN where it is not or v is on that piece.
-
-    b′ is monotone on a piece, so that φ′ = b + k (s − v) − ξ/c rises on one part of it at most; reach: of zeros from v
-    """
-    ends = [np.clip(end.take(piece), v - reach, v + reach) for end in (tables.lower, tables.upper)]
-    inside = np.flatnonzero((ends[0] < ends[1]) & ((v <= ends[0]) | (v >= ends[1])))
-    found, address = np.full(v.size, np.nan), piece.ravel()[inside]
-    own_v, own_force, own_k, low, high = (x.ravel()[inside] for x in (v, force, k, *ends))
+    law = np.broadcast_to(laws.index, v.shape)[:, None]
+    v, force, k = v[:, None], force[:, None], k[:, None]
+    piece = laws.first[law] + np.arange(laws.q.shape[1])
+    reach = 2.0 * np.abs(v) + (np.abs(force) + np.reshape(push, (-1, 1))) / k  # friction opposes slip, but for its push
+    low, high = (np.clip(end.take(piece), v - reach, v + reach) for end in (laws.lower, laws.upper))
+    at = np.nonzero((low < high) & ((v <= low) | (v >= high)))
+    address, low, high = piece[at], low[at], high[at]
+    own_v, own_force, own_k = (x[at[0], 0] for x in (v, force, k))
 
     def climb(i: Index | slice, s: Array) -> tuple[Array, Array, Array]:
-        value, slope = tables.value_and_slope(s, address[i])
+        value, slope = laws.value_and_slope(s, address[i])
         rest = own_k[i] * (s - own_v[i]) - own_force[i]
         return value + rest, slope + own_k[i], np.abs(value) + np.abs(rest)
 
     rises = [climb(slice(None), s)[1] > 0.0 for s in (low, high)]
     turns = np.flatnonzero(rises[0] != rises[1])
-    turn = slip_of_slope(tables, address[turns], low[turns], high[turns], -own_k[turns])
+    turn = slip_of_slope(laws, address[turns], low[turns], high[turns], -own_k[turns])
     low[turns], high[turns] = np.where(rises[0][turns], low[turns], turn), np.where(rises[1][turns], high[turns], turn)
     below, above = (climb(slice(None), s)[0] for s in (low, high))
     on = np.flatnonzero((below < 0.0) & (above > 0.0) & (rises[0] | rises[1]))
-    found[inside[on]] = rising_zeros(lambda i, s: climb(on[i], s), 0.5 * (low + high)[on], low[on], high[on])
-    return found.reshape(v.shape)
+    zeros = np.full(piece.shape, np.nan)
+    zeros[at[0][on], at[1][on]] = rising_zeros(lambda i, s: climb(on[i], s), 0.5 * (low + high)[on], low[on], high[on])
+    jumps = np.where(laws.kind_above.take(piece) == UP, laws.upper.take(piece), np.nan)
+    s = np.append(zeros, jumps, axis=1)
+    s = np.where(np.isfinite(s), s, v)
+    parts = np.stack([0.5 * k * (s - v) ** 2, -force * (s - v), laws.at(law).integral(v, s)])
+    phi = parts.sum(axis=0)
+    phi[phi >= -_NO_GAIN * np.abs(parts).sum(axis=0)] = 0.0
+    best = np.arange(len(s)), np.argmin(phi, axis=1)
+    return phi[best], s[best]

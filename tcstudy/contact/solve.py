@@ -155,9 +155,7 @@ class SolutionBlock:
         self.steps = np.zeros(count, dtype=np.intp)
         self.smooth = ContactProblem.on(rows.body, rows.l_tilde, rows.law.without_narrow_pieces)
         self.aim = min(TOLERANCE, self.acceptance.aim)
-        self.proofs = Proofs(rows) if prove else None
-        if self.proofs is not None:
-            self.proofs.prove_unique()
+        self.proofs = Proofs(rows, prove)
 
     def descend(self) -> None:
         """The first descent: from the neighbour where the branch is continued, else from zero.
@@ -197,14 +195,12 @@ class SolutionBlock:
         own = points[kept]
         self.v[own], self.energy[own], self.solved[own] = v[kept], energy[kept], accepted[kept]
         self.start[own], self.steps[own] = start, np.broadcast_to(steps, len(points))[kept]
-        if self.proofs is not None:
-            self.proofs.prove_lowest(points[lower], self.v)
+        self.proofs.prove_lowest(points[lower], self.v)
         return lower
 
     def unproved(self, points: Index) -> Index:
         """Those of the points whose solution is not known to have the least energy."""
-        proofs = self.proofs
-        return points if proofs is None else points[~(proofs.unique | proofs.lowest)[points]]
+        return points[~(self.proofs.unique | self.proofs.lowest)[points]]
 
     def search(self) -> None:
         """Look for less energy at points of which nothing is proved."""
@@ -251,7 +247,7 @@ class SolutionBlock:
 
     def begin_at(self, exact: Array) -> None:
         """Newton's method on the pieces that the exact solution is on; unique solutions are known."""
-        only = self.solved & (False if self.proofs is None else self.proofs.unique)
+        only = self.solved & self.proofs.unique
         self.energies[only, EXACT] = self.energy[only]
         for p in np.flatnonzero(~only):
             end = polished(self.rows.single(int(p)), exact, exact=False)
@@ -259,7 +255,6 @@ class SolutionBlock:
 
     def take_least(self, solutions: Sequence[Equilibria]) -> None:
         """The least of all solutions of every point, where these are proved to be all of the law itself."""
-        assert self.proofs is not None
         known = kept(self.rows.body.A_error) == 1.0
         proved = np.array([known and one.complete and not one.law_error for one in solutions], dtype=bool)
         least = np.array([one.energy[0] if len(one) else np.inf for one in solutions])
@@ -267,9 +262,8 @@ class SolutionBlock:
         changed = np.flatnonzero(proved & (~self.solved | higher))
         if len(changed):
             v = np.array([solutions[i].v[0] for i in changed.tolist()])
-            proved[changed] = self.offer(
-                changed, v, judge(self.rows.take(changed), v, self.acceptance).residual, ESCAPE
-            )
+            residual = judge(self.rows.take(changed), v, self.acceptance).residual
+            proved[changed] = self.offer(changed, v, residual, ESCAPE)
         self.proofs.lowest |= proved
         self.proofs.unique |= proved & np.array([len(one) == 1 for one in solutions], dtype=bool)
 
@@ -290,10 +284,7 @@ class SolutionBlock:
             missed = Status.NOT_POSITIVE_DEFINITE, NOT_POSITIVE_DEFINITE
         numbers = zip(judged.residual.tolist(), judged.rounding.tolist(), judged.accepted.tolist(), strict=True)
         reasons = tuple("" if good else failure(x, noise, self.acceptance, missed[1]) for x, noise, good in numbers)
-        certificate = None
-        if prove and self.proofs is not None:
-            self.proofs.prove_strict(np.flatnonzero(judged.accepted), judged.v)
-            certificate = self.proofs.certificate(judged.v, judged.residual, judged.accepted)
+        proved = self.proofs.certificate(judged.v, judged.residual, judged.accepted) if prove else None
         return Answer(
             v=judged.v,
             v_low=judged.v_low,
@@ -308,7 +299,7 @@ class SolutionBlock:
             energies=self.energies,
             iterations=self.steps,
             evaluations=self.steps,
-            certificate=certificate,
+            certificate=proved,
         )
 
 

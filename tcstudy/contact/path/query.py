@@ -224,7 +224,6 @@ def proved_minima(path: Path, low: Lowest, lambda_1: float, acceptance: Acceptan
         residuals = zip(rows.inclusion_residual(v).tolist(), rows.xi_rounding(v).tolist(), strict=True)
         solved = np.array([acceptance.accepts(*pair) for pair in residuals], dtype=bool)
         proofs = Proofs(rows)
-        proofs.prove_unique()
         proofs.prove_lowest(np.flatnonzero(solved), v)
         proved[own] = solved & (proofs.unique | proofs.lowest)
     return proved
