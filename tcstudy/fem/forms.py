@@ -39,6 +39,7 @@ from numpy.typing import NDArray
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.meshes import Frames, PlaneMesh
 from tcstudy.scene.records import Convection, Scalar, Traction, Where
+from tcstudy.shapes.edges import segment_mass
 
 Array = NDArray[np.float64]
 
@@ -165,24 +166,12 @@ class ElasticForms:
             _turn(A, graph, frames)
         return _component_blocked(A, graph)
 
-    @cached_property
-    def element_gradients(self) -> tuple[sp.csr_array, sp.csr_array]:
-        """(D_x, D_y), (t, n) each [m]."""
-        theta = ngs.H1(self.mesh.mesh, order=1).TrialFunction()
-        # L2(dim=2) would be cheaper, but of a form between two spaces NGSolve keeps no blocks, without a word
-        tau = ngs.VectorL2(self.mesh.mesh, order=0).TestFunction()
-        form = ngs.BilinearForm(trialspace=theta.space, testspace=tau.space)
-        form += ngs.grad(theta) * tau * ngs.dx
-        both = csr(form.Assemble())
-        t = len(self.mesh.triangles)
-        return both[:t], both[t:]
-
     def expansion(self, theta: Array, where: Where = ()) -> Array:
         """∫θ div φ_i over some regions for nodal values θ (n,): (2n,) [K m]; the load is β times that."""
-        mean = theta[self.mesh.triangles].mean(axis=1)
-        if where:
-            mean = mean * self.mesh.inside(where)
-        return np.concatenate([D.T @ mean for D in self.element_gradients])
+        mesh, whole = self.mesh, self.mesh.area * theta[self.mesh.triangles].mean(axis=1)
+        pulled = (whole * mesh.inside(where) if where else whole)[:, None, None] * mesh.slopes
+        corners = mesh.triangles.ravel()
+        return np.concatenate([np.bincount(corners, pulled[..., c].ravel(), mesh.n_points) for c in (0, 1)])
 
     def body_force(self, f: tuple[Scalar, Scalar]) -> Array:
         """∫f·φ_i, (2n,) [N/m] for f in N/m³."""
@@ -300,20 +289,16 @@ class HeatForms:
     @cached_property
     def robin_mass(self) -> Array:
         """M = ∫_{Γ_θ}φ_iφ_j restricted to kept_nodes, dense (r, r) [m]."""
-        return self.edge_mass(self.convection) if self.convection else self.exchange({})
-
-    def edge_mass(self, names: tuple[str, ...]) -> Array:
-        """∫φ_iφ_j over study edges restricted to kept_nodes, dense (r, r) [m]."""
-        theta, phi = self._space.TnT()
-        boundary = self.mesh.region(*names)
-        full = csr(ngs.BilinearForm(theta * phi * ngs.ds(boundary), check_unused=False).Assemble())
-        nodes = self.kept_nodes
-        return full[nodes][:, nodes].toarray()
+        return self.exchange(dict.fromkeys(self.convection, 1.0))
 
     def exchange(self, weights: Mapping[str, float]) -> Array:
-        """Σ w ∫φ_iφ_j over study edges by name, restricted to kept_nodes, dense (r, r)."""
-        zero = np.zeros((len(self.kept_nodes), len(self.kept_nodes)))
-        return np.asarray(sum((weight * self.edge_mass((edge,)) for edge, weight in weights.items()), zero))
+        """Σ w ∫φ_iφ_j over study edges by name, restricted to kept_nodes, dense (r, r) [m]."""
+        mesh, nodes, weight = self.mesh, self.kept_nodes, np.zeros(len(self.mesh.segments))
+        for name, own in weights.items():
+            weight[mesh.on(name)] = own
+        on = np.flatnonzero(weight)
+        ends = np.searchsorted(nodes, mesh.segments[on])
+        return segment_mass(ends, weight[on] * mesh.boundary.length[on], len(nodes))
 
     def surroundings(self, theta_bar: Scalar, names: tuple[str, ...] = ()) -> Array:
         """∫ θ̄ φ_i over study edges, over Γ_θ if none are named, on kept_nodes (r,) [K m]."""
@@ -332,8 +317,3 @@ class HeatForms:
         phi = self._space.TestFunction()
         domain = ngs.dx("|".join(omega), bonus_intorder=bonus(q)) if omega else ngs.dx(bonus_intorder=bonus(q))
         return vector(ngs.LinearForm(coefficient(q) * phi * domain).Assemble())
-
-    @cached_property
-    def nodal_area(self) -> Array:
-        """∫φ_i, (n,) [m²]; its product with nodal values is the exact integral of a P1 function."""
-        return vector(ngs.LinearForm(self._space.TestFunction() * ngs.dx).Assemble())

@@ -31,7 +31,6 @@ from tcstudy.fem.boundary import values_at
 from tcstudy.fem.energy_error import acting, own_strain, stress_of
 from tcstudy.laws.composed import nodal
 from tcstudy.laws.laws import Laws
-from tcstudy.offline.guaranteed import EquilibriumBody
 from tcstudy.offline.level import Level
 from tcstudy.offline.loads import Recent
 from tcstudy.scene.points import why_no_bound
@@ -83,7 +82,10 @@ class ErrorBounds:
         M, k = consistency(law, line.lengths, xi, slip, w), 1.0 - (w + slack) / low
         M, k = M[k > 0.0] + (error**2 * line.lengths.sum() / (4.0 * slack) if slack else 0.0), k[k > 0.0]
         bound = float(np.min((eta + np.sqrt(eta**2 + 4.0 * k * M)) / (2.0 * k)))
-        left = self._norm(scene, u) - bound  # of ‖u‖, no more
+        mesh, strain = level.mesh, own_strain(level.mesh, u.T.ravel())
+        stress = stress_of(strain, *(mesh.of_material(scene, name) for name in ("lam", "mu")))
+        norm = float(np.sqrt(mesh.area @ (stress * strain * [1.0, 1.0, 2.0]).sum(axis=1)))  # without springs: no more
+        left = norm - bound  # of ‖u‖, no more
         return {"error_bound": bound, "error_bound_relative": bound / left if left > 0.0 else float("nan")}
 
     def equilibrated(self, scene: Scene, law: Laws, u: Array) -> tuple[float, Array]:
@@ -117,49 +119,30 @@ class ErrorBounds:
 
     def _load(self, scene: Scene) -> _Load:
         """The load of a scene on its equilibrium elements, the last ones kept."""
-        dual, factor = self.level.dual(scene)
+        (dual, factor), level, mesh = self.level.dual(scene), self.level, self.level.mesh
         key = scene.f, scene.boundary, scene.heat, scene.material, factor
 
         def made() -> _Load:
-            F, rest = self._volume_load(scene, dual)
-            F += dual.traction_load(self._tractions(scene, dual))
-            given = np.where(dual.held, dual.rows(self._prescribed(scene)), 0.0)
-            F -= factor * (dual.K @ given)
-            F = F if dual.ties is None else dual.ties.T @ F
-            forward = dual.condensation.forward(F[:, None])
+            theta, frames = np.zeros((len(mesh.triangles), 3)), level.frames_of(scene.boundary)
+            if scene.material.expands:
+                nodal_theta = level.temperature(scene).theta[mesh.triangles]
+                theta = mesh.of_material(scene, "beta")[:, None] * nodal_theta
+            f = np.array([float(values_at(component, np.zeros(2))) for component in scene.f])
+            F, rest = dual.elements.volume_load(f, theta)
+            traction = np.zeros((len(mesh.segments), 2, 2))  # in x and y at the Gauss points
+            for name, role in scene.boundary:
+                on = mesh.on(name)
+                traction[on] = acting(mesh, name, role, dual.gauss_points[on], mesh.boundary.normal[on])
+            own = np.zeros((2, 2, len(dual.elements.axes)))
+            half = 0.5 * mesh.boundary.length
+            own[:, :, dual.number] = np.einsum("s,sgd,sdk->gks", half, traction, dual.supports.axes)
+            prescribed = frames.cartesian(frames.values).reshape(2, -1).T
+            given = np.where(dual.held, dual.rows(prescribed), 0.0)
+            F += own.ravel() - factor * (dual.K @ given)
+            forward = dual.condensation.forward((F if dual.ties is None else dual.ties.T @ F)[:, None])
             return _Load(ForwardLoad(forward.l_tilde[:, 0], forward.rows), given, rest)
 
         return self._loads.get(key, made)
-
-    def _volume_load(self, scene: Scene, dual: EquilibriumBody) -> tuple[Array, float]:
-        theta = np.zeros(len(self.level.mesh.triangles))[:, None] * np.zeros(3)
-        if scene.material.expands:
-            nodal_theta = self.level.temperature(scene).theta
-            theta = self.level.mesh.of_material(scene, "beta")[:, None] * nodal_theta[self.level.mesh.triangles]
-        f = np.array([float(values_at(component, np.zeros(2))) for component in scene.f])
-        return dual.elements.volume_load(f, theta)
-
-    def _tractions(self, scene: Scene, dual: EquilibriumBody) -> Array:
-        """(s, 2, 2) what acts on the boundary, in x and y at the Gauss points of its segments [Pa]."""
-        mesh = self.level.mesh
-        found = np.zeros((len(mesh.segments), 2, 2))
-        for name, role in scene.boundary:
-            on = mesh.on(name)
-            found[on] = acting(mesh, name, role, dual.gauss_points[on], mesh.boundary.normal[on])
-        return found
-
-    def _prescribed(self, scene: Scene) -> Array:
-        """(n, 2) given displacements at the nodes, 0 elsewhere."""
-        frames = self.level.frames_of(scene.boundary)
-        return frames.cartesian(frames.values).reshape(2, -1).T
-
-    def _norm(self, scene: Scene, u: Array) -> float:
-        """√a(u, u) without springs [√(J/m)], of which the relative error is then no less."""
-        mesh = self.level.mesh
-        strain = own_strain(mesh, u.T.ravel())
-        lam, mu = (mesh.of_material(scene, name) for name in ("lam", "mu"))
-        work = stress_of(strain, lam, mu) * strain * [1.0, 1.0, 2.0]
-        return float(np.sqrt(mesh.area @ work.sum(axis=1)))
 
     def law(self, scene: Scene) -> Laws:
         """The law of every segment of Γ_C."""

@@ -45,8 +45,8 @@ from tcstudy.contact.problem import least_eigenpair
 from tcstudy.errors import GeometryFailed
 from tcstudy.fem.boundary import ContactLine, edge_arms, unknown
 from tcstudy.fem.meshes import PlaneMesh
-from tcstudy.scene.records import Point, Rigid, Role, Scene
-from tcstudy.shapes.edges import GAUSS, TriangleGeometry
+from tcstudy.scene.records import Point, Role, Scene
+from tcstudy.shapes.edges import GAUSS, TriangleGeometry, segment_mass
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -108,14 +108,6 @@ class EquilibriumBody:
         ends = self.elements.mesh.points[self.elements.mesh.edges[0][self.number]]
         return ends[:, :1] + GAUSS[None, :, None] * (ends[:, 1:] - ends[:, :1])
 
-    def traction_load(self, traction: Array) -> Array:
-        """(4e,) the load of a traction (s, 2, 2) in x and y at the Gauss points of the segments [N/m]."""
-        ends = self.elements.mesh.points[self.elements.mesh.edges[0][self.number]]
-        half = 0.5 * np.hypot(*(ends[:, 1] - ends[:, 0]).T)
-        load = np.zeros((2, 2, len(self.elements.axes)))
-        load[:, :, self.number] = np.einsum("s,sgd,sdk->gks", half, traction, self.supports.axes)
-        return load.ravel()
-
     def rows(self, u: Array) -> Array:
         """(4e,) P1 displacements (n, 2) in x and y at the Gauss points of the edges, in local axes."""
         a, b = np.moveaxis(u[self.elements.mesh.edges[0]], 1, 0)
@@ -156,43 +148,6 @@ def _reference() -> tuple[Array, Array]:
 def _traction(n: Array) -> Array:
     """(2, 3): (xx, yy, xy) → σn."""
     return np.array([[n[0], 0.0, n[1]], [0.0, n[1], n[0]]])
-
-
-def equilibrium_body(mesh: TriangleGeometry, segments: Indices, lam: Array, mu: Array, supports: Supports,
-                     ties: sp.csr_array | None = None) -> EquilibriumBody:  # fmt: skip
-    """Equilibrium elements on a mesh, condensed onto Γ_C.
-
-    segments: (s, 2) of the boundary, the body on their left;  lam, mu: (t,) [Pa]
-    ties:     (4e, 4e) T of rigid edges, w = T w', by `mesh.edges`
-    Raises NotPositiveDefinite if the body can move other than along Γ_C.
-    """
-    (edges, sides), points = mesh.edges, mesh.points
-    number, e = sides.ravel()[mesh.sides_at(segments)], len(edges)
-    axes = np.tile(np.eye(2), (e, 1, 1))
-    axes[number] = supports.axes
-    elements = Elements(mesh, lam, mu, axes)
-    local, rows = elements.stiffness(), elements.local_rows
-    K = sp.coo_array((local.ravel(), (np.repeat(rows, 12, axis=1).ravel(), np.tile(rows, (1, 12)).ravel())),
-                     shape=(4 * e, 4 * e)).tocsr()  # fmt: skip
-    half = 0.5 * np.hypot(*(points[segments[:, 1]] - points[segments[:, 0]]).T)
-    if np.any(supports.springs):
-        stiffness = np.zeros((2, 2, e))
-        stiffness[:, :, number] = (supports.springs * half[:, None]).T
-        K = sp.csr_array(K + sp.diags_array(stiffness.ravel()))
-    eliminate = np.ones((2, 2, e), dtype=bool)
-    eliminate[:, :, number] = ~supports.held.T
-    own = number[supports.contact]
-    eliminate[:, 0, own] = False
-    active, tied = eliminate.ravel(), K
-    if ties is not None:
-        tied = sp.csr_array(ties.T @ K @ ties)
-        active = active & (np.diff(ties.tocsc().indptr) > 0)
-    backwards = segments[supports.contact, 0] > segments[supports.contact, 1]
-    along = np.arange(2) ^ backwards[:, None]
-    kept = (2 * along * e + own[:, None]).ravel()
-    found = condense(tied, points[edges].mean(axis=1), kept, active, components=4)
-    c = np.repeat(half[supports.contact], 2)
-    return EquilibriumBody(elements, number, supports, ties, K, tied.diagonal(), c, found)
 
 
 @dataclass(frozen=True)
@@ -308,10 +263,47 @@ class Band:
 
 
 def dual_body(mesh: PlaneMesh, scene: Scene, line: ContactLine) -> EquilibriumBody:
-    """The equilibrium elements of a scene on a mesh, all moduli those of the scene."""
-    supports, ties = _supports(mesh, scene.boundary, line)
+    """The equilibrium elements of a scene on a mesh, condensed onto Γ_C, all moduli those of the scene.
+
+    Raises NotPositiveDefinite if the body can move other than along Γ_C.
+    """
+    (edges, sides), points, segments, s = mesh.edges, mesh.points, mesh.segments, len(mesh.segments)
+    number, e, half = sides.ravel()[mesh.sides_at(segments)], len(edges), 0.5 * mesh.boundary.length
+    normal = mesh.boundary.normal
+    tn = np.stack([np.column_stack([-normal[:, 1], normal[:, 0]]), normal], axis=2)
+    axes, held, springs = np.tile(np.eye(2), (s, 1, 1)), np.zeros((s, 2), dtype=bool), np.zeros((s, 2))
+    for name, role in scene.boundary:
+        on, given = mesh.on(name), np.array([component is not None for component in role.u])
+        if role.frame == "nt":
+            axes[on], held[on], springs[on] = tn[on], given[::-1], role.spring[::-1]
+        else:
+            held[on] = given
+    supports = Supports(axes, held, springs, line.which)
+    axes_of_edges = np.tile(np.eye(2), (e, 1, 1))
+    axes_of_edges[number] = axes
     lam, mu = (mesh.of_material(scene, name) for name in ("lam", "mu"))
-    return equilibrium_body(mesh, mesh.segments, lam, mu, supports, ties)
+    elements = Elements(mesh, lam, mu, axes_of_edges)
+    local, rows = elements.stiffness(), elements.local_rows
+    at = np.repeat(rows, 12, axis=1).ravel(), np.tile(rows, (1, 12)).ravel()
+    K = sp.coo_array((local.ravel(), at), shape=(4 * e, 4 * e)).tocsr()
+    if np.any(springs):
+        stiffness = np.zeros((2, 2, e))
+        stiffness[:, :, number] = (springs * half[:, None]).T
+        K = sp.csr_array(K + sp.diags_array(stiffness.ravel()))
+    eliminate = np.ones((2, 2, e), dtype=bool)
+    eliminate[:, :, number] = ~held.T
+    own = number[line.which]
+    eliminate[:, 0, own] = False
+    active, tied, ties = eliminate.ravel(), K, _ties(mesh, scene.boundary)
+    if ties is not None:
+        tied = sp.csr_array(ties.T @ K @ ties)
+        active = active & (np.diff(ties.tocsc().indptr) > 0)
+    backwards = segments[line.which, 0] > segments[line.which, 1]
+    along = np.arange(2) ^ backwards[:, None]
+    kept = (2 * along * e + own[:, None]).ravel()
+    found = condense(tied, points[edges].mean(axis=1), kept, active, components=4)
+    c = np.repeat(half[line.which], 2)
+    return EquilibriumBody(elements, number, supports, ties, K, tied.diagonal(), c, found)
 
 
 def lambda_1_band(body: EquilibriumBody, mesh: PlaneMesh, line: ContactLine, A_tilde: Array) -> Band:
@@ -320,9 +312,16 @@ def lambda_1_band(body: EquilibriumBody, mesh: PlaneMesh, line: ContactLine, A_t
     whole = body.condensation.expand(x)
     error += ROUNDINGS * float(np.finfo(float).eps) * float(body.diagonal @ whole**2) / hat
     lam, mu = body.elements.lam, body.elements.mu
-    C2 = neglected(mesh, line, np.minimum(mu, lam + mu))
-    high = _least_quotient(A_tilde, mass_of(line))
-    return Band(hat * (1.0 - error) / (1.0 + C2 * hat), hat, high * (1.0 + error))
+    C2, M = neglected(mesh, line, np.minimum(mu, lam + mu)), segment_mass(line.unknowns, line.lengths, line.m)
+    # inverse iteration for the least vᵀÃv/vᵀMv, which is no less than the eigenvalue whatever v is
+    factor, v, high, before = scipy.linalg.cho_factor(A_tilde, lower=True), np.ones(line.m), np.inf, np.inf
+    for _ in range(STEPS):
+        v = scipy.linalg.cho_solve(factor, M @ v)
+        before, high = high, float(v @ A_tilde @ v) / float(v @ M @ v)
+        v /= np.linalg.norm(v)
+        if not high < before * (1.0 - 1e-13):
+            break
+    return Band(hat * (1.0 - error) / (1.0 + C2 * hat), hat, min(high, before) * (1.0 + error))
 
 
 def _proved_least(A: Array, c: Array) -> tuple[float, Array, float]:
@@ -340,18 +339,6 @@ def _proved_least(A: Array, c: Array) -> tuple[float, Array, float]:
     return value, root * vectors[:, 0], error
 
 
-def _least_quotient(A: Array, M: Array) -> float:
-    """vᵀAv/vᵀMv after inverse iteration: the least eigenvalue, and no less than it whatever v is."""
-    factor, v, value, before = scipy.linalg.cho_factor(A, lower=True), np.ones(len(A)), np.inf, np.inf
-    for _ in range(STEPS):
-        v = scipy.linalg.cho_solve(factor, M @ v)
-        before, value = value, float(v @ A @ v) / float(v @ M @ v)
-        v /= np.linalg.norm(v)
-        if not value < before * (1.0 - 1e-13):
-            break
-    return min(value, before)
-
-
 def require_straight(mesh: PlaneMesh) -> None:
     """Raise GeometryFailed for curved edges: their polygon is another body."""
     curved = sorted({curve.name for curve in mesh.geometry.curves if not curve.straight})
@@ -360,56 +347,28 @@ def require_straight(mesh: PlaneMesh) -> None:
         raise GeometryFailed(f"{what}; draw straight edges, or leave guarantee out", ("mesh", "guarantee"))
 
 
-def mass_of(line: ContactLine) -> Array:
-    """(m, m) ∫_{Γ_C} φ_i φ_j of P1 [m]."""
-    ends, length = line.unknowns, np.hypot(*(line.ends[:, 1] - line.ends[:, 0]).T)
-    M = np.zeros((line.m + 1, line.m + 1))  # what is held goes to the last row
-    for i in (0, 1):
-        for j in (0, 1):
-            np.add.at(M, (ends[:, i], ends[:, j]), length / (3.0 if i == j else 6.0))
-    return M[:-1, :-1]
-
-
-def _supports(
-    mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...], line: ContactLine
-) -> tuple[Supports, sp.csr_array | None]:
-    """What holds the boundary segments of a mesh, and T of its rigid edges."""
-    s = len(mesh.segments)
-    along = mesh.points[mesh.segments[:, 1]] - mesh.points[mesh.segments[:, 0]]
-    t = along / np.hypot(*along.T)[:, None]
-    tn = np.stack([t, np.column_stack([t[:, 1], -t[:, 0]])], axis=2)
-    axes, held, springs = np.tile(np.eye(2), (s, 1, 1)), np.zeros((s, 2), dtype=bool), np.zeros((s, 2))
-    tied = []
-    for name, role in boundary:
-        on, given = mesh.on(name), np.array([component is not None for component in role.u])
-        if role.frame == "nt":
-            axes[on], held[on], springs[on] = tn[on], given[::-1], role.spring[::-1]
-        else:
-            held[on] = given
-        if isinstance(role, Rigid):
-            tied.append((name, role))
-    return Supports(axes, held, springs, line.which), _ties(mesh, tied) if tied else None
-
-
-def _ties(mesh: PlaneMesh, rigid: list[tuple[str, Rigid]]) -> sp.csr_array:
+def _ties(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> sp.csr_array | None:
     """T of w = T w': the displacements of a rigid edge in rows of its first segment, a_x, a_y and, if it turns, φℓ."""
     edges, sides = mesh.edges
     e = len(edges)
     rest, parts = np.ones(4 * e, dtype=bool), []
-    for name, role in rigid:
+    for name, role in boundary:
+        if not unknown(role):
+            continue
         number = sides.ravel()[mesh.sides_at(mesh.segments[mesh.on(name)])]
         ends = mesh.points[edges[number]]
         at = ends[:, :1] + GAUSS[None, :, None] * (ends[:, 1:] - ends[:, :1])  # (k, 2, 2) by edge and Gauss point
         rows = 2 * e * np.arange(2) + number[:, None]
         nodes, _, arms = edge_arms(mesh, name)
-        middle = mesh.points[nodes[0]] - arms[0]
-        length = float(np.hypot(*arms.T).max())
+        middle, length = mesh.points[nodes[0]] - arms[0], float(np.hypot(*arms.T).max())
         for c in unknown(role):
             parts.append((rows + c * e, np.full(rows.shape, number[0] + c * e), np.ones(rows.shape)))
             rest[rows + c * e] = False
             if role.moment is not None:
                 arm = (at - middle)[..., 1 - c] * (-1.0 if c == 0 else 1.0) / length
                 parts.append((rows + c * e, np.full(rows.shape, 2 * e + number[0]), arm))
+    if not parts:
+        return None
     kept = np.flatnonzero(rest)
     row, column, value = (np.concatenate([a.ravel() for a in part]) for part in zip(*parts, strict=True))
     entries = (np.append(value, np.ones(len(kept))), (np.append(row, kept), np.append(column, kept)))
@@ -431,19 +390,16 @@ def neglected(mesh: PlaneMesh, line: ContactLine, stiffness: Array) -> float:
     along, across = (b - a) / h[:, None], apex - a
     x = np.einsum("ij,ij->i", along, across) / h
     y = (along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0]) / h
-    shapes, which = np.unique(_smaller(x, y), axis=0, return_inverse=True)
+    x = np.minimum(x, 1.0 - x)
+    # apexes within those, of few kinds; at this height the triangle reaches from x·share to 1 − (1 − x)·share, which
+    # is 1/SHAPES wide or more
+    low = np.exp(np.floor(np.log(y * (1.0 - 1.0 / SHAPES)) * SHAPES) / SHAPES)
+    share = low / y
+    inner = np.ceil(x * share * SHAPES) / SHAPES
+    assert np.all((x * share <= inner) & (inner <= 1.0 - (1.0 - x) * share))
+    shapes, which = np.unique(np.column_stack([inner, low]), axis=0, return_inverse=True)
     C2 = shape_constants(tuple(map(tuple, shapes.tolist())))[which]
     return float(np.bincount(owner, C2 * h / (2.0 * stiffness[owner])).max())
-
-
-def _smaller(x: Array, y: Array) -> Array:
-    """(n, 2) apexes of triangles on (0, 0), (1, 0) within those with apexes (x, y), of few kinds; by symmetry x ≤ ½."""
-    x = np.minimum(x, 1.0 - x)
-    low = np.exp(np.floor(np.log(y * (1.0 - 1.0 / SHAPES)) * SHAPES) / SHAPES)
-    share = low / y  # at this height the triangle reaches from x·share to 1 − (1 − x)·share, 1/SHAPES wide or more
-    at = np.ceil(x * share * SHAPES) / SHAPES
-    assert np.all((x * share <= at) & (at <= 1.0 - (1.0 - x) * share))
-    return np.column_stack([at, low])
 
 
 CHILDREN = np.array([[0, 6, 5], [1, 2, 7], [8, 3, 4], [8, 6, 7]])

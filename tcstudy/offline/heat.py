@@ -462,8 +462,8 @@ class Temperatures:
 
     def mean_of(self, theta: Array) -> float:
         """Mean over the body of a temperature at the nodes (n,)."""
-        area = self._forms[()].nodal_area
-        return float(area @ theta) / float(area.sum())
+        mesh = self._forms[()].mesh
+        return float(mesh.area @ theta[mesh.triangles].mean(axis=1)) / float(mesh.area.sum())
 
     def response(self, scene: Scene, source: Array) -> Array:
         """(n,) θ [K] that heat put in at the nodes (n,) [W/m] makes, surroundings and held edges being at 0."""
@@ -477,7 +477,7 @@ class Temperatures:
         found, kept = np.zeros(len(theta)), forms.kept_nodes
         for edge, _, theta_bar in scene.exchange:
             if edge in edges:
-                found[kept] += forms.surroundings(theta_bar, (edge,)) - forms.edge_mass((edge,)) @ theta[kept]
+                found[kept] += forms.surroundings(theta_bar, (edge,)) - forms.exchange({edge: 1.0}) @ theta[kept]
         return found
 
     def _whole(self, scene: Scene) -> tuple[Part, bool]:

@@ -258,6 +258,15 @@ def doubled_areas(corners: Array) -> Array:
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
+def segment_mass(ends: Indices, lengths: Array, size: int) -> Array:
+    """(size, size) ∫φ_iφ_j of P1 over segments. ends: (s, 2) numbers of their nodes, −1 for one that is left out"""
+    M = np.zeros((size + 1, size + 1))  # what is left out goes to the last row
+    for i in (0, 1):
+        for j in (0, 1):
+            np.add.at(M, (ends[:, i], ends[:, j]), lengths / (3.0 if i == j else 6.0))
+    return M[:-1, :-1]
+
+
 @dataclass(frozen=True, eq=False)
 class TriangleGeometry:
     """points: (n, 2) nodes [m];  triangles: (t, 3), counter-clockwise"""
