@@ -37,25 +37,39 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
-_Held = tuple[Indices, Array, Array, list[str]]
-"""Directions that are held at nodes, d·u(node) = value, and the edges that hold them: node, d, value, name."""
-
-
 def constrain(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> Frames:
     """Collect the constraints of all clamped and contact edges and turn them into local frames.
 
     Raises GeometryFailed where two edges prescribe different displacements at their common corner.
     """
-    node, direction, value, names = _collect(mesh, boundary)
+    parts: list[tuple[Indices, Array, Array, str]] = []  # d·u(node) = value: node, d, value, name of the edge
+    for name, role in sorted(boundary, key=lambda item: not isinstance(item[1], Contact)):
+        # contact first, so that its frame (t, n) wins where it stands alone
+        if not isinstance(role, Contact | Clamped):
+            continue
+        for own in (mesh.segment_curve == i for i, curve in enumerate(mesh.geometry.curves) if curve.name == name):
+            nodes, first = np.unique(mesh.segments[own], return_index=True)
+            normals = mesh.end_normals[own].reshape(-1, 2)[first]  # of the exact curve
+            if isinstance(role, Symmetry) and np.max(np.abs(_cross(normals, normals[:1]))) > SMOOTH:
+                raise GeometryFailed(f"the symmetry edge {name} is not straight; use u_N: 0 for a guide", EDGES)
+            directions = [np.tile(axis, (len(nodes), 1)) for axis in ((1.0, 0.0), (0.0, 1.0))]
+            if role.frame == "nt":
+                directions = [normals, np.column_stack([-normals[:, 1], normals[:, 0]])]
+            for along, component in zip(directions, role.u, strict=True):
+                if component is not None:
+                    parts.append((nodes, along, values_at(component, mesh.points[nodes]), name))
+    names = [name for nodes, _, _, name in parts for _ in nodes]
+    node, direction, value = (np.concatenate(column) for column in list(zip(*parts, strict=True))[:3])
     order = np.argsort(node, kind="stable")
     node, direction, value = node[order], direction[order], value[order]
     nodes, first, count = np.unique(node, return_index=True, return_counts=True)
-    d0, v0 = direction[first], value[first]
-    own = np.repeat(np.arange(len(nodes)), count)
+    d0, v0, own = direction[first], value[first], np.repeat(np.arange(len(nodes)), count)
     sine = np.abs(_cross(d0[own], direction))
     second = np.lexsort((-sine, own))[first]  # of every node the direction that is farthest from its first
-    both = sine[second] > SMOOTH
-    u = _solve_pairs(d0, v0, direction[second], value[second], both)
+    both, d1, v1 = sine[second] > SMOOTH, direction[second], value[second]
+    det = np.where(both, _cross(d0, d1), 1.0)
+    pair = np.column_stack([(v0 * d1[:, 1] - v1 * d0[:, 1]) / det, (v1 * d0[:, 0] - v0 * d1[:, 0]) / det])
+    u = np.where(both[:, None], pair, v0[:, None] * d0)
     apart = np.abs(np.einsum("ij,ij->i", direction, u[own]) - value)
     wrong = np.flatnonzero(apart > 1e-9 * float(np.max(np.abs(value), initial=0.0)))
     if len(wrong):
@@ -66,30 +80,13 @@ def constrain(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> Frames
             f"corner ({x:g}, {y:g}); make them agree there, or free a component",
             ("boundary",),
         )
-    frames = _frames(mesh.n_points, nodes, d0, v0, u, both)
-    return with_ties(mesh, boundary, frames) if any(isinstance(role, Rigid) for _, role in boundary) else frames
-
-
-def _collect(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...]) -> _Held:
-    """Constraints edge by edge; contact first, so that its frame (t, n) wins where it stands alone."""
-    parts: list[tuple[Indices, Array, Array, str]] = []
-    for name, role in sorted(boundary, key=lambda item: not isinstance(item[1], Contact)):
-        if not isinstance(role, Contact | Clamped):
-            continue
-        for index in (i for i, curve in enumerate(mesh.geometry.curves) if curve.name == name):
-            nodes, normals = curve_normals(mesh, index)
-            if isinstance(role, Symmetry) and np.max(np.abs(_cross(normals, normals[:1]))) > SMOOTH:
-                raise GeometryFailed(f"the symmetry edge {name} is not straight; use u_N: 0 for a guide", EDGES)
-            if role.frame == "nt":
-                directions = [normals, np.column_stack([-normals[:, 1], normals[:, 0]])]
-            else:
-                directions = [np.tile(axis, (len(nodes), 1)) for axis in ((1.0, 0.0), (0.0, 1.0))]
-            for along, component in zip(directions, role.u, strict=True):
-                if component is not None:
-                    parts.append((nodes, along, values_at(component, mesh.points[nodes]), name))
-    node, direction, value, edge = zip(*parts, strict=True)
-    names = [name for name, nodes in zip(edge, node, strict=True) for _ in nodes]
-    return np.concatenate(node), np.concatenate(direction), np.concatenate(value), names
+    n, one, two, d = mesh.n_points, nodes[~both], nodes[both], d0[~both]
+    axes, fixed, values = np.tile(np.eye(2), (n, 1, 1)), np.zeros(2 * n, dtype=bool), np.zeros(2 * n)
+    axes[one] = np.stack([np.column_stack([-d[:, 1], d[:, 0]]), d], axis=2)  # columns t = (−d₂, d₁) and d
+    fixed[one + n], values[one + n] = True, v0[~both]
+    fixed[two] = fixed[two + n] = True
+    values[two], values[two + n] = u[both].T
+    return _tied(mesh, boundary, Frames(axes, fixed, values))
 
 
 def values_at(scalar: Scalar, points: Array) -> Array:
@@ -102,40 +99,8 @@ def values_at(scalar: Scalar, points: Array) -> Array:
     return value
 
 
-def curve_normals(mesh: PlaneMesh, curve: int) -> tuple[Indices, Array]:
-    """Nodes of a boundary curve and the outward unit normals of the exact curve there."""
-    own = mesh.segment_curve == curve
-    nodes, first = np.unique(mesh.segments[own], return_index=True)
-    return nodes, mesh.end_normals[own].reshape(-1, 2)[first]
-
-
 def _cross(a: Array, b: Array) -> Array:
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-
-
-def _solve_pairs(d0: Array, v0: Array, d1: Array, v1: Array, both: NDArray[np.bool_]) -> Array:
-    """u with d0·u = v0 and d1·u = v1 where both hold; u = v0 d0 elsewhere."""
-    det = np.where(both, _cross(d0, d1), 1.0)
-    pair = np.column_stack([(v0 * d1[:, 1] - v1 * d0[:, 1]) / det, (v1 * d0[:, 0] - v0 * d1[:, 0]) / det])
-    return np.where(both[:, None], pair, v0[:, None] * d0)
-
-
-def _frames(n: int, nodes: Indices, d0: Array, v0: Array, u: Array, both: NDArray[np.bool_]) -> Frames:
-    """Assemble R, the fixed rows and their values."""
-    one, d, i, axes = nodes[~both], d0[~both], np.arange(n), np.tile(np.eye(2), (n, 1, 1))
-    axes[one] = np.stack([np.column_stack([-d[:, 1], d[:, 0]]), d], axis=2)  # columns t = (−d₂, d₁) and d
-    turned = np.flatnonzero(axes[:, 0, 1] != 0.0)
-    rows = np.concatenate([i, i + n, turned, turned + n])
-    columns = np.concatenate([i, i + n, turned + n, turned])
-    entries = np.concatenate([axes[:, 0, 0], axes[:, 1, 1], axes[turned, 0, 1], axes[turned, 1, 0]])
-    rotation = sp.csr_array((entries, (rows, columns)), shape=(2 * n, 2 * n))
-    fixed, values = np.zeros(2 * n, dtype=bool), np.zeros(2 * n)
-    fixed[one + n], values[one + n] = True, v0[~both]
-    two = nodes[both]
-    fixed[two] = fixed[two + n] = True
-    values[two], values[two + n] = u[both, 0], u[both, 1]
-    own = np.flatnonzero((axes != np.eye(2)).any(axis=(1, 2)))
-    return Frames(rotation, fixed, values, own, axes[own])
 
 
 @dataclass(frozen=True)
@@ -213,7 +178,15 @@ def contact_line(mesh: PlaneMesh, frames: Frames, names: tuple[str, ...]) -> Con
     which = which[np.concatenate(parts)]
     segments, edge = mesh.segments[which], edge_of_curve[mesh.segment_curve[which]]
     lengths = np.linalg.norm(mesh.points[segments[:, 1]] - mesh.points[segments[:, 0]], axis=1)
-    halves = _halves(mesh, segments, lengths, ~frames.fixed[segments])
+    loose = ~frames.fixed[segments]
+    if len(lost := np.flatnonzero(~loose.any(axis=1))):
+        x, y = mesh.points[segments[lost[0], 0]]
+        raise GeometryFailed(
+            f"the contact line has no free node at ({x:g}, {y:g}), all its nodes there are held; refine the mesh, "
+            "or draw short edges that stand for a curve as arcs with through"
+        )
+    # what a segment adds to c_i of its ends: half of it, a fixed end's half goes to the other end
+    halves = np.where(loose.all(axis=1, keepdims=True), 0.5, loose) * lengths[:, None]
     c = np.zeros(mesh.n_points)
     np.add.at(c, segments.T, halves.T)
     before, stops = np.cumsum(lengths) - lengths, np.cumsum([len(part) for part in parts])
@@ -232,18 +205,6 @@ def contact_line(mesh: PlaneMesh, frames: Frames, names: tuple[str, ...]) -> Con
     meets = np.flatnonzero((into >= 0) & (on[into] != edge))
     joints = Joints(into[meets], edge[meets], halves[meets, 1] / c[segments[meets, 1]])
     return ContactLine(nodes, at, mesh.points[nodes], c[nodes], on, names, segments, ends, which, edge, joints)
-
-
-def _halves(mesh: PlaneMesh, segments: Indices, lengths: Array, free: NDArray[np.bool_]) -> Array:
-    """(s, 2) what a segment adds to c_i of its ends: half of it, a fixed end's half goes to the other end."""
-    lost = np.flatnonzero(~free[:, 0] & ~free[:, 1])
-    if len(lost):
-        x, y = mesh.points[segments[lost[0], 0]]
-        raise GeometryFailed(
-            f"the contact line has no free node at ({x:g}, {y:g}), all its nodes there are held; refine the mesh, "
-            "or draw short edges that stand for a curve as arcs with through"
-        )
-    return np.where((free[:, 0] & free[:, 1])[:, None], 0.5, free) * lengths[:, None]
 
 
 def _parts(segments: Indices, rank: Indices) -> list[list[int]]:
@@ -276,61 +237,60 @@ def held_ends(mesh: PlaneMesh, line: ContactLine, boundary: tuple[tuple[str, Rol
     way, length = line.ends[:, 1] - line.ends[:, 0], line.lengths
     corners = {end.node: [(mesh.geometry.curves[i].name, n) for i, n in zip(end.curves, end.normals, strict=True)]
                for end in curve_ends(mesh)}  # fmt: skip
-    found = []
+    edges, shares = [], []
     for k, j in zip(at, side, strict=True):
-        named = corners.get(int(line.segments[k, j]), [])
-        found.append(_held_by(named, way[k], line.edge_names, boundary))
+        best, edge, along = SMOOTH, -1, np.zeros(2)
+        named = corners.get(int(line.segments[k, j]), [])  # edges that meet in the node, and their outward normals
+        tangents = [np.array([-n[1], n[0]]) for name, n in named if name in line.edge_names]
+        tangent = max(tangents, key=lambda t: float(way[k] @ t), default=np.zeros(2))
+        holding = ((number, role, n) for number, (edge_name, role) in enumerate(boundary) for name, n in named
+                   if name == edge_name and isinstance(role, Clamped) and tangents)  # fmt: skip
+        for number, role, n in holding:
+            share = (np.array([n, [-n[1], n[0]]]) if role.frame == "nt" else np.eye(2)) @ tangent
+            given = np.array([component is not None for component in role.u])
+            if isinstance(role, Rigid) or given.all():
+                edge, along = number, np.full(2, np.nan) if isinstance(role, Rigid) else share
+                break
+            if given.any() and abs(share[given][0]) > best:  # u_N = 0 leaves u = u_T t
+                best, edge, along = float(abs(share[given][0])), number, np.where(given, 1.0 / share[given][0], 0.0)
+        edges.append(edge)
+        shares.append(along)
     x, y = line.ends[at, side].T
     return {
         "held_arclength": (np.cumsum(length) - length)[at] + side * length[at],
         "held_x": x,
         "held_y": y,
-        "held_edge": np.array([edge for edge, _ in found], dtype=np.int8),
-        "held_along": np.array([along for _, along in found]),
+        "held_edge": np.array(edges, dtype=np.int8),
+        "held_along": np.array(shares),
     }
 
 
-def _held_by(
-    named: list[tuple[str, Point]], way: Array, contact: tuple[str, ...], boundary: tuple[tuple[str, Role], ...]
-) -> tuple[int, Array]:
-    """The edge that holds a node, and the shares of its components in the displacement along the contact edge.
+def _tied(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...], frames: Frames) -> Frames:
+    """The frames with all nodes of a rigid edge tied to one, on the contact line if it meets it.
 
-    named: edges that meet in the node, with their outward normals there
+    Raises GeometryFailed where another edge holds a rigid one.
     """
-    best, edge, along = SMOOTH, -1, np.zeros(2)
-    own = [n for name, n in named if name in contact]
-    if not own:
-        return edge, along
-    normal = max(own, key=lambda n: float(way @ (-n[1], n[0])))
-    tangent = np.array([-normal[1], normal[0]])
-    for number, (name, role) in enumerate(boundary):
-        for n in [n for other, n in named if other == name and isinstance(role, Clamped)]:
-            share = (np.array([n, [-n[1], n[0]]]) if role.frame == "nt" else np.eye(2)) @ tangent
-            given = np.array([component is not None for component in role.u])
-            if isinstance(role, Rigid):
-                return number, np.full(2, np.nan)
-            if given.all():
-                return number, share
-            if given.any() and abs(share[given][0]) > best:  # u_N = 0 leaves u = u_T t
-                best, edge, along = float(abs(share[given][0])), number, np.where(given, 1.0 / share[given][0], 0.0)
-    return edge, along
-
-
-def with_ties(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...], frames: Frames) -> Frames:
-    """The frames with all nodes of a rigid edge tied to one, on the contact line if it meets it."""
-    n, fixed = mesh.n_points, frames.fixed.copy()
-    axes = np.tile(np.eye(2), (n, 1, 1))
-    axes[frames.turned] = frames.axes
+    if not any(isinstance(role, Rigid) for _, role in boundary):
+        return frames
+    n, fixed, axes = mesh.n_points, frames.fixed.copy(), frames.axes
     contact = mesh.nodes_on(*(name for name, role in boundary if isinstance(role, Contact)))
     columns, signs = np.arange(2 * n), np.ones(2 * n)
     turning: list[tuple[Indices, Indices, Array]] = []
     for name, role in boundary:
         if isinstance(role, Rigid) and role.moment is not None:
-            turning.append(
-                _turning(mesh, name, fixed | (np.bincount(columns, minlength=2 * n) != 1) | (signs == 0.0), axes)
-            )
-            rows = np.unique(turning[-1][0])
-            signs[rows], fixed[np.setdiff1d(rows, turning[-1][1])] = 0.0, True
+            nodes, _, arms = edge_arms(mesh, name)
+            taken = fixed | (np.bincount(columns, minlength=2 * n) != 1) | (signs == 0.0)  # held or tied already
+            wrong = taken[nodes] | taken[nodes + n] | (np.abs(axes[nodes] - np.eye(2)) > SMOOTH).any(axis=(1, 2))
+            if wrong.any():
+                x, y = mesh.points[nodes[np.argmax(wrong)]]
+                what = f"the rigid edge {name} cannot turn: another edge holds it at ({x:g}, {y:g})"
+                raise GeometryFailed(f"{what}; leave out its moment", EDGES)
+            length, ones = float(np.hypot(*arms.T).max()), np.ones(len(nodes))
+            masters = np.array([nodes[0], nodes[0] + n, nodes[-1]])  # rows of a_x, a_y and φℓ
+            row = np.concatenate([nodes, nodes + n, nodes, nodes + n])
+            value = np.concatenate([ones, ones, -arms[:, 1] / length, arms[:, 0] / length])
+            turning.append((row, np.repeat(masters[[0, 1, 2, 2]], len(nodes)), value))
+            signs[row], fixed[np.setdiff1d(row, masters)] = 0.0, True
             continue
         for c in unknown(role):
             nodes = mesh.nodes_on(name)
@@ -346,29 +306,10 @@ def with_ties(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...], frames: F
     return replace(frames, fixed=fixed, ties=ties)
 
 
-def _turning(mesh: PlaneMesh, name: str, taken: NDArray[np.bool_], axes: Array) -> tuple[Indices, Indices, Array]:
-    """(row, column, value) of T for the nodes of an edge that turns.
-
-    taken: (2n,) rows that are held or tied already. Raises GeometryFailed where the edge meets such a node.
-    """
-    n, (nodes, _, arms) = mesh.n_points, edge_arms(mesh, name)
-    wrong = taken[nodes] | taken[nodes + n] | (np.abs(axes[nodes] - np.eye(2)) > SMOOTH).any(axis=(1, 2))
-    if wrong.any():
-        x, y = mesh.points[nodes[np.argmax(wrong)]]
-        what = f"the rigid edge {name} cannot turn: another edge holds it at ({x:g}, {y:g})"
-        raise GeometryFailed(f"{what}; leave out its moment", EDGES)
-    length, ones = float(np.hypot(*arms.T).max()), np.ones(len(nodes))
-    a_x, a_y, turn = (np.full(len(nodes), row) for row in (nodes[0], nodes[0] + n, nodes[-1]))
-    row = np.concatenate([nodes, nodes + n, nodes, nodes + n])
-    value = np.concatenate([ones, ones, -arms[:, 1] / length, arms[:, 0] / length])
-    return row, np.concatenate([a_x, a_y, turn, turn]), value
-
-
 def edge_arms(mesh: PlaneMesh, name: str) -> tuple[Indices, Array, Array]:
     """(k,) nodes of an edge, (k,) their shares of its length and (k, 2) where they are from its middle [m]."""
     segments = mesh.segments[mesh.on(name)]
-    half = 0.5 * np.hypot(*(mesh.points[segments[:, 1]] - mesh.points[segments[:, 0]]).T)
-    share = np.bincount(segments.ravel(), np.repeat(half, 2), mesh.n_points)
+    share = np.bincount(segments.ravel(), np.repeat(0.5 * mesh.boundary.length[mesh.on(name)], 2), mesh.n_points)
     nodes = np.flatnonzero(share)
     share = share[nodes] / share.sum()
     return nodes, share, mesh.points[nodes] - share @ mesh.points[nodes]

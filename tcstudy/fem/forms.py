@@ -226,13 +226,11 @@ def _blocks(form: Any) -> tuple[NodeGraph, Array]:
 
 def _turn(A: Array, graph: NodeGraph, frames: Frames) -> None:
     """A_ij ← R_iᵀ A_ij R_j, in place, on the entries that a turned node has part in."""
-    turned = np.zeros(len(graph.starts) - 1, dtype=bool)
-    turned[frames.turned] = True
+    axes = frames.axes
+    turned = (axes != np.eye(2)).any(axis=(1, 2))
     entries = np.flatnonzero(turned[graph.rows] | turned[graph.columns])
     if not len(entries):
         return
-    axes = np.tile(np.eye(2), (len(turned), 1, 1))
-    axes[frames.turned] = frames.axes
     left, right = axes[graph.rows[entries]], axes[graph.columns[entries]]
     A[:, :, entries] = np.einsum("eac,abe,ebd->cde", left, A[:, :, entries], right)
 

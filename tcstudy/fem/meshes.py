@@ -207,19 +207,16 @@ SMOOTH = 1e-6
 class Frames:
     """Local displacement unknowns w with u = R w; row c·n + i is component c of node i.
 
-    rotation: (2n, 2n) orthogonal R
+    axes:     (n, 2, 2) blocks of the orthogonal R, a local axis a column
     fixed:    (2n,) local rows that carry no unknown
     values:   (2n,) prescribed local displacements on the fixed rows, zero elsewhere [m]
-    turned:   (k,) nodes whose local frame is not (x, y);  axes: (k, 2, 2) their blocks of R, a local axis a column
     ties:     (2n, 2n) T of rigid edges, None without: all rows of an edge and a component are ± that of one node, and
               fixed but for that one; then u = R T w
     """
 
-    rotation: sp.csr_array
+    axes: Array
     fixed: NDArray[np.bool_]
     values: Array
-    turned: Indices
-    axes: Array
     ties: sp.csr_array | None = None
 
     @property
@@ -229,16 +226,20 @@ class Frames:
 
     def local(self, F: Array) -> Array:
         """RᵀF, or TᵀRᵀF: a global load in local rows."""
-        rows = self.rotation.T @ F
+        rows = self.rows(F)
         return rows if self.ties is None else self.ties.T @ rows
 
     def rows(self, u: Array) -> Array:
         """Rᵀu: displacements in x and y, rigid edges and all, in local rows."""
-        return np.asarray(self.rotation.T @ u)
+        return np.einsum("ncd,cn->dn", self.axes, u.reshape(2, -1)).ravel()
 
     def cartesian(self, w: Array) -> Array:
         """R w, or R T w: local displacements in x and y."""
-        return self.rotation @ (w if self.ties is None else self.ties @ w)
+        return self.unturned(w if self.ties is None else self.ties @ w)
+
+    def unturned(self, w: Array) -> Array:
+        """R w, whatever is tied."""
+        return np.einsum("ncd,dn->cn", self.axes, w.reshape(2, -1)).ravel()
 
     def tied(self, A: sp.csr_array) -> sp.csr_array:
         """TᵀAT of a matrix in local rows (2n, 2n)."""

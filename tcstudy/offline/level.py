@@ -438,8 +438,7 @@ class Level:
         """(A + S)u of a displacement u, both (2n,) in x and y [N/m]."""
         found = self.elastic.stiffness_of(moduli) @ u if moduli else np.zeros(len(u))
         if springs:
-            R = self.frames.rotation
-            found += R @ (self.elastic.springs(springs, self.frames) @ (R.T @ u))
+            found += self.frames.unturned(self.elastic.springs(springs, self.frames) @ self.frames.rows(u))
         return found
 
     def stiffness_times(self, scene: Scene, u: Array) -> Array:
