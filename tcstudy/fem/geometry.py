@@ -190,10 +190,23 @@ def build(body: Body) -> Geometry:
         face = _face(body.outline, unit)
         for hole in body.holes:
             face = face - _face(hole, unit)
-        curves = tuple(_curve(edge, f"c{i}") for i, edge in enumerate(body.edges))
-    size = _size(face)
-    finders = _finders(body, face, unit)
-    shape = _with_regions(face, body, unit)
+        curves = tuple(
+            Curve(f"c{i}", edge.name, edge_length(edge), edge.through is None, partial(edge_normal, edge))
+            for i, edge in enumerate(body.edges)
+        )
+    size, finders = _size(face), [_occ_distance(edge) for edge in face.edges]
+    if body.brep is None:
+        records = [_in_units(edge, unit) for edge in body.edges]
+        finders = [lambda point, edge=edge: float(edge_distance(edge, point[None])[0]) for edge in records]  # type: ignore[misc]
+    face.faces.name = BODY
+    parts, rest = [], face
+    for region in body.regions:  # cut out and glued back, so that the mesh follows their outlines
+        part = face * _face(region.loop, unit)
+        part.faces.name = region.name
+        rest = rest - part
+        parts.append(part)
+    rest.faces.name = BODY
+    shape = occ.Glue([rest, *parts]) if parts else rest
     _name_edges(shape, finders, 1e-6 * size)
     return Geometry(shape, curves, sum(f.mass for f in shape.faces) * unit**2, size * unit, unit)
 
@@ -220,34 +233,9 @@ def _face(loop: Loop, unit: float) -> Any:
     return occ.Face(occ.Wire(made))
 
 
-def _curve(edge: Edge, tag: str) -> Curve:
-    return Curve(tag, edge.name, edge_length(edge), edge.through is None, partial(edge_normal, edge))
-
-
 def _size(face: Any) -> float:
     low, high = face.bounding_box
     return float(np.hypot(high[0] - low[0], high[1] - low[1]))
-
-
-def _with_regions(face: Any, body: Body, unit: float) -> Any:
-    """Cut the regions out of the body and glue them back, so that the mesh follows their outlines."""
-    face.faces.name = BODY
-    parts, rest = [], face
-    for region in body.regions:
-        part = face * _face(region.loop, unit)
-        part.faces.name = region.name
-        rest = rest - part
-        parts.append(part)
-    rest.faces.name = BODY
-    return occ.Glue([rest, *parts]) if parts else rest
-
-
-def _finders(body: Body, face: Any, unit: float) -> list[Callable[[Array], float]]:
-    """One function per curve: distance of a point from it, both in the unit of the face."""
-    if body.brep is not None:
-        return [_occ_distance(edge) for edge in face.edges]
-    records = [_in_units(edge, unit) for edge in body.edges]
-    return [lambda point, edge=edge: float(edge_distance(edge, point[None])[0]) for edge in records]  # type: ignore[misc]
 
 
 def _occ_distance(edge: Any) -> Callable[[Array], float]:
@@ -278,8 +266,13 @@ def _name_edges(shape: Any, finders: list[Callable[[Array], float]], tolerance: 
 
 def _read_face(record: BrepFace) -> tuple[Any, list[Curve], float]:
     """One plane face of a file, its edges named by the points that the study gives, and the unit it is in [m]."""
-    if record.path.suffix.lower() in (".step", ".stp") and not _begins_as_step(record.path):  # the kernel would rattle
-        raise GeometryFailed(f"{record.path.name}: is no STEP file, as ISO-10303-21 is missing; export the face again")
+    if record.path.suffix.lower() in (".step", ".stp"):
+        with open(record.path, "rb") as stream:
+            begins = stream.read(4096)
+        if b"ISO-10303-21" not in begins:  # the kernel would rattle
+            raise GeometryFailed(
+                f"{record.path.name}: is no STEP file, as ISO-10303-21 is missing; export the face again"
+            )
     if (fault := file_fault(record.path)) is not None:
         raise GeometryFailed(f"{record.path.name}: {fault}; export the face again", ("body", "file"))
     try:
@@ -312,11 +305,6 @@ def _read_face(record: BrepFace) -> tuple[Any, list[Curve], float]:
     return face, [_file_curve(edge, f"c{i}", str(names[i]), unit) for i, edge in enumerate(edges)], unit
 
 
-def _begins_as_step(path: Path) -> bool:
-    with open(path, "rb") as stream:
-        return b"ISO-10303-21" in stream.read(4096)
-
-
 def _edge_near(record: BrepFace, edges: list[Any], name: str, point: Array, size: float, unit: float) -> int:
     """The edge that a point names; a point at none (wrong units) or at a corner (either edge) is refused."""
     distances = np.array([_occ_distance(edge)(point / unit) for edge in edges])
@@ -341,8 +329,20 @@ def _file_curve(edge: Any, tag: str, name: str, unit: float) -> Curve:
     straight = abs(edge.mass - chord) <= 1e-12 * edge.mass
 
     def normal(at: Array) -> Array:
-        tangents = [_tangent_at(edge, grid, points, point) for point in at / unit]
-        return np.array([[-t[1], t[0]] for t in tangents])
+        """Across the tangents where the curve is closest: nearest sample, then a few projection steps."""
+        found = []
+        for point in at / unit:
+            i = int(np.argmin(np.sum((points - point) ** 2, axis=1)))
+            a, b, t = max(i - 1, 0), min(i + 1, len(grid) - 1), grid[i]
+            speed = float(np.linalg.norm(points[b] - points[a])) / (grid[b] - grid[a])
+            for _ in range(8):
+                value, tangent = edge.Value(t), edge.Tangent(t)
+                length = np.hypot(tangent.x, tangent.y)
+                along = ((point[0] - value[0]) * tangent.x + (point[1] - value[1]) * tangent.y) / length
+                t = min(max(t + along / speed, grid[0]), grid[-1])
+            tangent = edge.Tangent(t)
+            found.append(np.array([-tangent.y, tangent.x]) / np.hypot(tangent.x, tangent.y))
+        return np.array(found)
 
     return Curve(tag, name, float(edge.mass) * unit, straight, normal)
 
@@ -351,19 +351,3 @@ def _parameters(edge: Any, count: int) -> Array:
     """Equally spaced curve parameters, both ends included."""
     low, high = edge.parameter_interval
     return np.linspace(float(low), float(high), count)
-
-
-def _tangent_at(edge: Any, grid: Array, samples: Array, point: Array) -> tuple[float, float]:
-    """Unit tangent where the curve is closest to `point`: nearest sample, then a few projection steps."""
-    i = int(np.argmin(np.sum((samples - point) ** 2, axis=1)))
-    a, b = max(i - 1, 0), min(i + 1, len(grid) - 1)
-    speed = float(np.linalg.norm(samples[b] - samples[a])) / (grid[b] - grid[a])
-    t = grid[i]
-    for _ in range(8):
-        value, tangent = edge.Value(t), edge.Tangent(t)
-        length = np.hypot(tangent.x, tangent.y)
-        along = ((point[0] - value[0]) * tangent.x + (point[1] - value[1]) * tangent.y) / length
-        t = min(max(t + along / speed, grid[0]), grid[-1])
-    tangent = edge.Tangent(t)
-    length = float(np.hypot(tangent.x, tangent.y))
-    return float(tangent.x) / length, float(tangent.y) / length

@@ -48,47 +48,12 @@ from tcstudy.scene.study import GRADED, MeshPlan, Study
 from tcstudy.shapes.edges import GAUSS, INNER, TriangleGeometry, doubled_areas
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 ENOUGH = 4
 """Triangles that a patch of one ring needs; below it, and on the boundary, the patch has two rings."""
 FLAT = 1e-6
 """Determinant of the scaled moments below which a patch is too flat for a fit and its mean is taken."""
-
-
-def recovery(mesh: TriangleGeometry, segments: NDArray[np.intp]) -> sp.csr_array:
-    """(n, t) the linear map from values on triangles to recovered values at nodes. segments: (s, 2) of the boundary"""
-    n, patches = len(mesh.points), _patches(mesh, segments)
-
-    def total(values: Array) -> Array:
-        """(n,) sums over the triangles of each patch."""
-        return np.asarray(np.bincount(node, values, minlength=n), dtype=float)
-
-    node, triangle = np.repeat(np.arange(n), np.diff(patches.indptr)), patches.indices
-    weight, offset = mesh.area[triangle], mesh.centres[triangle] - mesh.points[node]
-    whole = total(weight)
-    size = np.sqrt(total(weight * np.einsum("ed,ed->e", offset, offset)) / whole)
-    terms = np.column_stack([np.ones(len(node)), offset / size[node, None]])
-    weight = weight / whole[node]
-    moments = np.array([[total(weight * a * b) for a in terms.T] for b in terms.T]).transpose(2, 0, 1)
-    # The fit's value at the node is the first coefficient: the first row of the inverse moments.
-    first = np.tile([1.0, 0.0, 0.0], (n, 1))  # the mean
-    sound = np.linalg.det(moments) > FLAT
-    first[sound] = np.linalg.solve(moments[sound], first[sound][..., None])[..., 0]
-    return sp.csr_array((weight * np.einsum("ek,ek->e", terms, first[node]), triangle, patches.indptr), patches.shape)
-
-
-def _patches(mesh: TriangleGeometry, segments: NDArray[np.intp]) -> sp.csr_array:
-    """(n, t) pattern of the patches: one ring of triangles, two where one says too little."""
-    ring = mesh.incidence
-    few = np.diff(ring.indptr) < ENOUGH
-    few[segments] = True
-    neighbours = sp.diags_array(few.astype(float)) @ ring @ ring.T
-    patches = sp.csr_array(sp.diags_array((~few).astype(float)) @ ring + neighbours @ ring)
-    patches.eliminate_zeros()
-    return patches
-
-
-Indices = NDArray[np.intp]
 
 
 class BoundaryEdges(NamedTuple):
@@ -103,7 +68,7 @@ class BoundaryEdges(NamedTuple):
 class PlaneMesh(TriangleGeometry):
     """A triangle mesh of the body with its arrays copied out of NGSolve.
 
-    mesh:      the NGSolve mesh, for assembly only;  kernel: the same in units of `unit` [m], for refinement only
+    mesh:      the NGSolve mesh, for assembly only;  kernel: the same in units of the geometry, for refinement only
     geometry:  the geometry it was made of
     level:     position in the study's family, 0 is the coarsest
     segments:  (s, 2) boundary edges, with the body on their left;  segment_curve: (s,) index of their curve
@@ -117,7 +82,6 @@ class PlaneMesh(TriangleGeometry):
     segment_curve: Indices
     time_mesh: float
     kernel: Any
-    unit: float
 
     @property
     def n_points(self) -> int:
@@ -193,8 +157,32 @@ class PlaneMesh(TriangleGeometry):
 
     @cached_property
     def recovery(self) -> sp.csr_array:
-        """(n, t) the linear map from values on triangles to recovered values at nodes."""
-        return recovery(self, self.segments)
+        """(n, t) the linear map from values on triangles to recovered values at nodes: fits on patches of one ring of
+        triangles, of two where one says too little."""
+        n, ring = self.n_points, self.incidence
+        few = np.diff(ring.indptr) < ENOUGH
+        few[self.segments] = True
+        neighbours = sp.diags_array(few.astype(float)) @ ring @ ring.T
+        patches = sp.csr_array(sp.diags_array((~few).astype(float)) @ ring + neighbours @ ring)
+        patches.eliminate_zeros()
+        node, triangle = np.repeat(np.arange(n), np.diff(patches.indptr)), patches.indices
+
+        def total(values: Array) -> Array:
+            """(n,) sums over the triangles of each patch."""
+            return np.asarray(np.bincount(node, values, minlength=n), dtype=float)
+
+        weight, offset = self.area[triangle], self.centres[triangle] - self.points[node]
+        whole = total(weight)
+        size = np.sqrt(total(weight * np.einsum("ed,ed->e", offset, offset)) / whole)
+        terms = np.column_stack([np.ones(len(node)), offset / size[node, None]])
+        weight = weight / whole[node]
+        moments = np.array([[total(weight * a * b) for a in terms.T] for b in terms.T]).transpose(2, 0, 1)
+        # The fit's value at the node is the first coefficient: the first row of the inverse moments.
+        first = np.tile([1.0, 0.0, 0.0], (n, 1))  # the mean
+        sound = np.linalg.det(moments) > FLAT
+        first[sound] = np.linalg.solve(moments[sound], first[sound][..., None])[..., 0]
+        entries = weight * np.einsum("ek,ek->e", terms, first[node])
+        return sp.csr_array((entries, triangle, patches.indptr), patches.shape)
 
 
 EDGES = ("boundary",)
@@ -261,7 +249,7 @@ def mesh_at(geometry: Geometry, plan: MeshPlan, level: int, coarser: PlaneMesh |
         kernel = ngs.Mesh(made)
     except Exception as error:
         raise GeometryFailed(f"the mesher failed at maxh = {maxh:g} ({error}); try a smaller maxh") from error
-    return _extract(kernel, geometry, level, start, geometry.unit)
+    return _extract(kernel, geometry, level, start)
 
 
 def refine_uniformly(coarser: PlaneMesh) -> PlaneMesh:
@@ -272,7 +260,7 @@ def refine_uniformly(coarser: PlaneMesh) -> PlaneMesh:
     start = time.perf_counter()
     finer = coarser.kernel.ngmesh.Copy()  # the coarse mesh stays usable
     finer.Refine()
-    return _extract(ngs.Mesh(finer), coarser.geometry, coarser.level + 1, start, coarser.unit)
+    return _extract(ngs.Mesh(finer), coarser.geometry, coarser.level + 1, start)
 
 
 def refine_marked(coarser: PlaneMesh, marked: NDArray[np.bool_]) -> PlaneMesh:
@@ -281,7 +269,7 @@ def refine_marked(coarser: PlaneMesh, marked: NDArray[np.bool_]) -> PlaneMesh:
     mesh = ngs.Mesh(coarser.kernel.ngmesh.Copy())  # the coarse mesh stays usable
     mesh.SetRefinementFlags(marked.tolist())
     mesh.Refine()
-    return _extract(mesh, coarser.geometry, coarser.level + 1, start, coarser.unit)
+    return _extract(mesh, coarser.geometry, coarser.level + 1, start)
 
 
 @cache
@@ -299,12 +287,12 @@ def triangles_a_second() -> float:
 SAMPLE = 1000
 
 
-def _extract(kernel: Any, geometry: Geometry, level: int, start: float, unit: float) -> PlaneMesh:
+def _extract(kernel: Any, geometry: Geometry, level: int, start: float) -> PlaneMesh:
     """Copy the arrays out (views die with their owner) and check that the mesh is the body."""
     mesh = kernel
-    if unit != 1.0:  # in metres; the one for the kernel stays
+    if geometry.unit != 1.0:  # in metres; the one for the kernel stays
         metres = kernel.ngmesh.Copy()
-        metres.Scale(unit)
+        metres.Scale(geometry.unit)
         mesh = ngs.Mesh(metres)
     ngmesh = mesh.ngmesh
     points = np.array(ngmesh.Coordinates()[:, :2])
@@ -323,9 +311,23 @@ def _extract(kernel: Any, geometry: Geometry, level: int, start: float, unit: fl
     triangles = np.where((twice < 0)[:, None], triangles[:, [0, 2, 1]], triangles)
     own = TriangleGeometry(points, triangles)
     segments = np.where((own.sides_at(segments) >= 0)[:, None], segments, segments[:, ::-1])  # the body on their left
-    _check(geometry, points, segments, curve[outer], 0.5 * float(np.abs(twice).sum()))
-    elapsed = time.perf_counter() - start
-    return PlaneMesh(points, triangles, mesh, geometry, level, segments, curve[outer], elapsed, kernel, unit)
+    # bad geometry can mesh into something else
+    chords, curve = np.linalg.norm(points[segments[:, 1]] - points[segments[:, 0]], axis=1), curve[outer]
+    slack, area = 1e-9 * geometry.area, 0.5 * float(np.abs(twice).sum())
+    for i, exact in enumerate(geometry.curves):
+        length = float(chords[curve == i].sum())
+        low = exact.length * (1 - 1e-9 if exact.straight else 0.8)
+        if not low <= length <= exact.length * (1 + 1e-6):
+            raise GeometryFailed(
+                f"edge {exact.name!r} has length {length:g} in the mesh, {exact.length:g} in the body; "
+                "try a smaller maxh"
+            )
+        slack += 0.0 if exact.straight else exact.length * float(chords[curve == i].max())
+    if abs(area - geometry.area) > slack:
+        raise GeometryFailed(
+            f"the mesh has area {area:g}, the body {geometry.area:g}; try a smaller maxh or simplify the outline"
+        )
+    return PlaneMesh(points, triangles, mesh, geometry, level, segments, curve, time.perf_counter() - start, kernel)
 
 
 @dataclass(frozen=True)
@@ -350,27 +352,6 @@ def curve_ends(mesh: PlaneMesh) -> list[CurveEnd]:
             normals = mesh.end_normals[before, 1].tolist(), mesh.end_normals[after, 0].tolist()
             found.append(CurveEnd(node, curves, normals))
     return sorted(found, key=lambda end: end.curves[1])
-
-
-def _check(geometry: Geometry, points: Array, segments: Indices, curve: Indices, area: float) -> None:
-    """Compare boundary lengths and area with the exact body; bad geometry can mesh into something else."""
-    chords = np.linalg.norm(points[segments[:, 1]] - points[segments[:, 0]], axis=1)
-    slack = 1e-9 * geometry.area
-    for i, exact in enumerate(geometry.curves):
-        own = chords[curve == i]
-        length = float(own.sum())
-        low = exact.length * (1 - 1e-9 if exact.straight else 0.8)
-        if not low <= length <= exact.length * (1 + 1e-6):
-            raise GeometryFailed(
-                f"edge {exact.name!r} has length {length:g} in the mesh, {exact.length:g} in the body; "
-                "try a smaller maxh"
-            )
-        if not exact.straight:
-            slack += exact.length * float(own.max())
-    if abs(area - geometry.area) > slack:
-        raise GeometryFailed(
-            f"the mesh has area {area:g}, the body {geometry.area:g}; try a smaller maxh or simplify the outline"
-        )
 
 
 REACH = 0.25
