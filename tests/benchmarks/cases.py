@@ -253,4 +253,4 @@ def layered(geometry: Geometry, width: float, thinner: float) -> PlaneMesh:
     names = {curve.name: curve.tag for curve in geometry.curves}
     for number, name in enumerate(mesh.GetBoundaries()):
         mesh.ngmesh.SetBCName(number, names[name])
-    return _extract(ngsolve.Mesh(mesh.ngmesh), geometry, 0, time.perf_counter(), 1.0)
+    return _extract(ngsolve.Mesh(mesh.ngmesh), replace(geometry, unit=1.0), 0, time.perf_counter())
