@@ -78,17 +78,13 @@ class Term(TreeNode):
             return ONE
         return self if b is ONE else _computed("Binary", "**", self, b)
 
-    def __radd__(self, other: float) -> Term:
-        return term(other) + self
-
     def __rsub__(self, other: float) -> Term:
         return term(other) - self
 
-    def __rmul__(self, other: float) -> Term:
-        return term(other) * self
-
     def __rtruediv__(self, other: float) -> Term:
         return term(other) / self
+
+    __radd__, __rmul__ = __add__, __mul__
 
 
 _TERMS: WeakValueDictionary[tuple[object, ...], Term] = WeakValueDictionary()

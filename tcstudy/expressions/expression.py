@@ -71,39 +71,6 @@ def ordered(roots: Iterable[TreeNode]) -> Order:
     return tuple(done)
 
 
-def variables_below(order: Order) -> dict[TreeNode, frozenset[str]]:
-    """The variables that occur below each node."""
-    found: dict[TreeNode, frozenset[str]] = {}
-    for node in order:
-        own = frozenset((node.name,)) if node.kind == "Coordinate" else frozenset[str]()
-        found[node] = own.union(*(found[part] for part in node.parts))
-    return found
-
-
-def folded(
-    order: Order,
-    known: Mapping[TreeNode, frozenset[str]],
-    given: Mapping[str, Any],
-    functions: Mapping[str, Callable[..., Any]],
-    constants: Mapping[str, Callable[..., Any]],
-) -> Any:
-    """The tree in another arithmetic: operators on the `given` variables, functions by name.
-
-    known:     the variables below each node
-    constants: the functions for parts without variables, which are floats: no power of integers would ever end
-    """
-    values: dict[TreeNode, Any] = {}
-    for node in order:
-        if node.kind == "Coordinate":
-            values[node] = given[node.name]
-        elif known[node]:
-            values[node] = applied(node, [values[part] for part in node.parts], functions)
-        else:
-            with np.errstate(all="ignore"):
-                values[node] = float(applied(node, [np.float64(values[part]) for part in node.parts], constants))
-    return values[order[-1]]
-
-
 def applied(node: TreeNode, values: list[Any], functions: Mapping[str, Callable[..., Any]]) -> Any:
     """One node applied to the values of its parts."""
     match node.kind, node.name:
@@ -160,32 +127,12 @@ def to_text(order: Order, longest: int) -> str:
             sign = f" {node.name} " if rank == 1 else "^" if rank == PRIORITY["**"] else node.name
             text = f"{left}{sign}{right}"
         if len(text) > longest:  # before the texts of shared parts grow without bound
-            return f"{text[:60]} … [{len(order)} operations, {_digest(order)}]"
+            place = {node: i for i, node in enumerate(order)}
+            nodes = "\n".join(f"{one.label}{one.kind}{[place[part] for part in one.parts]}" for one in order)
+            digest = hashlib.sha256(nodes.encode()).hexdigest()[:16]
+            return f"{text[:60]} … [{len(order)} operations, {digest}]"
         done[node] = text, rank
     return done[order[-1]][0]
-
-
-def _digest(order: Order) -> str:
-    place = {node: i for i, node in enumerate(order)}
-    text = "\n".join(f"{node.label}{node.kind}{[place[part] for part in node.parts]}" for node in order)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
-Packed = tuple[tuple[TreeNode, tuple[int, ...]], ...]
-
-
-def pack(order: Order) -> Packed:
-    """A tree as (node without its parts, places of the parts), for pickling without recursion."""
-    place = {node: i for i, node in enumerate(order)}
-    return tuple((replace(node, parts=()), tuple(place[part] for part in node.parts)) for node in order)
-
-
-def unpack(packed: Packed) -> TreeNode:
-    """The root of a packed tree."""
-    nodes: list[TreeNode] = []
-    for node, places in packed:
-        nodes.append(replace(node, parts=tuple(nodes[place] for place in places)))
-    return nodes[-1]
 
 
 T = TypeVar("T")
@@ -235,7 +182,7 @@ class Expression:
         return self.text
 
     def __reduce__(self) -> tuple[Callable[..., Expression], tuple[str, Any]]:
-        return _unpacked, (self.text, pack(self.order))
+        return _unpacked, (self.text, self.order)  # every node after its parts, so that nothing recurses
 
     @cached_property
     def order(self) -> Order:
@@ -243,13 +190,9 @@ class Expression:
         return ordered((self.root,))
 
     @cached_property
-    def _below(self) -> dict[TreeNode, frozenset[str]]:
-        return variables_below(self.order)
-
-    @cached_property
     def variables(self) -> frozenset[str]:
         """The variables that occur: a subset of {"x", "y"}."""
-        return self._below[self.root]
+        return frozenset(node.name for node in self.order if node.kind == "Coordinate")
 
     @cached_property
     def constant(self) -> float | None:
@@ -279,7 +222,17 @@ class Expression:
         min and max are called with two arguments, the first a T. A power with a constant whole exponent of at most
         MAX_INTEGER_POWER in size gets an int as exponent.
         """
-        made: T | float = folded(self.order, self._below, variables, functions, FUNCTIONS)
+        values: dict[TreeNode, Any] = {}
+        for node in self.order:
+            parts = [values[part] for part in node.parts]
+            if node.kind == "Coordinate":
+                values[node] = variables[node.name]
+            elif all(type(part) is float for part in parts):  # floats, as no power of integers would ever end
+                with np.errstate(all="ignore"):
+                    values[node] = float(applied(node, [np.float64(part) for part in parts], FUNCTIONS))
+            else:
+                values[node] = applied(node, parts, functions)
+        made: T | float = values[self.root]
         return made
 
 
@@ -299,8 +252,8 @@ def of_tree(root: TreeNode) -> Expression:
     return Expression(to_text(ordered((root,)), MAX_LENGTH), root)
 
 
-def _unpacked(text: str, packed: Any) -> Expression:
-    return Expression(text, unpack(packed))
+def _unpacked(text: str, order: Order) -> Expression:
+    return Expression(text, order[-1])
 
 
 def parse(text: str, names: tuple[str, ...] = ()) -> Expression:
@@ -392,7 +345,11 @@ def _operand(tokens: Tokens, least: int, depth: int) -> TreeNode:
             arguments += [] if empty else [_operand(tokens, 0, depth + 1)]
             if tokens[0][1] not in (",", ")"):
                 raise _unreadable(tokens[0][2])
-        _check_count(token, len(arguments), at)
+        count, words = (2, "two arguments, atan2(y, x)") if token == "atan2" else (1, "one argument")
+        if token in ("min", "max"):
+            count, words = max(2, len(arguments)), "two or more arguments"
+        if len(arguments) != count:
+            raise ExpressionError(f"{token} takes {words}, not {len(arguments)}", at)
         node = TreeNode("Call", token, tuple(arguments))
     elif kind == "name":
         node = TreeNode("Coordinate", token)
@@ -411,16 +368,6 @@ def _operand(tokens: Tokens, least: int, depth: int) -> TreeNode:
 
 def _unreadable(at: int) -> ExpressionError:
     return ExpressionError(f"the expression cannot be read from character {at + 1} on; {ALLOWED}", at)
-
-
-def _check_count(name: str, given: int, at: int) -> None:
-    """The number of arguments of a function."""
-    if name in ("min", "max"):
-        count, words = max(2, given), "two or more arguments"
-    else:
-        count, words = (2, "two arguments, atan2(y, x)") if name == "atan2" else (1, "one argument")
-    if given != count:
-        raise ExpressionError(f"{name} takes {words}, not {given}", at)
 
 
 KEPT = 1e-8
