@@ -160,6 +160,11 @@ def test_a_picture_without_matplotlib_is_refused_before_any_work(folder: Path, m
     assert sorted(p.name for p in folder.iterdir()) == ["block.yaml"]
 
 
+def test_version_and_no_word_at_all(folder: Path) -> None:
+    assert tcstudy_command("--version", cwd=folder).stdout == f"tcstudy {tcstudy.__version__}\n"
+    assert tcstudy_command(cwd=folder).returncode == 2
+
+
 def test_help_and_faults_load_nothing_heavy_and_a_command_no_other(folder: Path) -> None:
     (folder / "bad.yaml").write_text(STUDY.replace("maxh: 0.3", "maxh: 0"))
     code = (

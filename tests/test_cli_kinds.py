@@ -37,7 +37,8 @@ ALONE = STUDY.split("sweep")[0]
 def test_failed_points_are_exit_code_1(tmp_path: Path) -> None:
     """No double is a solution to 1e-30."""
     words = ("--set", "solver.tolerance=1e-30")
-    result = tcstudy_command("converge", "block.yaml", *words, cwd=made(tmp_path, ALONE))
+    text = ALONE.replace("maxh: 0.3, levels: 2", "maxh: 0.6, levels: 4")
+    result = tcstudy_command("converge", "block.yaml", *words, cwd=made(tmp_path, text))
     assert result.returncode == 1
     assert "inclusion_violated" in result.stderr
 

@@ -19,7 +19,7 @@ body: {rectangle: {width: 2 m, height: 1 m}}
 boundary: {bottom: contact, left: {role: clamped, u_x: 0, u_y: 0}, top: {role: traction, g: [0.1 MPa, 0]}, right: free}
 material: {E: 1 GPa, nu: 0.49}
 friction: {law: tresca, tau: 1 kPa}
-mesh: {maxh: 0.5 m, levels: 2}
+mesh: {maxh: 0.5 m, levels: 3}
 """
 LAWS = """sweep:
   friction:

@@ -1,17 +1,24 @@
-"""What stands in a result file: one table of variables, their dimensions, units and meaning (CF-1.11).
+"""What stands in the file of a run: one table of variables, their dimensions, units and meaning (CF-1.11).
 
 Root:           results by sweep point and level, and what a level has once
 /level_0, …:    the contact line of that mesh and, if asked for, the whole-body fields (UGRID-1.0)
 Missing values: NaN for floats (as _FillValue); −1 for counts, outside their valid_min and without _FillValue,
                 so that no reader turns an integer array into floats; for flags the one that says so
 
-One variable of a result file: what every table of variables is made of, and the status that all of them share.
+What `output` asks for: `probe_<name>_u_x`, `_u_y`, `_theta`, `_sigma_xx`, `_sigma_yy`, `_sigma_xy` and on a contact
+edge `_u_T`; `reaction_<edge>_x`, `_y`; `force_<edge>_x`, `_y`, `work_<edge>`; `section_force_max`, `section_force_at`
+and along the contact line `section_force`, `layer_force_<region>`; `theta_mean_<edge>`; `von_mises_max` with
+`von_mises_x` and `_y`. Derivatives are `sensitivity_<quantity>_<number>`: ∂quantity/∂number at the solution of the
+point and level, the number's dots written as `_`, as in `sensitivity_friction_resultant_friction_delta`. They belong to
+the solution found while its nodes keep their pieces of b: at an event, where derivatives of two sides differ, they are
+missing, and `sensitivity_status` says so. Those of steps of a history are differences of whole histories. (Sobol
+indices, as `tcstudy show` has them, are something else.)
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from itertools import product
 from typing import Any, Literal
@@ -37,13 +44,15 @@ class PointStatus(IntEnum):
 
 Dtype = Literal["f8", "i4", "i1", "str"]
 Dims = tuple[str, ...]
+Extra = Mapping[str, Any]
 SWEEP = "*"
 """Stands for the dimensions of the sweep in a `FileVariable.dims`."""
+POINT = "point"
+"""The one sweep dimension of a study in list mode."""
 T, RATE = "t", "J m-1/t"
 """Stand for the units of a path's parameter, and of an energy per unit of it, in a `FileVariable.units`."""
-POINT_LEVEL = (SWEEP, "level")
+POINT_LEVEL, _LEVEL = (SWEEP, "level"), ("level",)
 MISSING_COUNT = -1
-NOT_RUN = "not run"
 
 
 @dataclass(frozen=True)
@@ -53,8 +62,8 @@ class FileVariable:
     units:      SI; a dimensionless study ("none") writes "1" in place of everything but seconds; texts have none
     long_name:  short enough for the axis of a plot;  comment: what more there is to say
     dims:       dimension names; SWEEP stands for those of the sweep
-    coordinate: True if it locates data: no missing values, no _FillValue
     extra:      further attributes
+    coordinate: True if it locates data: no missing values, no _FillValue
     no_value:   the flag that stands where there is no value
     """
 
@@ -63,15 +72,15 @@ class FileVariable:
     units: str
     long_name: str
     dims: Dims = POINT_LEVEL
-    coordinate: bool = False
-    extra: tuple[tuple[str, Any], ...] = ()
-    no_value: int = 0
     comment: str = ""
+    extra: Extra = field(default_factory=dict)
+    coordinate: bool = False
+    no_value: int = 0
 
     @property
     def missing(self) -> float | int | str:
         """What stands where there is no value."""
-        of_type: dict[Dtype, float | int | str] = {"f8": float("nan"), "i4": MISSING_COUNT, "str": NOT_RUN}
+        of_type: dict[Dtype, float | int | str] = {"f8": float("nan"), "i4": MISSING_COUNT, "str": "not run"}
         return of_type.get(self.dtype, self.no_value)
 
     @property
@@ -80,37 +89,41 @@ class FileVariable:
         return float("nan") if self.dtype == "f8" and not self.coordinate else False
 
 
-Extra = tuple[tuple[str, Any], ...]
-
-
 def flags(*meanings: str, first: int = 0) -> Extra:
     """Attributes of bytes that count `meanings` from `first`."""
     values = np.arange(first, first + len(meanings), dtype=np.int8)
-    return (("flag_values", values), ("flag_meanings", " ".join(meanings)))
+    return {"flag_values": values, "flag_meanings": " ".join(meanings)}
 
 
-STATUS: Extra = (("standard_name", "status_flag"), *flags(*(s.name.lower() for s in PointStatus)))
+JUDGED: Extra = {"ancillary_variables": "status"}
+DIFFERENCE: Extra = {"units_metadata": "temperature: difference"}
+STATUS: Extra = {"standard_name": "status_flag", **flags(*(s.name.lower() for s in PointStatus))}
 CERTIFIED = ("not_certified", "certified")
 
 
-def edge_flags(edge_names: Sequence[str]) -> dict[str, Any]:
-    """Attributes of `edge` that name the contact edges."""
-    return dict(flags(*edge_names)) if edge_names else {}
+def count(name: str, long_name: str, dims: Dims = POINT_LEVEL, extra: Extra = JUDGED) -> FileVariable:
+    """A count, −1 where there is none; extra: further attributes."""
+    told = f"{MISSING_COUNT} where there is no value"
+    return FileVariable(name, "i4", "1", long_name, dims, told, {"valid_min": np.int32(0), **extra})
 
 
-POINT = "point"
-"""The one sweep dimension of a study in list mode."""
-JUDGED: Extra = (("ancillary_variables", "status"),)
-DIFFERENCE = (("units_metadata", "temperature: difference"),)
-_LEVEL = ("level",)
-_INTEGRAL = "integral of -S_T over the contact line, per unit thickness"
-_SLIPPING = "length of the contact line that does not stick"
-_OF_REGIONS = {
-    "elastic": "where b rises from 0 along its first piece",
-    "yielded": "beyond sticking or the first piece of b, where b does not fall",
-    "softening": "where b falls",
-    "debonded": "beyond the last fall of b",
-}
+def flag(
+    name: str, long_name: str, meanings: Sequence[str] = CERTIFIED, dims: Dims = POINT_LEVEL, comment: str = ""
+) -> FileVariable:
+    """Bytes that count meanings from 0; `status` judges them."""
+    return FileVariable(name, "i1", "1", long_name, dims, comment, {**flags(*meanings), **JUDGED})
+
+
+def result(name: str, units: str, long_name: str, comment: str = "", dims: Dims = POINT_LEVEL) -> FileVariable:
+    """A number that `status` judges."""
+    extra = {**JUDGED, **DIFFERENCE} if units == "K" else JUDGED
+    return FileVariable(name, "f8", units, long_name, dims, comment, extra)
+
+
+def _time(what: str, dims: Dims = POINT_LEVEL) -> FileVariable:
+    return FileVariable(f"time_{what}", "f8", "s", f"time to {what}", dims, "wall time")
+
+
 HEAT_BOUND = 1e-10
 """Largest heat balance that passes: heat is asked to be as exact as friction is by default (solver.tolerance).
 
@@ -119,41 +132,23 @@ The defect is rounding × condition of the heat matrix, about 1e-12 on 1e6 good 
 NOT_JUDGED, BALANCED, UNBALANCED = 0, 1, 2
 MET, LIMITED = 1, 2
 UNKNOWN, STICKS = -1, 1
-
-
-def count(name: str, long_name: str, dims: Dims = POINT_LEVEL, extra: Extra = JUDGED) -> FileVariable:
-    """A count, −1 where there is none; extra: further attributes."""
-    told = f"{MISSING_COUNT} where there is no value"
-    return FileVariable(name, "i4", "1", long_name, dims, extra=(("valid_min", np.int32(0)), *extra), comment=told)
-
-
-def flag(name: str, long_name: str, meanings: Sequence[str] = CERTIFIED, dims: Dims = POINT_LEVEL) -> FileVariable:
-    """Bytes that count meanings from 0; `status` judges them."""
-    return FileVariable(name, "i1", "1", long_name, dims, extra=(*flags(*meanings), *JUDGED))
-
-
-def result(name: str, units: str, long_name: str, comment: str = "", dims: Dims = POINT_LEVEL) -> FileVariable:
-    """A number that `status` judges."""
-    extra = (*JUDGED, *DIFFERENCE) if units == "K" else JUDGED
-    return FileVariable(name, "f8", units, long_name, dims, extra=extra, comment=comment)
-
-
-def _time(what: str, dims: Dims = POINT_LEVEL) -> FileVariable:
-    return FileVariable(f"time_{what}", "f8", "s", f"time to {what}", dims, comment="wall time")
-
+_INTEGRAL = "integral of -S_T over the contact line, per unit thickness"
+_SLIPPING = "length of the contact line that does not stick"
+_ROUNDED = "limited_by_rounding: above the tolerance by default, but no larger than inclusion_rounding"
+_SLIVERS = f"unbalanced where heat_balance exceeds {HEAT_BOUND:g}: thin triangles cost digits of theta"
 
 ROOT: tuple[FileVariable, ...] = (
     FileVariable("h_max", "f8", "m", "longest element edge", _LEVEL),
-    count("n_dof", "displacement unknowns", _LEVEL, ()),
-    count("n_contact", "contact unknowns m", _LEVEL, ()),
+    count("n_dof", "displacement unknowns", _LEVEL, {}),
+    count("n_contact", "contact unknowns m", _LEVEL, {}),
     FileVariable("status", "i1", "1", "status of the point", extra=STATUS),
     FileVariable("reason", "str", "", "reason of the status", comment="why the point is not ok"),
     result("energy", "J m-1", "energy", "of the discrete problem at the solution, per unit thickness"),
     result("inclusion_residual", "1", "inclusion residual", "largest distance of -S_T from b, filled, over its scale"),
     result("inclusion_rounding", "1", "inclusion residual of rounding", "what the rounding of doubles allows"),
-    replace(
-        flag("inclusion_status", "verdict on inclusion residual", ("not_judged", "met", "limited_by_rounding")),
-        comment="limited_by_rounding: above the tolerance by default, but no larger than inclusion_rounding",
+    flag(
+        *("inclusion_status", "verdict on inclusion residual", ("not_judged", "met", "limited_by_rounding")),
+        comment=_ROUNDED,
     ),
     count("iterations", "steps of the solver"),
     count("evaluations", "evaluations of the energy"),
@@ -173,15 +168,17 @@ ROOT: tuple[FileVariable, ...] = (
     FileVariable("start_energy", "f8", "J m-1", "energy by start", (*POINT_LEVEL, "start")),
     result("theta_mean", "K", "mean temperature", "of the body above its stress-free state"),
     result("heat_balance", "1", "defect of heat balance", "heat through edges against heat put in, relative"),
-    replace(
-        flag("heat_status", "verdict on heat balance", ("not_judged", "balanced", "unbalanced")),
-        comment=f"unbalanced where heat_balance exceeds {HEAT_BOUND:g}: thin triangles cost digits of theta",
-    ),
-    _time("mesh", _LEVEL),
-    _time("assemble", _LEVEL),
-    _time("condense"),
-    _time("solve"),
+    flag("heat_status", "verdict on heat balance", ("not_judged", "balanced", "unbalanced"), comment=_SLIVERS),
+    *(_time(what, _LEVEL) for what in ("mesh", "assemble")),
+    *(_time(what) for what in ("condense", "solve")),
 )
+
+_OF_REGIONS = {
+    "elastic": "where b rises from 0 along its first piece",
+    "yielded": "beyond sticking or the first piece of b, where b does not fall",
+    "softening": "where b falls",
+    "debonded": "beyond the last fall of b",
+}
 REGIONS: tuple[FileVariable, ...] = (
     result("breathing_length", "m", "breathing length", "where u_T is not 0; missing for laws that stick nowhere"),
     *(result(f"{name}_length", "m", f"{name} length", what) for name, what in _OF_REGIONS.items()),
@@ -196,15 +193,14 @@ def region_variables(study: Study) -> tuple[FileVariable, ...]:
 
 
 NOT_ALL, ALL_PROVED, OF_POLYGON = 0, 1, 2
+_LISTED = "a list that is not proved complete counts those found; of the polygon: within 1e-3 of b"
 EVERY: tuple[FileVariable, ...] = (
     count("solutions", "number of equilibria"),
     count("stable_solutions", "equilibria that are strict local minima"),
-    replace(
-        flag("complete", "whether these are all", ("not_proved", "proved", "proved_of_the_polygon")),
-        comment="a list that is not proved complete counts those found; of the polygon: within 1e-3 of b",
-    ),
+    flag("complete", "whether these are all", ("not_proved", "proved", "proved_of_the_polygon"), comment=_LISTED),
 )
 """What is kept of a point where all its solutions are sought."""
+
 _SOLUTION, _SIDES = ("solution",), "counted from the left, jumps included"
 SOLUTION: tuple[FileVariable, ...] = (
     FileVariable("solution_point", "i4", "1", "place of its point in the sweep, in C order", _SOLUTION),
@@ -212,48 +208,45 @@ SOLUTION: tuple[FileVariable, ...] = (
     FileVariable("solution_stable", "i1", "1", "strict local minimum", _SOLUTION, extra=flags("unstable", "stable")),
     FileVariable("solution_u_T", "f8", "m", "tangential displacement", (*_SOLUTION, "node")),
     FileVariable("solution_xi", "f8", "Pa", "tangential traction -S_T", (*_SOLUTION, "node")),
-    FileVariable("solution_piece", "i4", "1", "side of the law's graph", (*_SOLUTION, "node"), comment=_SIDES),
+    FileVariable("solution_piece", "i4", "1", "side of the law's graph", (*_SOLUTION, "node"), _SIDES),
 )
 """All solutions of all points of a level, those of a point one after the other, lowest energy first."""
-_BY_SOLVER = (*POINT_LEVEL, "solver")
+
+_BY_SOLVER, _FIRST = (*POINT_LEVEL, "solver"), "max |u_T - u_T of the first solver| over max |u_T| of the first"
 SOLVERS: tuple[FileVariable, ...] = (
     FileVariable("solver_residual", "f8", "1", "inclusion residual by solver", _BY_SOLVER),
     FileVariable("solver_energy", "f8", "J m-1", "energy by solver", _BY_SOLVER),
-    count("solver_iterations", "steps by solver", _BY_SOLVER, ()),
+    count("solver_iterations", "steps by solver", _BY_SOLVER, {}),
     FileVariable("solver_time", "f8", "s", "wall time by solver", _BY_SOLVER),
-    FileVariable(
-        *("solver_difference", "f8", "1", "difference to the first solver", _BY_SOLVER),
-        comment="max |u_T - u_T of the first solver| over max |u_T| of the first",
-    ),
+    FileVariable("solver_difference", "f8", "1", "difference to the first solver", _BY_SOLVER, _FIRST),
 )
 """What is kept of every solver where a study names several; the first one's solution is the stored one."""
+
 ESTIMATES: tuple[FileVariable, ...] = (
     result("error_estimate", "1", "estimated error", "of the displacement in the energy norm, over its own norm"),
     FileVariable("stop", "str", "", "why refinement ended", _LEVEL),
 )
 """What is kept where errors are estimated."""
+
+_BODY, _PROVED = "of the body itself, not of the mesh", ("not_proved", "proved")
+_UNIQUE = "omega < lambda_1_low: the problem itself, not its discretisation, has one solution"
+_BOUND = "over the norm of the body's solution, no less; missing where that may be 0"
 GUARANTEED: tuple[FileVariable, ...] = (
-    result("lambda_1_low", "Pa m-1", "lower bound of lambda_1 of the body", "of the body itself, not of the mesh"),
-    result("lambda_1_high", "Pa m-1", "upper bound of lambda_1 of the body", "of the body itself, not of the mesh"),
+    result("lambda_1_low", "Pa m-1", "lower bound of lambda_1 of the body", _BODY),
+    result("lambda_1_high", "Pa m-1", "upper bound of lambda_1 of the body", _BODY),
     result("lambda_1_dual", "Pa m-1", "lambda_1 of equilibrium elements", "nearer to the body than that of the mesh"),
-    replace(
-        flag("proved_unique", "only solution of the body", ("not_proved", "proved")),
-        comment="omega < lambda_1_low: the problem itself, not its discretisation, has one solution",
-    ),
+    flag("proved_unique", "only solution of the body", _PROVED, comment=_UNIQUE),
     result("error_bound", "J0.5 m-0.5", "bound of the error", "of the body's solution, not of a finer mesh's; proved"),
-    result(
-        "error_bound_relative",
-        "1",
-        "relative bound of the error",
-        "over the norm of the body's solution, no less; missing where that may be 0",
-    ),
+    result("error_bound_relative", "1", "relative bound of the error", _BOUND),
 )
 """What is kept where a guarantee is asked for."""
+
 _GOALS = {
     "friction_resultant": ("N m-1", _INTEGRAL),
     "slip_length": ("m", _SLIPPING),
     "u_T": ("m", "tangential displacement at the point of the study"),
 }
+_GOAL_NAMES = ("goal", "goal_estimate", "goal_error", "goal_effectivity")
 
 
 def goal_variables(goal: Goal, exact: bool) -> tuple[FileVariable, ...]:
@@ -271,51 +264,54 @@ def goal_variables(goal: Goal, exact: bool) -> tuple[FileVariable, ...]:
     return own[:2] if goal.known is None and not exact else own
 
 
-_GOAL_NAMES = ("goal", "goal_estimate", "goal_error", "goal_effectivity")
 LEVEL_COORDINATE = FileVariable("level", "i4", "1", "mesh level", _LEVEL, coordinate=True)
-_NODE = ("node",)
-_AT_NODE = (("coordinates", "arclength x y"),)
+
+_NODE, _END, _MESH_NODE = ("node",), ("held_end",), ("mesh_node",)
+_AT_NODE, _ON_LINE = {"coordinates": "arclength x y"}, (SWEEP, "node")
+_RESULT_AT_NODE = {**JUDGED, **_AT_NODE}
+
+
+def place(name: str, long_name: str, dims: Dims) -> FileVariable:
+    """A coordinate in metres."""
+    return FileVariable(name, "f8", "m", long_name, dims, coordinate=True)
+
+
 CONTACT: tuple[FileVariable, ...] = (
-    FileVariable("arclength", "f8", "m", "arc length on contact line", _NODE, coordinate=True),
-    FileVariable("x", "f8", "m", "x of the contact node", _NODE, coordinate=True),
-    FileVariable("y", "f8", "m", "y of the contact node", _NODE, coordinate=True),
+    place("arclength", "arc length on contact line", _NODE),
+    *(place(name, f"{name} of the contact node", _NODE) for name in "xy"),
     FileVariable("c", "f8", "m", "contact length of the node", _NODE, extra=_AT_NODE),
     FileVariable("edge", "i1", "1", "contact edge", _NODE, extra=_AT_NODE),
-    FileVariable("u_T", "f8", "m", "tangential displacement", (SWEEP, "node"), extra=JUDGED + _AT_NODE),
-    FileVariable("xi", "f8", "Pa", "tangential traction -S_T", (SWEEP, "node"), extra=JUDGED + _AT_NODE),
+    FileVariable("u_T", "f8", "m", "tangential displacement", _ON_LINE, extra=_RESULT_AT_NODE),
+    FileVariable("xi", "f8", "Pa", "tangential traction -S_T", _ON_LINE, extra=_RESULT_AT_NODE),
     FileVariable(
-        *("sticks", "i1", "1", "rests on an up-jump of b", (SWEEP, "node")),
-        extra=(*flags("unknown", "slips", "sticks", first=UNKNOWN), *JUDGED, *_AT_NODE),
+        *("sticks", "i1", "1", "rests on an up-jump of b", _ON_LINE),
+        extra={**flags("unknown", "slips", "sticks", first=UNKNOWN), **_RESULT_AT_NODE},
         no_value=UNKNOWN,
     ),
 )
-SECTION = FileVariable(
-    *("section_force", "f8", "N m-1", "force of the section", (SWEEP, "node")),
-    extra=JUDGED + _AT_NODE,
-    comment="of the whole body across the line at the node, positive in tension",
-)
+
+_WHOLE = "of the whole body across the line at the node, positive in tension"
+SECTION = FileVariable("section_force", "f8", "N m-1", "force of the section", _ON_LINE, _WHOLE, _RESULT_AT_NODE)
 LAYER = "layer_force_"
 """How the names of the forces of layers begin, which are as SECTION."""
-_END = ("held_end",)
-_AT_END = (("coordinates", "held_arclength held_x held_y"),)
+
+_AT_END = {"coordinates": "held_arclength held_x held_y"}
 HELD: tuple[FileVariable, ...] = (
-    FileVariable("held_arclength", "f8", "m", "arc length of the held end", _END, coordinate=True),
-    FileVariable("held_x", "f8", "m", "x of the held end", _END, coordinate=True),
-    FileVariable("held_y", "f8", "m", "y of the held end", _END, coordinate=True),
+    place("held_arclength", "arc length of the held end", _END),
+    *(place(f"held_{name}", f"{name} of the held end", _END) for name in "xy"),
     FileVariable("held_edge", "i1", "1", "clamped edge that holds the end", _END, extra=_AT_END),
     FileVariable("held_along", "f8", "1", "shares of its components in u_T", (*_END, "component"), extra=_AT_END),
     FileVariable("held_u_T", "f8", "m", "tangential displacement of the held end", (SWEEP, *_END), extra=_AT_END),
 )
 """Ends of the contact line that carry no unknown, as a clamped edge prescribes their u_T; a level without has none."""
+
 JOINTS: tuple[FileVariable, ...] = (
     FileVariable("joint_node", "i4", "1", "contact node where two contact edges meet", ("joint",)),
     FileVariable("joint_edge", "i1", "1", "the edge before the node", ("joint",)),
     FileVariable("joint_share", "f8", "1", "part of its contact length on the edge before", ("joint",)),
 )
 """Nodes with the friction of two edges (`tcstudy.laws.composed`); a level of one contact edge has none."""
-_MESH_NODE = ("mesh_node",)
-_AT_MESH = (("coordinates", "node_x node_y"), ("mesh", "mesh"), ("location", "node"), *JUDGED)
-_CONNECTIVITY = (("cf_role", "face_node_connectivity"), ("start_index", np.int32(0)))
+
 MESH_TOPOLOGY: dict[str, Any] = {
     "cf_role": "mesh_topology",
     "long_name": "triangulation of the body",
@@ -324,41 +320,33 @@ MESH_TOPOLOGY: dict[str, Any] = {
     "face_node_connectivity": "triangle",
 }
 """Attributes of the scalar variable `mesh` that ties a level's mesh together (UGRID-1.0)."""
+_CONNECTIVITY = {"cf_role": "face_node_connectivity", "start_index": np.int32(0)}
 MESH: tuple[FileVariable, ...] = (
-    FileVariable("node_x", "f8", "m", "x of the mesh node", _MESH_NODE, coordinate=True),
-    FileVariable("node_y", "f8", "m", "y of the mesh node", _MESH_NODE, coordinate=True),
+    *(place(f"node_{name}", f"{name} of the mesh node", _MESH_NODE) for name in "xy"),
     FileVariable("triangle", "i4", "1", "nodes of the triangle", ("mesh_face", "corner"), extra=_CONNECTIVITY),
 )
-_FACE = (("mesh", "mesh"), ("location", "face"))
+_FACE = {"mesh": "mesh", "location": "face"}
 REGION = FileVariable("region", "i1", "1", "region with a material of its own", ("mesh_face",), extra=_FACE)
 """Where materials differ by region: 0 is the material of the body, i the i-th region of the study's `materials`."""
+_AT_MESH = {"coordinates": "node_x node_y", "mesh": "mesh", "location": "node", **JUDGED}
+_IN_BODY, _HEATED = (SWEEP, *_MESH_NODE), {**_AT_MESH, **DIFFERENCE}
 FIELDS: tuple[FileVariable, ...] = (
-    FileVariable(
-        *("theta", "f8", "K", "temperature", (SWEEP, "mesh_node")),
-        extra=(*_AT_MESH, *DIFFERENCE),
-        comment="above the stress-free state",
-    ),
-    FileVariable("u_x", "f8", "m", "displacement in x", (SWEEP, "mesh_node"), extra=_AT_MESH),
-    FileVariable("u_y", "f8", "m", "displacement in y", (SWEEP, "mesh_node"), extra=_AT_MESH),
+    FileVariable("theta", "f8", "K", "temperature", _IN_BODY, "above the stress-free state", _HEATED),
+    *(FileVariable(f"u_{name}", "f8", "m", f"displacement in {name}", _IN_BODY, extra=_AT_MESH) for name in "xy"),
 )
-LIVE = tuple(
-    FileVariable(name, "f8", units, long_name, dims)
-    for name, units, long_name, dims in (
-        ("A_tilde", "Pa", "condensed stiffness of the first point", ("node", "node_column")),
-        ("stiffness", "1", "mu over that of the first point", (SWEEP,)),
-        ("load", "N m-1", "condensed load", (SWEEP, "node")),
-        ("mechanical_load", "N m-1", "its part from f, g and pressure", (SWEEP, "node")),
-        (
-            "valid",
-            "1",
-            "1 where lambda/mu is that of the first point, so that these arrays give the problem",
-            (SWEEP,),
-        ),
-    )
+
+_GIVE = "1 where lambda/mu is that of the first point, so that these arrays give the problem"
+LIVE: tuple[FileVariable, ...] = (
+    FileVariable("A_tilde", "f8", "Pa", "condensed stiffness of the first point", ("node", "node_column")),
+    FileVariable("stiffness", "f8", "1", "mu over that of the first point", (SWEEP,)),
+    FileVariable("load", "f8", "N m-1", "condensed load", _ON_LINE),
+    FileVariable("mechanical_load", "f8", "N m-1", "its part from f, g and pressure", _ON_LINE),
+    FileVariable("valid", "f8", "1", _GIVE, (SWEEP,)),
 )
 """The group `live` of a level, what a browser needs to solve its contact problems (output.live; `live_arrays` in
 tcstudy.offline.level). A record hands them over as fields, LIVE_PREFIX before their names."""
 LIVE_PREFIX = "live_"
+
 _POINTS = (*ROOT, *REGIONS, *EVERY, *SOLVERS, *ESTIMATES, *GUARANTEED)
 _ALL = (*_POINTS, *SOLUTION, *CONTACT, SECTION, *HELD, *JOINTS, *MESH, REGION, *FIELDS)
 RESERVED = frozenset(name for v in _ALL for name in (v.name, *v.dims)) | {*_GOAL_NAMES, "geometry", "mesh", POINT}
@@ -386,92 +374,9 @@ def expected_bytes(study: Study, levels: Sequence[tuple[int, int]]) -> int:
 
 SENSITIVITY = "sensitivity_"
 """How the names of derivatives begin."""
-
-
-def requested_variables(study: Study) -> tuple[FileVariable, ...]:
-    """The requested_variables that this study asks for."""
-    output = study.output
-    found = [*_probes(study), *_of_edges(study)]
-    if "von_mises" in output.quantities:
-        where = "of the middle of the triangle with the largest stress"
-        found += [
-            result("von_mises_max", "Pa", "largest von Mises stress", "of a triangle; it grows with h at corners"),
-            result("von_mises_x", "m", "x of the largest von Mises stress", where),
-            result("von_mises_y", "m", "y of the largest von Mises stress", where),
-        ]
-    if "section_force" in output.quantities:
-        found += [
-            result("section_force_max", "N m-1", "largest force of a section", "with its sign, positive in tension"),
-            result("section_force_at", "m", "arc length of the largest force of a section"),
-        ]
-    if output.sensitivity:
-        found += derivatives(output.sensitivity)
-    return tuple(found)
-
-
-def line_variables(study: Study) -> tuple[FileVariable, ...]:
-    """Those along the contact line."""
-    if "section_force" not in study.output.quantities:
-        return ()
-    told = "of the layer across the line at the node, positive in tension; in balance with all others, of P1 stresses"
-    layers = [name for name, _ in study.scenes[0].material.regions]
-    own = [
-        replace(SECTION, name=LAYER + name, long_name=f"force of the section of {name}", comment=told)
-        for name in layers
-    ]
-    return (SECTION, *own)
-
-
-def step_variables(study: Study) -> tuple[FileVariable, ...]:
-    """What a history has on request of every step."""
-    given = replace(study, output=replace(study.output, sensitivity=()))
-    dims = {POINT_LEVEL: (SWEEP, "step"), SECTION.dims: (SWEEP, "step", "node")}
-    own = [replace(v, dims=dims[v.dims]) for v in (*requested_variables(given), *line_variables(study))]
-    numbers = study.output.sensitivity
-    return (*own, *derivatives(numbers, STEP_QUANTITIES, (SWEEP, "step"))) if numbers else tuple(own)
-
-
-def _probes(study: Study) -> Iterator[FileVariable]:
-    for probe in study.output.probes:
-        x, y = probe.at
-        in_triangle = f"at ({x:g}, {y:g}), of the triangle that holds the point, which has one stress"
-        at, start = f"at ({x:g}, {y:g})", f"probe_{probe.name}"
-        for axis in "xy":
-            yield result(f"{start}_u_{axis}", "m", f"displacement in {axis} at {probe.name}", at)
-        yield result(f"{start}_theta", "K", f"temperature at {probe.name}", f"{at}, above the stress-free state")
-        for c in ("xx", "yy", "xy"):
-            yield result(
-                f"{start}_sigma_{c}",
-                "Pa",
-                f"stress {c} at {probe.name}",
-                in_triangle,
-            )
-        if probe.on_contact:
-            yield result(f"{start}_u_T", "m", f"tangential displacement at {probe.name}", f"{at} of the contact line")
-
-
-_THICK = "per unit thickness"
-
-
-def _of_edges(study: Study) -> Iterator[FileVariable]:
-    wanted = study.output.quantities
-    for name, role in study.scenes[0].boundary:
-        if "reactions" in wanted and isinstance(role, Clamped | Contact):
-            for axis in "xy":
-                what = "of the support on the body, per unit thickness; a corner counts to the first clamped edge"
-                yield result(f"reaction_{name}_{axis}", "N m-1", f"reaction of {name} in {axis}", what)
-        if "forces" in wanted and not isinstance(role, Free):
-            for axis in "xy":
-                yield result(f"force_{name}_{axis}", "N m-1", f"force of {name} in {axis}", f"on the body, {_THICK}")
-            yield result(f"work_{name}", "J m-1", f"work of {name}", f"its force times its displacement, {_THICK}")
-        if "theta_edges" in wanted:
-            what = "above the stress-free state, over the edge"
-            yield result(f"theta_mean_{name}", "K", f"mean temperature of {name}", what)
-
-
-_VERDICTS = ("not_judged", "differentiable", "at_event", "at_fold")
-NOT_JUDGED, DIFFERENTIABLE, AT_EVENT, AT_FOLD = range(4)
 SENSITIVITY_STATUS, SENSITIVITY_EVENTS = f"{SENSITIVITY}status", f"{SENSITIVITY}events"
+NOT_JUDGED, DIFFERENTIABLE, AT_EVENT, AT_FOLD = range(4)
+_VERDICTS = ("not_judged", "differentiable", "at_event", "at_fold")
 QUANTITIES = {
     "u_T_max": ("m", "largest |u_T|"),
     "friction_resultant": ("N m-1", "friction resultant"),
@@ -486,28 +391,95 @@ STEP_QUANTITIES = ("u_T_max", "friction_resultant", "theta_mean")
 """Those of the steps of a history."""
 
 
+def requested_variables(study: Study) -> tuple[FileVariable, ...]:
+    """The variables that this study asks for."""
+    wanted = study.output.quantities
+    found = [*_probes(study), *_of_edges(study)]
+    if "von_mises" in wanted:
+        found.append(
+            result("von_mises_max", "Pa", "largest von Mises stress", "of a triangle; it grows with h at corners")
+        )
+        where = "of the middle of the triangle with the largest stress"
+        found += [result(f"von_mises_{x}", "m", f"{x} of the largest von Mises stress", where) for x in "xy"]
+    if "section_force" in wanted:
+        sign = "with its sign, positive in tension"
+        found.append(result("section_force_max", "N m-1", "largest force of a section", sign))
+        found.append(result("section_force_at", "m", "arc length of the largest force of a section"))
+    return (*found, *derivatives(study.output.sensitivity))
+
+
+def line_variables(study: Study) -> tuple[FileVariable, ...]:
+    """Those along the contact line."""
+    if "section_force" not in study.output.quantities:
+        return ()
+    told = "of the layer across the line at the node, positive in tension; in balance with all others, of P1 stresses"
+    layer = replace(SECTION, comment=told)
+    names = [name for name, _ in study.scenes[0].material.regions]
+    own = (replace(layer, name=LAYER + name, long_name=f"force of the section of {name}") for name in names)
+    return (SECTION, *own)
+
+
+def step_variables(study: Study) -> tuple[FileVariable, ...]:
+    """What a history has on request of every step."""
+    given = replace(study, output=replace(study.output, sensitivity=()))
+    dims = {POINT_LEVEL: (SWEEP, "step"), SECTION.dims: (SWEEP, "step", "node")}
+    own = (replace(v, dims=dims[v.dims]) for v in (*requested_variables(given), *line_variables(study)))
+    return (*own, *derivatives(study.output.sensitivity, STEP_QUANTITIES, (SWEEP, "step")))
+
+
+def _probes(study: Study) -> Iterator[FileVariable]:
+    for probe in study.output.probes:
+        x, y = probe.at
+        at, start = f"at ({x:g}, {y:g})", f"probe_{probe.name}"
+        for axis in "xy":
+            yield result(f"{start}_u_{axis}", "m", f"displacement in {axis} at {probe.name}", at)
+        yield result(f"{start}_theta", "K", f"temperature at {probe.name}", f"{at}, above the stress-free state")
+        in_triangle = f"{at}, of the triangle that holds the point, which has one stress"
+        for c in ("xx", "yy", "xy"):
+            yield result(f"{start}_sigma_{c}", "Pa", f"stress {c} at {probe.name}", in_triangle)
+        if probe.on_contact:
+            yield result(f"{start}_u_T", "m", f"tangential displacement at {probe.name}", f"{at} of the contact line")
+
+
+def _of_edges(study: Study) -> Iterator[FileVariable]:
+    wanted, per = study.output.quantities, "per unit thickness"
+    corner = f"of the support on the body, {per}; a corner counts to the first clamped edge"
+    for name, role in study.scenes[0].boundary:
+        if "reactions" in wanted and isinstance(role, Clamped | Contact):
+            for axis in "xy":
+                yield result(f"reaction_{name}_{axis}", "N m-1", f"reaction of {name} in {axis}", corner)
+        if "forces" in wanted and not isinstance(role, Free):
+            for axis in "xy":
+                yield result(f"force_{name}_{axis}", "N m-1", f"force of {name} in {axis}", f"on the body, {per}")
+            yield result(f"work_{name}", "J m-1", f"work of {name}", f"its force times its displacement, {per}")
+        if "theta_edges" in wanted:
+            told = "above the stress-free state, over the edge"
+            yield result(f"theta_mean_{name}", "K", f"mean temperature of {name}", told)
+
+
 def name_of(quantity: str, number: str) -> str:
     """The variable of a quantity differentiated by a number of the study."""
     return f"{SENSITIVITY}{quantity}_{number.replace('.', '_')}"
 
 
 def derivatives(
-    numbers: Sequence[Sensitivity], of: Iterable[str] = QUANTITIES, dims: tuple[str, ...] = POINT_LEVEL
+    numbers: Sequence[Sensitivity], of: Iterable[str] = QUANTITIES, dims: Dims = POINT_LEVEL
 ) -> Iterator[FileVariable]:
-    """The requested_variables of a study that asks for these, of points, or of the steps of a history."""
+    """The variables of derivatives by these numbers, of points, or of the steps of a history; none of none."""
+    if not numbers:
+        return
     steps = "step" in dims
-    told = "difference of whole histories; missing where both sides differ" if steps else _AT_SOLUTION
     yield FileVariable(SENSITIVITY_STATUS, "i1", "1", "verdict on derivatives", dims, extra=flags(*_VERDICTS))
     if not steps:
-        yield replace(count(SENSITIVITY_EVENTS, "contact nodes at an event", extra=()), comment=_EVENT)
+        events = "where a node begins to slide, comes to rest or passes a kink, to 1e-9"
+        yield replace(count(SENSITIVITY_EVENTS, "contact nodes at an event", extra={}), comment=events)
+    told = "at the solution, while its nodes keep their pieces of b"
+    told = "difference of whole histories; missing where both sides differ" if steps else told
     for number, quantity in product(numbers, of):
-        (units, what), extra = QUANTITIES[quantity], (("ancillary_variables", SENSITIVITY_STATUS),)
+        units, what = QUANTITIES[quantity]
         name, over = name_of(quantity, number.name), quotient(units, number.units)
-        yield FileVariable(name, "f8", over, f"{what} by {number.name}", dims, extra=extra, comment=told)
-
-
-_AT_SOLUTION = "at the solution, while its nodes keep their pieces of b"
-_EVENT = "where a node begins to slide, comes to rest or passes a kink, to 1e-9"
+        judged = {"ancillary_variables": SENSITIVITY_STATUS}
+        yield FileVariable(name, "f8", over, f"{what} by {number.name}", dims, told, judged)
 
 
 def quotient(units: str, by: str) -> str:

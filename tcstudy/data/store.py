@@ -36,7 +36,6 @@ from tcstudy.data.schema import (
     FileVariable,
     PointStatus,
     T,
-    edge_flags,
     line_variables,
 )
 from tcstudy.errors import StoreError
@@ -198,7 +197,13 @@ def put_all(where: netCDF4.Dataset, variables: Iterable[FileVariable], values: M
     for variable in variables:
         if variable.name in values:
             edges = variable.name in ("edge", "joint_edge")
-            put(where, variable, study, values[variable.name], **(edge_flags(values["edge_names"]) if edges else {}))
+            put(
+                where,
+                variable,
+                study,
+                values[variable.name],
+                **(schema.flags(*values["edge_names"]) if edges and values["edge_names"] else {}),
+            )
 
 
 def dimensions(where: netCDF4.Dataset) -> dict[str, int]:

@@ -46,14 +46,15 @@ from tcstudy.data.schema import (
     POINT_LEVEL,
     RATE,
     REGIONS,
+    ROOT,
     STATUS,
     SWEEP,
+    Dims,
     Dtype,
     FileVariable,
     PointStatus,
     T,
     count,
-    flag,
     flags,
     region_variables,
     result,
@@ -64,39 +65,51 @@ from tcstudy.scene.histories import START, ContactState
 from tcstudy.scene.study import Study
 
 _VERTEX, _PIECE, _FOLD, _EVENT, _INTERVAL = ("vertex",), ("piece",), ("fold",), ("event",), ("interval",)
-_AT, _SOLUTION, _LOOP, _JUMP = ("at",), ("solution",), ("loop_vertex",), ("jump",)
-_LINE = "arclength x y"
-_STATES = flags(*(s.name.lower() for s in ContactState))
+_AT, _SOLUTION, _LOOP, _JUMP, _BRANCH, _ON_BRANCH = (
+    ("at",), ("solution",), ("loop_vertex",), ("jump",), ("branch",), ("branch_vertex",)
+)  # fmt: skip
+_STATES = tuple(s.name.lower() for s in ContactState)
+_STABLE = ("unstable", "stable")
 
 
-def _number(name: str, units: str, long_name: str, dims: tuple[str, ...] = (), extra: Any = ()) -> FileVariable:
-    return FileVariable(name, "f8", units, long_name, dims, coordinate=True, extra=extra)  # nothing is missing here
+# nothing is missing in the file of a path
 
 
-def _index(name: str, long_name: str, dims: tuple[str, ...] = ()) -> FileVariable:
+def _number(name: str, units: str, long_name: str, dims: Dims = (), along: str = "") -> FileVariable:
+    extra = {"coordinates": along} if along else {}
+    return FileVariable(name, "f8", units, long_name, dims, extra=extra, coordinate=True)
+
+
+def _index(name: str, long_name: str, dims: Dims = ()) -> FileVariable:
     return FileVariable(name, "i4", "1", long_name, dims, coordinate=True)
 
 
-def _flag(name: str, long_name: str, dims: tuple[str, ...], meanings: Sequence[str]) -> FileVariable:
-    return FileVariable(name, "i1", "1", long_name, dims, coordinate=True, extra=flags(*meanings))
+def _flag(name: str, long_name: str, dims: Dims, meanings: Sequence[str] = ()) -> FileVariable:
+    return FileVariable(name, "i1", "1", long_name, dims, extra=flags(*meanings) if meanings else {}, coordinate=True)
 
 
-def _at_node(name: str, dtype: Any, units: str, long_name: str, dim: str, where: str, extra: Any = ()) -> FileVariable:
-    coordinates = (("coordinates", f"{where} {_LINE}".strip()),)
-    return FileVariable(name, dtype, units, long_name, (dim, "node"), coordinate=True, extra=coordinates + extra)
+def _on_line(prefix: str, dim: str, along: str) -> tuple[FileVariable, FileVariable]:
+    """Displacement and traction of the contact nodes."""
+    dims, where = (dim, "node"), f"{along} arclength x y"
+    return (
+        _number(f"{prefix}u_T", "m", "tangential displacement", dims, where),
+        _number(f"{prefix}xi", "Pa", "tangential traction -S_T", dims, where),
+    )
 
 
-_ALONG = (("coordinates", "parameter"),)
-_STABLE = ("unstable", "stable")
 CURVE: tuple[FileVariable, ...] = (
     _number("parameter", T, "parameter of the path", _VERTEX),
-    _at_node("u_T", "f8", "m", "tangential displacement", "vertex", "parameter"),
-    _at_node("xi", "f8", "Pa", "tangential traction -S_T", "vertex", "parameter"),
-    _number("energy", "J m-1", "total potential energy, per unit thickness; a parabola in between", _VERTEX, _ALONG),
-    _number("energy_rate", RATE, "derivative of the energy by the parameter along the path", _VERTEX, _ALONG),
-    _number("residual", "1", "largest distance of -S_T from balance over the scale of friction", _VERTEX, _ALONG),
+    *_on_line("", "vertex", "parameter"),
+    _number(
+        "energy", "J m-1", "total potential energy, per unit thickness; a parabola in between", _VERTEX, "parameter"
+    ),
+    _number("energy_rate", RATE, "derivative of the energy by the parameter along the path", _VERTEX, "parameter"),
+    _number("residual", "1", "largest distance of -S_T from balance over the scale of friction", _VERTEX, "parameter"),
     _flag("stable", "strict local minimum of the energy inside the piece", _PIECE, _STABLE),
-    _at_node("state", "i1", "1", "what the contact node does on the piece", "piece", "", _STATES),
+    replace(
+        _flag("state", "what the contact node does on the piece", ("piece", "node"), _STATES),
+        extra={"coordinates": "arclength x y", **flags(*_STATES)},
+    ),
     _number("slip_length", "m", "length of the contact line that does not stick", _PIECE),
     _index("fold_vertex", "vertex at which the parameter turns", _FOLD),
     _number("fold_size", T, "how far the parameter steps back at the fold", _FOLD),
@@ -105,63 +118,58 @@ CURVE: tuple[FileVariable, ...] = (
     _flag("fold_stable_after", "stability of the piece after the fold", _FOLD, _STABLE),
     _index("event_vertex", "vertex at which a contact node changes its state", _EVENT),
     _index("event_node", "contact node that changes its state", _EVENT),
-    FileVariable("event_before", "i1", "1", "state before the vertex", _EVENT, coordinate=True, extra=_STATES),
-    FileVariable("event_after", "i1", "1", "state after the vertex", _EVENT, coordinate=True, extra=_STATES),
+    _flag("event_before", "state before the vertex", _EVENT, _STATES),
+    _flag("event_after", "state after the vertex", _EVENT, _STATES),
     _number("lowest_begin", T, "lower end of a range in which one piece has the least energy", _INTERVAL),
     _number("lowest_end", T, "upper end of a range in which one piece has the least energy", _INTERVAL),
     _index("lowest_piece", "piece with the least energy on the path in the range", _INTERVAL),
     _flag("lowest_certified", "least energy of all states, proved at mid-range", _INTERVAL, CERTIFIED),
 )
 """The polygon of solutions with k vertices and k − 1 pieces, and lists beside it."""
-_WHERE = (("coordinates", "solution_parameter"),)
 SOLUTIONS: tuple[FileVariable, ...] = (
     _number("at", T, "value at which solutions were asked for", _AT),
     _index("solution_count", "number of solutions on the path at the value", _AT),
     _index("solution_at", "index of the value that the solution belongs to", _SOLUTION),
     _number("solution_parameter", T, "parameter of the solution", _SOLUTION),
     _index("solution_piece", "piece of the path that holds the solution, -1 for none", _SOLUTION),
-    _number("solution_energy", "J m-1", "total potential energy, per unit thickness", _SOLUTION, _WHERE),
-    _number("solution_residual", "1", "inclusion residual over the scale of friction", _SOLUTION, _WHERE),
-    _number("solution_rounding", "1", "what rounding allows of the inclusion residual", _SOLUTION, _WHERE),
+    _number("solution_energy", "J m-1", "total potential energy, per unit thickness", _SOLUTION, "solution_parameter"),
+    _number("solution_residual", "1", "inclusion residual over the scale of friction", _SOLUTION, "solution_parameter"),
+    _number(
+        "solution_rounding", "1", "what rounding allows of the inclusion residual", _SOLUTION, "solution_parameter"
+    ),
     _flag("solution_stable", "strict local minimum of the energy on the path", _SOLUTION, _STABLE),
     _flag("solution_lowest", "least energy on the path at its value", _SOLUTION, ("higher", "lowest")),
     _flag("solution_unique", "certified to be the only solution", _SOLUTION, CERTIFIED),
     _flag("solution_strict_minimum", "certified to be a strict local minimum of the energy", _SOLUTION, CERTIFIED),
     _flag("solution_global_minimum", "certified to have the least energy of all states", _SOLUTION, CERTIFIED),
-    _at_node("solution_u_T", "f8", "m", "tangential displacement", "solution", "solution_parameter"),
-    _at_node("solution_xi", "f8", "Pa", "tangential traction -S_T", "solution", "solution_parameter"),
+    *_on_line("solution_", "solution", "solution_parameter"),
 )
 """All solutions at the requested values, in the order of `at` and along the path."""
-_ROUND = (("coordinates", "loop_parameter"),)
 LOOP: tuple[FileVariable, ...] = (
     _number("loop_parameter", T, "parameter along the hysteresis loop", _LOOP),
     _index("loop_branch", "stable branch, counted along the loop", _LOOP),
-    _number("loop_energy", "J m-1", "total potential energy, per unit thickness", _LOOP, _ROUND),
-    _at_node("loop_u_T", "f8", "m", "tangential displacement", "loop_vertex", "loop_parameter"),
-    _at_node("loop_xi", "f8", "Pa", "tangential traction -S_T", "loop_vertex", "loop_parameter"),
+    _number("loop_energy", "J m-1", "total potential energy, per unit thickness", _LOOP, "loop_parameter"),
+    *_on_line("loop_", "loop_vertex", "loop_parameter"),
     _number("jump_parameter", T, "parameter at which the body falls to another branch", _JUMP),
     _index("jump_vertex", "last vertex of the loop before the fall", _JUMP),
     _flag("jump_rising", "whether the parameter was growing", _JUMP, ("falling", "rising")),
     _number("jump_drop", "J m-1", "energy lost in the fall, per unit thickness", _JUMP),
     _number("energy_lost", "J m-1", "energy lost in one loop at the falls, per unit thickness"),
     _number("loop_area", "J m-1", "area of the loop; the energy lost if it is closed"),
-    FileVariable("loop_closed", "i1", "1", "whether the loop ends where it began", (), coordinate=True),
-    FileVariable("loop_complete", "i1", "1", "whether both ends of the range were reached", (), coordinate=True),
+    _flag("loop_closed", "whether the loop ends where it began", ()),
+    _flag("loop_complete", "whether both ends of the range were reached", ()),
 )
 """The quasi-static hysteresis loop: stable branches one after the other and the falls between them."""
-_BRANCH, _ON_BRANCH = ("branch",), ("branch_vertex",)
-_BY_BRANCH = (("coordinates", "branch_parameter"),)
 BRANCHES: tuple[FileVariable, ...] = (
-    FileVariable("complete", "i1", "1", "whether these are all branches", (), coordinate=True, extra=flags(*CERTIFIED)),
+    _flag("complete", "whether these are all branches", (), CERTIFIED),
     _flag("at_complete", "whether the solutions at the value are all", _AT, CERTIFIED),
     _flag("branch_loop", "whether the branch is closed", _BRANCH, ("open", "closed")),
     _flag("branch_on_path", "whether the path goes along it", _BRANCH, ("apart", "on_path")),
     _index("branch_of", "branch that the vertex is on, its vertices in their order", _ON_BRANCH),
     _number("branch_parameter", T, "parameter at the vertex", _ON_BRANCH),
-    _number("branch_energy", "J m-1", "total potential energy, per unit thickness", _ON_BRANCH, _BY_BRANCH),
+    _number("branch_energy", "J m-1", "total potential energy, per unit thickness", _ON_BRANCH, "branch_parameter"),
     _flag("branch_stable", "stability of the piece after the vertex, if there is one", _ON_BRANCH, _STABLE),
-    _at_node("branch_u_T", "f8", "m", "tangential displacement", "branch_vertex", "branch_parameter"),
-    _at_node("branch_xi", "f8", "Pa", "tangential traction -S_T", "branch_vertex", "branch_parameter"),
+    *_on_line("branch_", "branch_vertex", "branch_parameter"),
 )
 """Every branch of the range, if they are asked for; a closed one has its first vertex again at its end."""
 LINE = tuple(replace(v, coordinate=True) for v in CONTACT if v.dims == ("node",))
@@ -185,47 +193,42 @@ LEVEL: tuple[FileVariable, ...] = (
 PATH = (*LINE, *LEVEL, *CURVE, *SOLUTIONS, *LOOP, *BRANCHES, *JOINTS)
 """Everything that a file of a path may hold."""
 _AT_STEP, _STEP_NODE = (SWEEP, "step"), (SWEEP, "step", "node")
-_OF_STEP = (("coordinates", "cycle arclength x y"), *JUDGED)
+_OF_ROOT = {v.name: replace(v, dims=_AT_STEP) for v in ROOT}
+
+
+def _of_step(name: str, units: str, long_name: str, comment: str = "") -> FileVariable:
+    return result(name, units, long_name, comment, _AT_STEP)
 
 
 def _of_node(name: str, units: str, long_name: str) -> FileVariable:
-    return FileVariable(name, "f8", units, long_name, _STEP_NODE, extra=_OF_STEP)
+    extra = {"coordinates": "cycle arclength x y", **JUDGED}
+    return FileVariable(name, "f8", units, long_name, _STEP_NODE, extra=extra)
 
 
 _PER = "per unit thickness"
-_INTEGRAL = f"integral of -S_T over the contact line, {_PER}"
-_LOOSE = "0 where only friction holds the body"
 _WORK = f"-1/2 (v + v before) dl, summed over parts of the step, {_PER}"
 _CLOSURE = f"work - d(energy + stored) - dissipated - released, {_PER}"
 _DEBONDED = "where kappa passes the slip at which the law has fallen, linear between nodes; missing where it is nowhere"
 STEPS: tuple[FileVariable, ...] = (
-    FileVariable("status", "i1", "1", "status of the step", _AT_STEP, extra=STATUS),
-    result("energy", "J m-1", "energy of body and loads", f"1/2 v A v - l v at the contact nodes, {_PER}", _AT_STEP),
-    result("stored", "J m-1", "energy stored in the bond", _PER, _AT_STEP),
-    result(
-        "dissipated", "J m-1", "energy dissipated in the step", f"by friction, yielding or damage, {_PER}", _AT_STEP
-    ),
-    result("work", "J m-1", "work of the loads' change", _WORK, _AT_STEP),
-    result("closure", "J m-1", "energy missed by finite steps", _CLOSURE, _AT_STEP),
-    result("released", "J m-1", "energy released by jumps", _PER, _AT_STEP),
-    result("identity", "1", "defect of energy identity", "relative to its terms; rounding", _AT_STEP),
-    result(
-        "inclusion_residual", "1", "inclusion residual", "largest distance of -S_T from the law of the step", _AT_STEP
-    ),
-    result(
-        "inclusion_rounding", "1", "inclusion residual of rounding", "what the rounding of doubles allows", _AT_STEP
-    ),
-    result("friction_resultant", "N m-1", "friction resultant", _INTEGRAL, _AT_STEP),
-    result("u_T_max", "m", "largest |u_T|", "tangential displacement on the contact line", _AT_STEP),
-    result("slip_length", "m", "length that slipped in the step", dims=_AT_STEP),
+    replace(_OF_ROOT["status"], long_name="status of the step"),
+    _of_step("energy", "J m-1", "energy of body and loads", f"1/2 v A v - l v at the contact nodes, {_PER}"),
+    _of_step("stored", "J m-1", "energy stored in the bond", _PER),
+    _of_step("dissipated", "J m-1", "energy dissipated in the step", f"by friction, yielding or damage, {_PER}"),
+    _of_step("work", "J m-1", "work of the loads' change", _WORK),
+    _of_step("closure", "J m-1", "energy missed by finite steps", _CLOSURE),
+    _of_step("released", "J m-1", "energy released by jumps", _PER),
+    _of_step("identity", "1", "defect of energy identity", "relative to its terms; rounding"),
+    replace(_OF_ROOT["inclusion_residual"], comment="largest distance of -S_T from the law of the step"),
+    *(_OF_ROOT[name] for name in ("inclusion_rounding", "friction_resultant", "u_T_max")),
+    _of_step("slip_length", "m", "length that slipped in the step"),
     *(replace(v, dims=_AT_STEP, comment=f"{v.comment}, at kappa in place of u_T") for v in REGIONS),
-    result("debonded_from", "m", "arclength from which the bond is debonded", _DEBONDED, _AT_STEP),
-    result("debonded_to", "m", "arclength up to which the bond is debonded", _DEBONDED, _AT_STEP),
-    flag("unique", "only solution of the step", dims=_AT_STEP),
-    flag("strict_minimum", "strict local energy minimum", dims=_AT_STEP),
-    flag("global_minimum", "least energy of the step", dims=_AT_STEP),
+    _of_step("debonded_from", "m", "arclength from which the bond is debonded", _DEBONDED),
+    _of_step("debonded_to", "m", "arclength up to which the bond is debonded", _DEBONDED),
+    replace(_OF_ROOT["unique"], long_name="only solution of the step"),
+    _OF_ROOT["strict_minimum"],
+    replace(_OF_ROOT["global_minimum"], long_name="least energy of the step"),
     count("parts", "problems solved, or pieces of the path", _AT_STEP),
-    count("iterations", "steps of the solver", _AT_STEP),
+    _OF_ROOT["iterations"],
     count("jumps", "jumps in the step", _AT_STEP),
 )
 """What a history has of every step: a number."""
@@ -235,17 +238,19 @@ NODES: tuple[FileVariable, ...] = (
     _of_node("kappa", "m", "accumulated or largest slip kappa"),
     _of_node("plastic", "m", "plastic slip"),
     _of_node("dissipation", "J m-2", "energy dissipated in the step, by area"),
-    FileVariable("jumped", "i1", "1", "moved by a jump", _STEP_NODE, extra=_OF_STEP, no_value=-1),
+    replace(_of_node("jumped", "1", "moved by a jump"), dtype="i1", no_value=-1),
 )
 """And of every step and node."""
+_LOOSE = "0 where only friction holds the body"
 POINTS: tuple[FileVariable, ...] = (
     FileVariable("reason", "str", "", "why the history ended early", (SWEEP,)),
-    FileVariable("lambda_1", "f8", "Pa m-1", "tangential stiffness lambda_1", (SWEEP,), comment=_LOOSE),
-    FileVariable("lambda_1_error", "f8", "1", "relative error of lambda_1", (SWEEP,), comment="by rounding"),
-    FileVariable("margin", "f8", "Pa m-1", "uniqueness margin", (SWEEP,), comment="all steps are unique if positive"),
+    FileVariable("lambda_1", "f8", "Pa m-1", "tangential stiffness lambda_1", (SWEEP,), _LOOSE),
+    FileVariable("lambda_1_error", "f8", "1", "relative error of lambda_1", (SWEEP,), "by rounding"),
+    FileVariable("margin", "f8", "Pa m-1", "uniqueness margin", (SWEEP,), "all steps are unique if positive"),
 )
 """And once, of a point of the sweep."""
 HISTORY = (*STEPS, *NODES, *POINTS)
+
 P, D, S = ("parameter",), ("row",), ("start",)
 _OWN = "in the units of parameter_units"
 
@@ -369,7 +374,7 @@ def convergence_table(study: Study) -> tuple[FileVariable, ...]:
         for part, dtype, meaning in _ERROR_PARTS if measure in ERRORS else _NUMBER_PARTS:
             dims = POINT_LEVEL if part in _BY_LEVEL else (SWEEP,)
             units = measure.units if part in _IN_UNITS else "1"
-            extra = flags(*VERDICTS) if part == "verdict" else ()
+            extra = flags(*VERDICTS) if part == "verdict" else {}
             name, what = f"{part}_{measure.name}", meaning.format(measure.long_name)
             found.append(FileVariable(name, dtype, units, what, dims, extra=extra))
     if study.mesh.guarantee:
@@ -462,7 +467,7 @@ Steps = dict[str, NDArray[Any]]
 
 
 def history_variables(study: Study) -> tuple[FileVariable, ...]:
-    """The history_variables of this study's file; what its memory does not have is left out."""
+    """The variables of this study's file; what its memory does not have is left out."""
     assert study.history is not None
     without = {v.name for v in REGIONS} - {v.name for v in region_variables(study)}
     without |= {"plastic"} if study.history.memory.stiffness is None else set()
@@ -529,7 +534,7 @@ def load_variables(study: Study) -> list[tuple[FileVariable, NDArray[Any]]]:
     ]
     taken = {axis_name(axis) for axis in study.axes} | {v.name for v in (*HISTORY, *MESH_LEVEL, *LINE)}
     for name, (keys, units, _) in zip(plan.names, plan.parameters, strict=True):
-        extra = DIFFERENCE if units == "K" else ()
+        extra = DIFFERENCE if units == "K" else {}
         chosen = "_".join(keys) if name in taken else name
         variable = FileVariable(chosen, "f8", units, ".".join(keys), ("step",), coordinate=True, extra=extra)
         found.append((variable, np.array([values[keys] for values in loads])))
