@@ -310,11 +310,9 @@ def do(
 
                 to_file(output, study, words, lambda: fit(study, say))
             case "convergence":
-                from tcstudy.reports.text import with_unit
                 from tcstudy.study.convergence import converge_to_file
 
-                unit = "1" if study.units == "none" else "m"
-                converge_to_file(study, output, say, words, lambda h: with_unit(h, unit, 3))
+                converge_to_file(study, output, say, words)
             case "cost":
                 from tcstudy.study.cost import RUNS, cost_to_file
 

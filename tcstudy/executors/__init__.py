@@ -8,16 +8,17 @@ Not here: which points form a block, what is recorded of them (study); how to so
 """
 
 from tcstudy.executors.cluster import DaskExecutor
-from tcstudy.executors.pool import (
+from tcstudy.executors.processes import (
     TIMEOUT,
     Job,
+    ProcessExecutor,
     SerialExecutor,
     WorkerDied,
     WorkersFailed,
+    available,
     in_order,
     timed,
 )
-from tcstudy.executors.processes import ProcessExecutor, available
 
 __all__ = [
     "TIMEOUT",

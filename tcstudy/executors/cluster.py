@@ -18,8 +18,7 @@ import uuid
 from concurrent.futures import CancelledError
 from typing import Any
 
-from tcstudy.executors.pool import PackedExecutor, WorkerDied, WorkersFailed
-from tcstudy.executors.processes import WORKER, ProcessExecutor, available
+from tcstudy.executors.processes import WORKER, PackedExecutor, ProcessExecutor, WorkerDied, WorkersFailed, available
 
 LOCAL = "local"
 """The address of a scheduler that is started here, with as many workers as asked for."""

@@ -11,7 +11,7 @@ import time
 from multiprocessing.connection import Connection
 
 import tcstudy.contact.solve  # noqa: F401 which most calls need: imported while the parent makes meshes
-from tcstudy.executors.pool import answered, keep_freed_memory
+from tcstudy.executors.processes import answered, keep_freed_memory
 
 
 def follow(parent: int) -> None:

@@ -40,11 +40,9 @@ from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Acceptance, Study, Variant
 from tcstudy.study.lint import once
 from tcstudy.study.reference import (
-    BARE,
     Errors,
     ExactReference,
     FineReference,
-    Length,
     Reference,
     Say,
     Solution,
@@ -134,9 +132,7 @@ def without_errors(study: Study) -> str:
     return f"{NO_REFERENCE}; give more levels, or the exact solution"
 
 
-def converge_to_file(
-    study: Study, path: Path, say: Say, command: Sequence[str] = ("tcstudy",), length: Length = BARE
-) -> None:
+def converge_to_file(study: Study, path: Path, say: Say, command: Sequence[str] = ("tcstudy",)) -> None:
     """Measure the convergence of a study into a file.
 
     Raises ConvergenceError if the study's levels do not suit, StoreError if the file cannot be written, GeometryFailed
@@ -147,17 +143,17 @@ def converge_to_file(
     if study.mesh.strategy.adapts:
         what = "adaptive meshes have no common h to show rates over, and they come with their own error estimates"
         raise ConvergenceError(f"{what}; use tcstudy run or tcstudy cost, or --set mesh.family=uniform")
-    to_file(path, study, command, lambda: convergence_record(study, converge(study, say, length)))
+    to_file(path, study, command, lambda: convergence_record(study, converge(study, say)))
 
 
-def converge(study: Study, say: Say = lambda text: None, length: Length = BARE) -> Measured:
+def converge(study: Study, say: Say = lambda text: None) -> Measured:
     """The convergence of a study; of several geometries each is measured on its own levels.
 
-    say: called with a line of text as work goes on;  length: how that has h
+    say: called with a line of text as work goes on
     Raises GeometryFailed if the body cannot be meshed, of several geometries if none can.
     """
     if not study.variants:
-        return _of_body(study, say, length)
+        return _of_body(study, say)
     found: list[tuple[Variant, Measured]] = []
     lost: list[tuple[Variant, str]] = []
     for variant in study.variants:
@@ -165,7 +161,7 @@ def converge(study: Study, say: Say = lambda text: None, length: Length = BARE) 
         if variant.study is not None:
             say(f"{variant.words}:")
             try:
-                found.append((variant, _of_body(variant.study, say, length)))
+                found.append((variant, _of_body(variant.study, say)))
             except GeometryFailed as error:
                 reason = str(error)
         if reason:
@@ -184,18 +180,19 @@ def converge(study: Study, say: Say = lambda text: None, length: Length = BARE) 
     words = dict.fromkeys(one.reference for _, one in found)
     notes = [f"refused, {variant.words}: {reason}" for variant, reason in lost]
     for note in once([(variant.words, one.notes) for variant, one in found]):
-        notes.append(str(note) if note.where else f"each geometry: {note.text}")  # which may have counts of one
+        each = not note.where and " points" in note.text  # counted of one
+        notes.append(f"each geometry: {note.text}" if each else str(note))
     return Measured(points, meshes, "; or ".join(words), notes)
 
 
-def _of_body(study: Study, say: Say, length: Length) -> Measured:
+def _of_body(study: Study, say: Say) -> Measured:
     """Solve all levels of a study with one body and measure their convergence.
 
-    say: called with a line of text as work goes on;  length: how that has h
+    say: called with a line of text as work goes on
     Raises GeometryFailed if the body cannot be meshed.
     """
     with threadpool_limits(1, user_api="blas"):
-        levels = solve_levels(study, say, length)
+        levels = solve_levels(study, say)
         reference, words, compared, notes = _reference(study, levels)
         points = [
             _point(study, levels, reference, compared, index, scene)

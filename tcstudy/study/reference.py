@@ -41,9 +41,6 @@ from tcstudy.study.run import stages
 
 Array = NDArray[np.float64]
 Say = Callable[[str], None]
-Length = Callable[[float], str]
-BARE: Length = "{:.3g}".format
-"""A length without its unit."""
 Key = Any
 """Which solution of a level: of a sweep by its index, of several solvers by the name."""
 Errors = dict[str, tuple[float, float]]
@@ -108,10 +105,10 @@ class SolvedLevel:
         return lam, mu
 
 
-def solve_levels(study: Study, say: Say = lambda text: None, length: Length = BARE) -> list[SolvedLevel]:
+def solve_levels(study: Study, say: Say = lambda text: None) -> list[SolvedLevel]:
     """Solve every sweep point on every level, as a run does, and keep the fields.
 
-    say: called with a line of text when a level is ready and when a point fails;  length: how that has the size of h
+    say: called with a line of text when a level is ready and when a point fails
     Raises GeometryFailed if the body cannot be meshed.
     """
     # errors are measured on all levels; estimates are kept beside bounds that are asked for
@@ -122,8 +119,7 @@ def solve_levels(study: Study, say: Say = lambda text: None, length: Length = BA
         if stage.level is None:
             raise GeometryFailed(next(stage.blocks).reasons[0])
         level = stage.level
-        sizes = f"{level.frames.n_dof} dofs, {level.line.m} contact unknowns"
-        say(f"level {i}: h_max = {length(level.mesh.h_max)}, {sizes}")
+        say(f"level {i}: {level.frames.n_dof} dofs, {level.line.m} contact unknowns")
         levels.append(empty_level(study, level))
         for block, row in ((one, row) for one in stage.blocks for row in range(len(one))):
             index, least = block.index(row), solution_of(study, level, block, row)

@@ -23,7 +23,7 @@ from tcstudy.contact.problem import CondensedBody
 from tcstudy.data.provenance import collect
 from tcstudy.data.records import Journal
 from tcstudy.data.store import write
-from tcstudy.executors.pool import keep_freed_memory
+from tcstudy.executors.processes import keep_freed_memory
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.study import Study
 from tcstudy.study.run import stages
