@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-_dgemv, _dgemm = scipy.linalg.blas.dgemv, scipy.linalg.blas.dgemm
 
 CAPACITY = 32
 """Changes of rank one that wait before they enter the inverse as one matrix product."""
@@ -96,17 +95,6 @@ class BasisInverse:
         H = self.A[np.ix_(F, F)]
         H[np.arange(len(F)), np.arange(len(F))] += self.k[F]
         return H
-
-    def reload(self, load: Array) -> None:
-        """Another load per unit of τ."""
-        self.load = load
-        if self._slow(self.m):
-            return self.refactor()
-        self.drive(self.m)
-        self.way = self.moved(load)
-        self.way[self.m] = 1.0
-        self._find_fastest()
-        return self.drive(int(np.argmax(np.abs(self.way * self.unit))))
 
     def _find_fastest(self) -> None:
         self.fastest = float(np.abs(self.way * self.unit).max())
@@ -185,7 +173,7 @@ class BasisInverse:
     def moved(self, r: Array) -> Array:
         """(m + 1,) what (x, τ) have to move for Au + g to grow by r (m,), the driver at rest."""
         off, n = np.where(self.free, -r, 0.0), self.size
-        moved = _dgemv(1.0, self.left[:, :n], off @ self.right[:, :n], 1.0, self.T @ off) if n else self.T @ off
+        moved = self.T @ off + self.left[:, :n] @ (off @ self.right[:, :n])
         moved[: self.m] += np.where(self.free, 0.0, r)
         moved -= self.way * (moved[self.driver] / self.way[self.driver])
         return moved
@@ -194,28 +182,22 @@ class BasisInverse:
     def negatives(self) -> int:
         """Negative eigenvalues of H = A_FF + diag(k) over the free nodes."""
         if self._negatives is None:
-            F = np.flatnonzero(self.free)
-            self._negatives = len(F) - positive_eigenvalues(self._H(F))
+            F = np.flatnonzero(self.free)  # signs of the pivots of LDLᵀ; a block of two has one of either
+            ldu, pivots, _ = scipy.linalg.lapack.dsytrf(self._H(F), lower=1)
+            single = pivots > 0
+            positive = np.count_nonzero(ldu.diagonal()[single] > 0.0) + np.count_nonzero(~single) // 2
+            self._negatives = len(F) - int(positive)
         return self._negatives
 
     def _row(self, i: int) -> Array:
-        n = self.size
-        return _dgemv(1.0, self.right[:, :n], self.left[i, :n], 1.0, self.T[i]) if n else self.T[i].copy()
+        return self.T[i] + self.right[:, : self.size] @ self.left[i, : self.size]
 
     def _column(self, i: int) -> Array:
-        n = self.size
-        return _dgemv(1.0, self.left[:, :n], self.right[i, :n], 1.0, self.T[:, i]) if n else self.T[:, i].copy()
+        return self.T[:, i] + self.left[:, : self.size] @ self.right[i, : self.size]
 
     def _room(self) -> int:
         """Place for a change among those that wait."""
         if self.size == CAPACITY:
-            self.T = _dgemm(1.0, self.left, self.right, 1.0, self.T, trans_b=1, overwrite_c=1)
+            self.T = scipy.linalg.blas.dgemm(1.0, self.left, self.right, 1.0, self.T, trans_b=1, overwrite_c=1)
             self.size = 0
         return self.size
-
-
-def positive_eigenvalues(matrix: Array) -> int:
-    """How many a symmetric matrix has, by the signs of the pivots of LDLᵀ (a block of two has one of either)."""
-    ldu, pivots, _ = scipy.linalg.lapack.dsytrf(matrix, lower=1)
-    single = pivots > 0
-    return int(np.count_nonzero(ldu.diagonal()[single] > 0.0) + np.count_nonzero(~single) // 2)

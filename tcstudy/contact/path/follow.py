@@ -18,7 +18,8 @@ except the one that keeps tied nodes together.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,22 +88,23 @@ class Follower:
             ways = rays(walk)
         except SingularCellError:
             return Path.standing(problem, t, v, PathStatus.SINGULAR)
-        halves: list[_Half] = []
-        for ray in {"both": ways, "forward": ways[:1], "backward": ways[1:]}[direction]:
-            halves.append(_Half(self, walk, ray, set(halves[0].keys) if halves else set()))
-            halves[-1].follow(progress)
-            if halves[-1].end == PathStatus.CLOSED_LOOP:
-                break
-        return _joined(walk, halves)
+        first = _Half(self, walk, ways[direction == "backward"], set())
+        ahead = first.follow(progress)
+        if direction != "both" or ahead.end == PathStatus.CLOSED_LOOP:
+            return ahead
+        back = _Half(self, walk, ways[1], set(first.keys)).follow(progress)
+
+        def joined(name: str, backward: slice) -> NDArray[Any]:
+            return np.concatenate([getattr(back, name)[backward], getattr(ahead, name)])
+
+        vertices = {name: joined(name, slice(None, 0, -1)) for name in ("t", "u", "traction", "residual")}
+        pieces = {name: joined(name, slice(None, None, -1)) for name in ("stable", "codes")}
+        return replace(ahead, **vertices, **pieces, start=back.pieces, begin=back.end)
 
     def onward(self, walk: Walk) -> Path | None:
         """The path along the stable way on which t grows from where the walk stands; None if there is none."""
         ray = onward(walk)
-        if ray is None:
-            return None
-        half = _Half(self, walk, ray, set())
-        half.follow()
-        return _joined(walk, [half])
+        return None if ray is None else _Half(self, walk, ray, set()).follow()
 
 
 class _Half:
@@ -122,7 +124,7 @@ class _Half:
         walk.put(ray)
         walk.low[-1], walk.high[-1] = options.t_min * walk.size, options.t_max * walk.size
 
-    def follow(self, progress: Progress | None = None) -> None:
+    def follow(self, progress: Progress | None = None) -> Path:
         """Some pieces at a time until something ends the path.
 
         If their vertices are not accurate they are followed again from a fresh inverse, each with a correction; if even
@@ -153,10 +155,13 @@ class _Half:
             reached, walk.tie = 2.0 * worst if careful else 0.0, walk.usual_tie
             if self.end is None:
                 walk.balance()
-                walk.straighten()
                 mark = walk.here
             if progress is not None:
                 progress(len(self.stable), walk.t)
+        t, u, traction, off = (np.concatenate(parts) for parts in zip(*self.blocks, strict=True))
+        stable, codes = np.array(self.stable, dtype=bool), np.array(self.codes, dtype=np.int32)
+        begin = self.end if self.end == PathStatus.CLOSED_LOOP else PathStatus.START
+        return Path(p, t, u, traction, off, stable, codes.reshape(len(codes), walk.m), 0, begin, self.end)
 
     def _some(self, mark: Ray, done: int, count: int, careful: bool) -> PathStatus | None:
         """A count of pieces from the mark on, which `done` led to; careful: from a fresh inverse, each corrected."""
@@ -219,21 +224,3 @@ class _Half:
         self.stable.append(stable)
         self.codes.append(self.walk.codes.copy())
         self.vertices.append((self.walk.x.copy(), self.codes[-1]))
-
-
-def _joined(walk: Walk, halves: list[_Half]) -> Path:
-    """The path from its forward half and, if there is one, the backward half (reversed and put in front)."""
-    ahead, *back = halves
-    t, u, traction, residual = (np.concatenate(parts) for parts in zip(*ahead.blocks, strict=True))
-    codes, stable, end = ahead.codes, ahead.stable, ahead.end
-    begin: PathStatus | None = end if end == PathStatus.CLOSED_LOOP else PathStatus.START
-    if back:
-        blocks = (np.concatenate(parts)[:0:-1] for parts in zip(*back[0].blocks, strict=True))
-        both = zip(blocks, (t, u, traction, residual), strict=True)
-        t, u, traction, residual = (np.concatenate(parts) for parts in both)
-        codes, stable, begin = [*back[0].codes[::-1], *codes], [*back[0].stable[::-1], *stable], back[0].end
-    assert begin is not None
-    assert end is not None
-    pieces = np.array(codes, dtype=np.int32).reshape(len(codes), walk.m)
-    start, flags = len(back[0].codes) if back else 0, np.array(stable, dtype=bool)
-    return Path(walk.problem, t, u, traction, residual, flags, pieces, start, begin, end)

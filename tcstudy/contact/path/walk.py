@@ -75,7 +75,7 @@ class Walk:
         if basis is None:
             basis = BasisInverse(body.A, load, free, k)
         elif not np.array_equal(basis.load, load):
-            basis.reload(load)
+            basis.load, basis.stale = load, True
         self.basis = basis
         basis.become(free, k)
         self.head()
@@ -232,14 +232,6 @@ class Walk:
         behind = np.where(x[nodes] == self.low[nodes], g.after_low[codes], g.after_high[codes])
         stays = nodes[~(self.free[nodes] & g.free[behind])]
         self.x[stays] = x[stays]
-
-    def straighten(self) -> None:
-        """One correction of the direction, by the equations of the cell."""
-        way = self.basis.way
-        force = np.where(self.free, self.basis.k * way[:-1], way[:-1])
-        off = way[self.m] * self.basis.load - self.basis.A @ np.where(self.free, way[:-1], 0.0) - force
-        way += self.basis.moved(off)
-        self.head()
 
 
 ALONE, MOST_TURNS = 3, 12

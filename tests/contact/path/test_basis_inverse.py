@@ -23,7 +23,8 @@ def test_lines_corrections_and_inertia_after_random_changes() -> None:
         basis.place(i, bool(free[i]), float(k[i]))
         if step == 100:
             load = rng.normal(size=m)
-            basis.reload(load)
+            basis.load, basis.stale = load, True
+            basis.settle()
         if step % 5:
             continue
         M, way = np.where(free, A + np.diag(k), np.eye(m)), basis.way
