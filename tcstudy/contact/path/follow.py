@@ -94,12 +94,11 @@ class Follower:
             return ahead
         back = _Half(self, walk, ways[1], set(first.keys)).follow(progress)
 
-        def joined(name: str, backward: slice) -> NDArray[Any]:
-            return np.concatenate([getattr(back, name)[backward], getattr(ahead, name)])
-
-        vertices = {name: joined(name, slice(None, 0, -1)) for name in ("t", "u", "traction", "residual")}
-        pieces = {name: joined(name, slice(None, None, -1)) for name in ("stable", "codes")}
-        return replace(ahead, **vertices, **pieces, start=back.pieces, begin=back.end)
+        both: dict[str, Any] = {"start": back.pieces, "begin": back.end}
+        vertices, pieces = ("t", "u", "traction", "residual"), ("stable", "codes")
+        for names, backward in ((vertices, slice(None, 0, -1)), (pieces, slice(None, None, -1))):
+            both |= {name: np.concatenate([getattr(back, name)[backward], getattr(ahead, name)]) for name in names}
+        return replace(ahead, **both)
 
     def onward(self, walk: Walk) -> Path | None:
         """The path along the stable way on which t grows from where the walk stands; None if there is none."""
