@@ -228,7 +228,7 @@ class ContinuedStep:
 
     def _first_return(self, path: Path) -> int:
         """Vertex up to which nobody takes back anything: slips, plastic slips and openings only grow."""
-        done = np.array([self.history.model.done(self.now, w) for w in path.u])
+        done = self.history.model.done(self.now, path.u)
         rounding = ROUNDING * float(np.max(np.abs(path.u)))
         back = np.any(done[1:] < np.maximum.accumulate(done)[:-1] - rounding, axis=1)
         return int(np.argmax(back)) if np.any(back) else path.pieces

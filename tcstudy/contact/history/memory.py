@@ -199,7 +199,7 @@ class MemoryModel:
         return found.known(scales=np.full(n, self.law.b_scale), falls=self.omega)
 
     def done(self, state: NodeState, w: Array) -> Array:
-        """(m,) what cannot be undone since the state: slip, plastic slip, or |v| beyond κ [m]."""
+        """(…, m) what cannot be undone since the state: slip, plastic slip, or |v| beyond κ [m]."""
         beyond = np.maximum(np.abs(w) - np.maximum(state.kappa, self.elastic), 0.0)
         return np.where(self.tears, beyond, self._flow(state, w)[0])
 
@@ -220,25 +220,13 @@ class MemoryModel:
         return NodeState(v, kappa, plastic + np.where(self.yields, np.sign(w) * flow, 0.0)), stored, lost
 
     def _flow(self, state: NodeState, w: Array) -> tuple[Array, Array]:
-        """(Δp, force), (m,) each: of friction (|w|, 0), of elastic-plastic bonds by the return map, else 0.
-
-        The return map begins on the piece on which |w| lies.
-        """
-        flow, force, nodes = np.where(self.slides, np.abs(w), 0.0), np.zeros(self.m), np.flatnonzero(self.yields)
-        if not len(nodes):
-            return flow, force
-        k, kappa, size = self._k, state.kappa[nodes, None], np.abs(w[nodes])
-        count, starts, pieces = _tail(self._own.of_nodes(nodes), state.kappa[nodes])
-        starts = starts - kappa
-        tau = pieces[1] + pieces[2] * (starts - (pieces[0] - kappa))
-        column = np.arange(starts.shape[1])
-        passed = np.count_nonzero((size[:, None] > starts + tau / k) & (column < count[:, None]), axis=1)
-        at = np.arange(len(nodes)), np.maximum(passed - 1, 0)
-        q, begin, t = pieces[2][at], starts[at], tau[at]
-        beyond = size - (begin + t / k)
-        flow[nodes] = np.where(passed > 0, begin + beyond * k / (k + q), 0.0)
-        force[nodes] = np.where(passed > 0, t + beyond * k * q / (k + q), k * size)
-        return flow, force
+        """(Δp, force) (…, m): of friction |w|, 0; of elastic-plastic bonds force = b(w), Δp = |w| − force/k; else 0."""
+        flow = np.where(self.slides, np.abs(w), 0.0)
+        if not np.any(self.yields):
+            return flow, 0.0 * flow
+        force = np.where(self.yields, np.abs(self.next_law(state).b(w)), 0.0)
+        beyond = np.abs(w) - force / self._k
+        return np.where(self.yields & (beyond > NARROW * np.abs(w)), beyond, flow), force
 
 
 def _reached(kappa: Array) -> Array:
