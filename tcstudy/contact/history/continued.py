@@ -173,7 +173,7 @@ class ContinuedStep:
         if path is None:
             return None
         over = path.u[-1]
-        if path.end == PathStatus.TURNS:  # what turns back takes none with it: they go on
+        if path.end == PathStatus.TURNS and path.pieces:  # what turns back takes none with it: they go on
             moved, pushed = over - path.u[-2], path.traction[-1] - path.traction[-2]
             self.senses = np.sign(np.where(moved != 0.0, moved, pushed))
         if path.end == PathStatus.UNSTABLE:  # half a piece beyond the fold, where the energy falls
@@ -186,25 +186,24 @@ class ContinuedStep:
     def _path(self, w: Array, t: float, direction: Direction) -> Path | None:
         """The path through w at t, backward to the present share or forward; None, with the reason, without one."""
         try:
-            return replace(self._follower, one_way=False).follow(self.problem, w, t, direction)
+            follower = self._follower if direction == "forward" else replace(self._follower, one_way=False)
+            return follower.follow(self.problem, w, t, direction)
         except ValueError as error:
             self.reason = str(error).partition("; ")[0]
             return None
 
     def _along(self, path: Path, lead: Path | None = None) -> bool:
-        """Forward to where the first node takes something back, or to the end of the path.
+        """Forward to the end of the path.
 
         lead: the path back from its beginning to the state
         Along the graph of b ∫ξᵀdv = Σ c (j(w₁) − j(w₀)) whatever the curve, and what straight pieces miss of that they
         miss of the work as well: between the same ends each balances ΔE. Where they miss much the law goes elsewhere.
         """
-        p, c, last = self.problem, self.body.c, self._first_return(path)
-        fold = last == path.pieces and path.end == PathStatus.UNSTABLE
-        folded = self._folded(path, last) if fold and not self.straight else None
-        if not (folded or ((last or lead) and path.t[last] > self.t)):
+        p, c, folded = self.problem, self.body.c, self._folded(path)
+        if folded is None and not path.t[-1] > self.t:
             self.reason = path.end.reason
             return False
-        path, last, answer = folded or self._reached(path, last, fold)
+        path, last, answer = folded or self._reached(path)
         if answer.status != Status.CONVERGED:
             self.reason = answer.reason
             return False
@@ -226,16 +225,11 @@ class ContinuedStep:
         self.ways.append(Way(t, self.origin + w, xi / c))
         return True
 
-    def _first_return(self, path: Path) -> int:
-        """Vertex up to which nobody takes back anything: slips, plastic slips and openings only grow."""
-        done = self.history.model.done(self.now, path.u)
-        rounding = ROUNDING * float(np.max(np.abs(path.u)))
-        back = np.any(done[1:] < np.maximum.accumulate(done)[:-1] - rounding, axis=1)
-        return int(np.argmax(back)) if np.any(back) else path.pieces
-
-    def _folded(self, path: Path, last: int) -> tuple[Path, int, Answer] | None:
-        """The path to where the law itself folds beside a vertex, that vertex and the state; None if it does not."""
-        for t, w in folds_beside(path, last, self.law, self.history.law.s_scale):
+    def _folded(self, path: Path) -> tuple[Path, int, Answer] | None:
+        """The path to where the law itself folds beside its end, that vertex and the state; None if it does not."""
+        if self.straight or path.end != PathStatus.UNSTABLE:
+            return None
+        for t, w in folds_beside(path, self.law, self.history.law.s_scale):
             answer = self._answer(w, t)
             if answer.status == Status.CONVERGED and np.array_equal(answer.v, w):
                 self.fold = float(np.nextafter(t, 2.0))
@@ -243,11 +237,12 @@ class ContinuedStep:
                 return replace(path, t=np.append(path.t[:at], t), u=np.vstack([path.u[:at], w])), at, answer
         return None
 
-    def _reached(self, path: Path, last: int, fold: bool) -> tuple[Path, int, Answer]:
+    def _reached(self, path: Path) -> tuple[Path, int, Answer]:
         """The last vertex beside which the law itself has a solution, and that.
 
         Straight pieces in the place of a curve may fold a little later than it does: short of that the part ends.
         """
+        last = path.pieces
         if self.straight:
             return path, last, self._answer(path.u[last], float(path.t[last]))
         slip = self.history.law.b_scale * float(np.max(self.body.c / np.diagonal(self.body.A_tilde)))
@@ -257,7 +252,7 @@ class ContinuedStep:
             near = float(np.max(np.abs(answer.v - path.u[last - back]))) <= ASIDE * way + 30.0 * LAW_ERROR * slip
             if near and answer.status == Status.CONVERGED:
                 break
-        self.fold = float(path.t[last]) if fold or back else 0.0
+        self.fold = float(path.t[last]) if path.end == PathStatus.UNSTABLE or back else 0.0
         if not near:
             answer = replace(answer, status=Status.STALLED, reason=path.end.reason if self.fold else HIDDEN)
         return path, last - back, answer

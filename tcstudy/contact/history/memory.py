@@ -198,11 +198,6 @@ class MemoryModel:
         found = Laws("row", kinks, *(pieces + 0.0), index=np.arange(n, dtype=np.intp))
         return found.known(scales=np.full(n, self.law.b_scale), falls=self.omega)
 
-    def done(self, state: NodeState, w: Array) -> Array:
-        """(…, m) what cannot be undone since the state: slip, plastic slip, or |v| beyond κ [m]."""
-        beyond = np.maximum(np.abs(w) - np.maximum(state.kappa, self.elastic), 0.0)
-        return np.where(self.tears, beyond, self._flow(state, w)[0])
-
     def after(self, state: NodeState, w: Array) -> tuple[NodeState, Array, Array]:
         """What the step to v = a + w leaves behind: the state, and per length stored and dissipated energies [J/m²]."""
         v, kappa, plastic = self.origin(state) + w, state.kappa, state.plastic
@@ -220,7 +215,7 @@ class MemoryModel:
         return NodeState(v, kappa, plastic + np.where(self.yields, np.sign(w) * flow, 0.0)), stored, lost
 
     def _flow(self, state: NodeState, w: Array) -> tuple[Array, Array]:
-        """(Δp, force) (…, m): of friction |w|, 0; of elastic-plastic bonds force = b(w), Δp = |w| − force/k; else 0."""
+        """(Δp, force) (m,): of friction |w|, 0; of elastic-plastic bonds force = b(w), Δp = |w| − force/k; else 0."""
         flow = np.where(self.slides, np.abs(w), 0.0)
         if not np.any(self.yields):
             return flow, 0.0 * flow

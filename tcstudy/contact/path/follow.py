@@ -189,7 +189,7 @@ class _Half:
             return PathStatus.PIECE_LIMIT
         if options.stable_only and not stable:
             return PathStatus.UNSTABLE
-        if options.one_way and self.stable:
+        if options.one_way:
             speed = walk.graph.outward[walk.codes] * walk.dx[:-1]
             if float(speed.min()) < -BACKWARD * float(np.abs(walk.dx).max()):
                 return PathStatus.TURNS

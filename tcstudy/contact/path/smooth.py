@@ -227,8 +227,8 @@ class SmoothPath:
         raise ValueError(BESIDE)
 
 
-def folds_beside(path: Path, vertex: int, law: Laws, slip: float) -> Iterator[tuple[float, Array]]:
-    """(t, v) where the law itself may fold near a vertex at which a path on straight pieces stops being stable.
+def folds_beside(path: Path, law: Laws, slip: float) -> Iterator[tuple[float, Array]]:
+    """(t, v) where the law itself may fold near the end of a path on straight pieces, which stops being stable there.
 
     Straight pieces fold at one of their own corners, a little before or after the curve does, and what a jump releases
     is of first order in that. The curve folds where a node at rest is at its limit, or a sliding one at a kink behind
@@ -237,12 +237,12 @@ def folds_beside(path: Path, vertex: int, law: Laws, slip: float) -> Iterator[tu
     none: that is the end of the step then, on the stable side.
     slip: over which b changes [m]
     """
-    p, m, u, t = path.problem, path.problem.m, path.u[vertex], float(path.t[vertex])
-    traction, (low, high), before = (p.load(t) - p.A_tilde @ u) / p.c, law.interval(u), path.u[max(vertex - 1, 0)]
+    p, m, u, t = path.problem, path.problem.m, path.u[-1], float(path.t[-1])
+    traction, (low, high), before = (p.load(t) - p.A_tilde @ u) / p.c, law.interval(u), path.u[max(path.pieces - 1, 0)]
     slack, diagonal, middle = AT_LIMIT * p.traction_scale, np.diagonal(p.A_tilde), 0.5 * (u + before)
-    free = path.slipping[vertex - 1] if path.pieces else (traction <= low + slack) | (traction >= high - slack)
+    free = path.slipping[-1] if path.pieces else (traction <= low + slack) | (traction >= high - slack)
     F, kinks = np.flatnonzero(free), np.asarray(law.nearest_kink(u))
-    piece = np.where(path.traction[vertex] < 0.0, law.piece(middle, -1), law.piece(middle, +1))
+    piece = np.where(path.traction[-1] < 0.0, law.piece(middle, -1), law.piece(middle, +1))
     codes, own = np.where(free, 2 * piece, 2 * kinks + 1), law.of_nodes(F)
 
     def near(point: CurvePoint | None) -> CurvePoint | None:
