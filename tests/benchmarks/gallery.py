@@ -23,9 +23,8 @@ from PIL import Image
 import tcstudy
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.law import draw_law, slip_range
-from tcstudy.reports.figures.panels import Panel, Scale
-from tcstudy.reports.figures.sheet import Sheet
+from tcstudy.reports.figures.panels import Panel, Scale, Sheet
+from tcstudy.reports.figures.point import draw_law, slip_range
 from tcstudy.reports.picture import read_picture
 from tcstudy.reports.text import number
 from tests.reports.figures.shown import example_laws

@@ -28,7 +28,7 @@ from tcstudy.data.reading import load_root, open_root, sweep_dims
 from tcstudy.data.schema import ESTIMATES, ROOT
 from tcstudy.data.tables import LEVELS
 from tcstudy.errors import StoreError, UsageError
-from tcstudy.reports.page.container import Json, plain
+from tcstudy.reports.page.parts import Json, plain
 from tcstudy.reports.select_point import Value, matching
 from tcstudy.reports.terminal.summary import verdict_of
 

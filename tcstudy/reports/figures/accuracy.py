@@ -13,8 +13,7 @@ from tcstudy.data.tables import BY_ITSELF, ERRORS, OWN, VERDICTS
 from tcstudy.errors import DrawError
 from tcstudy.reports import sentences
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.panels import Array, Panel, Scale, scale
-from tcstudy.reports.figures.sheet import Sheet
+from tcstudy.reports.figures.panels import Array, Panel, Scale, Sheet, scale
 from tcstudy.reports.select_point import Value, describe, locate
 from tcstudy.reports.terminal.accuracy import EXACT, GROUPS, SYMBOLS, advice, best, front, settings, shown
 from tcstudy.scene.study import FAMILIES

@@ -14,12 +14,8 @@ from tcstudy.data.reading import load_root
 from tcstudy.errors import UsageError, tell
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.accuracy import convergence_figure, cost_figure
-from tcstudy.reports.figures.fit import fit_figure
-from tcstudy.reports.figures.history import draw_history
-from tcstudy.reports.figures.law import law_figure, laws_of
-from tcstudy.reports.figures.path import path_figure
-from tcstudy.reports.figures.point import point_figure
-from tcstudy.reports.figures.profile import Ends, profile_figure
+from tcstudy.reports.figures.path import draw_history, fit_figure, path_figure
+from tcstudy.reports.figures.point import Ends, law_figure, laws_of, point_figure, profile_figure
 from tcstudy.reports.figures.sweep import curves_figure, map_figure, read_sweep
 from tcstudy.reports.picture import read_picture
 from tcstudy.reports.terminal.accuracy import SYMBOLS, measure_of

@@ -19,10 +19,9 @@ from tcstudy.errors import shortened
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.edges import FILLS, HATCH, ROLES, chained, directions, draw_edge, evenly
-from tcstudy.reports.figures.law import draw_law, slip_range
-from tcstudy.reports.figures.panels import Array, Panel, scale
-from tcstudy.reports.figures.sheet import Sheet
+from tcstudy.reports.figures.body import FILLS, HATCH, ROLES, chained, directions, draw_edge, evenly
+from tcstudy.reports.figures.panels import Array, Panel, Sheet, scale
+from tcstudy.reports.figures.point import draw_law, slip_range
 from tcstudy.reports.text import counted, number, pretty, scaled_labels, with_unit
 from tcstudy.scene.keys import law_rows, symbol
 from tcstudy.scene.parameters import Number, numbers

@@ -17,8 +17,7 @@ from tcstudy.data.reading import by_point, open_results
 from tcstudy.data.schema import NOT_ALL, PointStatus
 from tcstudy.errors import DrawError
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.panels import Array, Panel, Scale, scale
-from tcstudy.reports.figures.sheet import BESIDE, Sheet
+from tcstudy.reports.figures.panels import BESIDE, Array, Panel, Scale, Sheet, scale
 from tcstudy.reports.select_point import (
     Value,
     axis_names,

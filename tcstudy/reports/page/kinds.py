@@ -10,13 +10,11 @@ from tcstudy.data.reading import each_point
 from tcstudy.data.tables import MEASURES
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.accuracy import convergence_panels, cost_panels
-from tcstudy.reports.figures.fit import fit_panels
-from tcstudy.reports.figures.history import history_panels, loop_names, solved_steps
 from tcstudy.reports.figures.panels import Panel, Scale, scale
-from tcstudy.reports.figures.path import RESPONSES, path_panels
-from tcstudy.reports.page.container import Container, Json
-from tcstudy.reports.page.law_part import law_part
+from tcstudy.reports.figures.path import RESPONSES, fit_panels, history_panels, loop_names, path_panels, solved_steps
 from tcstudy.reports.page.parts import (
+    Container,
+    Json,
     beside,
     choice,
     column,
@@ -27,7 +25,7 @@ from tcstudy.reports.page.parts import (
     text_parts,
     words,
 )
-from tcstudy.reports.page.point_part import along, geometry
+from tcstudy.reports.page.run import law_part, line_along
 from tcstudy.reports.page.stored import Stored
 from tcstudy.reports.select_point import describe
 from tcstudy.reports.stored_study import at_rest
@@ -62,9 +60,9 @@ def cost_parts(data: Any, box: Container) -> list[Json]:
         panels = [panel_part(one, box, high=330) for one in cost_panels(data, m.name).values()]
         found = accuracy.settings(data, m.name)
         names = ("family", "solver", "level", "n_dof", "n_contact", "error", "time", "upper")
-        units = {"time": "s", "upper": "s"}
         columns = [
-            column(n, n.replace("_", " "), units.get(n, "1"), [getattr(s, n) for s in found], box) for n in names
+            column(n, n.replace("_", " "), "s" if n in ("time", "upper") else "1", [getattr(s, n) for s in found], box)
+            for n in names
         ]
         shown[m.symbol] = [beside(*panels), *text_parts(accuracy.cost_parts(data, m.name)), sheet_part(columns, "cost")]
     return [choice("error of", "error", shown)] if shown else [{"part": "text", "lines": ["Nothing was measured."]}]
@@ -175,7 +173,7 @@ def history_parts(stored: Stored, part: Any, without: tuple[str, ...], box: Cont
 
 def _line(data: Any, kept: Any, state: Any, rest: bool, box: Container) -> Json:
     """The contact line in the states that are kept."""
-    line = geometry(data, box) | along(data, lambda values: values.values[kept], box) | {"rest": rest}
+    line = line_along(data, lambda values: values.values[kept], box) | {"rest": rest}
     return {"part": "line", "line": line, "state": box.array(state, "i1")}
 
 

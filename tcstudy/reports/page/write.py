@@ -16,12 +16,19 @@ from tcstudy.data.provenance import remarks_of
 from tcstudy.data.reading import asked, each_point
 from tcstudy.errors import PageError, tell
 from tcstudy.reports import sentences
-from tcstudy.reports.page.container import Container, Json
 from tcstudy.reports.page.kinds import convergence_parts, cost_parts, fit_sections, history_parts, path_sections
-from tcstudy.reports.page.law_part import law_part
-from tcstudy.reports.page.parts import section
-from tcstudy.reports.page.point_part import body_part, drawn_level, line_part, live_part, shape
-from tcstudy.reports.page.run_part import history_run, level_numbers, run_part, time_of_levels
+from tcstudy.reports.page.parts import Container, Json, section
+from tcstudy.reports.page.run import (
+    body_part,
+    drawn_level,
+    law_part,
+    level_numbers,
+    line_part,
+    live_part,
+    run_part,
+    shape,
+    time_of_levels,
+)
 from tcstudy.reports.page.stored import Stored, read
 from tcstudy.reports.terminal.paths import STATES
 from tcstudy.reports.terminal.summary import verdict_of
@@ -177,7 +184,7 @@ def _content(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
         case "history":
             data = stored.data
             steps = [history_parts(stored, data.isel(where), without, box) for where in each_point(data)]
-            return {"run": history_run(data, box), "steps": steps, **shape(stored.study)}
+            return {"run": run_part(stored, box), "steps": steps, **shape(stored.study)}
     return _run_content(stored, without, box)
 
 

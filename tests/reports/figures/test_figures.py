@@ -17,7 +17,7 @@ from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.draw import Wanted, picture
-from tcstudy.reports.figures.law import law_figure, laws_of
+from tcstudy.reports.figures.point import law_figure, laws_of
 from tcstudy.reports.figures.sweep import curves_figure, map_figure, read_sweep
 from tcstudy.reports.picture import read_picture
 from tcstudy.reports.stored_study import law_of_nodes

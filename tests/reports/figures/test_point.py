@@ -13,8 +13,7 @@ pytest.importorskip("matplotlib")
 
 import tcstudy
 from tcstudy.read.study import read_study_text
-from tcstudy.reports.figures.body import boundary_edges, contact_chains, exaggeration
-from tcstudy.reports.figures.edges import chained, joined
+from tcstudy.reports.figures.body import boundary_edges, chained, contact_chains, exaggeration, joined
 from tcstudy.reports.figures.point import stick_ranges, stick_text
 from tcstudy.reports.picture import read_picture
 from tcstudy.reports.stored_study import NamedEdge, nearest

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from tcstudy.reports.page.container import TYPES
+from tcstudy.reports.page.parts import TYPES
 
 FLAGS = ("headless", "no-sandbox", "disable-gpu", "disable-quic", "no-first-run", "disable-background-networking",
          "disable-component-update", "disable-sync", "hide-scrollbars")  # fmt: skip

@@ -15,11 +15,10 @@ from tcstudy.cli import main
 from tcstudy.data.reading import by_point
 from tcstudy.errors import PageError
 from tcstudy.laws.shapes import SHAPES
-from tcstudy.reports.figures.edges import ROLES
+from tcstudy.reports.figures.body import ROLES
 from tcstudy.reports.page import write
-from tcstudy.reports.page.container import Container
-from tcstudy.reports.page.law_part import drawn
-from tcstudy.reports.page.parts import words
+from tcstudy.reports.page.parts import Container, words
+from tcstudy.reports.page.run import drawn_law
 from tcstudy.reports.page.stored import read
 from tcstudy.reports.page.write import write_page
 from tcstudy.reports.terminal.paths import STATES
@@ -203,12 +202,12 @@ def test_numbers_come_back() -> None:
 
 def test_its_pieces_are_the_law() -> None:
     for law in example_laws():
-        found = drawn(law)["pieces"]
+        found = drawn_law(law)["pieces"]
         s = np.linspace(-3.0, 3.0, 61) * (law.s_scale or 1.0) + 1e-9 * (law.s_scale or 1.0)
         k = np.searchsorted(found["kinks"], s)
         s_0, b_0, q, a, r = (np.array(found[name])[k] for name in ("s0", "b0", "q", "a", "r"))
         np.testing.assert_allclose(b_0 + q * (s - s_0) + a * np.exp(-r * (s - s_0)), law.b(s), rtol=1e-12)
     for name, parameters in (("tresca", {"tau": 4e7}), ("linear", {"k": 5e9})):  # without a length of their own
-        shown = drawn(SHAPES[name].build(**parameters))
+        shown = drawn_law(SHAPES[name].build(**parameters))
         assert shown["reach"] == 0.0
         assert all(s[-1] > s[0] for s, _ in shown["curves"])

@@ -1,0 +1,330 @@
+"""What the page has of a run: numbers of every point, and of a history its totals; bodies, contact lines and laws.
+
+What a node does and the pieces of a law stand in the data: the scripts have no rules of their own and know no law by
+name. Live data are what the page needs to solve contact problems by itself: those of one level, and every point's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.data.reading import asked, axis_names, by_point, sweep_dims
+from tcstudy.data.schema import STICKS, PointStatus
+from tcstudy.laws.composed import EdgeLaws
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import DOWN, UP
+from tcstudy.reports.figures.body import boundary_edges, exaggeration
+from tcstudy.reports.figures.point import curves, slip_range
+from tcstudy.reports.page.parts import Container, Json
+from tcstudy.reports.page.stored import Stored
+from tcstudy.reports.picture import LineFields, contact_line, ends_held
+from tcstudy.reports.select_point import numbers_of
+from tcstudy.reports.sentences import several
+from tcstudy.reports.stored_study import at_rest, law_of_nodes, nearest, outline, sources
+from tcstudy.reports.text import DIGITS, named, study_unit
+from tcstudy.scene.histories import ContactState, node_states
+from tcstudy.scene.points import combinations
+from tcstudy.scene.study import Study
+
+ROOM_FOR_DOUBLES = 300_000
+"""Bytes of numbers up to which the page has all digits; beyond it has seven (the energy always has all)."""
+DIAGNOSTIC = ("inclusion_", "iterations", "evaluations", "heat_balance", "time_", "lambda_1_error")
+"""How numbers begin that stand after the others."""
+SUMS = ("dissipated", "released", "work", "jumps")
+"""Numbers of which a point of a history has the sum over its steps."""
+FLAGS = ("status", "unique", "strict_minimum", "global_minimum", "heat_status", "start_used", "complete")
+LEVEL_NUMBERS = ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble")
+MOST_NODES = 8_000
+"""Mesh nodes up to which a level is drawn; finer ones would cost room that no screen shows."""
+SAMPLES, DECAYS = 60, 6.0
+"""Points on a curved piece, and how many decay lengths of a law are drawn."""
+ALONG = {"u_T": "u_T", "xi": "xi", "N": "section_force"}
+"""What runs along the contact line: its names on the page and in the file."""
+
+# -- points ------------------------------------------------------------------------------------------------------------
+
+
+def run_part(stored: Stored, box: Container) -> Json:
+    """Axes, numbers and flags, with points flattened in C order of the sweep; of a history as of one level."""
+    data, dims, history = stored.data, sweep_dims(stored.data), stored.kind == "history"
+
+    def flat(name: str) -> Any:
+        return by_point(data[name], data)
+
+    if history:
+        numbers, flags = _totals(data)
+        first, kind = list[str](), "f8"
+    else:
+        held = {name: flat(name) for name in numbers_of(data) if name != "inclusion_rounding"}
+        held = {name: values for name, values in held.items() if np.isfinite(values).any()}
+        first = [name for name in ("u_T_max", *asked(data)) if name in held]
+        rest = sorted((name for name in held if name not in first), key=lambda name: name.startswith(DIAGNOSTIC))
+        kind = "f8" if data["status"].size * len(held) * 8 <= ROOM_FOR_DOUBLES else "f4"
+        numbers = {name: (data[name].attrs, held[name]) for name in (*first, *rest)}
+        flags = {name: flat(name) for name in FLAGS if name in data}
+        flags["several"] = several(flat("start_energy"), flags["unique"] == 1)
+    told = flat("reason")[:, None] if history else flat("reason")
+    texts = ["", *sorted({str(one) for one in told.ravel()} - {""})]
+    place = {text: i for i, text in enumerate(texts)}
+    levels = level_numbers(data)
+    return {
+        "mode": str(data.attrs["sweep_mode"]),
+        "dims": dims,
+        "shape": [int(data.sizes[d]) for d in dims],
+        "axes": axes(data),
+        "units": {name: str(data[name].attrs["units"]) for name in LEVEL_NUMBERS if name in data},
+        "levels": {name: [values] for name, values in levels.items()} if history else levels,
+        "numbers": {
+            name: {
+                "long_name": ": ".join(attrs.get(key, "") for key in ("long_name", "comment")).rstrip(": "),
+                "units": str(attrs["units"]),
+                "v": box.array(values, "f8" if name == "energy" else kind),
+            }
+            for name, (attrs, values) in numbers.items()
+        },
+        "asked": [name for name in asked(data) if name in first],
+        "flags": {name: box.array(values, "i1") for name, values in flags.items()},
+        "statuses": [named(status) for status in PointStatus],
+        "reasons": texts,
+        "reason": box.array([[place[str(one)] for one in row] for row in told], "u2"),
+        "starts": [] if history else [str(one) for one in data["start"].values],
+        "start_energy": None if history else box.array(flat("start_energy")),
+    }
+
+
+def _totals(data: Any) -> tuple[dict[str, tuple[Any, Any]], dict[str, Any]]:
+    """Of every point of a history the sums over its solved steps with their attributes, and what holds in all."""
+    solved = by_point(data["status"], data) == int(PointStatus.OK)
+    done, judged = solved.any(axis=1), solved[:, 1:]  # nothing is proved of step 0, from which the others go on
+
+    def total(name: str, ufunc: Any) -> Any:
+        values = ufunc.reduce(np.where(solved, by_point(data[name], data), 0), axis=1)
+        return {"long_name": data[name].attrs["long_name"], "units": data[name].attrs["units"]}, np.where(
+            done, values, np.nan
+        )
+
+    found = {name: total(name, np.add) for name in SUMS} | {"u_T_max": total("u_T_max", np.maximum)}
+    found["steps"] = {"long_name": "steps solved", "units": "1"}, np.count_nonzero(solved, axis=1) - 1.0
+    flags = {
+        name: np.where(judged, by_point(data[name], data)[:, 1:], 1).min(axis=1) for name in FLAGS[1:] if name in data
+    }
+    return found, flags | {"status": np.where(solved.all(axis=1), PointStatus.OK, PointStatus.NOT_CONVERGED)}
+
+
+def level_numbers(data: Any) -> Json:
+    """Sizes and times of the levels."""
+    return {name: data[name].values.tolist() for name in LEVEL_NUMBERS if name in data}
+
+
+def time_of_levels(geometries: Sequence[Any]) -> Json:
+    """The times of the levels of all geometries together."""
+    names = [name for name in LEVEL_NUMBERS if name.startswith("time") and all(name in data for data in geometries)]
+    return {name: np.nansum([data[name].values for data in geometries], axis=0).tolist() for name in names}
+
+
+def axes(data: Any) -> list[Json]:
+    """Swept parameters: name, key path, units, labels, and the dimension each lies along."""
+    found = []
+    for name in axis_names(data):
+        values, attrs = data[name].values, data[name].attrs
+        number = values.dtype.kind not in "OUS"
+        found.append(
+            {
+                "name": name,
+                "path": str(attrs.get("long_name", "")).removeprefix("swept parameter "),
+                "units": str(attrs.get("units", "1")),
+                "numeric": number,
+                "written": study_unit(attrs),
+                "drawn": "distribution" in attrs,
+                "values": [float(v) if number else str(v) for v in values],
+                "dim": str(data[name].dims[0]),
+            }
+        )
+    return found
+
+
+# -- bodies and contact lines ------------------------------------------------------------------------------------------
+
+
+def shape(study: Study | None) -> Json:
+    """Edges of the body with their roles, and its heated regions."""
+    return {
+        "outline": [{**vars(edge), "line": edge.line.tolist()} for edge in outline(study)],
+        "sources": [line.tolist() for line in sources(study)],
+    }
+
+
+def drawn_level(stored: Stored) -> int | None:
+    """The finest level with stored fields that is not too fine to draw; else the coarsest with fields."""
+    having = [n for n, group in stored.groups.items() if "u_x" in group and "node_x" in group]
+    fitting = [n for n in having if stored.groups[n].sizes["mesh_node"] <= MOST_NODES]
+    return max(fitting) if fitting else min(having, default=None)
+
+
+def body_part(stored: Stored, level: int, box: Container) -> Json:
+    """Mesh, boundary with roles, and fields of all points as few modes (drawn to 0.1 % of their range)."""
+    group = stored.groups[level]
+    x, y, triangles = (group[name].values for name in ("node_x", "node_y", "triangle"))
+    xy, named = np.column_stack([x, y]), outline(stored.study)
+    fields = {name: by_point(group[name], stored.data) for name in ("u_x", "u_y", "theta") if name in group}
+    fields = {name: np.where(np.isfinite(values), values, 0.0) for name, values in fields.items()}
+    edges = boundary_edges(xy, triangles.astype(np.intp))
+    return {
+        "level": level,
+        "x": box.array(x, "f4"),
+        "y": box.array(y, "f4"),
+        "triangle": box.array(triangles, "u2" if len(x) < 65536 else "i4"),
+        "boundary": box.array(edges, "i4"),
+        "edge": box.array(nearest(xy[edges].mean(axis=1), named), "i1"),
+        "factor": exaggeration(xy, np.stack([fields["u_x"], fields["u_y"]], axis=-1)),
+        "theta": None,
+        "theta_units": str(group["theta"].attrs["units"]) if "theta" in group else "1",
+        **{name: box.fields(values) for name, values in fields.items()},
+    }
+
+
+def line_part(stored: Stored, level: int, box: Container) -> Json:
+    """One level's contact line with u_T, ξ and states of all points, flattened in C order of the sweep."""
+    group = stored.groups[level]
+    u_T, sticks = (by_point(group[name], stored.data) for name in ("u_T", "sticks"))
+    found = line_along(group, lambda values: by_point(values, stored.data), box)
+    found |= _nodes(stored, contact_line(group), box) | {"rest": at_rest(stored.study)}
+    found["state"] = box.array(_states(stored, group, u_T, slice(None), sticks == STICKS), "i1")
+    if "held_u_T" in group:
+        found["held_u_T"] = box.rows(by_point(group["held_u_T"], stored.data))
+    if "solution_u_T" in group and stored.kept is None:  # of a point one after the other, lowest first
+        point, u_T, xi = (group[f"solution_{name}"].values for name in ("point", "u_T", "xi"))
+        first = np.searchsorted(point, np.arange(stored.data["status"][..., -1].size + 1))
+        found["every"] = {
+            "first": box.array(first, "i4"),
+            "energy": box.array(group["solution_energy"].values),
+            "stable": box.array(group["solution_stable"].values, "i1"),
+            "u_T": box.rows(u_T),
+            "xi": box.rows(xi),
+            "state": box.array(_states(stored, group, u_T, point, np.zeros(u_T.shape, dtype=bool)), "i1"),
+        }
+    return found
+
+
+def line_along(data: Any, rows: Callable[[Any], Any], box: Container) -> Json:
+    """A contact line with what runs along it and its units; rows: makes (P, m) values of a variable.
+
+    `held` says whether a part ends at a node without unknown, `ends` which of `held_u_T` is its slip (-1 for none).
+    """
+    line = contact_line(data)
+    found: Json = {name: box.array(getattr(line, name)) for name in ("arclength", "x", "y", "c")}
+    found["edges"] = list(line.edge_names)
+    found["parts"] = [
+        {"a": part.start, "b": part.stop, "cells": box.array(line.cells(part)), "closed": line.closed(part),
+         "held": list(line.held(part)), "ends": ends}
+        for part, ends in zip(line.parts, ends_held(line, data), strict=True)
+    ]  # fmt: skip
+    for name, key in ALONG.items():
+        if key in data:
+            found |= {name: box.rows(rows(data[key])), f"{name}_units": str(data[key].attrs["units"])}
+    return found
+
+
+def _states(stored: Stored, group: Any, u_T: Any, points: Any, sticks: Any) -> Any:
+    """(R, m) ContactState of every node of solutions of these points, −1 where there is none; only stick and slip where
+    no law is known."""
+    states, solved = np.where(sticks, ContactState.STICK, ContactState.SLIP), np.isfinite(u_T).all(axis=1)
+    frictions, of = frictions_of(stored)
+    for k, friction in enumerate(frictions):
+        rows = np.flatnonzero(solved & (of[points] == k))
+        states[rows] = node_states(law_of_nodes(friction, group), u_T[rows], sticks[rows])
+    states[~solved] = -1
+    return states
+
+
+def live_part(stored: Stored, box: Container) -> Json | None:
+    """The finest level that has live data; None where no point is valid or the run kept none.
+
+    A_tilde is symmetric: its lower triangle by rows. proved: λ₁ less its error, which ω is to be below.
+    """
+    usable = [n for n, data in stored.live.items() if "load" in data and np.any(data["valid"].values == 1.0)]
+    if not usable or stored.study is None:
+        return None
+    level, run = max(usable), stored.data
+    lambda_1, error = (by_point(run[name], run)[:, level] for name in ("lambda_1", "lambda_1_error"))
+    data, A_tilde = stored.live[level], stored.live[level]["A_tilde"].values
+    names = ("stiffness", "valid", "load", "mechanical_load")
+    return {
+        "level": level,
+        "A": box.array(A_tilde[np.tril_indices(len(A_tilde))]),
+        "c": box.array(stored.groups[level]["c"].values),
+        "lambda_1": box.array(lambda_1),
+        "proved": box.array(lambda_1 * (1.0 - np.maximum(error, DIGITS))),
+        **{name: box.array(by_point(data[name], run)) for name in names},
+    }
+
+
+# -- laws --------------------------------------------------------------------------------------------------------------
+
+
+def frictions_of(stored: Stored) -> tuple[list[Laws | EdgeLaws], NDArray[np.intp]]:
+    """The different frictions of a study, and which of them every point of its file has that is kept."""
+    if stored.study is None or not stored.swept:
+        return [], np.empty(0, dtype=np.intp)
+    some, of = combinations(stored.study.scenes, "friction")
+    of = of if stored.kept is None else of[stored.kept]
+    _, first = np.unique(of, return_index=True)
+    order = of[np.sort(first)]  # as the file has them
+    return [some[k].friction for k in order], np.argsort(order)[of]
+
+
+def law_part(stored: Stored) -> Json | None:
+    """The different laws of a study and which one every point has; None if the study does not say.
+
+    Where friction differs along the contact line a point has a law of every edge, in the order of `edges`.
+    """
+    frictions, of = frictions_of(stored)
+    if not frictions:
+        return None
+    numbers: dict[Laws, int] = {}
+    index: list[Json] = []
+    edges: Json = {}
+    for friction in frictions:
+        if isinstance(friction, EdgeLaws):
+            index.append([numbers.setdefault(law, len(numbers)) for _, law, _ in friction.laws])
+            edges = {"edges": [edge for edge, _, _ in friction.laws]}
+        else:
+            index.append(numbers.setdefault(friction, len(numbers)))
+    return {"laws": [drawn_law(law) for law in numbers], "index": [index[k] for k in of], **edges}
+
+
+def _nodes(stored: Stored, line: LineFields, box: Container) -> Json:
+    """By edge: which of the edges' laws a node has, the different strengths along the line and which a point has.
+
+    A joint has none of them (-1), but a mixture, which is not drawn.
+    """
+    frictions, of = frictions_of(stored)
+    xy, distinct = np.stack([line.x, line.y], axis=1), [one for one in frictions if isinstance(one, EdgeLaws)]
+    if not distinct:
+        return {}
+    factors = np.stack([one.factors(line.edge_names, line.edge, xy, line.joints) for one in distinct])
+    has = ~np.isnan(factors[0])
+    mixed = has.sum(axis=0) > 1
+    rows, which = np.unique(np.where(mixed, 1.0, np.nanmax(factors, axis=1)), axis=0, return_inverse=True)
+    of_law = np.where(mixed, -1, np.argmax(has, axis=0))
+    return {"of_law": box.array(of_law, "i1"), "strengths": box.rows(rows), "strength_of": which.ravel()[of].tolist()}
+
+
+def drawn_law(law: Laws) -> Json:
+    """A law as polylines and jumps, and as the pieces that it is made of, by which the page solves."""
+    reach = slip_range(law, DECAYS)  # a law without a length of its own is straight as far as one looks
+    jumps = np.flatnonzero(np.isin(law.kinds, (UP, DOWN)))
+    numbers = (law.kinks, law.kinds, law.s_0, law.b_0, law.q, law.a, law.r)
+    pieces = dict(zip(("kinks", "kinds", "s0", "b0", "q", "a", "r"), (one.tolist() for one in numbers), strict=True))
+    return {
+        "name": law.name,
+        "omega": law.omega,
+        "reach": reach,
+        "curves": [[s.tolist(), b.tolist()] for s, b in curves(law, reach or 1.0, SAMPLES)],
+        "jumps": [[float(one[k]) for one in (law.kinks, law.b_left, law.b_right)] + [int(law.kinds[k])] for k in jumps],
+        "pieces": pieces if law.a_2 is None else None,
+    }
