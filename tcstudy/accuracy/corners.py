@@ -26,7 +26,7 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,11 +70,6 @@ class Vertex:
     contact: bool = False
     steps: bool = False
     meeting: tuple[str, ...] = ()
-
-    @property
-    def half_turns(self) -> float:
-        """The opening angle over π."""
-        return self.angle / math.pi
 
 
 @dataclass(frozen=True)
@@ -248,7 +243,7 @@ def corner_words(vertex: Vertex) -> str:
     """Which corner, in words."""
     x, y = vertex.at
     where = f"at ({x:.4g}, {y:.4g})"
-    corner = f"{'–'.join(vertex.words)} corner of {180 * vertex.half_turns:.4g}°"
+    corner = f"{'–'.join(vertex.words)} corner of {math.degrees(vertex.angle):.4g}°"
     if not vertex.meeting:
         return f"{corner} {where}"
     met = " and ".join(dict.fromkeys(vertex.meeting))
@@ -278,18 +273,12 @@ def corner_exponent(wedges: tuple[tuple[float, float, float], ...], *sides: Held
     the last side, nothing where the wedges close
     """
 
-    def determinant(alpha: Complex) -> Complex:
-        through = np.broadcast_to(np.eye(4, dtype=complex), (len(alpha), 4, 4))
-        for angle, mu, kappa in wedges:
-            through = _carried(alpha, angle, mu, kappa) @ through
-        if not sides:
-            return np.asarray(np.linalg.det(through - np.eye(4)))
-        start, end = _allowed(sides[0]), _vanishing(sides[1])
-        return np.asarray(np.linalg.det(end @ through @ start))
+    def carried(alpha: Complex) -> list[Complex]:
+        return [_carried(alpha, *wedge) for wedge in wedges]
 
     # a rotation of the whole is a zero at 1 of several orders where the wedges close, known to few digits
-    roots = _roots(determinant, SMOOTH, 1e-5 if sides else 1e-2)
-    return float(min((root.real for root in roots), default=SMOOTH))
+    ends = (_allowed(sides[0]), _vanishing(sides[1])) if sides else None
+    return _least_exponent(carried, ends, SMOOTH, 1e-5 if sides else 1e-2)
 
 
 @lru_cache(maxsize=256)
@@ -300,16 +289,28 @@ def heat_exponent(wedges: tuple[tuple[float, float], ...], *given: bool) -> floa
     the flux), nothing where the wedges close
     """
 
-    def determinant(gamma: Complex) -> Complex:
-        through = np.broadcast_to(np.eye(2, dtype=complex), (len(gamma), 2, 2))
-        for angle, k in wedges:
-            c, s = np.cos(gamma * angle), np.sin(gamma * angle)
-            through = np.moveaxis(np.array([[c, s / k], [-k * s, c]]), -1, 0) @ through
-        if not given:
-            return np.asarray(np.linalg.det(through - np.eye(2)))
-        return np.asarray(through[:, 0 if given[1] else 1, 1 if given[0] else 0])
+    def carried(gamma: Complex) -> list[Complex]:
+        turned = [(np.cos(gamma * angle), np.sin(gamma * angle), k) for angle, k in wedges]
+        return [np.moveaxis(np.array([[c, s / k], [-k * s, c]]), -1, 0) for c, s, k in turned]
 
-    return float(min((root.real for root in _roots(determinant, 1.0, 1e-6)), default=SMOOTH))
+    ends = (np.eye(2)[:, [int(given[0])]], np.eye(2)[[int(not given[1])]]) if given else None
+    return _least_exponent(carried, ends, 1.0, 1e-6)
+
+
+def _least_exponent(
+    carried: Callable[[Complex], list[Complex]], ends: tuple[Array, Array] | None, most: float, near: float
+) -> float:
+    """The smallest real part of the zeros of det(R₂ T N₁), or of det(T − 1) without ends; SMOOTH if there is none.
+
+    carried: exponents (n,) → (n, k, k) what carries through every wedge;  ends: N₁ and R₂
+    """
+
+    def determinant(exponent: Complex) -> Complex:
+        through = reduce(lambda before, wedge: wedge @ before, carried(exponent))
+        closed = through - np.eye(through.shape[-1]) if ends is None else ends[1] @ through @ ends[0]
+        return np.asarray(np.linalg.det(closed))
+
+    return float(min((root.real for root in _roots(determinant, most, near)), default=SMOOTH))
 
 
 def _carried(alpha: Complex, angle: float, mu: float, kappa: float) -> Complex:

@@ -146,33 +146,17 @@ class Line:
         both = at[self.segments]
         return np.where(np.isnan(both), both[:, ::-1], both)
 
-    def linear_norm(self, ends: Array) -> float:
-        """L² norm of a function that is linear on every segment, from its end values (s, 2)."""
-        a, b = ends.T
-        return float(np.sqrt(self.lengths @ (a**2 + a * b + b**2) / 3))
-
-    def step_norm(self, halves: Array) -> float:
-        """L² norm of a function that is constant on half segments (s, 2)."""
-        return float(np.sqrt(0.5 * self.lengths @ (halves**2).sum(axis=1)))
-
     def nodal_norm(self, values: Array) -> float:
         """(Σ c_i v_i²)^½ of values at the contact nodes (m,)."""
         return float(np.sqrt(self.c @ values**2))
 
-    def linear_from(self, ends: Array, function: LineFunction) -> tuple[float, float]:
-        """‖v − f‖ and ‖f‖ in L² for v linear on every segment."""
-        exact, weight = self._sampled(function, 0.0, 1.0)
-        error = ends[:, :1] * (1 - _AT) + ends[:, 1:] * _AT - exact
-        return float(np.sqrt((weight * error**2).sum())), float(np.sqrt((weight * exact**2).sum()))
+    def linear_from(self, ends: Array, function: LineFunction | None = None) -> tuple[float, float]:
+        """‖v − f‖ and ‖f‖ in L² for v linear on every segment, given at its ends (s, 2); f = 0 without one."""
+        return self._norms([(0.0, 1.0, ends[:, :1] * (1 - _AT) + ends[:, 1:] * _AT)], function)
 
-    def step_from(self, halves: Array, function: LineFunction) -> tuple[float, float]:
-        """‖v − f‖ and ‖f‖ in L² for v constant on half segments."""
-        error = size = 0.0
-        for side in (0, 1):
-            exact, weight = self._sampled(function, 0.5 * side, 0.5)
-            error += float((weight * (halves[:, side, None] - exact) ** 2).sum())
-            size += float((weight * exact**2).sum())
-        return float(np.sqrt(error)), float(np.sqrt(size))
+    def step_from(self, halves: Array, function: LineFunction | None = None) -> tuple[float, float]:
+        """‖v − f‖ and ‖f‖ in L² for v constant on half segments (s, 2); f = 0 without one."""
+        return self._norms([(0.5 * side, 0.5, halves[:, side, None]) for side in (0, 1)], function)
 
     def at_nodes(self, function: LineFunction) -> Array:
         """f at the contact nodes (m,)."""
@@ -181,14 +165,18 @@ class Line:
         x, y = self.points[self.nodes].T
         return function(x, y, normals[self.nodes])
 
-    def _sampled(self, function: LineFunction, start: float, share: float) -> tuple[Array, Array]:
-        """Values and weights (s, q) of Gauss points on the part [start, start + share] of every segment."""
-        t = (start + share * _AT)[None, :, None]
+    def _norms(self, parts: list[tuple[float, float, Array]], function: LineFunction | None) -> tuple[float, float]:
+        """‖v − f‖ and ‖f‖ by Gauss points of parts [start, start + share] of every segment, v (s, q) on each."""
+        error = size = 0.0
         a, b = self.points[self.segments[:, 0]][:, None], self.points[self.segments[:, 1]][:, None]
-        at = a + t * (b - a)
-        n = self.normals[:, :1] * (1 - t) + self.normals[:, 1:] * t
-        n /= np.linalg.norm(n, axis=2, keepdims=True)
-        return function(at[..., 0], at[..., 1], n), share * _W * self.lengths[:, None]
+        for start, share, v in parts:
+            t = (start + share * _AT)[None, :, None]
+            at, n = a + t * (b - a), self.normals[:, :1] * (1 - t) + self.normals[:, 1:] * t
+            n /= np.linalg.norm(n, axis=2, keepdims=True)
+            exact = np.zeros(len(_AT)) if function is None else function(at[..., 0], at[..., 1], n)
+            weight = share * _W * self.lengths[:, None]
+            error, size = error + float((weight * (v - exact) ** 2).sum()), size + float((weight * exact**2).sum())
+        return float(np.sqrt(error)), float(np.sqrt(size))
 
 
 class NotNested(ValueError):

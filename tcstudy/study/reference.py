@@ -265,8 +265,8 @@ class FineReference:
         u[:, at.nodes] = [at.at_nodes @ component for component in own.u]
         ends, best_ends, best_halves = line.tangential(*u), line.tangential(*best.u), line.halves(best.xi)
         errors = _over(found, self._sizes[key]) | {
-            "u_T_L2": (line.linear_norm(ends - best_ends), line.linear_norm(best_ends)),
-            "xi_L2": (line.step_norm(own.xi[at.halves] - best_halves), line.step_norm(best_halves)),
+            "u_T_L2": (line.linear_from(ends - best_ends)[0], line.linear_from(best_ends)[0]),
+            "xi_L2": (line.step_from(own.xi[at.halves] - best_halves)[0], line.step_from(best_halves)[0]),
             "u_T_max": (_largest(ends - best_ends), _largest(best_ends)),
         }
         if "theta_H1" in errors and errors["theta_H1"][1] * np.ptp(line.points) <= CONSTANT * errors["theta_L2"][1]:

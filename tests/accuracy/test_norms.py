@@ -72,13 +72,13 @@ def test_line_norms():
     c, segments = np.array([0.375, 0.25, 0.25, 0.125]), np.column_stack([np.arange(4), nodes])
     one = Line(points, segments, np.tile([0.0, -1.0], (4, 2, 1)), nodes, c)
     s = one.points[one.segments, 0]
-    assert one.linear_norm(s) == pytest.approx(np.sqrt(1 / 3), rel=1e-14)
+    assert one.linear_from(s)[0] == pytest.approx(np.sqrt(1 / 3), rel=1e-14)
     square = lambda x, y, n: x**2  # noqa: E731
     assert one.linear_from(0 * s, square)[0] == pytest.approx(np.sqrt(1 / 5), rel=1e-14)
     np.testing.assert_allclose(one.tangential(np.arange(5.0), np.ones(5)), s * 4, atol=1e-15)
     steps = one.halves(np.array([1.0, 2.0, 3.0, 4.0]))
     np.testing.assert_array_equal(steps, [[1, 1], [1, 2], [2, 3], [3, 4]])
-    assert one.step_norm(steps) ** 2 == pytest.approx(one.c @ np.array([1, 4, 9, 16]), rel=1e-14)
+    assert one.step_from(steps)[0] ** 2 == pytest.approx(one.c @ np.array([1, 4, 9, 16]), rel=1e-14)
     assert one.nodal_norm(np.ones(4)) == pytest.approx(1.0)
     assert one.next_to_held.tolist() == [True, False, False, False]
     exact = sum(1 / 8 * (h - (k + 0.5) / 8) ** 2 + (1 / 8) ** 3 / 12 for k, h in enumerate(steps.ravel()))
