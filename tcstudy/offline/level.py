@@ -158,25 +158,20 @@ class ElasticBody:
         self.lambda_1, self.lambda_1_error = 0.0, 0.0
         if level.held:
             self.condensation.require_definite()
-            self.lambda_1, self.lambda_1_error = self._least(A.diagonal(), line.c)
+            # Assembly and factorisation know A up to about ε√(A_ii A_jj) in every entry (Cholesky: Demmel, LAPACK
+            # Working Note 14, 1989), which moves λ₁ = uᵀAu by ε Σ A_ii u_i² with u the mode of the whole body: what is
+            # lost where that is stiff but only moves as a whole, or along an edge that a spring holds across. An
+            # estimate, ROUNDINGS of them; of 200 random bodies none lost more than one.
+            value, x, error = least_eigenpair(self.condensation.A_tilde, line.c)
+            work = float(A.diagonal() @ self.condensation.expand(x) ** 2)
+            lost = ROUNDINGS * np.finfo(float).eps * work / value if value > 0.0 else np.inf
+            self.lambda_1, self.lambda_1_error = value, error + lost
         self._fixed = np.flatnonzero(frames.fixed)
         self._reactions = A[self._fixed]  # all that is needed of the matrix from here on
         self._basis: Recent[_Basis] = Recent(MEMORY, lambda b: b.rows.nbytes)
         self._spans: Recent[tuple[Array, ...]] = Recent(MEMORY, lambda s: s[0].nbytes)
         self._scaled: Recent[Array] = Recent(1, lambda _: 1)
         self._inverses: Recent[Array] = Recent(1, lambda _: 1)
-
-    def _least(self, diagonal: Array, c: Array) -> tuple[float, float]:
-        """(λ₁, its relative error): the residual of the eigenpair, and what rounding of A does to it.
-
-        Assembly and factorisation know A up to about ε√(A_ii A_jj) in every entry (Cholesky: Demmel, LAPACK Working
-        Note 14, 1989), which moves λ₁ = uᵀAu by ε Σ A_ii u_i² with u the mode of the whole body: what is lost where
-        that is stiff but only moves as a whole, or along an edge that a spring holds across. An estimate, ROUNDINGS
-        of them; of 200 random bodies none lost more than one.
-        """
-        value, x, error = least_eigenpair(self.condensation.A_tilde, c)
-        work = float(diagonal @ self.condensation.expand(x) ** 2)
-        return value, error + (ROUNDINGS * np.finfo(float).eps * work / value if value > 0.0 else np.inf)
 
     def A_tilde(self, mu: float) -> Array:
         """Ã for a shear modulus μ [Pa]; the same array for the same μ."""
@@ -217,24 +212,24 @@ class ElasticBody:
 
         A load always goes with the same companions, so that its digits do not depend on what was asked for before.
         """
+
+        def local(load: BasisLoad) -> Array:
+            if load.kind == "prescribed":
+                return -self._reaction(self._level.frames_of(load.data).values)
+            return self._level.frames.local(self._level.vector(load))
+
         found: dict[BasisLoad, _Basis] = {}
         for load in loads:
             if (known := self._basis.find(load)) is not None:
                 found[load] = known
             elif load not in found:
                 together = self._level.together(load)
-                F = np.column_stack([self._local(one) for one in together])
+                F = np.column_stack([local(one) for one in together])
                 forward = self.condensation.forward(F)
                 for i, one in enumerate(together):
                     basis = _Basis(forward.l_tilde[:, i].copy(), forward.rows[:, i].copy(), F[self._fixed, i])
                     found[one] = self._basis.put(one, basis)
         return [found[load] for load in loads]
-
-    def _local(self, load: BasisLoad) -> Array:
-        """(2n,) a basis load in local rows."""
-        if load.kind == "prescribed":
-            return -self._reaction(self._level.frames_of(load.data).values)
-        return self._level.frames.local(self._level.vector(load))
 
     def displacement(self, mu: float, u_T: Array, terms: Sequence[LoadTerm]) -> Array:
         """Local displacements (2n,), eq. (20), without the prescribed ones."""
@@ -353,21 +348,16 @@ class Level:
         first = np.unique(of, return_index=True)[1]
         if len({self.ratio(scenes[i]) for i in first}) > 1:
             raise ValueError("the scenes of a block differ in λ/μ")
-        loads = [self._loads(scenes[i]) for i in first]
+        loads = []
+        for scene in (scenes[i] for i in first):
+            load, theta = self._load(scene), self.temperature(scene) if scene.material.expands else None
+            loads.append((*load, theta.mean, theta.heat_balance) if theta else (*load, np.nan, np.nan))
         body = self._body(scenes[0])
         l_tilde, constant, mean, balance = (np.array(column)[of] for column in zip(*loads, strict=True))
         mu = np.array([scene.material.mu for scene in scenes])
         own = (body.A_tilde(1.0), self.line.c, body.lambda_1, body.lambda_1_error, mu)
         band = self.band(scenes[0]).times(1.0 / mu[0]) if self.guarantee else None
         return CondensedBlock(*own, l_tilde, constant, mean, balance, time.perf_counter() - start, band)
-
-    def _loads(self, scene: Scene) -> tuple[Array, float, float, float]:
-        """l̃, the energy's constant, mean of θ and heat balance of a scene."""
-        l_tilde, constant = self._load(scene)
-        if not scene.material.expands:
-            return l_tilde, constant, float("nan"), float("nan")
-        theta = self.temperature(scene)
-        return l_tilde, constant, theta.mean, theta.heat_balance
 
     ratio = staticmethod(ratio_of)
 
