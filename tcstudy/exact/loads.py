@@ -32,8 +32,9 @@ kinks:    at abs, min and max the gradients of u and θ have no jump. A jump of 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import islice
 
 import numpy as np
@@ -106,7 +107,13 @@ def normal_field(body: Body, edges: list[tuple[Edge, bool]]) -> Vector:
     size = body_size(body)
     kinds: list[tuple[tuple[float, ...], Vector, list[Edge]]] = []
     for edge, hole in edges:
-        key, vector = _normal(edge, hole, size)
+        if (arc := edge_arc(edge)) is None:
+            n = edge_samples(edge, hole, 1)[1][0].tolist()
+            key, vector = tuple(n), (number(n[0]), number(n[1]))
+        else:
+            sign, (along_x, along_y) = math.copysign(1.0, arc.sweep) * (-1.0 if hole else 1.0), _from(*arc.center)
+            key = (arc.center[0] / size, arc.center[1] / size, arc.radius / size, sign)  # what tells normals apart
+            vector = (sign / arc.radius * along_x, sign / arc.radius * along_y)
         for other, _, members in kinds:
             if len(other) == len(key) and max(abs(a - b) for a, b in zip(other, key, strict=True)) <= SAME:
                 members.append(edge)
@@ -120,18 +127,6 @@ def normal_field(body: Body, edges: list[tuple[Edge, bool]]) -> Vector:
     x, y = (sum((w * n[i] for w, (_, n, _) in zip(weights, kinds, strict=True)), ZERO) for i in (0, 1))
     total = sum(weights, ZERO)
     return x / total, y / total
-
-
-def _normal(edge: Edge, hole: bool, size: float) -> tuple[tuple[float, ...], Vector]:
-    """What tells normals apart, relative to the body, and the normal."""
-    arc = edge_arc(edge)
-    if arc is None:
-        x, y = edge_samples(edge, hole, 1)[1][0]
-        return (float(x), float(y)), (number(x), number(y))
-    sign = math.copysign(1.0, arc.sweep) * (-1.0 if hole else 1.0)
-    key = (arc.center[0] / size, arc.center[1] / size, arc.radius / size, sign)
-    along_x, along_y = _from(*arc.center)
-    return key, (sign / arc.radius * along_x, sign / arc.radius * along_y)
 
 
 def _from(x: float, y: float) -> Vector:
@@ -206,19 +201,17 @@ class Derivation:
         self.u, self.theta = tuple(map(term, exact.u)), term(theta)
         self._smooth = not any(kinks(component) for component in (*exact.u, theta))
         self._inside = inside(body)
-        self._normals: dict[tuple[str, ...], Vector] = {}
-        self._scalars: dict[tuple[Term, tuple[str, ...]], Scalar] = {}
-        self._made: dict[tuple[tuple[str, ...], Material], tuple[Scalar, Scalar]] = {}
+        self.normal = cache(lambda names: normal_field(body, body_edges(body, names)))
+        """N = n on the edges of the given names."""
+        self.load, self._scalar = cache(self._load), cache(self._shown)
 
     def scene(self, scene: Scene) -> Scene:
         """The scene with its loads, prescribed displacements and temperatures derived; what it holds is not used."""
         roles = tuple((name, self._role(name, role, scene.material)) for name, role in scene.boundary)
         return replace(scene, boundary=roles, f=self.load((), scene.material), heat=self.heat(scene))
 
-    def load(self, names: tuple[str, ...], material: Material) -> tuple[Scalar, Scalar]:
+    def _load(self, names: tuple[str, ...], material: Material) -> tuple[Scalar, Scalar]:
         """g = σn on the edges of the given names; for no names f = −div σ in the body."""
-        if (names, material) in self._made:
-            return self._made[names, material]
         lam, mu, beta = material.lam, material.mu, material.beta
         (u_xx, u_xy), (u_yx, u_yy) = map(gradient, self.u)
         even, shear = lam * (u_xx + u_yy) - beta * self.theta, mu * (u_xy + u_yx)
@@ -230,15 +223,8 @@ class Derivation:
         else:
             made = [-(derivative(row[0], "x") + derivative(row[1], "y")) for row in rows]
             parts, heat = [second for d in parts for second in gradient(d)], list(gradient(self.theta))
-        parts = [(lam + 2.0 * mu) * d for d in parts] + [beta * d for d in heat]
-        self._made[names, material] = self._scalar(made[0], parts, names), self._scalar(made[1], parts, names)
-        return self._made[names, material]
-
-    def normal(self, names: tuple[str, ...]) -> Vector:
-        """N = n on the edges of the given names."""
-        if names not in self._normals:
-            self._normals[names] = normal_field(self.body, body_edges(self.body, names))
-        return self._normals[names]
+        sums = (*((lam + 2.0 * mu) * d for d in parts), *(beta * d for d in heat))
+        return self._scalar(made[0], sums, names), self._scalar(made[1], sums, names)
 
     def heat(self, scene: Scene) -> Heat:
         """q and θ̄, or the known θ where no edge convects."""
@@ -252,8 +238,8 @@ class Derivation:
         flux = slope[0] * n[0] + slope[1] * n[1]
         insulated = self._scalar(flux, slope, names) == 0.0
         theta_bar = self.theta if insulated else self.theta + k / alpha * flux
-        q = self._scalar(-k * (second[0] + second[1]), [k * d for d in second], ())
-        return Heat(None, alpha, self._scalar(theta_bar, [], names), q, ())
+        q = self._scalar(-k * (second[0] + second[1]), tuple(k * d for d in second), ())
+        return Heat(None, alpha, self._scalar(theta_bar, (), names), q, ())
 
     def _role(self, name: str, role: Role, material: Material) -> Role:
         if isinstance(role, Loaded):
@@ -268,19 +254,17 @@ class Derivation:
         held = [None if old is None else new for old, new in zip(role.u, given, strict=True)]
         return replace(role, u=(held[0], held[1]))
 
-    def _scalar(self, of: Term, parts: Sequence[Term], names: tuple[str, ...]) -> Scalar:
+    def _shown(self, of: Term, parts: tuple[Term, ...], names: tuple[str, ...]) -> Scalar:
         """The term as a scalar, 0 if it is rounding of its parts on the edges of the names (in the body without)."""
-        if (of, names) not in self._scalars:
-            made = scalar(of)
-            if isinstance(made, Expression) and self._smooth:
-                points = self._inside
-                if names:
-                    points = np.concatenate([edge_samples(*edge)[0] for edge in body_edges(self.body, names)])
-                size = sum((np.abs(value_of(scalar(part), *points.T)) for part in parts), np.zeros(len(points)))
-                small = np.abs(value_of(made, *points.T)) <= VANISHING * size
-                made = 0.0 if len(points) and np.isfinite(size).all() and np.all(small) else made
-            self._scalars[of, names] = made
-        return self._scalars[of, names]
+        made = scalar(of)
+        if isinstance(made, Expression) and self._smooth:
+            points = self._inside
+            if names:
+                points = np.concatenate([edge_samples(*edge)[0] for edge in body_edges(self.body, names)])
+            size = sum((np.abs(value_of(scalar(part), *points.T)) for part in parts), np.zeros(len(points)))
+            small = np.abs(value_of(made, *points.T)) <= VANISHING * size
+            made = 0.0 if len(points) and np.isfinite(size).all() and np.all(small) else made
+        return made
 
 
 def description(study: Study) -> str | None:

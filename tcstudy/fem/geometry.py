@@ -20,6 +20,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -81,30 +82,20 @@ def _fault(path: str, size: int, _changed: int) -> str | None:
 
 def examine(path: str, seconds: float) -> None:
     """Read a file and measure what is in it, within some processor time; for a process that may be lost."""
-    from netgen import occ
+    with suppress(ImportError):  # no such limit on Windows
+        import resource
 
-    _limit(seconds, MEMORY + MEMORY_A_BYTE * os.path.getsize(path))
+        used = resource.getrusage(resource.RUSAGE_SELF)
+        limit, memory = int(used.ru_utime + used.ru_stime + seconds) + 1, MEMORY + MEMORY_A_BYTE * os.path.getsize(path)
+        resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 1))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
     for face in occ.OCCGeometry(path, dim=2).shape.faces:
         _ = face.mass, face.center, face.bounding_box
         for edge in face.edges:
-            low, high = edge.parameter_interval
-            for i in range(POINTS):
-                t = low + (high - low) * i / (POINTS - 1)
+            for t in _parameters(edge, POINTS):
                 _ = edge.Value(t), edge.Tangent(t)
             _ = edge.mass, edge.center, edge.Distance(occ.Vertex(occ.Pnt(0, 0, 0)))
-
-
-def _limit(seconds: float, memory: int) -> None:
-    """Let this process end when it has used the given processor time from now on, or the given memory in all [B]."""
-    try:
-        import resource
-    except ImportError:  # no such limit on Windows
-        return
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    limit = int(used.ru_utime + used.ru_stime + seconds) + 1
-    resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 1))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
 
 
 Array = NDArray[np.float64]

@@ -115,20 +115,19 @@ def _by_axis(density: tuple[Scalar, Scalar]) -> Iterator[tuple[tuple[Scalar, Sca
             yield ((shape, 0.0), (0.0, shape))[axis], factor
 
 
-def loaded_by(scene: Scene, *, loads: bool = False, moves: bool = False, heat: bool = False) -> Scene:
-    """The scene with its mechanical loads as they are, prescribed displacements or heat alone; without heat θ = 0."""
+def loaded_by(scene: Scene, *, loads: bool = False) -> Scene:
+    """The scene with its mechanical loads as they are or none, and nothing else: no given displacement, θ = 0."""
     boundary, none, body = [], (0.0, 0.0), scene.heat
     for name, role in scene.boundary:
-        kept = role if loads else replace(role, g=none, pressure=0.0, force=none, moment=role.moment and 0.0)
-        if not moves:
-            x, y = (None if one is None else 0.0 for one in kept.u)
-            kept = replace(kept, u=(x, y))
-        if (own := kept.heat) is not None and not heat:
+        x, y = (None if one is None else 0.0 for one in role.u)
+        kept = replace(role, u=(x, y))
+        if not loads:
+            kept = replace(kept, g=none, pressure=0.0, force=none, moment=role.moment and 0.0)
+        if (own := kept.heat) is not None:
             theta, theta_bar = (None if one is None else 0.0 for one in (own.theta, own.theta_bar))
             kept = replace(kept, heat=EdgeHeat(theta, 0.0, own.alpha, theta_bar))
         boundary.append((name, kept))
-    if not heat:
-        body = replace(body, theta=0.0) if body.theta is not None else replace(body, theta_bar=0.0, q=0.0)
+    body = replace(body, theta=0.0) if body.theta is not None else replace(body, theta_bar=0.0, q=0.0)
     f = scene.f if loads else none
     return replace(scene, boundary=tuple(boundary), f=f, heat=body, load=1.0, unscaled=None)
 
