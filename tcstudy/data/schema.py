@@ -152,7 +152,12 @@ ROOT: tuple[FileVariable, ...] = (
     ),
     count("iterations", "steps of the solver"),
     count("evaluations", "evaluations of the energy"),
-    result("u_T_max", "m", "largest |u_T|", "tangential displacement on the contact line"),
+    result(
+        "u_T_max",
+        "m",
+        "largest |u_T| of nodes that no edge holds along the line",
+        "tangential displacement on the contact line",
+    ),
     result("friction_resultant", "N m-1", "friction resultant", _INTEGRAL),
     result("slip_length", "m", "slip length", f"{_SLIPPING}; missing for laws that stick nowhere"),
     result("shear_max", "Pa", "largest |xi|", "tangential traction on the contact line"),
@@ -378,7 +383,7 @@ SENSITIVITY_STATUS, SENSITIVITY_EVENTS = f"{SENSITIVITY}status", f"{SENSITIVITY}
 NOT_JUDGED, DIFFERENTIABLE, AT_EVENT, AT_FOLD = range(4)
 _VERDICTS = ("not_judged", "differentiable", "at_event", "at_fold")
 QUANTITIES = {
-    "u_T_max": ("m", "largest |u_T|"),
+    "u_T_max": ("m", "largest |u_T| of nodes that no edge holds along the line"),
     "friction_resultant": ("N m-1", "friction resultant"),
     "theta_mean": ("K", "mean temperature"),
     "lambda_1": ("Pa m-1", "tangential stiffness lambda_1"),

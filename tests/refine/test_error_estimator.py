@@ -13,7 +13,7 @@ from tcstudy.data.records import BlockRecord, Journal, LevelRecord
 from tcstudy.refine import family as error_estimator
 from tcstudy.refine.family import Family, bisected
 from tcstudy.refine.goals import Hidden
-from tcstudy.reports.terminal.summary import summary
+from tcstudy.reports.terminal.summary import text_of
 from tcstudy.shapes.edges import doubled_areas
 from tcstudy.study import level_solver
 from tcstudy.study.run import execute, run
@@ -38,7 +38,7 @@ def test_a_tolerance_holds_at_every_point_and_levels_not_needed_are_not_there(tm
     assert str(tree["stop"].values[-1]).startswith("tolerance 0.02 met: estimated relative error")
     assert tree["goal"].attrs["units"] == tree["friction_resultant"].attrs["units"]
     assert tree["goal"].values == pytest.approx(tree["friction_resultant"].values, rel=1e-12)
-    text = summary(tmp_path / "out.nc")
+    text = text_of(tmp_path / "out.nc")
     assert "est. rel. error" in text
     assert "stopped: tolerance 0.02 met: estimated relative error" in text
 

@@ -21,7 +21,7 @@ from tcstudy.offline.level import Level
 from tcstudy.offline.requested_outputs import RequestedOutputs
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.picture import read_picture
-from tcstudy.reports.terminal.summary import summary
+from tcstudy.reports.terminal.summary import text_of
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import OutputPlan, Study
 from tcstudy.study import level_solver
@@ -126,7 +126,7 @@ def test_a_film_without_friction_has_none(tmp_path: Path, size: float) -> None:
     assert found["friction_resultant"].values.tolist() == [0.0, 0.0]
     assert not found["level_1"]["xi"].values.any()
     assert (found["inclusion_residual"].values > 0.0).all()
-    (row,) = (line.split() for line in summary(tmp_path / "out.nc").splitlines() if "unique" in line.split())
+    (row,) = (line.split() for line in text_of(tmp_path / "out.nc").splitlines() if "unique" in line.split())
     assert (row[2], row[-1]) == ("0", "0")  # ∫ξ and its change
 
 

@@ -16,7 +16,7 @@ from tcstudy.fem.meshes import Meshes
 from tcstudy.offline.level import Level
 from tcstudy.read.scenes import Scenery
 from tcstudy.read.study import read_study_text
-from tcstudy.reports.terminal.summary import summary
+from tcstudy.reports.terminal.summary import text_of
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 from tcstudy.study.point import derivatives_of
@@ -132,7 +132,7 @@ def test_a_sweep_keeps_them_with_units_and_show_prints_them(tmp_path: Path) -> N
     assert np.all(np.isfinite(stored))
     apart = data["friction_resultant"][1] - data["friction_resultant"][0]
     assert np.sign(apart) == np.sign(stored[0])
-    assert "derivatives known at 2 of 2" in summary(tmp_path / "a.nc")
+    assert "derivatives known at 2 of 2" in text_of(tmp_path / "a.nc")
 
 
 def test_no_derivative_at_an_event() -> None:

@@ -15,7 +15,7 @@ from tcstudy.data.records import BlockRecord
 from tcstudy.data.schema import PointStatus
 from tcstudy.errors import GeometryFailed, StudyError
 from tcstudy.read.study import read_study_text
-from tcstudy.reports.terminal.summary import summary
+from tcstudy.reports.terminal.summary import text_of
 from tcstudy.study.append import appended
 from tcstudy.study.plan import plan
 from tcstudy.study.run import Quiet, execute
@@ -99,7 +99,7 @@ def test_a_geometry_that_cannot_be_is_a_status_with_its_reason(tmp_path: Path) -
     assert status == [PointStatus.MESH_FAILED, PointStatus.OK, PointStatus.OK]
     assert str(tree["reason"].values[0, 0]).startswith("body.holes[0]: the hole touches or crosses the outline")
     assert tree["geometry"].values.tolist() == [-1, 1, 2]
-    assert "1 solution failed: mesh failed: body.holes[0]" in summary(tmp_path / "out.nc")
+    assert "1 solution failed: mesh failed: body.holes[0]" in text_of(tmp_path / "out.nc")
     notes = plan(read_study_text(HOLED)).notes
     assert any(note.startswith("refused, parameters.height = 10 mm: body.holes[0]: ") for note in notes)
 

@@ -78,7 +78,8 @@ def convergence_parts(data: Any, full: bool = True, point: Mapping[str, Value] |
         yield from tables(data.isel(where))
     if points:
         yield LEGEND
-    yield from notes(data)
+    said = f"Note: {convergence_verdict(data)[0]}"  # that there are no errors, which stands above
+    yield from (note for note in notes(data) if note != said)
 
 
 def notes(data: Any) -> list[str]:

@@ -15,7 +15,7 @@ from tcstudy.reports import sentences
 from tcstudy.reports.select_point import describe
 from tcstudy.reports.sentences import KINDS, LENGTHS, CycleChange, cycle_change
 from tcstudy.reports.terminal.tables import Heading, Part, Table, TextColumn, columns_table, quantity
-from tcstudy.reports.text import counted, digits_lost, number, prefix, proved, with_unit
+from tcstudy.reports.text import counted, digits_lost, headed, number, prefix, proved, with_unit
 from tcstudy.scene.histories import AT_REST
 from tcstudy.scene.keys import symbol
 
@@ -165,29 +165,25 @@ def _solutions(data: Any) -> Table:
     """One row per solution at the requested values."""
     names = ("solution_parameter", "solution_energy", "solution_stable", "solution_lowest", "solution_residual")
     t, energy, stable, least, residual = (data[name].values if name in data else np.zeros(0) for name in names)
-    c, rows = data["c"].values, slice(MOST_ROWS)
+    c, at = data["c"].values, data["at"].values
     slip = data["solution_u_T"].values @ c / c.sum() if len(t) else np.zeros(0)
-    columns = []
-    for title, values, name, shown in (
-        (data.attrs["parameter"].split(".")[-1], data["at"].values, "at", t),
-        ("mean u_T", slip, "u_T", slip),
-        ("energy", energy, "energy", energy),
-    ):
-        like = [float(np.max(np.abs(values), initial=0.0))]
-        columns.append(quantity(title, shown[rows], data[name].attrs["units"], 5, like=like))
-    proofs = [proved(data.isel(solution=i), "solution_") for i in range(min(len(t), MOST_ROWS))]
-    columns += [
-        TextColumn("stable", ["yes" if one else "no" for one in stable[rows]]),
-        TextColumn("least" if "complete" in data else "least on path", ["yes" if x else "no" for x in least[rows]]),
-        TextColumn("certified", proofs),
-        quantity("residual", residual[rows], digits=2),
-    ]
-    ranked = [TextColumn(one.title, one.cells, rank) for rank, one in enumerate(columns)]
+    titles = (data.attrs["parameter"].split(".")[-1], "mean u_T", "energy")
+    scales = [prefix([float(np.max(np.abs(values), initial=0.0))], data[name].attrs["units"])
+              for values, name in ((at, "at"), (slip, "u_T"), (energy, "energy"))]  # fmt: skip
+    header = [headed(title, unit) for title, (_, unit) in zip(titles, scales, strict=True)]
+    header += ["stable", "least" if "complete" in data else "least on path", "certified", "residual"]
+    rows = []
+    for i in range(min(len(t), MOST_ROWS)):
+        values = zip((t[i], slip[i], energy[i]), scales, strict=True)
+        row = [
+            *(number(value / size, 5) for value, (size, _) in values),
+            *("yes" if one[i] else "no" for one in (stable, least)),
+        ]
+        rows.append([*row, proved(data.isel(solution=i), "solution_"), number(residual[i], 2)])
     notes = [f"… {len(t) - MOST_ROWS} more solutions in the file"] if len(t) > MOST_ROWS else []
-    missing = quantity("", data["at"].values, data["at"].attrs["units"], like=[float(np.abs(data["at"]).max())]).cells
-    missing = [cell for cell, count in zip(missing, data["solution_count"].values, strict=True) if not count]
+    missing = [number(value / scales[0][0]) for value in at[data["solution_count"].values == 0]]
     notes += [f"no solution on the path at {', '.join(missing)}"] if missing else []
-    return Table("", ranked, tuple(notes))
+    return Table.of_rows("", header, rows, (), *notes)
 
 
 def _loop(data: Any, full: bool) -> Iterator[str]:

@@ -8,7 +8,7 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Protocol, TextIO, cast
+from typing import Any, TextIO, cast
 
 import numpy as np
 
@@ -22,19 +22,6 @@ from tcstudy.scene.study import Study
 
 BAR = 30
 """Characters of the bar."""
-
-
-class Work(Protocol):
-    """Points of a level, those finished before, the relative cost of one, and whether the level is sure to come."""
-
-    @property
-    def points(self) -> int: ...
-    @property
-    def done(self) -> int: ...
-    @property
-    def weight(self) -> float: ...
-    @property
-    def sure(self) -> bool: ...
 
 
 class Progress:
@@ -55,8 +42,8 @@ class Progress:
         self._stream.write(f"{visible(text)}\n")
         self._stream.flush()
 
-    def begin(self, work: Sequence[Work]) -> None:
-        """What a run has before it; points of finer levels count for more."""
+    def begin(self, work: Sequence[Any]) -> None:
+        """What a run has before it, as `tcstudy.study.run.LevelWork`; points of finer levels count for more."""
         self._work, self._total, done = work, sum(w.points for w in work), sum(w.done for w in work)
         self._cost, self._found = sum(w.points * w.weight for w in work), done
         self._before = self._spent = sum(w.done * w.weight for w in work)

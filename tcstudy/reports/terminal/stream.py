@@ -6,6 +6,7 @@ characters, which could come from a title or a stranger's file, are shown as esc
 
 from __future__ import annotations
 
+import codecs
 import errno
 import os
 import re
@@ -32,18 +33,15 @@ def visible(text: str) -> str:
     return "".join(part if part in ("\n", "\t") else printable(part) for part in _KEPT.split(text))
 
 
-def spelled(text: str, encoding: str) -> str:
-    """The text with every character that the encoding lacks spelled in ASCII, or a question mark."""
-    return "".join(_spelled(c, encoding) for c in text)
+def _spelled(error: UnicodeError) -> tuple[str, int]:
+    """What stands for characters that an encoding lacks: their names in ASCII, or a question mark for each."""
+    assert isinstance(error, UnicodeEncodeError)
+    lacking = unicodedata.normalize("NFKD", error.object[error.start])
+    plain = "".join(_SPELLED.get(c, c) for c in lacking).encode("ascii", "ignore").decode("ascii")
+    return plain or "?", error.start + 1
 
 
-def _spelled(character: str, encoding: str) -> str:
-    try:
-        character.encode(encoding)
-        return character
-    except UnicodeEncodeError:
-        plain = "".join(_SPELLED.get(c, c) for c in unicodedata.normalize("NFKD", character))
-        return plain.encode("ascii", "ignore").decode("ascii") or "?"
+codecs.register_error("spelled", _spelled)
 
 
 class Stream:
@@ -61,7 +59,8 @@ class Stream:
                 try:
                     self._stream.write(shown)
                 except UnicodeEncodeError:
-                    self._stream.write(spelled(shown, self._stream.encoding))
+                    encoding = self._stream.encoding
+                    self._stream.write(shown.encode(encoding, "spelled").decode(encoding))
             except (OSError, ValueError) as error:  # ValueError: the stream was closed
                 self._lose(error)
         return len(text)

@@ -53,13 +53,17 @@ def text_of(file: Path, full: bool = False, point: Mapping[str, Value] | None = 
     of:    of a design, the number whose indices to show
     """
     kind = kind_of(file)
-    if kind != "run":
+    if kind == "run":
+        with open_root(file) as root:
+            data = of_largest(root.drop_vars(NOT_SAID, errors="ignore").load())
+        heading, *rest = _parts(data, None if full else MOST_ROWS, point or {})
+        said = f"  {sentences.verdict(file)[0]}"
+    else:
         data = load_root(file)
         heading, *rest = KINDS[kind][1](data, full, point)
-        text, how, _ = verdict_of(data, kind, file)
-        first = [] if kind == "cost" else [f"{text} {how[:1].upper()}{how[1:]}{'.' * bool(how)}".rstrip()]
-        return render([heading, *first, *rest])
-    text = summary(file, None if full else MOST_ROWS, point)
+        text, how, _ = KINDS[kind][0](data)
+        said = f"{text} {how[:1].upper()}{how[1:]}{'.' * bool(how)}".rstrip() if kind != "cost" else ""
+    text = render([heading, *filter(None, [said]), *rest]).rstrip("\n")
     if of:
         from tcstudy.reports.terminal.indices import indices_text
 
@@ -77,20 +81,9 @@ def verdict_of(data: Any, kind: str, path: Path) -> tuple[str, str, bool]:
     return KINDS[kind][0](load_root(path) if data is None else data)
 
 
-def summary(path: Path, most: int | None = MOST_ROWS, point: Mapping[str, Value] | None = None) -> str:
-    """Text for the terminal, read from the result file alone. Raises StoreError if it is not one, DrawError.
-
-    most: points that are listed, None for all;  point: labels that these have
-    """
-    with open_root(path) as root:
-        data = of_largest(root.drop_vars(NOT_SAID, errors="ignore").load())
-    return render(_parts(data, sentences.verdict(path)[0], most, point or {})).rstrip("\n")
-
-
-def _parts(data: Any, told: str, most: int | None, point: Mapping[str, Value]) -> Iterator[Part]:
-    """What a run's file holds."""
+def _parts(data: Any, most: int | None, point: Mapping[str, Value]) -> Iterator[Part]:
+    """What a run's file holds. most: points that are listed, None for all;  point: labels that these have"""
     yield Heading(data.attrs["title"], 1)
-    yield f"  {told}"
     yield _levels(data)
     yield f"  {SIZES}"
     if GEOMETRIES in data.attrs:

@@ -10,7 +10,7 @@ import pytest
 
 from tcstudy.data.records import LevelRecord
 from tcstudy.data.schema import BALANCED, LIMITED, UNBALANCED, PointStatus
-from tcstudy.reports.terminal.summary import summary
+from tcstudy.reports.terminal.summary import text_of
 from tcstudy.scene.study import Axis, MeshPlan, OutputPlan, SolverPlan, Study
 from tests.data.by_points import PointRecord, write
 
@@ -41,19 +41,19 @@ def study_over(axes: tuple[Axis, ...]) -> Study:
 
 
 @pytest.fixture
-def text_of(tmp_path: Path):  # type: ignore[no-untyped-def]
+def said(tmp_path: Path):  # type: ignore[no-untyped-def]
     study = study_over((ALPHA,))
 
     def text(*points: PointRecord) -> str:
         write(tmp_path / "plate.nc", study, [level(0), level(1)], points)
-        return summary(tmp_path / "plate.nc")
+        return text_of(tmp_path / "plate.nc")
 
     return text
 
 
-def test_failures_are_one_line_a_kind(text_of) -> None:  # type: ignore[no-untyped-def]
+def test_failures_are_one_line_a_kind(said) -> None:  # type: ignore[no-untyped-def]
     good = [point(i, n) for i in range(3) for n in range(2)]
-    text = text_of(*good, missed(0, 1, "3e-09"), missed(2, 0, "2e-07"), missed(2, 1, "1e-8"))
+    text = said(*good, missed(0, 1, "3e-09"), missed(2, 0, "2e-07"), missed(2, 1, "1e-8"))
     lines = [line.strip() for line in text.splitlines() if "solutions failed" in line]
     assert lines == [
         "3 solutions failed: inclusion violated: residual 3e-09 to 2e-07 above the tolerance 1e-10; "
@@ -61,15 +61,15 @@ def test_failures_are_one_line_a_kind(text_of) -> None:  # type: ignore[no-untyp
     ]
 
 
-def test_what_failed_is_marked_in_its_row(text_of) -> None:  # type: ignore[no-untyped-def]
+def test_what_failed_is_marked_in_its_row(said) -> None:  # type: ignore[no-untyped-def]
     """A number that solves nothing must not look like the others."""
     good = [replace(point(i, n), numbers={"energy": 2.0}) for i in range(3) for n in range(2)]
     bad = replace(missed(1, 1, "3e-09"), numbers={"energy": 7.0})
-    rows = [line.split() for line in text_of(*good, bad).splitlines()]
+    rows = [line.split() for line in said(*good, bad).splitlines()]
     assert ["2", "(7)", "failed", "–"] in rows
     assert ["1", "2", "nothing", "–"] in rows
-    assert "failed: no solution; the numbers in (parentheses)" in text_of(*good, bad)
-    assert "parentheses" not in text_of(*good)
+    assert "failed: no solution; the numbers in (parentheses)" in said(*good, bad)
+    assert "parentheses" not in said(*good)
 
 
 def test_solvers_side_by_side(tmp_path: Path) -> None:
@@ -84,16 +84,16 @@ def test_solvers_side_by_side(tmp_path: Path) -> None:
         points += [replace(point(i, n), numbers=numbers) for n in range(2)]
     points[-1] = missed(2, 1, "3e-09")
     write(tmp_path / "plate.nc", study, [level(0), level(1)], points)
-    rows = [line.split() for line in summary(tmp_path / "plate.nc").splitlines() if "-newton " in line]
+    rows = [line.split() for line in text_of(tmp_path / "plate.nc").splitlines() if "-newton " in line]
     assert rows[-2:] == [
         ["separable-newton", "1e-14", "20", "1.2", "5/5", "–"],
         ["bundle-newton", "3e-12", "204", "5", "3/5", "0.12"],
     ]
 
 
-def test_heat_that_does_not_balance_is_said_and_the_points_stay_solved(text_of) -> None:  # type: ignore[no-untyped-def]
+def test_heat_that_does_not_balance_is_said_and_the_points_stay_solved(said) -> None:  # type: ignore[no-untyped-def]
     balances = {(0, 0): 1e-15, (0, 1): 5e-5, (1, 0): 1e-15, (1, 1): 2e-9, (2, 0): 1e-12, (2, 1): 1e-12}
-    text = text_of(*(point(i, n, balance) for (i, n), balance in balances.items()))
+    text = said(*(point(i, n, balance) for (i, n), balance in balances.items()))
     line = next(line for line in text.splitlines() if "heat balance 2" in line)
     assert "heat balance 2e-09 to 5e-05 at 2 points" in line
     assert "alpha = 1 W m-2 K-1 on level 1" in line
@@ -101,15 +101,15 @@ def test_heat_that_does_not_balance_is_said_and_the_points_stay_solved(text_of) 
     assert "3/3" in text
 
 
-def test_points_that_were_not_run_are_not_called_failed(text_of) -> None:  # type: ignore[no-untyped-def]
-    text = text_of(*(point(i, n) for i in range(2) for n in range(2)))
+def test_points_that_were_not_run_are_not_called_failed(said) -> None:  # type: ignore[no-untyped-def]
+    text = said(*(point(i, n) for i in range(2) for n in range(2)))
     assert "not run: 2 of 6 places of the grid" in text
     assert "failed" not in text
 
 
-def test_what_rounding_limits_is_one_line(text_of) -> None:  # type: ignore[no-untyped-def]
+def test_what_rounding_limits_is_one_line(said) -> None:  # type: ignore[no-untyped-def]
     numbers = {"inclusion_residual": 7e-5, "inclusion_rounding": 1.1e-4, "inclusion_status": LIMITED}
-    text = text_of(point(0, 0), replace(point(2, 1), numbers=numbers))
+    text = said(point(0, 0), replace(point(2, 1), numbers=numbers))
     [line] = [line.strip() for line in text.splitlines() if "limited by rounding" in line]
     assert line.startswith("limited by rounding: 1 of 6 solutions hold to 7e-05 of the scale of b or better, where ")
     assert "rounding alone allows 0.00011" in line
