@@ -12,11 +12,13 @@ Its numbers stand in the unit of the newer study, or else of the older one.
 
 from __future__ import annotations
 
+import itertools
 import json
-from collections.abc import Collection, Iterator, Mapping, Sequence
+import operator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,10 +37,8 @@ from tcstudy.scene.study import Axis, Study
 from tcstudy.scene.units import same_quantity, split_quantity, text_in
 from tcstudy.study.point import all_failed
 
-if TYPE_CHECKING:
-    import pandas
-
 Places = NDArray[np.intp]
+Keys = tuple[str, ...]
 
 
 def appended(path: Path, new: Study) -> tuple[Study, Kept]:
@@ -167,22 +167,16 @@ def places_in(study: Study, other: Study) -> Places:
     """(P,) where the points of another study with the same axes stand in this one, in C order of both; −1: nowhere."""
     if not study.axes:
         return np.zeros(1, dtype=np.intp)
-    own, wanted = (_labels(one, [axis.path for axis in study.axes]) for one in (study, other))
-    return np.asarray(own.get_indexer(wanted), dtype=np.intp)
+    paths, labels = [axis.path for axis in study.axes], operator.attrgetter("labels")
+    own = {point: i for i, point in enumerate(_points(study, paths, labels))}
+    return np.array([own.get(point, -1) for point in _points(other, paths, labels)], dtype=np.intp)
 
 
-def _labels(study: Study, paths: Sequence[tuple[str, ...]]) -> pandas.MultiIndex:
-    """The labels of every point along the axes of these parameters, in C order."""
-    import pandas  # here, because a run that nothing is added to does without
-
-    index = np.unravel_index(np.arange(len(study.scenes)), study.shape)
-    codes, levels = [], []
-    for path in paths:
-        i, axis = next((i, axis) for i, axis in enumerate(study.axes) if axis.path == path)
-        code, level = pandas.factorize(np.array(axis.labels, dtype=object))
-        codes.append(code[index[i if study.mode == "grid" else 0]])
-        levels.append(level)
-    return pandas.MultiIndex(levels=levels, codes=codes)
+def _points(study: Study, paths: Sequence[Keys], of: Callable[[Axis], Iterable[Any]]) -> Iterator[tuple[Any, ...]]:
+    """What every point has of the axes of these parameters, in C order of the points."""
+    at = [next(i for i, axis in enumerate(study.axes) if axis.path == path) for path in paths]
+    every = itertools.product if study.mode == "grid" else zip
+    return (tuple(point[i] for i in at) for point in every(*map(of, study.axes)))
 
 
 def merge_studies(old: Study, new: Study) -> Study:
@@ -245,16 +239,14 @@ def _grid(old: Study, new: Study) -> dict[str, object]:
 
 def _list(old: Study, new: Study) -> dict[str, object]:
     """The section `sweep` of the list of all points."""
-    points: dict[tuple[float | str, ...], dict[str, object]] = {}
+    points, paths = dict[tuple[float | str, ...], dict[str, object]](), [axis.path for axis in old.axes]
     for study in (old, new):
-        axes = [(_axis(study, axis), study.axes.index(_axis(study, axis))) for axis in old.axes]
-        for index in np.ndindex(study.shape):
-            rows = [(axis, index[place if study.mode == "grid" else 0]) for axis, place in axes]
+        for point in _points(study, paths, lambda axis: zip(axis.labels, axis.values, strict=True)):
             values = {
-                ".".join(axis.path): {axis.labels[i]: axis.values[i]} if _is_whole(axis) else axis.values[i]
-                for axis, i in rows
+                ".".join(axis.path): {label: value} if _is_whole(axis) else value
+                for axis, (label, value) in zip(old.axes, point, strict=True)
             }
-            points.setdefault(tuple(axis.labels[i] for axis, i in rows), values)
+            points.setdefault(tuple(label for label, _ in point), values)
     return {"mode": "list", "points": [*points.values()]}
 
 
