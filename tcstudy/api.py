@@ -142,7 +142,7 @@ def _plain(value: object) -> object:
 
 def init(file: str | FilePath = "study.yaml") -> FilePath:
     """Write a commented starter study and the schema that its first line names; raises UsageError if it is there."""
-    from tcstudy.commands.writing import starter
+    from tcstudy.commands.run import starter
 
     return starter(FilePath(file))
 
@@ -166,7 +166,7 @@ def plan(study: Study | str | FilePath) -> Plan:
 
     A function of its own, as it returns no results. Raises StudyError, GeometryFailed.
     """
-    from tcstudy.commands.shared import outside_the_sweep
+    from tcstudy.commands.run import outside_the_sweep
     from tcstudy.study.plan import plan as forecast
 
     asked = _study(study)
@@ -202,14 +202,11 @@ def run(
     holds the results of another study.
     """
     asked = _study(study)
-    if force and append:
-        raise UsageError("force computes all points again, append keeps them; give one of these")
-    if append and asked.kind != "run":
-        raise UsageError(f"append adds points of a sweep, and the study has a section {asked.kind}; leave it out")
+    from tcstudy.commands.run import check_options
+
+    check_options(asked.kind, "the study", force, append, dask)
     if append and output is None:
         raise UsageError("append: name the file that is to grow")
-    if dask is not None and asked.kind in ("path", "fit"):
-        raise UsageError(f"dask: a {asked.kind} has no work for others; leave it out")
     found = _result(asked.kind, asked, output, progress, force, append=append, jobs=jobs, dask=dask)
     if asked.kind == "fit":
         from tcstudy.errors import tell
@@ -251,7 +248,7 @@ def _result(
     kind: Kind, study: records.Study, output: str | FilePath | None, progress: bool, force: bool, **more: Any
 ) -> Result:
     """These results, computed unless their file holds them already; without a name that is one of the cache."""
-    from tcstudy.commands.shared import do, what_decides
+    from tcstudy.commands.run import do, what_decides
     from tcstudy.data.provenance import tell_stored
     from tcstudy.study.lint import check_kind
 

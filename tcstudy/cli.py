@@ -17,10 +17,9 @@ from tcstudy.errors import StudyWarning, UserFault, printable
 from tcstudy.reports.terminal.stream import guarded_streams, is_lost
 
 MODULES = {
-    "run": "run",
-    **dict.fromkeys(("converge", "cost"), "measure"),
+    **dict.fromkeys(("run", "converge", "cost"), "run"),
     **dict.fromkeys(("show", "draw", "report", "export"), "results"),
-    "init": "writing",
+    "init": "run",
 }
 """Which module of `commands` has which command, in the order of the list."""
 FORMER = {

@@ -1,12 +1,12 @@
-"""What commands have in common: options, the study and output they work on, the work, unless its results are there."""
+"""What commands have in common: options, the study and output they work on, and how they say what a file holds."""
 
 from __future__ import annotations
 
 import argparse
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -16,7 +16,6 @@ from tcstudy.errors import UsageError, printable
 if TYPE_CHECKING:
     from tcstudy.data.provenance import Kind
     from tcstudy.scene.study import Study
-    from tcstudy.study.workers import WorkerPool
 
 OK, SOME_FAILED, BAD_INPUT = 0, 1, 2
 """Exit codes of commands."""
@@ -90,10 +89,6 @@ def named(text: str) -> Path:
 
 
 _SET = "replace a value of the study, e.g. --set heat.alpha=50 (may be repeated)"
-_FORCE = "compute again what the result file holds already, and replace results of another study"
-_JOBS = "worker processes for contact problems, geometries, histories; 1 for none (default: as many as pay)"
-_DASK = "dask scheduler whose workers do that instead: tcp://host:port; local starts one with --jobs workers"
-
 _QUIET = "print one line: what came of it"
 _VERBOSE = "print all columns and rows, whatever the width of the terminal"
 _JSON = "print one JSON object instead of tables: the same numbers, not rounded, in SI units"
@@ -109,17 +104,6 @@ STUDY = (
     Option("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides", help=_SET),
 )
 FILE = Option("file", type=named, metavar="FILE.nc")
-FORCE = Option("--force", action="store_true", help=_FORCE)
-DASK = Option("--dask", metavar="ADDRESS", help=_DASK)
-JOBS = Option("--jobs", type=count, metavar="N", help=_JOBS)
-
-
-def output_option(what: str) -> Option:
-    return Option("-o", "--output", type=file_name, metavar="FILE", help=what)
-
-
-def plot_option(what: str) -> Option:
-    return Option("--plot", type=file_name, metavar="PICTURE", help=f"{what}: a .png, .svg or .pdf file")
 
 
 def at(what: str) -> Option:
@@ -220,143 +204,3 @@ def checked(
 
         check_target(options.plot)
     return study, output
-
-
-def plotted(options: argparse.Namespace, file: Path, **wanted: Any) -> list[str]:
-    """Draw what --plot asks for; a line on what was drawn."""
-    if options.plot is None:
-        return []
-    from tcstudy.reports.figures.draw import Wanted, picture
-
-    return [picture(file, options.plot, Wanted(**wanted))]
-
-
-def proved_unique(output: Path) -> bool:
-    """Whether a file's solutions on the finest mesh are all proved to be the only ones."""
-    import netCDF4
-
-    with netCDF4.Dataset(output) as nc:
-        return "unique" in nc.variables and bool((nc["unique"][...][..., -1] == 1).all())
-
-
-def what_decides(kind: Kind, study: Study, at: Mapping[str, Any] | None = None) -> dict[str, object]:
-    """What decides the results of a study beside it, as global attributes of their file. Raises DrawError."""
-    if kind == "cost":
-        from tcstudy.study.cost import RUNS
-
-        return {"point": _point(study, at)[0], "runs": RUNS}
-    return {"data_sha256": study.fit.sha256} if kind == "fit" and study.fit is not None else {}
-
-
-def do(
-    kind: Kind,
-    study: Study,
-    output: Path,
-    words: Sequence[str],
-    first: str | None = None,
-    force: bool = False,
-    *,
-    append: bool = False,
-    jobs: int | None = None,
-    dask: str | None = None,
-    at: Mapping[str, Any] | None = None,
-    pool: WorkerPool | None = None,
-) -> tuple[bool, str]:
-    """Make the file of a study's results; returns whether it had all of them, and what it had of them, in words.
-
-    kind:  of the results;  words: the command, for the file's history
-    first: what is said before the work, whose progress is then shown; None for silence
-    append, jobs, dask, pool: as of `tcstudy.study.run`;  at: of cost, the point by its labels
-
-    Raises StoreError where the file holds something else, which only `force` replaces; else as the work does.
-    """
-    from tcstudy.reports.terminal.progress import Progress
-
-    there, swept = "holds these results already; --force computes them again", [axis.name for axis in study.axes]
-    study = outside_the_sweep(study) if kind == "path" else study
-    if kind == "run":
-        from tcstudy.study.run import execute, what_is_left
-
-        study, kept = what_is_left(study, output, force, append)
-        if not kept.todo.any():
-            return True, "has all these points" if append else there
-    elif kind != "history" and not force:
-        from tcstudy.data.provenance import holds
-
-        if holds(output, kind, study, **what_decides(kind, study, at)):
-            return True, there
-    with closing(Progress(study)) as progress:
-        shown = None if first is None else progress
-        say = (lambda text: None) if shown is None else shown.event
-        if first:
-            say(first)
-        match kind:
-            case "run":
-                execute(study, output, shown, words, jobs, dask, kept, pool)
-            case "path":
-                from tcstudy.study.path_run import execute_path
-
-                execute_path(study, output, shown.path if shown else None, words, swept)
-            case "history":
-                from tcstudy.study.history_run import execute_history
-
-                done = execute_history(study, output, shown.history if shown else None, words, force, jobs, dask)
-                if done.found == done.points * done.steps:
-                    return True, there
-                return False, f"held {done.found} steps; the others were added" if done.found else ""
-            case "fit":
-                from tcstudy.study.fit import fit
-                from tcstudy.study.run import to_file
-
-                to_file(output, study, words, lambda: fit(study, say))
-            case "convergence":
-                from tcstudy.study.convergence import converge_to_file
-
-                converge_to_file(study, output, say, words)
-            case "cost":
-                from tcstudy.study.cost import RUNS, cost_to_file
-
-                point, index = _point(study, at)
-                say(f"time unknown until the first of {RUNS} runs has measured it")
-                follow = (lambda text, left: None) if shown is None else shown.cost
-                cost_to_file(study, index, point, RUNS, output, follow, words)
-    return False, ""
-
-
-def failures(output: Path) -> tuple[int, int]:
-    """How many solutions a file was to have, and how many are not as they were asked for: points that failed, histories
-    that ended early, sentences on a path."""
-    import netCDF4
-    import numpy as np
-
-    from tcstudy.data.provenance import SHORTFALLS
-    from tcstudy.data.schema import PointStatus
-
-    with netCDF4.Dataset(output) as nc:
-        if "status" not in nc.variables:
-            return 1, len(str(getattr(nc, SHORTFALLS, "")).splitlines())
-        if "step" in nc.dimensions:
-            return int(nc["reason"].size), int(np.count_nonzero(nc["reason"][...] != ""))
-        status = nc["status"][...]
-        asked = status[status != PointStatus.NOT_RUN]
-        return int(asked.size), int((asked != PointStatus.OK).sum())
-
-
-def outside_the_sweep(study: Study) -> Study:
-    """The study of a path, which is of one scene, without geometries that its sweep varies."""
-    if not study.variants:
-        return study
-    from tcstudy.read.study import read_study_text
-
-    overrides = [*(text for text in study.overrides if not text.startswith("sweep")), "sweep=null"]
-    return read_study_text(study.text, str(study.source or "study"), overrides, study.source)
-
-
-def _point(study: Study, at: Mapping[str, Any] | None) -> tuple[str, tuple[int, ...]]:
-    """A sweep point by its labels: in words, and its index. Raises DrawError."""
-    from tcstudy.data.store import sweep_points
-    from tcstudy.reports.select_point import describe, locate
-
-    points = sweep_points(study)
-    where = locate(points, at, "study")
-    return describe(points, where), tuple(where.values())
