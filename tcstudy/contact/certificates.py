@@ -93,8 +93,8 @@ def _one_side(tables: Laws, law: Index, v: Array, zeta: Array, high: Array, part
     upper, lower = np.full((2, len(v)), -np.inf)
 
     def advance(nodes: Index, piece: Index, width: Array) -> None:
-        x, start, value_and_slope = at[nodes], v[nodes], tables.value_and_slope(at[nodes], piece)
-        value, slope = value_and_slope
+        x, start = at[nodes], v[nodes]
+        value, slope = tables.value(x, piece), tables.slope(x, piece)
         excess = np.where(x == start, start_excess(value, zeta[nodes]), zeta[nodes] - value)
         tangent = np.where((x == start) & (excess == 0.0) & (width > 0.0), -slope, -np.inf)
         concave = tables.concave.take(piece)

@@ -115,7 +115,7 @@ def _touches(tables: Laws, kappa: float, arcs: _Arcs, sigma: Array, start: Array
     piece, sigma = piece[bent], sigma[bent]
 
     def excess(k: Index, s: Array) -> tuple[Array, Array, Array]:
-        value, slope = tables.value_and_slope(s, piece[k])
+        value, slope = tables.value(s, piece[k]), tables.slope(s, piece[k])
         return value + kappa * s - sigma[k], slope + kappa, kappa * np.abs(s) + np.abs(sigma[k])
 
     s[bent] = rising_zeros(excess, start[bent], low[bent], high[bent])
@@ -257,7 +257,7 @@ def best_places(laws: Laws, v: Array, force: Array, k: Array, push: Array) -> tu
     own_v, own_force, own_k = (x[at[0], 0] for x in (v, force, k))
 
     def climb(i: Index | slice, s: Array) -> tuple[Array, Array, Array]:
-        value, slope = laws.value_and_slope(s, address[i])
+        value, slope = laws.value(s, address[i]), laws.slope(s, address[i])
         rest = own_k[i] * (s - own_v[i]) - own_force[i]
         return value + rest, slope + own_k[i], np.abs(value) + np.abs(rest)
 

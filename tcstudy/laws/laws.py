@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tcstudy.laws.pieces import BEND, NARROW, UP, Array, Fact, Flags, Index, LawPieces, Place, Slips
 
@@ -79,14 +79,10 @@ class Laws(LawPieces):
         return self.known(kind_above=np.where(small, BEND, np.sign(right - left)).astype(np.int8))
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Laws) and self._numbers == other._numbers
+        return isinstance(other, Laws) and self._bytes == other._bytes and np.array_equal(self.index, other.index)
 
     def __hash__(self) -> int:
-        return hash(self._numbers)
-
-    @property
-    def _numbers(self) -> tuple[Any, ...]:
-        return *self._bytes, self.index.tobytes()
+        return hash(self._bytes)
 
     @Fact
     def tables(self) -> Laws:
@@ -208,13 +204,9 @@ class Laws(LawPieces):
         piece = self.locate(s).piece
         return np.asarray(piece - (s - self.lower.take(piece) < self.upper.take(piece) - s))
 
-    def kind_at(self, s: Array) -> NDArray[np.int8]:
-        """UP, BEND or DOWN where a slip is a kink to the bit, BEND elsewhere."""
-        return self.kind(self.locate(s))
-
     def sticking(self, v: Array) -> Flags:
         """(m,) nodes that rest on an up-jump of b."""
-        return np.asarray(self.kind_at(v) == UP)
+        return np.asarray(self.kind(self.locate(v)) == UP)
 
     def integral(self, x: Slips, y: Slips, x_at: Place | None = None, y_at: Place | None = None) -> Array:
         """j(y) − j(x) = ∫_x^y b without cancellation; x_at, y_at: what `locate` says of x and y [Pa·m]."""

@@ -43,8 +43,6 @@ nor fall, and falls further out or nowhere; it falls; it has fallen and does not
 
 NARROW = 32.0
 """Roundings of the slip up to which a piece is narrow (`Laws.without_narrow_pieces`)."""
-_SELDOM = 3
-"""Exponentials are formed one by one where fewer than one in so many slips has one."""
 
 
 class GrowthError(ValueError):
@@ -145,8 +143,6 @@ class LawPieces:
     @Fact
     def rate(self) -> Array:
         """(…, K+1) |r| of the exponential that decays most slowly, 0 where there is none [1/m]."""
-        if self.a_2 is None:
-            return np.abs(self.r)
         rates = [np.where(a != 0.0, np.abs(r), np.inf) for a, r in self.exponentials]
         least = np.min([np.full(self.q.shape, np.inf), *rates], axis=0)
         return np.where(np.isfinite(least), least, 0.0)
@@ -285,15 +281,6 @@ class LawPieces:
             slope = slope - r.take(piece) * _decay(a, r, apart, piece)
         return slope
 
-    def value_and_slope(self, s: Array, piece: Index) -> tuple[Array, Array]:
-        """`value` and `slope` with one exponential for both."""
-        apart, q = s - self.s_0.take(piece), self.q.take(piece)
-        value, slope = self.b_0.take(piece) + q * apart, q + 0.0 * s
-        for a, r in self.exponentials:
-            part = _decay(a, r, apart, piece)
-            value, slope = value + part, slope - r.take(piece) * part
-        return value, slope
-
     def bend(self, s: Array, piece: Index) -> Array:
         """b″ of the addressed pieces [Pa/m²]."""
         apart = s - self.s_0.take(piece)
@@ -335,15 +322,8 @@ class LawPieces:
         piece, x, y = np.asarray(piece), np.asarray(x), np.asarray(y)
         step, s_0 = y - x, self.s_0.take(piece)
         total: Array = step * (self.b_0.take(piece) + self.q.take(piece) * (x - s_0 + 0.5 * step))
-        for a_of, r_of in self.exponentials:
-            a = a_of.take(piece)
-            if np.all(a) or total.ndim == 0:
-                total = total + _decay_integral(s_0, a, r_of.take(piece), x, y)
-            elif np.any(a):
-                parts = (s_0, a, r_of.take(piece), x, y)
-                flat = [np.broadcast_to(part, total.shape).reshape(-1) for part in parts]
-                bent = flat[1].nonzero()[0]
-                total.reshape(-1)[bent] += _decay_integral(*(part[bent] for part in flat))
+        for a, r in self.exponentials:
+            total = total + _decay_integral(s_0, a.take(piece), r.take(piece), x, y)
         return total
 
     @Fact
@@ -381,19 +361,9 @@ class LawPieces:
 
 
 def _decay(a_of: Array, r_of: Array, apart: Any, piece: Index) -> Array:
-    """a exp(−r (s − s_0)), 0 where a = 0; formed only where it is not if that is seldom."""
-    part: Array = a_of.take(piece)
-    count = np.count_nonzero(part)
-    if count == part.size:
-        return np.asarray(part * np.exp(-r_of.take(piece) * apart))
-    if not count:
-        return np.broadcast_to(part, np.broadcast_shapes(part.shape, np.shape(apart)))
-    if _SELDOM * count >= part.size or part.shape != np.shape(apart):
-        return np.asarray(part * np.exp(np.where(part != 0.0, -r_of.take(piece) * apart, 0.0)))
-    flat = part.reshape(-1)
-    bent = flat.nonzero()[0]
-    flat[bent] *= np.exp(-r_of.take(piece.reshape(-1).take(bent)) * apart.reshape(-1).take(bent))
-    return part
+    """a exp(−r (s − s_0)), 0 where a = 0."""
+    a = a_of.take(piece)
+    return np.asarray(a * np.exp(np.where(a != 0.0, -r_of.take(piece) * apart, 0.0)))
 
 
 def _decay_integral(s_0: Array, a: Array, r: Array, x: Array, y: Array) -> Array:

@@ -10,7 +10,7 @@ import pytest
 
 import tcstudy
 from tcstudy.laws.composed import EdgeLaws, row_laws
-from tcstudy.laws.pieces import REGIONS, UP
+from tcstudy.laws.pieces import REGIONS
 from tcstudy.offline import level as offline
 from tcstudy.offline.level import Level
 from tcstudy.offline.requested_outputs import region_lengths
@@ -114,7 +114,7 @@ def test_lengths_of_regions_are_those_of_slips_between_the_nodes(first: str, sec
         for (i, j), ends, width in zip(line.unknowns, line.ends, line.lengths, strict=True):
             start, end = (slips[k] if k >= 0 else 1.5 for k in (i, j))
             law = known["left_half" if ends[:, 0].mean() < 1 else "right_half"]
-            if start == end == 0.0 and law.kind_at(np.zeros(1)) == UP:
+            if start == end == 0.0 and law.sticking(np.zeros(1)):
                 continue
             moving += width
             which, count = np.unique(law.regions[law.piece(start + at * (end - start))], return_counts=True)
