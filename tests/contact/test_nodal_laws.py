@@ -79,22 +79,3 @@ def test_a_field_of_falls_is_sharper_than_its_largest() -> None:
     fall = np.where(np.arange(40) == 3, 1.5 * np.pi, 0.0)
     least = np.linalg.eigvalsh(A_tilde / np.sqrt(np.outer(c, c)) - np.diag(fall))[0]
     np.testing.assert_allclose(proved.margin, least, rtol=1e-9)
-
-
-def test_two_films_and_a_gap_have_the_closed_form() -> None:
-    """A bar pulled at its end slips over film 2, the gap and part of film 1: P = τ₂ℓ₂ + τ₁ℓ, N linear, u quadratic."""
-    n, length, D, pull = 200, 4.0, 100.0, 2.5
-    h, x = length / n, np.linspace(0.0, length, n + 1)
-    A = D / h * (2.0 * np.eye(n + 1) - np.eye(n + 1, k=1) - np.eye(n + 1, k=-1))
-    A[0, 0] = A[-1, -1] = D / h
-    A[0, 0] += 1e-9 * D  # held by a spring far softer than the friction
-    c = np.full(n + 1, h)
-    c[[0, -1]] = 0.5 * h
-    index = np.where(x < 2.0 - 1e-9, 0, np.where(x < 3.0 - 1e-9, 1, 2))
-    law = nodal([tresca(1.0), tresca(5.0), tresca(2.0)], index, np.where(index == 1, 0.0, 1.0))
-    answer = solve_contact(ContactProblem(A, pull * np.eye(n + 1)[-1], c, law))
-    front = 2.0 - (pull - 2.0 * 1.0)  # τ₂ = 2 on [3, 4], none on [2, 3], τ₁ = 1 on [front, 2]
-    assert float(c[(answer.v > 1e-12)].sum()) == pytest.approx(length - front, abs=2 * h)
-    gone = 2.0 - front
-    end = (0.5 * gone**2 * 1.0 + gone * 1.0 * 1.0 + (gone * 1.0 + 0.5 * 2.0)) / D
-    assert answer.v[-1] == pytest.approx(end, rel=0.02)

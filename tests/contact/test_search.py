@@ -7,7 +7,6 @@ from tcstudy.contact import search
 from tcstudy.contact.problem import ContactProblem, Status
 from tcstudy.contact.solve import Answer, solve_contact
 from tcstudy.laws.laws import Laws
-from tcstudy.laws.shapes import piecewise_linear
 from tcstudy.scene.study import ESCAPE, Branch
 from tests.benchmarks.cases import down_jumps
 from tests.contact import contact_cases as cases
@@ -42,24 +41,6 @@ def test_laws_that_push_hide_no_well() -> None:
     results = [exhaustive.search(seed, 1 + seed % 8) for seed in range(72)]
     assert all(r.solved and r.found and not r.contradicted for r in results)
     assert sum(r.plain for r in results) < len(results)
-
-
-@pytest.mark.parametrize(
-    ("A", "load", "c", "points", "ends"),
-    [
-        # the well at 0.377 lies between the last kink and the next sample, at 0.74
-        ([[0.0017]], -0.0033, 1.0, [(0.25, 0.0), (0.25, 0.7), (0.29, -0.5)], [0.0, 5.7]),
-        # the softest mode is perpendicular to the rigid slip
-        ([[5.0, 4.0], [4.0, 5.0]], -0.98, 0.675,
-         [(-0.2, 0.4), (-0.1, -0.5), (0.3, -0.9), (0.4, -1.4), (0.5, 1.0)], [2.0, 0.3]),
-    ],
-)  # fmt: skip
-def test_wells_once_missed(
-    A: list[list[float]], load: float, c: float, points: list[tuple[float, float]], ends: list[float]
-) -> None:
-    law = piecewise_linear(points, False, None, ends)
-    problem = ContactProblem(np.array(A), np.full(len(A), load), np.full(len(A), c), law)
-    assert solve_contact(problem).energy == pytest.approx(exhaustive.least_energy(problem), rel=1e-12)
 
 
 def test_no_node_moves_from_a_point_that_is_no_minimum() -> None:

@@ -106,19 +106,6 @@ def test_omega_is_the_steepest_fall(law: Laws) -> None:
         assert sampled >= 0.99 * law.omega
 
 
-@everywhere
-def test_scaled_is_the_same_law_in_other_units(law: Laws) -> None:
-    s_unit, b_unit = 3e-5, 7e6
-    other = law.placed(1.0 / b_unit, 1.0 / s_unit)
-    s = slips(law)
-    s = s[np.min(np.abs(s[:, None] - law.kinks), axis=1, initial=np.inf) > 1e-12 * reach(law)]
-    size = float(np.abs(law.b(s)).max())
-    np.testing.assert_allclose(other.b(s / s_unit) * b_unit, law.b(s), atol=1e-12 * size)
-    np.testing.assert_allclose(other.j(s / s_unit) * b_unit * s_unit, law.j(s), atol=1e-12 * size * 3 * reach(law))
-    scales = [other.omega * b_unit / s_unit, other.b_scale * b_unit, other.s_scale * s_unit]
-    assert scales == pytest.approx([law.omega, law.b_scale, law.s_scale], rel=1e-13)
-
-
 @pytest.mark.parametrize(
     ("kinks", "pieces", "words"),
     [

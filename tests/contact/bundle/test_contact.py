@@ -51,19 +51,6 @@ def test_oracle_agrees_with_differences_of_the_energy(kind: str) -> None:
     assert np.allclose(bend, problem.A_tilde + np.diag(diagonal), atol=1e-7)
 
 
-def test_convex_problem_has_the_energy_of_an_independent_solver() -> None:
-    """Constant friction: exact minimisation over one node after the other (soft threshold) converges to it."""
-    problem = problem_of("tresca", 12, 1.0, 2.0)
-    v, diagonal = np.zeros(12), np.diag(problem.A_tilde)
-    for _ in range(1000):
-        for i in range(12):
-            rest = problem.l_tilde[i] - problem.A_tilde[i] @ v + diagonal[i] * v[i]
-            v[i] = np.sign(rest) * max(0.0, abs(rest) - problem.c[i]) / diagonal[i]
-    outcome = solve_with_bundle(problem, np.zeros(12), inclusion=None)
-    assert outcome.f == pytest.approx(problem.energy(v), rel=1e-11)
-    assert np.allclose(outcome.x, v, atol=1e-6)
-
-
 def test_units_do_not_matter_and_a_body_without_load_sticks() -> None:
     plain = problem_of("slip-weakening", 8, 2.0, 2.0)
     first = solve_with_bundle(plain, np.zeros(8), inclusion=None)
