@@ -99,9 +99,11 @@ def fit(h: Array, error: Array, usable: NDArray[np.bool_], rounding: Array | flo
     levels = np.flatnonzero(good)
     for before, level in itertools.pairwise(levels):
         rates[level] = np.log(error[before] / error[level]) / np.log(h[before] / h[level])
-    run = _asymptotic(levels, rates)
-    settled = len(run) >= 3
-    run = run if settled else levels
+    start = max(0, len(levels) - 2)  # the finest levels whose rates lie within SETTLED of each other, two at least
+    while start > 0 and np.ptp(rates[levels[start:]]) <= SETTLED:
+        start -= 1
+    settled = len(levels) - start >= 3
+    run = levels[start:] if settled else levels
     slope, standard_error = _slope(np.log(h[run]), np.log(error[run]))
     return Fit(rates, slope, standard_error, int(run[0]) if len(run) else -1, settled, False)
 
@@ -109,19 +111,6 @@ def fit(h: Array, error: Array, usable: NDArray[np.bool_], rounding: Array | flo
 def log_share(h: Array) -> float:
     """By how much the slope of h² (1 + log(1/h)) stays below 2; h: (levels,) over the size of the body."""
     return -_slope(np.log(h), np.log1p(-np.log(h)))[0] if len(h) > 1 else 0.0
-
-
-def _asymptotic(levels: NDArray[np.intp], rates: Array) -> NDArray[np.intp]:
-    """The finest levels whose rates lie within SETTLED of each other; two levels at least, if there are."""
-    if len(levels) < 2:
-        return levels
-    start = len(levels) - 2
-    while start > 0:
-        own = rates[levels[start:]]
-        if np.max(own) - np.min(own) > SETTLED:
-            break
-        start -= 1
-    return levels[start:]
 
 
 def _slope(x: Array, y: Array) -> tuple[float, float]:

@@ -185,21 +185,17 @@ def energy_squares(
     lam_n, mu_n, beta_n = at_nodes
     sigma = stress_of(recovered, lam_n, mu_n) - (beta_n * theta)[:, None] * [1.0, 1.0, 0.0]
     squares = strain_energy(mesh, recovered[mesh.triangles] - own[:, None], lam, mu)
-    squares += element_residual(mesh, sigma, scene) + edge_residual(mesh, u, sigma, scene, friction)
+    slope = mesh.gradient(sigma)
+    divergence = np.column_stack([slope[:, 0, 0] + slope[:, 2, 1], slope[:, 2, 0] + slope[:, 1, 1]])
+    f = np.stack([values_at(component, mesh.inner_points) for component in scene.f], axis=-1)
+    residual = np.sum((f + divergence[:, None]) ** 2, axis=(1, 2)) / 3.0 * mesh.area
+    squares += (mesh.diameter / np.pi) ** 2 / (2.0 * mu) * residual
+    squares += edge_residual(mesh, u, sigma, scene, friction)
     squares += _jumps(pieces, sigma, theta, scene)
     if scene.material.expands:
         squares += coupling(mesh, theta, scene)
     norm = strain_energy(mesh, np.repeat(own[:, None], 3, axis=1), lam, mu).sum()
     return squares, float(np.sqrt(norm))
-
-
-def element_residual(mesh: PlaneMesh, sigma: Array, scene: Scene) -> Array:
-    """(t,) (h_K/π)²/(2μ) ‖f + div σ*‖²_K [J/m] of stresses at the nodes (n, 3)."""
-    slope, mu = mesh.gradient(sigma), mesh.of_material(scene, "mu")
-    divergence = np.column_stack([slope[:, 0, 0] + slope[:, 2, 1], slope[:, 2, 0] + slope[:, 1, 1]])
-    f = np.stack([values_at(component, mesh.inner_points) for component in scene.f], axis=-1)
-    square = np.sum((f + divergence[:, None]) ** 2, axis=(1, 2)) / 3.0 * mesh.area
-    return (mesh.diameter / np.pi) ** 2 / (2.0 * mu) * square
 
 
 def edge_residual(mesh: PlaneMesh, u: Array, sigma: Array, scene: Scene, friction: ContactTraction) -> Array:

@@ -243,12 +243,6 @@ class Conduction:
         M = self._forms.exchange(self._ratios) if self._ratios else self._forms.robin_mass
         return S, M, *modes(S[free], M[free], not self._free.all())
 
-    @cached_property
-    def _integrals(self) -> Array:
-        """(r,) ∫_{Γ_θ} w_k: zero but for the first, up to the rounding that the heat balance shows."""
-        _, M, _, W = self._modes
-        return np.asarray((M @ W).sum(axis=0))
-
     # -- parts -------------------------------------------------------------------------------------
 
     def part(self, key: FamilyKey, alpha: float, k: float, strength: float) -> Part:
@@ -265,7 +259,7 @@ class Conduction:
             constant = theta * float(m_0[0] / a if key.heats else m_1[0]) * float(W[0, 0])
             # a(θ − θ̄) mode by mode, so that a large α does not multiply the rounding of a difference
             flows = np.append(m_0[0], a * (m_0 - mu * m_1)[1:] / (mu[1:] + a))
-            heat_out = heat * float(self._integrals @ flows)
+            heat_out = heat * float((M @ W).sum(axis=0) @ flows)  # zero but for the first, up to the rounding it shows
             most = heat * float(np.linalg.norm(flows) / W[0, 0])  # ∫|·| ≤ |Γ_θ|^½ ‖·‖
             through = family.moved if key.heats else most
         else:

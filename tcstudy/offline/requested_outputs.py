@@ -160,16 +160,6 @@ def edge_forces(level: Level, scene: Scene, u: Array) -> dict[str, Array]:
     return found
 
 
-def layer_forces(level: Level, scene: Scene, sigma: Array) -> dict[str, Array]:
-    """(2, n) ∫σ:∇φ over every region with a material of its own, at its nodes; sigma (t, 4) with xx, yy, xy first."""
-    mesh, found = level.mesh, dict[str, Array]()
-    pulled = np.einsum("tij,tkj->tki", sigma[:, [[0, 2], [2, 1]]] * mesh.area[:, None, None], mesh.slopes)
-    for name, _ in scene.material.regions:
-        found[name], own = np.zeros((2, mesh.n_points)), mesh.inside((name,))
-        np.add.at(found[name].T, mesh.triangles[own], pulled[own])
-    return found
-
-
 def section_force(
     level: Level, scene: Scene, u: Array, u_T: Array, sigma: Array
 ) -> tuple[Array, dict[str, Array], Array] | None:
@@ -209,10 +199,11 @@ def section_force(
         return np.interp(at, middle, rest) + (friction if rubs else 0.0)
 
     contact = mesh.owner[mesh.on(*scene.edges(Contact))]
-    layers = {
-        name: sections(nodal, bool(mesh.inside((name,))[contact].all()))
-        for name, nodal in layer_forces(level, scene, sigma).items()
-    }
+    pulled, layers = np.einsum("tij,tkj->tki", sigma[:, [[0, 2], [2, 1]]] * mesh.area[:, None, None], mesh.slopes), {}
+    for name, _ in scene.material.regions:  # ∫σ:∇φ over a region with a material of its own
+        nodal, own = np.zeros((2, mesh.n_points)), mesh.inside((name,))
+        np.add.at(nodal.T, mesh.triangles[own], pulled[own])
+        layers[name] = sections(nodal, bool(own[contact].all()))
     return sections(total.reshape(2, -1), True), layers, at
 
 

@@ -321,10 +321,17 @@ def regions(
     coarse, fine, line = halved.coarse.mesh, halved.level.mesh, halved.coarse.line
     factors = np.full(fine.n_points, SMOOTH)
     near = sticking_near([line.edge_names[i] for i in line.edge], line.xy, sticks)
-    singular = _singular(coarse, scene, near)
-    places = np.concatenate([coarse.points[[node for node, _ in singular]], more])
+    ends = curve_ends(coarse)  # with λ of u ~ r^λ, as places where materials meet; 1/2 where it is not analysed
+    if not scene.material.regions:
+        at = {corner.node: _exponent(coarse, corner, scene, near) for corner in ends}
+    elif (known := vertices(scene, near)) is None:
+        at = {corner.node: 0.5 for corner in ends}
+    else:
+        at = {corner.node: 1.0 for corner in ends}
+        at |= {int(np.argmin(np.linalg.norm(coarse.points - one.at, axis=1))): one.exponent for one in known}
+    places = np.concatenate([coarse.points[list(at)], more])
     region = np.argmin(np.linalg.norm(fine.points[:, None] - places[None], axis=2), axis=1)
-    for node, exponent in singular:
+    for node, exponent in at.items():
         if exponent < 1.0:
             around = fine.triangles[np.any(coarse.triangles == node, axis=1)[halved.parent]]
             factors[around] = np.maximum(factors[around], 1.0 / (1.0 - 2.0 ** (-2.0 * exponent)))
@@ -334,17 +341,6 @@ def regions(
         factors[around] = np.maximum(factors[around], FIRST)
         region[around] = region.max() + 1
     return factors, region
-
-
-def _singular(mesh: PlaneMesh, scene: Scene, near: Sticks) -> list[tuple[int, float]]:
-    """Ends of curves and places where materials meet: their nodes, and λ of u ~ r^λ, 1/2 where it is not analysed."""
-    ends = curve_ends(mesh)
-    if not scene.material.regions:
-        return [(corner.node, _exponent(mesh, corner, scene, near)) for corner in ends]
-    if (known := vertices(scene, near)) is None:
-        return [(corner.node, 0.5) for corner in ends]
-    at = {int(np.argmin(np.linalg.norm(mesh.points - vertex.at, axis=1))): vertex.exponent for vertex in known}
-    return list(({corner.node: 1.0 for corner in ends} | at).items())
 
 
 def _exponent(mesh: PlaneMesh, corner: CurveEnd, scene: Scene, sticks: Sticks) -> float:

@@ -62,7 +62,6 @@ from numpy.typing import NDArray
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.fem.boundary import ContactLine
 from tcstudy.fem.meshes import PlaneMesh
-from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
 from tcstudy.scene.records import Point
 from tcstudy.scene.study import Goal
@@ -299,20 +298,16 @@ def hidden_effects(goal: Goal, line: ContactLine, problem: ContactProblem, v: Ar
         given = float(law.kinks[on[0]]) if len(on) else given
         if stick[node] and given == v[node]:
             continue  # the zone is seen
-        most, rests = _most(law, given, float(v[node]), float(traction[node]))
+        between = (law.kinks > min(given, v[node])) & (law.kinks < max(given, v[node]))
+        values = [*law.b_left[between], *law.b_right[between], float(law.b(given, 1 if v[node] > given else -1))]
+        rests = (law.kinks == given) & (law.kinds == UP)
+        values += [float(np.clip(0.0, law.b_left[k], law.b_right[k])) for k in np.flatnonzero(rests)]
+        most = float(np.max(np.abs(np.array(values) - traction[node])))
         found[i] = 0.5 * (abs(a) + abs(a - float(z[node]))) * most * width[i]
-        if goal.quantity == "slip_length" and rests and most > 0.0:
+        # a hidden zone may stick
+        if goal.quantity == "slip_length" and most > 0.0 and np.any(rests | (between & (law.kinds == UP))):
             found[i] += width[i]
     return found
-
-
-def _most(law: Laws, given: float, slip: float, traction: float) -> tuple[float, bool]:
-    """Largest |b − traction| between a given slip and that of the next node, and whether a hidden zone may stick."""
-    between = (law.kinks > min(given, slip)) & (law.kinks < max(given, slip))
-    values = [*law.b_left[between], *law.b_right[between], float(law.b(given, 1 if slip > given else -1))]
-    rests = (law.kinks == given) & (law.kinds == UP)
-    values += [float(np.clip(0.0, law.b_left[k], law.b_right[k])) for k in np.flatnonzero(rests)]
-    return float(np.max(np.abs(np.array(values) - traction))), bool(np.any(rests | (between & (law.kinds == UP))))
 
 
 @dataclass(frozen=True)

@@ -333,7 +333,14 @@ def _onto(loop: Loop, others: Sequence[Loop], near: float) -> tuple[Loop, float]
         if distance.min() <= near:
             own = targets[int(distance.argmin())].start
         elif away[:, i].min() <= near:
-            own = _nearest(targets[int(away[:, i].argmin())], own)
+            edge = targets[int(away[:, i].argmin())]
+            if (arc := edge_arc(edge)) is None:
+                begin, chord = np.array(edge.start), np.subtract(edge.end, edge.start)
+                x, y = begin + chord * float((point - begin) @ chord / (chord @ chord))
+            else:
+                radial = point - arc.center
+                x, y = arc.center + arc.radius * radial / np.linalg.norm(radial)
+            own = float(x), float(y)
         moved = max(moved, math.dist(own, point))
         placed.append(own)
     edges: list[Edge] = []
@@ -346,15 +353,3 @@ def _onto(loop: Loop, others: Sequence[Loop], near: float) -> tuple[Loop, float]
         chain = [start, *inner, end]
         edges += [replace(edge, start=a, end=b) for a, b in pairwise(chain)]
     return replace(loop, edges=tuple(edges)), moved
-
-
-def _nearest(edge: Edge, point: Point) -> Point:
-    """The point of an edge that is nearest to one close to it, and at neither end."""
-    arc, at = edge_arc(edge), np.array(point)
-    if arc is None:
-        start, chord = np.array(edge.start), np.subtract(edge.end, edge.start)
-        x, y = start + chord * float((at - start) @ chord / (chord @ chord))
-    else:
-        radial = at - arc.center
-        x, y = arc.center + arc.radius * radial / np.linalg.norm(radial)
-    return float(x), float(y)
