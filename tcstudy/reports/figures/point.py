@@ -14,7 +14,7 @@ from tcstudy.laws.composed import EdgeLaws, laws_along
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import DOWN, UP
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.body import Drawn, Field, draw_body, drawn, field_of
+from tcstudy.reports.figures.body import Field, draw_body, drawn, field_of
 from tcstudy.reports.figures.panels import Array, Panel, Scale, Sheet, scale
 from tcstudy.reports.picture import NEAR, LineFields, Picture
 from tcstudy.reports.text import DIGITS, axis_unit, counted, number, pretty, with_unit
@@ -51,14 +51,15 @@ def point_figure(picture: Picture, look: style.Look, of: str | None = None, fact
         f"inclusion residual {number(float(at['inclusion_residual']), 2)}",
     ]
     sheet = Sheet(look, picture.title, [style.point_words(picture.point), ",  ".join(mesh)], rows, heights)
-    aligned = shape is not None and origin_below(line) is not None
-    along = _draw_line(sheet, picture, width, aligned)
+    sign, start = (origin_below(line) if shape else None) or (0.0, 0.0)
+    along = _draw_line(sheet, picture, width, sign)
     if shape:
         draw_body(sheet, sheet.panels["body"], picture, shape, field)
     figure = sheet.finish()
-    if shape and aligned:  # the body has the width of its panel now
+    if shape and sign:  # the body has the width of its panel now: s lies below its x
+        ends = [sign * (x * shape.axis.one - start) / along.one for x in sheet.panels["body"].get_xlim()]
         for name in below:
-            sheet.panels[name].set_xlim(*window_below(line, sheet.panels["body"].get_xlim(), shape, along.one))
+            sheet.panels[name].set_xlim(*ends)
     return figure
 
 
@@ -72,19 +73,11 @@ def origin_below(line: LineFields) -> tuple[float, float] | None:
     return None if np.ptp(start) > NEAR * length else (sign, float(start[0]))
 
 
-def window_below(line: LineFields, window: tuple[float, float], shape: Drawn, metre: float) -> tuple[float, float]:
-    """Ends of a panel that stands below that of the body, so that s lies below its x [metre]."""
-    origin = origin_below(line)
-    assert origin is not None
-    left, right = (origin[0] * (x * shape.axis.one - origin[1]) / metre for x in window)
-    return left, right
-
-
-def _draw_line(sheet: Sheet, picture: Picture, width: float, wider: bool) -> Scale:
+def _draw_line(sheet: Sheet, picture: Picture, width: float, sign: float) -> Scale:
     """u_T and ξ over the arclength, the scale of which it returns; `width` is that of the panels [inch].
 
-    wider: whether the panels reach beyond the line; then ticks and frame end with it
-    ξ is drawn as it is computed: constant on the segment S_i around every contact node.
+    sign: of x along s where the panels stand below the body and reach beyond the line, so that ticks and frame end with
+          it; 0 where they do not. ξ is drawn as it is computed: constant on the segment S_i around every contact node.
     """
     line, length = picture.line, float(picture.line.c.sum())
     edges = np.unique(line.edge)
@@ -112,12 +105,18 @@ def _draw_line(sheet: Sheet, picture: Picture, width: float, wider: bool) -> Sca
         dots: dict[str, Any] = {"marker": "o" if len(line.u_T) <= FEW else "", "markersize": 3.0, "clip_on": False}
         upper.line(*np.array(curve).T, color=style.BLUE, linewidth=1.5, **dots)
         lower.line(np.repeat(ends, 2)[1:-1], np.repeat(line.xi[nodes], 2), color=style.VERMILLION, linewidth=1.5)
-        _draw_held(upper, held, at, line.u_T)
+        if held:  # named at the last end, outside of the curve where there is room
+            upper.line(*np.array(held).T, color=style.INK, marker="s", markersize=5, linestyle="none", zorder=4)
+            x, u = held[-1]
+            right = (x > np.mean(at)) == (sign >= 0.0)
+            above = u <= 0.0 or u < 0.7 * np.max(line.u_T, initial=0.0)
+            shift = (6 if right else -6, -3) if right or sign else (4, 5 if above else -16)
+            upper.note("held", (x, u), shift, ha="right" if shift[0] < 0 else "left", fontsize=8.5)
     _name_edges(upper, lower, line, width)
     for name, (panel, values) in panels.items():
         axes = sheet.panels[name]
         panel.draw(axes)
-        if wider:
+        if sign:
             places = [tick for tick in axes.get_xticks() if -1e-9 <= tick * s.one / length <= 1.0 + 1e-9]
             axes.set_xticks(places)
             axes.spines["bottom"].set_bounds(0.0, length / s.one)
@@ -125,17 +124,6 @@ def _draw_line(sheet: Sheet, picture: Picture, width: float, wider: bool) -> Sca
             axes.set_yticks([0.0])
     sheet.share(*panels)
     return s
-
-
-def _draw_held(panel: Panel, held: list[tuple[float, float]], at: Any, u_T: Any) -> None:
-    """Squares at held ends, named at the lower one, where there is room above, or else below."""
-    if not held:
-        return
-    panel.line(*np.array(held).T, color=style.INK, marker="s", markersize=5, linestyle="none", zorder=4)
-    x, u = min(held, key=lambda end: end[1])
-    side, shift = ("left", 4) if x < np.mean(at) else ("right", -4)
-    above = u < 0.7 * np.max(u_T, initial=0.0) or u <= 0.0
-    panel.note("held", (x, u), (shift, 5 if above else -16), ha=side, fontsize=8.5)
 
 
 def stick_text(line: LineFields) -> str:
@@ -193,22 +181,20 @@ Ends = tuple[tuple[float, float], tuple[float, float]]
 
 def ends_of(along: str | Ends) -> Array:
     """(2, 2) both ends of a line, of numbers [m] or of a text "0 mm, 5 mm: 200 mm, 5 mm". Raises UsageError."""
-    remedy = 'give two points of the body, for example "0 mm, 5 mm: 200 mm, 5 mm"'
+
+    def metres(text: str) -> float:
+        quantity = split_quantity(text.strip())
+        return to_si(*quantity, LENGTH) if quantity else float(text)
+
     try:
-        if not isinstance(along, str):
-            ends = np.array(along, dtype=float)
-        else:
-            ends = np.array([[_metres(one.strip()) for one in point.split(",")] for point in along.split(":")])
-    except (TypeError, ValueError, UnitError) as error:
-        raise UsageError(f"along: {along!r} is no line; {remedy}") from error
+        given = [map(metres, point.split(",")) for point in along.split(":")] if isinstance(along, str) else along
+        ends = np.array([list(point) for point in given], dtype=float)
+    except (TypeError, ValueError, UnitError):
+        ends = np.zeros(0)
     if ends.shape != (2, 2) or not np.isfinite(ends).all() or np.array_equal(*ends):
+        remedy = 'give two points of the body, for example "0 mm, 5 mm: 200 mm, 5 mm"'
         raise UsageError(f"along: {along!r} is no line; {remedy}")
     return ends
-
-
-def _metres(text: str) -> float:
-    quantity = split_quantity(text)
-    return to_si(*quantity, LENGTH) if quantity else float(text)
 
 
 def profile_figure(picture: Picture, look: style.Look, along: str | Ends, of: str | None = None) -> Figure:

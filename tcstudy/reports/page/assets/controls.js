@@ -1,10 +1,6 @@
 // What all parts share: the state (kept in the address), controls, tables.
 TC.state = {};
-TC.readState = function () {
-  const found = {};
-  for (const [key, value] of new URLSearchParams(location.hash.slice(1))) found[key] = value;
-  return found;
-};
+TC.readState = () => Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
 TC.writeState = function () {
   const words = new URLSearchParams();
   for (const key in TC.state) if (TC.state[key] !== undefined && TC.state[key] !== null && TC.state[key] !== "") words.set(key, Array.isArray(TC.state[key]) ? TC.state[key].join(",") : TC.state[key]);

@@ -24,19 +24,13 @@ TC.unpack = function (node, buffer, start) {
     array.shape = node.s;
     return array;
   }
-  const found = {};
-  for (const key in node) found[key] = TC.unpack(node[key], buffer, start);
-  return found;
+  return Object.fromEntries(Object.entries(node).map(([key, one]) => [key, TC.unpack(one, buffer, start)]));
 };
 
 // Row p of values kept with 16 bits; missing ones are NaN.
 TC.row = function (rows, p) {
-  const n = rows.rows.shape[1], scale = rows.scale[p], out = new Float64Array(n);
-  for (let i = 0; i < n; i++) {
-    const q = rows.rows[p * n + i];
-    out[i] = q === -32768 ? NaN : q * scale;
-  }
-  return out;
+  const n = rows.rows.shape[1], scale = rows.scale[p];
+  return Float64Array.from(rows.rows.subarray(p * n, (p + 1) * n), (q) => (q === -32768 ? NaN : q * scale));
 };
 
 // Field p on the body: the sum of its modes.

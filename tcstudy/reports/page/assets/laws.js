@@ -20,11 +20,7 @@ TC.Law = class {
   slope(s, k) { return this.q[k] - (this.a[k] === 0 ? 0 : this.a[k] * this.r[k] * Math.exp(-this.r[k] * (s - this.s0[k]))); }
   b(s, side) { return this.value(s, this.piece(s, side)); }
   onJump(s) { const k = this.piece(s, -1); return k < this.kinks.length && this.kinks[k] === s && this.kind[k] !== 0; }
-  nextUp(s, direction) {
-    if (direction > 0) { for (const u of this.ups) if (u > s) return u; return Infinity; }
-    for (let i = this.ups.length - 1; i >= 0; i--) if (this.ups[i] < s) return this.ups[i];
-    return -Infinity;
-  }
+  nextUp(s, direction) { return direction > 0 ? this.ups.find((u) => u > s) ?? Infinity : this.ups.findLast((u) => u < s) ?? -Infinity; }
 };
 // A law to draw, as the data have it, scaled like this.
 TC.scaledLaw = (law, f, g) => ({ ...law, omega: law.omega === null ? null : (law.omega * f) / g, reach: law.reach * g, curves: law.curves.map(([s, b]) => [s.map((v) => v * g), b.map((v) => v * f)]), jumps: law.jumps.map(([s, l, r, kind]) => [s * g, l * f, r * f, kind]) });

@@ -15,10 +15,7 @@ TC.sections = function (main, sections) {
   }
   sections.forEach((one, k) => TC.show(TC.sections.hosts[k], one.parts));
 };
-TC.theme = function (name) {
-  document.documentElement.dataset.theme = name;
-  TC.state.theme = name;
-};
+TC.theme = (name) => (document.documentElement.dataset.theme = TC.state.theme = name);
 TC.restore = function () {
   const given = TC.readState();
   Object.keys(TC.state).forEach((key) => delete TC.state[key]);
