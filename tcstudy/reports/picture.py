@@ -1,22 +1,30 @@
-"""What one picture shows, read from a result file: plain arrays in the units of the file."""
+"""What one picture shows, read from a result file: plain arrays in the units of the file, and the study that is in it.
+
+Every result file has the text of its study. Where it can be read again, pictures and pages can say what an edge does.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from tcstudy.data.reading import GEOMETRIES, by_point, open_results, sweep_dims
-from tcstudy.data.schema import STICKS
-from tcstudy.laws.composed import NO_JOINTS, Joints
+from tcstudy.data.schema import JOINTS, STICKS
+from tcstudy.errors import StudyError
+from tcstudy.laws.composed import NO_JOINTS, EdgeLaws, Joints, law_along
+from tcstudy.laws.laws import Laws
+from tcstudy.read.study import read_study_text
 from tcstudy.reports.select_point import Value, check_solved, describe, level_number, locate
-from tcstudy.reports.stored_study import NamedEdge, joints_of, outline, scene_at, sources, stored_study
-from tcstudy.scene.records import Scene
+from tcstudy.scene.records import Clamped, Edge, Scene
+from tcstudy.scene.study import Study
+from tcstudy.shapes.edges import edge_points
 
 Array = NDArray[np.float64]
 
@@ -120,6 +128,21 @@ class BodyFields:
 
 
 Held = tuple[float | None, float | None]
+ARC_POINTS = 24
+
+
+@dataclass(frozen=True)
+class NamedEdge:
+    """An edge of the body: its role in a word, the loop that it belongs to (0 is the outline), its points (n, 2).
+
+    loaded: whether a traction acts on it
+    """
+
+    name: str
+    role: str
+    loop: int
+    line: Array
+    loaded: bool = False
 
 
 @dataclass(frozen=True)
@@ -173,20 +196,37 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
             edges=tuple(outline(study)),
             sources=tuple(sources(study)),
             held=_held_slip(line, group),
-            scene=None if study is None else scene_at(study, [where[d] for d in sweep_dims(root)]),
+            scene=study.scenes[_place(root, where)] if study is not None else None,
         )
+
+
+def _place(root: Any, where: Mapping[str, int]) -> int:
+    """The number of a point in the sweep."""
+    dims = sweep_dims(root)
+    return int(np.ravel_multi_index([where[d] for d in dims], [root.sizes[d] for d in dims])) if dims else 0
 
 
 def _own_geometry(tree: Any, root: Any, where: Mapping[str, int]) -> tuple[Any, Any, dict[str, int]]:
     """The part of a file that the geometry of a point has, its table, and the place of the point in it."""
-    of = by_point(root["geometry"], root)
-    place = int(
-        np.ravel_multi_index([where[dim] for dim in sweep_dims(root)], [root.sizes[d] for d in sweep_dims(root)])
-    )
+    of, place = by_point(root["geometry"], root), _place(root, where)
     tree = tree[f"geometry_{of[place]}"]
     own = tree.to_dataset(inherit=False)
-    index = np.unravel_index(np.count_nonzero(of[:place] == of[place]), [own.sizes[dim] for dim in sweep_dims(own)])
-    return tree, own, {dim: int(i) for dim, i in zip(sweep_dims(own), index, strict=True)}
+    dims = sweep_dims(own)
+    index = np.unravel_index(np.count_nonzero(of[:place] == of[place]), [own.sizes[dim] for dim in dims])
+    return tree, own, {dim: int(i) for dim, i in zip(dims, index, strict=True)}
+
+
+def stored_study(data: Any, swept: bool = True) -> Study | None:
+    """The study of a result file (its root dataset); None if its text cannot be read (a body's file may be gone).
+
+    swept: with its points, of which each costs half a millisecond; else the one scene outside the sweep
+    """
+    text, overrides = str(data.attrs.get("study_yaml", "")), str(data.attrs.get("overrides", ""))
+    told = [one for one in overrides.split("\n") if one] + ([] if swept else ["sweep=null"])
+    try:
+        return read_study_text(text, "study", told)
+    except (StudyError, OSError):
+        return None
 
 
 def ends_held(line: LineFields, group: Any) -> list[tuple[int, int]]:
@@ -244,3 +284,58 @@ def body_fields(group: Any) -> BodyFields | None:
         theta_units=str(theta.attrs["units"]) if theta is not None else "1",
         region=group["region"].values if "region" in group else np.zeros(len(triangles), dtype=np.int8),
     )
+
+
+def law_of_nodes(friction: Laws | EdgeLaws, group: Any) -> Laws:
+    """The law of the contact line of a stored level, or of its nodes."""
+    names = str(group["edge"].attrs.get("flag_meanings", "")).split()
+    xy = np.stack([group["x"].values, group["y"].values], axis=1)
+    return law_along(friction, names, group["edge"].values, xy, joints_of(group))
+
+
+def joints_of(group: Any) -> Joints:
+    """The nodes of a stored level where contact edges meet."""
+    return Joints(*(group[v.name].values for v in JOINTS)) if "joint_node" in group else NO_JOINTS
+
+
+def at_rest(study: Study | None) -> bool:
+    """True if every held edge is held where it is, so that the slip is zero at a held end."""
+    if study is None:
+        return False
+    roles = {role for scene in study.scenes for _, role in scene.boundary if isinstance(role, Clamped)}
+    return all(component in (None, 0.0) for role in roles for component in role.u)
+
+
+def outline(study: Study | None) -> list[NamedEdge]:
+    """Edges with their roles; empty if the study does not say (a body from a file)."""
+    if study is None or study.scenes[0].body.outline is None:
+        return []
+    body, roles, found = study.scenes[0].body, dict(study.scenes[0].boundary), []
+    for number, loop in enumerate((body.outline, *body.holes)):
+        for edge in loop.edges if loop is not None else ():
+            role = roles.get(edge.name)
+            loaded = role is not None and any((*role.g, role.pressure, *role.force))
+            found.append(NamedEdge(edge.name, role.word if role else "free", number, _polyline(edge), loaded))
+    return found
+
+
+def sources(study: Study | None) -> list[Array]:
+    """Outlines (n, 2) of the regions that are heated."""
+    if study is None or not any(scene.heat.q != 0.0 for scene in study.scenes):
+        return []
+    scene = study.scenes[0]
+    loops = [region.loop for region in scene.body.regions if region.name in scene.heat.omega]
+    return [np.concatenate([_polyline(edge) for edge in loop.edges]) for loop in loops]
+
+
+def _polyline(edge: Edge) -> Array:
+    """A straight edge as its two ends, an arc as a chain of points (n, 2)."""
+    return edge_points(edge, 1 if edge.through is None else ARC_POINTS - 1)
+
+
+def nearest(places: Array, named: Sequence[NamedEdge]) -> NDArray[np.int8]:
+    """(k,) index of the named edge that each place lies on; −1 where no edges are known."""
+    if not named:
+        return np.full(len(places), -1, dtype=np.int8)
+    points, lines = shapely.points(places), [shapely.LineString(edge.line) for edge in named]
+    return np.argmin([shapely.distance(points, line) for line in lines], axis=0).astype(np.int8)

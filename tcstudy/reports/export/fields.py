@@ -35,9 +35,8 @@ from tcstudy.data.provenance import kind_of
 from tcstudy.data.reading import by_point, each_point, open_results, refuse_geometries
 from tcstudy.data.schema import LAYER, SECTION, STICKS, PointStatus
 from tcstudy.errors import UsageError
-from tcstudy.reports.picture import body_fields, contact_line
+from tcstudy.reports.picture import body_fields, contact_line, law_of_nodes, stored_study
 from tcstudy.reports.select_point import Value, labels, level_number, matching
-from tcstudy.reports.stored_study import law_of_nodes, stored_study
 from tcstudy.reports.stresses import stresses, von_mises
 from tcstudy.scene.histories import ContactState, node_states
 from tcstudy.scene.records import Scene

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from tcstudy.errors import DrawError
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.panels import Array, Scale, Sheet, note, scale
-from tcstudy.reports.picture import BodyFields, LineFields, Picture
-from tcstudy.reports.stored_study import NamedEdge, nearest
+from tcstudy.reports.picture import BodyFields, LineFields, NamedEdge, Picture, nearest
 from tcstudy.reports.stresses import COMPONENTS, recovered
 from tcstudy.reports.text import number, pretty
 from tcstudy.scene.records import Scene

@@ -18,6 +18,7 @@ from tcstudy.reports.page.parts import (
     beside,
     choice,
     column,
+    column_of,
     panel_part,
     section,
     sheet_part,
@@ -27,8 +28,8 @@ from tcstudy.reports.page.parts import (
 )
 from tcstudy.reports.page.run import law_part, line_along
 from tcstudy.reports.page.stored import Stored
+from tcstudy.reports.picture import at_rest
 from tcstudy.reports.select_point import describe
-from tcstudy.reports.stored_study import at_rest
 from tcstudy.reports.terminal import accuracy, fit, paths
 from tcstudy.reports.text import proved
 from tcstudy.scene.keys import symbol
@@ -73,52 +74,50 @@ def path_sections(stored: Stored, box: Container) -> list[Json]:
     data = stored.data
     m, vertices, pieces = (int(data.sizes[name]) for name in ("node", "vertex", "piece"))
     keep = np.unique(np.append(np.arange(0, vertices, max(1, -(-4 * m * vertices // STATES_BYTES))), vertices - 1))
-    c, t = data["c"].values, data["parameter"].values
-    name, units = str(data.attrs["parameter"]), str(data["parameter"].attrs["units"])
-    friction = "1" if str(data["xi"].attrs["units"]) == "1" else "N m-1"
+    name, t, units = str(data.attrs["parameter"]), data["parameter"].values, str(data["parameter"].attrs["units"])
 
-    def columns(kind: str, names: tuple[str, ...]) -> list[Json]:
-        u, xi = data[f"{kind}u_T"].values, data[f"{kind}xi"].values
-        found = [column(one, symbol(name) if one == "parameter" else one, str(data[f"{kind}{one}"].attrs["units"]),
-                        data[f"{kind}{one}"].values, box) for one in names]  # fmt: skip
-        for key, (title, source, formula) in RESPONSES.items():
-            unit = friction if source == "xi" else str(data["u_T"].attrs["units"])
-            found.append(column(key.replace("-", "_"), words(title), unit, formula(u, xi, c), box))
+    def response(key: str, kind: str = "", kept: Any = slice(None)) -> Any:
+        return RESPONSES[key][2](data[f"{kind}u_T"].values[kept], data[f"{kind}xi"].values[kept], data["c"].values)
+
+    def columns(kind: str, *names: str) -> list[Json]:
+        found = [
+            column_of(data, f"{kind}{one}", box, symbol(name) if one == "parameter" else one, one) for one in names
+        ]
+        for key, (title, source, _) in RESPONSES.items():
+            unit = str(data[source].attrs["units"])
+            unit = "N m-1" if source == "xi" and unit != "1" else unit
+            found.append(column(key.replace("-", "_"), words(title), unit, response(key, kind), box))
         return found
 
     shown = {}
-    for key, (title, _, formula) in RESPONSES.items():
+    for key, (title, *_) in RESPONSES.items():
         curve, *strips = path_panels(data, key).values()
-        at = t[keep], formula(data["u_T"].values[keep], data["xi"].values[keep], c)
         shown[words(title)] = [
-            panel_part(curve, box, at, 400),
+            panel_part(curve, box, (t[keep], response(key, "", keep)), 400),
             beside(*(panel_part(one, box, high=190) for one in strips)),
         ]
     low, high = sorted(float(x) for x in data.attrs["parameter_range"])
     inside = [int(v) for v in paths.seen_folds(data)[0] if low <= t[v] <= high]
     first, scaled = inside[0] if inside else vertices // 2, scale("", t, units)
-    unit = scaled.label.strip(" []")
-    texts = [f"{symbol(name)} = {value:.4g} {unit}".rstrip() for value in scaled(t[keep])]
+    texts = [f"{symbol(name)} = {value:.4g} {scaled.label.strip(' []')}".rstrip() for value in scaled(t[keep])]
     laws, state = law_part(stored), data["state"].values[np.minimum(keep, pieces - 1)]
     line = _line(data, keep, state, False, box)
     line["law"] = laws["laws"][0] if laws is not None and "edges" not in laws else None  # the one that all nodes have
     told = [one for one in paths.path_parts(data) if isinstance(one, str)]
     title = "1  All equilibria of the range" if int(data.get("complete", 0)) else "1  Equilibria on this path"
     slider = states("along the path", texts, int(np.argmin(np.abs(keep - first))))
-    curves = choice("response", "response", shown)
-    found = [section(title, "path", slider, curves, *text_parts(told))]
+    found = [section(title, "path", slider, choice("response", "response", shown), *text_parts(told))]
     found.append(section("2  One state on the path", "point", line))
     if data.sizes.get("solution", 0):
-        solutions = columns("solution_", ("parameter", "energy", "residual", "stable", "lowest"))
+        solutions = columns("solution_", "parameter", "energy", "residual", "stable", "lowest")
         proofs = [proved(data.isel(solution=i), "solution_") for i in range(data.sizes["solution"])]
         solutions.append(column("certified", "certified", "1", proofs, box))
         found.append(section("3  Solutions at the values asked for", "solutions", sheet_part(solutions, "solutions")))
-    vertex = columns("", ("parameter", "energy", "residual"))
     if len(keep) == vertices:
-        chart = ("parameter", "energy")
-        found.append(
-            section(f"{len(found) + 1}  All vertices", "table", sheet_part(vertex, "path", states=True, chart=chart))
+        vertex = sheet_part(
+            columns("", "parameter", "energy", "residual"), "path", states=True, chart=("parameter", "energy")
         )
+        found.append(section(f"{len(found) + 1}  All vertices", "table", vertex))
     return found
 
 
@@ -129,44 +128,48 @@ MEMORY = ("kappa", "plastic")
 
 def history_parts(stored: Stored, part: Any, without: tuple[str, ...], box: Container) -> Json:
     """One point of a history: loop, steps, what nodes do, energies, cycles and the table of all steps."""
-    data = solved_steps(part)
-    told = [{"part": "text", "lines": paths.sentences_of(part)}]
+    data, told = solved_steps(part), [{"part": "text", "lines": paths.sentences_of(part)}]
     if not data.sizes["step"]:
         return {"point": told, "accuracy": [], "table": []}
-    names, loads = loop_names(data), str(data.attrs["loads"]).split()
-    steps = np.arange(data.sizes["step"])
-    panels = history_panels(data, *names)
-    step_names = [str(one) for one in data["step_name"].values]
+    names, loads, steps = loop_names(data), str(data.attrs["loads"]).split(), np.arange(data.sizes["step"])
+    panels, step_names = history_panels(data, *names), [str(one) for one in data["step_name"].values]
     columns = [column("step", "step", "1", steps, box), column("name", "name", "1", step_names, box)]
     columns += [column("cycle", "cycle", "1", data["cycle"].values, box)]
     numbers = [str(name) for name, one in data.data_vars.items() if one.dims == ("step",) and "units" in one.attrs]
     for name in dict.fromkeys([*loads, *(one for one in numbers if "flag_values" not in data[one].attrs)]):
-        title = symbol(name) if name in loads else str(data[name].attrs["long_name"])
-        columns.append(column(name, title, str(data[name].attrs["units"]), data[name].values, box))
+        columns.append(column_of(data, name, box, symbol(name) if name in loads else ""))
     columns.append(column("proved", "proved", "1", [proved(data.isel(step=i)) for i in steps], box))
     facts = {"part": "facts", "columns": [one for one in columns if one["name"] in ("cycle", *loads, *FACTS)]}
     loop = panel_part(panels.pop("loop"), box, (data[names[0]].values, data[names[1]].values), 380)
     texts = [f"{i}, {name}" if name else str(i) for i, name in enumerate(step_names)]
     point = [*told, states("step", texts, len(texts) - 1), beside(loop, facts)]
+    middle = np.full(len(steps), 0.5 * float(data["c"].sum()))
+    motion = panels.pop("motion")
     if "lines" not in without:
-        middle = np.full(len(steps), 0.5 * float(data["c"].sum()))
-        motion = panel_part(panels.pop("motion"), box, (steps, middle), 250)
         held = any(name.startswith("u_") for name in loads)
         moved = paths.motion(data["u_T"].values, data["jumped"].values if "jumped" in data else None)
-        line = _line(data, slice(None), moved, at_rest(stored.study) and not held, box) | {
-            "moves": list(paths.MOVES),
-            "memory": [
-                column(name, str(data[name].attrs["long_name"]), str(data[name].attrs["units"]), [], box)
-                | {"v": box.rows(data[name].values)}
-                for name in MEMORY
-                if name in data and "memory" not in without
-            ],
-        }
-        point.append(beside(line, motion))
+        line = _line(data, slice(None), moved, at_rest(stored.study) and not held, box)
+        line["moves"] = list(paths.MOVES)
+        kept = [name for name in MEMORY if name in data and "memory" not in without]
+        line["memory"] = [column_of(data, name, box) | {"v": box.rows(data[name].values)} for name in kept]
+        point.append(beside(line, panel_part(motion, box, (steps, middle), 250)))
     else:
-        panels.pop("motion")
         point.append({"part": "text", "lines": ["The page was made without contact lines; the file has them."]})
-    energies = [panel_part(one, box, high=220) for one in (*_energies(data), *panels.values())]
+    for title, of in (
+        ("Body and loads", ("work", "energy")),
+        ("Energies of the bond", ("dissipated", "released", "stored")),
+    ):
+        sums = {name: np.cumsum(data[name].values) for name in of if name in ("dissipated", "released", "work")}
+        curves = {name: sums.get(name, data[name].values) for name in of}
+        curves = {name: v for name, v in curves.items() if np.nanmax(np.abs(v), initial=0.0) > 0.0}
+        if curves:
+            up = scale("energy", list(curves.values()), str(data["dissipated"].attrs["units"]))
+            panel = Panel(Scale("step"), up, title)
+            panel.across(0.0)
+            for (name, values), colour in zip(curves.items(), style.SERIES, strict=False):
+                panel.line(steps, values, color=colour, linewidth=1.3, label=name + ", sum" * (name in sums))
+            panels = {title: panel} | panels
+    energies = [panel_part(one, box, high=220) for one in panels.values()]
     sheet = sheet_part(columns, "steps", states=True, chart=(names[0], "friction_resultant"))
     return {"point": point, "accuracy": [beside(*energies)], "table": [sheet]}
 
@@ -177,27 +180,6 @@ def _line(data: Any, kept: Any, state: Any, rest: bool, box: Container) -> Json:
     return {"part": "line", "line": line, "state": box.array(state, "i1")}
 
 
-def _energies(data: Any) -> list[Panel]:
-    """Energies of the bond, and work and energy of body and loads, over the steps; sums are since the beginning."""
-    steps, sums = np.arange(data.sizes["step"]), ("dissipated", "released", "work")
-    found = []
-    for title, names in (
-        ("Energies of the bond", ("dissipated", "released", "stored")),
-        ("Body and loads", ("work", "energy")),
-    ):
-        curves = {name: np.cumsum(data[name].values) if name in sums else data[name].values for name in names}
-        curves = {name: v for name, v in curves.items() if np.nanmax(np.abs(v), initial=0.0) > 0.0}
-        if not curves:
-            continue
-        up = scale("energy", list(curves.values()), str(data["dissipated"].attrs["units"]))
-        panel = Panel(Scale("step"), up, title)
-        panel.across(0.0)
-        for name, colour in zip(curves, style.SERIES, strict=False):
-            panel.line(steps, curves[name], color=colour, linewidth=1.3, label=name + ", sum" * (name in sums))
-        found.append(panel)
-    return found
-
-
 def fit_sections(data: Any, box: Container) -> list[Json]:
     """Data and curve, what was found, and all data; a state is a datum."""
     given, measured = fit.columns(data)
@@ -206,7 +188,6 @@ def fit_sections(data: Any, box: Container) -> list[Json]:
     places = data["datum_given"].values if given else rows + 1.0
     at = np.where(first, places, np.nan), np.where(first, data["datum"].values, np.nan)
     number = np.concatenate([1 + np.arange(np.count_nonzero(of == i)) for i in np.unique(of)])
-    number = np.where(np.isin(of, [i for i in np.unique(of) if np.count_nonzero(of == i) == 1]), rows + 1, number)
     curve = panel_part(panels.pop("curve"), box, at, 400)
     residuals = panel_part(panels.pop("residuals"), box, (number, data["residual"].values), 240)
     one = {str(i): measured[i] for i in np.unique(of)}
@@ -214,12 +195,8 @@ def fit_sections(data: Any, box: Container) -> list[Json]:
     columns = [column("datum", "datum", "1", rows + 1, box)]
     columns += [column("measured", "measured", "1", [measured[i][0] for i in of], box)] if len(one) > 1 else []
     columns += [column(given[0][0], symbol(given[0][0]), given[0][1], places, box)] if given else []
-    for key, title, variable in (
-        ("value", "value", "datum"),
-        ("predicted", "of the study", "predicted"),
-        ("noise", "noise", "noise"),
-    ):
-        columns.append(column(key, title, units, data[variable].values, box))
+    kinds = (("value", "value", "datum"), ("predicted", "of the study", "predicted"), ("noise", "noise", "noise"))
+    columns += [column(key, title, units, data[variable].values, box) for key, title, variable in kinds]
     columns.append(column("residual", "residual / noise", "1", data["residual"].values, box))
     rest = [panel_part(panel, box, high=260) for panel in panels.values()]
     facts = {"part": "facts", "columns": columns}

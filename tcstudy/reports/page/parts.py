@@ -124,6 +124,12 @@ def column(name: str, title: str, units: str, values: Any, box: Container) -> Js
     }
 
 
+def column_of(data: Any, name: str, box: Container, title: str = "", key: str = "") -> Json:
+    """The column of a stored variable, by its long name unless it has a title, and by its name or a key."""
+    one = data[name]
+    return column(key or name, title or str(one.attrs["long_name"]), str(one.attrs["units"]), one.values, box)
+
+
 def sheet_part(
     columns: Sequence[Json], file: str, *, states: bool = False, chart: tuple[str, str] | None = None
 ) -> Json:

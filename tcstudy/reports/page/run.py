@@ -21,10 +21,18 @@ from tcstudy.reports.figures.body import boundary_edges, exaggeration
 from tcstudy.reports.figures.point import curves, slip_range
 from tcstudy.reports.page.parts import Container, Json
 from tcstudy.reports.page.stored import Stored
-from tcstudy.reports.picture import LineFields, contact_line, ends_held
+from tcstudy.reports.picture import (
+    LineFields,
+    at_rest,
+    contact_line,
+    ends_held,
+    law_of_nodes,
+    nearest,
+    outline,
+    sources,
+)
 from tcstudy.reports.select_point import numbers_of
 from tcstudy.reports.sentences import several
-from tcstudy.reports.stored_study import at_rest, law_of_nodes, nearest, outline, sources
 from tcstudy.reports.text import DIGITS, named, study_unit
 from tcstudy.scene.histories import ContactState, node_states
 from tcstudy.scene.points import combinations

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tcstudy.data.provenance import kind_of, measured_path
 from tcstudy.data.reading import GEOMETRIES, of_largest, open_results, sweep_dims
 from tcstudy.errors import StoreError
-from tcstudy.reports.stored_study import stored_study
+from tcstudy.reports.picture import stored_study
 from tcstudy.scene.study import Study
 
 MOST_SOLUTIONS = 100_000

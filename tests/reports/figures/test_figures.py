@@ -19,8 +19,7 @@ from tcstudy.reports.figures import style
 from tcstudy.reports.figures.draw import Wanted, picture
 from tcstudy.reports.figures.point import law_figure, laws_of
 from tcstudy.reports.figures.sweep import curves_figure, map_figure, read_sweep
-from tcstudy.reports.picture import read_picture
-from tcstudy.reports.stored_study import law_of_nodes
+from tcstudy.reports.picture import law_of_nodes, read_picture
 from tcstudy.reports.terminal.paths import seen_folds
 from tcstudy.scene.histories import ContactState, node_states
 from tests.reports.conftest import FILMS, Stored

@@ -15,8 +15,7 @@ import tcstudy
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures.body import boundary_edges, chained, contact_chains, exaggeration, joined
 from tcstudy.reports.figures.point import stick_ranges, stick_text
-from tcstudy.reports.picture import read_picture
-from tcstudy.reports.stored_study import NamedEdge, nearest
+from tcstudy.reports.picture import NamedEdge, nearest, read_picture
 from tests.reports.conftest import Stored
 from tests.reports.figures.shown import contact_panels, crowded, drawn, figure_of, line, shown_line
 
