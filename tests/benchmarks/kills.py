@@ -1,9 +1,8 @@
-"""Random kills of workers, runs and schedulers: `python -m tests.benchmarks.kills [KILLS] [SEED]`; 100 kills, and 25.
+"""Random kills of workers and runs: `python -m tests.benchmarks.kills [KILLS] [SEED]`; 100 kills, and 25.
 
 A run of many small blocks with two workers, and one of many geometries, is started again and again. At random times a
-worker or the run itself gets SIGKILL; a run that was killed is started again and goes on from what it kept. The same
-with a dask cluster of two workers, of which one or the scheduler is killed: then the run must say so and end. The file
-in the end is compared with that of a run in one process that nobody kills: every array to the bit, no point failed.
+worker or the run itself gets SIGKILL; a run that was killed is started again and goes on from what it kept. The file in
+the end is compared with that of a run in one process that nobody kills: every array to the bit, no point failed.
 
 Writes results/kills.md.
 """
@@ -17,7 +16,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,7 +25,6 @@ import xarray as xr
 from tcstudy.data.schema import PointStatus
 from tcstudy.read.study import read_study
 from tcstudy.study.run import execute
-from tests.executors.machines import Machines
 from tests.verification.scenes import RECTANGLE
 
 RESULTS = Path(__file__).parents[2] / "results"
@@ -52,7 +49,7 @@ class Slow:
         print("block", flush=True)
         time.sleep(float(sys.argv[4]))
 try:
-    execute(read_study(Path(sys.argv[1])), Path(sys.argv[2]), Slow(), jobs=int(sys.argv[3]), dask=sys.argv[5] or None)
+    execute(read_study(Path(sys.argv[1])), Path(sys.argv[2]), Slow(), jobs=int(sys.argv[3]))
 except UserFault as fault:
     print(fault)
     sys.exit(2)
@@ -63,71 +60,50 @@ PAUSE = 0.02
 
 @dataclass
 class Kills:
-    """What was done: kills of workers, of runs and of schedulers, and how often a run was started."""
+    """What was done: kills of workers and of runs, and how often a run was started."""
 
     workers: int = 0
     runs: int = 0
-    schedulers: int = 0
     starts: int = 0
 
 
-def survive(folder: Path, kills: int, seed: int, points: int, text: str = STUDY, dask: bool = False) -> Kills:
+def survive(folder: Path, kills: int, seed: int, points: int, text: str = STUDY) -> Kills:
     """Kill so often, let the last run end, and compare; raises AssertionError if anything was lost or differs.
 
-    points: of the sweep, or its geometries;  dask: whether the workers are those of a scheduler, which is killed too
+    points: of the sweep, or its geometries
     """
     study, output, plain = folder / "study.yaml", folder / "killed.nc", folder / "plain.nc"
     study.write_text(text.replace("POINTS", str(points)))
     chance, done = random.Random(seed), Kills()
+    words = [sys.executable, "-c", RUN, str(study), str(output), "2", str(PAUSE)]
     while not output.exists():
         assert done.starts < kills + 10, "runs end without a result"
         done.starts += 1
-        with closing(Machines(folder)) if dask else nullcontext() as machines:
-            _one_run(study, output, kills, chance, done, machines)
+        with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as run:
+            _one_run(run, kills, chance, done)
     execute(read_study(study), plain, jobs=1)
     assert_same(plain, output)
     return done
 
 
-def _one_run(
-    study: Path, output: Path, kills: int, chance: random.Random, done: Kills, machines: Machines | None
-) -> None:
-    """One run, until it ends or is killed, or its scheduler."""
-    words = [sys.executable, "-c", RUN, str(study), str(output), "2", str(PAUSE), ""]
-    if machines is not None:
-        scheduler, dask_workers = machines.scheduler(), [machines.worker(), machines.worker()]
-        machines.wait()
-        words[-1] = machines.address
-    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as run:
-        assert run.stdout is not None
-        until = chance.randint(1, 9)  # blocks to be seen before the next kill
-        for line in run.stdout:
-            until -= line == "block\n"
-            if until > 0 or done.workers + done.runs + done.schedulers >= kills:
-                continue
-            time.sleep(chance.uniform(0.0, 2 * PAUSE))
-            if machines is not None:
-                if chance.random() < 0.5:
-                    scheduler.kill()
-                    done.schedulers += 1
-                    said = run.stdout.read()
-                    assert run.wait() == 2, f"a run without scheduler ended with {run.returncode}: {said}"
-                    assert f"the dask scheduler {machines.address} was lost" in said
-                    return
-                dask_workers.pop(chance.randrange(2)).kill()
-                dask_workers.append(machines.worker())
-                done.workers += 1
-                until = chance.randint(5, 9)
-                continue
-            workers = children(run.pid)
-            if chance.random() < 0.2 or not workers:
-                run.kill()
-                done.runs += 1
-                return
-            os.kill(chance.choice(workers), signal.SIGKILL)
-            done.workers += 1
-            until = chance.randint(5, 9)  # those that wait for the killed one, and some more
-        assert run.wait() == 0, f"a run ended with {run.returncode}"
+def _one_run(run: subprocess.Popen[str], kills: int, chance: random.Random, done: Kills) -> None:
+    """One run, until it ends or is killed."""
+    assert run.stdout is not None
+    until = chance.randint(1, 9)  # blocks to be seen before the next kill
+    for line in run.stdout:
+        until -= line == "block\n"
+        if until > 0 or done.workers + done.runs >= kills:
+            continue
+        time.sleep(chance.uniform(0.0, 2 * PAUSE))
+        workers = children(run.pid)
+        if chance.random() < 0.2 or not workers:
+            run.kill()
+            done.runs += 1
+            return
+        os.kill(chance.choice(workers), signal.SIGKILL)
+        done.workers += 1
+        until = chance.randint(5, 9)  # those that wait for the killed one, and some more
+    assert run.wait() == 0, f"a run ended with {run.returncode}"
 
 
 def children(parent: int) -> list[int]:
@@ -155,15 +131,13 @@ def main() -> None:
     kills, seed = (int(word) for word in (*sys.argv[1:], *("100", "0")[len(sys.argv) - 1 :]))
     lines = [f"Made by `python -m tests.benchmarks.kills {kills} {seed}`, two workers, kills at random:"]
     studies = (
-        ("points in blocks of two", STUDY, kills, 20, False),
-        ("geometries of five points", GEOMETRIES, kills // 4, 8, False),
-        ("points in blocks of two on a dask cluster", STUDY, 2 * kills // 5, 40, True),
+        ("points in blocks of two", STUDY, kills, 20),
+        ("geometries of five points", GEOMETRIES, kills // 4, 8),
     )
-    for words, study, times, each, dask in studies:
+    for words, study, times, each in studies:
         with tempfile.TemporaryDirectory() as folder:
-            done = survive(Path(folder), times, seed, each * times, study, dask)
-        others = f"{done.schedulers} schedulers" if dask else f"{done.runs} runs"
-        killed = f"{done.workers} workers and {others} killed, {done.starts} starts"
+            done = survive(Path(folder), times, seed, each * times, study)
+        killed = f"{done.workers} workers and {done.runs} runs killed, {done.starts} starts"
         lines.append(f"- one study of {each * times} {words}: {killed}")
     text = "\n".join(
         [*lines, "", "Nothing lost: every number is that of a run in one process, to the bit; no point failed.", ""]

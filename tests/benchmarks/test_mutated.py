@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tests.benchmarks.mutated import sources, survey
 
-SEEDS = range(10_000, 10_060)
+SEEDS = range(10_000, 10_100)
 
 
 def test_no_spoilt_study_ends_in_a_traceback() -> None:
@@ -12,5 +12,5 @@ def test_no_spoilt_study_ends_in_a_traceback() -> None:
     said: list[str] = []
     counts = survey(SEEDS, said.append)
     assert counts["badly ended"] == 0, "\n".join(said)
-    assert counts["planned"] > 3  # the generator spoils neither all nor nothing
-    assert counts["refused"] > 30
+    assert counts["planned"] > 5  # the generator spoils neither all nor nothing
+    assert counts["refused"] > 50
