@@ -8,7 +8,7 @@ and pictures: the sentence of a file of a million points takes no longer than it
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -103,35 +103,53 @@ HOW = {
 """How the mesh error is known, or why there is none."""
 
 
-@dataclass(frozen=True)
 class RunSeen:
-    """A run as the sentence sees it.
+    """A run's file as the sentence sees it: a few variables, of their last levels only.
 
-    dims:   sweep dimensions;  levels: how many;  mode: "grid" or "list"
-    labels: values and attributes along a dimension, by name
-    take:   values of a variable on one level, counted from the end, (*dims, …); None if the file has none
-    friction: ∫|ξ| on the last level at a point, by its indices along the dimensions
-    units:  of the slip
-    stop:   why refinement ended, empty if nothing decided it
+    dims: sweep dimensions;  mode: "grid" or "list";  units: of the slip;  ok: (*dims) points solved on the last level
     """
 
-    dims: tuple[str, ...]
-    levels: int
-    mode: str
-    labels: Callable[[str], tuple[NDArray[Any], Mapping[str, Any]]]
-    take: Callable[[str, int], NDArray[Any] | None]
-    friction: Callable[[tuple[int, ...]], float] = lambda place: 0.0
-    units: str = "1"
-    stop: str = ""
+    def __init__(self, nc: Any) -> None:
+        nc.set_auto_maskandscale(False)
+        self.nc, self.mode, self.levels = nc, str(nc.sweep_mode), int(nc.dimensions["level"].size)
+        self.dims = tuple(dim for dim in nc["status"].dimensions if dim != "level")
+        self.units = str(nc["u_T_max"].units) if "u_T_max" in nc.variables else "1"
+        self.ok: Flags = np.asarray(self.take("status") == int(PointStatus.OK))
 
-    def ok(self, level: int = -1) -> Flags:
-        """(*dims) which points have a solution on a level."""
-        return np.asarray(self.take("status", level) == int(PointStatus.OK))
+    def take(self, name: str, level: int = -1) -> NDArray[Any] | None:
+        """(*dims, …) values of a variable on one level, counted from the end; None if the file has none."""
+        if name not in self.nc.variables:
+            return None
+        return np.asarray(self.nc[name][(slice(None),) * len(self.dims) + (self.levels + level,)])
 
-    def flag(self, name: str, ok: Flags) -> Flags:
+    def flag(self, name: str) -> Flags:
         """(*dims) which solved points have a flag."""
-        values = self.take(name, -1)
-        return ok & (values == 1) if values is not None else np.zeros_like(ok)
+        values = self.take(name)
+        return self.ok & (values == 1) if values is not None else np.zeros_like(self.ok)
+
+    def friction(self, place: tuple[int, ...]) -> float:
+        """∫|ξ| on the last level at a point."""
+        where, home = dict(zip(self.dims, place, strict=True)), self.nc
+        if "geometry" in home.variables:
+            number = home["geometry"][tuple(where[dim] for dim in home["geometry"].dimensions)]
+            home = home[f"geometry_{int(number)}"]
+        group = home[f"level_{self.levels - 1}"]
+        xi = group["xi"][tuple(where[dim] for dim in group["xi"].dimensions[:-1])]
+        return float(np.abs(xi) @ group["c"][...])
+
+    def shown(self, name: str) -> tuple[list[str], str]:
+        """The labels of an axis and their unit as it is read."""
+        shown, unit = scaled_labels(self.nc[name][...].tolist(), self.nc[name].__dict__)
+        return shown, pretty(unit)
+
+    def labelled(self, place: dict[str, int]) -> list[str]:
+        """The labels of a point along axes with several values, "θ̄ = 12 K", "friction: brittle"."""
+        found = []
+        for name, i in place.items():
+            labels, unit = self.shown(name)
+            mark = ": " if self.nc[name].dtype is str else " = "
+            found += [f"{symbol(name)}{mark}{labels[i]} {unit}".rstrip()] if len(labels) > 1 else []
+        return found
 
 
 def verdict(path: Path) -> tuple[str, str, bool]:
@@ -143,59 +161,34 @@ def verdict(path: Path) -> tuple[str, str, bool]:
     with closing(netCDF4.Dataset(path)) as nc:
         if not {"status", "level"} <= {*nc.variables}:
             raise StoreError(f"{path} is no file of tcstudy run, converge, cost or path")
-        nc.set_auto_maskandscale(False)
-        dims, levels = tuple(d for d in nc["status"].dimensions if d != "level"), int(nc.dimensions["level"].size)
-
-        def take(name: str, level: int) -> NDArray[Any] | None:
-            if name not in nc.variables:
-                return None
-            return np.asarray(nc[name][(slice(None),) * len(dims) + (levels + level,)])
-
-        def labels(dim: str) -> tuple[NDArray[Any], Mapping[str, Any]]:
-            return np.asarray(nc[dim][...]), nc[dim].__dict__
-
-        def friction(place: tuple[int, ...]) -> float:
-            where, home = dict(zip(dims, place, strict=True)), nc
-            if "geometry" in nc.variables:
-                home = nc[f"geometry_{int(nc['geometry'][tuple(where[d] for d in nc['geometry'].dimensions)])}"]
-            group = home[f"level_{levels - 1}"]
-            xi = group["xi"][tuple(where[d] for d in group["xi"].dimensions[:-1])]
-            return float(np.abs(xi) @ group["c"][...])
-
-        units = str(nc["u_T_max"].units) if "u_T_max" in nc.variables else "1"
+        run = RunSeen(nc)
+        ok, total, solved = run.ok, int(run.ok.size), int(run.ok.sum())
+        unique, least = run.flag("unique"), int(run.flag("global_minimum").sum())
+        trust = [f"{unique.sum()} proved unique" if unique.any() else "none proved unique"]
+        trust += [f"{least} proved to have the least energy"] if least > unique.sum() else []
+        if (body := run.take("proved_unique")) is not None:
+            trust.append(f"{int((ok & (body == 1)).sum())} of them for the body itself")
+        if (bound := run.take("error_bound_relative")) is not None:
+            most = float(np.max(bound[ok], initial=0.0))  # NaN where that of one point is not known
+            trust += [f"error of u proved to be at most {percent(most)}"] if 0.0 < most < 1.0 else []
+        count, complete = run.take("solutions"), run.take("complete")
+        trust += [all_equilibria(count[ok], complete[ok])] if count is not None and complete is not None else []
+        ambiguous = several_found(run, unique)
+        trust += [f"{int(ambiguous.sum())} with more than one solution found"] if ambiguous.any() else []
+        error, how = mesh_error(run)
         stop = str(nc["stop"][-1]) if "stop" in nc.variables else ""
-        return told(RunSeen(dims, levels, str(nc.sweep_mode), labels, take, friction, units, stop))
+        trust += [error, stop.partition(":")[0] if " not met:" in stop else ""]
+        heat = [run.take("heat_status", i - run.levels) for i in range(run.levels)]
+        bad = sum(int(np.count_nonzero(one == UNBALANCED)) for one in heat if one is not None)
+        trust += [f"heat balance missed at {bad}"] if bad else []
+        answer = [_answer(run), *abrupt(run, ambiguous)[:2]]
+        known = [", ".join(filter(None, trust))] if solved else []
+        return answered(answer, known, [f"{solved} of {total} solved"]), how, solved == total
 
 
-def told(run: RunSeen) -> tuple[str, str, bool]:
-    """The sentence of a run as `verdict` has it."""
-    ok = run.ok()
-    total, solved = int(ok.size), int(ok.sum())
-    unique, least = run.flag("unique", ok), int(run.flag("global_minimum", ok).sum())
-    several_ = several_found(run, ok, unique)
-    trust = [f"{unique.sum()} proved unique" if unique.any() else "none proved unique"]
-    trust += [f"{least} proved to have the least energy"] if least > unique.sum() else []
-    if (body := run.take("proved_unique", -1)) is not None:
-        trust.append(f"{int((ok & (body == 1)).sum())} of them for the body itself")
-    if (bound := run.take("error_bound_relative", -1)) is not None:
-        most = float(np.max(bound[ok], initial=0.0))  # NaN where that of one point is not known
-        trust += [f"error of u proved to be at most {percent(most)}"] if 0.0 < most < 1.0 else []
-    count, complete = run.take("solutions", -1), run.take("complete", -1)
-    trust += [all_equilibria(count[ok], complete[ok])] if count is not None and complete is not None else []
-    trust += [f"{int(several_.sum())} with more than one solution found"] if several_.any() else []
-    error, how = mesh_error(run, ok)
-    trust += [error, run.stop.partition(":")[0] if " not met:" in run.stop else ""]
-    heat = [run.take("heat_status", i - run.levels) for i in range(run.levels)]
-    bad = sum(int(np.count_nonzero(one == UNBALANCED)) for one in heat if one is not None)
-    trust += [f"heat balance missed at {bad}"] if bad else []
-    answer = [_answer(run, ok), *abrupt(run, ok, several_)[:2]]
-    known = [", ".join(filter(None, trust))] if solved else []
-    return answered(answer, known, [f"{solved} of {total} solved"]), how, solved == total
-
-
-def _answer(run: RunSeen, ok: Flags) -> str:
+def _answer(run: RunSeen) -> str:
     """The largest slip with its point, and the lengths on which the line slips, has debonded, softens or yields."""
-    slip = run.take("u_T_max", -1)
+    slip, ok = run.take("u_T_max"), run.ok
     if slip is None or not ok.any():
         return ""
     most = np.unravel_index(int(np.argmax(np.where(ok, slip, -1.0))), ok.shape)
@@ -205,37 +198,26 @@ def _answer(run: RunSeen, ok: Flags) -> str:
     for name, what in LENGTHS.items():
         if ok.size > 1 and name in ("softening", "yielded") and (name == "softening" or lengths):
             continue  # of a sweep the least that says it
-        own = run.take(f"{name}_length", -1)
+        own = run.take(f"{name}_length")
         if own is not None and (known := own[ok & np.isfinite(own)]).size and known.max() > 0.0:
             low, high = (with_unit(float(x), run.units, 3) for x in (known.min(), known.max()))
             lengths[what] = (low if known.min() > 0.0 else "", high)
     place = dict(zip(run.dims, (int(i) for i in most), strict=True)) if run.mode == "grid" else {}
-    words = ", ".join(_labelled(run, place))
+    words = ", ".join(run.labelled(place))
     told = slipped(with_unit(float(slip[most]), run.units), f" at {words}" if words else "", lengths)
-    shear, at = run.take("shear_max", -1), run.take("shear_max_at", -1)
+    shear, at = run.take("shear_max"), run.take("shear_max_at")
     if ok.size > 1 or shear is None or at is None:
         return told
     stress = "1" if run.units == "1" else "Pa"
     return f"{told}, largest shear {with_unit(shear.item(), stress)} at s = {with_unit(at.item(), run.units)}"
 
 
-def _labelled(run: RunSeen, place: dict[str, int]) -> list[str]:
-    """The labels of a point along axes with several values, "θ̄ = 12 K", "friction: brittle"."""
-    found = []
-    for name, i in place.items():
-        values = run.labels(name)[0]
-        if len(values) > 1:
-            labels, unit = _shown(run, name)
-            mark = ": " if values.dtype.kind in "OUS" else " = "
-            found.append(f"{symbol(name)}{mark}{labels[i]} {unit}".rstrip())
-    return found
-
-
-def several_found(run: RunSeen, ok: Flags, unique: Flags) -> Flags:
+def several_found(run: RunSeen, unique: Flags) -> Flags:
     """(*dims) solved points at which more than one solution was found, piece by piece to save memory."""
-    if (count := run.take("solutions", -1)) is not None:
+    ok = run.ok
+    if (count := run.take("solutions")) is not None:
         return np.asarray(ok & (count > 1))
-    if (starts := run.take("start_energy", -1)) is None:
+    if (starts := run.take("start_energy")) is None:
         return np.zeros_like(ok)
     rows = starts.reshape(ok.size, -1)
     found = [several(rows[i : i + PIECE], unique.ravel()[i : i + PIECE]) for i in range(0, ok.size, PIECE)]
@@ -273,23 +255,23 @@ def all_equilibria(count: NDArray[np.int_], complete: NDArray[np.int_]) -> str:
     return told + (" of the polygons of exponential laws" if np.any(complete == OF_POLYGON) else "")
 
 
-def mesh_error(run: RunSeen, ok: Flags) -> tuple[str, str]:
+def mesh_error(run: RunSeen) -> tuple[str, str]:
     """The largest mesh error of the solved points, relative to a number that it is smaller than, and how it is known:
     estimated, or else what the last level changed; "" where nothing is known of it.
     """
-    goal, wide = run.take("goal", -1), run.take("goal_estimate", -1)
+    ok, goal, wide = run.ok, run.take("goal"), run.take("goal_estimate")
     if goal is not None and wide is not None and np.any(known := ok & np.isfinite(wide) & np.isfinite(goal)):
         small = known & (wide > 0.0) & (wide >= np.abs(goal))  # the number is no larger than its error
         share = (wide[known & ~small] / np.where(goal == 0.0, 1.0, np.abs(goal))[known & ~small]).max(initial=0.0)
         said = [_share(float(share), "mesh error about {}")] if share > 0.0 else []
         said += [f"the goal no larger than its mesh error at {small.sum()}"] if small.any() else []
         return ", ".join(said), HOW["goal"]
-    estimates = run.take("error_estimate", -1)
+    estimates = run.take("error_estimate")
     if estimates is not None and np.isfinite(estimates[ok]).any():
         return _share(float(np.nanmax(estimates[ok])), "mesh error about {}"), HOW["energy"]
     if run.levels < 2 or not ok.any():
         return "", HOW["one mesh"]
-    if (change := _change(run, ok)) is None:
+    if (change := _change(run)) is None:
         return "", HOW["no friction"]
     return _share(change, "∫ξ changed by {} with the last level"), HOW["change"]
 
@@ -298,14 +280,15 @@ def _share(error: float, words: str) -> str:
     return words.format(percent(error)) if error < 1.0 else "mesh too coarse for the order of magnitude"
 
 
-def _change(run: RunSeen, ok: Flags) -> float | None:
+def _change(run: RunSeen) -> float | None:
     """Largest change of ∫ξ between the last two levels, relative to ∫|ξ|; None where there is no friction.
 
     |∫ξ| ≤ ∫|ξ|, so that no point whose change relative to the first is less than what was found need be read.
     """
-    last, before, both = run.take("friction_resultant", -1), run.take("friction_resultant", -2), ok & run.ok(-2)
+    last, before = run.take("friction_resultant"), run.take("friction_resultant", -2)
     if last is None or before is None:
         return None
+    both = run.ok & (run.take("status", -2) == int(PointStatus.OK))
     both &= np.isfinite(last) & np.isfinite(before)
     change = np.abs(last - before)
     most = np.divide(change, np.abs(last), out=np.where(change > 0.0, np.inf, 0.0), where=last != 0.0)
@@ -319,19 +302,19 @@ def _change(run: RunSeen, ok: Flags) -> float | None:
     return largest
 
 
-def abrupt(run: RunSeen, ok: Flags, several: Flags) -> list[str]:
+def abrupt(run: RunSeen, several: Flags) -> list[str]:
     """Sentences on where the slip changes between two neighbouring values of a swept number, so much beside the steps
     around it that it is worth a word, the largest first.
 
     It is called a jump only if two solutions were seen at one of them: a solution that is unique all the way (ω < λ₁)
     changes steeply, but continuously, and two points do not tell a steep change from a jump.
     """
-    slip = run.take("u_T_max", -1)
+    slip = run.take("u_T_max")
     if run.mode != "grid" or slip is None:
         return []
-    values, found = np.where(ok, slip, np.nan), list[tuple[float, str]]()
+    values, found = np.where(run.ok, slip, np.nan), list[tuple[float, str]]()
     for axis, name in enumerate(run.dims):
-        if run.labels(name)[0].dtype.kind in "OUS" or values.shape[axis] < FEWEST:
+        if run.nc[name].dtype is str or values.shape[axis] < FEWEST:
             continue
         lines = np.moveaxis(values, axis, -1)
         step = np.abs(np.diff(lines, axis=-1))
@@ -346,19 +329,12 @@ def abrupt(run: RunSeen, ok: Flags, several: Flags) -> list[str]:
         where = dict(zip([d for d in run.dims if d != name], (int(i) for i in line), strict=True))
         at = int(np.argmax(step[line]))
         change, seen = float(step[line][at]), bool(np.moveaxis(several, axis, -1)[line][at : at + 2].any())
-        labels, unit = _shown(run, name)
+        labels, unit = run.shown(name)
         place = f"between {symbol(name)} = {labels[at]} and {labels[at + 1]} {unit}".rstrip()
-        place += f" ({', '.join(rest)})" if (rest := _labelled(run, where)) else ""
+        place += f" ({', '.join(rest)})" if (rest := run.labelled(where)) else ""
         words = f"slip jumps {place}" if seen else f"slip changes by {with_unit(change, run.units, 2)} {place}"
         found.append((change, words))
     return [text for _, text in sorted(found, reverse=True)]
-
-
-def _shown(run: RunSeen, name: str) -> tuple[list[str], str]:
-    """The labels of an axis and their unit as it is read."""
-    values, attrs = run.labels(name)
-    shown, unit = scaled_labels(values.tolist(), attrs)
-    return shown, pretty(unit) if unit != "1" else ""
 
 
 LOCKS = 1.1
