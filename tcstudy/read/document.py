@@ -56,16 +56,15 @@ class _Composer(Composer):
 
 def load_text(path: Path) -> str:
     """The text of a study file; raises StudyError if it cannot be had."""
-    file, line, column = str(path), 0, 0
+    line, column, what, remedy = 0, 0, "this is a device or a pipe, no file", "save the text in a file and name it"
     try:
-        if path.exists() and not (path.is_file() or path.is_dir()):
-            raise _refusal(file, "this is a device or a pipe, no file", "save the text in a file and name it")
-        with open(path, "rb") as stream:
-            content = stream.read(MAX_BYTES + 1)
-        if len(content) <= MAX_BYTES:
-            return content.decode("utf-8")
-        what = f"the file has more than {MAX_BYTES // 10**6} MB"
-        remedy = "check the name; a sweep of many points can be several studies"
+        if not path.exists() or path.is_file() or path.is_dir():
+            with open(path, "rb") as stream:
+                content = stream.read(MAX_BYTES + 1)
+            if len(content) <= MAX_BYTES:
+                return content.decode("utf-8")
+            what = f"the file has more than {MAX_BYTES // 10**6} MB"
+            remedy = "check the name; a sweep of many points can be several studies"
     except FileNotFoundError:
         what, remedy = "there is no such file", "check the path; see configs/ for examples"
     except IsADirectoryError:
@@ -79,7 +78,7 @@ def load_text(path: Path) -> str:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         what, remedy = f"the file cannot be read ({reason})", "check its path and its permissions"
-    raise _refusal(file, what, remedy, line, column)
+    raise _refusal(str(path), what, remedy, line, column)
 
 
 def compose(text: str, file: str, errors: Collector, path: str = "", *, option: bool = False) -> Node:

@@ -147,19 +147,7 @@ MOVED = ("clamped", "rigid")
 """Roles that take displacements in x and y."""
 
 
-def _exchange(section: str, **roles: Any) -> tuple[Key, ...]:
-    """What an edge exchanges by itself."""
-    alpha = f"{section}.alpha", "number", "its own heat transfer coefficient", u.HEAT_TRANSFER
-    return (
-        swept(*alpha, above=0.0, **roles),
-        load(f"{section}.theta_bar", "field", "its own surroundings", u.TEMPERATURE, **roles),
-        load(f"{section}.flux", "field", "heat into the body", u.HEAT_FLUX, **roles),
-    )
-
-
-_FORCED, _OTHERS = (*LOADED, "rigid"), tuple(role for role in ROLES if role != "convection")
-_HELD = {"u_x": "in x; a component left out is free", "u_y": "in y"}
-_ALONG = {"u_N": "along the outward normal", "u_T": "along the edge"}
+_PASSES, _FORCED, _OTHERS = ("convection",), (*LOADED, "rigid"), tuple(role for role in ROLES if role != "convection")
 _STIFFNESS = {"dimension": u.STIFFNESS, "default": 0.0, "least": 0.0}
 
 
@@ -235,20 +223,23 @@ ROWS: tuple[Key, ...] = (
     key("rectangle.edge", "name", "name of a hole's edges", example="NAME"),
     needed("boundary.role", "choice", "of the edge", example="clamped", words=ROLES),
     swept("boundary.u", "displacement", "both components (default: 0; `free` frees one)", u.LENGTH, roles=MOVED),
-    *(
-        load(f"boundary.{name}", "component", f"displacement {said}", u.LENGTH, roles=roles)
-        for names, roles in ((_HELD, MOVED), (_ALONG, ("clamped",)))
-        for name, said in names.items()
-    ),
+    load("boundary.u_x", "component", "displacement in x; a component left out is free", u.LENGTH, roles=MOVED),
+    load("boundary.u_y", "component", "displacement in y", u.LENGTH, roles=MOVED),
+    load("boundary.u_N", "component", "displacement along the outward normal", u.LENGTH, roles=("clamped",)),
+    load("boundary.u_T", "component", "displacement along the edge", u.LENGTH, roles=("clamped",)),
     load("boundary.g", "vector", "traction", u.TRACTION, roles=LOADED),
     load("boundary.pressure", "field", "on the edge, positive when it pushes", u.TRACTION, roles=LOADED),
     load("boundary.force", "vector", "resultant, spread evenly; moves a rigid edge", u.LINE_FORCE, roles=_FORCED),
     load("boundary.moment", "number", "about the middle of a rigid edge, which turns", u.MOMENT, roles=("rigid",)),
     key("boundary.spring", "section", "stiffness of a support (Winkler)", roles=LOADED),
-    *_exchange("boundary", roles=("convection",)),
+    swept("boundary.alpha", "number", "its own heat transfer coefficient", u.HEAT_TRANSFER, above=0.0, roles=_PASSES),
+    load("boundary.theta_bar", "field", "its own surroundings", u.TEMPERATURE, roles=_PASSES),
+    load("boundary.flux", "field", "heat into the body", u.HEAT_FLUX, roles=_PASSES),
     key("boundary.heat", "section", "what the edge does to heat (default: nothing)", roles=_OTHERS, of=("edge_heat",)),
     load("edge_heat.theta", "field", "temperature held on the edge", u.TEMPERATURE),
-    *_exchange("edge_heat"),
+    swept("edge_heat.alpha", "number", "its own heat transfer coefficient", u.HEAT_TRANSFER, above=0.0),
+    load("edge_heat.theta_bar", "field", "its own surroundings", u.TEMPERATURE),
+    load("edge_heat.flux", "field", "heat into the body", u.HEAT_FLUX),
     swept("spring.normal", "number", "along the normal", **_STIFFNESS),
     swept("spring.tangential", "number", "along the edge", **_STIFFNESS),
     swept("material.E", "number", "Young's modulus", u.TRACTION, "210 GPa", above=0.0),
