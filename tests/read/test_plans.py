@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from tcstudy.errors import StudyError
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Traction
@@ -72,32 +71,10 @@ def test_a_path_with_all_its_keys_belongs_to_the_base_study() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("parameter", "value"),
-    [
-        ("theta_bar", lambda s: s.heat.theta_bar),
-        ("f_x", lambda s: s.f[0]),
-        ("boundary.left.u_y", lambda s: dict(s.boundary)["left"].u[1]),
-        ("boundary.top.pressure", lambda s: dict(s.boundary)["top"].pressure),
-        ("boundary.right.g_y", lambda s: dict(s.boundary)["right"].g[1]),
-    ],
-)
-def test_the_value_is_put_where_the_parameter_says(parameter: str, value) -> None:  # type: ignore[no-untyped-def]
-    text = STUDY
-    if parameter == "boundary.left.u_y":
-        with pytest.raises(StudyError, match="prescribe different displacements"):
-            path_of(f"{parameter}, from: 0, to: 1")
-        text = text.replace("bottom: contact", "bottom: free").replace("right: convection", "right: contact")
-        text = text.replace("heat: {alpha: 10, theta_bar: 5 K, q: 0}\n", "")
-    plan = path_of(f"{parameter}, from: 0, to: 1", text)
-    scene = path_scene(plan.scene, plan.parameter, 0.7)
-    assert value(scene) == 0.7
-    assert path_scene(scene, plan.parameter, value(plan.scene)) == plan.scene
-
-
 def test_the_load_factor_multiplies_mechanical_loads_alone() -> None:
     plan = path_of("load, from: 0, to: 2")
     scene = path_scene(plan.scene, plan.parameter, -2.0)
+    assert path_scene(path_scene(scene, ("loads", "f_x"), 7.0), ("load",), 1.0).f == (7.0, 0.0)
     top = dict(scene.boundary)["top"]
     assert (plan.units, scene.f, top.g[0], top.pressure, scene.heat) == ("1", (-2e3, 0.0), -4e6, -6e6, plan.scene.heat)
     assert top.g[1].evaluate(0.25, 0.0) == -0.5e6  # type: ignore[union-attr]
