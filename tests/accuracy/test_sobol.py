@@ -31,13 +31,6 @@ def test_indices_of_ishigami_are_the_closed_form_within_their_intervals() -> Non
     np.testing.assert_allclose(moved[0].value, sobol(f)[0].value, rtol=1e-7)
 
 
-def test_given_points_have_first_orders() -> None:
-    u = cube(Design("random", 4096, 1), 3)
-    estimate = correlation_ratios(u, ishigami(u))
-    np.testing.assert_allclose(estimate.value, FIRST, atol=0.03)
-    assert np.all((estimate.low <= FIRST + 0.01) & (estimate.high + 0.01 >= FIRST))
-
-
 def test_a_choice_has_the_share_of_the_means_of_its_values() -> None:
     """y = (0, 3, 1)_c + x: Var E[y|c] = 14/9, Var x = 1/12."""
     rng = np.random.default_rng(2)

@@ -7,11 +7,10 @@ import math
 import pytest
 
 from tcstudy.accuracy.norms import Triangles
-from tcstudy.exact.numbers import exact_energy, exact_slip_length, sliver_integral
+from tcstudy.exact.numbers import exact_energy, exact_slip_length
 from tcstudy.fem.geometry import build
-from tcstudy.read.study import read_study, read_study_text
+from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
-from tests.commands import CONFIGS
 from tests.verification import closed_forms
 from tests.verification.scenes import mesh_family
 
@@ -47,21 +46,6 @@ def test_energy_of_turning_rings(study: Study, angle: float) -> None:
     off = [abs(exact_energy(study.exact, study.scenes[0], mesh) / expected - 1) for mesh in meshes(study)]
     assert off[-1] < 2e-8
     assert off[0] / off[-1] > 16**2  # two refinements at order four at least: no error of the geometry is left
-
-
-def test_slivers_make_up_the_area_and_moments_of_the_exact_body() -> None:
-    study = read_study_text(ANNULUS)
-    body, coarse = study.scenes[0].body, meshes(study)[0]
-    for density, expected in (
-        (lambda x, y: 1.0 + 0 * x, math.pi * 0.75),
-        (lambda x, y: x**2 + 0 * y, math.pi / 4 * (1 - 0.5**4)),
-        (lambda x, y: x * y + y, 0.0),
-    ):
-        polygon, sliver = coarse.integral(density), sliver_integral(body, coarse, density)
-        assert polygon + sliver == pytest.approx(expected, rel=1e-9, abs=1e-12)
-        assert expected == 0.0 or abs(sliver) > 1e-3 * expected
-    straight = read_study(CONFIGS / "manufactured.yaml")
-    assert sliver_integral(straight.scenes[0].body, meshes(straight)[0], lambda x, y: x) == 0.0
 
 
 @pytest.mark.parametrize(
