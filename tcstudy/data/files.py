@@ -249,48 +249,42 @@ def check_writable(path: Path, expected_bytes: int | None = None) -> list[str]:
     Leaves nothing behind.
     """
     try:
-        return _place_faults(path) or ([] if expected_bytes is None else _result_faults(path, expected_bytes))
+        return [*_faults(path, expected_bytes)]
     except OSError as error:
         return [f"cannot look at {path}: {_cause(error)}; choose another output"]
 
 
-def _existing(target: Path) -> Path:
-    """The innermost part of the way to a file that is there."""
-    return next(p for p in target.parents if p.exists())
-
-
-def _result_faults(path: Path, expected_bytes: int) -> list[str]:
-    problems, target = [], Path(os.path.realpath(path))
-    if is_foreign(target):
-        problems.append(f"{path} exists and is no result file; it would be lost: remove it or choose another output")
-    existing = _existing(target)
-    free = shutil.disk_usage(existing).free
-    if free < ROOM * expected_bytes:
-        problems.append(
-            f"{existing} has {_size(free)} free, but the results need {_size(ROOM * expected_bytes)} while they "
-            "are written; free some space, choose another output or ask for less (fields: false, fewer levels)"
-        )
-    return problems
-
-
-def _place_faults(path: Path) -> list[str]:
+def _faults(path: Path, expected_bytes: int | None) -> Iterator[str]:
     if fault := _name_fault(path):
-        return [fault]
+        yield fault
+        return
     target = Path(os.path.realpath(path))
+    existing = next(p for p in target.parents if p.exists())
+    protected = _protected(path)
+    if protected:
+        yield f"{path}: {PROTECTED}; make it writable or choose another output"
     if target.is_dir():
-        return [f"{path} is a directory; give the name of a file in it"]
-    if what := special_file(path):
-        return [f"{path} is {what}, no file; choose another output"]
-    problems = [f"{path}: {PROTECTED}; make it writable or choose another output"] if _protected(path) else []
-    existing = _existing(target)
-    if not existing.is_dir():
-        return [*problems, f"{existing} is a file, so {path} cannot be made; choose another output"]
-    try:
-        with tempfile.TemporaryFile(dir=existing):
-            pass
-    except OSError as error:
-        return [*problems, f"cannot write in the directory {existing}: {_cause(error)}; choose another output"]
-    return problems
+        yield f"{path} is a directory; give the name of a file in it"
+    elif what := special_file(path):
+        yield f"{path} is {what}, no file; choose another output"
+    elif not existing.is_dir():
+        yield f"{existing} is a file, so {path} cannot be made; choose another output"
+    else:
+        try:
+            with tempfile.TemporaryFile(dir=existing):
+                pass
+        except OSError as error:
+            yield f"cannot write in the directory {existing}: {_cause(error)}; choose another output"
+            return
+        if protected or expected_bytes is None:
+            return
+        if is_foreign(target):
+            yield f"{path} exists and is no result file; it would be lost: remove it or choose another output"
+        if (free := shutil.disk_usage(existing).free) < ROOM * expected_bytes:
+            yield (
+                f"{existing} has {_size(free)} free, but the results need {_size(ROOM * expected_bytes)} while they "
+                "are written; free some space, choose another output or ask for less (fields: false, fewer levels)"
+            )
 
 
 def _name_fault(path: Path) -> str:

@@ -448,6 +448,8 @@ def _probes(study: Study) -> Iterator[FileVariable]:
 
 def _of_edges(study: Study) -> Iterator[FileVariable]:
     wanted, per = study.output.quantities, "per unit thickness"
+    if not wanted:
+        return
     corner = f"of the support on the body, {per}; a corner counts to the first clamped edge"
     for name, role in study.scenes[0].boundary:
         if "reactions" in wanted and isinstance(role, Clamped | Contact):

@@ -89,16 +89,14 @@ def axis_name(axis: Axis) -> str:
 
 
 def axis_attributes(axis: Axis) -> dict[str, Any]:
-    """Attributes of the coordinate variable of a swept parameter."""
-    attrs: dict[str, Any] = {"long_name": ".".join(axis.path)}
-    drawn = {"distribution": axis.distribution} if axis.distribution else {}
-    if axis_labels(axis).dtype == object:  # texts have no units
-        return attrs | drawn
-    attrs["units"] = axis.units
-    if axis.written[0]:
-        attrs |= {"study_unit": axis.written[0], "study_unit_size": axis.written[1]}
-    attrs |= drawn
-    return attrs | dict(DIFFERENCE) if axis.units == "K" else attrs
+    """Attributes of the coordinate variable of a swept parameter; texts have no units."""
+    found: dict[str, Any] = {"long_name": ".".join(axis.path)}
+    if axis_labels(axis).dtype != object:
+        found["units"] = axis.units
+        if axis.written[0]:
+            found |= {"study_unit": axis.written[0], "study_unit_size": axis.written[1]}
+    found |= {"distribution": axis.distribution} if axis.distribution else {}
+    return found | dict(DIFFERENCE) if axis.units == "K" else found
 
 
 def axis_labels(axis: Axis) -> np.ndarray[Any, Any]:
@@ -152,58 +150,37 @@ def tiles(shape: Shape, tile: Shape) -> Iterator[tuple[tuple[slice, ...], int, i
 
 def define(where: netCDF4.Dataset, variable: FileVariable, study: Study, chunk: Shape = ()) -> netCDF4.Variable:
     """Make a variable whose dimensions are there. chunk: extent of its chunks if it is large; () for usual ones."""
-    dims = expand(variable.dims, study)
-    sizes = dimensions(where)
-    shape = tuple(sizes[name] for name in dims)
-    new = where.createVariable(
-        variable.name,
-        str if variable.dtype == "str" else variable.dtype,
-        dims,
-        fill_value=variable.fill_value,
-        **storage(variable, shape, chunk),
-    )
-    if new.chunking() not in (None, "contiguous"):
+    dims, sizes, text = expand(variable.dims, study), dimensions(where), variable.dtype == "str"
+    shape, width = tuple(sizes[name] for name in dims), 16 if text else np.dtype(variable.dtype).itemsize
+    how: dict[str, Any] = {} if text or not math.prod(shape) else {"contiguous": True}
+    if large := width * math.prod(shape) > SMALL:  # HDF5 has no filters for scalars and texts
+        how = {"chunksizes": chunk or tile_shape(shape, CHUNK // width), **({} if text else COMPRESSED)}
+    kind = str if text else variable.dtype
+    new = where.createVariable(variable.name, kind, dims, fill_value=variable.fill_value, **how)
+    if large:
         new.set_var_chunk_cache(size=2 * CHUNK)  # the library's own would keep the greater part of the file in memory
     new.setncatts(attributes(variable, study))
     return new
 
 
-def storage(variable: FileVariable, shape: Shape, chunk: Shape = ()) -> dict[str, Any]:
-    """How a variable of this shape lies in the file. HDF5 has no filters for scalars and texts."""
-    width = 16 if variable.dtype == "str" else np.dtype(variable.dtype).itemsize
-    count = math.prod(shape)
-    if width * count <= SMALL:
-        return {"contiguous": True} if variable.dtype != "str" and count else {}
-    sizes: dict[str, Any] = {"chunksizes": chunk or tile_shape(shape, CHUNK // width)}
-    return sizes if variable.dtype == "str" else COMPRESSED | sizes
-
-
-def put(where: netCDF4.Dataset, variable: FileVariable, study: Study, values: Any, **more: Any) -> None:
-    """Make a variable and write its values; dimensions come with the first variable that has them.
-
-    more: further attributes
-    """
+def put(where: netCDF4.Dataset, variable: FileVariable, study: Study, values: Any) -> netCDF4.Variable:
+    """Make a variable and write its values; dimensions come with the first variable that has them."""
     array = np.asarray(values, dtype=object if variable.dtype == "str" else variable.dtype)
     for name, size in zip(expand(variable.dims, study), array.shape, strict=True):
         if name not in dimensions(where):
             where.createDimension(name, size)
     new = define(where, variable, study)
-    new.setncatts(more)
     new[...] = array
+    return new
 
 
 def put_all(where: netCDF4.Dataset, variables: Iterable[FileVariable], values: Mapping[str, Any], study: Study) -> None:
     """Make the variables that `values` has by name, and write them; edge_names are the contact edges of `edge`."""
     for variable in variables:
         if variable.name in values:
-            edges = variable.name in ("edge", "joint_edge")
-            put(
-                where,
-                variable,
-                study,
-                values[variable.name],
-                **(schema.flags(*values["edge_names"]) if edges and values["edge_names"] else {}),
-            )
+            new = put(where, variable, study, values[variable.name])
+            if variable.name in ("edge", "joint_edge") and values["edge_names"]:
+                new.setncatts(dict(schema.flags(*values["edge_names"])))
 
 
 def dimensions(where: netCDF4.Dataset) -> dict[str, int]:
@@ -214,20 +191,11 @@ def dimensions(where: netCDF4.Dataset) -> dict[str, int]:
 
 def put_axes(nc: netCDF4.Dataset, study: Study) -> None:
     """Dimensions and coordinates of the sweep."""
-    for name, size in zip(sweep_dims(study), study.shape, strict=True):
-        nc.createDimension(name, size)
     for axis in study.axes:
-        labels = axis_labels(axis)
+        labels, dims = axis_labels(axis), _dims_of(study, (axis,))
         kind: Dtype = "str" if labels.dtype == object else "f8"
-        dims = _dims_of(study, (axis,))
-        new = define(nc, FileVariable(axis_name(axis), kind, axis.units, "", dims, coordinate=True), study)
-        new.setncatts(axis_attributes(axis))
-        new[...] = labels
-
-
-def put_names(nc: netCDF4.Dataset, dim: str, names: Iterable[str], long_name: str, study: Study) -> None:
-    """A dimension with texts as its coordinate."""
-    put(nc, FileVariable(dim, "str", "", long_name, (dim,), coordinate=True), study, list(names))
+        extra = axis_attributes(axis)
+        put(nc, FileVariable(axis_name(axis), kind, axis.units, "", dims, extra=extra, coordinate=True), study, labels)
 
 
 def attributes(variable: FileVariable, study: Study) -> dict[str, Any]:
@@ -326,18 +294,17 @@ def write_record(path: Path, study: Study, record: Record, attributes: Mapping[s
 
 def root_variables(study: Study) -> tuple[FileVariable, ...]:
     """The variables of the root group of this study's file."""
-    found = schema.ROOT + schema.region_variables(study)
-    if len(study.solver.names) > 1:
-        found += schema.SOLVERS
-    if study.mesh.guarantee:
-        found += schema.GUARANTEED
-    if study.solver.every:
-        found += schema.EVERY
-    if study.mesh.estimates:
-        found += schema.ESTIMATES + schema.goal_variables(study.mesh.goal, study.exact is not None)
-    if study.output.asks:
-        found += schema.requested_variables(study)
-    return found
+    mesh = study.mesh
+    return (
+        *schema.ROOT,
+        *schema.region_variables(study),
+        *(schema.SOLVERS if len(study.solver.names) > 1 else ()),
+        *(schema.GUARANTEED if mesh.guarantee else ()),
+        *(schema.EVERY if study.solver.every else ()),
+        *(schema.ESTIMATES if mesh.estimates else ()),
+        *(schema.goal_variables(mesh.goal, study.exact is not None) if mesh.estimates else ()),
+        *schema.requested_variables(study),
+    )
 
 
 def numbers(study: Study) -> list[FileVariable]:
@@ -416,9 +383,10 @@ def fill(nc: netCDF4.Dataset, study: Study, levels: Sequence[LevelRecord], recor
     """
     put_axes(nc, study)
     put(nc, schema.LEVEL_COORDINATE, study, np.arange(study.mesh.levels))
-    put_names(nc, "start", schema.START_NAMES, "where the solver started", study)
-    if len(study.solver.names) > 1:
-        put_names(nc, "solver", study.solver.names, "solver", study)
+    named = {"start": (schema.START_NAMES, "where the solver started"), "solver": (study.solver.names, "solver")}
+    for dim, (names, what) in named.items():
+        if len(names) > 1:
+            put(nc, FileVariable(dim, "str", "", what, (dim,), coordinate=True), study, list(names))
     variables = root_variables(study)
     sizes = {"level": study.mesh.levels, "start": len(schema.START_NAMES), "solver": len(study.solver.names)}
     left = _parts(nc, None, study, variables, sizes)
@@ -431,7 +399,7 @@ def fill(nc: netCDF4.Dataset, study: Study, levels: Sequence[LevelRecord], recor
     groups: dict[int, netCDF4.Group] = {}
     for level in levels:
         group = groups[level.level] = _make_group(nc, study, level)
-        along = (*schema.CONTACT, *(line_variables(study) if study.output.asks else ()))
+        along = (*schema.CONTACT, *line_variables(study))
         left += _parts(group, level.level, study, along, {"node": level.n_contact})
 
     solutions: dict[int, dict[int, Arrays]] = {number: {} for number in groups}
@@ -499,8 +467,8 @@ def _make_group(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF
         mesh[...] = 0
         put_all(group, schema.MESH, level.fields, study)
         if "region" in level.fields:
-            named = schema.flags(BODY, *(name for name, _ in study.scenes[0].material.regions))
-            put(group, schema.REGION, study, level.fields["region"], **dict(named))
+            names = (name for name, _ in study.scenes[0].material.regions)
+            put(group, schema.REGION, study, level.fields["region"]).setncatts(dict(schema.flags(BODY, *names)))
     live = {v.name: level.fields[name] for v in schema.LIVE if (name := schema.LIVE_PREFIX + v.name) in level.fields}
     if live:
         put_all(group.createGroup("live"), schema.LIVE, live, study)
