@@ -123,11 +123,10 @@ def _descend(rows: ContactProblem, start: Array, tolerance: float, careful: bool
             new[i], slow[i] = (new[i], -_PUT_OFF - 1) if target is None else (target, -1)
         if downhill:
             for i in np.flatnonzero(~level):
-                row = rows.take(np.array([i]))
-                target = _to_the_end(row, v[i], s.take(np.array([i])), new[i])
-                new[i] = _first_rest(rows.single(int(i)), v[i], xi[i], s.descent[i], target)
                 if step % _CREEPS == _CREEPS - 1:
-                    new[i] = _out_of_flat(row, v[[i]], xi[[i]], s.take(np.array([i])))
+                    new[i] = _out_of_flat(rows.take(np.array([i])), v[[i]], xi[[i]], s.take(np.array([i])))
+                else:
+                    new[i] = _first_rest(rows.single(int(i)), v[i], xi[i], s.descent[i], new[i])
         v, polished, slow = new, np.where(level, polished + 1, 0), np.where(whole, 0, slow + 1)
         idle = np.where(flat | (whole & downhill), idle + 1, 0)
     return Descended(best, residual, taken)
@@ -170,10 +169,10 @@ def _step(rows: ContactProblem, v: Array, xi: Array, s: Slopes, careful: bool) -
         needed = _ARMIJO * np.abs(np.einsum("ri,ri->r", first_order[todo], target - x))
         accepted = (change < 0.0) & (change <= -needed)
         within = ~accepted & (np.abs(change) <= _ROUNDING * work) & (halving == 0)
-        if np.any(within):
-            within[within] = _at_rounding(
-                rows.take(todo[within]), x[within], xi[todo[within]], s.residual[todo[within]]
-            )
+        if np.any(within):  # and residuals are no more than rounding of the largest terms of ξ
+            terms = np.diagonal(rows.body.A_tilde) * np.abs(x) + np.abs(rows.l_tilde[todo]) + np.abs(xi[todo])
+            rounding = np.finfo(float).eps * np.max(terms / rows.body.c, axis=1, initial=0.0) / rows.scale(xi)[todo]
+            within &= s.residual[todo] <= ROUNDINGS * rounding
         taken = accepted | within
         new[todo[taken]], level[todo[within]], whole[todo[taken]] = target[taken], True, halving == 0
         flat[todo[taken]] = (np.abs(change) <= _FLAT * work)[taken] & (halving == 0)
@@ -183,13 +182,6 @@ def _step(rows: ContactProblem, v: Array, xi: Array, s: Slopes, careful: bool) -
     for i in todo:
         new[i] = descend_nodes(rows.single(int(i)), v[i], xi[i], s.descent[i])
     return new, level, whole, flat
-
-
-def _at_rounding(rows: ContactProblem, v: Array, xi: Array, residual: Array) -> Flags:
-    """(R,) whether residuals are no more than rounding of the largest terms of ξ."""
-    terms = np.diagonal(rows.body.A_tilde) * np.abs(v) + np.abs(rows.l_tilde) + np.abs(xi)
-    rounding = np.finfo(float).eps * np.max(terms / rows.body.c, axis=1, initial=0.0) / rows.scale(xi)
-    return np.asarray(residual <= ROUNDINGS * rounding)
 
 
 def _newton(rows: ContactProblem, v: Array, s: Slopes, careful: bool) -> Array:
@@ -216,27 +208,6 @@ def _on_model(problem: ContactProblem, v: Array, xi: Array) -> Array | None:
     return None
 
 
-def _to_the_end(row: ContactProblem, v: Array, s: Slopes, target: Array) -> Array:
-    """The end of the pieces on the way to `target` where the energy bends down along it, or `target` (m,).
-
-    Beside a fold the energy is flat, and Newton's steps on a convex model creep.
-    """
-    step = target - v
-    piece = s.at.toward(step > 0.0)[0]
-    curvature = step @ (row.body.A_tilde @ step + row.body.c * row.law.slope(v, piece) * step)
-    if not np.any(step) or curvature > 0.0:
-        return target
-    end = np.where(step > 0.0, row.law.upper.take(piece), row.law.lower.take(piece))
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        reach = np.where(step != 0.0, (end - v) / step, np.inf)
-    node = int(np.argmin(reach))
-    if not 1.0 < reach[node] < np.inf:
-        return target
-    target = v + reach[node] * step
-    target[node] = end[node]
-    return np.asarray(target)
-
-
 def _out_of_flat(row: ContactProblem, v: Array, xi: Array, s: Slopes) -> Array:
     """Where one row (1, m) is helped to where its steps creep: along the negative curvature, to the end of the piece.
 
@@ -251,11 +222,22 @@ def _out_of_flat(row: ContactProblem, v: Array, xi: Array, s: Slopes) -> Array:
 def _first_rest(problem: ContactProblem, v: Array, xi: Array, descent: Array, target: Array) -> Array:
     """Where on the straight way to `target` the energy first stops falling (m,); node by node if it rises at once.
 
+    Where it bends down along the way, as beside a fold where Newton's steps on a convex model creep, the way goes on to
+    the end of the pieces.
     On straight pieces the slope of the energy along the way is a line between the kinks that nodes pass; a node that
     stops on a kink is there to the bit.
     """
     law, c, step = problem.law, problem.c, target - v
     piece = np.where(step > 0.0, law.piece(v, +1), law.piece(v, -1))
+    if np.any(step) and not step @ (problem.A_tilde @ step + c * law.slope(v, piece) * step) > 0.0:
+        end = np.where(step > 0.0, law.upper.take(piece), law.lower.take(piece))
+        with np.errstate(over="ignore"):
+            reach = np.divide(end - v, step, out=np.full(len(v), np.inf), where=step != 0.0)
+        furthest = int(np.argmin(reach))
+        if 1.0 < reach[furthest] < np.inf:
+            target = v + reach[furthest] * step
+            target[furthest] = end[furthest]
+            step = target - v
     moving = np.flatnonzero(step)
     tables, index = law.tables, law.node_index(problem.m)
     kinks = tables.kinks[index[moving]]

@@ -261,38 +261,35 @@ def _on_held(body: CondensedBody, held: Index, k: Array, y: Array, trusted: bool
 
 
 def leave_saddles(rows: ContactProblem, v: Array, xi: Array, s: Slopes) -> tuple[Array, Flags]:
-    """(points of less energy where there are such, whether), for stationary points v (R, m)."""
-    body, free = rows.body, s.free
-    added = np.where(free, body.c * rows.law.slope(v, s.piece), 0.0)
+    """(points of less energy where there are such, whether), for stationary points v (R, m).
+
+    They lie towards the first kink along ±d of negative curvature. Until a node reaches its next kink the energy of a
+    piecewise-linear law is an exact parabola that opens downwards: the first step ends there. Exponential pieces may
+    need shorter ones.
+    """
+    body, free, law = rows.body, s.free, rows.law
+    added = np.where(free, body.c * law.slope(v, s.piece), 0.0)
     new, left = v.copy(), np.zeros(len(v), dtype=bool)
     for i in np.flatnonzero(np.any(added < 0.0, axis=1)):
         nodes = np.flatnonzero(free[i])
         curvature = negative_curvature(body.A_tilde, nodes, added[i, nodes])
-        if curvature is not None:
-            direction = np.zeros(body.m)
-            direction[nodes] = curvature
-            new[i], left[i] = _lower_along(rows.take(np.array([i])), v[i], xi[i], s.take(np.array([i])), direction)
+        if curvature is None:
+            continue
+        direction = np.zeros(body.m)
+        direction[nodes] = curvature
+        first_order = np.where(direction > 0.0, s.right[i], s.left[i])
+        direction = -direction if float(first_order @ direction) > 0.0 else direction
+        end = np.where(direction > 0.0, law.upper.take(s.piece[i]), law.lower.take(s.piece[i]))
+        reach = np.divide(end - v[i], direction, out=np.full(body.m, np.inf), where=direction != 0.0)
+        length = float(np.min(reach[reach > 0.0], initial=np.inf))
+        row, at = rows.take(np.array([i])), Place(s.at.piece[[i]], s.at.on[[i]])
+        for part in (1.0, 0.25, 0.05) if np.isfinite(length) else ():
+            target = v[i] + part * length * direction
+            change, work = row.energy_change(v[[i]], target[None], xi[[i]], at)
+            if change[0] < -ROUNDINGS * np.finfo(float).eps * work[0]:
+                new[i], left[i] = target, True
+                break
     return new, left
-
-
-def _lower_along(row: ContactProblem, v: Array, xi: Array, s: Slopes, direction: Array) -> tuple[Array, bool]:
-    """(the point towards the first kink along ±direction, True) if it is lower, else (v, False).
-
-    Until a node reaches its next kink the energy of a piecewise-linear law is an exact parabola that opens downwards:
-    the first step ends there. Exponential pieces may need shorter ones.
-    """
-    first_order = np.where(direction > 0.0, s.right[0], s.left[0])
-    direction = -direction if float(first_order @ direction) > 0.0 else direction
-    end = np.where(direction > 0.0, row.law.upper.take(s.piece[0]), row.law.lower.take(s.piece[0]))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        reach = np.where(direction != 0.0, (end - v) / direction, np.inf)
-    length = float(np.min(reach[reach > 0.0], initial=np.inf))
-    for part in (1.0, 0.25, 0.05) if np.isfinite(length) else ():
-        target = v + part * length * direction
-        change, work = row.energy_change(v[None], target[None], xi[None], s.at)
-        if change[0] < -ROUNDINGS * np.finfo(float).eps * work[0]:
-            return target, True
-    return v, False
 
 
 _STEPS = 80

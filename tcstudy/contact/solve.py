@@ -11,13 +11,11 @@ A block's numbers depend on its own points and their order only, not on what els
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.contact.all_solutions import Equilibria, Limits, of_rows
@@ -413,7 +411,12 @@ def _by_bundle(
 
     block, here = SolutionBlock(problem.rows, branch, acceptance.tolerance, prove=False), np.zeros(1, dtype=np.intp)
     tried, missed, least = list[Outcome](), None, np.inf
-    for start, x0 in _starts(problem, branch, neighbour):
+    starts = [(ZERO, np.zeros(problem.m))]
+    if not problem.rows.body.loose:  # a body that can move freely has no frictionless solution
+        starts.append((FRICTIONLESS, problem.frictionless()))
+    if neighbour is not None:
+        starts.insert(0 if branch == "continued" else len(starts), (NEIGHBOUR, neighbour))
+    for start, x0 in starts:
         tried.append(outcome := solve_with_bundle(problem, x0, max_iterations, min(ACCURACY, acceptance.aim)))
         judged = judge(problem.rows, outcome.x[None], acceptance, refine=True)
         if missed is None or judged.residual[0] < least:
@@ -427,13 +430,3 @@ def _by_bundle(
         block.begin_at(exact)
     work = {name: sum(getattr(one, name) for one in tried) for name in ("iterations", "evaluations")}
     return replace(block.answer(prove=False, otherwise=missed).row(0), **work)
-
-
-def _starts(problem: ContactProblem, branch: Branch, neighbour: Array | None) -> Iterator[tuple[int, Array]]:
-    """Starts in the order in which they are tried; a body that can move freely has no frictionless solution."""
-    known = [] if neighbour is None else [(NEIGHBOUR, neighbour)]
-    yield from known if branch == "continued" else []
-    yield ZERO, np.zeros(problem.m)
-    with suppress(scipy.linalg.LinAlgError):
-        yield FRICTIONLESS, problem.frictionless()
-    yield from known if branch != "continued" else []
