@@ -176,33 +176,6 @@ def test_derivatives_of_steps_against_histories_and_gone_on_from_a_file(tmp_path
         followed(tmp_path, SOFT, longer.replace("60 K", "61 K"))
 
 
-STOPS = """
-units: none
-body: {rectangle: {width: 2.2324723790194616, height: 0.8591188145243812}}
-boundary: {bottom: contact, left: clamped, top: free, right: {role: traction, g: [0, 0]}}
-material: {E: 1.3012522407224956, nu: 0.3288450301226269, alpha_T: 0.8}
-heat: {theta: 0}
-friction: {law: slip-weakening, tau_s: 0.3860451627262666, tau_k: 0.14047222250773428, delta: 0.42213692902206257}
-mesh: {maxh: 0.2}
-solver: {tolerance: 1e-13}
-"""
-PULLED = """{memory: friction, steps: [
-  {boundary.right.g_x: 1.1, theta: 0.3, in: 3}, {boundary.right.g_x: -0.3, theta: 0.1, in: 3},
-  {boundary.right.g_x: 0.9, theta: -0.6, in: 3}, {theta: 0.5, boundary.right.g_x: -1.2, in: 3}]}"""
-
-
-def test_a_node_that_slides_and_stops_within_a_step(tmp_path: Path) -> None:
-    """Its κ is not what the ends of the step tell; differences of fourth order of histories at other steps."""
-    data = followed(tmp_path, STOPS, PULLED, "output.sensitivity=[friction.tau_s]")
-    assert data["sensitivity_status"].values[-1] == DIFFERENTIABLE
-    tau, h, ends = 0.3860451627262666, 3e-6, []
-    for way in (2.0, 1.0, -1.0, -2.0):
-        other = followed(tmp_path, STOPS, PULLED, f"friction.tau_s={tau * (1.0 + way * h)!r}", name=f"{way}.nc")
-        ends.append(quantities(other)[:, -1])
-    exact = (8.0 * (ends[1] - ends[2]) - (ends[0] - ends[3])) / (12.0 * h * tau)
-    assert quantities(data, "friction.tau_s")[:, -1] == pytest.approx(exact, rel=1e-5)
-
-
 def test_a_number_at_the_end_of_what_it_may_be_has_the_derivative_of_its_side(tmp_path: Path) -> None:
     """A film that falls to nothing: τ_k can only grow; one of no size at all has a scale as well."""
     study = SOFT.replace("tau_k: 15 MPa", "tau_k: 0 MPa").replace("delta: 1 mm", "delta: 4 mm")

@@ -37,17 +37,6 @@ def test_a_jump_ends_in_the_next_well_downhill() -> None:
     assert (one.jumps, two.jumps) == (1, 1)
 
 
-@pytest.mark.parametrize("metre", [1e-3, 1e3])
-def test_a_film_that_breaks_at_once_lets_go_where_nothing_falls_behind_it(metre: float) -> None:
-    """b = 1 to s = 0.4, then 0.2, on a spring of 1: let go at U = 1.4, it stops at 1.2; ½ 0.8² is released."""
-    film = law(points=[(0.0, 1.0), (0.4 * metre, 1.0), (0.4 * metre, 0.2)])
-    body = remembering(np.eye(1) / metre, np.ones(1), film, FRICTION)
-    steps = followed(body, [np.array([U]) for U in (1.3, 1.6, 1.0)])
-    assert [step.jumps for step in steps] == [0, 1, 0]
-    assert steps[1].released == pytest.approx(0.32 * metre, rel=1e-12)
-    assert [step.v[0] / metre for step in steps] == pytest.approx([0.3, 1.4, 1.2], rel=1e-12)
-
-
 def concave(d: float) -> Laws:
     """τ(s) = 3 − exp(s/d) to s = d, then 3 − e: it falls more and more steeply, by 1/d at first and e/d in the end."""
     end, none = 3.0 - np.e, np.zeros(4)

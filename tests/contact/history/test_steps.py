@@ -96,17 +96,6 @@ def test_a_walk_that_is_not_determined_says_so(branch: HistoryBranch) -> None:
     assert "not determined" in steps[-1].reason
 
 
-def test_one_cell_lowest() -> None:
-    """H8 by least energy: s = 0.6 already at U = 0.8, energy 0.30 against 0.32 of rest."""
-    body = remembering(np.eye(1), np.ones(1), law(points=[(0.0, 1.0), (0.4, 0.2)]), FRICTION, branch="lowest")
-    assert body.margin == -1.0
-    steps = followed(body, [np.array([U]) for U in (0.8, 1.2, 0.8, 0.4, -0.2, 1.4)])
-    assert [step.v[0] for step in steps] == pytest.approx([0.6, 1.0, 1.0, 0.6, 0.0, 1.2], abs=1e-14)
-    assert [step.xi[0] for step in steps] == pytest.approx([0.2, 0.2, -0.2, -0.2, -0.2, 0.2], abs=1e-14)
-    assert steps[0].energy + steps[0].dissipated + 0.5 * 0.8**2 == pytest.approx(0.30, abs=1e-15)
-    assert all(step.global_minimum for step in steps)
-
-
 def in_parts(body: HistoryProblem, loads: list[Array], count: int) -> list[HistoryStep]:
     """Every load in so many equal parts, each solved by descent from the one before: the last of each."""
     ends = [np.zeros(body.body.m), *loads]

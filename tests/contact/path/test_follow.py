@@ -11,7 +11,6 @@ from tcstudy.contact.path.basis_inverse import CAPACITY, BasisInverse
 from tcstudy.contact.path.follow import Follower, ParametricProblem, PathStatus
 from tcstudy.contact.path.query import solutions_at
 from tcstudy.contact.path.walk import NoSolutionError
-from tcstudy.laws.composed import nodal
 from tcstudy.laws.laws import Laws
 from tests.contact import contact_cases as cases
 from tests.contact.path.cases import a_solution, follow, one_node, softening_line
@@ -37,20 +36,6 @@ def test_lost_accuracy_is_noticed_and_repaired(monkeypatch: pytest.MonkeyPatch) 
     assert path.residual.max() <= 1e-11
     assert path.pieces == exact.pieces
     assert np.max(np.abs(path.u - exact.u)) <= 1e-9
-
-
-@pytest.mark.parametrize("units", [(1e9, 1e-9, 1.0), (1.0, 1e9, 1e-9)])
-def test_other_units_give_the_same_path(units: tuple[float, float, float]) -> None:
-    problem, t_unit = softening_line(40, 0.02), 1e7
-    path = follow(problem, np.zeros(40), 0.0, -3.0, 3.0)
-    scaled = cases.rescaled(problem.at(1.0), *units)
-    other = ParametricProblem(scaled.A_tilde, np.zeros(40), scaled.l_tilde * t_unit, scaled.c, scaled.law)
-    again = follow(other, np.zeros(40), 0.0, -3.0 / t_unit, 3.0 / t_unit)
-    assert again.pieces == path.pieces
-    assert again.t * t_unit == pytest.approx(path.t, rel=1e-9, abs=1e-9)
-    assert np.max(np.abs(again.u * units[0] - path.u)) <= 1e-9
-    assert np.array_equal(again.stable, path.stable)
-    assert again.residual.max() <= 1e-11
 
 
 def test_reasons_for_the_end() -> None:
@@ -96,34 +81,6 @@ def test_bad_input_is_named() -> None:
     ):
         with pytest.raises(ValueError, match=said):
             follow(bad, np.zeros(5), 0.0)
-
-
-def test_a_law_without_kinks_and_progress() -> None:
-    calls: list[int] = []
-    problem = softening_line(6).with_law(cases.spring(2.0))
-    path = Follower(t_min=-1.0, t_max=1.0).follow(problem, np.zeros(6), 0.0, progress=lambda n, t: calls.append(n))
-    assert path.pieces == len(calls) == 2
-    exact = np.linalg.solve(problem.A_tilde + 2.0 * np.diag(problem.c), problem.l_1)
-    assert path.u[-1] == pytest.approx(exact, rel=1e-12)
-
-
-DROPPING = cases.linear_law("drops", [-0.4, 0.0, 0.4], [-0.2, -1.0, 1.0], [-1.0, 1.0, 0.2], (0.0, 0.0))
-FALLING = cases.slip_weakening(1.0, 0.2, 0.4)
-
-
-@pytest.mark.parametrize(
-    ("law", "slip", "t", "third"),
-    [(FALLING, 0.0, 1.0, 0.2), (FALLING, 0.4, 0.6, 0.2), (DROPPING, 0.4, 1.4, 0.4), (DROPPING, 0.4, 0.6, 0.4)],
-)
-def test_starts_exactly_on_the_folds_of_a_uniform_body(law: Laws, slip: float, t: float, third: float) -> None:
-    """All nodes on a kink, all tied: both uniform branches are found from the fold itself."""
-    A, c = cases.half_laplacian(7)
-    A = A - np.diag(A.sum(axis=1) - c)  # uniform slips s need the load c s
-    path = follow(ParametricProblem(A, np.zeros(7), c, c, law), np.full(7, slip), t, -2.0, 2.0)
-    assert np.max(np.ptp(path.u, axis=1)) <= 1e-12
-    assert len(path.folds) == 4
-    assert path.start in path.folds
-    assert sorted(s.v[0] for s in solutions_at(path, 0.8)) == pytest.approx([0.0, third, 0.6], abs=1e-12)
 
 
 @pytest.mark.parametrize("law", [cases.slip_weakening(1.0, 0.2, 0.02), cases.sawtooth(1.0, 0.03, 5.0, 0.5)])
@@ -204,20 +161,3 @@ def test_starts_on_every_vertex_of_a_path(direction: str) -> None:
         assert {tuple(np.round(u, 9) + 0.0) for u in again.u} <= points
         if direction == "both":
             assert len(again.t) == len(path.t) - (k != path.start)  # that start is a vertex of its own
-
-
-@pytest.mark.parametrize("law", [cases.slip_weakening(1.0, 0.2, 0.02), cases.sawtooth(1.0, 0.03, 5.0, 0.5)])
-def test_slips_measured_by_a_scale_and_an_origin_of_every_node_change_nothing(law: Laws) -> None:
-    """w solves Aw + c b(w) = t l; u = σw + a then solves (A/σσ)(u − a) + c β b((u − a)/σ) = t l/σ with β = 1/σ."""
-    m, rng = 30, np.random.default_rng(7)
-    plain = softening_line(m).with_law(law)
-    sigma, a = np.exp(rng.normal(size=m)), 0.1 * rng.normal(size=m)
-    A = plain.A_tilde / sigma[:, None] / sigma
-    laws = nodal([law], np.zeros(m, dtype=int), 1.0 / sigma, sigma, a)
-    moved = ParametricProblem(0.5 * (A + A.T), A @ a, plain.l_1 / sigma, plain.c, laws)
-    path, other = follow(plain, np.zeros(m), 0.0, 0.0, 2.0), follow(moved, a, 0.0, 0.0, 2.0)
-    assert other.end == path.end == PathStatus.RANGE_END
-    assert other.pieces == path.pieces > 2 * m
-    assert np.array_equal(other.stable, path.stable)
-    np.testing.assert_allclose(other.t, path.t, atol=1e-10)
-    np.testing.assert_allclose(other.u, path.u * sigma + a, atol=1e-10)
