@@ -1,4 +1,4 @@
-"""Speed of a point, a sweep, a large scene: `python -m tests.benchmarks.speed` writes results/speed.md in ten minutes.
+"""Speed of a point and of a sweep: `python -m tests.benchmarks.speed` writes results/speed.md in ten minutes.
 
 Times are process CPU times (the machine is shared), one thread, no TaskManager. What is compared runs in turn on the
 same matrix: ours gives factor, Ã and condition estimate, the others a factor alone.
@@ -7,9 +7,8 @@ same matrix: ours gives factor, Ã and condition estimate, the others a factor a
 from __future__ import annotations
 
 import gc
-import multiprocessing
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -224,51 +223,6 @@ def sweeps() -> Iterator[str]:
     yield f"- a contact solve with its certificates there: {np.median(solves):.3f} × one cold point;"
 
 
-def large(levels: int = 7) -> str:
-    """A scene of 20 points against NGSolve's factorisation, each in a process of its own."""
-    runs = [(_in_process(_twenty_points, levels), _in_process(_one_factor, levels)) for _ in range(2)]
-    ratio = np.median([whole[1] / factor[0] for whole, factor in runs])
-    return (
-        f"- 20 points on N = {runs[0][0][0]:,.0f}, mesh, solves and certificates included: {ratio:.2f} × NGSolve's "
-        f"sparsecholesky factorisation of the stiffness matrix, peak memory {max(one[2] for one, _ in runs):.2f} GB."
-    )
-
-
-def _in_process(work: Callable[[Any, int], None], levels: int) -> tuple[float, ...]:
-    context = multiprocessing.get_context("spawn")
-    receiver, sender = context.Pipe(duplex=False)
-    process = context.Process(target=work, args=(sender, levels))
-    process.start()
-    answer = receiver.recv()
-    process.join()
-    return tuple(answer)
-
-
-def _twenty_points(sender: Any, levels: int) -> None:
-    """(n_dof, CPU time from mesh to certificates, peak memory in GB)."""
-    study = study_of(levels, "sweep={alpha: {geomspace: [100, 1000, 4]}, theta_bar: {linspace: [-20, 20, 5]}}")
-    clock, neighbour = Clock(), None
-    level = Level(finest(study), study.scenes[0], study.scenes)
-    for place in range(len(study.scenes)):
-        record = solve_point(study, level, place, neighbour)
-        assert record.status[0] == 1, record.reasons[0]
-        assert record.u_T is not None
-        neighbour = record.u_T[0]
-    taken = clock()
-    line = next(line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM"))
-    sender.send((level.frames.n_dof, taken, float(line.split()[1]) * 1024 / 1e9))
-
-
-def _one_factor(sender: Any, levels: int) -> None:
-    """CPU time of one sparsecholesky factorisation."""
-    study = study_of(levels)
-    mesh = finest(study)
-    form, free = _ngsolve_matrix(mesh, study.scenes[0], Level(mesh, study.scenes[0]).frames.fixed)
-    clock = Clock()
-    form.mat.Inverse(free, inverse="sparsecholesky")
-    sender.send((clock(),))
-
-
 def main() -> None:
     """Measure and write."""
     with threadpool_limits(1, user_api="blas"):
@@ -282,7 +236,6 @@ def main() -> None:
                 *tables,
                 "",
                 *swept,
-                large(),
                 "",
             ]
         )

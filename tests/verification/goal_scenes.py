@@ -78,7 +78,6 @@ PRESSED = FILM.replace(
     '{role: traction, g: ["0.03*x", -0.01]}', "{role: rigid, force: [0.03, -0.02], moment: 0.01}"
 ).replace("left: clamped", "left: {role: traction, spring: {normal: 0.2}}")
 """The film under a block whose rigid top is pushed and turned, its side on springs."""
-_LAW = "friction: {law: slip-weakening, tau_s: 0.012, tau_k: 0.006, delta: 0.1}"
 _SPLIT = """body:
   outline:
     - {from: [0, 0], edge: bottom}
@@ -93,10 +92,6 @@ PATCH_AT_NODE = PATCH.replace(
     "body: {rectangle: {width: 2, height: 1}}\nboundary: {bottom", _SPLIT.replace("AT", "0.83")
 ).replace("*1e9", "*1e9 + 0.5")
 """The same with a node there, of half the step: lumping does not see the step."""
-TWO_LAWS = FILM.replace(
-    "body: {rectangle: {width: 2, height: 1}}\nboundary: {bottom", _SPLIT.replace("AT", "1.2")
-).replace(_LAW, _LAW.replace("friction: ", "friction:\n  bottom: ") + "\n  shoe: {law: tresca, tau: 0.002}")
-"""The film as far as x = 1.2, a weak shoe beyond it."""
 
 BRACKET = (
     HEATED_BRACKET.replace("  regions:\n    heater: {rectangle: {corner: [1.3, 0.4], width: 0.4, height: 0.3}}\n", "")

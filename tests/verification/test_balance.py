@@ -19,30 +19,6 @@ def bracket() -> tuple[Scene, Level]:
     return study.scenes[0], levels_of(study)[1]
 
 
-def test_normal_displacement_vanishes_at_the_contact_nodes(bracket: tuple[Scene, Level]) -> None:
-    scene, level = bracket
-    condensed = level.condensed(scene)
-    u = level.displacement(scene, solve_contact(condensed.problem).v)
-    nodes = level.line.nodes
-    n = level.mesh.n_points
-    xy, at = np.column_stack([u[nodes], u[nodes + n]]), level.mesh.points[nodes]
-    slope = level.line.edge == 0
-    normal = np.array([-0.3, -1.0]) / np.hypot(0.3, 1.0)
-    interior = slope & (at[:, 0] < 1 - 1e-9)
-    assert np.max(np.abs(xy[interior] @ normal)) < 1e-16
-    assert np.max(np.abs(xy)) > 1e-3
-    centre = _circle((1, -0.3), (1.6, -0.2), (2, 0.3))
-    radial = at[~slope] - centre
-    radial /= np.linalg.norm(radial, axis=1)[:, None]
-    assert np.max(np.abs(np.einsum("ij,ij->i", xy[~slope], radial))) < 1e-15
-
-
-def _circle(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> np.ndarray:
-    """Centre of the circle through three points."""
-    p = np.array([a, b, c])
-    return np.linalg.solve(2 * (p[1:] - p[0]), (p[1:] ** 2).sum(1) - (p[0] ** 2).sum())
-
-
 def test_total_energy_is_that_of_the_whole_system(bracket: tuple[Scene, Level]) -> None:
     """L̃(u₁) + constant = ½uᵀAu − Fᵀu + Σ c_i j(u_T)."""
     scene, level = bracket

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-import tcstudy
 from tcstudy.data.tables import Measured
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
@@ -128,21 +125,6 @@ def test_numbers_are_extrapolated_to_the_exact_ones(slipping: Measured, mixed: M
     x = np.linspace(0, 1, 100_001)
     resultant = np.trapezoid(smooth.friction(x), x)
     assert series(slipping.points[0], "friction_resultant").exact == pytest.approx(resultant, rel=1e-9)
-
-
-def test_graded_levels_regain_the_order_that_uniform_ones_lose() -> None:
-    config = Path(__file__).parents[2] / "configs" / "singular.yaml"
-    slopes = {}
-    for family in ("uniform", "graded"):
-        measured = converge(tcstudy.load(config, [f"mesh={{maxh: 0.5, levels: 5, family: {family}}}"]))
-        own = errors(measured.points[0])["u_energy"]
-        assert own.verdict == "as_expected"
-        assert own.expected == pytest.approx({"uniform": 0.5, "graded": 1.0}[family], abs=1e-3)
-        slopes[family] = own.slope
-        interpolated = any("no uniform refinements" in note for note in measured.notes)
-        assert interpolated == (family == "graded")
-    assert slopes["graded"] == pytest.approx(1.0, abs=0.1)
-    assert slopes["uniform"] < 0.8
 
 
 def test_locking_is_measured_and_warned_about() -> None:

@@ -32,7 +32,6 @@ from tests.verification.goal_scenes import (
     PRESSED,
     RESULTANT,
     SLIP_LENGTH,
-    TWO_LAWS,
     Row,
     at_crossing,
     fine_value,
@@ -112,13 +111,6 @@ def test_numbers_under_a_law_that_grows_along_its_edge() -> None:
     assert abs(ratios[-1] - 1.0) < 0.05, ratios
 
 
-def test_numbers_of_a_film_and_a_shoe() -> None:
-    """The cell of the node where they meet straddles them: an error of first order, and known to be."""
-    rows = table(scene_of(TWO_LAWS), RESULTANT, fine_value(TWO_LAWS, RESULTANT), "adaptive", 20, FEWER)
-    check(rows)
-    assert all(1.0 < row.effectivity < 2.0 for row in rows[3:]), rows
-
-
 def test_a_film_that_is_weaker_from_somewhere_within_a_cell_on() -> None:
     """What half a cell may hide there covers the error, which is anything from nothing to that."""
     study = scene_of(PATCH)
@@ -171,7 +163,7 @@ def met(study: Study, goal: Goal, known: float, tolerance: float) -> None:
     assert n_dof < 20_000
 
 
-@pytest.mark.parametrize(("change", "tolerance"), [(0.71, 1e-2), (0.27, 1e-3)])
+@pytest.mark.parametrize(("change", "tolerance"), [(0.27, 1e-3)])
 def test_tolerances_of_closed_forms_are_met(change: float, tolerance: float) -> None:
     study = front_study(change)
     met(study, SLIP_LENGTH, 1.0 - change, tolerance)

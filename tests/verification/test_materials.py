@@ -14,7 +14,6 @@ from tcstudy.contact.solve import solve_contact
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.picture import body_fields
 from tcstudy.reports.stresses import stresses, von_mises
-from tcstudy.study.plan import plan
 from tests.verification.scenes import levels_of
 
 Array = NDArray[np.float64]
@@ -164,25 +163,3 @@ output: {fields: true}
     assert np.allclose(sigma[:, 0], expected, rtol=1e-10)
     assert np.allclose(von_mises(sigma), expected, rtol=1e-10)
     assert np.allclose(energy, expected**2 / 2 / np.where(middle > 0.5, 7, 3), rtol=1e-9)
-
-
-def test_sweeps_of_a_region_refactorise_and_of_the_body_at_fixed_ratios_do_not() -> None:
-    text = SLAB + "parameters: {stiff: 1}\nsweep: {SWEEP}\n"
-    one = text.replace("SWEEP", "material.E: [100 GPa, 200 GPa, 300 GPa]")
-    study = read_study_text(one)
-    assert plan(study).factorisations == 3
-    note = "only what meets coating, middle is computed again after the first of the 3 stiffness factorisations"
-    assert note in plan(study).notes
-    [level] = levels_of(study)
-    last = [level.condensed(scene).problem.A_tilde for scene in study.scenes][-1]
-    assert np.array_equal(last, levels_of(study)[0].condensed(study.scenes[-1]).problem.A_tilde)
-    together = text.replace("E: 200 GPa", 'E: "stiff*200e9"').replace("E: 3 GPa", 'E: "stiff*3e9"')
-    together = together.replace("E: 70 GPa", 'E: "stiff*70e9"').replace("SWEEP", "parameters.stiff: [1, 2, 3]")
-    study = read_study_text(together)
-    assert plan(study).factorisations == 1
-    [level] = levels_of(study)
-    first, last = (level.condensed(study.scenes[i]).problem for i in (0, 2))
-    assert np.max(np.abs(last.A_tilde / first.A_tilde - 3.0)) < 1e-12
-    alpha = text.replace("SWEEP", "materials.coating.alpha_T: [1e-6, 6e-5], materials.coating.k: [0.25, 1]")
-    study = read_study_text(alpha)
-    assert (plan(study).factorisations, plan(study).heat_solves) == (1, 2)

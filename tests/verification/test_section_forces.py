@@ -55,17 +55,6 @@ def test_shear_lag_of_a_lap_joint(tmp_path: Path) -> None:
     assert data["work_right"].values == pytest.approx(-2.0 * data["energy"].values, rel=1e-9)
 
 
-def test_bar_that_a_yielding_bond_holds(tmp_path: Path) -> None:
-    """N = P − τ(L − x) where the bond yields and 0 beyond, exact between the nodes: by equilibrium, not by stresses."""
-    _, lines = levels("{law: tresca, tau: 2 MPa}", tmp_path)
-    for line in lines:
-        yields = line["sticks"].values == 0
-        exact = P - 2e6 * (L - line["arclength"].values)
-        assert line["section_force"].values[yields] == pytest.approx(exact[yields], abs=1e-9 * P)
-        h = float(line["arclength"].diff("node").max())
-        assert np.abs(line["section_force"].values[~yields]).max() < 1.5 * 2e6 * h
-
-
 def test_welded_rail_is_restrained_behind_its_breathing_end(tmp_path: Path) -> None:
     """−N = EHαΔT in the middle and τ times the distance from the end in the breathing length."""
     study = tcstudy.load(CONFIGS / "welded_rail.yaml", ["output.quantities=section_force", "sweep={}"])

@@ -73,12 +73,3 @@ def test_a_zone_shorter_than_every_cell_is_looked_for() -> None:
     assert trial.met
     assert trial.ratio <= 1.0, trial
     assert trial.n_dof < 1000
-
-
-def test_tolerances_of_a_scene_at_random() -> None:
-    """A share of tests.benchmarks.tolerances; the truth is that of its `reference`, uncertain by 2e-5 at most."""
-    drawn = draw_scene(1, 5)
-    for tolerance in (1e-2, 1e-3):
-        trial = judged(5, drawn.study, drawn.goals[5 % len(drawn.goals)], tolerance, 1.3193110)
-        assert trial.met
-        assert trial.ratio <= 1.0, trial
