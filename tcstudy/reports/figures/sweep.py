@@ -45,7 +45,8 @@ COLOURS = "viridis"
 """Evenly light for every kind of colour vision, and in grey."""
 GONE: dict[str, Any] = {"hatch": "xxx", "edgecolor": style.PALE, "linewidth": 0.0}
 OPEN: dict[str, Any] = {"hatch": "//", "edgecolor": "white", "linewidth": 0.0}
-SEVERAL: dict[str, Any] = {"edgecolor": style.VERMILLION, "linewidth": 1.8}
+OPEN_KEY: dict[str, Any] = {"hatch": "///", "facecolor": "#31688e"}
+SEVERAL: dict[str, Any] = {"edgecolor": style.VERMILLION, "linewidth": 1.8, "zorder": 4}
 FOLD: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 1.4}
 EQUAL: dict[str, Any] = {"color": "black", "linewidth": 1.4, "linestyle": "--"}
 BOUND: dict[str, Any] = {"color": "black", "linewidth": 0.8, "linestyle": "-"}
@@ -133,6 +134,11 @@ def read_sweep(
 
         status, values, unique = flat("status"), flat(name), flat("unique") == 1
         good = (status == PointStatus.OK) & np.isfinite(values) & ((values != -1) | (values.dtype.kind == "f"))
+        gone = [
+            f"{count} {'without a value' if one == PointStatus.OK else named(PointStatus(int(one)))}"
+            for one, count in zip(*np.unique(status[~good], return_counts=True), strict=True)
+        ]
+        left_out = f"{int((~good).sum())} of {counted(len(good), 'point')} left out: {', '.join(gone)}" if gone else ""
         with np.errstate(invalid="ignore"):
             of = ["lambda_1", *(one for one in BAND if one in at)]
             excess = [np.where(good, flat("omega") - flat(one), np.nan) for one in of]
@@ -144,7 +150,7 @@ def read_sweep(
             units=str(data[name].attrs.get("units", "1")),
             parameters=tuple(_along(data[one], one, labelled[one][keep]) for one in names),
             fixed=tuple(one.words + (" (its first value)" if one.first else "") for one in fixed),
-            left_out=_left_out(status, good),
+            left_out=left_out,
             values=np.where(good, values.astype(float), np.nan),
             proved=unique,
             several=several(flat("start_energy"), unique),
@@ -152,17 +158,6 @@ def read_sweep(
             excess=excess[0],
             band=tuple(excess[1:]),
         )
-
-
-def _left_out(status: NDArray[Any], good: Flags) -> str:
-    """How many points have no number and why, "2 of 9 points left out: 2 not converged"; empty if all have one."""
-    if good.all():
-        return ""
-    reasons = [
-        f"{count} {'without a value' if one == PointStatus.OK else named(PointStatus(int(one)))}"
-        for one, count in zip(*np.unique(status[~good], return_counts=True), strict=True)
-    ]
-    return f"{int((~good).sum())} of {counted(len(good), 'point')} left out: {', '.join(reasons)}"
 
 
 def _along(axis: Any, name: str, held: NDArray[Any]) -> Along:
@@ -239,44 +234,35 @@ def map_figure(sweep: SweepPicture, look: style.Look) -> Figure:
     solutions of different energies. Crosses: no solution. Blank: a pair that the sweep does not have. A line parts
     cells with different numbers of equilibria, as folds lie there; on a dashed one ω = λ₁, below which one is proved.
     """
+    from matplotlib.colors import BoundaryNorm
+
     sheet, axes, up = _sheet(sweep, look)
-    counts, values = sweep.at_least is not None, up(sweep.values)
-    how = _steps(values[np.isfinite(values)]) if counts and np.isfinite(values).any() else {"cmap": COLOURS}
-    if all(one.random for one in sweep.parameters):
-        drawn = _scattered(axes, sweep, values, how)
+    values, (x, y) = up(sweep.values), sweep.parameters
+    known, how = np.isfinite(values), dict[str, Any](cmap=COLOURS)
+    counts = np.unique(values[known]) if sweep.at_least is not None else np.zeros(0)
+    if len(counts):  # a colour for each number of equilibria
+        edges = [counts[0] - 1.0, *(0.5 * (counts[1:] + counts[:-1])), counts[-1] + 1.0]
+        how["norm"] = BoundaryNorm(edges, 256)
+    if x.random and y.random and x.numbers is not None and y.numbers is not None:
+        at = np.stack([x.numbers[x.place], y.numbers[y.place]])
+        drawn: Any = axes.scatter(at[0, known], at[1, known], 20, values[known], linewidths=0, **how)
+        for which, name, mark in ((known & sweep.proved, "proved unique", "o"), (~known, "no solution", "x")):
+            if which.any():
+                ring: dict[str, Any] = {"color": style.INK, "markerfacecolor": "none", "markersize": 4.6, "label": name}
+                axes.plot(*at[:, which], mark, markeredgewidth=0.8, **ring)
     else:
         drawn = _cells(sheet, axes, sweep, values, how)
-    axes.set(xlabel=sweep.parameters[0].title, ylabel=sweep.parameters[1].title)
+    axes.set(xlabel=x.title, ylabel=y.title)
     bar = sheet.bar(axes, drawn, up.label)
-    if counts:
-        numbers = np.unique(values[np.isfinite(values)])
-        bar.set_ticks(numbers.tolist(), labels=[f"{n:.0f}" for n in numbers])
+    if len(counts):
+        bar.set_ticks(counts.tolist(), labels=[f"{n:.0f}" for n in counts])
     sheet.key()
     return sheet.finish()
 
 
-def _steps(known: Array) -> dict[str, Any]:
-    """A colour for each number of equilibria."""
-    from matplotlib.colors import BoundaryNorm
-
-    numbers = np.unique(known)
-    edges = np.concatenate([[numbers[0] - 1.0], 0.5 * (numbers[1:] + numbers[:-1]), [numbers[-1] + 1.0]])
-    return {"cmap": COLOURS, "norm": BoundaryNorm(edges, 256)}
-
-
-def _scattered(axes: Axes, sweep: SweepPicture, values: Array, how: dict[str, Any]) -> Any:
-    """A dot for each point, outlined where the solution is proved to be the only one."""
-    x, y = (one.numbers[one.place] for one in sweep.parameters if one.numbers is not None)
-    known = np.isfinite(values)
-    drawn = axes.scatter(x[known], y[known], 20, values[known], linewidths=0, **how)
-    for which, name, mark in ((known & sweep.proved, "proved unique", "o"), (~known, "no solution", "x")):
-        if which.any():
-            look: dict[str, Any] = {"color": style.INK, "markerfacecolor": "none", "markersize": 4.6, "label": name}
-            axes.plot(x[which], y[which], mark, markeredgewidth=0.8, **look)
-    return drawn
-
-
 def _cells(sheet: Sheet, axes: Axes, sweep: SweepPicture, values: Array, how: dict[str, Any]) -> Any:
+    from matplotlib.patches import Rectangle
+
     x, y = sweep.parameters
     grid = np.full((len(y.labels), len(x.labels)), -1, dtype=int)
     for i, (row, column) in enumerate(zip(y.place, x.place, strict=True)):
@@ -285,26 +271,31 @@ def _cells(sheet: Sheet, axes: Axes, sweep: SweepPicture, values: Array, how: di
             raise DrawError(f"several points of the list have {where}; choose one value of another parameter")
         grid[row, column] = i
     there, shown = grid >= 0, np.where(grid >= 0, values[grid], np.nan)
-    known, counts = there & np.isfinite(shown), sweep.at_least is not None
+    known, counts, mesh = there & np.isfinite(shown), sweep.at_least is not None, " on the mesh" * bool(sweep.band)
     open_ = known & (sweep.at_least[grid] if sweep.at_least is not None else ~sweep.proved[grid])
     drawn = axes.pcolormesh(np.ma.masked_invalid(shown), edgecolors="white", linewidth=0.0 if counts else 0.4, **how)
-    kinds = (
-        (there & ~known, GONE, "no solution"),
-        (open_, OPEN, "at least so many" if counts else "not proved unique" + " on the mesh" * bool(sweep.band)),
-        (known & sweep.several[grid] & (not counts), SEVERAL | {"zorder": 4}, "several solutions found"),
+    kinds: tuple[tuple[Flags, dict[str, Any], dict[str, Any], str], ...] = (
+        (there & ~known, GONE, {}, "no solution"),
+        (open_, OPEN, OPEN_KEY, "at least so many" if counts else "not proved unique" + mesh),
+        (known & sweep.several[grid] & (not counts), SEVERAL, {}, "several solutions found"),
     )
-    for which, look, name in kinds:
-        _outlined(axes, which, look, name)
-    if counts:
-        _fold_lines(axes, shown)
+    for which, look, in_key, name in kinds:  # hatches or outlines of the cells (rows, columns)
+        for row, column in np.argwhere(which):
+            axes.add_patch(Rectangle((column, row), 1.0, 1.0, facecolor="none", **look))
+        if which.any():
+            axes.fill([], [], **{"facecolor": "none"} | look | in_key, label=name)
+    for cells, turned in ((shown, False), (shown.T, True)) if counts else ():  # between different numbers of equilibria
+        a, b = cells[:, 1:], cells[:, :-1]
+        for row, column in np.argwhere(np.isfinite(a) & np.isfinite(b) & (a != b)):
+            ends = [column + 1] * 2, [row, row + 1]
+            axes.plot(*(ends[::-1] if turned else ends), **FOLD)
     own = r"$\omega = \lambda_1$" + " of the mesh" * bool(sweep.band)
     looks = (EQUAL, own), (BOUND, r"bounds of $\lambda_1$ of the body"), (BOUND, None)
     for above, (line, label) in zip((sweep.excess, *sweep.band), looks, strict=False):
         excess = np.where(there, above[grid], np.nan)
         if min(grid.shape) > 1 and np.isfinite(excess).all() and excess.min() < 0.0 < excess.max():
             middles = [np.arange(size) + 0.5 for size in grid.shape[::-1]]
-            drawing = {f"{key}s": value for key, value in line.items()}
-            axes.contour(*middles, excess, levels=[0.0], **drawing)
+            axes.contour(*middles, excess, levels=[0.0], **{f"{key}s": value for key, value in line.items()})
             axes.plot([], [], **line, label=label)
     most_across = max(2, sheet.look.columns(0.6 * sheet.width) // (max(map(len, x.labels)) + 2))
     most_up = max(2, int(0.6 * sheet.height / (1.6 * sheet.em)))
@@ -313,23 +304,3 @@ def _cells(sheet: Sheet, axes: Axes, sweep: SweepPicture, values: Array, how: di
         axis.set_ticks([i + 0.5 for i in few], [style.plain(one.labels[i]) for i in few])
     axes.tick_params(length=0)
     return drawn
-
-
-def _outlined(axes: Axes, which: Flags, look: dict[str, Any], name: str) -> None:
-    """Hatches or outlines of the cells (rows, columns), and what they mean."""
-    from matplotlib.patches import Rectangle
-
-    for row, column in np.argwhere(which):
-        axes.add_patch(Rectangle((column, row), 1.0, 1.0, facecolor="none", **look))
-    if which.any():
-        ground = "#31688e" if look is OPEN else "none"
-        axes.fill([], [], **{"facecolor": ground} | look | ({"hatch": "///"} if look is OPEN else {}), label=name)
-
-
-def _fold_lines(axes: Axes, values: Array) -> None:
-    """Lines between cells with different numbers of equilibria."""
-    for cells, turned in ((values, False), (values.T, True)):
-        a, b = cells[:, 1:], cells[:, :-1]
-        for row, column in np.argwhere(np.isfinite(a) & np.isfinite(b) & (a != b)):
-            ends = [column + 1] * 2, [row, row + 1]
-            axes.plot(*(ends[::-1] if turned else ends), **FOLD)
