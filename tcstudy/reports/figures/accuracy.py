@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tcstudy.data.schema import PointStatus
-from tcstudy.data.tables import BY_ITSELF, ERRORS, OWN, VERDICTS
+from tcstudy.data.tables import BY_ITSELF, OWN, VERDICTS
 from tcstudy.errors import DrawError
 from tcstudy.reports import sentences
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.panels import Array, Panel, Scale, Sheet, scale
+from tcstudy.reports.figures.panels import Panel, Scale, Sheet, scale
 from tcstudy.reports.select_point import Value, describe, locate
 from tcstudy.reports.terminal.accuracy import EXACT, GROUPS, SYMBOLS, advice, best, front, settings, shown
 from tcstudy.scene.study import FAMILIES
@@ -36,8 +36,6 @@ BESIDE = 0.2
 BELOW = 1.7
 """Factor between the finest error and the line of the order to expect."""
 
-_SYMBOLS = {measure.name: measure.symbol for measure in ERRORS}
-
 
 def convergence_figure(data: Any, point: Mapping[str, Value] | None, look: style.Look) -> tuple[Figure, str]:
     """The errors of one sweep point, the first unless named, and which it is.
@@ -46,19 +44,18 @@ def convergence_figure(data: Any, point: Mapping[str, Value] | None, look: style
     """
     where = locate(data, point)
     at, words = data.isel(where), describe(data, where)
-    panels = convergence_panels(at)
+    panels, used = convergence_panels(at), [one for group in _drawn(at).values() for one in group.values()]
     if not panels:
         raise DrawError("the file has no errors to draw: no reference was there, or all errors are rounding")
-    used = [name for symbol, _, names in GROUPS if symbol in panels for name in names if _drawable(at, name)]
     marks = {
+        f"reference: {str(data.attrs['reference']).split(' (')[0]}": True,
         "relative errors": True,
         "dotted: orders to expect": True,
-        "dashed: pre-asymptotic": any(_verdict(at, name) == "pre_asymptotic" for name in used),
-        f"pale: a guess ({sentences.GUESS}) from two levels": any(_two_points(at, name) for name in used),
+        "dashed: pre-asymptotic": any(early for early, _ in used),
+        f"pale: a guess ({sentences.GUESS}) from two levels": any(guess for _, guess in used),
         "hollow: did not converge": bool((at["status"].values != int(PointStatus.OK)).any()),
     }
-    reference = f"reference: {str(data.attrs['reference']).split(' (')[0]}"
-    facts = [*filter(None, [style.point_words(words)]), reference, *(mark for mark, there in marks.items() if there)]
+    facts = [*filter(None, [style.point_words(words)]), *(mark for mark, there in marks.items() if there)]
     rows = list(zip_longest(*(list(panels)[k::2] for k in (0, 1)), fillvalue="."))
     sheet = Sheet(look, data.attrs["title"], [";  ".join(facts)], rows, [PANEL] * len(rows))
     sheet.draw(panels)
@@ -72,65 +69,54 @@ def convergence_figure(data: Any, point: Mapping[str, Value] | None, look: style
     return sheet.finish(), words or data.attrs["title"]
 
 
+def _drawn(at: Any) -> dict[str, dict[str, tuple[bool, bool]]]:
+    """By symbol the errors that there are to draw (rounding is none), whether their levels are pre-asymptotic, and
+    whether the rate is that of two levels, so that nothing says how far to trust it."""
+    found = dict[str, dict[str, tuple[bool, bool]]]()
+    for symbol, _, group in GROUPS:
+        for name in group:
+            verdict = VERDICTS[int(at[f"verdict_{name}"])] if shown(at, name) else "exact"
+            if verdict != "exact" and bool((at[f"error_{name}"] > 0).any()):
+                guess = np.isfinite(at[f"slope_{name}"]) and not np.isfinite(at[f"slope_error_{name}"])
+                found.setdefault(symbol, {})[name] = verdict == "pre_asymptotic", bool(guess)
+    return found
+
+
 def convergence_panels(at: Any) -> dict[str, Panel]:
     """By the symbol of what errors are of, a panel of those of one sweep point over h, with the slopes to expect.
 
     Solutions that did not converge are hollow and joined to nothing.
     """
-    h, ok = at["h_max"].values, at["status"].values == int(PointStatus.OK)
-    across, found = scale("longest element edge h", h, str(at["h_max"].attrs["units"])), {}
-    for symbol, title, group in GROUPS:
-        names = [name for name in group if _drawable(at, name)]
-        if not names:
-            continue
+    h, ok, titles = at["h_max"].values, at["status"].values == int(PointStatus.OK), {one[0]: one[1] for one in GROUPS}
+    across, found = scale("longest element edge h", h, str(at["h_max"].attrs["units"])), dict[str, Panel]()
+    for symbol, names in _drawn(at).items():
         panel = found[symbol] = Panel(across, Scale("relative error"), log=(True, True), grid=True)
-        panel.title = f"{math_symbol(symbol)}: {math_symbol(title)}"
-        for name, look in zip(names, LOOKS, strict=False):
-            error, guess = at[f"error_{name}"].values, _two_points(at, name)
+        panel.title, finest = (
+            f"{math_symbol(symbol)}: {math_symbol(titles[symbol])}",
+            dict[float, tuple[float, float]](),
+        )
+        for (name, (early, guess)), look in zip(names.items(), LOOKS, strict=False):
+            error = at[f"error_{name}"].values
             good, bad = ok & (error > 0), ~ok & (error > 0)
-            dashed = guess or _verdict(at, name) == "pre_asymptotic"
             slope = sentences.order(float(at[f"slope_{name}"]), float(at[f"slope_error_{name}"]))
-            label = math_symbol(_SYMBOLS[name]) + ("" if slope == "–" else f": {slope}")
-            how = look | {"linestyle": "--" if dashed else "-", "alpha": 0.45 if guess else 1.0, "label": label}
+            label = math_symbol(SYMBOLS[name]) + ("" if slope == "–" else f": {slope}")
+            how = look | {"linestyle": "--" if early or guess else "-", "alpha": 0.45 if guess else 1.0, "label": label}
             panel.line(h[good], error[good], **how, markerfacecolor="white" if look is LOOKS[0] else None)
             panel.line(h[bad], error[bad], **look | {"linestyle": "none", "fillstyle": "none"})
-        for beside, dash in zip(
-            (one for one in BY_ITSELF if one.split("_", 1)[1] in names and one in at), (":", "-."), strict=False
-        ):
-            panel.line(h, at[beside].values, color=style.INK, linestyle=dash, linewidth=1.2, label=beside.split("_")[0])
-        for order, (fine, size) in _finest(at, names, h, ok).items():
+            order = round(float(at[f"expected_{name}"]), 2)
+            if order > 0 and np.count_nonzero(good) > 1:  # by order the least error at its finest step, and that step
+                finest[order] = min(finest.get(order, (np.inf, 0.0)), (float(error[good][-1]), float(h[good][-1])))
+        beside = (one for one in BY_ITSELF if one.split("_", 1)[1] in names and one in at)
+        for one, dash in zip(beside, (":", "-."), strict=False):
+            panel.line(h, at[one].values, color=style.INK, linestyle=dash, linewidth=1.2, label=one.split("_")[0])
+        for order, (fine, size) in finest.items():
             ends = np.array([size, h[ok].max()])
             panel.line(ends, fine / BELOW * (ends / size) ** order, color=style.PALE, linewidth=0.9, linestyle=":")
             panel.note(f"{order:g}", (size, fine / BELOW), (-4, -3), ha="right", fontsize=8.5, color=style.PALE)
-        drawn = np.array([at[f"error_{name}"].values > 0 for name in names]).any(axis=0)
-        panel.ticks = across(h[drawn]).tolist(), [f"{value:.2g}" for value in across(h[drawn])]
-        left, right = across(h[drawn]).min(), across(h[drawn]).max()
+        drawn = across(h[np.array([at[f"error_{name}"].values > 0 for name in names]).any(axis=0)])
+        panel.ticks = drawn.tolist(), [f"{value:.2g}" for value in drawn]
+        left, right = drawn.min(), drawn.max()
         panel.limits[0] = left * (left / right) ** BESIDE, right * (right / left) ** 0.06 if right > left else None
-    return found
-
-
-def _verdict(at: Any, name: str) -> str:
-    return VERDICTS[int(at[f"verdict_{name}"])]
-
-
-def _drawable(at: Any, name: str) -> bool:
-    """Whether there is an error to draw; rounding is none."""
-    return shown(at, name) and _verdict(at, name) != "exact" and bool((at[f"error_{name}"] > 0).any())
-
-
-def _two_points(at: Any, name: str) -> bool:
-    """Whether the rate is that of two levels, so that nothing says how far to trust it."""
-    return bool(np.isfinite(at[f"slope_{name}"]) and not np.isfinite(at[f"slope_error_{name}"]))
-
-
-def _finest(at: Any, names: list[str], h: Array, ok: Any) -> dict[float, tuple[float, float]]:
-    """By expected order the least error of those with that order at its finest step, and that step."""
-    found: dict[float, tuple[float, float]] = {}
-    for name in names:
-        error, order = np.where(ok, at[f"error_{name}"].values, np.nan), round(float(at[f"expected_{name}"]), 2)
-        known = np.flatnonzero(error > 0)
-        if order > 0 and len(known) > 1:
-            found[order] = min(found.get(order, (np.inf, 0.0)), (float(error[known[-1]]), float(h[known[-1]])))
     return found
 
 
