@@ -28,7 +28,7 @@ from tcstudy.laws.laws import Laws
 from tcstudy.scene.study import Study
 from tcstudy.study.run import stages
 from tests.benchmarks.peers import RESULTS
-from tests.contact.rows import solve_points
+from tests.contact.contact_cases import solve_points
 
 CONFIG = Path(__file__).parents[2] / "configs" / "quickstart.yaml"
 LEVELS, RUNS = (0, 1, 2, 4, 5), 2

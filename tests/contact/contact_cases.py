@@ -9,11 +9,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.problem import ContactProblem, least_eigenvalue
+from tcstudy.contact.problem import CondensedBody, ContactProblem, least_eigenvalue
+from tcstudy.contact.solve import Answer, solve_block
 from tcstudy.laws import shapes
 from tcstudy.laws.laws import Laws
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 
 def linear_law(
@@ -157,3 +159,36 @@ def _exact_xi(problem: ContactProblem, v: Array, v_low: Array) -> Array:
     A, parts = halves(problem.A_tilde), (*halves(v), v_low)
     rows = np.concatenate([problem.l_tilde[:, None], *(-half * part for half in A for part in parts)], axis=1)
     return np.array([math.fsum(row) for row in rows.tolist()])
+
+
+def some_laws() -> list[Laws]:
+    """One law of every kind: softening, smooth, without kinks, with down-jumps, and two random ones."""
+    rng = np.random.default_rng(7)
+    return [
+        slip_weakening(1.0, 0.4, 0.15),
+        exponential_decay(1.0, 0.5, 0.1),
+        spring(2.0),
+        sawtooth(),
+        random_law(rng, np.pi, 9),
+        random_law(rng, np.pi, 9, smooth=True),
+    ]
+
+
+def block(m: int, laws: Sequence[Laws], points: int, seed: int = 0) -> tuple[CondensedBody, Array, Laws, Index]:
+    """(body, loads (P, m), tables, law of every point): waves of 0.4 to 2.5 times the size of b."""
+    rng = np.random.default_rng([seed, m])
+    body = CondensedBody.of(*half_laplacian(m))
+    law = rng.integers(0, len(laws), points)
+    x, loads = (np.arange(m) + 0.5) / m, np.empty((points, m))
+    for p in range(points):
+        waves = (rng.normal() / k * np.sin(np.pi * k * x + rng.uniform(0, 6)) for k in range(1, 5))
+        shape = rng.normal() + sum(waves)
+        size = laws[law[p]].b_scale or 1.0
+        loads[p] = body.c * shape * rng.uniform(0.4, 2.5) * size / np.max(np.abs(shape))
+    return body, loads, Laws.of(laws), law
+
+
+def solve_points(body: CondensedBody, loads: Array, tables: Laws, law: Index, tolerance: float | None = None) -> Answer:
+    """All points as one block with only the laws in use."""
+    used, rows = np.unique(law, return_inverse=True)
+    return solve_block(body, loads, tables.at(used[rows].reshape(-1, 1)), tolerance=tolerance)

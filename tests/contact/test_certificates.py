@@ -8,18 +8,16 @@ from tcstudy.contact.certificates import (
     certify,
     definite,
     largest_push,
-    least_slopes,
     quotient,
     solution_boxes,
-    value_range,
 )
 from tcstudy.contact.problem import CondensedBody, ContactProblem
 from tcstudy.contact.solve import nearest_minimum
 from tcstudy.laws.laws import Laws
 from tests.contact import contact_cases as cases
 from tests.contact import exhaustive
+from tests.contact.contact_cases import some_laws
 from tests.contact.random_polygons import by_brute_force
-from tests.contact.rows import some_laws
 
 
 def one_node(law: Laws, load: float) -> ContactProblem:
@@ -129,25 +127,6 @@ def test_box_holds_every_solution() -> None:
         for v in by_brute_force(problem)[0]:
             assert np.all(low - 1e-10 <= v)
             assert np.all(v <= high + 1e-10)
-
-
-@pytest.mark.parametrize("smooth", [False, True])
-def test_range_and_least_slope_on_intervals(smooth: bool) -> None:
-    """Against dense samples of b; difference quotients between neighbours are never below the least slope."""
-    for seed in range(15):
-        rng = np.random.default_rng([seed, int(smooth), 1])
-        law = cases.random_law(rng, 1.0, 7, smooth)
-        low = rng.uniform(-1.0, 1.0, 4)
-        high = low + rng.uniform(0.0, 1.5, 4)
-        least, largest = value_range(law, low, high)
-        slope = least_slopes(law, low, high)
-        for i in range(4):
-            s = np.linspace(low[i], high[i], 4001)
-            b = law.b(s)
-            assert least[i] <= b.min() + 1e-12
-            assert largest[i] >= b.max() - 1e-12
-            quotient = np.min(np.diff(b) / np.diff(s))
-            assert slope[i] <= quotient + 1e-6 * (1.0 + abs(quotient))
 
 
 def test_a_node_at_the_limit_of_sticking_is_no_strict_minimum() -> None:

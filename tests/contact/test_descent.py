@@ -1,14 +1,18 @@
-"""Descent: known solutions, random problems judged from outside, and honest failures."""
+"""Descent: known solutions, random problems judged from outside, pieces a few roundings wide, honest failures."""
+
+from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from tcstudy.contact.certificates import certify
 from tcstudy.contact.descent import descend, descend_nested
 from tcstudy.contact.newton import convex_step
 from tcstudy.contact.problem import CondensedBody, ContactProblem, Status
 from tcstudy.contact.solution import polished
 from tcstudy.contact.solve import nearest_minimum, solve_contact
-from tcstudy.laws.shapes import linear, piecewise_linear, tresca
+from tcstudy.laws.pieces import DOWN, UP
+from tcstudy.laws.shapes import piecewise_linear, tresca
 from tests.contact import contact_cases as cases
 from tests.contact.ill_conditioned import FAMILIES, Family, body
 
@@ -156,22 +160,6 @@ def test_random_laws_on_badly_conditioned_bodies(family: Family) -> None:
             assert not answer.limited
 
 
-def test_convex_model_of_a_convex_law_is_the_problem() -> None:
-    """Slopes that rise and fall but stay positive, and jumps, seen from anywhere: one step is the solution."""
-    law = piecewise_linear(
-        [(-1.0, -2.0), (0.0, -0.5), (0.0, 0.3), (0.4, 1.5), (2.0, 1.7), (2.0, 2.0)], False, None, [0.5, 0.0]
-    )
-    rng = np.random.default_rng(2)
-    A, c = body(rng, 30, 1e4), rng.uniform(0.5, 2.0, 30)
-    problem = ContactProblem(A, A @ rng.normal(size=30) + rng.normal(size=30), c, law)
-    for start in (np.zeros(30), np.full(30, 5.0)):
-        found = convex_step(problem, start)
-        assert found is not None
-        assert problem.inclusion_residual(found) <= 1e-5
-    spring = convex_step(ContactProblem(np.eye(2), np.ones(2), np.ones(2), linear(1.0)), np.zeros(2))
-    assert spring == pytest.approx([0.5, 0.5], rel=1e-14)
-
-
 @pytest.mark.parametrize("smooth", [False, True])
 def test_the_convex_model_lowers_the_energy_and_finds_first_order_points(smooth: bool) -> None:
     """The fallback alone: every minimum of the model lowers L̃, and repeated ones end where no node descends."""
@@ -189,3 +177,31 @@ def test_the_convex_model_lowers_the_energy_and_finds_first_order_points(smooth:
                 break
             v = target
         assert polished(problem, v, exact=False).residual <= 1e-9
+
+
+@pytest.mark.parametrize("width", [6e-17, 1e-13, 1e-8])
+def test_nodes_rest_on_a_narrow_rise(width: float) -> None:
+    """From one rounding of 0.3 on."""
+    law = piecewise_linear([(0.0, 0.5), (0.3, 0.5), (0.3 + width, 0.8), (1.0, 1.0)], True, None, None)
+    A_tilde, c = cases.half_laplacian(20)
+    problem = ContactProblem(A_tilde, c * np.linspace(0.4, 3.0, 20), c, law)
+    answer = solve_contact(problem)
+    assert answer.status == Status.CONVERGED
+    assert answer.inclusion_residual <= 1e-10
+    within = (answer.v >= 0.3) & (answer.v <= 0.3 + width)
+    assert np.any(within)
+    traction = answer.xi[within] / c[within]
+    assert np.all((traction > 0.5) & (traction < 0.8))
+    assert certify(problem, answer.v, tolerance=1.0).unique
+
+
+def test_narrow_pieces_become_jumps_and_odd_laws_stay_odd() -> None:
+    rise, fall = float(np.nextafter(0.3, 1.0)), float(np.nextafter(0.7, 1.0))
+    points = [(0.0, 0.5), (0.3, 0.5), (rise, 0.8), (0.7, 0.8), (fall, 0.2), (1.0, 0.2)]
+    law = piecewise_linear(points, True, None, None)
+    other = law.without_narrow_pieces
+    assert other.kinks.tolist() == [-0.7, -0.3, 0.0, 0.3, 0.7]
+    assert other.kinds.tolist() == [DOWN, UP, UP, UP, DOWN]
+    s = np.random.default_rng(3).uniform(0.0, 1.5, 300)
+    assert np.array_equal(other.b(s), -other.b(-s))
+    assert np.array_equal(other.b(s), law.b(s))
