@@ -93,7 +93,7 @@ def test_when_no_point_is_solved_refinement_ends(monkeypatch: pytest.MonkeyPatch
     assert records[-1].stop == "no point was solved, so nothing says what to refine"
 
 
-def test_parts_with_much_of_the_error_are_cut_several_times_on_the_way_to_one_level() -> None:
+def test_parts_with_much_of_the_error_are_cut_several_times_and_what_an_end_cell_hides_is_halved_with_it() -> None:
     mesh = Family(front_study(0.4, 0.1)).next(0)
     shares = np.full(len(mesh.triangles), 1e-6)
     shares[7] = 1.0
@@ -104,16 +104,8 @@ def test_parts_with_much_of_the_error_are_cut_several_times_on_the_way_to_one_le
     assert finer.level == 1
     assert np.all(doubled_areas(parts)[inside] < own / 6.0)  # four halvings of its share, so of the area at least three
     assert len(finer.triangles) < 1.5 * len(mesh.triangles)
-
-
-def test_what_an_end_cell_hides_is_halved_with_the_cell_and_nothing_else_is_cut() -> None:
-    mesh = Family(front_study(0.4, 0.1)).next(0)
-    node = int(np.argmin(np.linalg.norm(mesh.points, axis=1)))
-    on_line = np.isclose(mesh.points[mesh.segments][:, :, 1], 0.0).all(axis=1)
-    at = int(np.flatnonzero(on_line & (mesh.segments == node).any(axis=1))[0])
-    curve, ends = mesh.segment_curve[at], mesh.points[mesh.segments[at]]
-    length = np.linalg.norm(ends[1] - ends[0])
-    hidden = Hidden(np.array([node]), np.array([curve]), np.array([1.0]), np.array([length]))
+    node, curve = mesh.segments[0, 0], mesh.segment_curve[0]
+    hidden = Hidden(np.array([node]), np.array([curve]), np.array([1.0]), mesh.boundary.length[:1])
     finer = bisected(mesh, np.full(len(mesh.triangles), 1e-6), 0.2, 0.5, hidden)
     assert 0.1 < hidden.on(finer).sum() <= 0.25
     assert np.count_nonzero(hidden.on(finer)) == 1
