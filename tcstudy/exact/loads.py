@@ -397,7 +397,17 @@ class Checks:
                 given, remedy = value_of(self._exact.xi, *at.points.T), "correct xi, or leave it out: it follows from u"
                 yield from zero(("xi",), given - xi, stress, f"xi differs from -S_T of u by {{}} on {name}", remedy)
                 xi = given
-            yield from _friction(name, at.points, u_T, xi, scene, 1e-9 * largest, stress)
+            b = law_along(scene.friction, (name,), np.zeros(len(u_T), dtype=np.intp), at.points)
+            low, high = b.interval(u_T, 1e-9 * largest)
+            off = np.maximum(np.maximum(low - xi, xi - high), 0.0)
+            i = int(np.argmax(np.nan_to_num(off)))
+            # stress is sampled INWARD of the edge, which alone leaves so much where no friction is to compare with
+            if off[i] > max(TOLERANCE * max(b.b_scale, _largest(xi)), 10 * INWARD * stress):
+                law = f"[{low[i]:.6g}, {high[i]:.6g}]" if low[i] < high[i] else f"{low[i]:.6g}"
+                where = f"{name}: at {spot(at.points[i])}, where u_T = {u_T[i]:.6g}"
+                what = f"the friction law does not hold on {where}, -S_T is {xi[i]:.6g}, but b(u_T) is {law}"
+                remedy = f"change u or friction, so that -S_T of u lies in b(u_T) everywhere on {name}"
+                yield SolutionFault(u, what, remedy)
         elif isinstance(role, Free):
             for c, axis in enumerate("xy"):
                 what = f"the {axis} component of sigma n is {{}} on the free edge {name}"
@@ -445,24 +455,3 @@ class Checks:
 
 def _largest(values: Array) -> float:
     return float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
-
-
-def _friction(
-    name: str, points: Array, u_T: Array, xi: Array, scene: Scene, near: float, stress: float
-) -> Iterator[SolutionFault]:
-    """Where −S_T lies outside b̂(u_T)."""
-    b = law_along(scene.friction, (name,), np.zeros(len(u_T), dtype=np.intp), points)
-    low, high = b.interval(u_T, near)
-    off = np.maximum(np.maximum(low - xi, xi - high), 0.0)
-    worst = int(np.argmax(np.nan_to_num(off)))
-    # stress is sampled INWARD of the edge, which alone leaves so much where there is no friction to compare with
-    slack = max(TOLERANCE * max(b.b_scale, _largest(xi)), 10 * INWARD * stress)
-    if off[worst] > slack:
-        law = f"[{low[worst]:.6g}, {high[worst]:.6g}]" if low[worst] < high[worst] else f"{low[worst]:.6g}"
-        what = (
-            f"the friction law does not hold on {name}: at {spot(points[worst])}, where u_T = {u_T[worst]:.6g}, "
-            f"-S_T is {xi[worst]:.6g}, but b(u_T) is {law}"
-        )
-        yield SolutionFault(
-            ("u",), what, f"change u or friction, so that -S_T of u lies in b(u_T) everywhere on {name}"
-        )

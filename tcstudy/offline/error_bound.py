@@ -135,7 +135,7 @@ class ErrorBounds:
                 traction[on] = acting(mesh, name, role, dual.gauss_points[on], mesh.boundary.normal[on])
             own = np.zeros((2, 2, len(dual.elements.axes)))
             half = 0.5 * mesh.boundary.length
-            own[:, :, dual.number] = np.einsum("s,sgd,sdk->gks", half, traction, dual.supports.axes)
+            own[:, :, dual.number] = np.einsum("s,sgd,sdk->gks", half, traction, dual.axes)
             prescribed = frames.cartesian(frames.values).reshape(2, -1).T
             given = np.where(dual.held, dual.rows(prescribed), 0.0)
             F += own.ravel() - factor * (dual.K @ given)

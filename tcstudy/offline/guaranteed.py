@@ -62,27 +62,14 @@ WEIGHT = np.linalg.cholesky((np.ones((3, 3)) + np.eye(3)) / 72.0).T
 
 
 @dataclass(frozen=True)
-class Supports:
-    """What holds the segments of the boundary; displacements in local axes, those of contact being (t, n).
-
-    axes:    (s, 2, 2) an axis a column;  held: (s, 2) components that are prescribed
-    springs: (s, 2) stiffness along the axes [Pa/m];  contact: (k,) segments of Γ_C in order, the body on their left
-    """
-
-    axes: Array
-    held: NDArray[np.bool_]
-    springs: Array
-    contact: Indices
-
-
-@dataclass(frozen=True)
 class EquilibriumBody:
     """Triangles of equilibrium elements, condensed onto Γ_C.
 
     Local rows (4e,) run over the Gauss points of the edges, from the lower node on, then over axes, then over edges.
 
     elements:  the triangles;  number: (s,) which of the edges the segments of the boundary are
-    supports:  what holds those;  ties: (4e, 4e) T of rigid edges, w = T w', or None
+    axes:      (s, 2, 2) theirs, an axis a column, (t, n) on Γ_C;  held: (4e,) rows whose displacement is prescribed
+    ties:      (4e, 4e) T of rigid edges, w = T w', or None
     K:         (4e, 4e) K̂ with springs, rigid edges not tied [Pa];  diagonal: (4e,) of TᵀK̂T
     c:         (2k,) weights of the Gauss points of Γ_C, half the length of a segment [m]
     condensation: of TᵀK̂T
@@ -90,7 +77,8 @@ class EquilibriumBody:
 
     elements: Elements
     number: Indices
-    supports: Supports
+    axes: Array
+    held: NDArray[np.bool_]
     ties: sp.csr_array | None
     K: sp.csr_array
     diagonal: Array
@@ -113,13 +101,6 @@ class EquilibriumBody:
         a, b = np.moveaxis(u[self.elements.mesh.edges[0]], 1, 0)
         at = np.stack([(1.0 - g) * a + g * b for g in GAUSS], axis=1)
         return np.einsum("egd,edk->gke", at, self.elements.axes).ravel()
-
-    @cached_property
-    def held(self) -> NDArray[np.bool_]:
-        """(4e,) rows whose displacement is prescribed."""
-        held = np.zeros((2, 2, len(self.elements.axes)), dtype=bool)
-        held[:, :, self.number] = self.supports.held.T
-        return held.ravel()
 
 
 @cache
@@ -278,7 +259,6 @@ def dual_body(mesh: PlaneMesh, scene: Scene, line: ContactLine) -> EquilibriumBo
             axes[on], held[on], springs[on] = tn[on], given[::-1], role.spring[::-1]
         else:
             held[on] = given
-    supports = Supports(axes, held, springs, line.which)
     axes_of_edges = np.tile(np.eye(2), (e, 1, 1))
     axes_of_edges[number] = axes
     lam, mu = (mesh.of_material(scene, name) for name in ("lam", "mu"))
@@ -290,9 +270,9 @@ def dual_body(mesh: PlaneMesh, scene: Scene, line: ContactLine) -> EquilibriumBo
         stiffness = np.zeros((2, 2, e))
         stiffness[:, :, number] = (springs * half[:, None]).T
         K = sp.csr_array(K + sp.diags_array(stiffness.ravel()))
-    eliminate = np.ones((2, 2, e), dtype=bool)
-    eliminate[:, :, number] = ~held.T
-    own = number[line.which]
+    given_rows = np.zeros((2, 2, e), dtype=bool)
+    given_rows[:, :, number] = held.T
+    eliminate, own = ~given_rows, number[line.which]
     eliminate[:, 0, own] = False
     active, tied, ties = eliminate.ravel(), K, _ties(mesh, scene.boundary)
     if ties is not None:
@@ -303,7 +283,7 @@ def dual_body(mesh: PlaneMesh, scene: Scene, line: ContactLine) -> EquilibriumBo
     kept = (2 * along * e + own[:, None]).ravel()
     found = condense(tied, points[edges].mean(axis=1), kept, active, components=4)
     c = np.repeat(half[line.which], 2)
-    return EquilibriumBody(elements, number, supports, ties, K, tied.diagonal(), c, found)
+    return EquilibriumBody(elements, number, axes, given_rows.ravel(), ties, K, tied.diagonal(), c, found)
 
 
 def lambda_1_band(body: EquilibriumBody, mesh: PlaneMesh, line: ContactLine, A_tilde: Array) -> Band:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
@@ -153,3 +154,24 @@ def test_one_field_is_the_normal_on_all_curves_and_an_edge_ends_where_its_line_g
         field = normal_field(own, body_edges(own, None))
         found = np.column_stack([value_of(scalar(part), *points.T) for part in field])
         np.testing.assert_allclose(found, normals, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize(("u_y", "accepted"), [("x*(x^2+y^2-1)^2 + x", True), ("x*(x^2+y^2-1)^2 + 1.00001*x", False)])
+def test_a_film_without_friction_on_an_arc(u_y: str, accepted: bool) -> None:
+    """u = ((r² − 1)² + 1) r e_φ has no shear at r = 1, but for the rounding of points; there b sets no scale."""
+    text = """\
+units: none
+body:
+  outline:
+    - {from: [1, 0], edge: foot}
+    - {from: [2, 0], edge: outer, through: [1.4142135623730951, 1.4142135623730951]}
+    - {from: [0, 2], edge: side}
+    - {from: [0, 1], edge: inner, through: [0.7071067811865476, 0.7071067811865476]}
+boundary: {foot: clamped, outer: traction, side: clamped, inner: contact}
+material: {lambda: 1.5, mu: 1}
+friction: {law: tresca, tau: 0}
+mesh: {maxh: 0.5}
+exact: {u: ["-y*(x^2+y^2-1)^2 - y", "U_Y"], loads: derived}
+""".replace("U_Y", u_y)
+    with nullcontext() if accepted else pytest.raises(StudyError, match=r"exact\.u: "):
+        assert read_study_text(text).exact is not None
