@@ -70,18 +70,9 @@ class LevelWork:
 class Watcher(Protocol):
     """What a run reports while it works, with the geometry in words where there are several."""
 
-    def begin(self, work: Sequence[LevelWork]) -> None:
-        return
-
-    def level(self, record: LevelRecord, geometry: str = "") -> None:
-        return
-
-    def block(self, record: BlockRecord) -> None:
-        return
-
-
-class Quiet(Watcher):
-    """A watcher that shows nothing."""
+    def begin(self, work: Sequence[LevelWork]) -> None: ...
+    def level(self, record: LevelRecord, geometry: str = "") -> None: ...
+    def block(self, record: BlockRecord) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -306,7 +297,7 @@ def execute(
     where it stopped. Raises StoreError if the results cannot be kept, GeometryFailed if the body has no mesh,
     WorkersFailed if there are no workers; KeyboardInterrupt passes through after the finished points are on the disk.
     """
-    output, watcher = output or output_of(study), watcher or Quiet()
+    output = output or output_of(study)
     if problems := faults(study, output):
         raise StoreError("\n".join(problems))
     with closing((pool or WorkerPool(jobs, dask)).ready(study)) as pool:
@@ -317,7 +308,7 @@ def execute(
 def _into_file(
     study: Study,
     output: Path,
-    watcher: Watcher,
+    watcher: Watcher | None,
     command: Sequence[str],
     pool: WorkerPool,
     kept: Kept,
@@ -343,7 +334,7 @@ def _into_file(
         tell([*journal.warnings, *(remarks if part is None else ())])
         points, idle = int(kept.asked.sum()), int((~kept.asked).sum())
         done = [sum(len(one) for one in finished if one.level == i) - idle for i in range(study.mesh.levels)]
-        if part is None:
+        if part is None and watcher is not None:
             watcher.begin(work_of(study, [points] * study.mesh.levels, done))
         later = list[LevelRecord | BlockRecord]()
         if min(done) == points and not (study.output.live or study.mesh.estimates):  # not even a mesh is needed
@@ -381,18 +372,19 @@ def _same_mesh(old: LevelRecord, new: LevelRecord) -> LevelRecord:
 
 
 def _show(
-    watcher: Watcher, record: LevelRecord | BlockRecord, part: tuple[Variant, tuple[int, ...]] | None = None
+    watcher: Watcher | None, record: LevelRecord | BlockRecord, part: tuple[Variant, tuple[int, ...]] | None = None
 ) -> None:
     """Tell of a level or of points, those of a geometry by their places in the whole sweep."""
-    if isinstance(record, LevelRecord):
-        if not record.stop:  # one that says why the level was the last follows its points
-            watcher.level(record, part[0].words if part else "")
-    else:
+    if watcher is None:
+        return
+    if isinstance(record, BlockRecord):
         watcher.block(replace(record, points=part[0].places[record.points], shape=part[1]) if part else record)
+    elif not record.stop:  # one that says why the level was the last follows its points
+        watcher.level(record, part[0].words if part else "")
 
 
 def _geometries(
-    study: Study, output: Path, watcher: Watcher, command: Sequence[str], pool: WorkerPool, kept: Kept
+    study: Study, output: Path, watcher: Watcher | None, command: Sequence[str], pool: WorkerPool, kept: Kept
 ) -> Summary:
     """Run all geometries, each a study of its own into a file of its own, and join their files.
 
@@ -413,7 +405,8 @@ def _geometries(
         answers = in_order(
             who, (submit(who, solve_geometry, before[i].study, name=names[i], seconds=sent[i].seconds) for i in sent)
         )
-    watcher.begin(work_of(study, np.sum([one.todo.sum(axis=0) for one in before], axis=0), [0] * study.mesh.levels))
+    if watcher is not None:
+        watcher.begin(work_of(study, np.sum([one.todo.sum(axis=0) for one in before], axis=0), [0] * study.mesh.levels))
     for i, (variant, own, file) in enumerate(zip(study.variants, before, targets, strict=True)):
         status, reason = PointStatus.MESH_FAILED, variant.reason
         try:
@@ -429,7 +422,7 @@ def _geometries(
         files.append(None if reason else file)
         for level in range(study.mesh.levels) if reason and own.asked.any() else ():
             failed.append(all_failed(study, level, variant.places[own.asked], status, reason))
-            watcher.block(failed[-1])
+            _show(watcher, failed[-1])
     pool.close()
     provenance = kept.before(collect(study, command, remarks=remarks))
     points, bad = write_variants(output, study, files, failed, provenance)

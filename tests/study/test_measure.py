@@ -82,24 +82,20 @@ WARM = RECTANGLE + "heat: {theta: '0.3*x*x + 0.1*y'}\n"
 WARM = WARM.replace("nu: 0.3}", "nu: 0.3, alpha_T: 0.05, k: 1}")
 
 
-@pytest.mark.parametrize("text", [RECTANGLE, WARM])
-def test_nested_meshes_give_the_errors_of_exact_prolongation(text: str) -> None:
-    study = study_of(text, "mesh={maxh: 0.3, levels: 4}", "boundary.top={role: traction, g: [0.02, -0.01]}")
+def test_nested_meshes_give_the_errors_of_exact_prolongation() -> None:
+    study = study_of(WARM, "mesh={maxh: 0.3, levels: 3}", "boundary.top={role: traction, g: [0.02, -0.01]}")
     levels, scene = solve_levels(study), study.scenes[0]
     mesh, best, reference = levels[-1].mesh, levels[-1].solutions[()], FineReference(levels[-1], nested=True)
     assert best.u is not None
-    for level in (0, 1, 2):
+    for level in (0, 1):
         own, found = levels[level].solutions[()], reference.errors(levels[level], (), scene)
-        values = [*own.u, *([] if own.theta is None else [own.theta])]  # type: ignore[misc]
-        for coarse, fine in zip(levels[level:], levels[level + 1 :], strict=False):
+        values = [*own.u, own.theta]  # type: ignore[misc]
+        for coarse, fine in itertools.pairwise(levels[level:]):
             step = prolongation(coarse.mesh.points, fine.mesh.points, fine.mesh.triangles)
             values = [step(one) for one in values]
-        exact = mesh.norms(
-            [mesh.p1(v - w) for v, w in zip(values, [*best.u, best.theta], strict=False)],
-            scene.material.lam,
-            scene.material.mu,
-        )
-        assert ("theta_H1" in found) == (text is WARM)
+        off = [mesh.p1(v - w) for v, w in zip(values, [*best.u, best.theta], strict=True)]
+        exact = mesh.norms(off, scene.material.lam, scene.material.mu)
+        assert "theta_H1" in exact
         for name, error in exact.items():
             assert found[name][0] == pytest.approx(error, rel=1e-6), name
         nodes = levels[level].line.nodes  # which keep their numbers

@@ -18,7 +18,7 @@ from tcstudy.read.study import read_study_text
 from tcstudy.reports.terminal.summary import text_of
 from tcstudy.study.append import appended
 from tcstudy.study.plan import plan
-from tcstudy.study.run import Quiet, execute
+from tcstudy.study.run import execute
 from tests.study.test_append import Counted
 
 SCALED = """
@@ -131,11 +131,14 @@ def test_lists_and_draws_share_what_has_one_geometry(tmp_path: Path) -> None:
     assert len(drawn.variants) == 4
 
 
-class Stops(Quiet):
+class Stops:
     """Stops at a block."""
 
     def __init__(self, left: int) -> None:
         self.left = left
+
+    def begin(self, *work: object) -> None: ...
+    def level(self, *record: object) -> None: ...
 
     def block(self, record: BlockRecord) -> None:
         self.left -= 1

@@ -22,7 +22,7 @@ from tcstudy.read.study import read_study, read_study_text
 from tcstudy.reports.terminal.progress import expected_words
 from tcstudy.study import workers as who
 from tcstudy.study.append import mended
-from tcstudy.study.run import LevelWork, Quiet, execute, run, solve_geometry
+from tcstudy.study.run import LevelWork, execute, run, solve_geometry
 from tcstudy.study.workers import Resources, submit
 from tests.benchmarks.kills import assert_same, children
 from tests.executors.test_processes import CRUEL, gone
@@ -94,7 +94,7 @@ def alone(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-class Watch(Quiet):
+class Watch:
     """Counts what it is told, and may do something after so many blocks."""
 
     def __init__(self, after: int = 0, do: object = None) -> None:
