@@ -362,7 +362,7 @@ G, TAU_0, LOAD, THETA = (
 )
 
 
-def tests_of(folder: Path, given: str, measured: str, t: Array, *numbers: str) -> tuple[fits.Tests, Array]:
+def strip_and_numbers(folder: Path, given: str, measured: str, t: Array, *numbers: str) -> tuple[fits.Tests, Array]:
     """Tests of a strip and the numbers to find, against some data at the loads t."""
     (name, unit, compare), y = ("u_T_max", "um", "vertical"), np.linspace(20.0, 40.0, len(t))
     if measured == "P":
@@ -379,7 +379,7 @@ def test_results_at_factors_are_those_of_the_loads_themselves(tmp_path: Path) ->
     """0.2, 0.5 and 1 times g against g of 36, 90 and 180 MPa, each from the solution before."""
     factors, found = np.array([0.2, 0.5, 1.0]), []
     for given, size in (("load", 1.0), ("boundary.right.g_x", 180.0)):
-        tests, p = tests_of(tmp_path, given, "u", size * factors, TAU_0)
+        tests, p = strip_and_numbers(tmp_path, given, "u", size * factors, TAU_0)
         found.append(tests.models[0].compared(p).predicted)
     np.testing.assert_allclose(*found, rtol=1e-12)
 
@@ -395,7 +395,7 @@ def test_results_at_factors_are_those_of_the_loads_themselves(tmp_path: Path) ->
 def test_derivatives_by_loads_under_a_factor_are_differences(
     tmp_path: Path, given: str, measured: str, t: list[float], numbers: tuple[str, ...]
 ) -> None:
-    tests, p = tests_of(tmp_path, given, measured, np.array(t), *numbers)
+    tests, p = strip_and_numbers(tmp_path, given, measured, np.array(t), *numbers)
     exact, steps = tests(p)[1], 1e-6 * np.diag(p)
     apart = np.stack([(tests(p + h)[0] - tests(p - h)[0]) / (2.0 * h.sum()) for h in steps], axis=1)
     assert np.all(np.abs(exact - apart) <= 1e-5 * np.abs(apart).max(axis=0))
