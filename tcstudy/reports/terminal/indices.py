@@ -36,26 +36,11 @@ class SobolIndices:
     tables: dict[str, dict[str, Index]]
 
 
-@dataclass(frozen=True, eq=False)
-class Sample:
-    """A stored number at the points of a design, on the finest level.
+def indices(file: Path, of: str) -> SobolIndices:
+    """The indices of a number at the points of a design, on the finest level; points without a solution are left out.
 
-    names: swept parameters (d,);  x: (n, r, d) their values, of a choice its number among them;  named: (d,) whether so
-    f:     (n, r) the number, NaN where there is no solution: r = d + 2 points a row of mode: saltelli, else 1
-    step:  in which it comes;  unique: whether every solution is certified to be the only one
+    Raises UsageError where there is no such number, or too few points have a solution.
     """
-
-    names: tuple[str, ...]
-    named: tuple[bool, ...]
-    x: Array
-    f: Array
-    units: str
-    step: float
-    unique: bool
-
-
-def sample(file: Path, of: str) -> Sample:
-    """Raises UsageError if there is no such number."""
     with reading(file), netCDF4.Dataset(file) as nc:
         drawn = {name: one for name, one in nc.variables.items() if "distribution" in one.ncattrs()}
         known = [name for name, v in nc.variables.items() if v.dimensions == ("point", "level") and v.dtype == "f8"]
@@ -63,29 +48,20 @@ def sample(file: Path, of: str) -> Sample:
             remedy = hint(of, known, f"choose of {', '.join(known)}")
             raise UsageError(f"{file} has no number {of!r} at its points; {remedy}")
         level = nc.dimensions["level"].size - 1
-        values, ok = np.ma.filled(nc[of][:, level].astype(float), np.nan), nc["status"][:, level] == PointStatus.OK
-        columns = (np.unique(one[:], return_inverse=True)[1] if one.dtype is str else one[:] for one in drawn.values())
-        x = np.column_stack(list(columns))
+        ok, group = nc["status"][:, level] == PointStatus.OK, nc.groups.get(f"level_{level}")
+        # (n, r, d) values of the parameters, of a choice its number, and (n, r) the number: r points a base point
         rows = len(drawn) + 2 if nc.getncattr("design_mode") == SALTELLI else 1
-        group = nc.groups.get(f"level_{level}")
-        return Sample(
-            tuple(drawn),
-            tuple(one.distribution.startswith("choice") for one in drawn.values()),
-            x.astype(float).reshape(-1, rows, len(drawn)),
-            np.where(ok, values, np.nan).reshape(-1, rows),
-            str(nc[of].units),
-            float(np.max(group["c"][:])) if of == "slip_length" and group is not None else 0.0,
-            bool(np.all(nc["unique"][:, level][ok] == 1)),
-        )
-
-
-def indices(file: Path, of: str) -> SobolIndices:
-    """The indices of a number; raises UsageError where too few points have a solution."""
-    found = sample(file, of)
-    whole = np.isfinite(found.f).all(axis=1)
+        values = [np.unique(one[:], return_inverse=True)[1] if one.dtype is str else one[:] for one in drawn.values()]
+        x = np.column_stack(values).astype(float).reshape(-1, rows, len(drawn))
+        f = np.where(ok, np.ma.filled(nc[of][:, level].astype(float), np.nan), np.nan).reshape(-1, rows)
+        named = tuple(one.distribution.startswith("choice") for one in drawn.values())
+        names, units = tuple(drawn), f" {nc[of].units}" if nc[of].units != "1" else ""
+        step = float(np.max(group["c"][:])) if of == "slip_length" and group is not None else 0.0
+        proved = bool(np.all(nc["unique"][:, level][ok] == 1))
+    whole = np.isfinite(f).all(axis=1)
     if np.count_nonzero(whole) < 2:
         raise UsageError(f"{of} has no whole rows of the design: too few points have a solution")
-    f, x, rows = found.f[whole], found.x[whole], found.f.shape[1]
+    f, x = f[whole], x[whole]
     confidence = f"{f'{LEVEL:.0%}'} confidence by resampling them"
     said = [f"{f.size} points of {len(f)} base points, {confidence}"]
     if rows == 1:
@@ -97,15 +73,14 @@ def indices(file: Path, of: str) -> SobolIndices:
     def shares(y: Array) -> dict[str, Index]:
         if rows > 1:
             return dict(zip(ORDERS, sobol(y), strict=True))
-        return {ORDERS[0]: correlation_ratios(x[:, 0], y[:, 0], found.named)}
+        return {ORDERS[0]: correlation_ratios(x[:, 0], y[:, 0], named)}
 
-    gap = None if found.unique else jump(f[:, :2].ravel(), found.step, f[:, 2:].ravel())
+    gap = None if proved else jump(f[:, :2].ravel(), step, f[:, 2:].ravel())
     if gap is None:
-        why = "every solution is certified to be the only one" if found.unique else "no gap among the values"
+        why = "every solution is certified to be the only one" if proved else "no gap among the values"
         said.append(f"one side: {why}")
-        return SobolIndices(of, found.names, said, {f"Indices of {of}": shares(f)})
+        return SobolIndices(of, names, said, {f"Indices of {of}": shares(f)})
     above = f > (gap[0] + gap[1]) / 2.0
-    units = f" {found.units}" if found.units != "1" else ""
     share = above[:, :2].mean()
     said.append(
         f"{of} leaves a gap: {1 - share:.1%} of the points lie at {number(gap[0])}{units} or below, {share:.1%} at "
@@ -115,8 +90,8 @@ def indices(file: Path, of: str) -> SobolIndices:
     for word, side in (("Below", ~above[:, :2]), ("Above", above[:, :2])):
         y, inputs = f[:, :2][side], x[:, :2][side]
         mean = f"mean {number(float(y.mean()))}{units}, standard deviation {number(float(y.std()))}{units}"
-        tables[f"{word}: {mean}"] = {"correlation ratio": correlation_ratios(inputs, y, found.named)}
-    return SobolIndices(of, found.names, said, tables)
+        tables[f"{word}: {mean}"] = {"correlation ratio": correlation_ratios(inputs, y, named)}
+    return SobolIndices(of, names, said, tables)
 
 
 def indices_text(file: Path, of: str) -> str:

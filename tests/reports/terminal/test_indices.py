@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import tcstudy
 from tcstudy.errors import UsageError
-from tcstudy.reports.terminal.indices import indices, indices_text, sample
+from tcstudy.reports.terminal.indices import indices, indices_text
 from tests.commands import CONFIGS, tcstudy_command
 from tests.verification.scenes import study_of
 
@@ -34,10 +35,11 @@ def finished(folder: Path, text: str) -> Path:
 
 def test_a_body_that_sticks_has_the_indices_of_a_linear_function(tmp_path: Path) -> None:
     file = finished(tmp_path, LINEAR)
-    found = sample(file, "friction_resultant")
-    f, x = found.f, np.column_stack([np.ones(found.f.size), found.x.reshape(-1, 2)])
-    slopes, *_ = np.linalg.lstsq(x, f.ravel(), rcond=None)
-    np.testing.assert_allclose(x @ slopes, f.ravel(), rtol=1e-10)
+    with xr.open_dataset(file) as data:
+        f = data["friction_resultant"].values[:, -1]
+        x = np.column_stack([np.ones(f.size), data["a"].values, data["b"].values])
+    slopes, *_ = np.linalg.lstsq(x, f, rcond=None)
+    np.testing.assert_allclose(x @ slopes, f, rtol=1e-10)
     parts = slopes[1:] ** 2 * [1 / 12, 0.25]
     exact = parts / parts.sum()
     found = indices(file, "friction_resultant")
@@ -47,7 +49,7 @@ def test_a_body_that_sticks_has_the_indices_of_a_linear_function(tmp_path: Path)
         np.testing.assert_allclose(estimate.value, exact, atol=0.05)
     for word, remedy in (("work", "choose of"), ("friction_resutlant", "did you mean 'friction_resultant'")):
         with pytest.raises(UsageError, match=f"no number '{word}' at its points; {remedy}"):
-            sample(file, word)
+            indices(file, word)
 
 
 def test_the_example(tmp_path: Path) -> None:
