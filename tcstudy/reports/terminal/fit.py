@@ -29,7 +29,14 @@ def parts(data: Any, *_: Any) -> Iterator[Part]:
     """What a fit found: its numbers, what speaks for and against them."""
     yield Heading(str(data.attrs["title"]), 1)
     yield _estimates(data)
-    yield "\n".join(f"  {line}" for line in [*(told for told, _ in fit_doubts(data)), _work(data)])
+    about, what = data.attrs, "contact problems solved"
+    what = "paths followed" if about["compare"] == "orthogonal" else what
+    work = (
+        f"{data.sizes['row']} data ({about['data_file']}), {about['compare']}, "
+        f"{counted(int(about['evaluations']), 'evaluation')}, {int(about['solves'])} {what} in all; "
+        f"AICc {number(float(about['information_criterion']), 5)}"
+    )
+    yield "\n".join(f"  {line}" for line in [*(told for told, _ in fit_doubts(data)), work])
 
 
 def verdict(data: Any) -> tuple[str, str, bool]:
@@ -45,22 +52,24 @@ def verdict(data: Any) -> tuple[str, str, bool]:
 
 
 def _estimates(data: Any) -> Table:
-    """A row for each number, with its correlations."""
-    names = [str(name) for name in data["parameter"].values]
-    correlations, lost = correlation(data), ("not determined", "on its bound")
+    """A row for each number, with its correlations, which one on its bound or not determined has not."""
+    names, covariance = [str(name) for name in data["parameter"].values], data["covariance"].values
+    error = np.sqrt(np.diagonal(covariance))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        correlations = covariance / np.outer(error, error)
     rows = []
     for i, name in enumerate(names):
         low, high = data["interval"].values[i]
-        estimate, units = float(data["estimate"][i]), str(data["parameter_units"].values[i])
-        divisor, unit = prefix([estimate], units)
-        known = f"{number(low / divisor)} … {number(high / divisor)}"
-        between = known if np.isfinite(low) else lost[int(data["at_bound"][i])]
-        own = [number(estimate / divisor, 5), number(float(data["standard_error"][i]) / divisor, 2), between]
-        rows.append([name, *own, unit, *(number(x, 2) for x in correlations[i, :i]), *("" for _ in names[i:])])
+        estimate = float(data["estimate"][i])
+        divisor, unit = prefix([estimate], str(data["parameter_units"].values[i]))
+        between = f"{number(low / divisor)} … {number(high / divisor)}"
+        if not np.isfinite(low):
+            between = "on its bound" if int(data["at_bound"][i]) else "not determined"
+        own = [number(estimate / divisor, 5), number(float(data["standard_error"][i]) / divisor, 2), between, unit]
+        below = [number(x, 2) for x in correlations[i, :i]]  # nothing stands above the diagonal
+        rows.append([name, *own, *below, *(len(names) - 1 - i) * [""]])
     header = ["number", "estimate", "standard error", "95 % interval", "unit"]
-    header += [f"corr. {k + 1}" for k in range(len(names))]
-    last = len(header) - 1  # nothing stands above the diagonal
-    return Table.of_rows("", header[:last], [row[:last] for row in rows])
+    return Table.of_rows("", header + [f"corr. {k}" for k in range(1, len(names))], rows)
 
 
 def columns(data: Any) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
@@ -76,14 +85,6 @@ def prediction_error(data: Any) -> NDArray[np.float64]:
     """(n,) standard errors of the values of the study at the data, in the units of the data."""
     J, covariance = data["jacobian"].values, np.nan_to_num(data["covariance"].values)
     return np.asarray(np.sqrt(np.maximum(np.einsum("nk,kl,nl->n", J, covariance, J), 0.0)) * data["noise"].values)
-
-
-def correlation(data: Any) -> NDArray[np.float64]:
-    """(n, n) correlations of the numbers, NaN for one on its bound or not determined at all."""
-    covariance = data["covariance"].values
-    error = np.sqrt(np.diagonal(covariance))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(covariance / np.outer(error, error))
 
 
 def fit_doubts(data: Any) -> list[tuple[str, bool]]:
@@ -123,17 +124,6 @@ def fit_doubts(data: Any) -> list[tuple[str, bool]]:
     verdict = "the curve may be of the wrong shape" if p < DOUBT else "no trend"
     told = f"signs of the residuals: {int(about['runs'])} runs, probability {number(p, 2)}: {verdict}"
     return [*found, (told, p < DOUBT)]
-
-
-def _work(data: Any) -> str:
-    """How much work the fit was."""
-    about, n = data.attrs, data.sizes["row"]
-    evaluations, solves = int(about["evaluations"]), int(about["solves"])
-    what = "paths followed" if about["compare"] == "orthogonal" else "contact problems solved"
-    return (
-        f"{n} data ({about['data_file']}), {about['compare']}, {counted(evaluations, 'evaluation')}, {solves} {what} "
-        f"in all; AICc {number(float(about['information_criterion']), 5)}"
-    )
 
 
 def _mesh(data: Any) -> list[tuple[str, bool]]:
