@@ -1,4 +1,6 @@
-"""Distances of measured points to a polygon that may turn back in both coordinates, such as a path through folds.
+"""Parameters from measurements, and distances of measured points to a curve.
+
+Distances of measured points to a polygon that may turn back in both coordinates, such as a path through folds.
 
 Points come in the order of a test, so their feet must not go back along the polygon. Among all sequences of sides that
 do not, dynamic programming finds the one of least Σ d²: exact, at n·K operations for n points and K sides. (The order

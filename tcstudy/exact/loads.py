@@ -1,4 +1,6 @@
-"""The outward unit normal of boundary curves as expressions in x and y.
+"""Loads of a chosen solution: normals as expressions, the loads, and what no load of a scene can give.
+
+The outward unit normal of boundary curves as expressions in x and y.
 
 On a line n is constant, on an arc it is (x − centre)/radius. Several curves get one field that is the normal of each
 on each, N = Σ w_i n_i / Σ w_i with w_i = Π_{j≠i} D_j, where D_j vanishes on curve j only (Shepard's interpolation):

@@ -1,4 +1,6 @@
-"""Trees that are computed with like numbers, simplified a little: what derivatives and derived loads are made of.
+"""Derivatives of expressions as expressions, of trees that are computed with like numbers.
+
+Trees that are computed with like numbers, simplified a little: what derivatives and derived loads are made of.
 
 Constants are computed; a + 0, 1·a, 0·a, a/1, a^0, a^1 and −(−a) vanish, numbers in a product are merged and come first.
 0·a = 0 also where a has no value. Equal terms are one object as long as one of them is in use, so that a derivative has

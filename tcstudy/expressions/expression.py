@@ -1,6 +1,8 @@
-"""The tree of an expression in x and y: its nodes, its value in any arithmetic, its text.
+"""Expressions in x and y: their trees, their texts, and random ones.
 
-A tree may share nodes (derivatives do, see `algebra`): every node is visited once, so the cost is the number of
+The tree of an expression in x and y: its nodes, its value in any arithmetic, its text.
+
+A tree may share nodes (derivatives do): every node is visited once, so the cost is the number of
 different nodes, not the length of the expression written out. Nothing here recurses, so that depth does not matter.
 
 Expressions in x and y, such as "0.3*sin(pi*x)": read from text, never executed as code.

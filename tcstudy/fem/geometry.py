@@ -1,4 +1,6 @@
-"""STEP and BREP files of strangers: a child process reads them first, as a bad one makes the kernel hang or crash.
+"""Bodies as shapes of the kernel: files of strangers, tried in a child process first, and curves with names.
+
+STEP and BREP files of strangers: a child process reads them first, as a bad one makes the kernel hang or crash.
 
 The child reads the file and measures all its faces and edges, as the package will. If it ends well within its time,
 the same steps are safe in this process.

@@ -10,7 +10,7 @@ Springs add their energy to a, and that of w − u_h to η². τ is that of the 
 whose ξ* lies in b̂ at the Gauss points, and the best of some w is taken; any would do.
 
 η:    on a triangle cε(u_h) = N G⁻¹Pᵀw_h with w_h = u_h at the Gauss points of its edges, so that nothing cancels in
-      η² = (w_h − w)ᵀK̂(w_h − w) + Σ_K ‖(I − Π)(τ_p + βθI)‖²   (`equilibrium`).
+      η² = (w_h − w)ᵀK̂(w_h − w) + Σ_K ‖(I − Π)(τ_p + βθI)‖²   (guaranteed.py).
 M:    along an edge ξ* and u_hT are linear and sup + ξ*u_hT + wu_hT² is convex: the trapezoidal rule is no less.
       An exponential law b has a polygon within ε, and ε|x| ≤ δx² + ε²/4δ: k is less by δ/λ_low, M more by ε²|Γ_C|/4δ.
 Left out: f, g, θ, given u and strengths of friction that are not as the elements have them (`why_no_bound`).

@@ -1,4 +1,6 @@
-"""Equilibrium elements: the dual of a plane elastic body, condensed onto its contact line.
+"""Equilibrium elements, and what they prove of λ₁ of the body.
+
+Equilibrium elements: the dual of a plane elastic body, condensed onto its contact line.
 
 Stress:     on every triangle, cut into three at its barycentre, symmetric, linear on each part, div τ = 0 in it and τn
             continuous: 9 coefficients a triangle, one for each self-balanced linear traction on its three edges. They

@@ -1,4 +1,6 @@
-"""What a law does along the contact line, in numbers: how long each of its regions is, where it slips and pulls most.
+"""Numbers of a solved point: by law along Γ_C, forces of edges and sections, what else a study asks for.
+
+What a law does along the contact line, in numbers: how long each of its regions is, where it slips and pulls most.
 
 u_T is linear between the nodes of Γ_C, so that the part of a segment with slips up to a breakpoint s of its law is
 (s − min u_T)/(max u_T − min u_T), and lengths of regions (`LawPieces.regions`) are exact differences of such parts. The

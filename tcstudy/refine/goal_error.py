@@ -1,4 +1,6 @@
-"""A level with every triangle cut into four, on which solutions say what those of the level still lack.
+"""How far a number is off, and where that comes from: by a level with every triangle cut into four.
+
+A level with every triangle cut into four, on which solutions say what those of the level still lack.
 
 Literature: Ferraz-Leite & Praetorius, Computing 83 (2008) 135–162, on the h–h/2 error estimate, and references there
 
@@ -43,7 +45,7 @@ Slip length: the sum of slipping cells, quantised to a cell, against the positio
             (goals.py), L_h and L_{h/2}: limit L as above, error |J(u_h) − L| + the doubt of fronts that could not be
             located
 Hidden:     what both meshes are too coarse for in the cells beside held nodes of the finer one, a zone that sticks or
-            friction that falls (ends.py), is added to the error with its largest effect
+            friction that falls (goals.py), is added to the error with its largest effect
 Crossing:   where contributions of different order cancel, J(u) − J(u_h) changes its sign between two levels and is
             small by accident. The parts see what cancels, and the error of the extrapolation remains: the
             estimator adds half of what the limit has changed by since the level before, or what the orders differ by

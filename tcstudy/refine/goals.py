@@ -1,4 +1,6 @@
-"""Where stick meets slip, to a part of a cell.
+"""Numbers that a study is after: fronts, how errors carry over to a number, what end cells hide.
+
+Where stick meets slip, to a part of a cell.
 
 A node sticks or slips, so that the slip length Σ c_i over slipping nodes is known to half a cell at every front. The
 solution says more: at a front where the traction reaches the bound of b̂ continuously, |u_T − s_k| ~ r^{3/2} at the
@@ -11,7 +13,7 @@ Accuracy: on uniform meshes the front found lies (0.10 ± 0.03) h inside the sti
           it lies within its cell (25 positions of the closed form of stick and slip); the nodal one is off by up to h/2
 Hidden:   beside a held node of given u_T = s_k no node may stick although a zone does that is shorter than the cell.
           If the same line is zero inside the cell, there is a front; its place is a guess, and what hides in the cell
-          is in doubt whether one is found or not (ends.py)
+          is in doubt whether one is found or not
 Left out: fronts that a jump of the data or a corner holds in place have other exponents. Where the slip does not grow
           away from a front, or only one node slips, the middle of the cell stands
 

@@ -1,6 +1,6 @@
 """What a study asks for beside its scenes: meshes and their families, solver, sweep, path, fit and output.
 
-A new family of meshes is one record here and one way to make its meshes, in fem/study_meshes.py (in refine/family.py if
+A new family of meshes is one record here and one way to make its meshes, in fem/meshes.py (in refine/family.py if
 they follow from the solutions); readers, forecasts, notes and reports ask the record.
 
 Which inclusion residual makes a solution: the one rule for every solver, path, certificate and comparison.
