@@ -17,7 +17,7 @@ import math
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, islice, pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 import shapely
@@ -147,25 +147,20 @@ def _sorted_pairs(pairs: NDArray[np.intp]) -> list[tuple[int, int]]:
 
 def _crossing_faults(loop: Loop, place: str, size: float) -> Iterator[Fault]:
     """Pairs of edges that cross, touch or come closer than the tolerance away from a common vertex."""
-    gap, lines = TOLERANCE * size, [edge_line(edge, size) for edge in loop.edges]
-    pairs = _sorted_pairs(shapely.STRtree(lines).query(lines, predicate="dwithin", distance=gap))
-    meetings = ((i, j, at) for i, j in pairs if (at := _meeting(loop, lines, i, j, gap)) is not None)
-    for i, j, point in islice(meetings, MAX_FAULTS):
-        what = f"{_label(loop, i)} and {_label(loop, j)} cross or touch at {spot(point)}"
-        yield Fault(_place(place, i), what, "the boundary must not meet itself: check the order of points")
-
-
-def _meeting(loop: Loop, lines: list[BaseGeometry], i: int, j: int, gap: float) -> Array | None:
-    """A point at which edges i < j meet, other than a vertex they share; None if there is none."""
-    shared = [loop.edges[j].start] if j == i + 1 else []
-    if (j + 1) % len(lines) == i:
-        shared.append(loop.edges[i].start)
-    meeting = shapely.shortest_line(lines[i], lines[j])
-    if shared:
-        common = shapely.intersection(lines[i], lines[j])
-        meeting = shapely.difference(common, shapely.multipoints(shared).buffer(10.0 * gap))
-    points: Array = shapely.get_coordinates(meeting)
-    return points[0] if len(points) else None
+    gap, lines, found = TOLERANCE * size, [edge_line(edge, size) for edge in loop.edges], 0
+    for i, j in _sorted_pairs(shapely.STRtree(lines).query(lines, predicate="dwithin", distance=gap)):
+        shared = [loop.edges[j].start] if j == i + 1 else []
+        if (j + 1) % len(lines) == i:
+            shared.append(loop.edges[i].start)
+        meeting = shapely.shortest_line(lines[i], lines[j])
+        if shared:
+            common = shapely.intersection(lines[i], lines[j])
+            meeting = shapely.difference(common, shapely.multipoints(shared).buffer(10.0 * gap))
+        if len(points := shapely.get_coordinates(meeting)):
+            what = f"{_label(loop, i)} and {_label(loop, j)} cross or touch at {spot(points[0])}"
+            yield Fault(_place(place, i), what, "the boundary must not meet itself: check the order of points")
+            if (found := found + 1) == MAX_FAULTS:
+                return
 
 
 def _corner_faults(loop: Loop, place: str, _: float) -> Iterator[Fault]:
