@@ -1,4 +1,4 @@
-"""Tables of sweeps, histories and fits as CSV and JSON: to the bit in pandas, failed points too, in any parts."""
+"""Tables of sweeps, histories and fits as CSV and JSON, and a file as one object: to the bit, failed points too."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.data.reading import load_root
+from tcstudy.data.reading import load_root, open_results
 from tcstudy.errors import DrawError, UsageError
-from tcstudy.reports.export.table import write_table
+from tcstudy.reports.export.table import brief, json_text, write_table
 from tests.reports.conftest import REASON, Stored
 
 
@@ -65,3 +65,19 @@ def test_tables_of_histories_and_fits(stored: Stored, tmp_path: Path) -> None:
     assert [float(row["datum_given"]) for row in rows_of(tmp_path / "fit.csv")] == given
     with pytest.raises(UsageError, match="--at"):
         write_table(stored("fit"), tmp_path / "none.csv", {"alpha": 1})
+
+
+def test_one_object_has_the_numbers_of_the_file(stored: Stored) -> None:
+    found = json.loads(json_text(brief(stored("failed"))))
+    assert (found["kind"], found["title"]) == ("run", "A block <on> a film for $5 and $6")
+    assert found["verdict"].endswith("5 of 6 solved.")
+    assert found["units"]["slip_length"] == "m"
+    with open_results(stored("failed")) as tree:
+        slip = tree["slip_length"].values
+        assert found["levels"]["n_dof"] == tree["n_dof"].values.tolist()
+    for point, index in zip(found["points"], np.ndindex(3, 2), strict=True):
+        failed = index == (2, 1)
+        assert (point["theta_bar"], point["friction"]) == (10.0 * index[0], ("plain", "weak")[index[1]])
+        assert point["status"] == ["ok", "singular" if failed else "ok"]
+        assert point["reason"] == ["", REASON if failed else ""]
+        np.testing.assert_array_equal(np.array(point["slip_length"], dtype=float), slip[index])

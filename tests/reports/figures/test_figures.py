@@ -56,20 +56,17 @@ def test_where_friction_differs_every_node_stands_on_the_law_of_its_edge(stored:
     assert np.all(states[(line.x >= 1) & (line.u_T > 0.1)] == ContactState.WEAKENED)
 
 
-def test_every_node_stands_at_its_slip_and_traction(stored: Stored) -> None:
+def test_a_law_shows_its_jumps_and_every_node_at_its_slip_and_traction(stored: Stored) -> None:
     point = read_picture(stored("block"))
     m = len(point.line.u_T)
     with style.styled():
         figure = law_figure(point, ([("", BRITTLE)], np.zeros(m, dtype=np.intp), np.ones(m)), style.Look())
     marked = [np.array(line.get_data(), dtype=float) for line in figure.axes[0].lines if line.get_linestyle() == "None"]
-    drawn = np.concatenate(marked, axis=1)
-    np.testing.assert_allclose(np.sort(drawn), np.sort([1e6 * point.line.u_T, point.line.xi / 1e6]))
+    drawn = np.sort(np.concatenate(marked, axis=1))
+    np.testing.assert_allclose(drawn, np.sort([1e6 * point.line.u_T, point.line.xi / 1e6]))
     assert key_of(figure)[-1] == f"slips ({np.count_nonzero(~point.line.sticks)} nodes)"
     assert "down-jump: sudden loss" in key_of(figure)
-    assert figure.axes[0].get_xlabel() == "slip $u_T$ [µm]"
     assert crowded(figure) == []
-    with pytest.raises(DrawError, match="cannot be read any more"):
-        laws_of(replace(point, scene=None))
 
 
 def test_curves_show_the_stored_numbers_and_say_what_is_missing(stored: Stored) -> None:

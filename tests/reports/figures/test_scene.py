@@ -16,7 +16,7 @@ from tests.commands import CONFIGS
 pytest.importorskip("matplotlib")
 
 
-@pytest.mark.parametrize("name", ["quickstart", "two_films", "ring", "friction_pad", "coated_block"])
+@pytest.mark.parametrize("name", ["quickstart", "two_films", "ring", "coated_block"])
 def test_labels_stand_apart_and_say_what_edges_do(name: str) -> None:
     """The boxes of labels as they are drawn; all edges and roles are told."""
     study = tcstudy.load(CONFIGS / f"{name}.yaml")

@@ -66,16 +66,13 @@ class Browser:
             time.sleep(0.05)
 
     def run(self, script: str, *arguments: Any) -> Any:
-        """The value that a script returns."""
         return self._call("POST", "/execute/sync", {"script": script, "args": list(arguments)})
 
     def press(self, key: str) -> None:
-        """Press one key in the page."""
         event = f"new KeyboardEvent('keydown', {{key: {json.dumps(key)}, bubbles: true}})"
         self.run(f"(document.activeElement || document.body).dispatchEvent({event})")
 
     def command(self, name: str, **parameters: Any) -> Any:
-        """A command of Chromium's own protocol."""
         return self._call("POST", "/goog/cdp/execute", {"cmd": name, "params": parameters})
 
     def size(self, width: int, height: int, phone: bool = False) -> None:
@@ -95,7 +92,6 @@ class Browser:
         return [entry["message"] for entry in entries if entry["level"] == "SEVERE"]
 
     def close(self) -> None:
-        """End the browser."""
         try:
             self._call("DELETE", "", None)
         finally:
@@ -103,13 +99,12 @@ class Browser:
             self._driver.wait(timeout=PATIENCE)
 
     def _wait_for_driver(self) -> None:
-        end = time.monotonic() + PATIENCE
-        while True:
+        for left in reversed(range(int(PATIENCE / 0.05))):
             try:
                 if self._call("GET", "/status", None)["ready"]:
                     return
             except urllib.error.URLError:
-                if time.monotonic() > end:
+                if not left:
                     raise
             time.sleep(0.05)
 
@@ -125,12 +120,10 @@ class Browser:
 
 
 def text_of(browser: Browser, selector: str) -> str:
-    """What a person reads in an element."""
     return str(browser.run("return document.querySelector(arguments[0]).innerText", selector))
 
 
 def fragment(browser: Browser) -> dict[str, str]:
-    """The state that the address holds."""
     found = browser.run("return Object.fromEntries(new URLSearchParams(location.hash.slice(1)))")
     return {str(key): str(value) for key, value in found.items()}
 

@@ -281,14 +281,12 @@ return arguments[0].map(({point, set}) => {
 def scaled(law: Laws, f: float, g: float) -> Laws:
     """The law f b(s / g), made anew from its parameters."""
     assert law.made is not None
-    by = {TRACTION: f, STIFFNESS: f / g, LENGTH: g}
-    values = dict(law.made.values)
-    for key in SHAPES[law.made.shape].parameters:
-        if values.get(key.name) is not None and key.dimension in by:
-            values[key.name] *= by[key.dimension]
+    shape, by = SHAPES[law.made.shape], {TRACTION: f, STIFFNESS: f / g, LENGTH: g}
+    factors = {one.name: by.get(one.dimension, 1.0) for one in shape.parameters}
+    values = {name: v * factors[name] if isinstance(v, float) else v for name, v in law.made.values.items()}
     if "points" in values:
         values["points"] = [(s * g, b * f) for s, b in values["points"]]
-    return SHAPES[law.made.shape].build(**values)
+    return shape.build(**values)
 
 
 def settings(study: Study, level: Level, seed: int) -> Iterator[tuple[int, dict[str, float], ContactProblem]]:
