@@ -12,6 +12,7 @@ from tcstudy.errors import DrawError
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.draw import Wanted, picture
+from tcstudy.reports.terminal.accuracy import _uncertain
 from tcstudy.reports.terminal.summary import text_of
 
 STUDY = read_study_text("""\
@@ -72,6 +73,7 @@ def test_the_tables(file):
     assert "5.000 ± 0.01" in text
     assert "Note: Mind it." in text
     assert "tau = 1 MPa" in text
+    assert _uncertain(-4.2e-17, 0.083) == "0 ± 0.083"  # no minus before a zero, no digits of rounding
 
 
 def test_the_plot(file, tmp_path, monkeypatch):

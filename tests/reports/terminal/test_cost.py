@@ -76,7 +76,7 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
-def test_settings_and_front(file: Path) -> None:
+def test_settings_front_and_the_fastest_curve_by_error(file: Path) -> None:
     found = settings(load_root(file, "cost"), "u_energy")
     assert len(found) == 16
     own = next(s for s in found if s.own)
@@ -89,10 +89,6 @@ def test_settings_and_front(file: Path) -> None:
         ("uniform", 0), ("uniform", 1), ("graded", 1), ("graded", 2), ("graded", 3)
     ]  # fmt: skip
     assert {s.curve for s in front(found)} == {("uniform", SOLVERS[0]), ("graded", SOLVERS[0])}
-
-
-def test_the_fastest_curve_by_error(file: Path) -> None:
-    found = settings(load_root(file, "cost"), "u_energy")
     first, second = stretches(found)
     # e_u = 0.08 (t/0.1)^-½ and e_g = 0.16 (t/0.1)^-1 meet at t = 0.4, e = 0.04; 5 % of time decide: e^(2-1) = 1/1.05
     assert (first.family, second.family) == ("uniform", "graded")
@@ -100,6 +96,13 @@ def test_the_fastest_curve_by_error(file: Path) -> None:
     assert second.start == pytest.approx(0.04 / 1.05, rel=0.02)
     assert second.end == pytest.approx(0.01, rel=0.01)  # no further: only graded meshes come below
     assert best(found) == ("graded", SOLVERS[0])
+    text = text_of(file)
+    assert text.count("Wall time from the body") == 1
+    for words in ("tau = 0.01", "exact solution", "Look twice.", "9600", "least of 3 runs"):
+        assert words in text
+    assert "6.4†" in text
+    assert "(2.000e-02)" not in text  # the first solver was solved there
+    assert "1.6*" in text
 
 
 def test_advice_names_what_is_faster_and_more_accurate(file: Path) -> None:
@@ -141,13 +144,3 @@ def test_errors_that_are_rounding_are_not_ranked(file: Path) -> None:
     target = file.with_name("a.svg")
     picture(file, target)
     assert "best:" not in target.read_text()
-
-
-def test_the_report_says_it_all(file: Path) -> None:
-    text = text_of(file)
-    assert text.count("Wall time from the body") == 1
-    for words in ("tau = 0.01", "exact solution", "Look twice.", "9600", "least of 3 runs"):
-        assert words in text
-    assert "6.4†" in text
-    assert "(2.000e-02)" not in text  # the first solver was solved there
-    assert "1.6*" in text

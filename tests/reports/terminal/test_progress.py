@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import io
-import tempfile
-from pathlib import Path
 
 import pytest
 
 from tcstudy.data.records import BlockRecord
 from tcstudy.data.schema import PointStatus
-from tcstudy.read.study import read_study_text
 from tcstudy.reports.terminal.progress import Progress
-from tcstudy.study.run import LevelWork, execute
+from tcstudy.study.run import LevelWork
 from tests.data.by_points import PointRecord, block_of
-from tests.study.test_variants import HOLED
 from tests.verification.scenes import RECTANGLE, study_of
 
 WORK = [LevelWork(2, 1, 1.0), LevelWork(2, 0, 4.0)]
@@ -59,17 +55,3 @@ def test_the_line_weighs_levels() -> None:
     assert lines[0].startswith(f"{'█' * 15}{'░' * 15} 2 of 4 solutions, ")
     assert lines[1].startswith(f"{'█' * 27}{'░' * 3} 3 of 4 solutions, 1 failed, ")
     assert lines[0].endswith(" solutions, 0 s left")
-
-
-def test_a_geometry_is_named() -> None:
-    """Of a real sweep, whose first geometry has no mesh: it is told after the beginning."""
-    study = read_study_text(HOLED)
-    progress = Progress(study, stream := io.StringIO())
-    with tempfile.TemporaryDirectory() as folder:
-        execute(study, Path(folder) / "out.nc", progress)
-    lines = stream.getvalue().splitlines()
-    assert lines[0] == "3 points on 1 level: 3 solutions"
-    assert "mesh failed: body.holes[0]: the hole touches" in lines[1]
-    assert lines[1].endswith("; keep holes inside, or draw the outline around the notch")
-    named = [f"parameters.height = {height} mm, level 0: h" for height in (20, 30)]
-    assert [line.partition("_max")[0] for line in lines[2:]] == named

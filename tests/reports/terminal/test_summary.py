@@ -101,12 +101,6 @@ def test_heat_that_does_not_balance_is_said_and_the_points_stay_solved(said) -> 
     assert "3/3" in text
 
 
-def test_points_that_were_not_run_are_not_called_failed(said) -> None:  # type: ignore[no-untyped-def]
-    text = said(*(point(i, n) for i in range(2) for n in range(2)))
-    assert "not run: 2 of 6 places of the grid" in text
-    assert "failed" not in text
-
-
 def test_what_rounding_limits_is_one_line(said) -> None:  # type: ignore[no-untyped-def]
     numbers = {"inclusion_residual": 7e-5, "inclusion_rounding": 1.1e-4, "inclusion_status": LIMITED}
     text = said(point(0, 0), replace(point(2, 1), numbers=numbers))
