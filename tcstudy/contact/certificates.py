@@ -1,10 +1,10 @@
 """What can be proved about a solution v of a contact problem: unique, strict local minimum, global minimum.
 
-Uniqueness:      ω < λ₁ makes L̃ strictly convex. Otherwise every solution lies in a box (bounds.py), and two
+Uniqueness:      ω < λ₁ makes L̃ strictly convex. Otherwise every solution lies in a box (below), and two
                  solutions v, w in it have (v−w)ᵀ(Ã + C diag b′_min)(v−w) ≤ 0 with the least slopes of b on the
                  box; if that matrix is positive definite there is only one.
 Strict minimum:  A_FF + C b′ ≻ 0 on the free nodes, and every other node rests on an up-jump with left < 0 < right.
-Global minimum:  L̃(w) − L̃(v) ≥ ½ (w−v)ᵀ(Ã − C diag D)(w−v) − Σ (ξ_i − c_i ζ_i)(w_i − v_i), D from bounds.py and
+Global minimum:  L̃(w) − L̃(v) ≥ ½ (w−v)ᵀ(Ã − C diag D)(w−v) − Σ (ξ_i − c_i ζ_i)(w_i − v_i), D as below and
                  ζ the element of b̂(v) nearest to ξ/c. If Ã − C diag(D + μ) ⪰ 0 no point of the box, so no point
                  at all, has an energy below L̃(v) − ‖ξ/c − ζ‖²/(2μ) in the norm weighted by c: `energy_gap`,
                  rounding squared.
@@ -20,7 +20,7 @@ steps d ← |Ã⁻¹|(w d) with w = C(μ − s)₊ ≥ 0 of all rows at once go 
 price of two products each. A row with dᵀ(Ã + C diag(s − μ))d ≤ 0 is refuted; one with |Ã⁻¹|(w d) < d for a d > 0 is
 proved, for then the spectral radius of Ã⁻¹w is below 1 (Collatz, Wielandt). Of 100 rows one or two are left open.
 
-How far j bends below its tangent at a solution, on a box that holds all solutions: what certificates are made of.
+How far j bends below its tangent at a solution, on a box that holds all solutions, is
 
 D_i = sup over s in [low_i, high_i] of 2 [j(v_i) + ζ_i (s − v_i) − j(s)] / (s − v_i)²,  ζ_i ∈ b̂(v_i), so that
 j(s) ≥ j(v_i) + ζ_i (s − v_i) − ½ D_i (s − v_i)² there. Summed over the nodes:

@@ -1,4 +1,4 @@
-"""One-sided slopes and Newton's equations for many rows at once.
+"""One-sided slopes, Newton's equations for many rows at once, ways out of saddles, and a step by a convex model.
 
 Newton's equations of a row, (A_FF + C b′_F) d_F = −g_F on its free nodes F, are solved on the smaller of two sides:
 on F, or, with the compliance G = Ã⁻¹, on the nodes K that rest or have b′ ≠ 0:
@@ -12,8 +12,7 @@ on both Schur complements of one block matrix). Where it is not, the falls of b 
 Where A_FF + C b′ of a stationary point is not positive definite, that is no minimum but for luck, and a direction d
 with dᵀ(A_FF + C b′)d ≤ 0 leads down from it; a row at a time, since few rows end so.
 
-A step to the minimum of a convex model of L̃ that knows all rising pieces and up-jumps of b, by interior points.
-
+The convex model of L̃ knows all rising pieces and up-jumps of b; its minimum is found by interior points.
 Newton's steps and the moves of single nodes settle few nodes at a time where the body couples all of them strongly (Ã
 dense and badly conditioned); an interior point method settles all together, in some twenty factorisations whatever
 their number. The model at v: b = b_↑ + rest, where b_↑ has the up-jumps of b and its slopes where they are positive,

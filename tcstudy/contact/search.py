@@ -11,7 +11,7 @@ put at s and the others of F follow on their pieces (linearised), the energy cha
 
 exactly so for linear pieces as long as nobody else leaves its piece. A promise only: descent puts it to the test.
 
-Moreau envelopes of friction laws: laws whose b falls nowhere faster than κ, from below and as close as can be.
+Moreau envelopes of friction laws are laws whose b falls nowhere faster than κ, from below and as close as can be:
 
 j_κ(s) = conv(j + ½κ s²)(s) − ½κ s²,  b_κ = j_κ′ (Rockafellar & Wets, Variational Analysis, 1.44; the Lasry–Lions or
 double envelope). j_κ ≤ j, j_κ grows with κ to j, and b_κ is b except on common tangents [s₁, s₂], where b_κ = σ − κ s:

@@ -1,4 +1,4 @@
-"""From an approximate solution to an exact one: identify the active piece of every node, then Newton on the pieces.
+"""From an approximate solution to an exact one, by Newton on the pieces that its nodes are on; its derivatives.
 
 A solution of 0 ∈ Ãv − l̃ + ∂Ψ(v) puts every node either on an up-jump of b (v_i = kink, bitwise) or on one smooth
 piece k with (Ãv − l̃)_i + c_i b_k(v_i) = 0. Once every node's place is known the rest is a smooth system:
@@ -12,9 +12,8 @@ two doubles, ξ in twice the precision and the factor in one is iterative refine
 Algebraic Processes, HMSO 1963). One step turns a residual of 1e-10 into 1e-14 where v keeps its low part, and into
 little less than it was where v is rounded to one double.
 
-A contact problem linearised at a solution: how the solution moves with its data, exactly, while its pieces stay.
-
-With F the nodes that slide, H = A_FF + diag(c b′) on their pieces and the others resting on kinks of b,
+A contact problem linearised at a solution says how this moves with the data, exactly, while its pieces stay. With F
+the nodes that slide, H = A_FF + diag(c b′) on their pieces and the others resting on kinks of b,
 
     dv_F = H⁻¹ (r_F − A_FR dv_R),   dv_R = ∂(kink)/∂p,   r = ∂l̃/∂p − (∂Ã/∂p) v − c ∂b/∂p.
 

@@ -110,7 +110,7 @@ def solve_block(
 
     loads:      (P, m) l̃ of every point [N/m]
     laws:       the law of every row, or of every node
-    branch, tolerance: as in tcstudy.contact.contact.solve_contact
+    branch, tolerance: as in `solve_contact`
     neighbours: (P, m) solutions of neighbouring points for branch "continued", NaN in rows without one [m]
     exact:      (m,) the exact solution at the contact nodes, where it is known, for branch "lowest" [m]
     limits:     of the search for all solutions of every point, None if these are not asked for. Where they are proved

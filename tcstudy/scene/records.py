@@ -259,7 +259,7 @@ class Material:
         """The material of the plane problem. lame: λ and μ of the body, if they are not to follow from E and ν
 
         λ = Eν/((1 + ν)(1 − 2ν)), μ = E/2(1 + ν). Plane strain keeps them, β = (3λ + 2μ) α_T, eq. (3); plane stress has
-        λ → 2λμ/(λ + 2μ), β = E α_T/(1 − ν). A given beta stays as it is. Numbers may be complex (laws/derivatives.py).
+        λ → 2λμ/(λ + 2μ), β = E α_T/(1 − ν). A given beta stays as it is. Numbers may be complex (laws/composed.py).
         """
         lam, mu = lame or (E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu)))
         if beta is not None:
