@@ -31,15 +31,6 @@ def test_slip_weakening_in_closed_form() -> None:
     assert (same.kinks.tolist(), len(none)) == (law.kinks.tolist(), 0)
 
 
-def test_a_down_jump_in_closed_form() -> None:
-    """b = 1 + s to the jump at 1, 1.5 + (s − 1) behind it; κ = 3: tangents 0.5/(2·4) on both sides of 1, σ = 4.75."""
-    law = cases.linear_law("one jump", [0.0, 1.0], [-1.0, 2.0], [1.0, 1.5], (0.0, 1.0))
-    hull, tangents = envelope(law, 3.0)
-    assert tangents == pytest.approx(np.array([[1 - 1 / 16, 1 + 1 / 16]]), rel=1e-13)
-    assert hull.b(np.array([1.0])) == pytest.approx(1.75, rel=1e-13)
-    assert not np.any(hull.kinds == DOWN)
-
-
 def sampled_hull(law: Laws, kappa: float, s: np.ndarray, j: np.ndarray) -> np.ndarray:
     """conv(j + ½κ s²) − ½κ s² at the samples, as the largest of all their supporting lines (brute force)."""
     height = j + 0.5 * kappa * s**2
