@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import ast
 import sys
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator
 from functools import cache
-from graphlib import CycleError, TopologicalSorter
+from graphlib import TopologicalSorter
 from pathlib import Path
 from types import FrameType
 
@@ -43,10 +44,8 @@ SPEAKING = {"print", "input", "open", "eval", "exec"}
 PRINTING = ("reports", "commands", "cli")
 
 
-def modules() -> Iterator[tuple[str, Path]]:
-    """(room, file) of the whole package; a file at the top is a room of its own."""
-    for path in sorted(PACKAGE.rglob("*.py")):
-        yield path.relative_to(PACKAGE).parts[0].removesuffix(".py"), path
+FILES = {path: path.relative_to(PACKAGE).parts[0].removesuffix(".py") for path in sorted(PACKAGE.rglob("*.py"))}
+"""The room of every file; a file at the top is a room of its own."""
 
 
 @cache
@@ -66,75 +65,59 @@ def imported(path: Path) -> Iterator[tuple[str, int]]:
                 yield from ((f"tcstudy.{alias.name}", node.lineno) for alias in node.names)
 
 
-def test_every_arrow_is_allowed() -> None:
-    wrong = []
-    for room, path in modules():
-        allowed = ARROWS.get(room, BELOW_STUDY if room == "study" else None)
-        for name, line in imported(path) if allowed is not None else ():
-            parts = name.split(".")
-            if parts[0] == "tcstudy" and len(parts) > 1 and parts[1] not in {*(allowed or ()), room}:
-                wrong.append(f"{path.relative_to(PACKAGE)}:{line}: {room} must not use {parts[1]}")
-    assert not wrong, "\n".join(wrong)
+def wrong(judge: Callable[[str, str], bool], found: Callable[[Path], Iterator[tuple[str, int]]] = imported) -> str:
+    """Where a room imports, or calls, what it must not by the judgement of (room, name)."""
+    lines = [
+        f"{path.relative_to(PACKAGE)}:{line}: {name}"
+        for path, room in FILES.items()
+        for name, line in found(path)
+        if judge(room, name)
+    ]
+    return "\n".join(lines)
+
+
+def test_every_arrow_is_allowed_and_every_room_known() -> None:
+    def forbidden(room: str, name: str) -> bool:
+        allowed = BELOW_STUDY if room == "study" else ARROWS.get(room)
+        parts = name.split(".")
+        return allowed is not None and parts[0] == "tcstudy" and len(parts) > 1 and parts[1] not in {*allowed, room}
+
+    assert not wrong(forbidden)
+    rooms = {room for path, room in FILES.items() if path.parent != PACKAGE}
+    assert rooms - {"study", "commands"} == {*ARROWS} - {"errors"}
 
 
 def test_no_files_need_each_other() -> None:
     """No circle of imports, late ones within functions included; those for type checkers alone do not count."""
-    names = {path: ".".join(path.with_suffix("").relative_to(PACKAGE.parent).parts) for _, path in modules()}
+    names = {path: ".".join(path.with_suffix("").relative_to(PACKAGE.parent).parts) for path in FILES}
     names = {path: name.removesuffix(".__init__") for path, name in names.items()}
     known = set(names.values())
     arrows: dict[str, set[str]] = {}
     for path, name in names.items():
-        typing_only = {
-            node
-            for one in nodes(path)
-            if isinstance(one, ast.If) and ast.unparse(one.test) == "TYPE_CHECKING"
-            for node in ast.walk(one)
-        }
+        typing = (n for n in nodes(path) if isinstance(n, ast.If) and ast.unparse(n.test) == "TYPE_CHECKING")
+        typing_only = {node for one in typing for node in ast.walk(one)}
         used: set[str] = set()
         for node in nodes(path):
             if node not in typing_only and isinstance(node, ast.ImportFrom) and node.module:
                 whole = {f"{node.module}.{alias.name}" for alias in node.names}
                 used |= (whole & known) or ({node.module} & known)
         arrows[name] = used - {name}
-    circle: list[str] = []
-    try:
-        TopologicalSorter(arrows).prepare()
-    except CycleError as error:
-        circle = error.args[1]
-    assert not circle, " ← ".join(circle)
+    TopologicalSorter(arrows).prepare()  # names the circle, if there is one
 
 
 REPORTS = ("", "terminal", "figures", "page", "export")
 """The rooms of reports, each of which may use those before it; the first is what is read and said for all."""
 
 
-def test_rooms_of_reports_use_those_before_them() -> None:
-    wrong = []
-    for _, path in modules():
-        *rooms, _ = path.relative_to(PACKAGE).parts
-        if rooms[:1] != ["reports"] or path.name == "__init__.py":
-            continue
-        own = rooms[1] if len(rooms) > 1 else ""
-        for name, line in imported(path):
-            used = name.split(".")[2] if name.startswith("tcstudy.reports.") else ""
-            if used in REPORTS and REPORTS.index(used) > REPORTS.index(own):
-                wrong.append(f"{path.relative_to(PACKAGE)}:{line}: {own or 'reports'} must not use {used}")
-    assert not wrong, "\n".join(wrong)
-
-
-def test_every_room_is_known() -> None:
-    rooms = {room for room, path in modules() if path.parent != PACKAGE}
-    assert rooms - {"study", "commands"} == {*ARROWS} - {"errors"}
-
-
-def test_only_fem_imports_ngsolve() -> None:
-    wrong = [
-        f"{path.relative_to(PACKAGE)}:{line}"
-        for room, path in modules()
-        for name, line in imported(path)
-        if name.split(".")[0] in ("ngsolve", "netgen") and room != "fem"
-    ]
-    assert not wrong, "\n".join(wrong)
+@pytest.mark.parametrize("own", REPORTS)
+def test_rooms_of_reports_use_those_before_them(own: str) -> None:
+    used = {
+        name.split(".")[2]
+        for path in (PACKAGE / "reports" / own).glob("*.py")
+        for name, _ in imported(path)
+        if name.startswith("tcstudy.reports.")
+    }
+    assert not used & {*REPORTS[REPORTS.index(own) + 1 :]}
 
 
 def calls(path: Path) -> Iterator[tuple[str, int]]:
@@ -144,27 +127,13 @@ def calls(path: Path) -> Iterator[tuple[str, int]]:
             yield node.func.id, node.lineno
 
 
-def test_numerics_never_print_parse_or_touch_files() -> None:
-    wrong = [
-        f"{path.relative_to(PACKAGE)}:{line}: {name}"
-        for room, path in modules()
-        for name, line in calls(path)
-        if room in NUMERICS and name in SPEAKING
-    ]
-    assert not wrong, "\n".join(wrong)
+def test_who_speaks_to_whom() -> None:
+    assert not wrong(lambda room, name: name.split(".")[0] in ("ngsolve", "netgen") and room != "fem")
+    assert not wrong(lambda room, name: room in NUMERICS and name in SPEAKING, calls)
+    assert not wrong(lambda room, name: name == "print" and room not in PRINTING, calls)
 
 
-def test_only_reports_and_commands_print() -> None:
-    wrong = [
-        f"{path.relative_to(PACKAGE)}:{line}"
-        for room, path in modules()
-        for name, line in calls(path)
-        if name == "print" and room not in PRINTING
-    ]
-    assert not wrong, "\n".join(wrong)
-
-
-@pytest.mark.parametrize("room", sorted(room for room in ARROWS if room != "errors"))
+@pytest.mark.parametrize("room", sorted({*ARROWS} - {"errors"}))
 def test_a_room_says_what_belongs_in_it(room: str) -> None:
     tree = nodes(PACKAGE / room / "__init__.py")[0]
     assert isinstance(tree, ast.Module)
@@ -176,14 +145,9 @@ DOOR = ("api", "matrices")
 
 
 def test_no_two_public_classes_share_a_name() -> None:
-    found: dict[str, list[str]] = {}
-    for room, path in modules():
-        if room in DOOR:
-            continue
-        for node in nodes(path):
-            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-                found.setdefault(node.name, []).append(str(path.relative_to(PACKAGE)))
-    assert not {name: places for name, places in found.items() if len(places) > 1}
+    inner = (node for path, room in FILES.items() if room not in DOOR for node in nodes(path))
+    names = Counter(node.name for node in inner if isinstance(node, ast.ClassDef) and not node.name.startswith("_"))
+    assert not [name for name, count in names.items() if count > 1]
 
 
 FILES_OF_A_POINT = 60

@@ -237,8 +237,7 @@ def test_no_flipped_byte_is_taken_for_a_result(output: Path, study: Study) -> No
     blocks = [long(place, m=300) for place in range(2)]
     fill(output, study, *blocks)
     data = partial(output).read_bytes()
-    generator = random.Random(1)
-    noticed = 0
+    generator, noticed = random.Random(1), 0
     for place in [*range(100), *generator.sample(range(100, len(data)), 30)]:
         damaged = bytearray(data)
         damaged[place] ^= 1 + generator.randrange(255)
@@ -265,18 +264,3 @@ def test_any_other_file_at_its_place_is_set_aside(output: Path, study: Study) ->
         foreign.executescript("DROP TABLE record; CREATE TABLE cats (name TEXT);")
     with Journal.open(output, study) as journal:
         assert "not a journal" in journal.warnings[0]
-
-
-@pytest.mark.parametrize(
-    ("column", "value"),
-    [("scalars", b"\xff\xfe"), ("scalars", "[]"), ("arrays", "text"), ("place", "7"), ("level", 1), ("crc", "text")],
-)
-def test_a_record_that_is_none_sets_the_journal_aside(output: Path, study: Study, column: str, value: object) -> None:
-    fill(output, study, make_block(0, 0))
-    with contextlib.closing(sqlite3.connect(partial(output))) as database:
-        database.execute(f"UPDATE record SET {column} = ? WHERE kind = 'block'", (value,))
-        database.commit()
-    with Journal.open(output, study) as journal:
-        assert not [*journal.blocks()]
-        assert "is damaged" in journal.warnings[0]
-        assert "\n" not in journal.warnings[0]
