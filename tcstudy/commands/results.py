@@ -30,8 +30,19 @@ _INDICES = "of a run with drawn points: the number whose Sobol indices to show (
 def show(options: argparse.Namespace) -> int:
     """Print again what run, converge, cost or path said; of another file with data, what it is."""
     check_manner(options)
+    from tcstudy.data.files import attributes
+    from tcstudy.data.provenance import kind_of
+    from tcstudy.scene.designs import SALTELLI
+
     try:
-        _show(options, options.file)
+        kind = kind_of(options.file)
+        if point_of(options) and kind not in ("convergence", "run"):
+            fail(f"--at: what is said of a {kind} is of all its points; leave it out")
+        design = attributes(options.file).get("design_mode") if kind == "run" else None
+        if options.of is not None and design is None:
+            remedy = f"run its study with sweep: {{mode: {SALTELLI}, points: 256, PARAMETER: {{uniform: [a, b]}}}}"
+            fail(f"--of: the points of {options.file} are no design for indices; {remedy}")
+        shared.say(options, options.file, of=options.of or ("slip_length" if design == SALTELLI else None))
     except StoreError:
         from tcstudy.reports.terminal.summary import other_text
 
@@ -41,21 +52,6 @@ def show(options: argparse.Namespace) -> int:
             raise
         print(text)
     return OK
-
-
-def _show(options: argparse.Namespace, file: Path) -> None:
-    from tcstudy.data.files import attributes
-    from tcstudy.data.provenance import kind_of
-    from tcstudy.scene.designs import SALTELLI
-
-    kind = kind_of(file)
-    if point_of(options) and kind not in ("convergence", "run"):
-        fail(f"--at: what is said of a {kind} is of all its points; leave it out")
-    design = attributes(file).get("design_mode") if kind == "run" else None
-    if options.of is not None and design is None:
-        remedy = f"run its study with sweep: {{mode: {SALTELLI}, points: 256, PARAMETER: {{uniform: [a, b]}}}}"
-        fail(f"--of: the points of {file} are no design for indices; {remedy}")
-    shared.say(options, file, of=options.of or ("slip_length" if design == SALTELLI else None))
 
 
 @command(
@@ -103,9 +99,8 @@ def _draw_study(options: argparse.Namespace) -> int:
     """Draw the scene of a study."""
     from tcstudy.commands.scene import draw_study
 
-    if given := [
-        one for one in ("level", "x", "y", "by", "map", "of", "law", "deform", "along") if getattr(options, one)
-    ]:
+    names = ("level", "x", "y", "by", "map", "of", "law", "deform", "along")
+    if given := [name for name in names if getattr(options, name)]:
         fail(f"--{given[0]}: a study that was not run has no results to draw; leave it out")
     target = options.picture or Path("results") / f"{options.file.stem}.scene.png"
     try:

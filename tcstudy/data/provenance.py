@@ -30,22 +30,12 @@ from tcstudy.errors import StoreError, tell
 from tcstudy.scene.study import Acceptance, Study
 
 CONVENTIONS = "CF-1.11"
-
-
 REFERENCES = "Sestak & Jovanovic, Appl. Math. Mech. 31 (2010), doi:10.3879/j.issn.1000-0887.2010.01.008"
-
-
 PACKAGES = ("numpy", "scipy", "ngsolve", "xarray", "netCDF4", "tcstudy")
-
-
 NUMERICS = ("numpy", "scipy", "ngsolve", "netgen-mesher", "tcstudy")
 """Packages whose version can change a result (meshes are equal across runs, not across versions)."""
-
-
 GIT_TIMEOUT = 5.0
 """Seconds that git may take, for example on a slow network disk."""
-
-
 WARNINGS, SHORTFALLS = "warnings", "shortfalls"
 """Global attributes: the warnings as a JSON list of objects, without one if there are none; what of a path is not as it
 was asked for, one sentence a line."""
@@ -200,9 +190,8 @@ def without_paths(sentence: str) -> str:
     return _PATH.sub("", sentence)
 
 
+OTHER_OUTPUT = "give another --output, or --force to replace it"
 Kind = Literal["run", "path", "history", "convergence", "cost", "fit"]
-
-
 CONTENT = "content"
 """Global attribute that tells the files of other commands from those of a run and of converge."""
 
@@ -223,15 +212,14 @@ def measured_path(output: Path, kind: Kind) -> Path:
     return output.with_name(f"{output.stem}.{kind}.nc")
 
 
-def holds(path: Path, kind: Kind, study: Study, **asked: Any) -> bool:
+def holds(path: Path, kind: Kind, study: Study | None, **asked: Any) -> bool:
     """Whether the file holds what a command would compute now, complete.
 
-    kind: the command;  asked: global attributes that its options decide
+    kind: the command;  study: of which, None for any;  asked: global attributes that its options decide
     Raises StoreError if the file holds something else, or is damaged.
     """
     if not path.is_file() or not path.stat().st_size or is_foreign(path):  # a foreign one is told of elsewhere
         return False
-    remedy = "give another --output, or --force to replace it"
     try:
         found = attributes(path)
         refuse_changed(path)
@@ -240,14 +228,14 @@ def holds(path: Path, kind: Kind, study: Study, **asked: Any) -> bool:
     what = ""
     if (other := kind_from(found)) != kind:
         what = f"holds results of another command ({other})"
-    elif found.get("study_sha256") != study_sha256(study):
+    elif study is not None and found.get("study_sha256") != study_sha256(study):
         what = "holds the results of another study, or of this one with other values"
     elif differing := [name for name, value in asked.items() if found.get(name) != value]:
         what = f"holds the results of another {'table of data' if 'data_sha256' in differing else '--at'}"
     elif found.get("program") != program():
         what = "holds this study as another version of the program or its libraries computed it"
     if what:
-        raise StoreError(f"{path} {what}; {remedy}")
+        raise StoreError(f"{path} {what}; {OTHER_OUTPUT}")
     return True
 
 

@@ -31,8 +31,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.files import StoreError, is_foreign, refuse_changed
-from tcstudy.data.provenance import program
+from tcstudy.data.files import StoreError
+from tcstudy.data.provenance import OTHER_OUTPUT, holds
 from tcstudy.data.reading import load_root
 from tcstudy.data.records import LevelRecord, Row, decode, row_of
 from tcstudy.data.schema import (
@@ -557,23 +557,16 @@ def read_known(path: Path, study: Study) -> tuple[Steps, dict[str, Any]] | None:
     Raises StoreError where the file has other loads or a history of another program; that its study is this one but for
     its steps is for the caller to judge.
     """
-    if not path.is_file() or not path.stat().st_size or is_foreign(path):
+    if not holds(path, "history", None):
         return None
-    remedy = "give another --output, or --force to replace it"
-    try:
-        refuse_changed(path)
-        data = load_root(path, "history")
-        if data.attrs.get("program") != program():
-            raise StoreError(f"{path} holds this study as another version of the program or its libraries computed it")
-    except StoreError as error:
-        raise StoreError(f"{error}; {remedy}") from error
+    data = load_root(path)
     points = len(study.scenes)
     values = empty_steps(study, data.sizes["node"], points)
     both = slice(min(values["status"].shape[1], data.sizes["step"]))
     for variable, own in load_variables(study):
         name = variable.name
         if variable.dtype == "f8" and not (name in data and np.array_equal(data[name].values[both], own[both])):
-            raise StoreError(f"{path} holds a history with other steps; {remedy}")
+            raise StoreError(f"{path} holds a history with other steps; {OTHER_OUTPUT}")
     for name, every in values.items():
         stored: NDArray[Any] = data[name].values
         known = stored.reshape((points, *stored.shape[len(study.shape) :]))

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,19 +33,15 @@ from tcstudy.data.store import (
     root_variables,
 )
 from tcstudy.errors import UsageError
-from tcstudy.scene.study import Study, Variant
+from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
     import netCDF4
 
 
 OWN_POINT = "own_point"
-
-
 _WHAT = "i of the group geometry_i; -1 where the geometry was refused or has no mesh"
-
-
-NUMBER = FileVariable("geometry", "i4", "1", "number of the geometry", (SWEEP,), comment=_WHAT)
+NUMBER = FileVariable("geometry", "i4", "1", "number of the geometry", (SWEEP,), _WHAT)
 
 
 def write_variants(
@@ -58,33 +53,40 @@ def write_variants(
     Returns how many solutions were sought and how many failed. Raises StoreError if a file cannot be read or written.
     """
 
+    parts = [
+        (i, one, file) for i, (one, file) in enumerate(zip(study.variants, files, strict=True)) if file is not None
+    ]
+    numbers = np.full(len(study.scenes), -1, dtype=np.int32)
+    for number, variant, _ in parts:
+        numbers[variant.places] = number
+    wanted = np.ones((len(study.scenes), study.mesh.levels), dtype=bool)
+
     def records() -> Iterable[BlockRecord]:
+        """The points without what has the length of their meshes."""
         yield from others
-        for variant, file in zip(study.variants, files, strict=True):
-            if file is not None:
-                yield from _table(study, variant, file)
+        for _, variant, file in parts:
+            for block in read_blocks(file, study, variant.places, wanted):
+                yield replace(block, u_T=None, xi=None, sticks=None, fields={}, solutions={})
 
     counts: list[tuple[int, int]] = []
 
     def make(nc: netCDF4.Dataset) -> None:
         counts.append(fill(nc, study, (), records))
-        _put_numbers(nc, study, files)
+        put(nc, NUMBER, study, numbers.reshape(study.shape))
         dims = (*geometry_dims(study), "level")
         by_level = [replace(v, dims=dims) for v in root_variables(study) if v.dims == ("level",)]
         new = {v.name: define(nc, v, study) for v in by_level}
         values = {v.name: missing(v, new[v.name].shape) for v in by_level}
-        for number, (variant, file) in enumerate(zip(study.variants, files, strict=True)):
-            if file is not None:
-                with opened(file) as own:
-                    for name, array in values.items():
-                        array[geometry_place(study, variant)] = own[name][...]
-                    _define(own, nc.createGroup(f"geometry_{number}"), {POINT: OWN_POINT})
+        for number, variant, file in parts:
+            with opened(file) as own:
+                for name, array in values.items():
+                    array[geometry_place(study, variant)] = own[name][...]
+                _define(own, nc.createGroup(f"geometry_{number}"), {POINT: OWN_POINT})
         for name, array in values.items():
             new[name][...] = array
-        for number, file in enumerate(files):
-            if file is not None:
-                with opened(file) as own:
-                    _fill(own, nc[f"geometry_{number}"])
+        for number, _, file in parts:
+            with opened(file) as own:
+                _fill(own, nc[f"geometry_{number}"])
 
     write_dataset(path, {**attributes, GEOMETRIES: len(files)}, make, KEPT)
     return counts[0]
@@ -96,29 +98,12 @@ def extract(path: Path, number: int, target: Path) -> None:
     with opened(path) as nc:
         if (group := nc.groups.get(f"geometry_{number}")) is None:
             raise UsageError(f"{path} has no mesh of this geometry; tcstudy show says why")
-        write_dataset(target, {}, partial(_copy, group))
 
+        def copy(root: netCDF4.Dataset) -> None:
+            _define(group, root, {OWN_POINT: POINT})
+            _fill(group, root)
 
-def _table(study: Study, variant: Variant, file: Path) -> Iterable[BlockRecord]:
-    """The points of one geometry, without what has the length of its mesh."""
-    assert variant.study is not None
-    wanted = np.ones((len(study.scenes), study.mesh.levels), dtype=bool)
-    for block in read_blocks(file, study, variant.places, wanted):
-        yield replace(block, u_T=None, xi=None, sticks=None, fields={}, solutions={})
-
-
-def _put_numbers(nc: netCDF4.Dataset, study: Study, files: Sequence[Path | None]) -> None:
-    """Which group a point belongs to."""
-    numbers = np.full(len(study.scenes), -1, dtype=np.int32)
-    for number, (variant, file) in enumerate(zip(study.variants, files, strict=True)):
-        numbers[variant.places] = -1 if file is None else number
-    put(nc, NUMBER, study, numbers.reshape(study.shape))
-
-
-def _copy(source: netCDF4.Dataset, target: netCDF4.Dataset) -> None:
-    """All that a geometry has, as the root of a file."""
-    _define(source, target, {OWN_POINT: POINT})
-    _fill(source, target)
+        write_dataset(target, {}, copy)
 
 
 def _define(source: netCDF4.Dataset, target: netCDF4.Dataset, rename: dict[str, str]) -> None:
