@@ -62,19 +62,6 @@ def test_faults_are_reported_at_once_sorted_by_line() -> None:
     ]
 
 
-def test_a_fault_of_some_sweep_points_names_the_first_of_them() -> None:
-    text = changed("q: 5e6, ", "").replace("  alpha: [25, 100]", "  q: [0, 5]\n  heat.alpha: [100, 0]")
-    [line] = problems(text)
-    assert line.startswith("study.yaml:20:21: sweep.heat.alpha[1]: with alpha = 0")
-    text = changed("delta: [20 um, 40 um]", "nu: [0.3, 0.5]")
-    [line] = problems(text)
-    assert line.startswith("study.yaml:20:13: sweep.nu[1]: must lie between -1 and 0.5")
-    text = changed("E: 210 GPa, nu: 0.3", "lambda: -0.5 GPa, mu: 1 GPa")
-    [line] = problems(text.replace("delta: [20 um, 40 um]", "mu: [1 GPa, 0.5 GPa]"))
-    assert line.startswith("study.yaml:14:20: material.lambda: ")
-    assert "(with mu = 0.5 GPa); 3 lambda + 2 mu must be positive" in line
-
-
 def test_a_text_with_a_unit_is_refused_in_a_dimensionless_study() -> None:
     lines = problems("units: none\n" + BASE)
     assert len(lines) == 11
