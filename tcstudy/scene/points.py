@@ -18,7 +18,7 @@ from tcstudy.expressions.expression import Expression
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import REGIONS, UP
-from tcstudy.scene.records import Clamped, Scene
+from tcstudy.scene.records import Body, Clamped, Scene
 from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
@@ -63,6 +63,10 @@ class Scenes(Sequence[Scene]):
                 at = [records.setdefault(record, len(records)) for record in own.records[section]]
                 which[section][places] = np.resize(np.array(at, dtype=np.int32)[own.which[section]], len(places))
         return cls({section: tuple(records) for section, records in known.items()}, which)
+
+    def on(self, body: Body) -> Scenes:
+        """The same on another body."""
+        return Scenes(self.records | {"body": (body,)}, self.which)
 
     def __len__(self) -> int:
         return len(self.which["friction"])
