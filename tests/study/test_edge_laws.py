@@ -37,19 +37,6 @@ def test_two_films_and_a_gap_have_the_closed_form(tmp_path: Path) -> None:
     assert {"film", "shoe"} <= set(str(line["edge"].attrs["flag_meanings"]).split())
 
 
-def test_both_solvers_take_laws_by_edge(tmp_path: Path) -> None:
-    text = CONFIG.read_text(encoding="utf-8")
-    friction = (
-        "{film: {law: slip-weakening, tau_s: 3 MPa, tau_k: 1 MPa, delta: 0.05 mm}, "
-        'shoe: {law: tresca, tau: 1 MPa, strength: "max(0, min(1, (x - 0.17)*1e6))"}}'
-    )
-    text = text[: text.index("friction:")] + f"friction: {friction}\nmesh: {{maxh: 8 mm}}\n"
-    data = solved(text + "solver: [separable-newton, bundle-newton]\n", tmp_path).dataset
-    assert np.all(data["status"] == 1)
-    assert float(data["solver_difference"].max()) < 1e-9
-    assert float(data["uniqueness_margin"].item()) > float((data["lambda_1"] - data["omega"]).item())
-
-
 CHOSEN = """
 units: none
 body: {outline: [{from: [0, 0], edge: film}, {from: [0.5, 0], edge: shoe}, {from: [1, 0], edge: right},

@@ -88,14 +88,6 @@ def test_a_name_of_the_study_is_fitted_through_all_that_is_made_of_it(tmp_path: 
         study_of(tmp_path, pulled(12)[:6], named | {"friction.tau_s: {": "spare: {"})
 
 
-def test_data_at_both_corners_of_a_side_move_with_their_own_kinks(tmp_path: Path) -> None:
-    """One node goes from its first to its last kink on one side of the path: one corner moves with delta, one not."""
-    follow, p = model(study_of(tmp_path, pulled(18), {"maxh: 5 mm": "maxh: 20 mm"})), np.array([3.9e6, 0.23e-3])
-    exact = follow.compared(p).jacobian[:, 1]
-    apart = [follow.compared(p * [1.0, 1.0 + sign]).residual for sign in (1e-5, -1e-5)]
-    np.testing.assert_allclose(exact * 2e-5 * p[1], apart[0] - apart[1], rtol=0.0, atol=1e-8 * np.max(np.abs(apart)))
-
-
 def test_the_law_of_the_gallery_is_found_through_its_snap_back(tmp_path: Path) -> None:
     """Data from the closed form with noise, the model in two dimensions."""
     table = np.loadtxt(CONFIG.with_suffix(".csv"), delimiter=",", comments=("#", "D"))

@@ -10,7 +10,7 @@ import pytest
 
 import tcstudy
 from tcstudy.errors import StudyError
-from tcstudy.read.study import read_study, read_study_text
+from tcstudy.read.study import read_study_text
 from tcstudy.reports.terminal.summary import text_of
 from tcstudy.scene.study import Study
 from tcstudy.study import fit as fits
@@ -103,65 +103,6 @@ def test_what_a_fit_of_a_history_does_not_take(tmp_path: Path, change: dict[str,
     with pytest.raises(StudyError) as fault:
         fitted(tmp_path, text, "step,P [N/m]", range(31), np.zeros(31))
     assert [told in str(one) for one in fault.value.problems].count(True) == 1, fault.value.problems
-
-
-LAYERED = """
-title: layers
-body:
-  outline: [{from: [0, 0], edge: film}, {from: [0.5 m, 0], edge: shoe}, {from: [1 m, 0], edge: right},
-            {from: [1 m, 20 mm], edge: top}, {from: [0, 20 mm], edge: left}]
-  regions: {coat: {rectangle: {corner: [0 mm, 15 mm], width: 1 m, height: 5 mm}}}
-boundary:
-  film: contact
-  shoe: contact
-  left: {role: clamped, u_x: 0, u_y: free}
-  right: {role: traction, spring: {normal: 5 GPa/m}}
-  top: free
-material: {E: 200 GPa, nu: 0.3, plane: stress, alpha_T: 10e-6 1/K}
-materials: {coat: {E: 100 GPa, nu: 0.3, alpha_T: 20e-6 1/K}}
-heat: {theta: 0 K}
-friction:
-  film: {law: tresca, tau: 1.5 MPa}
-  shoe: {law: slip-weakening, tau_s: 3 MPa, tau_k: 1 MPa, delta: 4 mm}
-mesh: {maxh: 20 mm}
-fit:
-  data: {file: data.csv, columns: {theta: "T [K]", u_T_max: "u [um]", friction_resultant: "R [kN/m]"}}
-  noise: {u_T_max: 0.5 um, friction_resultant: 4 kN/m}
-  starts: 1
-  parameters:
-"""
-OWN = {
-    "friction.film.tau": (1.5, "MPa"),
-    "materials.coat.E": (100.0, "GPa"),
-    "materials.coat.alpha_T": (20e-6, "1/K"),
-    "boundary.right.spring.normal": (5.0, "GPa/m"),
-}
-"""With the units in which the study has them."""
-
-
-@pytest.mark.parametrize(
-    ("names", "factor"),
-    [(("friction.film.tau", "materials.coat.E"), 10.0),
-     (("materials.coat.alpha_T", "boundary.right.spring.normal"), 0.1)],
-)  # fmt: skip
-def test_what_the_study_itself_says_is_found_again(tmp_path: Path, names: tuple[str, ...], factor: float) -> None:
-    """Its own results as data, without noise, from starts up to ten times off."""
-    rows = ""
-    for name in names:
-        value, unit = OWN[name]
-        low, start, high = (f"{x * value:g} {unit}".strip() for x in (min(0.05, factor), factor, max(1.5, factor)))
-        rows += f"    {name}: {{start: {start}, within: [{low}, {high}]}}\n"
-    T = np.linspace(20.0, 90.0, 7)
-
-    def study(u: Array, R: Array) -> Study:
-        return fitted(tmp_path, LAYERED + rows, "T [K],u [um],R [kN/m]", T, 1e6 * u, 1e-3 * R)
-
-    own = study(T, T)
-    model = model_of(own, own.fit)  # type: ignore[arg-type]
-    truth = np.array([one.start / factor for one in model.plan.parameters])
-    record = fit(study(*model.compared(truth).predicted.reshape(2, -1)))
-    assert record.values["estimate"] == pytest.approx(truth, rel=1e-9)
-    assert int(record.attributes["evaluations"]) <= 20
 
 
 PLACES = np.linspace(0.0, 160.0, 7)
@@ -329,20 +270,6 @@ def test_what_is_wrong_with_a_test_is_said_at_its_place(tmp_path: Path) -> None:
         with pytest.raises(StudyError) as info:
             bars(tmp_path, BAR + SHORT.replace(old, new))
         assert said in str(info.value).replace(f"{tmp_path}/", ""), str(info.value)
-
-
-def test_the_same_test_twice_halves_the_covariance_also_along_a_path() -> None:
-    """Distances to the curve through a snap-back; curves of two tests lie apart in the file."""
-    config = Path(__file__).parents[2] / "configs" / "pull_fit.yaml"
-    columns = '{boundary.grip.u_x: "Delta [mm]", friction_resultant: "P [N/mm]"}'
-    again = f"fit.tests=[{{data: {{file: pull_fit.csv, columns: {columns}}}}}]"
-    once, twice = (fit(read_study(config, ["mesh.maxh=10 mm", "fit.starts=1", *more])) for more in ([], [again]))
-    assert twice.values["estimate"] == pytest.approx(once.values["estimate"], rel=1e-3)
-    assert 2.0 * twice.values["covariance"] == pytest.approx(once.values["covariance"], rel=0.01)
-    curve, folds = twice.values["curve_given"], twice.values["fold_vertex"]
-    [gap] = np.isnan(curve).nonzero()[0].tolist()
-    assert np.array_equal(curve[:gap], curve[gap + 1 :])
-    assert np.array_equal(folds[: len(folds) // 2] + gap + 1, folds[len(folds) // 2 :])
 
 
 HEATED_STRIP = """

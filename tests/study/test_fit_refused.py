@@ -55,13 +55,6 @@ def test_what_cannot_be_fitted_is_refused(tmp_path: Path, change: tuple[str, str
     assert len(set(places)) == len(places)
 
 
-def test_missing_parameters_hide_no_fault_of_the_data(tmp_path: Path) -> None:
-    text = HEATED[: HEATED.index("fit:")] + 'fit: {data: {file: no.csv, columns: {theta: "T [K]"}}}\n'
-    with pytest.raises(StudyError) as info:
-        read_study_text(text, "heated.yaml", source=tmp_path / "heated.yaml")
-    assert [problem.key for problem in info.value.problems] == ["fit.parameters", "fit.data.file"]
-
-
 def test_data_of_a_path_in_no_order_and_laws_that_vary_along_the_line_are_refused(tmp_path: Path) -> None:
     """Feet on a path go forward with the data."""
     data = pulled(45)

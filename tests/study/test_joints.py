@@ -11,14 +11,14 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import tcstudy
-from tcstudy.contact.history.memory import MemoryModel, NodeState
 from tcstudy.contact.solve import solve_contact
+from tcstudy.data.schema import name_of
 from tcstudy.fem.meshes import Meshes
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
-from tcstudy.scene.histories import Memory, MemoryName
 from tcstudy.scene.records import Scene
+from tcstudy.study.point import derivatives_of
 
 Array = NDArray[np.float64]
 LINEAR, TRESCA = "{law: linear, k: 1}", "{law: tresca, tau: 0.2}"
@@ -112,24 +112,18 @@ def test_a_ring_of_two_edges_has_two_joints() -> None:
         assert law.single(int(node)).b(0.3) == pytest.approx(share * before.b(0.3) + (1 - share) * own.b(0.3))
 
 
-MEMORIES: tuple[MemoryName, ...] = ("friction", "damage")
-
-
-@pytest.mark.parametrize("name", MEMORIES)
-def test_both_halves_of_a_joint_remember_the_same(name: MemoryName) -> None:
-    """κ and the last slip are those of the node, so that a step's law is the sum of both, each with its memory."""
-    level, scene = level_of(block(FALLING, SLOW))
-    law, m = level.law(scene), level.line.m
-    (node,), _, (share,) = level.line.joints
-    state = NodeState(np.full(m, 0.1), np.full(m, 0.4), np.zeros(m))
-    memory = Memory(name)
-    whole = MemoryModel(memory, law, m)
-    parts = [MemoryModel(memory, own, m) for own in scene.laws]
-    for s in (-0.9, -0.3, 0.05, 0.2, 0.5, 2.0):
-        w = np.full(m, s)
-        both = [part.next_law(state).b(w)[node] for part in parts]
-        assert whole.next_law(state).b(w)[node] == pytest.approx(share * both[0] + (1 - share) * both[1], rel=1e-5)
-        (mine, _, lost), *others = (model.after(state, w) for model in (whole, *parts))
-        assert mine.kappa[node] == others[0][0].kappa[node] == others[1][0].kappa[node]
-        both = share * others[0][2][node] + (1 - share) * others[1][2][node]
-        assert lost[node] == pytest.approx(both, rel=1e-5, abs=1e-12)
+def test_derivatives_by_the_law_of_an_edge_are_those_of_differences() -> None:
+    path, value, h = "friction.film.delta", 1.0, 1e-4
+    study = read_study_text(block(FALLING, SLOW) + f"output: {{sensitivity: [{path}]}}\n")
+    level = Level(Meshes(study).next(0), study.scenes[0])
+    scenes = [level_of(block(FALLING, SLOW), f"{path}={value * (1 + sign * h)!r}")[1] for sign in (1, -1)]
+    v = solve_contact(level.condensed(study.scenes[0]).problem).v
+    found = derivatives_of(level, study.scenes[0], v, study.output.sensitivity)
+    problems = [level.condensed(scene).problem for scene in scenes]
+    solved = [(problem, solve_contact(problem, branch="continued", neighbour=v)) for problem in problems]
+    for quantity, ends in (
+        ("energy", [answer.energy for _, answer in solved]),
+        ("friction_resultant", [float(problem.xi(answer.v).sum()) for problem, answer in solved]),
+    ):
+        difference = (ends[0] - ends[1]) / (2 * h * value)
+        assert found[name_of(quantity, path)] == pytest.approx(difference, rel=1e-6), quantity

@@ -218,14 +218,6 @@ def test_uniform_errors_are_those_of_converge() -> None:
     assert found == pytest.approx(np.abs(resultant.value - resultant.exact) / abs(resultant.exact), rel=1e-6)
 
 
-def test_graded_meshes_that_are_uniform_are_shown_once() -> None:
-    study = tcstudy.load(CONFIGS / "convergence.yaml", ["mesh={maxh: 0.5, levels: 2, family: graded}"])
-    cost = _measure(study, runs=1)
-    assert cost.values["family"] == ["graded", "adaptive"]
-    assert cost.values["family"][own(cost)[0]] == "graded"
-    assert any("shown once" in note for note in cost.attributes["notes"].splitlines())
-
-
 def test_meshes_of_no_family_stand_for_themselves() -> None:
     cost = _measure(study_of(PULLED, "mesh={maxh: 0.8, tolerance: 0.3}"), runs=1)
     assert cost.values["family"][-1] == "study"

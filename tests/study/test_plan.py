@@ -65,14 +65,6 @@ def test_what_is_left_out_and_why(change: str, reason: str) -> None:
     assert any(text.startswith(reason) for text in plan(study_of(HEATED_BRACKET, change)).left_out)
 
 
-def test_notes_on_locking_and_down_jumps() -> None:
-    notes = plan(study_of(RECTANGLE, "material.nu=0.49")).notes
-    assert any("lock" in text for text in notes)
-    dropping = "friction={law: piecewise-linear, points: [[0, 1], [0.4, 1], [0.4, 0.2]]}"
-    assert any("down-jumps" in text for text in plan(study_of(RECTANGLE, dropping)).notes)
-    assert plan(study_of(RECTANGLE, "loads.f=[0.01, 0]")).notes == ()
-
-
 def test_a_section_is_run_before_the_sweep() -> None:
     found = plan(study_of(HEATED_BRACKET, "path={parameter: load, from: 0, to: 2}"))
     assert (found.asked, found.points) == ("path along load from 0 to 2", 1)

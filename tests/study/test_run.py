@@ -11,7 +11,6 @@ import xarray as xr
 
 import tcstudy
 from tcstudy.contact.solve import solve_contact
-from tcstudy.data.records import BlockRecord
 from tcstudy.data.schema import PointStatus
 from tcstudy.errors import StudyError
 from tcstudy.fem import forms as heat
@@ -23,10 +22,9 @@ from tcstudy.read.study import read_study_text
 from tcstudy.reports.picture import read_picture
 from tcstudy.reports.terminal.summary import text_of
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import OutputPlan, Study
+from tcstudy.scene.study import OutputPlan
 from tcstudy.study import level_solver
-from tcstudy.study.level_solver import Solutions, blocks_of
-from tests.verification.patch import CASES, LENGTH, SOFTENING, patch_study
+from tcstudy.study.level_solver import blocks_of
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, study_of
 
 LOADED = RECTANGLE.replace("left: clamped, top: free", 'left: clamped, top: {role: traction, g: ["0.03*x", -0.01]}')
@@ -158,48 +156,12 @@ def test_branches_in_a_loop_of_loading_and_unloading(tmp_path: Path, branch: str
     assert u_T[:, 0] == pytest.approx(slips, abs=1e-11)
 
 
-def test_energies_of_all_starts_are_kept(tmp_path: Path) -> None:
-    tree = tcstudy.run(patch_study(CASES[2], 0.4), tmp_path / "patch.nc")
-    energies = tree["start_energy"].values[0]
-    assert CASES[2].law == SOFTENING
-    found = np.unique(np.round(energies[np.isfinite(energies)] / LENGTH, 10))
-    assert set(found) <= {0.32, 0.30}
-    assert np.nanmin(energies) == pytest.approx(float(tree["energy"][0]))
-    assert np.isnan(energies[2])  # a single point has no neighbour
-    assert tree["start"].values.tolist() == ["zero", "frictionless", "neighbour", "escape", "exact"]
-
-
-def test_neighbour_is_one_step_back_along_the_last_dimension() -> None:
-    study = study_of(RECTANGLE, "sweep={friction.tau: [1, 2, 3], E: [1, 2, 3]}", "solver={branch: continued}")
-    solutions, a, b = Solutions(study, 2, np.arange(9)), np.ones(2), np.zeros(2)
-    solutions.take(solved(study, {1: a, 3: b}, PointStatus.OK))
-    solutions.take(solved(study, {8: a}, PointStatus.NOT_CONVERGED))  # a failed point starts nobody
-    near = solutions.beside(np.array([np.ravel_multi_index(i, (3, 3)) for i in ((1, 1), (0, 2), (2, 0), (0, 0))]))
-    np.testing.assert_array_equal(near, [b, a, b, [np.nan, np.nan]])
-
-
-def solved(study: Study, slips: dict[int, np.ndarray], status: PointStatus) -> BlockRecord:
-    values, places = np.array(list(slips.values())), np.array(list(slips), dtype=np.intp)
-    return BlockRecord(0, study.shape, places, np.full(len(slips), status, dtype=np.int8), {}, {}, values, values)
-
-
 def test_blocks_hold_every_point_once_and_have_one_factor() -> None:
     study = study_of(RECTANGLE, "sweep={E: [1, 2], nu: [0.2, 0.3], friction.tau: {linspace: [1, 2, 700]}}")
     blocks = blocks_of(study, 11, 100)
     assert np.array_equal(np.sort(np.concatenate([b.points for b in blocks])), np.arange(2800))
     assert [len(b.points) for b in blocks] == [700] * 4
     assert all(len({study.scenes[int(i)].material.nu for i in block.points}) == 1 for block in blocks)
-
-
-def test_continued_points_wait_for_their_neighbours() -> None:
-    study = study_of(RECTANGLE, "sweep={friction.tau: [1, 2, 3], E: [1, 2]}", "solver={branch: continued}")
-    before: set[int] = set()
-    for block in blocks_of(study, 11, 100):
-        for place in block.points:
-            i, j = np.unravel_index(place, study.shape)
-            assert i == 0 or (i - 1) * 2 + j in before
-            assert j == 0 or place - 1 in before
-        before |= {int(p) for p in block.points}
 
 
 def test_several_solvers_are_compared(tmp_path: Path) -> None:

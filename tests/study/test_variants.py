@@ -1,4 +1,4 @@
-"""Sweeps of body and mesh: exact scaling, the bits of single runs, refused geometries, what is added, measured."""
+"""Sweeps of body and mesh: closed forms, the bits of single runs, refused geometries, what is added, measured."""
 
 from __future__ import annotations
 
@@ -21,17 +21,6 @@ from tcstudy.study.plan import plan
 from tcstudy.study.run import execute
 from tests.study.test_append import Counted
 
-SCALED = """
-parameters: {s: 1}
-body:
-  rectangle: {width: "0.02*s", height: "0.01*s"}
-  holes: [circle: {center: ["0.01*s", "0.005*s"], radius: "0.002*s", edge: bore}]
-boundary: {bottom: contact, left: clamped, right: free, top: {role: traction, g: [5 MPa, -1 MPa]}, bore: free}
-material: {E: 70 GPa, nu: 0.3}
-friction: {law: tresca, tau: 2 MPa}
-mesh: {maxh: "0.005*s"}
-sweep: {tau: [3 MPa, 4 MPa], parameters.s: [1, 2]}
-"""
 BAR = """
 body: {rectangle: {width: 200 mm, height: 20 mm}}
 boundary: {bottom: contact, left: {role: clamped, u_x: 0}, right: {role: traction, g: [1 MPa, 0]}, top: free}
@@ -63,15 +52,6 @@ def bar(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("bar") / "out.nc"
     run(BAR, path)
     return path
-
-
-def test_doubling_all_lengths_at_the_same_law_scales(tmp_path: Path) -> None:
-    """At one stress u ∝ s, ∫ξ ∝ s, energy ∝ s², λ₁ ∝ 1/s, as the law knows no length."""
-    data = run(SCALED, tmp_path / "out.nc").to_dataset().isel(level=0)
-    for name, power in (("u_T_max", 1), ("slip_length", 1), ("friction_resultant", 1), ("energy", 2), ("lambda_1", -1)):
-        values = data[name].transpose("tau", "s").values
-        assert np.allclose(values / values[:, :1], np.array([1.0, 2.0]) ** power, rtol=1e-9), name
-    assert 0.0 < float(data["slip_length"][0, 0]) < 0.02
 
 
 def test_a_bar_of_several_lengths_has_the_closed_form_and_the_bits_of_single_runs(bar: Path, tmp_path: Path) -> None:
