@@ -154,6 +154,7 @@ class _Half:
             reached, walk.tie = 2.0 * worst if careful else 0.0, walk.usual_tie
             if self.end is None:
                 walk.balance()
+                walk.straighten()
                 mark = walk.here
             if progress is not None:
                 progress(len(self.stable), walk.t)

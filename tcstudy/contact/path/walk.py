@@ -233,6 +233,14 @@ class Walk:
         stays = nodes[~(self.free[nodes] & g.free[behind])]
         self.x[stays] = x[stays]
 
+    def straighten(self) -> None:
+        """One correction of the direction, by the equations of the cell."""
+        way = self.basis.way
+        force = np.where(self.free, self.basis.k * way[:-1], way[:-1])
+        off = way[self.m] * self.basis.load - self.basis.A @ np.where(self.free, way[:-1], 0.0) - force
+        way += self.basis.moved(off)
+        self.head()
+
 
 ALONE, MOST_TURNS = 3, 12
 """How often the node that wishes otherwise most is moved to the other side of its kink, and until when all are."""
