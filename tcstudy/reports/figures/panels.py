@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tcstudy.errors import DrawError
 from tcstudy.reports.figures import style
-from tcstudy.reports.text import axis_unit
+from tcstudy.reports.text import axis_unit, headed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,7 +47,7 @@ class Scale:
 def scale(name: str, values: ArrayLike, units: str) -> Scale:
     """The axis that suits the largest of some values of the file."""
     one, unit = axis_unit(np.ravel(np.asarray(values, dtype=float)), units)
-    return Scale(style.labelled(name, unit), one)
+    return Scale(headed(name, unit), one)
 
 
 @dataclass

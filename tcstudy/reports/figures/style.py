@@ -227,8 +227,3 @@ def point_words(text: str) -> str:
 def plain(text: str) -> str:
     """A text that is no formula."""
     return text.replace("$", r"\$")
-
-
-def labelled(name: str, units: str) -> str:
-    """Text for an axis: the name with its units."""
-    return f"{name} [{pretty(units)}]" if pretty(units) else name

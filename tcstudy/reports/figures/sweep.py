@@ -28,7 +28,7 @@ from tcstudy.reports.select_point import (
     quantity,
 )
 from tcstudy.reports.sentences import several
-from tcstudy.reports.text import axis_unit, counted, labels, named, study_unit
+from tcstudy.reports.text import axis_unit, counted, headed, labels, named, study_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -73,7 +73,7 @@ class Along:
     @property
     def title(self) -> str:
         """The parameter with its unit, for an axis."""
-        return style.labelled(style.symbol(self.name), self.unit)
+        return headed(style.symbol(self.name), self.unit)
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ from tcstudy.reports.page.stored import Stored
 from tcstudy.reports.picture import at_rest
 from tcstudy.reports.select_point import describe
 from tcstudy.reports.terminal import accuracy, fit, paths
-from tcstudy.reports.text import proved
+from tcstudy.reports.text import PROOFS
 from tcstudy.scene.keys import symbol
 
 STATES_BYTES = 4_000_000
@@ -110,8 +110,7 @@ def path_sections(stored: Stored, box: Container) -> list[Json]:
     found.append(section("2  One state on the path", "point", line))
     if data.sizes.get("solution", 0):
         solutions = columns("solution_", "parameter", "energy", "residual", "stable", "lowest")
-        proofs = [proved(data.isel(solution=i), "solution_") for i in range(data.sizes["solution"])]
-        solutions.append(column("certified", "certified", "1", proofs, box))
+        solutions.append(column("certified", "certified", "1", _proofs(data, "solution_"), box))
         found.append(section("3  Solutions at the values asked for", "solutions", sheet_part(solutions, "solutions")))
     if len(keep) == vertices:
         vertex = sheet_part(
@@ -138,7 +137,7 @@ def history_parts(stored: Stored, part: Any, without: tuple[str, ...], box: Cont
     numbers = [str(name) for name, one in data.data_vars.items() if one.dims == ("step",) and "units" in one.attrs]
     for name in dict.fromkeys([*loads, *(one for one in numbers if "flag_values" not in data[one].attrs)]):
         columns.append(column_of(data, name, box, symbol(name) if name in loads else ""))
-    columns.append(column("proved", "proved", "1", [proved(data.isel(step=i)) for i in steps], box))
+    columns.append(column("proved", "proved", "1", _proofs(data), box))
     facts = {"part": "facts", "columns": [one for one in columns if one["name"] in ("cycle", *loads, *FACTS)]}
     loop = panel_part(panels.pop("loop"), box, (data[names[0]].values, data[names[1]].values), 380)
     texts = [f"{i}, {name}" if name else str(i) for i, name in enumerate(step_names)]
@@ -172,6 +171,11 @@ def history_parts(stored: Stored, part: Any, without: tuple[str, ...], box: Cont
     energies = [panel_part(one, box, high=220) for one in panels.values()]
     sheet = sheet_part(columns, "steps", states=True, chart=(names[0], "friction_resultant"))
     return {"point": point, "accuracy": [beside(*energies)], "table": [sheet]}
+
+
+def _proofs(data: Any, prefix: str = "") -> Any:
+    """The strongest statement that is proved of every solution."""
+    return np.select([data[prefix + name].values == 1 for name, _ in PROOFS], [word for _, word in PROOFS], "nothing")
 
 
 def _line(data: Any, kept: Any, state: Any, rest: bool, box: Container) -> Json:
