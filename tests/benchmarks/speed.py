@@ -36,7 +36,6 @@ from tests.verification.scenes import mesh_family
 Array = NDArray[np.float64]
 
 QUICKSTART = Path(__file__).resolve().parents[2] / "configs" / "quickstart.yaml"
-MAXH = "mesh.maxh=13.6 mm"
 LEVELS = {3: 9, 4: 9, 5: 5, 6: 3, 7: 3}
 """Levels, from 3.8e3 to 9.9e5 displacement unknowns, and runs of each."""
 ASYMPTOTIC = 1e4
@@ -46,13 +45,13 @@ FACTORS = ("tcstudy, with Ã", "NGSolve sparsecholesky", "NGSolve umfpack", "sci
 LARGEST = {"NGSolve umfpack": 3e5, "scipy splu": 1e5}
 """Unknowns beyond which a factorisation is not run: minutes, and gigabytes."""
 SWEEPS = {"10 α × 10 θ̄ × 10 laws": (10, 10, 10), "α alone": (1000, 1, 1)}
-SWEPT, RUNS, SOLVED = (5, "mesh.maxh=10.5 mm"), 5, 40
+SWEPT, RUNS, SOLVED = (5, "10.5 mm"), 5, 40
 """Levels and mesh of the sweeps, runs of each, contact solves that are timed."""
 
 
-def study_of(levels: int, *overrides: str) -> Study:
+def study_of(levels: int, maxh: str = "13.6 mm", sweep: str = "{}") -> Study:
     """The quickstart body with so many levels."""
-    return tcstudy.load(QUICKSTART, [MAXH, f"mesh.levels={levels}", "sweep={}", *overrides])
+    return tcstudy.load(QUICKSTART, [f"mesh.maxh={maxh}", f"mesh.levels={levels}", f"sweep={sweep}"])
 
 
 def finest(study: Study) -> PlaneMesh:
@@ -184,7 +183,7 @@ def sweep_text(alphas: int, surroundings: int, laws: int) -> str:
         f"l{i}: {{law: slip-weakening, tau_s: {30 + 2 * i} MPa, tau_k: 10 MPa, delta: 40 um}}" for i in range(laws)
     )
     alpha, theta_bar = np.geomspace(1.0, 1e4, alphas).tolist(), np.linspace(20.0, -20.0, surroundings).tolist()
-    return f"sweep={{alpha: {alpha}, theta_bar: {theta_bar}, friction: {{{named}}}}}"
+    return f"{{alpha: {alpha}, theta_bar: {theta_bar}, friction: {{{named}}}}}"
 
 
 def sweeps() -> Iterator[str]:
@@ -220,7 +219,7 @@ def sweeps() -> Iterator[str]:
             f"- 1000 points, {kind}, N = {level.frames.n_dof:,}: {_cell(*one)} × one cold "
             "point, both without mesh, contact solves and certificates;"
         )
-    yield f"- a contact solve with its certificates there: {np.median(solves):.3f} × one cold point;"
+    yield f"- a contact solve with its certificates there: {np.median(solves):.3f} × one cold point."
 
 
 def main() -> None:
