@@ -17,8 +17,8 @@ from tcstudy.reports.picture import LineFields, Picture
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SIZES = (None, (3.15, 8.0), (6.7, 9.5))
-"""Usual, of one column of a paper, of a page [inch]."""
+SIZES = (None, (3.15, 8.0))
+"""Usual, and of one column of a paper [inch]."""
 
 
 def drawn(file: Path, **wanted: Any) -> tuple[Figure, str]:

@@ -75,6 +75,11 @@ def test_no_text_overlaps_another_and_roles_and_the_heater_are_named(stored: Sto
         assert crowded(figure) == []
     found = {text.get_text() for axes in figure.axes for text in axes.texts}
     assert {"wall: clamped", "heated", "end: convection, traction"} <= found
+    figure = figure_of(shown, "von_mises", 50.0)
+    title = figure.axes[0].get_title(loc="left").replace("\n", " ")
+    assert "deformation × 50;" in title
+    assert "estimated error" in title
+    assert figure.axes[-1].get_ylabel().startswith("von Mises")
 
 
 def test_the_boundary_is_found_whatever_the_orientation_of_triangles(stored: Stored) -> None:
@@ -164,14 +169,6 @@ sweep: {boundary.left.u_x: [0.2, 0.1, 0.3]}
         assert np.allclose(np.array(moved.held, dtype=float), [[u_x, 0.25]], rtol=1e-12)
     upper, _ = contact_panels(figure_of(moved))
     assert len(shown_line(upper)[0]) == len(moved.line.u_T) + 2
-
-
-def test_stresses_are_drawn_with_their_error_and_a_factor_that_is_chosen(stored: Stored) -> None:
-    figure, _ = drawn(stored("block"), of="von_mises", deform=50.0)
-    title = figure.axes[0].get_title(loc="left").replace("\n", " ")
-    assert "deformation × 50;" in title
-    assert "estimated error" in title
-    assert figure.axes[-1].get_ylabel().startswith("von Mises")
 
 
 def test_each_geometry_has_its_own_mesh(stored: Stored) -> None:
