@@ -1,4 +1,4 @@
-"""A law for each contact edge: closed form of two films and a gap, one law to the bit, what is refused."""
+"""A law for each contact edge: closed forms of two films and a gap, and of a chosen solution; what is refused."""
 
 from __future__ import annotations
 

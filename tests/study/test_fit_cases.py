@@ -1,4 +1,4 @@
-"""Fits of histories, of numbers of every kind, of smooth laws, from many starts, to several tests."""
+"""Fits of histories, of smooth laws, from many starts, to several tests, under a factor of loads."""
 
 from __future__ import annotations
 
