@@ -101,17 +101,3 @@ def test_the_checker_would_find_a_fault(tmp_path: Path) -> None:
         nc.createDimension("level", 3)
         nc.createVariable("error", "f8", ("level",)).setncatts({"units": "m", "standard_name": "no_such_name"})
     assert "§3.3 Standard Name" in faults(broken)
-
-
-def test_missing_values_cannot_be_mistaken(written: Path) -> None:
-    with netCDF4.Dataset(written) as nc:
-        nc.set_auto_maskandscale(False)
-        for v in (*nc.variables.values(), *nc["level_0"].variables.values()):
-            if v.dtype == np.float64 and "_FillValue" in v.ncattrs():
-                assert np.isnan(v._FillValue)
-            elif v.dtype in (np.int8, np.int32):  # a _FillValue would make xarray turn them into floats
-                assert "_FillValue" not in v.ncattrs()
-        for name, dtype in (("energy", "f8"), ("iterations", "i4"), ("unique", "i1")):
-            assert ("_FillValue" in nc[name].ncattrs()) == (dtype == "f8")
-            assert ("valid_min" in nc[name].ncattrs()) == (dtype == "i4")
-        assert nc["iterations"].valid_min.dtype == np.int32

@@ -61,6 +61,12 @@ def test_points_and_whole_body_fields_come_back_and_those_not_run_are_visible(ou
         assert group["theta"].attrs["mesh"] == "mesh"
     with netCDF4.Dataset(output) as nc:  # netCDF4 masks by valid_min
         assert nc["iterations"][...].mask.sum() == 1
+        filled = {name: "_FillValue" in nc[name].ncattrs() for name in ("energy", "iterations", "unique")}
+        assert filled == {
+            "energy": True,
+            "iterations": False,
+            "unique": False,
+        }  # xarray makes floats of filled integers
 
 
 def test_names_of_axes_that_collide_are_refused(output: Path, study: Study) -> None:
