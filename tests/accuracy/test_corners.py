@@ -1,7 +1,7 @@
-"""Corner exponents against published values and a characteristic equation, and the orders they let expect."""
+"""Corner exponents against published values and characteristic equations, and the orders they let expect."""
 
 from dataclasses import replace
-from math import atan, pi, radians
+from math import atan, pi, radians, sin
 
 import numpy as np
 import pytest
@@ -41,6 +41,21 @@ KAPPA = 3 - 4 * 0.3
 def test_published_exponents(angle, first, second, exponent):
     assert corner_exponent(((radians(angle), 1.0, KAPPA),), first, second) == pytest.approx(exponent, abs=5e-5)
     assert corner_exponent(((radians(angle), 1.0, KAPPA),), second, first) == pytest.approx(exponent, abs=5e-5)
+
+
+@pytest.mark.parametrize("kappa", [1.2, 2.6])
+def test_characteristic_equations(kappa):
+    """Clamped: κ sin αω = α|sin ω|;  clamped–free: 4κ sin²αω = (κ+1)² − 4α² sin²ω;  free: sin αω = −α sin ω."""
+    w, v, u = 1.5 * pi, 0.4 * pi, 1.25 * pi
+    clamped = brentq(lambda a: kappa * sin(a * w) + a * sin(w), 0.4, 0.9)
+    mixed = brentq(lambda a: 4 * kappa * sin(a * v) ** 2 - (kappa + 1) ** 2 + 4 * a**2 * sin(v) ** 2, 0.3, 1.2)
+    free = brentq(lambda a: sin(a * u) + a * sin(u), 0.45, 0.9)
+    for angle, first, second, root in (
+        (w, CLAMPED, CLAMPED, clamped),
+        (v, CLAMPED, FREE, mixed),
+        (u, FREE, FREE, free),
+    ):
+        assert corner_exponent(((angle, 1.0, kappa),), first, second) == pytest.approx(root, rel=1e-9)
 
 
 def bogy(p, a, b, alpha, beta):
