@@ -53,6 +53,13 @@ def half_laplacian(m: int, stiffness: float = 1.0) -> tuple[Array, Array]:
     return 0.5 * (A_tilde + A_tilde.T), np.full(m, h)
 
 
+def ill_conditioned(rng: np.random.Generator, m: int, condition: float) -> Array:
+    """Q D Qᵀ with eigenvalues spread evenly in the logarithm over `condition`."""
+    Q = np.linalg.qr(rng.normal(size=(m, m)))[0]
+    A = (Q * condition ** (rng.uniform(0.0, 1.0, m) - 0.5)) @ Q.T
+    return np.asarray(0.5 * (A + A.T))
+
+
 def random_stiffness(rng: np.random.Generator, m: int) -> tuple[Array, Array]:
     """(Ã, c): a half-Laplacian with uneven cells and a random coupling of up to its own size, or a random matrix."""
     A_tilde, c = half_laplacian(m)

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.contact.all_solutions import Limits, PolygonProblems, all_solutions, of_rows
+from tcstudy.contact.all_solutions import Limits, PolygonProblems, all_solutions
 from tcstudy.contact.certificates import certify
 from tcstudy.contact.problem import ContactProblem
-from tcstudy.laws.laws import Laws
 from tests.contact.contact_cases import half_laplacian
 from tests.contact.random_polygons import NEAR, by_brute_force, random_problem
 
@@ -48,18 +47,6 @@ def test_random_problems_have_the_solutions_that_brute_force_finds(m: int) -> No
     assert all(count % 2 for count in counts)
 
 
-def test_rows_with_laws_of_their_own_are_the_problems_one_by_one() -> None:
-    problem = saw_tooth(6.0)
-    laws = [SAW, tcstudy.law(points=[(0, 4), (1, 1)]), tcstudy.law("tresca", tau=1.0)]
-    loads = np.array([[1.0], [0.85], [0.2]]) * problem.l_tilde
-    rows = of_rows(ContactProblem(problem.A_tilde, loads, problem.c, Laws.of(laws, [[0], [1], [2]])))
-    for found, law, load in zip(rows, laws, loads, strict=True):
-        alone = all_solutions(ContactProblem(problem.A_tilde, load, problem.c, law))
-        assert found.complete
-        np.testing.assert_array_equal(found.sides, alone.sides)
-        np.testing.assert_allclose(found.v, alone.v, rtol=1e-12, atol=1e-14)
-
-
 @pytest.mark.parametrize(("limits", "reason"), [(Limits(boxes=2), "2 boxes"), (Limits(seconds=0.0), "0 seconds")])
 def test_a_limit_ends_in_a_list_that_claims_nothing(limits: Limits, reason: str) -> None:
     problem = saw_tooth(6.0)
@@ -85,7 +72,7 @@ def test_a_solution_on_a_kink_is_undecided_and_never_counted() -> None:
 
 def test_solutions_put_on_corners_of_their_cells_are_never_lost() -> None:
     """Loads made for v with nodes at the ends of jumps: without room for rounding the boxes there would be empty."""
-    for seed in range(30):
+    for seed in range(12):
         problem, _ = random_problem(seed, 3)
         rng, laws = np.random.default_rng(seed), [problem.law.single(i) for i in range(3)]
         k = [int(rng.integers(len(law.kinks))) for law in laws]

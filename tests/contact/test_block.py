@@ -12,9 +12,8 @@ from tcstudy.contact.certificates import certify
 from tcstudy.contact.problem import ContactProblem, Status
 from tcstudy.contact.solve import solve_contact
 from tcstudy.laws.composed import nodal
-from tcstudy.laws.laws import NONE, Laws
+from tcstudy.laws.laws import NONE
 from tcstudy.laws.shapes import tresca
-from tcstudy.scene.study import SOLVERS
 from tests.contact import contact_cases as cases
 from tests.contact.contact_cases import block, solve_points, some_laws
 from tests.contact.exhaustive import energy, small_problem
@@ -46,22 +45,6 @@ def test_a_block_is_the_same_to_the_bit_every_time() -> None:
     for name in ("v", "xi", "inclusion_residual", "energy", "status", "start", "energies", "iterations"):
         assert np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True), name
     assert all(np.array_equal(getattr(one.certificate, flag), getattr(other.certificate, flag)) for flag in FLAGS)
-
-
-@pytest.mark.parametrize(("solver", "smooth"), [(SOLVERS[0], False), (SOLVERS[0], True), (SOLVERS[1], True)])
-def test_one_law_given_by_node_is_that_law(solver: str, smooth: bool) -> None:
-    """Twice in a table, every second node having the second."""
-    for seed in range(2):
-        problem = cases.random_problem(np.random.default_rng([seed, 3]), 44 if solver == SOLVERS[0] else 12, 7, smooth)
-        law = problem.law
-        by_node = replace(problem, law=Laws.of((law, law, NONE), np.arange(problem.m) % 2))
-        one, two = solve_contact(problem, solver), solve_contact(by_node, solver)
-        np.testing.assert_allclose(two.v, one.v, rtol=1e-11, atol=1e-11 * np.max(np.abs(one.v)))
-        assert two.energy == pytest.approx(one.energy, rel=1e-12)
-        proved, again = certify(problem, one.v), certify(by_node, one.v)
-        flags = ("residual", "omega", "convex", "unique", "strict_minimum", "global_minimum")
-        assert all(getattr(proved, flag) == getattr(again, flag) for flag in flags)
-        np.testing.assert_allclose(again.margin, proved.margin, rtol=1e-9)
 
 
 def test_all_nodes_alike_are_one_law() -> None:

@@ -7,7 +7,6 @@ from tcstudy.contact.certificates import (
     bends_below_tangent,
     certify,
     definite,
-    largest_push,
     quotient,
     solution_boxes,
 )
@@ -16,7 +15,6 @@ from tcstudy.contact.solve import nearest_minimum
 from tcstudy.laws.laws import Laws
 from tests.contact import contact_cases as cases
 from tests.contact import exhaustive
-from tests.contact.contact_cases import some_laws
 from tests.contact.random_polygons import by_brute_force
 
 
@@ -24,7 +22,7 @@ def one_node(law: Laws, load: float) -> ContactProblem:
     return ContactProblem(np.eye(1), np.array([load]), np.ones(1), law)
 
 
-@pytest.mark.parametrize(("m", "max_kinks", "count"), [(1, 9, 80), (2, 5, 60), (3, 3, 25)])
+@pytest.mark.parametrize(("m", "max_kinks", "count"), [(1, 9, 60), (2, 5, 30), (3, 3, 12)])
 def test_no_certificate_is_contradicted(m: int, max_kinks: int, count: int) -> None:
     """All places of all nodes are tried; unique, global and strict must agree with what exists."""
     found = [x for seed in range(count) for x in exhaustive.compare(seed, m, max_kinks)]
@@ -39,21 +37,6 @@ def test_no_certificate_is_contradicted(m: int, max_kinks: int, count: int) -> N
     assert rates["strict_minimum"] >= 0.9
     assert rates["global_minimum"] >= 0.8
     assert rates["unique"] >= 0.5
-
-
-def test_three_solutions_of_one_node() -> None:
-    """b = 1 − 2s up to 0.4, then 0.2; l̃ = 0.8: s = 0, 0.2, 0.6 with L = 0, +0.02, −0.02 (c = Ã = 1)."""
-    problem = one_node(cases.slip_weakening(1.0, 0.2, 0.4), 0.8)
-    stick, top, slip = (certify(problem, np.array([v])) for v in (0.0, 0.2, 0.6))
-    assert (stick.strict_minimum, stick.global_minimum, stick.unique) == (True, False, False)
-    assert (top.strict_minimum, top.global_minimum) == (False, False)
-    assert (slip.strict_minimum, slip.global_minimum, slip.unique) == (True, True, False)
-    none = certify(problem, np.array([0.3]))
-    assert (none.strict_minimum, none.global_minimum) == (False, False)
-    assert np.isnan(none.energy_gap)
-    assert (slip.lambda_1, slip.omega) == (pytest.approx(1.0), pytest.approx(2.0))
-    assert slip.margin == pytest.approx(-1.0)
-    assert slip.energy_gap <= 1e-20
 
 
 @pytest.mark.parametrize("smooth", [False, True])
@@ -74,23 +57,6 @@ def test_bend_bounds_every_sampled_quotient(smooth: bool) -> None:
             assert not 0.1 < bend < np.inf or sampled >= bend * (0.9 if smooth else 0.99)
 
 
-def quadrature(law: Laws, points: np.ndarray) -> np.ndarray:
-    """∫₀ˢ b at increasing points by Gauss–Legendre between neighbours, cut at the kinks."""
-    cuts = np.unique(np.concatenate([points, law.kinks, [0.0]]))
-    x, w = np.polynomial.legendre.leggauss(12)
-    half, middle = 0.5 * np.diff(cuts), 0.5 * (cuts[1:] + cuts[:-1])
-    parts = half * (law.b(middle[:, None] + half[:, None] * x) @ w)
-    j = np.concatenate([[0.0], np.cumsum(parts)])
-    return (j - j[np.searchsorted(cuts, 0.0)])[np.searchsorted(cuts, points)]
-
-
-def grid_energy(problem: ContactProblem, axes: list[np.ndarray]) -> np.ndarray:
-    """L̃ on a product grid with increasing axes."""
-    v = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    j = np.stack(np.meshgrid(*[quadrature(problem.law, a) for a in axes], indexing="ij"), axis=-1)
-    return np.asarray(0.5 * np.sum(v * (v @ problem.A_tilde), axis=-1) - v @ problem.l_tilde + j @ problem.c)
-
-
 @pytest.mark.parametrize("m", [1, 2])
 def test_exponential_laws_against_a_grid_of_energies(m: int) -> None:
     """No grid point of the whole box lies below a certified global minimum; most minima are certified."""
@@ -103,10 +69,10 @@ def test_exponential_laws_against_a_grid_of_energies(m: int) -> None:
         problem = ContactProblem(A_tilde, load, c, law)
         [low], [high] = solution_boxes(problem.rows)
         axes = [np.linspace(min(a, -0.01), max(b, 0.01), 301) for a, b in zip(low, high, strict=True)]
-        lowest = float(np.min(grid_energy(problem, axes)))
+        lowest = float(np.min(problem.energy(np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, m))))
         for x0 in (np.zeros(m), problem.frictionless()):
             v = nearest_minimum(problem, x0, 1e-12)[0]
-            here = float(grid_energy(problem, [np.array([s]) for s in v]).item())
+            here = problem.energy(v)
             certificate = certify(problem, v)
             assert np.all(low - 1e-10 <= v)
             assert np.all(v <= high + 1e-10)
@@ -148,14 +114,6 @@ def test_shared_tests_of_definiteness_agree_with_eigenvalues() -> None:
     ]
     assert 0 < sum(expected) < 200
     assert np.array_equal(definite(body, slope), expected)
-
-
-def test_the_largest_push_is_that_of_samples() -> None:
-    laws = some_laws()
-    for own, push in zip(laws, largest_push(Laws.of(laws)), strict=True):
-        s = np.union1d(np.linspace(-3.0, 3.0, 20001), own.kinks)
-        sampled = max(0.0, *(float(np.max(-np.sign(s) * own.b(s, side))) for side in (-1, 1)))
-        assert sampled - 1e-12 <= push <= max(1.001 * sampled, own.b_scale) + 1e-12
 
 
 def test_a_quotient_whose_vertex_is_too_far_away_for_a_double_is_bounded_by_its_ends() -> None:

@@ -14,7 +14,6 @@ from tcstudy.contact.solve import nearest_minimum, solve_contact
 from tcstudy.laws.pieces import DOWN, UP
 from tcstudy.laws.shapes import piecewise_linear, tresca
 from tests.contact import contact_cases as cases
-from tests.contact.ill_conditioned import FAMILIES, Family, body
 
 Array = np.ndarray
 
@@ -49,19 +48,10 @@ def test_leaves_a_saddle_of_several_nodes() -> None:
 @pytest.mark.parametrize("m", [20, 120])
 def test_random_problems_are_solved(m: int, smooth: bool) -> None:
     """Up to 41 kinks, jumps both ways, falls up to 100 λ₁; the judge shares no code with the package."""
-    for seed in range(20):
+    for seed in range(12):
         rng = np.random.default_rng([seed, m, int(smooth)])
         problem = cases.random_problem(rng, m, smooth=smooth)
         solve(problem, [np.zeros(m), problem.frictionless()][seed % 2])
-
-
-@pytest.mark.parametrize("load", [0.99, 1.0, 1.01])
-def test_load_through_first_slip(load: float) -> None:
-    """Uniform traction below, at and above the static limit 1 of every node."""
-    A_tilde, c = cases.half_laplacian(50)
-    for law in (cases.slip_weakening(), cases.exponential_decay(), cases.sawtooth()):
-        problem = ContactProblem(A_tilde, load * c, c, law)
-        assert np.all(solve(problem) == 0.0) == (load <= 1.0)
 
 
 def test_laws_without_kinks_zero_load_and_no_nodes() -> None:
@@ -140,22 +130,17 @@ def test_stiffly_coupled_neighbours_do_not_make_it_crawl(mean: float) -> None:
     assert ended.steps[0] <= 40
 
 
-def test_dense_badly_conditioned_bodies() -> None:
-    """Strictly convex, condition 1e7: descent alone settled one node a step and gave up after 300."""
-    m, rng = 200, np.random.default_rng([0, 200])
-    A = body(rng, m, 1e7)
-    load = A @ rng.normal(size=m) * 0.5 + rng.normal(size=m)
-    answer = solve_contact(ContactProblem(A, load, np.ones(m), tresca(2.0)))
-    assert answer.status == Status.CONVERGED, answer.reason
-    assert answer.iterations <= 40
-
-
-@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.name)
-def test_random_laws_on_badly_conditioned_bodies(family: Family) -> None:
-    for m, seeds in ((20, 4), (60, 1)):
+@pytest.mark.parametrize("driven", [False, True])
+def test_random_laws_on_badly_conditioned_bodies(driven: bool) -> None:
+    """Laws odd or not, segments over two decades; loads about friction, or far beyond it."""
+    for m, seeds in ((20, 10), (60, 2)):
         for seed in range(seeds):
             rng = np.random.default_rng([seed, m])
-            answer = solve_contact(family.problem(rng, m, 10.0 ** rng.uniform(2.0, 8.0)))
+            A, law = cases.ill_conditioned(rng, m, 10.0 ** rng.uniform(2.0, 8.0)), cases.random_law(rng, 1.0, 8)
+            c = 10.0 ** rng.uniform(-1.0, 1.0, m) if seed % 2 else np.ones(m)
+            noise = law.b_scale * (rng.normal(size=m) if driven else rng.choice([-1.0, 1.0, 0.0], m))
+            load = A @ rng.normal(size=m) * (0.5 if driven else 0.05) + c * noise
+            answer = solve_contact(ContactProblem(A, load, c, law))
             assert answer.status == Status.CONVERGED, (m, seed, answer.reason)
             assert not answer.limited
 

@@ -16,7 +16,7 @@ from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import SHAPES, tresca
 from tcstudy.scene.study import TOLERANCE
 from tests.contact import contact_cases as cases
-from tests.contact.ill_conditioned import body
+from tests.contact.contact_cases import ill_conditioned
 
 
 def one_node(law: Laws, load: float, stiffness: float = 1.0) -> ContactProblem:
@@ -91,7 +91,7 @@ def test_written_tolerance_is_met_or_refused() -> None:
 def test_what_rounding_limits_is_a_solution_by_default_only() -> None:
     """A body of condition 1e16 leaves refinement no factor to work with; that is said; a written tolerance refuses."""
     rng = np.random.default_rng(5)
-    A = body(rng, 20, 1e16)
+    A = ill_conditioned(rng, 20, 1e16)
     problem = ContactProblem(A, A @ rng.normal(size=20), np.ones(20), tresca(1e-4))
     answer = solve_contact(problem)
     assert (answer.status, bool(answer.limited)) == (Status.CONVERGED, True)

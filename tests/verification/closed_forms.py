@@ -8,6 +8,10 @@ Stick–slip:  (0,1)×(0,½), f = 0, displacement given on all sides but the con
              ξ = τ − 3/2 (κ+1) C r^{1/2} ≥ −τ
 Curved:      a ring sector 1/2 < r < 1 that turns in itself, u = (A + B/r²)(−y, x), f = 0, contact on the arc r = 1:
              u_T = A + B, ξ = 2μB
+Heated:      that sector, its loads derived: contact on r = 1 (insulated), convection and traction on r = 1/2, the ends
+             insulated; with s = 0.3 + 0.1 xy/r², w = (τ_s − τ_k)/δ and μ = 1
+             u_φ = s (1 + (1 + w)(r − 1)) − τ_s (r − 1), u_r = 0.2 (r − 1) x, θ = 1 + r²/2 − log r: u_r(1) = 0,
+             −S_T = −μ(u_φ,r − u_φ) = τ_s − w s = b(u_T) with u_T = s, ∂θ/∂r(1) = 0
 Locking:     unit square, u = curl of sin(πx)(y + k y²/2μ), div u = 0 for all λ, ξ = k u_T
 """
 
@@ -56,19 +60,15 @@ exact: {{u: {exact}, xi: "{TAU} - {1.5 * (KAPPA + 1) * C}*sqrt(max(0, -{X}))", e
 """)
 
 
-A, B = 0.1, 0.3
-
-
-def ring(levels: int, exact: bool = True) -> Study:
-    """The turning ring sector, 10° to 80°."""
+def sector() -> str:
+    """The outline of the ring sector from 10° to 80°."""
     first, last = math.radians(10), math.radians(80)
 
     def at(radius: float, angle: float) -> str:
         return f"[{radius * math.cos(angle)!r}, {radius * math.sin(angle)!r}]"
 
     middle = (first + last) / 2
-    u = f'["-({A} + {B}/(x^2 + y^2))*y", "({A} + {B}/(x^2 + y^2))*x"]'
-    return read_study_text(f"""
+    return f"""
 units: none
 body:
   outline:
@@ -76,6 +76,16 @@ body:
     - {{from: {at(1, first)}, edge: arc, through: {at(1, middle)}}}
     - {{from: {at(1, last)}, edge: end}}
     - {{from: {at(0.5, last)}, edge: inner, through: {at(0.5, middle)}}}
+"""
+
+
+A, B = 0.1, 0.3
+
+
+def ring(levels: int, exact: bool = True) -> Study:
+    """The turning ring sector."""
+    u = f'["-({A} + {B}/(x^2 + y^2))*y", "({A} + {B}/(x^2 + y^2))*x"]'
+    return read_study_text(f"""{sector()}
 boundary:
   arc: contact
   start: {{role: clamped, u: {u}}}
@@ -85,6 +95,28 @@ material: {{lambda: {LAM}, mu: {MU}}}
 friction: {{law: tresca, tau: {2 * MU * B}}}
 mesh: {{maxh: 0.25, levels: {levels}}}
 {f"exact: {{u: {u}}}" if exact else ""}
+""")
+
+
+TAU_S, TAU_K, DELTA = 1.0, 0.4, 1.0
+FALL = (TAU_S - TAU_K) / DELTA
+
+
+def heated_ring(levels: int) -> Study:
+    """The ring on a weakening film, its loads derived."""
+    r = "sqrt(x^2 + y^2)"
+    along = f"((0.3 + 0.1*x*y/(x^2 + y^2))*(1 + {1 + FALL}*({r} - 1)) - {TAU_S}*({r} - 1))"
+    out = f"(0.2*({r} - 1)*x)"
+    return read_study_text(f"""{sector()}
+material: {{lambda: {LAM}, mu: {MU}, beta: 0.5, k: 2}}
+heat: {{alpha: 3}}
+friction: {{law: slip-weakening, tau_s: {TAU_S}, tau_k: {TAU_K}, delta: {DELTA}}}
+boundary: {{arc: contact, start: clamped, end: clamped, inner: convection}}
+mesh: {{maxh: 0.25, levels: {levels}}}
+exact:
+  u: ["({out}*x - {along}*y)/{r}", "({out}*y + {along}*x)/{r}"]
+  theta: "1 + (x^2 + y^2)/2 - log(x^2 + y^2)/2"
+  loads: derived
 """)
 
 

@@ -1,11 +1,15 @@
-"""`tcstudy converge` on exact solutions: rates and absolute bounds of every norm, references, locking."""
+"""`tcstudy converge` on exact solutions: rates and absolute bounds of every norm, locking, derived loads."""
 
 from __future__ import annotations
+
+import re
 
 import numpy as np
 import pytest
 
 from tcstudy.data.tables import Measured
+from tcstudy.fem.geometry import build
+from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
 from tcstudy.study.convergence import converge
@@ -13,6 +17,7 @@ from tcstudy.study.lint import MEASURED, warnings
 from tests.verification import closed_forms
 from tests.verification import manufactured as smooth
 from tests.verification.patch import Case, patch_study
+from tests.verification.scenes import mesh_family
 from tests.verification.series import errors, series
 
 
@@ -78,17 +83,6 @@ def test_a_held_end_takes_a_third_of_the_traction(mixed: Measured) -> None:
     assert xi[1] / exact[1] == pytest.approx(1, abs=0.05)
 
 
-def test_a_curved_contact_line_is_told_when_levels_are_compared() -> None:
-    point, found = converge(closed_forms.ring(4)).points[0], converge(closed_forms.ring(5, exact=False))
-    assert np.max(errors(point)["xi_max"].error) < 1e-12  # a constant, exact at the nodes
-    resultant = series(point, "friction_resultant")
-    assert resultant.exact == pytest.approx(2 * closed_forms.MU * closed_forms.B * np.radians(70), rel=1e-12)
-    assert any("curved" in note for note in found.notes)
-    for name in ("u_H1", "u_L2", "u_T_max"):
-        ours, true = errors(found.points[0])[name].error[:3], errors(point)[name].error[:3]
-        np.testing.assert_allclose(ours, true, rtol=0.25)
-
-
 def test_what_p1_contains_is_exact() -> None:
     """The patch test turned by 37°: uniform shear with slip, every norm below 1e-12."""
     case = Case("{law: slip-weakening, tau_s: 1, tau_k: 0.2, delta: 0.4}", 1.2, (1.0,))
@@ -140,3 +134,61 @@ def test_locking_is_measured_and_warned_about() -> None:
     assert by_nu[0.3]["u_H1"].rate[-1] > 0.95
     assert by_nu[0.4999]["u_H1"].rate[-1] < 0.5
     assert by_nu[0.4999]["u_T_L2"].verdict in ("pre_asymptotic", "slower")
+
+
+# -- derived loads ------------------------------------------------------------------------------------
+
+
+def with_derived_loads(study: Study) -> Study:
+    """The same study, its loads and prescribed displacements left out."""
+    text = re.sub(r'\{role: clamped, u: \[".*?"\]\}', "clamped", study.text)
+    text = re.sub(r"\{role: convection, g: .*\}", "convection", text)
+    text = re.sub(r"loads: \{f:.*\n", "", text)
+    text = re.sub(r', theta_bar: ".*?"', "", text)
+    text = text.replace("exact: {", "exact: {loads: derived, ")
+    assert " u: " in text
+    assert "role" not in text
+    return read_study_text(text)
+
+
+HAND = {
+    "smooth": smooth_study(2),
+    "stick-slip": closed_forms.stick_slip(2),
+    "stick-slip turned": closed_forms.stick_slip(2, 45.0),
+    "ring": closed_forms.ring(2),
+    "incompressible": closed_forms.incompressible(2, (0.3, 0.49)),
+}
+
+
+@pytest.mark.parametrize("name", HAND)
+def test_the_loads_given_by_hand_come_out(name: str) -> None:
+    """As what the contact problem is made of: condensed load l̃, and l_θ and the prescribed displacements."""
+    hand, own = HAND[name], with_derived_loads(HAND[name])
+    assert len(hand.scenes) == len(own.scenes)
+    for given, found in zip(hand.scenes, own.scenes, strict=True):
+        assert dict(given.boundary).keys() == dict(found.boundary).keys()
+        mesh = list(mesh_family(build(given.body), hand.mesh))[-1]
+        one, other = Level(mesh, given), Level(mesh, found)
+        a, b = one.condensed(given), other.condensed(found)
+        size = np.max(np.abs(a.problem.l_tilde))
+        np.testing.assert_allclose(b.problem.l_tilde, a.problem.l_tilde, rtol=0, atol=1e-12 * size)
+        assert b.constant == pytest.approx(a.constant, rel=1e-12)
+        load = one.load(given)
+        np.testing.assert_allclose(other.load(found), load, rtol=0, atol=1e-12 * max(1.0, np.max(np.abs(load))))
+        np.testing.assert_allclose(other.frames.values, one.frames.values, rtol=0, atol=1e-13)
+
+
+def test_heated_ring() -> None:
+    """On a curved contact line, with a weakening film: b falls by w = 0.6 < λ₁."""
+    found = converge(closed_forms.heated_ring(5))
+    assert found.notes == []
+    resultant = series(found.points[0], "friction_resultant")
+    assert abs(resultant.limit - resultant.exact) <= max(resultant.uncertainty, 1e-12)
+    for norm, order, bound in (
+        *(("theta_L2", 2, 8.5e-5), ("theta_H1", 1, 2.3e-2), ("u_energy", 1, 1.8e-2), ("u_H1", 1, 1.9e-2)),
+        *(("u_L2", 2, 2.7e-4), ("u_T_L2", 1.5, 1.3e-3), ("u_T_max", 1, 6e-3), ("xi_nodes", 1.5, 4e-4)),
+    ):
+        own = errors(found.points[0])[norm]
+        assert own.expected == order
+        assert own.rate[-1] == pytest.approx(order, abs=0.1)
+        assert own.error[-1] < bound

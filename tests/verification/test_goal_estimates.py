@@ -19,14 +19,12 @@ from tcstudy.contact.solve import solve_contact
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import ErrorEstimator, Family
 from tcstudy.scene.study import FamilyName, Goal, MeshPlan, Study
-from tests.verification import closed_forms
+from tests.benchmarks.tolerance_scenes import draw_scene
+from tests.benchmarks.tolerances import judged
 from tests.verification.goal_scenes import (
-    BRACKET,
     FILM,
     GRADED,
-    HEATED,
     LAYERED,
-    OBTUSE,
     PATCH,
     PATCH_AT_NODE,
     PRESSED,
@@ -43,12 +41,11 @@ from tests.verification.goal_scenes import (
     spring_scene,
     table,
     to_tolerance,
-    value_at_corner,
 )
 
 LOW, HIGH = 0.5, 4.5
 """Bounds of estimated over true error; the upper one for meshes on which much of the body's parts cancels."""
-MOST, FEWER = 2500, 1000
+MOST, FEWER = 1500, 700
 """Unknowns beyond which no mesh is compared with closed forms, and with finer solutions."""
 
 
@@ -63,20 +60,18 @@ def check(rows: list[Row], first: int = 2) -> None:
         assert 0.8 < float(np.median(usual)) < 2.75, ratios
 
 
-def both(study: Study, goal: Goal, known: float) -> None:
-    """Adaptive and uniform meshes."""
-    families: tuple[tuple[FamilyName, int], ...] = (("adaptive", 20), ("uniform", 4))
-    for family, levels in families:
-        check(table(study, goal, known, family, levels, MOST))
+FAMILIES: tuple[tuple[FamilyName, int], ...] = (("adaptive", 20), ("uniform", 4))
 
 
-@pytest.mark.parametrize(("study", "goals"), [
-    (ring_scene()[0], ((RESULTANT, ring_scene()[1]), (Goal("u_T", (math.cos(0.7), math.sin(0.7))), ring_scene()[2]))),
-    (spring_scene()[0], ((RESULTANT, spring_scene()[1]), (Goal("u_T", (0.3, 0.0)), math.sin(0.3 * math.pi)))),
-], ids=["ring", "springs"])  # fmt: skip
-def test_numbers_on_a_curved_contact_line_and_on_springs(study: Study, goals: tuple[tuple[Goal, float], ...]) -> None:
-    for goal, known in goals:
-        both(study, goal, known)
+def test_numbers_on_a_curved_contact_line_and_on_springs() -> None:
+    """Held nodes give their cells away, and chords are shorter than arcs: ∫ξ of the ring; u_T of the springs."""
+    (ring, resultant, _), (springs, _) = ring_scene(), spring_scene()
+    for study, goal, known in (
+        (ring, RESULTANT, resultant),
+        (springs, Goal("u_T", (0.3, 0.0)), math.sin(0.3 * math.pi)),
+    ):
+        for family, levels in FAMILIES:
+            check(table(study, goal, known, family, levels, MOST))
         met(study, goal, known, 2e-3)
 
 
@@ -86,19 +81,18 @@ SLIP = Goal("u_T", (1.4, 0.0))
 @pytest.mark.parametrize(
     ("text", "goal", "first"),
     [
-        (HEATED, SLIP, 2),  # thermal load, softening, two fronts, oblique sides
         (LAYERED, RESULTANT, 4),  # with under 45 unknowns the estimate is up to 11 times too large
         (PRESSED, SLIP, 2),
     ],
 )
 def test_numbers_against_much_finer_solutions(text: str, goal: Goal, first: int) -> None:
-    check(table(scene_of(text), goal, fine_value(text, goal), "adaptive", 20, FEWER), first)
+    check(table(scene_of(text), goal, fine_value(text, goal, 1000), "adaptive", 20, FEWER), first)
 
 
 def test_numbers_under_a_law_that_grows_along_its_edge() -> None:
     """All is smooth, so that what the parts are extrapolated to on uniform meshes comes to be the error itself."""
     study, resultant = scene_of(GRADED), 2.4 / math.pi
-    both(study, RESULTANT, resultant)
+    check(table(study, RESULTANT, resultant, "adaptive", 20, MOST))
     plan = MeshPlan(study.mesh.maxh, 4, goal=RESULTANT, estimate=True)
     family, scene, ratios = Family(replace(study, mesh=plan)), study.scenes[0], []
     for i in range(plan.levels):
@@ -115,45 +109,9 @@ def test_a_film_that_is_weaker_from_somewhere_within_a_cell_on() -> None:
     """What half a cell may hide there covers the error, which is anything from nothing to that."""
     study = scene_of(PATCH)
     for goal in (RESULTANT, Goal("u_T", (1.4, 0.0))):
-        rows = table(study, goal, fine_value(PATCH_AT_NODE, goal), "adaptive", 20, FEWER)
+        rows = table(study, goal, fine_value(PATCH_AT_NODE, goal, 1000), "adaptive", 20, FEWER)
         assert min(row.effectivity for row in rows[1:]) > 1.0, rows
         assert rows[-1].estimate < 0.01
-
-
-def test_numbers_of_a_bracket_with_an_obtuse_contact_corner() -> None:
-    """u ~ r^0.03, so that halving takes 4 % off the corner's share of the error, and the estimate has to know it."""
-    study = scene_of(BRACKET)
-    rows = table(study, RESULTANT, value_at_corner(study, RESULTANT, OBTUSE, 1000), "adaptive", 20, FEWER)
-    ratios = [row.effectivity for row in rows[2:]]
-    assert all(ratio > LOW for ratio in ratios), ratios
-    assert all(ratio < 3.0 for ratio in ratios[-3:]), ratios  # the factor 17 is for the corner's share, not the rest
-    assert rows[-1].signed > 0.05  # a tolerance of 5 % is out of reach, and the estimate says so
-    assert rows[-1].estimate > 0.05
-
-
-# -- slip length -------------------------------------------------------------------------------------
-
-FRONTS = (0.183, 0.438, 0.521, 0.742)
-
-
-@pytest.fixture(scope="module")
-def slip_rows() -> list[list[Row]]:
-    cases = [(front_study(change, maxh), 1.0 - change) for change, maxh in zip(FRONTS, (0.25, 0.2) * 2, strict=True)]
-    cases += [(closed_forms.stick_slip(1, degrees), 1.0 - closed_forms.CHANGE) for degrees in (112.0,)]
-    return [table(study, SLIP_LENGTH, length, "adaptive", 20, FEWER) for study, length in cases]
-
-
-def test_estimates_of_the_slip_length_cover_its_error(slip_rows: list[list[Row]]) -> None:
-    """Sum of slipping cells: its error is anything from nothing to half a cell, so the bounds are for most cases."""
-    ratios = np.array([row.effectivity for rows in slip_rows for row in rows[2:]])
-    assert len(ratios) > 30
-    assert np.mean(ratios >= 1.0) >= 0.9
-    assert np.mean(ratios > 5.0) <= 0.15
-    assert np.min(ratios) > 0.3
-    assert 1.0 < float(np.median(ratios)) < 2.5
-
-
-# -- tolerances --------------------------------------------------------------------------------------
 
 
 def met(study: Study, goal: Goal, known: float, tolerance: float) -> None:
@@ -163,15 +121,68 @@ def met(study: Study, goal: Goal, known: float, tolerance: float) -> None:
     assert n_dof < 20_000
 
 
-@pytest.mark.parametrize(("change", "tolerance"), [(0.27, 1e-3)])
-def test_tolerances_of_closed_forms_are_met(change: float, tolerance: float) -> None:
+def test_tolerances_of_closed_forms_are_met() -> None:
+    change, tolerance = 0.27, 1e-3
     study = front_study(change)
     met(study, SLIP_LENGTH, 1.0 - change, tolerance)
     met(study, RESULTANT, front_resultant(change), tolerance)
     met(study, Goal("u_T", (0.9, 0.0)), front_slip(change, 0.9), 3.0 * tolerance)
 
 
-# -- units -------------------------------------------------------------------------------------------
+CANCELS = """
+body:
+  outline:
+    - {from: [0.0, 0.0], edge: c}
+    - {from: [68.6, 0.0], edge: right}
+    - {from: [68.6, 10.3952], edge: shelf}
+    - {from: [32.4556, 10.3952], edge: inner}
+    - {from: [32.4556, 25.18], edge: top}
+    - {from: [0.0, 25.18], edge: left}
+  holes:
+    - circle: {center: [16.22779687168009, 8.316189282361558], radius: 3.777, edge: bore}
+boundary:
+  c: contact
+  inner: clamped
+  right: free
+  shelf: free
+  top: free
+  left: {role: traction, g: [-4936.0, -6100.0]}
+  bore: {role: traction, pressure: -5643.0}
+material: {E: 29600000.0, nu: 0.0221, plane: stress}
+friction: {law: exponential, a: 513.2, b: 289.1, delta: 0.002851}
+mesh: {maxh: 3.03, levels: 1}
+"""
+PLATEAU = """
+units: none
+body: {rectangle: {width: 3.148, height: 1}}
+boundary: {bottom: contact, right: clamped, left: convection, top: convection}
+material: {E: 1, nu: 0.391, k: 1, alpha_T: 0.1}
+heat: {alpha: 0.2185, theta_bar: -0.1573, q: 0.8325}
+friction: {law: slip-weakening, tau_s: 0.04069, tau_k: 0.01652, delta: 0.08833}
+mesh: {maxh: 0.5, levels: 1}
+"""
+
+
+@pytest.mark.parametrize(
+    ("study", "goal", "tolerance", "known", "most"),
+    [
+        # u ~ r^0.3 at the re-entrant corner and the rest of the body move the front to opposite sides, so that halving
+        # all triangles barely moves it while it is still 3 % off; known: an adaptive mesh of 32,829 unknowns
+        (scene_of(CANCELS), SLIP_LENGTH, 1e-2, 40.5174, 4000),
+        # beside the clamp the film passes its whole fall within the first cell: ∫ξ is the same on all coarse meshes
+        (scene_of(PLATEAU), RESULTANT, 1e-3, -0.0535319, 1000),
+        # Tresca, a held corner: the line slips as a whole until the cell beside it is 1/40 of the starting mesh's
+        (draw_scene(4002, 16).study, RESULTANT, 1e-3, 0.618826, 1000),
+    ],
+    ids=["front", "plateau", "zone"],
+)
+def test_tolerances_hold_where_parts_cancel_on_the_way(
+    study: Study, goal: Goal, tolerance: float, known: float, most: int
+) -> None:
+    trial = judged(0, study, goal, tolerance, known)
+    assert trial.met
+    assert trial.ratio <= 1.0, trial
+    assert trial.n_dof < most
 
 
 def test_estimates_do_not_depend_on_units() -> None:

@@ -98,23 +98,6 @@ def test_energy_its_rate_and_the_maxwell_point(softening: xr.Dataset) -> None:
     assert softening["stable"].values[softening["lowest_piece"].values].all()
 
 
-def test_a_smooth_law_ends_on_its_own_graph(tmp_path: Path) -> None:
-    """b = 0.2 + 0.8 exp(−5 s): U − s = b(s) has two roots beside sticking at U = 0.8, met to rounding."""
-    law = "{law: exponential, a: 1, b: 0.2, delta: 0.2}"
-    data = path_of(patch_text(0.6, law), tmp_path)
-    slips = data["solution_u_T"].values[:3]
-    assert np.ptp(slips, axis=1) == pytest.approx(np.zeros(3), abs=1e-11)
-    s = slips[1:, 0]
-    assert 0.8 - s == pytest.approx(0.2 + 0.8 * np.exp(-5.0 * s), abs=1e-11)
-    assert data["solution_residual"].values.max() <= 1e-11
-    assert data["solution_stable"].values.tolist()[:3] == [1, 0, 1]
-    assert float(data["law_error"]) == 1e-3
-    s_fold = 0.2 * np.log(4.0)
-    folds = data["parameter"].values[data["fold_vertex"].values]
-    exact = [1.0, s_fold + 0.2 + 0.8 * np.exp(-5.0 * s_fold)]  # the second where 4 exp(−5 s) = 1
-    assert folds[-2:] == pytest.approx(exact, abs=2e-3)
-
-
 PULL = (CONFIGS / "pull_test.yaml").read_text()
 MM = 1e-3
 
@@ -157,20 +140,3 @@ def test_a_million_times_as_large(tmp_path: Path) -> None:
         assert np.max(np.abs(scaled[name].values - values)) <= bound, name
     for name in ("stable", "state", "fold_vertex", "lowest_piece", "lowest_certified", "solution_stable"):
         assert np.array_equal(scaled[name].values, data[name].values), name
-
-
-BONDED = """
-body: {rectangle: {width: 300 mm, height: 2 mm}}
-material: {E: 165 GPa, nu: 0.3}
-boundary: {bottom: {role: contact}, right: {role: clamped, u_x: 0 mm, u_y: 0}, top: free, left: free}
-friction: {law: trapezoidal, tau: 7 MPa, s0: 40 um, s1: 80 um, G_f: 0.9 N/mm}
-mesh: {maxh: 2 mm, levels: 1}
-path: {parameter: boundary.right.u_x, from: 0, to: 1 mm}
-"""
-
-
-def test_a_long_bond_bears_what_its_fracture_energy_says(tmp_path: Path) -> None:
-    """max ∫ξ = √(2 G_f E′ t) whatever the shape of the law (Täljsten, Int. J. Adhes. Adhes. 16, 1996; Yuan et al.)."""
-    data = path_of(BONDED, tmp_path)
-    force = np.abs(data["xi"].values @ data["c"].values)
-    assert force.max() == pytest.approx(np.sqrt(2 * 900 * 165e9 / (1 - 0.3**2) * 2e-3), rel=2e-4)

@@ -1,4 +1,4 @@
-"""Forces of sections and edges against closed forms of thin strips, and in balance on any body."""
+"""Thin strips in closed form: forces of sections, layers of two materials; forces and energy of any body."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from tcstudy.contact.solve import solve_contact
 from tcstudy.errors import StudyError
 from tcstudy.offline.loads import loaded_by
 from tcstudy.offline.requested_outputs import edge_forces, section_force
-from tests.commands import CONFIGS
 from tests.verification.scenes import HEATED_BRACKET, levels_of, study_of
 
 STRIP = """
@@ -55,18 +54,6 @@ def test_shear_lag_of_a_lap_joint(tmp_path: Path) -> None:
     assert data["work_right"].values == pytest.approx(-2.0 * data["energy"].values, rel=1e-9)
 
 
-def test_welded_rail_is_restrained_behind_its_breathing_end(tmp_path: Path) -> None:
-    """−N = EHαΔT in the middle and τ times the distance from the end in the breathing length."""
-    study = tcstudy.load(CONFIGS / "welded_rail.yaml", ["output.quantities=section_force", "sweep={}"])
-    tree = tcstudy.run(study, tmp_path / "rail.nc")
-    line, theta = tree["level_0"].to_dataset(), float(study.scenes[0].heat.theta)  # type: ignore[arg-type]
-    N, at, slips = line["section_force"].values, line["arclength"].values, line["sticks"].values == 0
-    whole, tau, end = 210e9 * 0.172 * 1.2e-5 * theta, float(np.abs(line["xi"]).max()), 140.0
-    assert N[slips] == pytest.approx(-tau * (end - at[slips]), abs=1e-9 * whole)
-    assert N[at < 0.9 * (end - whole / tau)] == pytest.approx(-whole, rel=1e-6)
-    assert float(tree["section_force_max"][0]) == pytest.approx(-whole, rel=1e-6)
-
-
 def test_layers_share_the_force_by_their_stiffness(tmp_path: Path) -> None:
     """A bar of two layers of one ν that yields along its bond: N of both sum to that of the body, E_k H_k/ΣEH each."""
     text = STRIP.replace("height: 1 mm}", "height: 1 mm}, regions: {coat: {rectangle: {corner: [0 mm, 0.5 mm], "
@@ -82,6 +69,45 @@ def test_layers_share_the_force_by_their_stiffness(tmp_path: Path) -> None:
         assert np.abs(coat + foil - N).max() < 1e-9 * P
         inner = (line["arclength"].values > 0.6 * L) & (line["arclength"].values < 0.9 * L)
         assert np.abs(coat - 0.75 * N)[inner].max() < most * P
+
+
+def test_bimetal_strip() -> None:
+    """Timoshenko 1925, eq. (4): 1/ρ = 6 (α₂ − α₁) ΔT (1 + m)² / (h (3 (1 + m)² + (1 + mn)(m² + 1/(mn)))).
+
+    J. Opt. Soc. Am. 11, 233. m = t₁/t₂, n = E₁/E₂. In plane stress it is exact away from the ends; the strip is half of
+    one, its middle (left) rolls without friction and is held by one short edge.
+    """
+    t_1, t_2, E_1, E_2, difference = 0.6, 0.4, 210.0, 100.0, 7e-6 * 50.0
+    text = """
+units: none
+body:
+  outline:
+    - {from: [0, 0], edge: bottom}
+    - {from: [8, 0], edge: end}
+    - {from: [8, 1], edge: top}
+    - {from: [0, 1], edge: middle}
+    - {from: [0, 0.02], edge: held}
+  regions: {lower: {rectangle: {corner: [0, 0], width: 8, height: 0.4}}}
+boundary: {bottom: free, end: free, top: free, middle: contact, held: {role: clamped, u: [0, 0]}}
+material: {E: 210, nu: 0.3, plane: stress, alpha_T: 12e-6}
+materials: {lower: {E: 100, nu: 0.3, alpha_T: 19e-6}}
+heat: {theta: 50}
+friction: {law: linear, k: 0}
+mesh: {maxh: 0.2, levels: 3}
+"""
+    m, n = t_1 / t_2, E_1 / E_2
+    expected = 6 * difference * (1 + m) ** 2 / (3 * (1 + m) ** 2 + (1 + m * n) * (m**2 + 1 / (m * n)))
+    errors = []
+    for level in levels_of(study := study_of(text)):
+        condensed = level.condensed(study.scenes[0])
+        u = level.displacement(study.scenes[0], solve_contact(condensed.problem).v)
+        x, y = level.mesh.points.T
+        line = np.flatnonzero((np.abs(y - 0.4) < 1e-9) & (x > 1.9) & (x < 6.1))
+        curvature = 2 * np.polyfit(x[line], u[level.mesh.n_points + line], 2)[0]
+        errors.append(abs(curvature / expected - 1))
+    assert errors[-1] < 5e-3
+    assert errors[0] / errors[1] > 3.5
+    assert errors[1] / errors[2] > 3.8
 
 
 def test_forces_of_edges_balance_on_any_body() -> None:
@@ -100,3 +126,15 @@ def test_forces_of_edges_balance_on_any_body() -> None:
 def test_a_line_that_bends_is_told_before_the_work() -> None:
     with pytest.raises(StudyError, match=r"quantities: section_force: the contact line is not straight"):
         study_of(HEATED_BRACKET, "output.quantities=section_force")
+
+
+def test_total_energy_is_that_of_the_whole_system() -> None:
+    """L̃(u₁) + constant = ½uᵀAu − Fᵀu + Σ c_i j(u_T)."""
+    study = study_of(HEATED_BRACKET)
+    scene, level = study.scenes[0], levels_of(study)[1]
+    condensed = level.condensed(scene)
+    answer = solve_contact(condensed.problem)
+    u = level.displacement(scene, answer.v)
+    A = level.elastic.stiffness_of((((), scene.material.lam, scene.material.mu),))
+    direct = 0.5 * u @ (A @ u) - level.load(scene) @ u + level.line.c @ scene.friction.j(answer.v)
+    assert answer.energy + condensed.constant == pytest.approx(direct, rel=1e-11)

@@ -1,11 +1,13 @@
-"""hysteresis: energy lost against area, jumps that lower the energy, loops of all but no friction."""
+"""Energy lost against area, jumps that lower the energy, loops of all but no friction; known derivatives."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from tcstudy.contact.history.steps import hysteresis
+from tcstudy.contact.history.steps import HALFWAY, STEPS, derivative, hysteresis
 from tcstudy.contact.path.follow import ParametricProblem
 from tcstudy.laws import shapes as laws
 from tcstudy.laws.composed import nodal
@@ -44,3 +46,25 @@ def test_loops_close_where_friction_is_nothing_against_the_load(law: str, unit: 
         v = np.linalg.solve(A + np.diag(c * (3.0 if law == "spring" else 0.0)), l_1)
         bound = 1e-11 if law in ("none", "spring") else 1e-4
         assert np.max(np.abs(loop.ways[0].v[-1] - v)) <= bound * np.max(np.abs(v))
+
+
+Function = Callable[[float], float]
+
+
+def both(f: Function, p: float) -> tuple[float, float]:
+    """By both sides, and from above alone, at p in units of p."""
+    middle = np.array([f(p)])
+    above, below = (np.array([[f(p * (1.0 + way * h))] for h in (*STEPS, HALFWAY)]) for way in (1.0, -1.0))
+    beside = np.concatenate([above[:2], below[:2]])
+    return float(derivative(middle, beside, p)[0]), float(derivative(middle, above, p)[0])
+
+
+def test_known_functions_in_any_units_and_where_both_sides_differ() -> None:
+    for f, slope in ((lambda x: x**3, 27.0), (lambda x: np.sqrt(x - 2.75), 1.0), (lambda x: 7.0, 0.0)):
+        for p in (3e-9, 3e9):
+            assert both(lambda x, f=f, p=p: f(3.0 * x / p), p) == pytest.approx((3.0 / p * slope,) * 2, rel=1e-5)
+    assert np.isnan(both(lambda x: abs(x - 1.0) + x, 1.0)[0])
+    assert np.isnan(both(lambda x: float(x > 1.0), 1.0)[0])
+    beside, farther = 1.0 + 0.3 * STEPS[1], 1.0 + 2.0 * STEPS[1]
+    assert np.all(np.isnan(both(lambda x: max(x - beside, 0.0) + x, 1.0)))
+    assert both(lambda x: max(x - farther, 0.0) + x, 1.0)[0] == pytest.approx(1.0, rel=1e-9)
