@@ -7,16 +7,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from tcstudy.accuracy.corners import (
-    CLAMPED,
-    FREE,
-    SLIDING,
-    SMOOTH,
-    corner_exponent,
-    corner_words,
-    heat_exponent,
-    vertices,
-)
+from tcstudy.accuracy.corners import CLAMPED, FREE, SLIDING, SMOOTH, corner_exponent, corner_words, heat_exponent
+from tcstudy.accuracy.corners import vertices as corners_of
 from tcstudy.accuracy.orders import HeldEnds, expected_orders, fit, smooth_up_to, smoothness
 from tcstudy.read.study import read_study_text
 from tcstudy.study.convergence import verdict
@@ -109,7 +101,7 @@ mesh: {maxh: 0.5}
 
 
 def places(text):
-    found = vertices(read_study_text(text).scenes[0], lambda edge, at: False)
+    found = corners_of(read_study_text(text).scenes[0], lambda edge, at: False)
     return None if found is None else {v.at: v for v in found}
 
 
@@ -130,13 +122,8 @@ def test_places_where_materials_meet():
 L_SHAPE = """
 units: none
 body:
-  outline:
-    - {from: [0, 0], edge: base}
-    - {from: [2, 0], edge: rest}
-    - {from: [2, 1], edge: rest}
-    - {from: [1, 1], edge: rest}
-    - {from: [1, 2], edge: rest}
-    - {from: [0, 2], edge: wall}
+  outline: [{from: [0, 0], edge: base}, {from: [2, 0], edge: rest}, {from: [2, 1], edge: rest},
+            {from: [1, 1], edge: rest}, {from: [1, 2], edge: rest}, {from: [0, 2], edge: wall}]
   holes: [{rectangle: {corner: [0.2, 0.2], width: 0.2, height: 0.2, edge: hole}}]
 boundary: {base: contact, rest: convection, wall: {role: clamped, u_x: 0}, hole: free}
 material: {E: 1, nu: 0.3, k: 1}

@@ -53,26 +53,22 @@ def test_a_straight_line_has_the_intervals_of_regression() -> None:
     assert said.standard_error == pytest.approx([line.intercept_stderr, line.stderr], rel=1e-6)
     reach = stats.t.ppf(0.975, len(X) - 2) * line.stderr
     assert said.interval[1] == pytest.approx([line.slope - reach, line.slope + reach], rel=1e-6)
-    assert said.freedom == 28
+    assert (said.freedom, said.weak) == (28, 0)
     assert np.isnan(said.fit_p)
-    assert said.weak == 0
 
 
 def test_known_noise_gives_chi_square_and_a_wrong_shape_few_runs() -> None:
     found = minimise(decay, np.array([1.0, 1.0]), box(log=True))
     said = uncertainty(found, box(log=True), [np.arange(len(X))], known_noise=True)
     assert np.all((said.interval[:, 0] < [3.0, 0.8]) & (said.interval[:, 1] > [3.0, 0.8]))
-    assert said.fit_p > 0.01
-    assert said.runs_p > 0.01
+    assert min(said.fit_p, said.runs_p) > 0.01
 
     def straight(p: Array) -> tuple[Array, Array]:
         data = 3.0 * np.exp(-0.8 * X)
         return (p[0] - p[1] * X - data) / 0.02, np.stack([np.ones_like(X), -X], axis=1) / 0.02
 
     wrong = uncertainty(minimise(straight, np.array([2.0, 1.0]), box()), box(), [np.arange(len(X))], known_noise=True)
-    assert wrong.fit_p < 1e-6
-    assert wrong.runs == 3
-    assert wrong.runs_p < 1e-4
+    assert (wrong.fit_p < 1e-6, wrong.runs, wrong.runs_p < 1e-4) == (True, 3, True)
     assert wrong.information > said.information
 
 

@@ -41,9 +41,7 @@ def test_a_choice_has_the_share_of_the_means_of_its_values() -> None:
 
 
 def test_what_does_not_vary_has_no_indices_but_zero() -> None:
-    noise = 1.0 + 1e-14 * np.random.default_rng(0).random((64, 5))
-    for estimate in sobol(noise):
-        assert np.all(estimate.value == 0.0)
+    assert not any(np.any(one.value) for one in sobol(1.0 + 1e-14 * np.random.default_rng(0).random((64, 5))))
     with pytest.raises(ValueError, match="two rows"):
         sobol(np.ones((1, 5)))
 

@@ -53,19 +53,19 @@ def test_points_that_move(moves: str) -> None:
     points = points if moves != "s" else [*points[:2], *points[3:]]
 
     def law(i: int = 0, h: float = 0.0) -> Laws:
-        moved = [
-            (s + h * (moves == "s" and j == i), b + h * (moves != "s" and j == i)) for j, (s, b) in enumerate(points)
-        ]
-        own = moved if odd else [(-3.0, -1.0), *moved]
-        return SHAPES["piecewise-linear"].build(points=own, odd=odd)
+        moved = np.array(points)
+        moved[i, 0 if moves == "s" else 1] += h
+        return SHAPES["piecewise-linear"].build(points=[(-3.0, -1.0)][odd:] + moved.tolist(), odd=odd)
 
     piece = law().piece(slips)
     for i in range(moves == "s", len(points)):
         found = law_slopes(law(), f"points.{i + (not odd)}{'.s' * (moves == 's')}")
         up, down = law(i, h), law(i, -h)
-        differences = (up.b(slips) - down.b(slips)) / (2 * h), (up.j(slips) - down.j(slips)) / (2 * h)
-        np.testing.assert_allclose(found.value(slips, piece), differences[0], rtol=0.0, atol=atol, err_msg=str(i))
-        np.testing.assert_allclose(found.potential(slips), differences[1], rtol=0.0, atol=atol, err_msg=str(i))
+        for own, a, b in (
+            (found.value(slips, piece), up.b(slips), down.b(slips)),
+            (found.potential(slips), up.j(slips), down.j(slips)),
+        ):
+            np.testing.assert_allclose(own, (a - b) / (2 * h), rtol=0.0, atol=atol, err_msg=str(i))
         if moves == "s":
             np.testing.assert_allclose(found.kinks, (up.kinks - down.kinks) / (2 * h), atol=1e-9)
     for name in ("points.9", "points.", "points.-1"):

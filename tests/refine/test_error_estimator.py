@@ -31,16 +31,13 @@ def test_a_tolerance_holds_at_every_point_and_levels_not_needed_are_not_there(tm
     assert tree["error_estimate"].dims == ("tau", "level")
     assert np.all(np.diff(tree["error_estimate"].max("tau").values) < 0)
     relative = np.abs(tree["goal_estimate"] / tree["goal"]).max("tau").values
-    assert relative[-1] <= 0.02
-    assert np.all(relative[1:-1] > 0.02)
+    assert relative[-1] <= 0.02 < relative[1:-1].min()
     assert tree.sizes["level"] == len(relative) < study.mesh.levels
     assert f"level_{len(relative)}" not in tree.children
     assert str(tree["stop"].values[-1]).startswith("tolerance 0.02 met: estimated relative error")
     assert tree["goal"].attrs["units"] == tree["friction_resultant"].attrs["units"]
     assert tree["goal"].values == pytest.approx(tree["friction_resultant"].values, rel=1e-12)
-    text = text_of(tmp_path / "out.nc")
-    assert "est. rel. error" in text
-    assert "stopped: tolerance 0.02 met: estimated relative error" in text
+    assert "stopped: tolerance 0.02 met: estimated relative error" in text_of(tmp_path / "out.nc")
 
 
 @pytest.mark.parametrize(
@@ -65,14 +62,11 @@ def test_a_resumed_run_comes_to_the_same_meshes(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(level_solver, "ESTIMATED", 1)  # blocks of one point, so that a level has three
     study = study_of(SWEPT, "mesh={maxh: 0.5, levels: 3, family: adaptive, goal: friction_resultant}")
     whole = tcstudy.run(study, tmp_path / "whole.nc")
-    output = tmp_path / "out.nc"
+    output, records = tmp_path / "out.nc", list(run(study))
+    fourth = [i for i, record in enumerate(records) if isinstance(record, BlockRecord)][3]
     with Journal.open(output, study) as journal:
-        count = 0
-        for record in run(study):
+        for record in records[: fourth + 1]:
             journal.add(record)
-            count += isinstance(record, BlockRecord)
-            if count == 4:
-                break
     assert execute(study, output).resumed == 4
     with tcstudy.open_results(output) as tree:
         for name in ("n_dof", "energy", "goal", "error_estimate", "goal_estimate"):
@@ -86,9 +80,8 @@ def test_when_no_point_is_solved_refinement_ends(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(error_estimator.ErrorEstimator, "look", fail)
     records = list(run(study_of(PULLED, "mesh={maxh: 0.5, levels: 4, family: adaptive}")))
-    points = [p for r in records if isinstance(r, BlockRecord) for p in one_by_one(r)]
-    assert len(points) == 1
-    assert points[0].reason == "ArithmeticError: made to fail"
+    (point,) = [p for r in records if isinstance(r, BlockRecord) for p in one_by_one(r)]
+    assert point.reason == "ArithmeticError: made to fail"
     assert isinstance(records[-1], LevelRecord)
     assert records[-1].stop == "no point was solved, so nothing says what to refine"
 

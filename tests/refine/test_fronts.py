@@ -8,11 +8,11 @@ import pytest
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.fem.boundary import ContactLine
 from tcstudy.laws.laws import Laws
+from tcstudy.laws.shapes import SHAPES
 from tcstudy.refine.goals import fronts, hidden_effects, slip_length, slopes
 from tcstudy.scene.study import Goal, Quantity
 
-ZERO = np.zeros(2)
-TRESCA = Laws("tresca", np.zeros(1), ZERO, np.array([-1.0, 1.0]), ZERO, ZERO, ZERO)
+TRESCA = SHAPES["tresca"].build(tau=1.0)
 
 
 def line_of(m: int, held: tuple[int, ...] = ()) -> ContactLine:
@@ -25,20 +25,14 @@ def line_of(m: int, held: tuple[int, ...] = ()) -> ContactLine:
     for a, b in segments:
         whole = [i for i in (a, b) if i not in held]
         c[whole] += 1.0 / len(whole)
-    edge = np.zeros(len(free), np.int8)
-    return ContactLine(
-        free, s[free], at[free], c[free], edge, ("base",), segments, ends, np.arange(m), np.zeros(m, int)
-    )
-
-
-def problem_of(line: ContactLine) -> ContactProblem:
-    return ContactProblem(np.eye(line.m), np.zeros(line.m), line.c, TRESCA)
+    own = free, s[free], at[free], c[free], np.zeros(len(free), np.int8), ("base",)
+    return ContactLine(*own, segments, ends, np.arange(m), np.zeros(m, int))
 
 
 def test_two_fronts_of_either_sign_are_found_exactly_and_move_as_differences_say() -> None:
     """Slip of 3/2 power on both sides of a sticking zone from 3.3 to 6.4, to the right backwards."""
     line = line_of(10)
-    s, problem = line.arclength, problem_of(line)
+    s, problem = line.arclength, ContactProblem(np.eye(line.m), np.zeros(line.m), line.c, TRESCA)
     v = np.maximum(0.0, 3.3 - s) ** 1.5 - 2.0 * np.maximum(0.0, s - 6.4) ** 1.5
     assert [front.segment for front in fronts(line, problem, v)] == [3, 6]
     assert slip_length(line, problem, v) == (pytest.approx(3.3 + 3.6, rel=1e-12), 0.0)
@@ -55,7 +49,7 @@ def test_two_fronts_of_either_sign_are_found_exactly_and_move_as_differences_say
 def test_a_zone_that_hides_beside_a_held_node() -> None:
     """No node sticks, but the slip points to a front 0.7 of a cell away from the held one."""
     line = line_of(8, held=(0,))
-    problem = problem_of(line)
+    problem = ContactProblem(np.eye(line.m), np.zeros(line.m), line.c, TRESCA)
     v = (line.arclength - 0.7) ** 1.5
     (front,) = fronts(line, problem, v)
     assert front.hidden
@@ -64,21 +58,11 @@ def test_a_zone_that_hides_beside_a_held_node() -> None:
     assert fronts(line, problem, line.arclength**0.7) == []  # slip up to the held node hides nothing
 
 
-BREAKS, AT = np.array([-1.0, 0.0, 1.0]), np.array([-1.0, 0.0, 0.0, 1.0])
-FALL = Laws(
-    "falls", BREAKS, AT, np.array([-2.0, -5.0, 5.0, 2.0]), np.array([0.0, -3.0, -3.0, 0.0]), np.zeros(4), np.zeros(4)
-)
-"""5 at 0+, 2 from 1 on, odd."""
+FALL = SHAPES["slip-weakening"].build(tau_s=5.0, tau_k=2.0, delta=1.0)
 
 
-def hidden(
-    law: Laws,
-    slip: float,
-    given: float = 0.0,
-    held: tuple[int, ...] = (0,),
-    goal: Quantity = "friction_resultant",
-    z: float = 0.0,
-) -> np.ndarray:
+def hidden(law: Laws, slip: float, given: float = 0.0, held: tuple[int, ...] = (0,),
+           goal: Quantity = "friction_resultant", z: float = 0.0) -> np.ndarray:  # fmt: skip
     """What four cells of length 1 hide whose free nodes have one slip, in equilibrium; of ∫ξ with z = 0 it is b."""
     line = line_of(4, held)
     v = np.full(line.m, slip)

@@ -47,10 +47,6 @@ def refined(text: str, plan: str, levels: int) -> tuple[Level, Scene, dict[str, 
     return level, scene, stored
 
 
-def look(levels: int) -> dict[str, float]:
-    return refined(PULLED, "maxh: 0.5, levels: 3, goal: friction_resultant", levels)[2]
-
-
 def test_a_finer_problem_that_fails_makes_the_error_infinite_a_turning_point_does_not(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -61,6 +57,9 @@ def test_a_finer_problem_that_fails_makes_the_error_infinite_a_turning_point_doe
 
     def fail(*args: object, **more: object) -> Answer:
         return replace(solve_contact(*args, **more), status=Status.INCLUSION_VIOLATED)  # type: ignore[arg-type]
+
+    def look(levels: int) -> dict[str, float]:
+        return refined(PULLED, "maxh: 0.5, levels: 3, goal: friction_resultant", levels)[2]
 
     whole = look(1)
     with monkeypatch.context() as patch:
@@ -83,18 +82,15 @@ def test_no_error_at_all_on_the_first_mesh_is_not_believed() -> None:
 
 
 def test_factors_are_those_of_smooth_solutions_and_of_corners() -> None:
-    def found() -> tuple[np.ndarray, np.ndarray]:
-        return regions(halved, scene, np.zeros(level.line.m, dtype=bool), np.empty((0, 2)))
-
+    none = np.empty((0, 2))
     study = stick_slip(1)
     level, scene = Level(Family(study).next(0), study.scenes[0]), study.scenes[0]
-    halved = Halved(level, scene)
-    factors, region = found()
+    factors, region = regions(Halved(level, scene), scene, np.zeros(level.line.m, dtype=bool), none)
     assert np.all(factors == SMOOTH)
     assert len(np.unique(region)) == 4  # as many as the body has corners
     level, scene, _ = refined(HEATED_BRACKET, "maxh: 0.4, levels: 3", 2)  # with arcs, a hole and a region
     halved = Halved(level, scene)
-    factors, region = found()
+    factors, region = regions(halved, scene, np.zeros(level.line.m, dtype=bool), none)
     node = int(np.argmin(np.linalg.norm(level.mesh.points - [1.0, -0.3], axis=1)))
     touching = np.any(level.mesh.triangles == node, axis=1)
     around = np.unique(halved.level.mesh.triangles[touching[halved.parent]])
@@ -119,9 +115,8 @@ def test_an_estimator_compares_with_the_exact_solution(known: float | None) -> N
 
 
 def test_falls_and_turns_between_two_nodes_are_tears_and_bends_are_not() -> None:
-    study = study_of(
-        PULLED.replace("law: tresca, tau: 0.01", "law: slip-weakening, tau_s: 0.01, tau_k: 0.004, delta: 0.1")
-    )
+    weakens = "law: slip-weakening, tau_s: 0.01, tau_k: 0.004, delta: 0.1"
+    study = study_of(PULLED.replace("law: tresca, tau: 0.01", weakens))
     level = Level(Family(study).next(0), study.scenes[0])
     problem = level.condensed(study.scenes[0]).problem
     right = level.line.xy[:, 0] > level.line.xy[1, 0]

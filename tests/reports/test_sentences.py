@@ -15,33 +15,21 @@ NAN = float("nan")
     [
         (said.order(1.234, 0.05), "1.23 ± 0.05"),
         (said.order(1.234, NAN), "1.23?"),
-        (
-            said.orders([("u", "slower"), ("θ", "exact"), ("ξ", "unknown")], False),
-            "1 of 2 measured orders are as expected or better; 1 not judged, as corners were not analysed; "
-            "slower than expected: u; some levels were not solved",
-        ),
+        (said.orders([("u", "slower"), ("θ", "exact"), ("ξ", "unknown")], False),
+         "1 of 2 measured orders are as expected or better; 1 not judged, as corners were not analysed; "
+         "slower than expected: u; some levels were not solved"),
         (said.orders([], True), "nothing could be compared: there is no reference"),
-        (
-            said.answered(["peak 2 MPa", "", "3 equilibria"], ["residual 1e-15"], []),
-            "Peak 2 MPa; 3 equilibria. Residual 1e-15.",
-        ),
+        (said.answered(["peak 2 MPa", "", "3 equilibria"], ["residual 1e-15"], []),
+         "Peak 2 MPa; 3 equilibria. Residual 1e-15."),
     ],
-)
+)  # fmt: skip
 def test_words(sentence: str, words: str) -> None:
     assert sentence == words
 
 
-@pytest.mark.parametrize(
-    ("energy", "unique", "seen"),
-    [
-        ([-1.0, -1.1], False, True),
-        ([-1.0, -1.0 - 1e-10], False, False),  # rounding
-        ([-1.0, -1.1], True, False),  # a proof outweighs what a start left over
-        ([-1.0, NAN], False, False),
-    ],
-)
-def test_more_than_one_solution(energy: list[float], unique: bool, seen: bool) -> None:
-    assert said.several(np.array([energy]), np.array([unique])).tolist() == [seen]
+def test_more_than_one_solution_is_no_rounding_and_a_proof_outweighs_what_a_start_left_over() -> None:
+    energy = np.stack([-np.ones(4), [-1.1, -1.0 - 1e-10, -1.1, NAN]], axis=1)
+    assert said.several(energy, np.array([False, False, True, False])).tolist() == [True, False, False, False]
 
 
 @pytest.mark.parametrize(
@@ -50,12 +38,7 @@ def test_more_than_one_solution(energy: list[float], unique: bool, seen: bool) -
         ([1.0, 1.0, 1.0], [0.0, 0.0], "shakedown", "shakedown: the last cycle leaves the slips as they were"),
         ([1.0, 1.0, 1.0], [1.0, 1.0], "closed", "a closed loop: the last two cycles dissipate the same and leave no"),
         ([1.0, 1.2, 1.2], [1.0, 1.0], "closed", "a closed loop: the last cycle leaves no slip behind"),  # the first did
-        (
-            [1.0, 1.1, 1.2],
-            [1.0, 1.0],
-            "walking",
-            "walking: the last two cycles each moved the whole contact line by 0.1",
-        ),
+        ([1.0, 1.1, 1.2], [1.0, 1.0], "walking", "walking: the last two cycles each moved the whole contact line by"),
         ([1.0, 1.1, 1.3], [1.0, 1.0], "settling", "not settled: the last cycle changed slips by up to 0.2"),
         ([1.0, 1.1, 1.1 + 1e-7], [1.0, 1.0], "settled", "settled to 9e-08 of the slip"),
         ([1.0, 1.1, 1.1 + 3e-6], [1.0, 1.0], "settling", "not settled"),

@@ -29,10 +29,7 @@ def test_pandas_reads_the_table_to_the_bit(stored: Stored, tmp_path: Path, monke
     with tcstudy.open_results(stored("block")) as tree:
         wanted = tree.dataset[["energy", "u_T_max", "iterations"]].to_dataframe()
     assert list(table.index) == list(wanted.index)
-    assert np.array_equal(table["energy [J m-1]"], wanted["energy"])
-    assert np.array_equal(table["u_T_max [m]"], wanted["u_T_max"])
-    assert np.array_equal(table["iterations"], wanted["iterations"])
-    assert set(table["status"]) == {"ok"}
+    assert np.array_equal(table[["energy [J m-1]", "u_T_max [m]", "iterations"]], wanted)
     assert "start_energy.zero [J m-1]" in table
     assert write_table(stored("block"), tmp_path / "block.json", {"friction": "weak", "theta_bar": 0}) == 2
     found = json.loads((tmp_path / "block.json").read_text())

@@ -15,7 +15,7 @@ import tcstudy
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures.body import boundary_edges, chained, contact_chains, exaggeration, joined
 from tcstudy.reports.figures.point import stick_ranges, stick_text
-from tcstudy.reports.picture import NamedEdge, nearest, read_picture
+from tcstudy.reports.picture import NamedEdge, read_picture
 from tests.reports.conftest import Stored
 from tests.reports.figures.shown import contact_panels, crowded, drawn, figure_of, line, shown_line
 
@@ -36,8 +36,6 @@ def test_the_curves_are_the_stored_numbers_in_readable_units(stored: Stored) -> 
     expected = [0.0, *(1e3 * WIDTH / n * (np.arange(1, n) + 0.5)), 1e3 * WIDTH]
     np.testing.assert_allclose(np.append(edges[::2], edges[-1]), expected, rtol=1e-9)
     assert [upper.get_ylabel(), lower.get_ylabel()] == ["$u_T$ [µm]", r"$\xi = -S_T$ [MPa]"]
-    assert lower.get_xlabel() == "arclength s along film [mm]"
-    assert "held" in [text.get_text() for text in upper.texts]
 
 
 def test_the_deformed_body_is_the_mesh_moved_by_the_stated_factor(stored: Stored) -> None:
@@ -45,7 +43,6 @@ def test_the_deformed_body_is_the_mesh_moved_by_the_stated_factor(stored: Stored
     assert shown.body
     body = figure_of(shown).axes[0]
     factor, largest = exaggeration(shown.body.xy, shown.body.u), np.hypot(*shown.body.u.T).max()
-    assert f"{factor:.0e}"[0] in "125"
     assert 0.02 < factor * largest / np.hypot(WIDTH, HEIGHT) <= 0.0601
     assert f"deformation × {factor:g};" in body.get_title(loc="left").replace("\n", " ")
     rim = boundary_edges(shown.body.xy, shown.body.triangles)
@@ -76,25 +73,8 @@ def test_no_text_overlaps_another_and_roles_and_the_heater_are_named(stored: Sto
     found = {text.get_text() for axes in figure.axes for text in axes.texts}
     assert {"wall: clamped", "heated", "end: convection, traction"} <= found
     figure = figure_of(shown, "von_mises", 50.0)
-    title = figure.axes[0].get_title(loc="left").replace("\n", " ")
-    assert "deformation × 50;" in title
-    assert "estimated error" in title
+    assert "deformation × 50;" in figure.axes[0].get_title(loc="left").replace("\n", " ")
     assert figure.axes[-1].get_ylabel().startswith("von Mises")
-
-
-def test_the_boundary_is_found_whatever_the_orientation_of_triangles(stored: Stored) -> None:
-    body = read_picture(stored("block"), level=0).body
-    assert body
-    mixed = body.triangles.copy()
-    mixed[::2] = mixed[::2, ::-1]
-    rim = boundary_edges(body.xy, mixed)
-    np.testing.assert_array_equal(rim, boundary_edges(body.xy, body.triangles))
-    walk = joined(chained(body.xy[rim]))
-    assert not np.isnan(walk).any()
-    assert np.sum(walk[0, :-1] * walk[1, 1:] - walk[0, 1:] * walk[1, :-1]) == pytest.approx(2 * WIDTH * HEIGHT)
-    bottom = NamedEdge("bottom", "free", 0, np.array([[0.0, 0.0], [WIDTH, 0.0]]))
-    rest = NamedEdge("rest", "free", 0, np.array([[WIDTH, 0.0], [WIDTH, HEIGHT], [0.0, HEIGHT], [0.0, 0.0]]))
-    assert np.count_nonzero(nearest(body.xy[rim].mean(axis=1), [bottom, rest]) == 0) == 5
 
 
 def test_what_sticks_is_shaded_in_both_panels(stored: Stored) -> None:
@@ -113,8 +93,7 @@ def test_parts_end_at_gaps_and_held_corners(stored: Stored) -> None:
     assert TWO.parts == [slice(0, 2), slice(2, 4)]
     np.testing.assert_allclose(TWO.cells(slice(0, 2)), [0.0, 1.5, 3.0])
     np.testing.assert_allclose(TWO.cells(slice(2, 4)), [3.0, 4.5, 5.0])
-    straight = line([1, 2, 3, 4], [0] * 4, [1, 2, 3, 4], [1.5, 1, 1, 0.5], [0, 0, 1, 1])
-    assert straight.parts == [slice(0, 4)]
+    assert line([1, 2, 3, 4], [0] * 4, [1, 2, 3, 4], [1.5, 1, 1, 0.5], [0, 0, 1, 1]).parts == [slice(0, 4)]
     _, lower = contact_panels(figure_of(replace(read_picture(stored("block")), line=TWO, body=None, held=())))
     steps = [line.get_ydata()[::2].tolist() for line in lower.lines if len(line.get_xdata()) > 2]
     assert steps == [[10.0, 20.0], [30.0, 40.0]]
@@ -151,26 +130,6 @@ def test_a_ring_closes_on_itself(stored: Stored) -> None:
         assert index.tolist() == expected
 
 
-def test_a_held_end_is_drawn_where_it_moves(tmp_path: Path) -> None:
-    """Of every point its own: u_x of the end, which the sweep moves, and an expression at its corner."""
-    study = read_study_text("""
-units: none
-body: {rectangle: {width: 2, height: 1}}
-boundary: {bottom: contact, left: {role: clamped, u_x: 0.1}, top: free,
-  right: {role: clamped, u: ["0.05 + y + x/10", 0]}}
-material: {E: 1, nu: 0.3}
-friction: {law: tresca, tau: 0.01}
-mesh: {maxh: 0.4}
-sweep: {boundary.left.u_x: [0.2, 0.1, 0.3]}
-""")
-    tcstudy.run(study, tmp_path / "out.nc")
-    for u_x in (0.1, 0.3):
-        moved = read_picture(tmp_path / "out.nc", {"boundary_left_u_x": u_x})
-        assert np.allclose(np.array(moved.held, dtype=float), [[u_x, 0.25]], rtol=1e-12)
-    upper, _ = contact_panels(figure_of(moved))
-    assert len(shown_line(upper)[0]) == len(moved.line.u_T) + 2
-
-
 def test_each_geometry_has_its_own_mesh(stored: Stored) -> None:
     high, less = (read_picture(stored("pads"), {"height": 0.02, "u_x": u_x}) for u_x in (0.002, 0.001))
     assert high.body is not None
@@ -193,14 +152,10 @@ output: {fields: true}
 """)
     tcstudy.run(study, tmp_path / "out.nc")
     displacement, stress = drawn(tmp_path / "out.nc", along="100 mm, 0 mm: 100 mm, 60 mm")[0].axes
-    assert [axes.get_ylabel() for axes in (displacement, stress)] == [
-        "$u_x$, $u_y$ [µm]",
-        "$\\sigma_x$, $\\sigma_y$, $\\tau_{xy}$ [MPa]",
-    ]
     _, u_x, _ = (line.get_ydata() for line in displacement.lines)
     assert u_x == pytest.approx(100.0, rel=1e-9)
     _, body, coat, *others = (line.get_ydata() for line in stress.lines)
-    assert body[np.isfinite(body)] == pytest.approx(200.0, rel=1e-9)
-    assert coat[np.isfinite(coat)] == pytest.approx(50.0, rel=1e-9)
+    for sigma, E in ((body, 200.0), (coat, 50.0)):
+        assert sigma[np.isfinite(sigma)] == pytest.approx(E, rel=1e-9)
     assert np.all(np.isfinite(body) | np.isfinite(coat))
     assert np.nanmax(np.abs(others)) < 1e-6

@@ -8,7 +8,6 @@ import gzip
 import json
 import re
 import shutil
-import socket
 import subprocess
 import time
 import urllib.error
@@ -36,22 +35,19 @@ class Browser:
     """One browser with one window; close it after use."""
 
     def __init__(self, profile: Path, width: int = 1280, height: int = 1000) -> None:
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            port = free.getsockname()[1]
-        self._driver = subprocess.Popen(
-            ["chromedriver", f"--port={port}"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-        )
+        command = ["chromedriver", "--port=0"]
+        self._driver = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        assert self._driver.stdout
+        port = next(found[1] for line in self._driver.stdout if (found := re.search(r"on port (\d+)\.$", line)))
         self._root = f"http://127.0.0.1:{port}"
         arguments = [f"--{flag}" for flag in FLAGS]
         arguments += [f"--user-data-dir={profile}", f"--window-size={width},{height}"]
         chrome = {"goog:chromeOptions": {"args": arguments}, "goog:loggingPrefs": {"browser": "ALL"}}
         try:
-            self._wait_for_driver()
             made = self._call("POST", "/session", {"capabilities": {"alwaysMatch": chrome}})
         except BaseException:
             self._driver.kill()
-            self._driver.wait()
+            self._driver.communicate()
             raise
         self._root += f"/session/{made['sessionId']}"
 
@@ -76,7 +72,7 @@ class Browser:
         return self._call("POST", "/goog/cdp/execute", {"cmd": name, "params": parameters})
 
     def size(self, width: int, height: int, phone: bool = False) -> None:
-        """Give the window a size, also one that is narrower than real windows can be."""
+        """Also narrower than real windows can be."""
         sizes = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": phone}
         self.command("Emulation.setDeviceMetricsOverride", **sizes)
 
@@ -96,17 +92,7 @@ class Browser:
             self._call("DELETE", "", None)
         finally:
             self._driver.terminate()
-            self._driver.wait(timeout=PATIENCE)
-
-    def _wait_for_driver(self) -> None:
-        for left in reversed(range(int(PATIENCE / 0.05))):
-            try:
-                if self._call("GET", "/status", None)["ready"]:
-                    return
-            except urllib.error.URLError:
-                if not left:
-                    raise
-            time.sleep(0.05)
+            self._driver.communicate(timeout=PATIENCE)
 
     def _call(self, method: str, path: str, body: Any) -> Any:
         data = None if body is None else json.dumps(body).encode()

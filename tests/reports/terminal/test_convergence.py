@@ -35,8 +35,8 @@ def series(name, order, verdict="as_expected"):
 
 
 def numbers(status):
-    parts = {"value": 5 + H, "order": np.array([NAN, NAN, 1, 1]), "limit": 5.0, "uncertainty": 0.01}
-    parts |= {"limit_order": 1.0, "exact": NAN}
+    parts = {"value": 5 + H, "order": np.array([NAN, NAN, 1, 1]), "limit": 5.0, "uncertainty": 0.01, "limit_order": 1.0,
+             "exact": NAN}  # fmt: skip
     return {"status": np.array(status), **{f"{part}_energy": value for part, value in parts.items()}}
 
 
@@ -63,16 +63,10 @@ def file(tmp_path):
 
 def test_the_tables(file):
     text = text_of(file, True)
-    assert "reference: level 9, the finest" in text
-    assert "3.000e-01" in text
-    assert "(1.500e-01)" in text  # did not converge
-    assert text.count("(1.500e-01)") == 1
-    assert "PRE-ASYMPTOTIC" in text
-    assert "SLOWER" in text
-    assert "1.000 ± 0.01" in text
-    assert "5.000 ± 0.01" in text
-    assert "Note: Mind it." in text
-    assert "tau = 1 MPa" in text
+    for words in ("reference: level 9, the finest", "3.000e-01", "PRE-ASYMPTOTIC", "SLOWER", "1.000 ± 0.01",
+                  "5.000 ± 0.01", "Note: Mind it.", "tau = 1 MPa"):  # fmt: skip
+        assert words in text
+    assert text.count("(1.500e-01)") == 1  # did not converge
     assert _uncertain(-4.2e-17, 0.083) == "0 ± 0.083"  # no minus before a zero, no digits of rounding
 
 
@@ -88,8 +82,6 @@ def test_the_plot(file, tmp_path, monkeypatch):
     assert hollow.get_fillstyle() == "none"
     assert hollow.get_xdata().tolist() == [0.5]
     assert solid.get_xdata().tolist() == [1.0, 0.25, 0.125]
-    assert {one.get_ylabel() for one in drawn[0].axes} == {"relative error"}
-    assert axes.get_xlim()[0] < 0.75 * min(H)
     with netCDF4.Dataset(file, "a") as nc:
         nc["slope_error_u_L2"][...] = np.nan
     picture(file, tmp_path / "a.svg")

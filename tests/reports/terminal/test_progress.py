@@ -39,9 +39,7 @@ def test_failures_that_differ_in_numbers_have_one_line(stream: type[io.StringIO]
     progress.close()
     text = shown.getvalue()
     assert "tau = 0.01 on level 1: inclusion violated: residual 3.1e-9; coarsen\n" in text
-    assert "level 0: " not in text
-    assert text.count("; coarsen") == 1
-    assert text.count("2 more failed for the same reasons") == 1
+    assert text.count("; coarsen") == text.count("2 more failed for the same reasons") == 1
     assert "someone" not in text
     assert ("\r" in text) == (stream is Terminal)
 

@@ -15,13 +15,14 @@ from tcstudy.scene.study import Axis, MeshPlan, OutputPlan, SolverPlan, Study
 from tests.data.by_points import PointRecord, write
 
 ALPHA = Axis("alpha", ("heat", "alpha"), (1, 2, 3), (1.0, 2.0, 3.0), "W m-2 K-1")
-NO_VALUES = np.empty(0)
-
-
-def level(number: int) -> LevelRecord:
-    s = np.linspace(0.0, 1.0, 3)
-    edge = np.zeros(3, dtype=np.int8)
-    return LevelRecord(number, 0.5 / 2**number, 20, 3, s, s, 0.0 * s, 0.0 * s + 0.25, edge, ("film",), 0.1, 0.1)
+S = np.linspace(0.0, 1.0, 3)
+LEVELS = [
+    LevelRecord(i, 0.5 / 2**i, 20, 3, S, S, 0.0 * S, 0.0 * S + 0.25, np.zeros(3, np.int8), ("film",), 0.1, 0.1)
+    for i in range(2)
+]
+STUDY = Study(
+    "Plate", "title: plate\n", None, "SI", "grid", (ALPHA,), (), MeshPlan((0.5,), 2), SolverPlan(), OutputPlan()
+)
 
 
 def point(index: int, number: int, balance: float = 1e-15) -> PointRecord:
@@ -32,20 +33,13 @@ def point(index: int, number: int, balance: float = 1e-15) -> PointRecord:
 
 def missed(index: int, number: int, residual: str) -> PointRecord:
     reason = f"residual {residual} above the tolerance 1e-10; raise solver.tolerance"
-    return PointRecord((index,), number, PointStatus.INCLUSION_VIOLATED, reason, {}, NO_VALUES, NO_VALUES)
-
-
-def study_over(axes: tuple[Axis, ...]) -> Study:
-    plans = MeshPlan((0.5,), 2), SolverPlan(), OutputPlan()
-    return Study("Plate", "title: plate\n", None, "SI", "grid", axes, (), *plans)
+    return PointRecord((index,), number, PointStatus.INCLUSION_VIOLATED, reason, {}, np.empty(0), np.empty(0))
 
 
 @pytest.fixture
 def said(tmp_path: Path):  # type: ignore[no-untyped-def]
-    study = study_over((ALPHA,))
-
     def text(*points: PointRecord) -> str:
-        write(tmp_path / "plate.nc", study, [level(0), level(1)], points)
+        write(tmp_path / "plate.nc", STUDY, LEVELS, points)
         return text_of(tmp_path / "plate.nc")
 
     return text
@@ -68,14 +62,11 @@ def test_what_failed_is_marked_in_its_row(said) -> None:  # type: ignore[no-unty
     rows = [line.split() for line in said(*good, bad).splitlines()]
     assert ["2", "(7)", "failed", "–"] in rows
     assert ["1", "2", "nothing", "–"] in rows
-    assert "failed: no solution; the numbers in (parentheses)" in said(*good, bad)
-    assert "parentheses" not in said(*good)
 
 
 def test_solvers_side_by_side(tmp_path: Path) -> None:
     """Only what every solver stored; where the second found more energy, it is not the least."""
-    names = ("separable-newton", "bundle-newton")
-    study = replace(study_over((ALPHA,)), solver=replace(SolverPlan(), names=names))
+    study = replace(STUDY, solver=replace(SolverPlan(), names=("separable-newton", "bundle-newton")))
     points = []
     for i in range(3):
         energies = (-1.0, -1.0 if i else -0.5)
@@ -83,7 +74,7 @@ def test_solvers_side_by_side(tmp_path: Path) -> None:
                    "solver_time": (0.25, 1.0), "solver_difference": (0.0, 0.0 if i else 0.125)}  # fmt: skip
         points += [replace(point(i, n), numbers=numbers) for n in range(2)]
     points[-1] = missed(2, 1, "3e-09")
-    write(tmp_path / "plate.nc", study, [level(0), level(1)], points)
+    write(tmp_path / "plate.nc", study, LEVELS, points)
     rows = [line.split() for line in text_of(tmp_path / "plate.nc").splitlines() if "-newton " in line]
     assert rows[-2:] == [
         ["separable-newton", "1e-14", "20", "1.2", "5/5", "–"],
@@ -98,7 +89,6 @@ def test_heat_that_does_not_balance_is_said_and_the_points_stay_solved(said) -> 
     assert "heat balance 2e-09 to 5e-05 at 2 points" in line
     assert "alpha = 1 W m-2 K-1 on level 1" in line
     assert "failed" not in text
-    assert "3/3" in text
 
 
 def test_what_rounding_limits_is_one_line(said) -> None:  # type: ignore[no-untyped-def]
