@@ -98,15 +98,13 @@ HILBERT = 1.0 / (np.arange(50)[:, None] + np.arange(50) + 1.0)
 
 def mxhilb(x: Array) -> tuple[float, Array, Array]:
     """max |H x| (TR-798, problem 23)."""
-    r = HILBERT @ x
-    j = int(np.argmax(np.abs(r)))
+    r, j = HILBERT @ x, int(np.argmax(np.abs(HILBERT @ x)))
     return float(abs(r[j])), np.sign(r[j]) * HILBERT[j], np.zeros((50, 50))
 
 
 def l1hilb(x: Array) -> tuple[float, Array, Array]:
     """Σ |H x| (problem 24)."""
-    r = HILBERT @ x
-    return float(np.sum(np.abs(r))), np.sign(r) @ HILBERT, np.zeros((50, 50))
+    return float(np.sum(np.abs(HILBERT @ x))), np.sign(HILBERT @ x) @ HILBERT, np.zeros((50, 50))
 
 
 CLIMB = np.append(np.arange(1.0, 6.0), -np.arange(6.0, 11.0))
