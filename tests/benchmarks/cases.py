@@ -16,8 +16,9 @@ block clamped at its left end, heated inside, cooled at its right end, on a soft
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+RESULTS = Path(__file__).resolve().parents[2] / "results"
 SHAPE, WEAK = "shape", "weak"
 REACH, NODES = 0.3, 30
 """Slip over which the teeth are spread, what the loads cause; m of the maps of jumps and units."""
@@ -92,6 +94,13 @@ class Case:
     load: int
     problem: ContactProblem
     heat_balance: float = np.nan
+
+
+def publish(name: str, lines: Iterable[str], words: str = "") -> None:
+    """Print a page and write it to results/NAME.md, by which command it was made first."""
+    text = "\n".join([f"Made by `python -m tests.benchmarks.{name}{words}`.", *lines, ""])
+    (RESULTS / f"{name}.md").write_text(text, encoding="utf-8")
+    print(text, end="")
 
 
 def synthetic(grid: Grid) -> Iterator[Case]:

@@ -24,16 +24,15 @@ from tcstudy.accuracy.fitted import minimise, uncertainty
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import FitColumn, FitPlan
 from tcstudy.study.fit import Tests, box_of
+from tests.study.test_fit import DELTA, TAU, D, pulled
 from tests.study.test_fit_cases import FOUND, PULLED, RIGID, returned
 
 Array = NDArray[np.float64]
 
-D, LENGTH, TAU, DELTA = 42.24e6, 0.19, 7.2e6, 0.16e-3
-"""Stiffness [N/m], length [m] and law of the strip of configs/pull_test.yaml. Here it is a quarter as high and four
+PEAK = np.sqrt(TAU * DELTA * D)
+"""Of the strip of configs/pull_test.yaml [N/m]. Here it is a quarter as high and four
 times as stiff: the first points, of a short slip zone, told 1 mm from the thin strip of the closed form, and biased
 fits of the stable branch by 0.15 standard errors whatever the mesh (0.4 with its elements of 2 mm)."""
-ZONE = 0.5 * np.pi / np.sqrt(TAU / (DELTA * D))
-PEAK = np.sqrt(TAU * DELTA * D)
 STRIP = """
 title: pull
 body:
@@ -81,18 +80,8 @@ class Case:
     truth: tuple[float, ...]
 
 
-def pulled(n: int, parts: int) -> Array:
-    """(n, 2) Δ and P of the closed form in so many of its parts: rise, plateau, snap-back."""
-    rows = [np.linspace(0.1, 1.0, n // parts), np.linspace(0.05, 0.95, n // parts), np.linspace(0.95, 0.05, n // parts)]
-    angle = 0.5 * np.pi * rows[0]
-    rise = np.stack([DELTA * (1.0 - np.cos(angle)), PEAK * np.sin(angle)], axis=1)
-    plateau = np.stack([DELTA + PEAK * rows[1] * (LENGTH - ZONE) / D, PEAK + 0.0 * rows[1]], axis=1)
-    back = np.stack([DELTA + rows[2] * PEAK * (LENGTH - ZONE) / D, rows[2] * PEAK], axis=1)
-    return np.concatenate([rise, plateau, back][:parts])
-
-
 def stable(n: int) -> Array:
-    """(n, 2) the same at given Δ on the branch that a machine reaches: two thirds of the points on the rise."""
+    """(n, 2) Δ and P of the closed form at given Δ on the branch that a machine reaches, two thirds on the rise."""
     delta = np.concatenate([np.linspace(0.08, 1.0, 2 * n // 3) ** 1.5 * DELTA, np.linspace(1.1, 5.0, n // 3) * DELTA])
     rise = PEAK * np.sqrt(np.maximum(0.0, 1.0 - (1.0 - np.minimum(delta / DELTA, 1.0)) ** 2))
     return np.stack([delta, rise], axis=1)
@@ -109,7 +98,7 @@ def cases(size: float) -> list[Case]:
     strip = STRIP.replace("MAXH", f"{1.0 * size:g} mm")
     truth = (TAU, DELTA)
     return [
-        Case("through the fold", strip.replace("COMPARE", "orthogonal"), pulled(60, 3), (5e-6, 2.2e3), truth),
+        Case("through the fold", strip.replace("COMPARE", "orthogonal"), pulled(60), (5e-6, 2.2e3), truth),
         Case("stable branch", strip.replace("COMPARE", "vertical"), stable(45), (0.0, 2.2e3), truth),
         Case("heated strip", HEATED.replace("MAXH", f"{10.0 * size:g} mm"), heated(30), (0.0, 2e-6, 8e3), (3e6, 12e-6)),
         Case("cyclic pull", RIGID, np.stack([np.arange(31.0), returned(PULLED)], axis=1), (0.0, 2e3), FOUND),

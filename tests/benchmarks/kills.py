@@ -25,9 +25,9 @@ import xarray as xr
 from tcstudy.data.schema import PointStatus
 from tcstudy.read.study import read_study
 from tcstudy.study.run import execute
+from tests.benchmarks.cases import publish
 from tests.verification.scenes import RECTANGLE
 
-RESULTS = Path(__file__).parents[2] / "results"
 COARSE = RECTANGLE.replace("maxh: 0.1, levels: 3", "maxh: 0.3, levels: 1")
 STUDY = COARSE + "\nsweep: {friction.tau: {linspace: [0.005, 0.03, POINTS]}}\n"
 GEOMETRIES = COARSE + (
@@ -129,7 +129,7 @@ def assert_same(one: Path, other: Path) -> None:
 def main() -> None:
     """Kill, compare and write what came of it."""
     kills, seed = (int(word) for word in (*sys.argv[1:], *("100", "0")[len(sys.argv) - 1 :]))
-    lines = [f"Made by `python -m tests.benchmarks.kills {kills} {seed}`, two workers, kills at random:"]
+    lines = ["Two workers, kills at random:"]
     studies = (
         ("points in blocks of two", STUDY, kills, 20),
         ("geometries of five points", GEOMETRIES, kills // 4, 8),
@@ -139,11 +139,8 @@ def main() -> None:
             done = survive(Path(folder), times, seed, each * times, study)
         killed = f"{done.workers} workers and {done.runs} runs killed, {done.starts} starts"
         lines.append(f"- one study of {each * times} {words}: {killed}")
-    text = "\n".join(
-        [*lines, "", "Nothing lost: every number is that of a run in one process, to the bit; no point failed.", ""]
-    )
-    (RESULTS / "kills.md").write_text(text, encoding="utf-8")
-    print(text)
+    last = "Nothing lost: every number is that of a run in one process, to the bit; no point failed."
+    publish("kills", [*lines, "", last], f" {kills} {seed}")
 
 
 if __name__ == "__main__":

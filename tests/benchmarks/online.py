@@ -27,7 +27,7 @@ from tcstudy.executors.processes import keep_freed_memory
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.study import Study
 from tcstudy.study.run import stages
-from tests.benchmarks.peers import RESULTS
+from tests.benchmarks.cases import publish
 from tests.contact.contact_cases import solve_points
 
 CONFIG = Path(__file__).parents[2] / "configs" / "quickstart.yaml"
@@ -78,31 +78,24 @@ def measure(study: Study, level: int) -> tuple[int, float, float, float]:
 def lines() -> Iterator[str]:
     """The report."""
     found = {name: [measure(study, level) for level in LEVELS] for name, study in studies().items()}
+
+    def table(rows: list[list[str]]) -> Iterator[str]:
+        yield from ("", head, "|---" * (len(LEVELS) + 1) + "|", *("| " + " | ".join(row) + " |" for row in rows))
+
     head = "| sweep | " + " | ".join(f"m = {m}" for m, *_ in found["softening"]) + " |"
-    rule = "|---" * (len(LEVELS) + 1) + "|"
-    yield "Made by `python -m tests.benchmarks.online`."
     load = f"load {os.getloadavg()[0]:.0f} on {os.cpu_count()} processors"
     yield f"CPU ms a point of one thread, least of two runs; {load}."
     yield "1,000 points at once, solve and certificates. potrf: one Cholesky factorisation of Ã."
-    yield from ("", head, rule)
-    for name, own in found.items():
-        yield f"| {name} | " + " | ".join(f"{solve:.2f}" for _, _, solve, _ in own) + " |"
-    yield "| potrf | " + " | ".join(f"{factor:.3f}" for *_, factor in found["softening"]) + " |"
-    yield from (
-        "",
-        "From the condensed body to the finished file (loads, solve, certificates, journal, netCDF):",
-    )
-    yield from ("", head, rule)
-    for name, own in found.items():
-        yield f"| {name} | " + " | ".join(f"{whole:.2f}" for _, whole, _, _ in own) + " |"
+    solves = [[name, *(f"{solve:.2f}" for _, _, solve, _ in own)] for name, own in found.items()]
+    yield from table([*solves, ["potrf", *(f"{factor:.3f}" for *_, factor in found["softening"])]])
+    yield from ("", "From the condensed body to the finished file (loads, solve, certificates, journal, netCDF):")
+    yield from table([[name, *(f"{whole:.2f}" for _, whole, _, _ in own)] for name, own in found.items()])
 
 
 def main() -> None:
     """Measure and write."""
     keep_freed_memory()  # as whoever solves the blocks of a study does
-    text = "\n".join([*lines(), ""])
-    (RESULTS / "online.md").write_text(text, encoding="utf-8")
-    print(text, end="")
+    publish("online", lines())
 
 
 if __name__ == "__main__":

@@ -20,8 +20,7 @@ import time
 import warnings
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.optimize
@@ -33,12 +32,11 @@ from tcstudy.contact.problem import ContactProblem, Status
 from tcstudy.contact.solution import polished
 from tcstudy.contact.solve import solve_contact
 from tcstudy.data.provenance import package_versions
-from tests.benchmarks.cases import Case, families
+from tests.benchmarks.cases import Case, families, publish
 from tests.benchmarks.semismooth import semismooth_newton
 
 Array = NDArray[np.float64]
 
-RESULTS = Path(__file__).resolve().parents[2] / "results"
 TOLERANCE, SNAP = 1e-10, 1e-6
 """Largest inclusion residual of a solution; distance that counts as on a kink, over the kink spacing."""
 LIMIT, BUDGET, FAST, REPEATS = 15.0, 8.0, 0.1, 5
@@ -62,34 +60,30 @@ class OutOfTimeError(Exception):
     """The deadline has passed."""
 
 
-@dataclass
-class Best:
-    """The point of lowest energy that a method has evaluated."""
-
-    v: Array
-    energy: float = np.inf
-
-
 @dataclass(frozen=True)
 class Watched(ContactProblem):
-    """A contact problem with a deadline; it remembers the best point that a method asked the energy of."""
+    """A contact problem with a deadline; best[-1] is the point of lowest energy that a method asked for."""
 
     deadline: float = np.inf
-    best: Best = field(default_factory=lambda: Best(np.zeros(0)))
+    best: list[tuple[float, Array]] = field(default_factory=list)
 
     def energy(self, v: Array) -> float:
         """L̃(v); raises OutOfTimeError after the deadline."""
         if time.process_time() > self.deadline:
             raise OutOfTimeError
         energy = super().energy(v)
-        if energy < self.best.energy:
-            self.best.v, self.best.energy = v.copy(), energy
+        if energy < self.best[-1][0]:
+            self.best.append((energy, v.copy()))
         return energy
+
+    @property
+    def late(self) -> Attempt:
+        return Attempt(self.best[-1][1], False, out_of_time=True)
 
 
 def watched(problem: ContactProblem, x0: Array, deadline: float) -> Watched:
     """The problem under watch from a start on."""
-    return Watched(problem.A_tilde, problem.l_tilde, problem.c, problem.law, deadline=deadline, best=Best(x0))
+    return Watched(problem.A_tilde, problem.l_tilde, problem.c, problem.law, deadline=deadline, best=[(np.inf, x0)])
 
 
 def separable(problem: ContactProblem, x0: Array, deadline: float) -> Attempt:
@@ -110,7 +104,7 @@ def bundle(problem: ContactProblem, x0: Array, deadline: float) -> Attempt:
     try:
         v = solve_with_bundle(watch, x0).x
     except OutOfTimeError:  # not finished: that would credit the method with what it has not reached
-        return Attempt(watch.best.v, False, out_of_time=True)
+        return watch.late
     if problem.inclusion_residual(v) > TOLERANCE:
         v = polished(problem, v, exact=False).v
     return Attempt(v, problem.inclusion_residual(v) <= TOLERANCE)
@@ -145,9 +139,9 @@ def scipy_method(name: str, options: Mapping[str, float], order: int) -> Run:
                 warnings.simplefilter("ignore")
                 found = scipy.optimize.minimize(function, x0, method=name, options=dict(options), **derivatives)
         except OutOfTimeError:
-            return Attempt(watch.best.v, False, out_of_time=True)
+            return watch.late
         except (ValueError, np.linalg.LinAlgError):  # trust-exact breaks down on some nonsmooth steps
-            return Attempt(watch.best.v, False)
+            return replace(watch.late, out_of_time=False)
         return Attempt(np.asarray(found.x, dtype=float), bool(found.success))
 
     return run
@@ -227,7 +221,6 @@ def measure(groups: Iterable[list[Case]], repeats: int = REPEATS) -> Iterator[So
 def markdown(found: list[Solve], problems: int) -> Iterator[str]:
     """The measurements as a short Markdown table with what they were measured on."""
     groups = list(dict.fromkeys(one.group for one in found))
-    yield "Made by `python -m tests.benchmarks.peers`."
     yield f"Cells: solved/run (inclusion residual ≤ {TOLERANCE:.0e}), median time."
     yield ""
     yield "| method | " + " | ".join([*groups, "of lowest energy", "false success"]) + " |"
@@ -275,9 +268,7 @@ def main() -> None:
     groups = list(families())  # loads every library before the limit on its threads
     with threadpool_limits(1, user_api="blas"):
         found = list(measure(groups))
-    text = "\n".join([*markdown(found, sum(map(len, groups))), ""])
-    (RESULTS / "peers.md").write_text(text, encoding="utf-8")
-    print(text, end="")
+    publish("peers", markdown(found, sum(map(len, groups))))
 
 
 if __name__ == "__main__":

@@ -30,7 +30,8 @@ from tcstudy.offline.level import Level
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 from tcstudy.study.point import solve_point
-from tests.benchmarks.peers import RESULTS, machine
+from tests.benchmarks.cases import publish
+from tests.benchmarks.peers import machine
 from tests.verification.scenes import mesh_family
 
 Array = NDArray[np.float64]
@@ -226,20 +227,8 @@ def main() -> None:
     """Measure and write."""
     with threadpool_limits(1, user_api="blas"):
         swept, tables = list(sweeps()), list(stages_and_factors())
-        text = "\n".join(
-            [
-                "Made by `python -m tests.benchmarks.speed`.",
-                "CPU times [s] of one thread, median [quartiles]; the machine was shared with other work.",
-                f"Measured with {machine()}.",
-                "",
-                *tables,
-                "",
-                *swept,
-                "",
-            ]
-        )
-    (RESULTS / "speed.md").write_text(text, encoding="utf-8")
-    print(text, end="")
+    head = "CPU times [s] of one thread, median [quartiles]; the machine was shared with other work."
+    publish("speed", [head, f"Measured with {machine()}.", "", *tables, "", *swept])
 
 
 if __name__ == "__main__":

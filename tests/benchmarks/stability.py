@@ -11,16 +11,14 @@ import csv
 import time
 from collections import Counter
 from itertools import chain
-from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
 from tcstudy.contact.problem import Status
 from tcstudy.contact.solve import solve_contact
-from tests.benchmarks.cases import Grid, real, synthetic
+from tests.benchmarks.cases import RESULTS, Grid, real, synthetic
 from tests.contact.contact_cases import independent_residual
 
-RESULTS = Path(__file__).parents[2] / "results"
 TOLERANCE = 1e-10
 COLUMNS = ("map", "x", "y", "load", "outcome", "residual", "iterations", "seconds", "heat_balance", "reason")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import os
 import socket
 import subprocess
 import sys
@@ -21,13 +22,49 @@ from tcstudy.executors import DaskExecutor, SerialExecutor, WorkersFailed
 from tcstudy.executors.cluster import CLOSE, CONNECT
 from tcstudy.study import level_solver
 from tcstudy.study.run import run
-from tests.executors.machines import Machines
 from tests.executors.test_processes import CRUEL, SWEPT, TAU, assert_same, solved
 from tests.verification.scenes import RECTANGLE, study_of
 
 pytest.importorskip("distributed", reason="dask.distributed is not installed: pip install 'tcstudy[dask]'")
 
+QUIET = {
+    **os.environ,
+    "DASK_DISTRIBUTED__LOGGING__DISTRIBUTED": "critical",
+    "OPENBLAS_NUM_THREADS": "1",
+    "PYTHONPATH": os.pathsep.join(filter(None, [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")])),
+}
+"""Workers run the program that is tested, not one that is installed, and find the calls of these tests."""
 MANY = SWEPT.replace("[0.005, 0.01, 0.02, 0.03]", "{linspace: [0.005, 0.03, 40]}").replace("levels: 3", "levels: 1")
+
+
+class Machines:
+    """A scheduler and its workers as processes, to be killed; they have no nanny: who is killed stays dead."""
+
+    def __init__(self, folder: Path) -> None:
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self.port = int(free.getsockname()[1])
+        self.folder, self.address, self.alive = folder, f"tcp://127.0.0.1:{self.port}", list[subprocess.Popen[bytes]]()
+
+    def start(self, command: str, *words: str) -> subprocess.Popen[bytes]:
+        line = [sys.executable, "-m", "dask", command, "--no-dashboard", *words]
+        with (self.folder / f"{command}.log").open("ab") as log:
+            self.alive.append(subprocess.Popen(line, env=QUIET, cwd=self.folder, stdout=log, stderr=log))
+        return self.alive[-1]
+
+    def scheduler(self) -> subprocess.Popen[bytes]:
+        process = self.start("scheduler", "--host", "127.0.0.1", "--port", str(self.port))
+        deadline = time.monotonic() + 60
+        while time.monotonic() < deadline:
+            with socket.socket() as line:
+                if line.connect_ex(("127.0.0.1", self.port)) == 0:
+                    break
+            time.sleep(0.1)
+        return process
+
+    def worker(self) -> subprocess.Popen[bytes]:
+        words = ("--no-nanny", "--nthreads", "1", "--memory-limit", "0", "--local-directory", str(self.folder))
+        return self.start("worker", self.address, *words)
 
 
 @pytest.fixture
@@ -36,7 +73,9 @@ def machines(tmp_path: Path) -> Iterator[Machines]:
     try:
         yield found
     finally:
-        found.close()
+        for process in reversed(found.alive):
+            process.kill()
+            process.wait()
 
 
 @pytest.fixture(autouse=True)
@@ -47,7 +86,6 @@ def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_killed_worker_changes_no_bit_and_a_point_that_kills_is_told(machines: Machines, tmp_path: Path) -> None:
     """One cluster for all that it must stand: a machine that goes, a point that kills, a scheduler that goes."""
     scheduler, first, _ = machines.scheduler(), machines.worker(), machines.worker()
-    machines.wait()
     cluster, study = DaskExecutor(machines.address), study_of(MANY)
     expected = solved(study, SerialExecutor())
     try:
@@ -104,8 +142,15 @@ def test_no_scheduler_is_said_in_one_line_before_any_work(tmp_path: Path, answer
     (tmp_path / "study.yaml").write_text(SWEPT)
     with socket.create_server(("127.0.0.1", 0)) as other:
         address = f"tcp://127.0.0.1:{other.getsockname()[1]}"
-        if answer:
-            threading.Thread(target=answering, args=(other, answer), daemon=True).start()
+        if answer:  # the same to everybody
+
+            def serve() -> None:
+                with contextlib.suppress(OSError):
+                    while True:
+                        with other.accept()[0] as line:
+                            line.sendall(answer)
+
+            threading.Thread(target=serve, daemon=True).start()
         else:
             other.close()
         words = [sys.executable, "-m", "tcstudy", "run", "study.yaml", "--dask", address]
@@ -116,11 +161,3 @@ def test_no_scheduler_is_said_in_one_line_before_any_work(tmp_path: Path, answer
     (line,) = done.stderr.splitlines()
     assert line.startswith(f"study.yaml: no dask scheduler answers at {address} (")
     assert line.endswith("start one with `dask scheduler`, or run without --dask")
-
-
-def answering(server: socket.socket, answer: bytes) -> None:
-    """Say the same to everybody."""
-    with contextlib.suppress(OSError):
-        while True:
-            with server.accept()[0] as line:
-                line.sendall(answer)

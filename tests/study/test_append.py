@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +10,6 @@ import xarray as xr
 
 import tcstudy
 from tcstudy.cli import main
-from tcstudy.data.records import COMMIT_SECONDS
 from tcstudy.data.schema import PointStatus
 from tcstudy.errors import StoreError
 from tcstudy.laws.laws import Laws
@@ -55,14 +50,16 @@ def same(part: xr.DataTree, whole: xr.DataTree) -> None:
 
 
 class Counted:
-    """How many points are solved."""
+    """How many points are solved; a run is stopped after so many."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, fail_at: float = np.nan) -> None:
-        self.points = 0
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, fail_at: float = np.nan, most: float = np.inf) -> None:
+        self.points, self.most = 0, most
         original = level_solver.solve_block
 
         def solve(body: object, loads: np.ndarray, laws: Laws, *options: object) -> object:
             self.points += len(loads)
+            if self.points > self.most:
+                raise KeyboardInterrupt
             if np.any(laws.scales[laws.index] == fail_at):
                 raise ArithmeticError("made to fail")
             return original(body, loads, laws, *options)  # type: ignore[arg-type]
@@ -105,14 +102,24 @@ def test_append_of_other_values_leaves_the_rest_of_the_grid(file: Path, tmp_path
 
 
 def test_a_run_solves_again_what_broke_down(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stopped in the middle it leaves the old file and goes on from there."""
     output = tmp_path / "out.nc"
     with monkeypatch.context() as patch:
         Counted(patch, fail_at=0.02)
         old = tcstudy.run(study(file), output).tree  # the file grows
     assert old["status"].values[:, :, 0].tolist() == [[1, int(PointStatus.ERROR)]] * 2
+    assert set(old["reason"].sel(tau=0.02).values.ravel()) == {"ArithmeticError: made to fail"}
+    assert np.isnan(old["energy"].sel(tau=0.02)).all()
+    before = output.read_bytes()
+    monkeypatch.setattr(level_solver, "POINTS", 1)
+    with monkeypatch.context() as patch:
+        Counted(patch, most=2)
+        with pytest.raises(KeyboardInterrupt):
+            tcstudy.run(study(file), output, jobs=1)
+    assert output.read_bytes() == before
     counted = Counted(monkeypatch)
     tree = tcstudy.run(study(file), output)
-    assert counted.points == 2 * 2
+    assert counted.points == 2  # two of four were finished
     assert np.all(tree["status"] == int(PointStatus.OK))
     assert set(tree["reason"].values.ravel()) == {""}
     solved = [path.to_dataset().isel(tau=[0]) for path in (old, tree)]
@@ -120,8 +127,9 @@ def test_a_run_solves_again_what_broke_down(file: Path, tmp_path: Path, monkeypa
     assert np.array_equal(old["level_1"]["u_T"].values[:, 0], tree["level_1"]["u_T"].values[:, 0])
     before = output.read_bytes()
     tcstudy.run(study(file), output)
-    assert counted.points == 2 * 2
+    assert counted.points == 2
     assert output.read_bytes() == before
+    assert {path.name for path in tmp_path.iterdir()} == {"study.yaml", "out.nc"}
 
 
 def test_what_does_not_fit_is_refused_in_one_line(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -143,72 +151,6 @@ def test_what_does_not_fit_is_refused_in_one_line(file: Path, capsys: pytest.Cap
         assert said in line
         assert output.read_bytes() == before
         assert {path.name for path in file.parent.iterdir()} == {"study.yaml", "out.nc"}
-
-
-PAUSED = """
-import sys, time
-from pathlib import Path
-from tcstudy import cli
-from tcstudy.data import store
-from tcstudy.read.study import read_study_text
-from tcstudy.study import level_solver
-from tcstudy.study.append import differences, merge_studies, places_in
-from tests.commands import CONFIGS
-level_solver.POINTS = 1
-place, reached, calls = sys.argv[1], Path(sys.argv[2]), 0
-module = {"solve_block": level_solver, "define": store}[place]
-original = getattr(module, place)
-def pausing(*words, **more):
-    global calls
-    calls += 1
-    if calls == 3:  # in the middle: say so, and wait for the signal
-        reached.touch()
-        time.sleep(60)
-    return original(*words, **more)
-setattr(module, place, pausing)
-cli.main(sys.argv[3:])
-"""
-
-
-def killed(tmp_path: Path, place: str, *words: str) -> None:
-    """Run a command until its third call of a function, then kill -9."""
-    reached = tmp_path / "reached"
-    process = subprocess.Popen([sys.executable, "-c", PAUSED, place, str(reached), *words])
-    try:
-        deadline = time.monotonic() + 120
-        while not reached.exists() and process.poll() is None and time.monotonic() < deadline:
-            time.sleep(0.05)
-        reached.unlink()
-        time.sleep(COMMIT_SECONDS + 0.5)  # a record is safe so long after it was made
-    finally:
-        process.kill()
-        assert process.wait(30) == -signal.SIGKILL
-
-
-@pytest.mark.parametrize(("how", "place"), [("append", "define"), ("retry", "solve_block")])
-def test_killed_it_leaves_the_old_file_and_goes_on(
-    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str, place: str
-) -> None:
-    output = tmp_path / "out.nc"
-    file.write_text(TEXT + "sweep: {E: [2, 1], tau: [0.01, 0.02]}\n")
-    with monkeypatch.context() as patch:
-        Counted(patch, fail_at=0.02 if how == "retry" else np.nan)
-        old = tcstudy.run(file, output).tree  # the file grows
-    if how == "append":
-        file.write_text(TEXT + "sweep: {E: [2, 1], tau: [0.01, 0.02, 0.03]}\n")
-    before = output.read_bytes()
-    option = ["--append"] if how == "append" else []
-    killed(tmp_path, place, "run", str(file), "--output", str(output), "--jobs", "1", *option)
-    assert output.read_bytes() == before
-    assert output.with_name("out.nc.partial").exists()
-    monkeypatch.setattr("tcstudy.study.level_solver.POINTS", 1)
-    counted = Counted(monkeypatch)
-    tree = tcstudy.run(file, output, append=how == "append", jobs=1)
-    assert counted.points == (2 if place == "solve_block" else 0)  # two of four were finished
-    assert np.all(tree["status"] == int(PointStatus.OK))
-    rows = {"tau": [0]} if how == "retry" else {"tau": [0, 1]}
-    xr.testing.assert_equal(old.to_dataset().isel(rows), tree.to_dataset().isel(rows))
-    assert {path.name for path in tmp_path.iterdir()} == {"study.yaml", "out.nc"}
 
 
 SI = RECTANGLE.replace("units: none", "units: SI").replace("tau: 0.01", "tau: 50 kPa")

@@ -46,28 +46,18 @@ def test_what_a_tolerance_may_need_is_bounded_by_its_unknowns() -> None:
     assert plan(study_of(RECTANGLE, tolerance.replace("}", ", max_dofs: 5000}"), swept)).bytes < lines.bytes / 4
 
 
-def test_counts_of_points_factorisations_and_heat_solves() -> None:
+def test_counts_and_what_is_left_out_and_why() -> None:
     swept = HEATED_BRACKET + "sweep: {alpha: [1, 2, 3], E: [1, 2], friction.a: [0.003, 0.004]}\n"
     forecast = plan(study_of(swept))
     assert (forecast.points, forecast.factorisations, forecast.heat_solves) == (12, 1, 3)  # one factor for every E
     assert plan(study_of(swept.replace("E: [1, 2]", "nu: [0.2, 0.3]"))).factorisations == 2
-
-
-@pytest.mark.parametrize(
-    ("change", "reason"),
-    [
+    for change, reason in (
         ("material.alpha_T=0", "heat problem: beta is 0"),
         ("heat={alpha: 1, theta_bar: 5}", "heat problem: q is 0 and theta_bar is constant, so theta = theta_bar"),
         ("loads=null", "body force: f is zero"),
-    ],
-)
-def test_what_is_left_out_and_why(change: str, reason: str) -> None:
-    assert any(text.startswith(reason) for text in plan(study_of(HEATED_BRACKET, change)).left_out)
-
-
-def test_a_section_is_run_before_the_sweep() -> None:
+    ):
+        assert any(text.startswith(reason) for text in plan(study_of(HEATED_BRACKET, change)).left_out)
     found = plan(study_of(HEATED_BRACKET, "path={parameter: load, from: 0, to: 2}"))
-    assert (found.asked, found.points) == ("path along load from 0 to 2", 1)
     assert f"{found.asked}: run does this; for the points of the sweep add --set path=null" in found.notes
 
 

@@ -14,7 +14,6 @@ from tcstudy.contact.solve import solve_contact
 from tcstudy.data.schema import PointStatus
 from tcstudy.errors import StudyError
 from tcstudy.fem import forms as heat
-from tcstudy.laws.laws import Laws
 from tcstudy.offline import level as level_module
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
@@ -81,22 +80,6 @@ def test_no_heat_problem_where_none_is_needed(
     monkeypatch.setattr(heat.HeatForms, "conduction", property(refuse))
     tree = run(tmp_path, HEATED_BRACKET, *changes)
     assert np.all(tree["status"] == int(PointStatus.OK)), tree["reason"].values
-
-
-def test_a_failing_point_is_recorded_and_the_rest_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    original = level_solver.solve_block
-
-    def fail_once(body: object, loads: object, laws: Laws, *options: object) -> object:
-        if np.any(laws.scales[laws.index] == 0.01):
-            raise ArithmeticError("made to fail")
-        return original(body, loads, laws, *options)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(level_solver, "solve_block", fail_once)
-    data = run(tmp_path, SWEPT, COARSE).to_dataset()
-    assert np.all(data["status"].sel(tau=0.01) == int(PointStatus.ERROR))
-    assert np.all(data["status"].drop_sel(tau=0.01) == int(PointStatus.OK))
-    assert str(data["reason"].sel(tau=0.01)[0, 0].item()) == "ArithmeticError: made to fail"
-    assert np.all(np.isnan(data["energy"].sel(tau=0.01)))
 
 
 def test_sticking_nodes_are_stored_wherever_the_law_jumps_up(tmp_path: Path) -> None:

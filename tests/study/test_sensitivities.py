@@ -20,6 +20,7 @@ from tcstudy.reports.terminal.summary import text_of
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
 from tcstudy.study.point import derivatives_of
+from tests.study.test_joints import FALLING, SLOW, block
 
 QUANTITIES = ("u_T_max", "friction_resultant", "theta_mean", "energy", "lambda_1", "omega")
 BRACKET = """
@@ -104,8 +105,9 @@ def results(level: Level, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
         (BRACKET.replace("theta_bar: 0.2", "theta_bar: 0"), OF_HEAT),
         *((LAYERED.replace("PLANE", plane), OF_LAYERS) for plane in ("strain", "stress")),
         (RIGID, OF_RIGID),
+        (block(FALLING, SLOW), {"friction.film.delta": 1.0}),
     ],
-    ids=["bracket", "a field of theta_bar", "theta_bar of 0", "layers in strain", "layers in stress", "rigid plate"],
+    ids=["bracket", "field of theta_bar", "theta_bar of 0", "layers in strain", "in stress", "plate", "edge"],
 )
 def test_every_kind_of_number_against_differences(text: str, values: dict[str, float]) -> None:
     """Of points solved on the same mesh, whose nodes keep their pieces, by Richardson."""
@@ -119,8 +121,9 @@ def test_every_kind_of_number_against_differences(text: str, values: dict[str, f
         ends = [[results(level, scenery.at(scene, {number.path: value * (1.0 + way * h)}))[0] for way in (1.0, -1.0)]
                 for h in steps]  # fmt: skip
         coarse, fine = ((up - down) / (2.0 * h * value) for (up, down), h in zip(ends, steps, strict=True))
-        exact = np.array([found[name_of(quantity, number.name)] for quantity in QUANTITIES])
-        np.testing.assert_allclose(exact, (4.0 * fine - coarse) / 3.0, rtol=1e-7, atol=3e-9, err_msg=number.name)
+        known = QUANTITIES[: 5 if "film" in number.name else 6]  # ω of several laws has no derivative
+        exact, apart = [found[name_of(quantity, number.name)] for quantity in known], (4.0 * fine - coarse) / 3.0
+        np.testing.assert_allclose(exact, apart[: len(known)], rtol=1e-7, atol=3e-9, err_msg=number.name)
 
 
 def test_a_sweep_keeps_them_with_units_and_show_prints_them(tmp_path: Path) -> None:

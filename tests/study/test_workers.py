@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
@@ -25,7 +25,7 @@ from tcstudy.study.append import mended
 from tcstudy.study.run import LevelWork, execute, run, solve_geometry
 from tcstudy.study.workers import Resources, submit
 from tests.benchmarks.kills import assert_same, children
-from tests.executors.test_processes import CRUEL, gone
+from tests.executors.test_processes import CRUEL
 from tests.executors.test_processes import assert_same as assert_blocks
 from tests.verification.scenes import RECTANGLE, study_of
 
@@ -95,9 +95,9 @@ def alone(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class Watch:
-    """Counts what it is told, and may do something after so many blocks."""
+    """Counts what it is told, and does something after so many blocks."""
 
-    def __init__(self, after: int = 0, do: object = None) -> None:
+    def __init__(self, after: int, do: Callable[[], None]) -> None:
         self.work: list[LevelWork] = []
         self.levels, self.points, self.blocks, self.after, self.do = 0, 0, 0, after, do
 
@@ -110,18 +110,16 @@ class Watch:
     def block(self, record: BlockRecord) -> None:
         self.points += len(record)
         self.blocks += 1
-        if self.blocks == self.after and callable(self.do):
+        if self.blocks == self.after:
             self.do()
 
 
-def workers() -> list[int]:
-    """Worker processes of this one."""
-    found = {pid: Path(f"/proc/{pid}/cmdline").read_bytes() for pid in children(os.getpid())}
-    return [pid for pid, words in found.items() if b"executors.worker" in words]
-
-
 def test_workers_write_the_file_of_one_process_though_one_is_killed(alone: Path, tmp_path: Path) -> None:
-    watch = Watch(2, lambda: os.kill(workers()[0], signal.SIGKILL))
+    def kill() -> None:
+        own = (pid for pid in children(os.getpid()) if b"executors.worker" in Path(f"/proc/{pid}/cmdline").read_bytes())
+        os.kill(next(own), signal.SIGKILL)
+
+    watch = Watch(2, kill)
     summary = execute(read_study_text(BARS), tmp_path / "out.nc", watch, jobs=2)
     assert (summary.points, summary.failed) == (24, 0)
     assert (watch.levels, watch.points, sum(work.points for work in watch.work)) == (8, 24, 24)
@@ -145,25 +143,6 @@ def test_a_geometry_that_kills_its_workers_is_told_and_the_rest_goes_on(
         told = str(tree["reason"].sel(s=1.5).values[0, 0])
     assert told.startswith("WorkerDied: the worker process that solved this died: ")
     execute(study, path, jobs=2, kept=mended(path, study))
-    assert_same(alone, path)
-
-
-def test_a_stopped_sweep_keeps_what_workers_brought(alone: Path, tmp_path: Path) -> None:
-    pids: list[int] = []
-
-    def stop() -> None:
-        pids.extend(workers())
-        raise KeyboardInterrupt
-
-    path = tmp_path / "out.nc"
-    with pytest.raises(KeyboardInterrupt):
-        execute(read_study_text(BARS), path, Watch(3, stop), jobs=2)
-    assert {"0.nc", "1.nc"} <= {one.name for one in (tmp_path / "out.nc.geometries").iterdir()}
-    assert len(pids) == 2
-    assert all(gone(pid) for pid in pids)
-    again = Watch()
-    execute(read_study_text(BARS), path, again, jobs=2)
-    assert again.points <= 12
     assert_same(alone, path)
 
 
