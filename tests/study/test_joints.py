@@ -1,4 +1,4 @@
-"""Where two contact edges meet: the node's cell has its parts of both laws, so that quadrature is of second order."""
+"""Laws of their own on two edges: a node where they meet has its parts of both; closed forms, a chosen solution."""
 
 from __future__ import annotations
 
