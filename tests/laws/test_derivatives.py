@@ -1,7 +1,5 @@
 """Derivatives of laws by their parameters against differences."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

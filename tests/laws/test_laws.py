@@ -1,7 +1,5 @@
 """Laws against quadrature, brute-force limits and sampled falls."""
 
-from __future__ import annotations
-
 import itertools
 import pickle
 

@@ -1,7 +1,5 @@
 """The named shapes against their formulas, written down again here point by point; close points; what is refused."""
 
-from __future__ import annotations
-
 import math
 import pickle
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Sums of laws: values, primitives, kinks and symmetry of every pair of shapes, and what exponentials cost."""
 
-from __future__ import annotations
-
 from itertools import combinations_with_replacement
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The table of keys in words, which configs/README.md has: `python -m tests.read.keys_in_words` prints it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from tcstudy.scene.keys import OF_ALL_LAWS, Key, row, rows

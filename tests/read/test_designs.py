@@ -1,7 +1,5 @@
 """Sweeps whose points are drawn or stand in a table: values, labels, what is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

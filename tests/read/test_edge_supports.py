@@ -1,7 +1,5 @@
 """What supports must hold, and what a mesh says of rigid edges."""
 
-from __future__ import annotations
-
 import pytest
 
 from tcstudy.errors import GeometryFailed

@@ -1,7 +1,5 @@
 """history: what is read of it; the faults that need another study than those of bad_studies.txt."""
 
-from __future__ import annotations
-
 import pytest
 
 from tcstudy.errors import StudyError

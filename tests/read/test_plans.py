@@ -1,7 +1,5 @@
 """The sections `mesh` and `path`: what they are read as, and numbers of a path put into its scene."""
 
-from __future__ import annotations
-
 import pytest
 
 from tcstudy.read.study import read_study_text

@@ -1,7 +1,5 @@
 """Table of keys, JSON Schema and the guide to studies agree; what the schema refuses the reader refuses."""
 
-from __future__ import annotations
-
 import copy
 import json
 import random

@@ -1,7 +1,5 @@
 """Adaptive families and tolerances through a whole run: what is stored, when it ends, and resuming."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

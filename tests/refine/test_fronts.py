@@ -1,7 +1,5 @@
 """Fronts between stick and slip within their cells, hidden ones, and what cells beside held nodes may hide."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

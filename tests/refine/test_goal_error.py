@@ -1,7 +1,5 @@
 """The finer level that goals are compared on, parts of what it changes, and what is estimated when it fails."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Result files that the tests of reports share, each of one small run, and the browser in which pages are opened."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Iterator
 from functools import cache

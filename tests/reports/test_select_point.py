@@ -1,7 +1,5 @@
 """The point of a file by its labels, and what is said if there is none."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import xarray

@@ -1,7 +1,5 @@
 """Every sentence where it is true and where it nearly is."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Numbers as a table shows them; failures in few lines: what belongs together, ranges, an example, a remedy."""
 
-from __future__ import annotations
-
 import pytest
 
 from tcstudy.data.schema import PointStatus

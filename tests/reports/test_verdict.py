@@ -1,7 +1,5 @@
 """The sentence on a run, and where the slip jumps."""
 
-from __future__ import annotations
-
 from itertools import count
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What a node of the contact line does: sticks, slips, softens, drops or has weakened."""
 
-from __future__ import annotations
-
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.scene.histories import ContactState, node_states
 

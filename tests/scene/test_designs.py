@@ -1,7 +1,5 @@
 """Points of the unit cube cover it as their design says and grow; distributions have their quantiles."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import special

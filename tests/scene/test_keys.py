@@ -1,7 +1,5 @@
 """The table of keys agrees with the records, roles and sweeps that follow from it."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 
 from tcstudy.read.loads import OF_PATH

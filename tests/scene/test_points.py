@@ -1,7 +1,5 @@
 """Scenes of a sweep: few records, the same scenes as a list would hold."""
 
-from __future__ import annotations
-
 import pickle
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The rule that says which inclusion residual makes a solution."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -15,8 +15,6 @@ Heated:      that sector, its loads derived: contact on r = 1 (insulated), conve
 Locking:     unit square, u = curl of sin(πx)(y + k y²/2μ), div u = 0 for all λ, ξ = k u_T
 """
 
-from __future__ import annotations
-
 import math
 
 from tcstudy.read.study import read_study_text

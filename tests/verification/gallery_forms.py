@@ -8,8 +8,6 @@ Ring:  a < r < R, no volume change: u_φ = A r + B/r (Timoshenko & Goodier, Theo
        feels  ξ = K (U a/R − s),  K = 2μ/(a (1 − a²/R²)), where U is the displacement of the outer edge
 """
 
-from __future__ import annotations
-
 import cmath
 from collections.abc import Sequence
 

@@ -11,8 +11,6 @@ Known:      in closed form, or the value itself on a mesh with some 16 times the
             with it; for the bracket on meshes bisected at that corner until its share has gone
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -146,11 +144,7 @@ def front_slip(change: float, x: float) -> float:
 def ring_scene() -> tuple[Study, float, float]:
     """The ring, its ∫ξ and its u_T (held nodes give their cells away, and chords are shorter than arcs)."""
     length = math.radians(70)
-    return (
-        closed_forms.ring(1),
-        2 * closed_forms.MU * closed_forms.B * length,
-        closed_forms.A + closed_forms.B,
-    )
+    return (closed_forms.ring(1), 2 * closed_forms.MU * closed_forms.B * length, closed_forms.A + closed_forms.B)
 
 
 def spring_scene() -> tuple[Study, float]:

@@ -8,8 +8,6 @@ contact:  u_T(x) = s₀ + e(θ₀ x + a x²/2),  ξ = −S_T = μ g(x) = b(u_T),
 loads:    f = −div σ and the tractions follow from σ = λ y g′ I + 2μ ε(y g, 0)
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

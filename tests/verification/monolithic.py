@@ -5,8 +5,6 @@ Newton's method on the pieces that a solution names. Scenes are mappings of SI n
 `test_rich_scenes` draws them: a polygon with straight edges, a circular hole, a region, laws that are odd.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

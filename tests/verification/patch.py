@@ -6,8 +6,6 @@ Solution: u_x = s + (U − s) y/H, u_y = 0 with G (U − s)/H ∈ b̂(s): one, t
 Energy:   L [G (U − s)²/(2H) + j(s)]
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

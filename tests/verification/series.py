@@ -1,7 +1,5 @@
 """Errors and numbers of a measured point by name, each with its parts as attributes: `errors(point)["u_H1"].rate`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """`tcstudy converge` on exact solutions: rates and absolute bounds of every norm, locking, derived loads."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The bound of the error: an exact solution, and random scenes against meshes refined thrice."""
 
-from __future__ import annotations
-
 import json
 from itertools import pairwise
 from pathlib import Path

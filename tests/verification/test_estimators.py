@@ -5,8 +5,6 @@ friction the energy of a discrete solution is Σ c_i j(v_i) and not ∫j, and L(
 j(u_T) − ξ(u_h,T − u_T)), so that √(2(L_h − L_ref)) measures the square of the error together with terms of its size.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -164,8 +162,7 @@ mesh: {maxh: 0.5, levels: LEVELS, estimate: true}
 
 
 @pytest.mark.parametrize(
-    "right",
-    ["{role: traction, g: [0.1, 0], spring: {normal: 3}}", "{role: rigid, u_y: 0, force: [0.1, 0]}"],
+    "right", ["{role: traction, g: [0.1, 0], spring: {normal: 3}}", "{role: rigid, u_y: 0, force: [0.1, 0]}"]
 )
 def test_no_error_is_estimated_of_a_bar_that_is_exact_on_its_spring(right: str) -> None:
     """σ = g − k u at the end, constant: P1 is exact, and so is the estimate; springs left out would leave k u."""
@@ -201,8 +198,7 @@ def on(right: str, friction: str) -> str:
         LAYERS,
         on('{role: traction, g: ["0.3*y", 0.1], spring: {normal: 0.5, tangential: 2}}', "{law: linear, k: 0.5}"),
         on(
-            "{role: traction, g: [0.05, 0]}",
-            "{bottom: {law: linear, k: 1, strength: 1 + x}, top: {law: linear, k: 3}}",
+            "{role: traction, g: [0.05, 0]}", "{bottom: {law: linear, k: 1, strength: 1 + x}, top: {law: linear, k: 3}}"
         ),
         on("{role: rigid, u_y: 0, force: [0.1, 0]}", "{law: linear, k: 0.5}"),
     ],

@@ -1,7 +1,5 @@
 """The gallery's studies against the numbers that stand in them: closed forms, balances (sources in the studies)."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

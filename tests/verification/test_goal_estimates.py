@@ -6,8 +6,6 @@ Left out of the bounds, by construction: levels 0 and 1, on which no tolerance o
 bound where the true error is small by accident (`at_crossing`; the estimate cannot know that, and must not follow it).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """λ₁ of the body from both sides, against NGSolve at order 4 on meshes refined thrice, finer P1 meshes; its digits."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import ngsolve as ngs

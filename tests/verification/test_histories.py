@@ -1,7 +1,5 @@
 """Load histories against closed forms: those in the heads of the gallery's studies, and bars on films that remember."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Multivalued patch test: every solution in closed form is reproduced to rounding on unstructured, turned meshes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

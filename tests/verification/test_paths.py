@@ -4,8 +4,6 @@ Law b = 1 − 2s up to s = 0.4, then 0.2, with G = H = 1: sticking up to U = 1, 
 (0.6, 0.4), slipping from there on with s = U − 0.2.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

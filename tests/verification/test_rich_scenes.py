@@ -6,8 +6,6 @@ region; laws by edge with strengths; numbers by name. A sweep changes several of
 and basis loads are shared or made anew.
 """
 
-from __future__ import annotations
-
 import json
 from copy import deepcopy
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Thin strips in closed form: forces of sections, layers of two materials; forces and energy of any body."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

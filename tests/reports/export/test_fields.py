@@ -1,7 +1,5 @@
 """Exported fields as other programs open them: PyVista and xugrid; stresses against closed forms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

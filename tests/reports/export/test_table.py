@@ -1,7 +1,5 @@
 """Tables of sweeps, histories and fits as CSV and JSON, and a file as one object: to the bit, failed points too."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Pictures of laws, sweeps, paths, histories and fits: the numbers drawn, what is said and refused, any size."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The picture of a point shows what is stored: body, edges, contact line, whatever its shape."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The picture of a scene before any work: everything has its label, no label lies on another, faults are marked."""
 
-from __future__ import annotations
-
 import re
 from itertools import combinations
 from pathlib import Path

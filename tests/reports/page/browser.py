@@ -1,8 +1,6 @@
 """A headless Chromium for tests, driven through chromedriver's HTTP interface (WebDriver), with nothing to install; and
 a page's data as it unpacks them."""
 
-from __future__ import annotations
-
 import base64
 import gzip
 import json

@@ -1,8 +1,6 @@
 """Pages in a real browser: they draw without complaint, obey mouse and keys, keep their state in the address; and where
 ω < λ₁ the live mode gives the answers of tcstudy."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path

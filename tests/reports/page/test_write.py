@@ -1,7 +1,5 @@
 """What stands in a page, how large it is, and what is refused; numbers come out of it as they went in."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

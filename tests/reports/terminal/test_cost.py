@@ -1,7 +1,5 @@
 """What is read from a file of accuracy against cost: the front, the fastest curve, advice, tables and the chart."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Indices of runs: exact ones of a linear scene, sides of a jump told apart, files without a design refused."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What a person counts as a fold of a path."""
 
-from __future__ import annotations
-
 import numpy as np
 import xarray as xr
 

@@ -1,7 +1,5 @@
 """What a run shows: plain lines in a pipe, one line with the time left on a terminal, finer levels for more."""
 
-from __future__ import annotations
-
 import io
 
 import pytest

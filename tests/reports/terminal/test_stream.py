@@ -1,7 +1,5 @@
 """Streams that stop no work: whatever becomes of standard output, the work goes on and the exit code is true."""
 
-from __future__ import annotations
-
 import errno
 import io
 

@@ -1,7 +1,5 @@
 """The summary's lines on failures and on heat, from a written file."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
