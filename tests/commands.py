@@ -1,16 +1,14 @@
 """Commands of tcstudy for tests: in this process, or as a process of its own, which takes two seconds to start."""
 
-from __future__ import annotations
-
-import contextlib
 import io
 import os
 import subprocess
 import sys
 import traceback
-import warnings
+from contextlib import chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import NamedTuple
+from warnings import catch_warnings
 
 from tcstudy.cli import main
 
@@ -20,30 +18,26 @@ CRASHED = 99
 
 
 class Said(NamedTuple):
-    """How a command ended."""
-
     returncode: int
     stdout: str
     stderr: str
 
 
-def tcstudy_command(*words: str | Path, cwd: Path | None = None) -> Said:
-    """What `tcstudy WORDS` says and returns, run here in a folder, with warnings as errors."""
+def tcstudy_command(*words: str | Path, cwd: Path | None = None, code: int | None = None) -> Said:
+    """What `tcstudy WORDS` says and returns, run here in a folder, with warnings as errors. It must return `code`, if
+    given; 2 comes with one line on standard error."""
     out, err = io.StringIO(), io.StringIO()
-    with contextlib.ExitStack() as stack:
-        stack.enter_context(contextlib.chdir(cwd or Path.cwd()))
-        stack.enter_context(contextlib.redirect_stdout(out))
-        stack.enter_context(contextlib.redirect_stderr(err))
-        stack.enter_context(warnings.catch_warnings())
-        warnings.simplefilter("error")
+    with chdir(cwd or Path.cwd()), redirect_stdout(out), redirect_stderr(err), catch_warnings(action="error"):
         try:
-            code = main([*map(str, words)])
+            found = main([*map(str, words)])
         except SystemExit as stop:
-            code = int(stop.code or 0)
+            found = int(stop.code or 0)
         except BaseException:
-            code = CRASHED
+            found = CRASHED
             err.write(traceback.format_exc())
-    return Said(code, out.getvalue(), err.getvalue())
+    assert code in (None, found), err.getvalue()
+    assert code != 2 or err.getvalue().count("\n") == 1, err.getvalue()
+    return Said(found, out.getvalue(), err.getvalue())
 
 
 def tcstudy_process(*words: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:

@@ -1,7 +1,5 @@
 """The command line with streams that are closed, full, without a reader or without Greek, and with little memory."""
 
-from __future__ import annotations
-
 import io
 import os
 import subprocess
@@ -14,18 +12,12 @@ import pytest
 from tcstudy import cli
 from tcstudy.commands import run as command
 from tests.commands import tcstudy_command
+from tests.test_cli import STUDY as BLOCK
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="shell redirections of POSIX")
 
-STUDY = """title: "\\e[31mred\\e]0;own\\a"
-units: none
-body: {rectangle: {width: 2, height: 1}}
-boundary: {bottom: contact, left: clamped, top: {role: traction, g: [0.02, 0]}, right: free}
-material: {E: 1, nu: 0.3}
-friction: {law: tresca, tau: 0.01}
-mesh: {maxh: 0.5, levels: 1}
-sweep: {tau: {linspace: [0.005, 0.01, 40]}}
-"""
+COARSE = BLOCK.replace("maxh: 0.3, levels: 2", "maxh: 0.5, levels: 1")
+STUDY = r'title: "\e[31mred\e]0;own\a"' + "\n" + COARSE.replace("[0.005, 0.01]", "{linspace: [0.005, 0.01, 40]}")
 
 
 def shell(command: str, folder: Path) -> subprocess.CompletedProcess[bytes]:
@@ -42,10 +34,9 @@ def test_a_run_finishes_whoever_reads(tmp_path: Path, redirection: str) -> None:
     assert result.returncode == 0, result.stderr
     assert (tmp_path / "a.nc").exists()
     assert b"Traceback" not in result.stderr
-    shown = tcstudy_command("show", tmp_path / "a.nc")
-    assert shown.returncode == 0
-    assert "\x1b" not in shown.stdout
-    assert "\\x1b[31mred" in shown.stdout
+    shown = tcstudy_command("show", tmp_path / "a.nc", code=0).stdout
+    assert "\x1b" not in shown
+    assert "\\x1b[31mred" in shown
 
 
 def test_a_summary_in_another_encoding(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

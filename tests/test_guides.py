@@ -1,7 +1,5 @@
 """The guides say what is: files that exist, sections that stand, arrows that are tested, studies that can be run."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -13,6 +11,7 @@ from tests.test_house import ARROWS, PACKAGE
 
 ROOT = PACKAGE.parent
 GUIDE = (PACKAGE / "README.md").read_text(encoding="utf-8")
+INDEX = (CONFIGS / "README.md").read_text(encoding="utf-8")
 
 
 def test_every_cited_section_of_the_method_exists() -> None:
@@ -39,10 +38,8 @@ def test_the_guide_tells_the_tested_arrows() -> None:
 
 
 def test_every_study_is_in_the_index() -> None:
-    index = (ROOT / "configs" / "README.md").read_text(encoding="utf-8")
-    assert set(re.findall(r"^\*\*(\w+\.yaml)\*\*", index, re.MULTILINE)) == {
-        path.name for path in (ROOT / "configs").glob("*.yaml")
-    }
+    told = re.findall(r"^\*\*(\w+\.yaml)\*\*", INDEX, re.MULTILINE)
+    assert {*told} == {path.name for path in CONFIGS.glob("*.yaml")}
 
 
 GUIDES = ("README.md", "configs/README.md", "results/README.md", "tcstudy/README.md")
@@ -50,9 +47,8 @@ GUIDES = ("README.md", "configs/README.md", "results/README.md", "tcstudy/README
 
 def anchors(text: str) -> set[str]:
     """Names under which a page's headings are linked to: small letters, no punctuation, hyphens."""
-    return {
-        re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in re.findall(r"^#+ (.*)$", text, re.MULTILINE)
-    }
+    heads = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in heads}
 
 
 def test_links_of_the_guides_lead_somewhere() -> None:
@@ -68,7 +64,7 @@ def test_links_of_the_guides_lead_somewhere() -> None:
 
 
 def test_the_gallery_has_short_studies_and_small_pictures() -> None:
-    index = (ROOT / "configs" / "README.md").read_text(encoding="utf-8").split("# More studies")[0]
+    index = INDEX.split("# More studies")[0]
     names = re.findall(r"^\*\*(\w+)\.yaml\*\*", index, re.MULTILINE)
     assert len(names) == 8
     for name in names:
@@ -79,15 +75,13 @@ def test_the_gallery_has_short_studies_and_small_pictures() -> None:
 
 
 def test_the_first_page_is_short_and_runs_in_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its example, as it stands."""
     (tmp_path / "results").mkdir()
     (tmp_path / "configs").symlink_to(ROOT / "configs")
     monkeypatch.chdir(tmp_path)
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     assert len(text.splitlines()) < 200
-    found = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     names: dict[str, object] = {}
-    exec("".join(found), names)
+    exec("".join(re.findall(r"```python\n(.*?)```", text, re.DOTALL)), names)
     assert names["result"]["status"].size == 72  # type: ignore[index]
 
 
@@ -96,8 +90,7 @@ def test_every_study_is_planned(config: Path, tmp_path: Path) -> None:
     study = read_study(config)
     fine = config.stem == "quickstart" or study.mesh.listed or study.mesh.levels == 1  # of one, sizes are predicted
     coarse = () if fine else ("--set", "mesh.levels=1")
-    said = tcstudy_command("run", config, "--dry-run", *coarse, cwd=tmp_path)
-    assert said.returncode == 0, said.stderr
+    said = tcstudy_command("run", config, "--dry-run", *coarse, cwd=tmp_path, code=0)
     does = {"path": "  path along ", "fit": "  fit of "}.get(study.kind, f"{len(study.scenes)} point")
     assert does in said.stdout
     assert " GB\n" in said.stdout

@@ -1,7 +1,5 @@
 """The order of the house: which room may use which, as data; who may speak to NGSolve, to the terminal, to files."""
 
-from __future__ import annotations
-
 import ast
 import sys
 from collections import Counter

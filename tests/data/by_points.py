@@ -1,7 +1,5 @@
 """Points one by one, for tests that look at single ones: each is the row of a block."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

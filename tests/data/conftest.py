@@ -1,7 +1,5 @@
 """A small study and records with known, pairwise different numbers."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -44,11 +42,7 @@ def make_level(level: int, fields: bool = False) -> LevelRecord:
 
 
 def make_block(
-    level: int,
-    *places: int,
-    shape: tuple[int, ...] = (2, 3, 2),
-    fields: bool = False,
-    **other: Any,
+    level: int, *places: int, shape: tuple[int, ...] = (2, 3, 2), fields: bool = False, **other: Any
 ) -> BlockRecord:
     """The points at these places, or all; every number is different, and not exact in single precision."""
     points = np.array(places or range(math.prod(shape)), dtype=np.intp)

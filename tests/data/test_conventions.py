@@ -1,7 +1,5 @@
 """Files of all kinds keep the conventions that other programs read them by (CF-1.11): by the compliance checker."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A result file is complete or not there: full disks, interrupts, readers, permissions."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The held ends of the contact line in a file: what clamped edges prescribe there, against the solved body."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The journal: what was committed survives whatever happens; what is damaged or another's is set aside."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import random

@@ -1,7 +1,5 @@
 """Where a result comes from, without a trace of the machine."""
 
-from __future__ import annotations
-
 import getpass
 import platform
 import socket

@@ -1,7 +1,5 @@
 """What an existing file is: ours and whole, ours and damaged, changed, or a stranger's."""
 
-from __future__ import annotations
-
 import os
 import socket
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The result file: what is written comes back, in the order of its sweep, whatever the passes of the writer."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,8 +1,6 @@
 """Calls that treat their worker badly. As a script, `python cruel.py WHAT TAU FILE` and what a worker is given: one to
 which WHAT happens whenever a block holds a law of scale TAU. FILE gets the process id each time."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -1,7 +1,5 @@
 """A dask scheduler and two workers as processes of this machine: the same numbers to the bit, and nothing lost."""
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import os

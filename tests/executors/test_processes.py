@@ -1,7 +1,5 @@
 """Worker processes: the same numbers to the bit, and nothing lost but the point that does it."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Contact nodes in order, corners, closed and several contact parts, held ends; data that count as nothing."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Meshes: names, lengths, congruent refinement, nodes on arcs, bodies from files, and gradients recovered on them."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

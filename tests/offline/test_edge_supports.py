@@ -1,8 +1,6 @@
 """Edges that turn as a whole, and a rail on its spring in closed form; tests/verification/test_rich_scenes.py has the
 other supports and resultants against a plain solve."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Temperatures against closed forms, by edge and as one section, for many α at once, and on thin triangles."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

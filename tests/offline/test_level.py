@@ -1,7 +1,5 @@
 """Scenes condensed at once have the numbers of each alone, also for a page that solves them; lengths of regions."""
 
-from __future__ import annotations
-
 from itertools import groupby
 from pathlib import Path
 
