@@ -26,7 +26,6 @@ TAU, CHANGE, C = 0.5, 1 / 3, 0.2
 
 
 def stick_slip(levels: int, degrees: float = 0.0, maxh: float = 0.25) -> Study:
-    """Stick–slip in closed form, the whole body turned by an angle."""
     c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     X, Y = f"({c!r}*x + {s!r}*y - {CHANGE})", f"({c!r}*y - {s!r}*x)"
     phi, r = f"atan2(abs({Y}), {X})", f"({X}^2 + {Y}^2)^0.75"  # abs: Y may round to −0, where φ would jump
@@ -44,13 +43,11 @@ def stick_slip(levels: int, degrees: float = 0.0, maxh: float = 0.25) -> Study:
         f"{{from: [{c * a - s * b!r}, {s * a + c * b!r}], edge: {name}}}"
         for (a, b), name in zip(corners, names, strict=True)
     )
-    held = "\n".join(f"  {name}: {{role: clamped, u: {exact}}}" for name in names[1:])
+    held = ", ".join(f"{name}: {{role: clamped, u: {exact}}}" for name in names[1:])
     return read_study_text(f"""
 units: none
 body: {{outline: [{outline}]}}
-boundary:
-  base: contact
-{held}
+boundary: {{base: contact, {held}}}
 material: {{lambda: {LAM}, mu: {MU}}}
 friction: {{law: tresca, tau: {TAU}}}
 mesh: {{maxh: {maxh}, levels: {levels}}}
@@ -81,14 +78,9 @@ A, B = 0.1, 0.3
 
 
 def ring(levels: int, exact: bool = True) -> Study:
-    """The turning ring sector."""
     u = f'["-({A} + {B}/(x^2 + y^2))*y", "({A} + {B}/(x^2 + y^2))*x"]'
     return read_study_text(f"""{sector()}
-boundary:
-  arc: contact
-  start: {{role: clamped, u: {u}}}
-  end: {{role: clamped, u: {u}}}
-  inner: {{role: clamped, u: {u}}}
+boundary: {{arc: contact, {", ".join(f"{name}: {{role: clamped, u: {u}}}" for name in ("start", "end", "inner"))}}}
 material: {{lambda: {LAM}, mu: {MU}}}
 friction: {{law: tresca, tau: {2 * MU * B}}}
 mesh: {{maxh: 0.25, levels: {levels}}}
@@ -101,7 +93,6 @@ FALL = (TAU_S - TAU_K) / DELTA
 
 
 def heated_ring(levels: int) -> Study:
-    """The ring on a weakening film, its loads derived."""
     r = "sqrt(x^2 + y^2)"
     along = f"((0.3 + 0.1*x*y/(x^2 + y^2))*(1 + {1 + FALL}*({r} - 1)) - {TAU_S}*({r} - 1))"
     out = f"(0.2*({r} - 1)*x)"
@@ -130,11 +121,7 @@ def incompressible(levels: int, poissons: tuple[float, ...], maxh: float = 0.25)
     return read_study_text(f"""
 units: none
 body: {{rectangle: {{width: 1, height: 1}}}}
-boundary:
-  bottom: contact
-  left: {{role: clamped, u: {u}}}
-  right: {{role: clamped, u: {u}}}
-  top: {{role: clamped, u: {u}}}
+boundary: {{bottom: contact, {", ".join(f"{name}: {{role: clamped, u: {u}}}" for name in ("left", "right", "top"))}}}
 material: {{lambda: 1, mu: 1}}
 loads: {{f: {f}}}
 friction: {{law: linear, k: {SPRING}}}

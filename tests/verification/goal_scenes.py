@@ -143,32 +143,28 @@ def front_slip(change: float, x: float) -> float:
 
 def ring_scene() -> tuple[Study, float, float]:
     """The ring, its ∫ξ and its u_T (held nodes give their cells away, and chords are shorter than arcs)."""
-    length = math.radians(70)
-    return (closed_forms.ring(1), 2 * closed_forms.MU * closed_forms.B * length, closed_forms.A + closed_forms.B)
+    A, B = closed_forms.A, closed_forms.B
+    return closed_forms.ring(1), 2 * closed_forms.MU * B * math.radians(70), A + B
 
 
 def spring_scene() -> tuple[Study, float]:
-    """The divergence-free solution at ν = 0.3 on its spring, and ∫ξ."""
     return closed_forms.incompressible(1, (0.3,)), 2 * closed_forms.SPRING / math.pi
 
 
 def scene_of(text: str) -> Study:
-    """A study from one of the texts above."""
     return read_study_text(text, "scene")
 
 
-def solved_meshes(study: Study, goal: Goal, most: int, marking: float = 0.6) -> Iterator[tuple[Family, Level, float]]:
+def solved_meshes(study: Study, goal: Goal, most: int, marking: float = 0.6) -> Iterator[tuple[Level, float]]:
     """Adaptive meshes for a goal up to `most` unknowns, with J(u_h)."""
     plan = MeshPlan(study.mesh.maxh, 60, "adaptive", goal=goal, marking=marking)
     scene, family = study.scenes[0], Family(replace(study, mesh=plan))
     for i in range(plan.levels):
         level = Level(family.next(i), scene)
-        condensed = level.condensed(scene)
-        v = solve_contact(condensed.problem).v
-        estimator = family.estimator(level)
-        assert estimator is not None
-        estimator.look((), scene, v)
-        yield family, level, goal_value(goal, condensed.problem, level.line, v)
+        problem = level.condensed(scene).problem
+        v = solve_contact(problem).v
+        family.estimator(level).look((), scene, v)  # type: ignore[union-attr]
+        yield level, goal_value(goal, problem, level.line, v)
         if level.frames.n_dof > most:
             return
 
@@ -177,22 +173,21 @@ def solved_meshes(study: Study, goal: Goal, most: int, marking: float = 0.6) -> 
 def fine_value(text: str, goal: Goal, most: int = 1500) -> float:
     """J(u_h) itself, nothing extrapolated, where every triangle of a mesh of `most` unknowns is cut into sixteen."""
     study = scene_of(text)
-    mesh = [level for _, level, _ in solved_meshes(study, goal, most)][-1].mesh
+    mesh = [level for level, _ in solved_meshes(study, goal, most)][-1].mesh
     for _ in range(2):
         mesh = refine_uniformly(mesh)
     return _value(study, goal, mesh)
 
 
 def _value(study: Study, goal: Goal, mesh: PlaneMesh) -> float:
-    scene = study.scenes[0]
-    level = Level(mesh, scene)
-    condensed = level.condensed(scene)
-    return goal_value(goal, condensed.problem, level.line, solve_contact(condensed.problem).v)
+    level = Level(mesh, study.scenes[0])
+    problem = level.condensed(study.scenes[0]).problem
+    return goal_value(goal, problem, level.line, solve_contact(problem).v)
 
 
 def value_at_corner(study: Study, goal: Goal, at: Point, most: int = 6000, steps: int = 36) -> float:
     """J with the mesh bisected at one corner `steps` times, extrapolated by Aitken's rule over thirds of them."""
-    mesh = [level for _, level, _ in solved_meshes(study, goal, most)][-1].mesh
+    mesh = [level for level, _ in solved_meshes(study, goal, most)][-1].mesh
     values = []
     for k in range(1, steps + 1):
         node = int(np.argmin(np.linalg.norm(mesh.points - np.array(at), axis=1)))
@@ -204,7 +199,6 @@ def value_at_corner(study: Study, goal: Goal, at: Point, most: int = 6000, steps
 
 
 def table(study: Study, goal: Goal, known: float, family: FamilyName, levels: int, most: int = 8000) -> list[Row]:
-    """Errors and estimates level by level, through a whole run."""
     plan = MeshPlan(study.mesh.maxh, levels, family, goal=replace(goal, known=known), estimate=True, max_dofs=4 * most)
     records = list(run(replace(study, mesh=plan)))
     sizes = [r.n_dof for r in records if isinstance(r, LevelRecord) and not r.stop]
@@ -233,5 +227,4 @@ def to_tolerance(study: Study, goal: Goal, tolerance: float) -> tuple[float, str
     records = list(run(replace(study, mesh=plan)))
     point = [p for r in records if isinstance(r, BlockRecord) for p in one_by_one(r)][-1]
     last = records[-1]
-    assert isinstance(last, LevelRecord)
     return float(point.numbers["goal"]), last.stop, last.n_dof  # type: ignore[arg-type]

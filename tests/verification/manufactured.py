@@ -24,7 +24,6 @@ FALL = (TAU_S - TAU_K) / DELTA
 
 
 def slip(x: Array) -> Array:
-    """u_T(x)."""
     return SHIFT + EXPANSION * (THETA_0 * x + A * x**2 / 2)
 
 
@@ -56,14 +55,13 @@ def grad_u_y(x: Array, y: Array) -> Array:
 
 
 def manufactured_study(levels: int, maxh: float = 0.25, **more: str) -> Study:
-    """The problem as a study text, loads written out as expressions."""
     e, a, t0 = EXPANSION, A, THETA_0
     s = f"({SHIFT} + {e}*({t0}*x + {a}*x^2/2))"
     g = f"(({TAU_S} - {FALL}*{s})/{MU})"
     dg = f"(-{FALL / MU * e}*({t0} + {a}*x))"
     ddg = -FALL / MU * e * a
     sxx, sxy = f"({LAM + 2 * MU}*y*{dg})", f"({MU}*{g})"
-    text = f"""
+    return read_study_text(f"""
 units: none
 body: {{rectangle: {{width: 1, height: 1}}}}
 boundary:
@@ -76,5 +74,4 @@ loads: {{f: ["-{LAM + 2 * MU}*y*({ddg})", "-({LAM + MU})*{dg}"]}}
 heat: {{alpha: {ALPHA}, theta_bar: "{t0} + {a}*x + {K * a / ALPHA}*(2*x - 1)"}}
 friction: {{law: slip-weakening, tau_s: {TAU_S}, tau_k: {TAU_K}, delta: {DELTA}}}
 mesh: {{maxh: {maxh}, levels: {levels}}}
-"""
-    return read_study_text(text)
+""")

@@ -50,7 +50,7 @@ def patch_study(case: Case, maxh: float, degrees: float = 0.0) -> Study:
         f"{{from: [{c * x - s * y!r}, {s * x + c * y!r}], edge: {edge}}}".replace("np.float64", "")
         for (x, y), edge in zip(corners, edges, strict=True)
     )
-    text = f"""
+    return read_study_text(f"""
 units: none
 body: {{outline: [{outline}]}}
 boundary:
@@ -61,11 +61,8 @@ boundary:
 material: {{lambda: 1.7, mu: {SHEAR}}}
 friction: {case.law}
 mesh: {{maxh: {maxh}}}
-"""
-    return read_study_text(text)
+""")
 
 
 def exact_energy(case: Case, study: Study, slip: float) -> float:
-    """Total potential energy of the solution with this slip."""
-    friction = float(study.scenes[0].friction.j(np.array(slip)))
-    return LENGTH * (SHEAR * (case.U - slip) ** 2 / (2 * HEIGHT) + friction)
+    return LENGTH * (SHEAR * (case.U - slip) ** 2 / (2 * HEIGHT) + float(study.scenes[0].friction.j(np.array(slip))))

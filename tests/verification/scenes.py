@@ -58,13 +58,11 @@ def mesh_family(geometry: Geometry, plan: MeshPlan) -> Iterator[PlaneMesh]:
 
 
 def levels_of(study: Study) -> list[Level]:
-    """All levels of a study, each built for its first scene."""
     scene = study.scenes[0]
     return [Level(mesh, scene) for mesh in mesh_family(build(scene.body), study.mesh)]
 
 
 def study_of(text: str, *overrides: str) -> Study:
-    """A study from text."""
     return read_study_text(text, "test", overrides)
 
 

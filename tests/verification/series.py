@@ -19,5 +19,4 @@ def series(point: Mapping[str, Any], name: str) -> Any:
 
 
 def errors(point: Mapping[str, Any]) -> dict[str, Any]:
-    """All errors of a point."""
     return {m.name: series(point, m.name) for m in ERRORS if f"error_{m.name}" in point}

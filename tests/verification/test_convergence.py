@@ -12,6 +12,7 @@ from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
 from tcstudy.study.convergence import converge
 from tcstudy.study.lint import MEASURED, warnings
+from tcstudy.study.reference import ExactReference, solve_levels
 from tests.verification import closed_forms
 from tests.verification import manufactured as smooth
 from tests.verification.patch import Case, patch_study
@@ -45,8 +46,7 @@ def test_smooth_slip(slipping: Measured) -> None:
         *(("u_energy", 1, 1.2e-3), ("u_H1", 1, 1e-3), ("u_L2", 2, 1e-5), ("u_T_L2", 2, 7e-5), ("u_T_max", 2, 5e-5)),
         *(("xi_L2", 1, 3e-4), ("xi_nodes", 2, 8e-6), ("xi_max", 2, 8e-6)),
     ):
-        assert found[norm].verdict == "as_expected"
-        assert found[norm].expected == order
+        assert (found[norm].verdict, found[norm].expected) == ("as_expected", order)
         assert found[norm].rate[-1] == pytest.approx(order, abs=0.05)
         assert found[norm].error[-1] < bound
     for norm in ("theta_L2", "theta_H1"):  # the temperature is linear
@@ -69,16 +69,12 @@ def test_stick_slip(mixed: Measured) -> None:
 
 def test_a_held_end_takes_a_third_of_the_traction(mixed: Measured) -> None:
     """S₁ = [x⁰, x^{3/2}] carries the load of one hat function: ξ₁ = 2/3 of the exact one where the node sticks."""
-    from tcstudy.study.reference import ExactReference, solve_levels
-
     study = closed_forms.stick_slip(6)
-    assert study.exact is not None
     levels = solve_levels(study, lambda text: None)
     xi = levels[-1].solutions[()].xi
     exact = levels[-1].line.at_nodes(ExactReference(study.exact).xi(study.scenes[0]))
     assert levels[-1].line.next_to_held.tolist() == [True] + [False] * (len(xi) - 2) + [True]
-    assert xi[0] / exact[0] == pytest.approx(2 / 3, abs=0.02)
-    assert xi[1] / exact[1] == pytest.approx(1, abs=0.05)
+    assert (xi[0] / exact[0], xi[1] / exact[1]) == (pytest.approx(2 / 3, abs=0.02), pytest.approx(1, abs=0.05))
 
 
 def test_what_p1_contains_is_exact() -> None:
@@ -138,7 +134,6 @@ def test_locking_is_measured_and_warned_about() -> None:
 
 
 def with_derived_loads(study: Study) -> Study:
-    """The same study, its loads and prescribed displacements left out."""
     text = re.sub(r'\{role: clamped, u: \[".*?"\]\}', "clamped", study.text)
     text = re.sub(r"\{role: convection, g: .*\}", "convection", text)
     text = re.sub(r"loads: \{f:.*\n", "", text)
@@ -187,6 +182,5 @@ def test_heated_ring() -> None:
         *(("u_L2", 2, 2.7e-4), ("u_T_L2", 1.5, 1.3e-3), ("u_T_max", 1, 6e-3), ("xi_nodes", 1.5, 4e-4)),
     ):
         own = errors(found.points[0])[norm]
-        assert own.expected == order
-        assert own.rate[-1] == pytest.approx(order, abs=0.1)
+        assert (own.expected, own.rate[-1]) == (order, pytest.approx(order, abs=0.1))
         assert own.error[-1] < bound

@@ -39,9 +39,7 @@ def loaded_scene_of(seed: int) -> tuple[str, float]:
         if role["role"] == "clamped" and "u_x" not in role and moved:
             role = {"role": "clamped", "u": given}
         elif role["role"] == "rigid":
-            role |= {
-                "force": [0.0 if "u_x" in role else draw(stress * size), 0.0 if "u_y" in role else draw(stress * size)]
-            }
+            role |= {"force": [0.0 if key in role else draw(stress * size) for key in ("u_x", "u_y")]}
             role |= {"moment": draw(stress * size**2)} if "moment" in role else {}
         elif role["role"] in ("free", "traction"):
             role = {**role, "role": "traction", "g": [linear(stress), linear(stress)]}

@@ -47,9 +47,7 @@ def solved_levels(study: Study, plan: MeshPlan, most: float = np.inf) -> Iterato
     for i in range(plan.levels):
         level = Level(family.next(i), scene)
         estimator = family.estimator(level)
-        assert estimator is not None
-        condensed = level.condensed(scene)
-        answer = solve_contact(condensed.problem)
+        answer = solve_contact(level.condensed(scene).problem)
         assert answer.status == Status.CONVERGED, answer.reason
         estimator.look((), scene, answer.v)
         own = own_strain(level.mesh, level.displacement(scene, answer.v))
@@ -67,11 +65,8 @@ def distance(solved: Solved, reference: Solved, study: Study) -> float:
     """‖u_ref − u_h‖_a/‖u_ref‖_a by one point for each triangle of the reference mesh."""
     lam, mu = study.scenes[0].material.lam, study.scenes[0].material.mu
     own, fine = solved.triangles, reference.triangles
-    centres = fine.corners.mean(axis=1)
-    x, y = own.points.T
-    found = Triangulation(x, y, own.triangles).get_trifinder()(*centres.T)
+    found = Triangulation(*own.points.T, own.triangles).get_trifinder()(*fine.corners.mean(axis=1).T)
     assert np.all(found >= 0)
-
     apart, whole = (energy(e, lam, mu) for e in (reference.strain - solved.strain[found], reference.strain))
     return float(np.sqrt((fine.area @ apart) / (fine.area @ whole)))
 
@@ -95,8 +90,7 @@ def energy_error(solved: Solved) -> float:
 @pytest.mark.parametrize("family", ["adaptive", "graded"])
 def test_effectivity_on_the_manufactured_solution(family: str) -> None:
     study = exact.manufactured_study(1, 0.25)
-    levels = {"adaptive": 7, "graded": 3}[family]
-    plan = MeshPlan((0.25,), levels, family)  # type: ignore[arg-type]
+    plan = MeshPlan((0.25,), {"adaptive": 7, "graded": 3}[family], family)  # type: ignore[arg-type]
     solved = list(solved_levels(study, plan))
     norm = np.sqrt(solved[-1].triangles.area @ energy(solved[-1].strain, exact.LAM, exact.MU))
     ratios = [s.estimate * norm / energy_error(s) for s in solved]
@@ -168,9 +162,8 @@ def test_no_error_is_estimated_of_a_bar_that_is_exact_on_its_spring(right: str) 
     """σ = g − k u at the end, constant: P1 is exact, and so is the estimate; springs left out would leave k u."""
     study = study_of(SPRINGS.replace("RIGHT", right).replace("LEVELS", "1"))
     level, scene = levels_of(study)[0], study.scenes[0]
-    condensed = level.condensed(scene)
-    estimator = ErrorEstimator(level, study.mesh)
-    assert estimator.look((), scene, solve_contact(condensed.problem).v)["error_estimate"] < 1e-10
+    v = solve_contact(level.condensed(scene).problem).v
+    assert ErrorEstimator(level, study.mesh).look((), scene, v)["error_estimate"] < 1e-10
 
 
 LAYERS = """
@@ -187,7 +180,6 @@ mesh: {maxh: 0.25, levels: 4, estimate: true}
 
 
 def on(right: str, friction: str) -> str:
-    """The bar with another end and film."""
     text = SPRINGS.replace("RIGHT", right).replace("LEVELS", "4").replace("{law: linear, k: 0}", friction)
     return text.replace("top: free", "top: contact") if "strength" in text else text
 
@@ -239,7 +231,6 @@ def errors() -> dict[str, np.ndarray]:
 
 
 def rate(rows: np.ndarray, least: float = 150.0) -> float:
-    """Slope of log error over log unknowns."""
     n, e = rows[rows[:, 0] > least, :2].T
     return float(np.polyfit(np.log(n), np.log(e), 1)[0])
 

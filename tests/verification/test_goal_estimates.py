@@ -19,27 +19,7 @@ from tcstudy.refine.family import ErrorEstimator, Family
 from tcstudy.scene.study import FamilyName, Goal, MeshPlan, Study
 from tests.benchmarks.tolerance_scenes import draw_scene
 from tests.benchmarks.tolerances import judged
-from tests.verification.goal_scenes import (
-    FILM,
-    GRADED,
-    LAYERED,
-    PATCH,
-    PATCH_AT_NODE,
-    PRESSED,
-    RESULTANT,
-    SLIP_LENGTH,
-    Row,
-    at_crossing,
-    fine_value,
-    front_resultant,
-    front_slip,
-    front_study,
-    ring_scene,
-    scene_of,
-    spring_scene,
-    table,
-    to_tolerance,
-)
+from tests.verification import goal_scenes as scenes
 
 LOW, HIGH = 0.5, 4.5
 """Bounds of estimated over true error; the upper one for meshes on which much of the body's parts cancels."""
@@ -47,10 +27,10 @@ MOST, FEWER = 1500, 700
 """Unknowns beyond which no mesh is compared with closed forms, and with finer solutions."""
 
 
-def check(rows: list[Row], first: int = 2) -> None:
+def check(rows: list[scenes.Row], first: int = 2) -> None:
     """All levels from `first` on within the bounds; half of them much closer."""
     ratios = [row.effectivity for row in rows]
-    usual = [ratio for i, ratio in enumerate(ratios) if i >= first and not at_crossing(rows, i)]
+    usual = [ratio for i, ratio in enumerate(ratios) if i >= first and not scenes.at_crossing(rows, i)]
     assert len(rows) >= first + 2
     assert min(ratios[first:]) >= LOW, ratios
     assert all(ratio <= HIGH for ratio in usual), ratios
@@ -63,13 +43,13 @@ FAMILIES: tuple[tuple[FamilyName, int], ...] = (("adaptive", 20), ("uniform", 4)
 
 def test_numbers_on_a_curved_contact_line_and_on_springs() -> None:
     """Held nodes give their cells away, and chords are shorter than arcs: ∫ξ of the ring; u_T of the springs."""
-    (ring, resultant, _), (springs, _) = ring_scene(), spring_scene()
+    (ring, resultant, _), (springs, _) = scenes.ring_scene(), scenes.spring_scene()
     for study, goal, known in (
-        (ring, RESULTANT, resultant),
+        (ring, scenes.RESULTANT, resultant),
         (springs, Goal("u_T", (0.3, 0.0)), math.sin(0.3 * math.pi)),
     ):
         for family, levels in FAMILIES:
-            check(table(study, goal, known, family, levels, MOST))
+            check(scenes.table(study, goal, known, family, levels, MOST))
         met(study, goal, known, 2e-3)
 
 
@@ -79,19 +59,19 @@ SLIP = Goal("u_T", (1.4, 0.0))
 @pytest.mark.parametrize(
     ("text", "goal", "first"),
     [
-        (LAYERED, RESULTANT, 4),  # with under 45 unknowns the estimate is up to 11 times too large
-        (PRESSED, SLIP, 2),
+        (scenes.LAYERED, scenes.RESULTANT, 4),  # with under 45 unknowns the estimate is up to 11 times too large
+        (scenes.PRESSED, SLIP, 2),
     ],
 )
 def test_numbers_against_much_finer_solutions(text: str, goal: Goal, first: int) -> None:
-    check(table(scene_of(text), goal, fine_value(text, goal, 1000), "adaptive", 20, FEWER), first)
+    check(scenes.table(scenes.scene_of(text), goal, scenes.fine_value(text, goal, 1000), "adaptive", 20, FEWER), first)
 
 
 def test_numbers_under_a_law_that_grows_along_its_edge() -> None:
     """All is smooth, so that what the parts are extrapolated to on uniform meshes comes to be the error itself."""
-    study, resultant = scene_of(GRADED), 2.4 / math.pi
-    check(table(study, RESULTANT, resultant, "adaptive", 20, MOST))
-    plan = MeshPlan(study.mesh.maxh, 4, goal=RESULTANT, estimate=True)
+    study, resultant = scenes.scene_of(scenes.GRADED), 2.4 / math.pi
+    check(scenes.table(study, scenes.RESULTANT, resultant, "adaptive", 20, MOST))
+    plan = MeshPlan(study.mesh.maxh, 4, goal=scenes.RESULTANT, estimate=True)
     family, scene, ratios = Family(replace(study, mesh=plan)), study.scenes[0], []
     for i in range(plan.levels):
         level = Level(family.next(i), scene)
@@ -105,15 +85,15 @@ def test_numbers_under_a_law_that_grows_along_its_edge() -> None:
 
 def test_a_film_that_is_weaker_from_somewhere_within_a_cell_on() -> None:
     """What half a cell may hide there covers the error, which is anything from nothing to that."""
-    study = scene_of(PATCH)
-    for goal in (RESULTANT, Goal("u_T", (1.4, 0.0))):
-        rows = table(study, goal, fine_value(PATCH_AT_NODE, goal, 1000), "adaptive", 20, FEWER)
+    study = scenes.scene_of(scenes.PATCH)
+    for goal in (scenes.RESULTANT, Goal("u_T", (1.4, 0.0))):
+        rows = scenes.table(study, goal, scenes.fine_value(scenes.PATCH_AT_NODE, goal, 1000), "adaptive", 20, FEWER)
         assert min(row.effectivity for row in rows[1:]) > 1.0, rows
         assert rows[-1].estimate < 0.01
 
 
 def met(study: Study, goal: Goal, known: float, tolerance: float) -> None:
-    value, stop, n_dof = to_tolerance(study, goal, tolerance)
+    value, stop, n_dof = scenes.to_tolerance(study, goal, tolerance)
     assert stop.startswith(f"tolerance {tolerance:g} met"), stop
     assert abs(value - known) <= tolerance * abs(known), (value, known)
     assert n_dof < 20_000
@@ -121,10 +101,10 @@ def met(study: Study, goal: Goal, known: float, tolerance: float) -> None:
 
 def test_tolerances_of_closed_forms_are_met() -> None:
     change, tolerance = 0.27, 1e-3
-    study = front_study(change)
-    met(study, SLIP_LENGTH, 1.0 - change, tolerance)
-    met(study, RESULTANT, front_resultant(change), tolerance)
-    met(study, Goal("u_T", (0.9, 0.0)), front_slip(change, 0.9), 3.0 * tolerance)
+    study = scenes.front_study(change)
+    met(study, scenes.SLIP_LENGTH, 1.0 - change, tolerance)
+    met(study, scenes.RESULTANT, scenes.front_resultant(change), tolerance)
+    met(study, Goal("u_T", (0.9, 0.0)), scenes.front_slip(change, 0.9), 3.0 * tolerance)
 
 
 CANCELS = """
@@ -166,11 +146,11 @@ mesh: {maxh: 0.5, levels: 1}
     [
         # u ~ r^0.3 at the re-entrant corner and the rest of the body move the front to opposite sides, so that halving
         # all triangles barely moves it while it is still 3 % off; known: an adaptive mesh of 32,829 unknowns
-        (scene_of(CANCELS), SLIP_LENGTH, 1e-2, 40.5174, 4000),
+        (scenes.scene_of(CANCELS), scenes.SLIP_LENGTH, 1e-2, 40.5174, 4000),
         # beside the clamp the film passes its whole fall within the first cell: ∫ξ is the same on all coarse meshes
-        (scene_of(PLATEAU), RESULTANT, 1e-3, -0.0535319, 1000),
+        (scenes.scene_of(PLATEAU), scenes.RESULTANT, 1e-3, -0.0535319, 1000),
         # Tresca, a held corner: the line slips as a whole until the cell beside it is 1/40 of the starting mesh's
-        (draw_scene(4002, 16).study, RESULTANT, 1e-3, 0.618826, 1000),
+        (draw_scene(4002, 16).study, scenes.RESULTANT, 1e-3, 0.618826, 1000),
     ],
     ids=["front", "plateau", "zone"],
 )
@@ -194,8 +174,8 @@ material: {{E: {p}, nu: 0.3}}
 friction: {{law: slip-weakening, tau_s: {0.012 * p}, tau_k: {0.006 * p}, delta: {0.1 * s}}}
 mesh: {{maxh: {0.5 * s}, levels: 1}}
 """
-    for goal, unit in ((RESULTANT, p * s), (SLIP_LENGTH, s)):
-        one = table(scene_of(FILM), goal, 1.0, "adaptive", 5)
-        other = table(scene_of(scaled), goal, unit, "adaptive", 5)
+    for goal, unit in ((scenes.RESULTANT, p * s), (scenes.SLIP_LENGTH, s)):
+        one = scenes.table(scenes.scene_of(scenes.FILM), goal, 1.0, "adaptive", 5)
+        other = scenes.table(scenes.scene_of(scaled), goal, unit, "adaptive", 5)
         assert [row.n_dof for row in one] == [row.n_dof for row in other]
         assert [row.estimate for row in one] == pytest.approx([row.estimate for row in other], rel=1e-9)

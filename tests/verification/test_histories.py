@@ -16,8 +16,6 @@ Array = NDArray[np.float64]
 
 
 def followed(folder: Path, name: str, *overrides: str) -> tuple[xr.Dataset, str]:
-    """The data of a shipped history and what is said of it."""
-    folder.mkdir(exist_ok=True)
     execute_history(read_study(CONFIGS / name, overrides), folder / "a.nc")
     with xr.open_dataset(folder / "a.nc") as opened:
         data = opened.load()
@@ -165,5 +163,4 @@ def test_a_bond_that_damages_beside_a_joint_that_slides(tmp_path: Path) -> None:
     data = closed(tmp_path, scene)
     assert data["friction_resultant"].values[1:] == pytest.approx(P, rel=5e-3)
     found = [np.interp(0.19, data["arclength"].values, u) for u in data["u_T"].values[1:]]
-    assert found == pytest.approx(ends, rel=1e-2)
-    assert data.attrs["memory"] == "bond: damage, joint: friction"
+    assert (found, data.attrs["memory"]) == (pytest.approx(ends, rel=1e-2), "bond: damage, joint: friction")

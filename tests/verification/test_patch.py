@@ -15,8 +15,7 @@ def test_every_solution_satisfies_the_inclusion(case: Case, maxh: float, degrees
     """All are solutions, nothing between them is, and both solvers find one."""
     study = patch_study(case, maxh, degrees)
     [level], scene = levels_of(study), study.scenes[0]
-    condensed = level.condensed(scene)
-    problem = condensed.problem
+    problem = (condensed := level.condensed(scene)).problem
     assert problem.c.sum() == pytest.approx(1.3, rel=1e-12)
     for slip in case.slips:
         v = np.full(problem.m, slip)
@@ -40,8 +39,7 @@ def test_the_unstable_solution_is_reached_from_nearby() -> None:
     """s = 0.2 is a maximum along uniform slip: minimisers avoid it, Newton on the active pieces does not."""
     case = Case(SOFTENING, 0.8, (0.0, 0.2, 0.6))
     study = patch_study(case, 0.35)
-    [level] = levels_of(study)
-    problem = level.condensed(study.scenes[0]).problem
+    problem = levels_of(study)[0].condensed(study.scenes[0]).problem
     end = polished(problem, np.full(problem.m, 0.23), exact=False)
     assert end.residual < 1e-12
     assert np.max(np.abs(end.v - 0.2)) < 1e-12

@@ -12,7 +12,6 @@ import xarray as xr
 
 from tcstudy.data.reading import load_root
 from tcstudy.read.study import read_study_text
-from tcstudy.scene.study import Study
 from tcstudy.study.path_run import execute_path
 from tests.commands import CONFIGS
 from tests.verification.patch import LENGTH, SOFTENING, Case, patch_study
@@ -21,8 +20,7 @@ REQUESTED = "path: {parameter: boundary.top.u_x, from: 0, to: 1.5, at: [0.8, 0.5
 
 
 def path_of(text: str, folder: Path, *overrides: str) -> xr.Dataset:
-    study: Study = read_study_text(text, "test", overrides)
-    assert execute_path(study, folder / "path.nc") == []
+    assert execute_path(read_study_text(text, "test", overrides), folder / "path.nc") == []
     return load_root(folder / "path.nc", "path")
 
 
@@ -55,16 +53,14 @@ def test_folds_and_events(softening: xr.Dataset) -> None:
 
 
 def test_all_three_solutions(softening: xr.Dataset) -> None:
-    assert softening["at"].values.tolist() == [0.8, 0.5]
-    assert softening["solution_count"].values.tolist() == [3, 1]
+    assert (softening["at"].values.tolist(), softening["solution_count"].values.tolist()) == ([0.8, 0.5], [3, 1])
     three = softening.isel(solution=slice(0, 3))
     exact = np.outer([0.0, 0.2, 0.6], np.ones(softening.sizes["node"]))
     assert three["solution_u_T"].values == pytest.approx(exact, abs=1e-12)
     assert three["solution_xi"].values == pytest.approx(0.8 - exact, abs=1e-12)
     assert three["solution_energy"].values / LENGTH == pytest.approx([0.32, 0.34, 0.30], abs=1e-12)
-    assert three["solution_stable"].values.tolist() == [1, 0, 1]
-    assert three["solution_lowest"].values.tolist() == [0, 0, 1]
-    assert three["solution_global_minimum"].values.tolist() == [0, 0, 1]
+    for name, flags in (("stable", [1, 0, 1]), ("lowest", [0, 0, 1]), ("global_minimum", [0, 0, 1])):
+        assert three[f"solution_{name}"].values.tolist() == flags
     assert float(softening["solution_residual"].max()) <= 1e-12
 
 
@@ -119,8 +115,7 @@ def test_a_strip_on_a_linearly_softening_film(tmp_path: Path) -> None:
     assert data["solution_xi"].values[at] @ c * MM == pytest.approx(forces, rel=2e-3, abs=1e-5)
     assert data["solution_stable"].values[at].tolist() == [1, 0, 1]
     assert (int(data["loop_complete"]), int(data["loop_closed"])) == (1, 1)
-    assert float(data["energy_lost"]) == pytest.approx(float(data["loop_area"]), rel=1e-6)
-    assert len(folds) == 4
+    assert (float(data["energy_lost"]), len(folds)) == (pytest.approx(float(data["loop_area"]), rel=1e-6), 4)
     assert np.count_nonzero(data["event_vertex"].values == lower) >= 0.95 * s_c / 190 * len(c)
 
 

@@ -21,8 +21,6 @@ from tests.verification.monolithic import Data, Whole
 
 
 class Draw:
-    """Random numbers of one scene."""
-
     def __init__(self, seed: int) -> None:
         self.r = np.random.default_rng(seed)
 
@@ -35,13 +33,11 @@ class Draw:
         return float(f"{size * by ** self.r.uniform(-1, 1):.6g}")
 
     def field(self, size: float, L: float) -> Any:
-        """A number, or a text in x and y."""
         a, b, c = (float(f"{v:.3g}") for v in self.r.uniform(-0.6, 0.6, 3))
         text = f"{self.near(size)!r}*(1 + {a}*x/{L!r} + {b}*y/{L!r} + {c}*x*y/{L!r}**2)"
         return text if self.r.random() < 0.5 else self.near(size)
 
     def one_of(self, *choices: Any) -> Any:
-        """One of several."""
         return choices[int(self.r.integers(len(choices)))]
 
 
@@ -100,7 +96,6 @@ def drawn(seed: int) -> tuple[Data, list[Data]]:
 
 
 def put(scene: Data, values: Data) -> Data:
-    """The scene with values at key paths."""
     scene = deepcopy(scene)
     for key, value in values.items():
         *path, last = key.split(".")

@@ -30,7 +30,6 @@ E, H, L, P = 70e9, 1e-3, 0.1, 1e5
 
 
 def levels(friction: str, folder: Path, *overrides: str) -> tuple[xr.Dataset, list[xr.Dataset]]:
-    """The root of a file, and the contact line of its levels."""
     (folder / "strip.yaml").write_text(STRIP.replace("FRICTION", friction), encoding="utf-8")
     tree = tcstudy.run(tcstudy.load(folder / "strip.yaml", overrides), folder / "strip.nc")
     return tree.to_dataset(), [tree[f"level_{i}"].to_dataset() for i in range(tree.to_dataset().sizes["level"])]
