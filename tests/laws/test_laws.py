@@ -113,8 +113,7 @@ def test_laws_compare_by_their_numbers() -> None:
     build = SHAPES["slip-weakening"].build
     law, twin, other = (build(tau_s=2.0, tau_k=1.0, delta=d) for d in (0.5, 0.5, 0.25))
     assert law == twin != other
-    assert len({law, twin, other}) == 2
-    assert pickle.loads(pickle.dumps(law)) == law
+    assert (len({law, twin, other}), pickle.loads(pickle.dumps(law))) == (2, law)
     assert law_of("", [0], [(-0.0, 1, 0, 0), (0.0, 1, 0, 0)]) == law_of("", [0.0], [(0.0, 1, 0, 0), (-0.0, 1, 0, 0)])
 
 
@@ -135,7 +134,6 @@ def test_laws_compare_by_their_numbers() -> None:
 )  # fmt: skip
 def test_regions_are_told_outwards(law: Laws, outwards: str) -> None:
     own = [REGIONS[k] for k in law.regions[int(law.piece(0.0)) :]]
-    assert own == outwards.split()
-    assert [REGIONS[k] for k in law.regions[::-1][: len(own)]] == own[::-1]
+    assert (own, [REGIONS[k] for k in law.regions[::-1][: len(own)]]) == (outwards.split(), own[::-1])
     table = Laws.of([LAWS["all teeth"], law])
     assert table.regions[1, : len(law.regions)].tolist() == law.regions.tolist()

@@ -33,7 +33,6 @@ BASE = CASES[0][0]
 
 
 def problems(text: str, *overrides: str) -> list[str]:
-    """The lines a user sees."""
     with pytest.raises(StudyError) as info:
         read_study_text(text, "study.yaml", overrides)
     return str(info.value).split("\n")
@@ -97,7 +96,6 @@ def test_a_geometry_file_must_exist(tmp_path: Path) -> None:
         read_study(study)
     (tmp_path / "part.step").touch()
     brep = read_study(study).scenes[0].body.brep
-    assert brep is not None
     assert (brep.path, brep.face, brep.scale, brep.other) == (tmp_path / "part.step", 0, 1e-3, "right")
     assert brep.edges == (("bottom", ((0.0, 0.0),)), ("left", ((0.0, 1.0),)))
 

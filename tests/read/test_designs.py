@@ -34,12 +34,10 @@ def test_drawn_points_are_a_list_whose_coordinates_know_their_distribution() -> 
     assert (study.mode, study.shape) == ("list", (8,))
     tau, nu = study.axes
     assert [float(scene.friction.interval(0.0)[1]) for scene in study.scenes] == list(tau.labels)
-    assert [scene.material.nu for scene in study.scenes] == list(nu.labels)
-    assert {*nu.labels} == {0.2, 0.3}
+    assert ([scene.material.nu for scene in study.scenes], {*nu.labels}) == (list(nu.labels), {0.2, 0.3})
     data = sweep_points(study)
     assert data["tau_s"].attrs["distribution"] == "lognormal(median=2000000, sigma=0.1)"
-    assert data["nu"].attrs["distribution"] == "choice(0.2, 0.3)"
-    assert data["tau_s"].attrs["units"] == "Pa"
+    assert (data["nu"].attrs["distribution"], data["tau_s"].attrs["units"]) == ("choice(0.2, 0.3)", "Pa")
     named = "friction: {a: {law: tresca, tau: 1 MPa}, b: {law: tresca, tau: 2 MPa}}"
     laws = swept(f"{{mode: random, points: 6, {named}, nu: {{uniform: [0, 0.4]}}}}")
     assert ({*laws.axes[0].labels}, laws.axes[0].distribution) == ({"a", "b"}, "choice(a, b)")
@@ -69,8 +67,7 @@ def test_points_stand_in_a_table_and_then_in_the_study(tmp_path: Path) -> None:
     labels = [axis.labels for axis in study.axes]
     assert (study.mode, labels) == ("list", [(1e9, 2e9), (5e-4, 7e-4), (0.0, 1e6)])
     again = read_study_text(study.text, "elsewhere", study.overrides)
-    assert [axis.labels for axis in again.axes] == labels
-    assert list(again.scenes) == list(study.scenes)
+    assert ([axis.labels for axis in again.axes], list(again.scenes)) == (labels, list(study.scenes))
 
 
 @pytest.mark.parametrize(

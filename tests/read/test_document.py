@@ -8,7 +8,6 @@ from tcstudy.read.node import Collector, Mark, Node, put
 
 
 def tree(text: str) -> Node:
-    """The tree of a text without faults."""
     errors = Collector()
     root = compose(text, "a.yaml", errors)
     assert not errors.problems

@@ -50,9 +50,7 @@ mesh: {maxh: 0.3 m, levels: 2}
 
 
 def path_of(said: str, study: str = STUDY) -> PathPlan:
-    path = read_study_text(f"{study}path: {{parameter: {said}}}\n").path
-    assert path is not None
-    return path
+    return read_study_text(f"{study}path: {{parameter: {said}}}\n").path  # type: ignore[return-value]
 
 
 def test_a_path_with_all_its_keys_belongs_to_the_base_study() -> None:

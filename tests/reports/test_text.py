@@ -37,9 +37,7 @@ def test_other_words_and_other_statuses_are_other_lines_the_most_frequent_first(
     failures += [missed("2e-07", "d"), missed("3.0e-09", "e"), missed("4e-8", "f")]
     lines = failure_lines(failures)
     assert [line.split(":")[0] for line in lines] == ["3 solutions failed", "2 solutions failed", "1 solution failed"]
-    assert lines[0].startswith(
-        "3 solutions failed: inclusion violated: residual 3.0e-09 to 2e-07 after 30 steps; raise"
-    )
+    assert "inclusion violated: residual 3.0e-09 to 2e-07 after 30 steps; raise" in lines[0]
     assert lines[0].endswith("solver.tolerance (for example d)")
     assert "the limit of 300 to 400 is reached" in lines[1]
 
@@ -47,6 +45,5 @@ def test_other_words_and_other_statuses_are_other_lines_the_most_frequent_first(
 def test_a_reason_without_a_remedy_gets_one_and_nothing_of_the_machine_is_shown() -> None:
     line = failure_lines([Failure(ERROR, "OSError: cannot read /srv/someone/deep/part.step; x", "alpha = 1")])[0]
     assert "someone" not in line
-    assert "part.step" in line
-    assert "run the study again" in line
+    assert all(words in line for words in ("part.step", "run the study again"))
     assert "coarsen the mesh" in failure_lines([Failure(BAD, "", "a")])[0]

@@ -31,8 +31,7 @@ def test_pandas_reads_the_table_to_the_bit(stored: Stored, tmp_path: Path, monke
     assert "start_energy.zero [J m-1]" in table
     assert write_table(stored("block"), tmp_path / "block.json", {"friction": "weak", "theta_bar": 0}) == 2
     found = json.loads((tmp_path / "block.json").read_text())
-    assert found["units"]["energy"] == "J m-1"
-    assert [row["level"] for row in found["rows"]] == [0, 1]
+    assert (found["units"]["energy"], [row["level"] for row in found["rows"]]) == ("J m-1", [0, 1])
     assert found["rows"][1]["energy"] == wanted["energy"].loc[(0.0, "weak", 1)]
     whole = file.read_bytes()
     monkeypatch.setattr("tcstudy.reports.export.table.VALUES", 1)  # in memory at a time: the rows of one label

@@ -22,7 +22,6 @@ SIZES = (None, (3.15, 8.0))
 
 
 def drawn(file: Path, **wanted: Any) -> tuple[Figure, str]:
-    """The figure of a file and what is said of it."""
     with draw._figure(file, Wanted(**wanted)) as (figure, words, _):
         return figure, words
 
@@ -33,7 +32,6 @@ def figure_of(picture: Picture, *more: Any) -> Figure:
 
 
 def contact_panels(figure: Figure) -> tuple[Any, Any]:
-    """The panels of u_T and of ξ."""
     upper, lower = ([a for a in figure.axes if a.get_ylabel().startswith(name)] for name in ("$u_T$", r"$\xi"))
     return upper[0], lower[0]
 
@@ -70,7 +68,6 @@ def crowded(figure: Figure, alone: bool = False) -> list[str]:
 
 
 def line(x: list[float], y: list[float], s: list[float], c: list[float], edge: list[int]) -> LineFields:
-    """A contact line of two edges."""
     arrays, u_T = [np.array(values) for values in (s, x, y, c)], np.arange(1.0, len(x) + 1)
     return LineFields(*arrays, np.array(edge), ("pad", "rim"), u_T, 10.0 * u_T, u_T > 1.0, "m", "Pa")
 

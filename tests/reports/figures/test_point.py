@@ -38,7 +38,6 @@ def test_the_curves_are_the_stored_numbers_in_readable_units(stored: Stored) -> 
 
 def test_the_deformed_body_is_the_mesh_moved_by_the_stated_factor(stored: Stored) -> None:
     shown = read_picture(stored("block"), {"theta_bar": 10}, 0)
-    assert shown.body
     body = figure_of(shown).axes[0]
     factor, largest = exaggeration(shown.body.xy, shown.body.u), np.hypot(*shown.body.u.T).max()
     assert 0.02 < factor * largest / np.hypot(WIDTH, HEIGHT) <= 0.0601
@@ -54,7 +53,6 @@ def test_the_deformed_body_is_the_mesh_moved_by_the_stated_factor(stored: Stored
 
 def test_no_text_overlaps_another_and_roles_and_the_heater_are_named(stored: Stored) -> None:
     shown = read_picture(stored("block"))
-    assert shown.body
     clamp = NamedEdge("wall", "clamped", 0, np.array([[0.0, HEIGHT], [0.0, 0.0]]))
     rest = NamedEdge("film", "contact", 0, np.array([[0.0, 0.0], [WIDTH, 0.0]]))
     end = NamedEdge("end", "convection", 0, np.array([[WIDTH, 0.0], [WIDTH, HEIGHT], [0.0, HEIGHT]]), True)
@@ -94,8 +92,7 @@ def test_parts_end_at_gaps_and_held_corners(stored: Stored) -> None:
     assert line([1, 2, 3, 4], [0] * 4, [1, 2, 3, 4], [1.5, 1, 1, 0.5], [0, 0, 1, 1]).parts == [slice(0, 4)]
     _, lower = contact_panels(figure_of(replace(read_picture(stored("block")), line=TWO, body=None, held=())))
     steps = [line.get_ydata()[::2].tolist() for line in lower.lines if len(line.get_xdata()) > 2]
-    assert steps == [[10.0, 20.0], [30.0, 40.0]]
-    assert [text.get_text() for text in lower.texts] == ["pad", "rim"]
+    assert (steps, [text.get_text() for text in lower.texts]) == ([[10.0, 20.0], [30.0, 40.0]], ["pad", "rim"])
 
 
 def test_a_ring_closes_on_itself(stored: Stored) -> None:
@@ -104,33 +101,28 @@ def test_a_ring_closes_on_itself(stored: Stored) -> None:
     assert ring.closed(part)
     ends, nodes = ring.steps(part)
     np.testing.assert_allclose(ends, [0.0, 0.5, 1.5, 2.5, 3.5, 4.0])
-    assert nodes.tolist() == [0, 1, 2, 3, 0]
-    assert stick_ranges(ring) == [pytest.approx((0.5, 3.5))]
+    assert (nodes.tolist(), stick_ranges(ring)) == ([0, 1, 2, 3, 0], [pytest.approx((0.5, 3.5))])
     assert not line([0, 1, 1, 0], [0, 0, 1, 1], [0, 1, 2, 3], [0.5, 1, 1, 0.5], [0] * 4).closed(part)
     assert not line([1, 2, 3], [0, 0, 0], [1, 2, 3], [1.5, 1, 1.5], [0] * 3).closed(slice(0, 3))  # both ends held
     shown = read_picture(stored("block"), level=0)
-    assert shown.body
     rim = boundary_edges(shown.body.xy, shown.body.triangles)
     walk = chained(shown.body.xy[rim])
     step, m = np.hypot(*(walk[:, 1] - walk[:, 0]).T), len(rim)
     x, y, s, c = (one.tolist() for one in (*walk[:, 0].T, np.cumsum(step) - step, 0.5 * (step + np.roll(step, 1))))
     around = line(x, y, s, c, [1] * m)
     ((chain, index),) = contact_chains(shown.body.xy, rim, around)
-    assert sorted(chain[:-1].tolist()) == np.unique(rim).tolist()
-    assert chain[0] == chain[-1]
+    assert (sorted(chain[:-1].tolist()), chain[0]) == (np.unique(rim).tolist(), chain[-1])
     assert index.tolist() == [*range(m), 0]
     assert [text.get_text() for text in figure_of(replace(shown, line=around, edges=())).axes[0].texts] == ["rim"]
     h = WIDTH / 5
     both = line([h, 2 * h, 3 * h, 4 * h], [0] * 4, [h, 2 * h, 3 * h, 4 * h], [1.5 * h, h, h, 1.5 * h], [0] * 4)
     for one, expected in ((shown.line, [0, 0, 1, 2, 3, 4]), (both, [0, 0, 1, 2, 3, 3])):  # to the held corners
         ((chain, index),) = contact_chains(shown.body.xy, rim, one)
-        assert shown.body.xy[chain][:, 0] == pytest.approx(h * np.arange(6))
-        assert index.tolist() == expected
+        assert (shown.body.xy[chain][:, 0], index.tolist()) == (pytest.approx(h * np.arange(6)), expected)
 
 
 def test_each_geometry_has_its_own_mesh(stored: Stored) -> None:
     high, less = (read_picture(stored("pads"), {"height": 0.02, "u_x": u_x}) for u_x in (0.002, 0.001))
-    assert high.body is not None
     assert np.ptp(high.body.xy[:, 1]) == pytest.approx(0.02)
     assert np.abs(high.line.u_T).max() == pytest.approx(float(high.at["u_T_max"]))
     assert np.abs(less.line.u_T).max() < np.abs(high.line.u_T).max()

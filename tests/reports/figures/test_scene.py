@@ -18,7 +18,6 @@ pytest.importorskip("matplotlib")
 def test_labels_stand_apart_and_say_what_edges_do(name: str) -> None:
     study = tcstudy.load(CONFIGS / f"{name}.yaml")
     figure = draw_study(study, None)
-    assert figure is not None
     texts = [text for text in figure.axes[0].texts if text.get_text()]
     boxes = [text.get_window_extent() for text in texts]
     for (one, a), (two, b) in combinations(zip(texts, boxes, strict=True), 2):

@@ -30,12 +30,9 @@ def missing() -> str:
 
 
 class Browser:
-    """One browser with one window; close it after use."""
-
     def __init__(self, profile: Path, width: int = 1280, height: int = 1000) -> None:
         command = ["chromedriver", "--port=0"]
         self._driver = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-        assert self._driver.stdout
         port = next(found[1] for line in self._driver.stdout if (found := re.search(r"on port (\d+)\.$", line)))
         self._root = f"http://127.0.0.1:{port}"
         arguments = [f"--{flag}" for flag in FLAGS]
@@ -70,7 +67,6 @@ class Browser:
         return self._call("POST", "/goog/cdp/execute", {"cmd": name, "params": parameters})
 
     def size(self, width: int, height: int, phone: bool = False) -> None:
-        """Also narrower than real windows can be."""
         sizes = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": phone}
         self.command("Emulation.setDeviceMetricsOverride", **sizes)
 
@@ -115,7 +111,6 @@ def fragment(browser: Browser) -> dict[str, str]:
 def data_of(page: Path) -> Any:
     """The header of a page with its arrays in place."""
     found = re.search(r'id="data">([^<]*)<', page.read_text(encoding="utf-8"))
-    assert found
     return unpacked(found.group(1))
 
 

@@ -36,9 +36,8 @@ def shown(browser: Browser, file: Path, place: str = "") -> Browser:
 
 
 def click(browser: Browser, selector: str) -> None:
-    browser.run(
-        "document.querySelector(arguments[0]).dispatchEvent(new MouseEvent('click', {bubbles: true}))", selector
-    )
+    event = "new MouseEvent('click', {bubbles: true})"
+    browser.run(f"document.querySelector(arguments[0]).dispatchEvent({event})", selector)
 
 
 def saved(browser: Browser, button: str) -> list[str]:
@@ -130,8 +129,7 @@ def test_every_equilibrium_of_a_point_can_be_looked_at(browser: Browser, tmp_pat
     assert page.run(slip) != lowest
     click(page, '[data-point="0"]')
     assert "9 of 9 equilibria, proved" in text_of(page, "#point")
-    assert fragment(page)["eq"] == "0"
-    assert page.complaints() == []
+    assert (fragment(page)["eq"], page.complaints()) == ("0", [])
 
 
 SMALL = """
@@ -168,8 +166,7 @@ def test_every_edge_has_its_law_with_its_own_nodes(browser: Browser, stored: Sto
         .map((h) => [h.textContent.split(' ')[3], h.parentElement.querySelectorAll('[fill-opacity]').length])""")
     x = np.array(page.run("return Array.from(Object.values(TC.data.lines)[0].x)"))
     own = {"film": (x < 1 - 1e-9) & (x > 0.25 + 1e-9), "shoe": x > 1 + 1e-9}
-    assert dict(drawn) == {edge: np.count_nonzero(nodes) for edge, nodes in own.items()}
-    assert page.complaints() == []
+    assert (dict(drawn), page.complaints()) == ({edge: np.count_nonzero(nodes) for edge, nodes in own.items()}, [])
 
 
 def test_a_history_shows_sweep_loop_steps_and_energies(browser: Browser, stored: Stored) -> None:
@@ -193,8 +190,7 @@ def test_a_geometry_is_chosen_and_its_body_and_line_are_drawn(browser: Browser, 
     page.run("document.querySelector('#sweep svg[tabindex]').focus()")
     page.press("ArrowRight")
     page.press("ArrowRight")
-    assert page.run(high) == pytest.approx(4.0 * before)
-    assert page.complaints() == []
+    assert (page.run(high), page.complaints()) == (pytest.approx(4.0 * before), [])
 
 
 def test_a_fit_shows_its_data_numbers_and_law(browser: Browser, stored: Stored) -> None:
@@ -204,8 +200,7 @@ def test_a_fit_shows_its_data_numbers_and_law(browser: Browser, stored: Stored) 
     assert page.run("return document.querySelectorAll('#fit svg .mark').length") >= 120
     _, head, *rows = saved(page, "#table [aria-label=csv]")
     assert head == "datum,boundary.grip.u_x [m],value [N m-1],predicted [N m-1],noise [N m-1],residual"
-    assert len(rows) == 60
-    assert page.complaints() == []
+    assert (len(rows), page.complaints()) == (60, [])
 
 
 @pytest.mark.parametrize(("width", "media"), [(390, ""), (1280, ""), (720, "print")])
@@ -256,7 +251,6 @@ return arguments[0].map(({point, set}) => {
 
 def scaled(law: Laws, f: float, g: float) -> Laws:
     """The law f b(s / g), made anew from its parameters."""
-    assert law.made is not None
     shape, by = SHAPES[law.made.shape], {TRACTION: f, STIFFNESS: f / g, LENGTH: g}
     factors = {one.name: by.get(one.dimension, 1.0) for one in shape.parameters}
     values = {name: v * factors[name] if isinstance(v, float) else v for name, v in law.made.values.items()}

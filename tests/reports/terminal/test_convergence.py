@@ -79,8 +79,7 @@ def test_the_plot(file, tmp_path, monkeypatch):
         picture(file, tmp_path / "b.svg", Wanted({"tau": "3 MPa"}))
     axes = next(axes for axes in drawn[0].axes if axes.get_title(loc="left").startswith("u:"))
     solid, hollow, *_ = axes.get_lines()
-    assert hollow.get_fillstyle() == "none"
-    assert hollow.get_xdata().tolist() == [0.5]
+    assert (hollow.get_fillstyle(), hollow.get_xdata().tolist()) == ("none", [0.5])
     assert solid.get_xdata().tolist() == [1.0, 0.25, 0.125]
     with netCDF4.Dataset(file, "a") as nc:
         nc["slope_error_u_L2"][...] = np.nan

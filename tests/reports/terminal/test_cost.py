@@ -74,8 +74,7 @@ def test_settings_front_and_the_fastest_curve_by_error(file: Path) -> None:
     first, second = stretches(found)
     # e_u = 0.08 (t/0.1)^-½ and e_g = 0.16 (t/0.1)^-1 meet at t = 0.4, e = 0.04; 5 % of time decide: e^(2-1) = 1/1.05
     assert (first.family, second.family) == ("uniform", "graded")
-    assert first.start == pytest.approx(0.16)
-    assert second.start == pytest.approx(0.04 / 1.05, rel=0.02)
+    assert (first.start, second.start) == (pytest.approx(0.16), pytest.approx(0.04 / 1.05, rel=0.02))
     assert second.end == pytest.approx(0.01, rel=0.01)  # no further: only graded meshes come below
     assert best(found) == ("graded", SOLVERS[0])
     text = text_of(file)

@@ -15,8 +15,6 @@ WORK = [LevelWork(2, 1, 1.0), LevelWork(2, 0, 4.0)]
 
 
 class Terminal(io.StringIO):
-    """A stream that a person looks at."""
-
     def isatty(self) -> bool:
         return True
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from tcstudy.data.records import LevelRecord
 from tcstudy.data.schema import BALANCED, LIMITED, UNBALANCED, PointStatus
@@ -34,18 +33,14 @@ def missed(index: int, number: int, residual: str) -> PointRecord:
     return PointRecord((index,), number, PointStatus.INCLUSION_VIOLATED, reason, {}, np.empty(0), np.empty(0))
 
 
-@pytest.fixture
-def said(tmp_path: Path):  # type: ignore[no-untyped-def]
-    def text(*points: PointRecord) -> str:
-        write(tmp_path / "plate.nc", STUDY, LEVELS, points)
-        return text_of(tmp_path / "plate.nc")
-
-    return text
+def said(folder: Path, *points: PointRecord, study: Study = STUDY) -> str:
+    write(folder / "plate.nc", study, LEVELS, points)
+    return text_of(folder / "plate.nc")
 
 
-def test_failures_are_one_line_a_kind(said) -> None:  # type: ignore[no-untyped-def]
+def test_failures_are_one_line_a_kind(tmp_path: Path) -> None:
     good = [point(i, n) for i in range(3) for n in range(2)]
-    text = said(*good, missed(0, 1, "3e-09"), missed(2, 0, "2e-07"), missed(2, 1, "1e-8"))
+    text = said(tmp_path, *good, missed(0, 1, "3e-09"), missed(2, 0, "2e-07"), missed(2, 1, "1e-8"))
     lines = [line.strip() for line in text.splitlines() if "solutions failed" in line]
     assert lines == [
         "3 solutions failed: inclusion violated: residual 3e-09 to 2e-07 above the tolerance 1e-10; "
@@ -53,11 +48,11 @@ def test_failures_are_one_line_a_kind(said) -> None:  # type: ignore[no-untyped-
     ]
 
 
-def test_what_failed_is_marked_in_its_row(said) -> None:  # type: ignore[no-untyped-def]
+def test_what_failed_is_marked_in_its_row(tmp_path: Path) -> None:
     """A number that solves nothing must not look like the others."""
     good = [replace(point(i, n), numbers={"energy": 2.0}) for i in range(3) for n in range(2)]
     bad = replace(missed(1, 1, "3e-09"), numbers={"energy": 7.0})
-    rows = [line.split() for line in said(*good, bad).splitlines()]
+    rows = [line.split() for line in said(tmp_path, *good, bad).splitlines()]
     assert ["2", "(7)", "failed", "–"] in rows
     assert ["1", "2", "nothing", "–"] in rows
 
@@ -72,27 +67,25 @@ def test_solvers_side_by_side(tmp_path: Path) -> None:
                    "solver_time": (0.25, 1.0), "solver_difference": (0.0, 0.0 if i else 0.125)}  # fmt: skip
         points += [replace(point(i, n), numbers=numbers) for n in range(2)]
     points[-1] = missed(2, 1, "3e-09")
-    write(tmp_path / "plate.nc", study, LEVELS, points)
-    rows = [line.split() for line in text_of(tmp_path / "plate.nc").splitlines() if "-newton " in line]
+    rows = [line.split() for line in said(tmp_path, *points, study=study).splitlines() if "-newton " in line]
     assert rows[-2:] == [
         ["separable-newton", "1e-14", "20", "1.2", "5/5", "–"],
         ["bundle-newton", "3e-12", "204", "5", "3/5", "0.12"],
     ]
 
 
-def test_heat_that_does_not_balance_is_said_and_the_points_stay_solved(said) -> None:  # type: ignore[no-untyped-def]
+def test_heat_that_does_not_balance_is_said_and_the_points_stay_solved(tmp_path: Path) -> None:
     balances = {(0, 0): 1e-15, (0, 1): 5e-5, (1, 0): 1e-15, (1, 1): 2e-9, (2, 0): 1e-12, (2, 1): 1e-12}
-    text = said(*(point(i, n, balance) for (i, n), balance in balances.items()))
+    text = said(tmp_path, *(point(i, n, balance) for (i, n), balance in balances.items()))
     line = next(line for line in text.splitlines() if "heat balance 2" in line)
     assert "heat balance 2e-09 to 5e-05 at 2 points" in line
     assert "alpha = 1 W m-2 K-1 on level 1" in line
     assert "failed" not in text
 
 
-def test_what_rounding_limits_is_one_line(said) -> None:  # type: ignore[no-untyped-def]
+def test_what_rounding_limits_is_one_line(tmp_path: Path) -> None:
     numbers = {"inclusion_residual": 7e-5, "inclusion_rounding": 1.1e-4, "inclusion_status": LIMITED}
-    text = said(point(0, 0), replace(point(2, 1), numbers=numbers))
+    text = said(tmp_path, point(0, 0), replace(point(2, 1), numbers=numbers))
     [line] = [line.strip() for line in text.splitlines() if "limited by rounding" in line]
     assert line.startswith("limited by rounding: 1 of 6 solutions hold to 7e-05 of the scale of b or better, where ")
-    assert "rounding alone allows 0.00011" in line
-    assert "alpha = 3" in line
+    assert all(words in line for words in ("rounding alone allows 0.00011", "alpha = 3"))

@@ -11,8 +11,7 @@ TABLE = Table.of_rows(
 
 def test_text_aligns_numbers_right():
     lines = render([TABLE]).splitlines()
-    assert lines[2] == "  level  u_T in L²(Γ_C)  verdict"
-    assert lines[4] == "      0       1.250e-02  too few"
+    assert (lines[2], lines[4]) == ("  level  u_T in L²(Γ_C)  verdict", "      0       1.250e-02  too few")
     assert lines[5] == "     10       (3.1e-03)  100 % & more"
 
 
