@@ -16,9 +16,7 @@ from tcstudy.cli import main
 PACKAGE = Path(__file__).parents[1] / "tcstudy"
 
 ARROWS: dict[str, set[str]] = {
-    "errors": set(),
-    "expressions": set(),
-    "condense": set(),
+    **{room: set[str]() for room in ("errors", "expressions", "condense")},
     "laws": {"expressions"},
     "scene": {"expressions", "laws"},
     "shapes": {"scene"},
@@ -40,8 +38,6 @@ NUMERICS = {*ARROWS} - {"errors", "scene", "read", "fem", "data", "reports"}
 """Rooms that never print, parse or touch files."""
 SPEAKING = {"print", "input", "open", "eval", "exec"}
 PRINTING = ("reports", "commands", "cli")
-
-
 FILES = {path: path.relative_to(PACKAGE).parts[0].removesuffix(".py") for path in sorted(PACKAGE.rglob("*.py"))}
 """The room of every file; a file at the top is a room of its own."""
 
@@ -65,13 +61,8 @@ def imported(path: Path) -> Iterator[tuple[str, int]]:
 
 def wrong(judge: Callable[[str, str], bool], found: Callable[[Path], Iterator[tuple[str, int]]] = imported) -> str:
     """Where a room imports, or calls, what it must not by the judgement of (room, name)."""
-    lines = [
-        f"{path.relative_to(PACKAGE)}:{line}: {name}"
-        for path, room in FILES.items()
-        for name, line in found(path)
-        if judge(room, name)
-    ]
-    return "\n".join(lines)
+    places = ((path, room, *one) for path, room in FILES.items() for one in found(path))
+    return "\n".join(f"{path}:{line}: {name}" for path, room, name, line in places if judge(room, name))
 
 
 def test_every_arrow_is_allowed_and_every_room_known() -> None:
@@ -87,8 +78,8 @@ def test_every_arrow_is_allowed_and_every_room_known() -> None:
 
 def test_no_files_need_each_other() -> None:
     """No circle of imports, late ones within functions included; those for type checkers alone do not count."""
-    names = {path: ".".join(path.with_suffix("").relative_to(PACKAGE.parent).parts) for path in FILES}
-    names = {path: name.removesuffix(".__init__") for path, name in names.items()}
+    dotted = {path: ".".join(path.with_suffix("").relative_to(PACKAGE.parent).parts) for path in FILES}
+    names = {path: name.removesuffix(".__init__") for path, name in dotted.items()}
     known = set(names.values())
     arrows: dict[str, set[str]] = {}
     for path, name in names.items():
@@ -109,12 +100,8 @@ REPORTS = ("", "terminal", "figures", "page", "export")
 
 @pytest.mark.parametrize("own", REPORTS)
 def test_rooms_of_reports_use_those_before_them(own: str) -> None:
-    used = {
-        name.split(".")[2]
-        for path in (PACKAGE / "reports" / own).glob("*.py")
-        for name, _ in imported(path)
-        if name.startswith("tcstudy.reports.")
-    }
+    names = [name for path in (PACKAGE / "reports" / own).glob("*.py") for name, _ in imported(path)]
+    used = {name.split(".")[2] for name in names if name.startswith("tcstudy.reports.")}
     assert not used & {*REPORTS[REPORTS.index(own) + 1 :]}
 
 

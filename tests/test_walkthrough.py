@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import tcstudy
+from tests.commands import CONFIGS
 
 HERE = Path(__file__).parent
 
@@ -85,8 +86,7 @@ def test_a_law_for_every_node_is_solved_certified_and_followed() -> None:
     for t, u in zip(1.2 + path.t, path.u, strict=True):
         assert u[1] == pytest.approx(max(0.0, t - 0.5), abs=1e-14)
         assert u[0] == pytest.approx(max(0.0, min((t - 1.0) / 0.75, 4.0), t if t > 4.0 else 0.0), abs=1e-14)
-    alike = tcstudy.ContactProblem(np.eye(2), [1.2, 1.2], [1.0, 1.0], [soft, soft])
-    assert alike.law is soft
+    assert tcstudy.ContactProblem(np.eye(2), [1.2, 1.2], [1.0, 1.0], [soft, soft]).law is soft
 
 
 def test_units_decide_nothing() -> None:
@@ -98,7 +98,7 @@ def test_units_decide_nothing() -> None:
 
 
 def test_a_study_changes_by_keys() -> None:
-    study = tcstudy.load(HERE.parent / "configs" / "quickstart.yaml")
+    study = tcstudy.load(CONFIGS / "quickstart.yaml")
     assert "\n" not in repr(study)
     assert len(repr(study)) < 200
     once = study.with_(mesh_levels=2)
@@ -106,9 +106,7 @@ def test_a_study_changes_by_keys() -> None:
     assert once.with_(mesh_levels=3).mesh.levels == 3
     alone = once.with_(sweep=None, heat_alpha=50.0)
     assert (len(alone.scenes), alone.mesh.levels, alone.scenes[0].heat.alpha) == (1, 2, 50.0)
-    named = tcstudy.load(
-        HERE.parent / "configs" / "quickstart.yaml", {"parameters": {"size": 0.02}, "mesh.maxh": "size"}
-    )
+    named = tcstudy.load(CONFIGS / "quickstart.yaml", {"parameters": {"size": 0.02}, "mesh.maxh": "size"})
     assert named.with_(size=0.03).with_({"parameters.size": 0.04}).with_(size=0.01).mesh.maxh == (0.01,)
     with pytest.raises(tcstudy.StudyError, match=r"mesh\.level"):
         study.with_(mesh_level=2)

@@ -9,16 +9,15 @@ import netCDF4
 import numpy as np
 import pytest
 
-from tcstudy.cli import main
 from tcstudy.data.provenance import collect
 from tcstudy.data.store import write_record
 from tcstudy.data.tables import Measured, convergence_record, convergence_table
 from tcstudy.read.study import read_study_text
+from tests.commands import CONFIGS, tcstudy_command
 from tests.data.by_points import write
 from tests.data.conftest import ALPHA, FRICTION, make_block, make_level, make_study
 from tests.verification.scenes import RECTANGLE
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 STUMBLES = {"check_coordinate_variables_strict_monotonicity", "check_invalid_same_named_dimension_across_groups"}
 """Where the checker itself stumbles, over text coordinates and groups; these are no findings about the file."""
 FEW = ("theta_L2", "u_energy", "u_T_max", "xi_L2", "energy", "heat_balance", "status")
@@ -37,14 +36,10 @@ def faults(file: Path) -> str:
     return "" if passed and "All tests passed!" in text and not stumbled else text
 
 
-def ran(config: str, *changes: str) -> Callable[[Path], None]:
+def ran(config: str, *changes: str) -> Callable[[Path], object]:
     """Make the file of a study that is shipped."""
     given = [word for change in changes for word in ("--set", change)]
-    return lambda file: assert_ok(main(["run", str(CONFIGS / f"{config}.yaml"), *given, "-o", str(file), "-q"]))
-
-
-def assert_ok(code: int) -> None:
-    assert code == 0
+    return lambda file: tcstudy_command("run", CONFIGS / f"{config}.yaml", *given, "-o", file, "-q", code=0)
 
 
 def swept(**kind: Any) -> Callable[[Path], None]:

@@ -60,11 +60,7 @@ def test_points_and_whole_body_fields_come_back_and_those_not_run_are_visible(ou
     with netCDF4.Dataset(output) as nc:  # netCDF4 masks by valid_min
         assert nc["iterations"][...].mask.sum() == 1
         filled = {name: "_FillValue" in nc[name].ncattrs() for name in ("energy", "iterations", "unique")}
-        assert filled == {
-            "energy": True,
-            "iterations": False,
-            "unique": False,
-        }  # xarray makes floats of filled integers
+        assert filled == {"energy": True, "iterations": False, "unique": False}  # filled integers are read as floats
 
 
 def test_names_of_axes_that_collide_are_refused(output: Path, study: Study) -> None:
@@ -123,9 +119,7 @@ def test_a_long_sweep_comes_back_whatever_the_passes(
     output: Path, memory: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """15,000 points, blocks a stride apart, in no order, with every tenth failed."""
-    axes = [
-        Axis(n, ("heat", n), x, x, "1") for n, x in (("a", (*range(20),)), ("b", (*range(30),)), ("d", (*range(25),)))
-    ]
+    axes = [Axis(n, ("heat", n), (*range(x),), (*range(x),), "1") for n, x in (("a", 20), ("b", 30), ("d", 25))]
     study, rng = make_study(axes=tuple(axes), mesh=MeshPlan((0.1,), 1)), np.random.default_rng(3)
     order, starts = np.arange(15_000).reshape(study.shape).transpose(2, 0, 1).ravel(), np.arange(len(START_NAMES)) % 3
     blocks = []
@@ -144,16 +138,15 @@ def test_a_long_sweep_comes_back_whatever_the_passes(
         passes += 1
         yield from blocks
 
-    for name, value in (("MEMORY", memory), ("CHUNK", 2**15)):
-        monkeypatch.setattr(store, name, value)
+    monkeypatch.setattr(store, "MEMORY", memory)
+    monkeypatch.setattr(store, "CHUNK", 2**15)
     store.write(output, study, [make_level(0)], again, collect(study, ["tcstudy"]))
     assert not list(output.parent.glob(".*.tmp"))
     assert passes > 10 if memory < 2**26 else passes == 1
     assert_held(output, *blocks)
     with netCDF4.Dataset(output) as nc:
         for name in ("energy", "start_energy", "level_0/u_T"):
-            assert nc[name].filters()["fletcher32"]
-            assert nc[name].filters()["zlib"]
+            assert {"fletcher32": True, "zlib": True}.items() <= nc[name].filters().items()
         assert nc["h_max"].chunking() == "contiguous"
         words = [f"point {p}" if p % 10 == 0 and p < 1000 else "" for p in range(15_000)]
         assert nc["reason"][...].ravel().tolist() == words

@@ -68,12 +68,10 @@ class Machines:
 @pytest.fixture
 def machines(tmp_path: Path) -> Iterator[Machines]:
     found = Machines(tmp_path)
-    try:
-        yield found
-    finally:
-        for process in reversed(found.alive):
-            process.kill()
-            process.wait()
+    yield found
+    for process in reversed(found.alive):
+        process.kill()
+        process.wait()
 
 
 @pytest.fixture(autouse=True)
@@ -84,22 +82,17 @@ def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_killed_worker_changes_no_bit_and_a_point_that_kills_is_told(machines: Machines, tmp_path: Path) -> None:
     """One cluster for all that it must stand: a machine that goes, a point that kills, a scheduler that goes."""
     scheduler, first, _ = machines.scheduler(), machines.worker(), machines.worker()
-    cluster, study = DaskExecutor(machines.address), study_of(MANY)
-    expected = solved(study, SerialExecutor())
-    try:
-        seen: list[BlockRecord] = []
+    study, seen = study_of(MANY), list[BlockRecord]()
+    with DaskExecutor(machines.address) as cluster:
         for record in run(study, executor=lambda study, m: cluster):
             if isinstance(record, BlockRecord):
                 seen.append(record)
                 if len(seen) == 3:
                     first.kill()
-        assert_same(seen, expected)
-    finally:
-        cluster.shutdown()
+    assert_same(seen, solved(study, SerialExecutor()))
 
     pids = tmp_path / "pids"
-    cluster = DaskExecutor(machines.address, command=(CRUEL, "kill", str(TAU), str(pids)))
-    try:
+    with DaskExecutor(machines.address, command=(CRUEL, "kill", str(TAU), str(pids))) as cluster:
         blocks = solved(study_of(SWEPT, "mesh.levels=1"), cluster)
         [bad] = [block for block in blocks if 1 in block.points]
         assert bad.status.tolist() == [PointStatus.ERROR]
@@ -113,8 +106,6 @@ def test_a_killed_worker_changes_no_bit_and_a_point_that_kills_is_told(machines:
         scheduler.wait()
         with pytest.raises(WorkersFailed, match=r"scheduler tcp:.* was lost.*finished points are kept"):
             list(records)
-    finally:
-        cluster.shutdown()
 
 
 def test_a_local_cluster_starts_in_a_script_that_is_not_guarded_and_leaves_nobody(tmp_path: Path) -> None:

@@ -34,9 +34,8 @@ def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="module")
 def pool() -> Iterator[ProcessExecutor]:
-    workers = ProcessExecutor(2)
-    yield workers
-    workers.shutdown()
+    with ProcessExecutor(2) as workers:
+        yield workers
 
 
 def solved(study: Study, executor: SerialExecutor) -> list[BlockRecord]:
@@ -74,8 +73,7 @@ def test_workers_find_the_same_to_the_bit(pool: ProcessExecutor, changes: tuple[
 def test_a_call_whose_worker_dies_is_tried_once_more_and_then_told(tmp_path: Path, what: str, words: str) -> None:
     """And takes nothing along: the calls before and after it are answered, those of other workers too."""
     once, always = tmp_path / "once", tmp_path / "always"
-    workers = ProcessExecutor(2)
-    try:
+    with ProcessExecutor(2) as workers:
         around = [workers.submit(divmod, i, 3) for i in range(6)]
         mended, lost = (workers.submit(Job(treat, "", 1.5), what, seen, seen == once) for seen in (once, always))
         around += [workers.submit(divmod, i, 3) for i in range(6, 12)]
@@ -83,8 +81,6 @@ def test_a_call_whose_worker_dies_is_tried_once_more_and_then_told(tmp_path: Pat
         with pytest.raises(WorkerDied, match=f"^the worker process that solved this died: {words}$"):
             lost.result()
         assert [call.result() for call in around] == [divmod(i, 3) for i in range(12)]
-    finally:
-        workers.shutdown()
     assert len(set(once.read_text().split())) == len(set(always.read_text().split())) == 2
 
 
@@ -116,14 +112,10 @@ def test_no_more_calls_are_under_way_than_the_executor_likes() -> None:
 
 def test_a_point_that_kills_its_workers_is_recorded_and_the_rest_goes_on(tmp_path: Path) -> None:
     study = study_of(SWEPT, "mesh.levels=1")
-    workers = ProcessExecutor(2, command=(CRUEL, "kill", str(TAU), str(tmp_path / "pids")))
-    try:
+    with ProcessExecutor(2, command=(CRUEL, "kill", str(TAU), str(tmp_path / "pids"))) as workers:
         found = solved(study, workers)
-    finally:
-        workers.shutdown()
     [bad] = [block for block in found if 1 in block.points]
-    assert bad.points.tolist() == [1]
-    assert bad.status.tolist() == [PointStatus.ERROR]
+    assert (bad.points.tolist(), bad.status.tolist()) == ([1], [PointStatus.ERROR])
     assert "signal SIGKILL" in bad.reasons[0]
     assert len((tmp_path / "pids").read_text().split()) == 4  # block: 2, point: 2
     expected = solved(study, SerialExecutor())
@@ -135,10 +127,9 @@ def test_a_point_that_kills_its_workers_is_recorded_and_the_rest_goes_on(tmp_pat
 
 @pytest.mark.parametrize("warm", [False, True])
 def test_workers_that_never_start_end_the_run(warm: bool) -> None:
-    workers = ProcessExecutor(2, command=("-c", "raise SystemExit(3)"))
-    with pytest.raises(WorkersFailed, match=r"exit code 3.*--jobs 1"):
+    never = ("-c", "raise SystemExit(3)")
+    with pytest.raises(WorkersFailed, match=r"exit code 3.*--jobs 1"), ProcessExecutor(2, command=never) as workers:
         solved(study_of(SWEPT, "mesh.levels=1"), workers.warm() if warm else workers)
-    workers.shutdown()
 
 
 LONG = """
@@ -147,8 +138,7 @@ from functools import partial
 from pathlib import Path
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a parent in the background hands down one that is ignored
 from tcstudy.read.study import read_study
-from tcstudy.study import level_solver
-from tcstudy.study import workers
+from tcstudy.study import level_solver, workers
 from tcstudy.study.run import execute
 level_solver.POINTS = 2
 workers.ProcessExecutor = partial(workers.ProcessExecutor, command=tuple(sys.argv[3:]))
@@ -163,8 +153,7 @@ except KeyboardInterrupt:
 def test_an_interrupted_run_leaves_its_points_and_no_workers(tmp_path: Path, kill: signal.Signals) -> None:
     """The last block hangs; what was solved before stays, and the run goes on from there to the same numbers."""
     file, output, pids = tmp_path / "study.yaml", tmp_path / "out.nc", tmp_path / "pids"
-    text = SWEPT.replace("levels: 3", "levels: 1")
-    file.write_text(text)
+    file.write_text(text := SWEPT.replace("levels: 3", "levels: 1"))
     words = [sys.executable, "-c", LONG, str(file), str(output), CRUEL, "hang", "0.03", str(pids)]
     parent = subprocess.Popen(words, start_new_session=True)
     try:
@@ -178,11 +167,9 @@ def test_an_interrupted_run_leaves_its_points_and_no_workers(tmp_path: Path, kil
     finally:  # no child outlives the test
         parent.kill()
         parent.wait()
-    study = study_of(text)
     assert (tmp_path / "out.nc.partial").exists()
-    summary = execute(study, output)
-    assert summary.resumed == 2
-    assert summary.failed == 0
+    summary = execute(study_of(text), output)
+    assert (summary.resumed, summary.failed) == (2, 0)
 
 
 def gone(pid: int) -> bool:

@@ -15,14 +15,8 @@ def line_of(text: str) -> ContactLine:
 
 L_SHAPE = """
 units: none
-body:
-  outline:
-    - {from: [0, 0], edge: floor}
-    - {from: [1, 0], edge: wall}
-    - {from: [1, -1], edge: rest}
-    - {from: [2, -1], edge: rest}
-    - {from: [2, 1], edge: top}
-    - {from: [0, 1], edge: rest}
+body: {outline: [{from: [0, 0], edge: floor}, {from: [1, 0], edge: wall}, {from: [1, -1], edge: rest},
+  {from: [2, -1], edge: rest}, {from: [2, 1], edge: top}, {from: [0, 1], edge: rest}]}
 boundary: {floor: contact, wall: contact, rest: free, top: clamped}
 material: {E: 1, nu: 0.3}
 friction: {law: tresca, tau: 0.01}
@@ -44,10 +38,8 @@ def test_a_corner_of_the_contact_line_is_held() -> None:
 
 
 def test_two_separate_parts_and_a_closed_hole() -> None:
-    text = RECTANGLE.replace("rectangle: {width: 2, height: 1}}", "rectangle: {width: 2, height: 1}, holes: [HOLE]}")
-    text = text.replace("HOLE", "{circle: {center: [1, 0.5], radius: 0.2, edge: pin}}")
-    text = text.replace("top: free", "top: free, pin: contact")
-    line = line_of(text)
+    hole = "holes: [{circle: {center: [1, 0.5], radius: 0.2, edge: pin}}]"
+    line = line_of(RECTANGLE.replace("1}}", f"1}}, {hole}}}").replace("top: free", "top: free, pin: contact"))
     pin = line.edge == line.edge_names.index("pin")
     radius = np.linalg.norm(line.xy[pin] - [1, 0.5], axis=1)
     assert np.allclose(radius, 0.2, atol=1e-14)
@@ -71,8 +63,7 @@ def test_disagreeing_clamps_are_an_error() -> None:
 def test_a_roller_along_the_contact_keeps_the_corner_node() -> None:
     """u_y = 0 on the side and u_N = 0 below are one condition: the corner slips and is an unknown."""
     text = RECTANGLE.replace("left: clamped, top: free", "left: {role: clamped, u_y: 0}, top: clamped")
-    line = line_of(text)
-    assert line.xy[0].tolist() == [0.0, 0.0]
+    assert line_of(text).xy[0].tolist() == [0.0, 0.0]
     fixed = RECTANGLE.replace("left: clamped, top: free", "left: {role: clamped, u_x: 0}, top: clamped")
     assert line_of(fixed).xy[0, 0] > 0
 
