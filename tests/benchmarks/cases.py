@@ -15,6 +15,7 @@ block clamped at its left end, heated inside, cooled at its right end, on a soft
 
 from __future__ import annotations
 
+import argparse
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -94,6 +95,16 @@ class Case:
     load: int
     problem: ContactProblem
     heat_balance: float = np.nan
+
+
+def options(words: str | None, *numbers: str, **defaults: float) -> argparse.Namespace:
+    """What the command line asks for: options NAME with these defaults, and numbers NAME=DEFAULT in their order."""
+    parser = argparse.ArgumentParser(description=words, formatter_class=argparse.RawDescriptionHelpFormatter)
+    for name, default in (number.split("=") for number in numbers):
+        parser.add_argument(name, nargs="?", type=int, default=int(default))
+    for name, value in defaults.items():
+        parser.add_argument(f"--{name}", type=type(value), default=value)
+    return parser.parse_args()
 
 
 def publish(name: str, lines: Iterable[str], words: str = "") -> None:

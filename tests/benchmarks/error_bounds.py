@@ -7,22 +7,19 @@ P1 factorisation of the same mesh.
 
 from __future__ import annotations
 
-import argparse
 import time
 
 import numpy as np
 
 from tcstudy.errors import GeometryFailed
+from tests.benchmarks.cases import options
 from tests.verification.test_error_bound import bounded, loaded_scene_of
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("count", nargs="?", type=int, default=500)
-    parser.add_argument("--first", type=int, default=0)
-    options = parser.parse_args()
+    asked = options(__doc__, "count=500", first=0)
     below, ratios, steep, refused = [], [], [], 0
-    for seed in range(options.first, options.first + options.count):
+    for seed in range(asked.first, asked.first + asked.count):
         clock = time.process_time()
         try:
             text, share = loaded_scene_of(seed)

@@ -9,7 +9,6 @@ evaluation.
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 import time
 from collections.abc import Callable
@@ -22,8 +21,9 @@ from threadpoolctl import threadpool_limits
 
 from tcstudy.accuracy.fitted import minimise, uncertainty
 from tcstudy.read.study import read_study_text
-from tcstudy.scene.study import FitColumn, FitPlan
+from tcstudy.scene.study import FitPlan
 from tcstudy.study.fit import Tests, box_of
+from tests.benchmarks.cases import options
 from tests.study.test_fit import DELTA, TAU, D, pulled
 from tests.study.test_fit_cases import FOUND, PULLED, RIGID, returned
 
@@ -116,14 +116,13 @@ def plan_of(case: Case, folder: Path) -> tuple[FitPlan, Callable[[Array], FitPla
 
     def with_data(data: Array) -> FitPlan:
         columns = [replace(c, values=tuple(x)) for c, x in zip((*plan.given, *plan.measured), data.T, strict=True)]
-        given: tuple[FitColumn, ...] = tuple(columns[: len(plan.given)])
-        return replace(plan, given=given, measured=tuple(columns[len(plan.given) :]))
+        n = len(plan.given)
+        return replace(plan, given=tuple(columns[:n]), measured=tuple(columns[n:]))
 
     return plan, with_data
 
 
 def run(case: Case, draws: int, seed: int) -> None:
-    """Fit a case many times and print what came of it."""
     with tempfile.TemporaryDirectory() as name:
         plan, with_data = plan_of(case, Path(name))
         study = read_study_text(case.text, source=Path(name) / "fit.yaml")
@@ -133,8 +132,7 @@ def run(case: Case, draws: int, seed: int) -> None:
     held, apart, evaluations, worst = np.zeros(len(start)), [], [], 0.0
     clock = time.perf_counter()
     for _ in range(draws):
-        model.plan = with_data(case.data + rng.normal(size=case.data.shape) * case.noise)
-        model.solves = 0
+        model.plan, model.solves = with_data(case.data + rng.normal(size=case.data.shape) * case.noise), 0
         best = minimise(tests, start, box)
         said = uncertainty(best, box, tests.groups, plan.known_noise)
         held += (said.interval[:, 0] <= case.truth) & (case.truth <= said.interval[:, 1])
@@ -142,14 +140,8 @@ def run(case: Case, draws: int, seed: int) -> None:
         evaluations.append(best.evaluations)
         worst = max(worst, model.solves / best.evaluations)
     each = worst / (1.0 if plan.compare == "orthogonal" else len(case.data))
-    held_by, bias, spread = (
-        ", ".join(form.format(x) for x in values)
-        for form, values in (
-            ("{:.1%}", held / draws),
-            ("{:+.2f}", np.mean(apart, axis=0)),
-            ("{:.2f}", np.std(apart, axis=0)),
-        )
-    )
+    told = (("{:.1%}", held / draws), ("{:+.2f}", np.mean(apart, axis=0)), ("{:.2f}", np.std(apart, axis=0)))
+    held_by, bias, spread = (", ".join(form.format(x) for x in values) for form, values in told)
     what = "paths an evaluation" if plan.compare == "orthogonal" else "solves a datum and evaluation"
     print(
         f"{case.name}: {draws} draws, intervals hold {held_by}, bias {bias} standard errors, spread {spread}, "
@@ -160,17 +152,11 @@ def run(case: Case, draws: int, seed: int) -> None:
 
 
 def main() -> None:
-    """Run all cases."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--draws", type=int, default=200)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--size", type=float, default=1.0, help="size of elements, over the usual one")
-    parser.add_argument("--case", type=int, default=None)
-    options = parser.parse_args()
+    asked = options(__doc__, draws=200, seed=1, size=1.0, case=-1)  # size: of elements, over the usual one
     with threadpool_limits(1, user_api="blas"):
-        for number, case in enumerate(cases(options.size)):
-            if options.case in (None, number):
-                run(case, options.draws, options.seed)
+        for number, case in enumerate(cases(asked.size)):
+            if asked.case in (-1, number):
+                run(case, asked.draws, asked.seed)
 
 
 if __name__ == "__main__":

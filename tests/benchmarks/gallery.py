@@ -113,9 +113,8 @@ def pages(scratch: Path, folder: Path) -> Iterator[Path]:
         for name, (study, place, first, last) in PAGES.items():
             file, target = scratch / f"{study}-page.nc", folder / f"page-{name}.png"
             if not file.exists():
-                tcstudy.run(
-                    tcstudy.load(ROOT / "configs" / f"{study}.yaml", FINER if study == "quickstart" else ()), file
-                )
+                finer = FINER if study == "quickstart" else ()
+                tcstudy.run(tcstudy.load(ROOT / "configs" / f"{study}.yaml", finer), file)
             browser.open(tcstudy.report(file), place)
             top, bottom = browser.run(ENDS, first, last)
             browser.picture(target, (0, top - 8, 1100, bottom - top + 20))
@@ -125,7 +124,6 @@ def pages(scratch: Path, folder: Path) -> Iterator[Path]:
 
 
 def smaller(target: Path) -> Path:
-    """The picture with a palette."""
     with Image.open(target) as picture:
         small = picture.convert("RGB").quantize(COLOURS_KEPT)
     small.save(target, optimize=True)

@@ -30,9 +30,8 @@ from tests.verification.scenes import RECTANGLE
 
 COARSE = RECTANGLE.replace("maxh: 0.1, levels: 3", "maxh: 0.3, levels: 1")
 STUDY = COARSE + "\nsweep: {friction.tau: {linspace: [0.005, 0.03, POINTS]}}\n"
-GEOMETRIES = COARSE + (
-    "\nsweep: {body.rectangle.width: {linspace: [1.5, 2.5, POINTS]}, friction.tau: {linspace: [0.005, 0.03, 5]}}\n"
-)
+WIDTHS = "body.rectangle.width: {linspace: [1.5, 2.5, POINTS]}"
+GEOMETRIES = COARSE + f"\nsweep: {{{WIDTHS}, friction.tau: {{linspace: [0.005, 0.03, 5]}}}}\n"
 """The same body in many widths, each with five points, which a worker meshes and solves whole."""
 RUN = """
 import sys, time
@@ -127,13 +126,9 @@ def assert_same(one: Path, other: Path) -> None:
 
 
 def main() -> None:
-    """Kill, compare and write what came of it."""
     kills, seed = (int(word) for word in (*sys.argv[1:], *("100", "0")[len(sys.argv) - 1 :]))
     lines = ["Two workers, kills at random:"]
-    studies = (
-        ("points in blocks of two", STUDY, kills, 20),
-        ("geometries of five points", GEOMETRIES, kills // 4, 8),
-    )
+    studies = (("points in blocks of two", STUDY, kills, 20), ("geometries of five points", GEOMETRIES, kills // 4, 8))
     for words, study, times, each in studies:
         with tempfile.TemporaryDirectory() as folder:
             done = survive(Path(folder), times, seed, each * times, study)

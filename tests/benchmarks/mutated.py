@@ -62,7 +62,6 @@ sweep:
   points: [{alpha: 25, q: 1e6}, {alpha: 100, q: 2e6}]
 output: {path: out.nc, fields: true}
 """
-
 FROM_A_FILE = """\
 units: none
 body:
@@ -77,7 +76,6 @@ path: {parameter: boundary.sides.u_x, from: 0, to: 2, at: [1, 1.5], start: lowes
        level: 0, max_pieces: 100, law_error: 1e-3}
 """
 """A body from a file, which stands beside the study."""
-
 DERIVED = """\
 units: none
 body: {rectangle: {width: 1, height: 1}}
@@ -110,12 +108,8 @@ RAW = (".nan", ".inf", "-.inf", "null", "true", "off", "0x1f", "0b2", "1_000", "
 KEYS = ("", " ", "x", "E", "nu", "law", "tau", "role", "u", "u_x", "g", "theta", "q", "omega", "sweep", "exact",
         "loads", "path", "units", "edges", "file", "outline", "h", "mode", "points", "of", "goal", "a.b", "[0]",
         "ü", "\x1b[1m", "\x00", "null", "true", "1", "<<", "a" * 3000, "\u202e", "a\nb")  # fmt: skip
-
-
 ODD = ("\t", "\x07", "\x1b[2J", "\ufeff", "\u202e", ":", "- ", "#", "{", "]", '"', "'", "%", "---\n", "\r")
 """What is put into a text."""
-
-
 RAW_MARK = "\ue000"
 """On both sides of what is written as it is."""
 
@@ -133,7 +127,6 @@ def places(tree: Any) -> list[tuple[Any, Any]]:
 
 
 def hostile(rng: random.Random) -> Any:
-    """A value that hardly any key can take."""
     raw = RAW_MARK + rng.choice(RAW) + RAW_MARK
     return rng.choice((rng.choice(TEXTS), rng.choice(NUMBERS), raw, rng.choice(NUMBERS)))
 
@@ -215,9 +208,7 @@ def complaint(text: str, folder: Path) -> tuple[int, str]:
 
 def survey(seeds: Sequence[int], say: Callable[[str], None] = print) -> Counter[str]:
     """How the studies of some seeds ended; says what ended badly."""
-    counts: Counter[str] = Counter()
-    texts = sources()
-    slowest = (0.0, -1)
+    counts, texts, slowest = Counter[str](), sources(), (0.0, -1)
     with tempfile.TemporaryDirectory() as folder:
         occ.WorkPlane().Rectangle(20, 10).Face().WriteStep(str(Path(folder) / "plate.step"))
         for seed in seeds:
@@ -234,7 +225,6 @@ def survey(seeds: Sequence[int], say: Callable[[str], None] = print) -> Counter[
 
 
 def main(arguments: Sequence[str]) -> None:
-    """ErrorEstimator N seeds from FIRST on."""
     number, first = (*map(int, arguments), *(PROBLEMS, 0)[len(arguments) :])
     counts = survey(range(first, first + number))
     print(", ".join(f"{count} {how}" for how, count in sorted(counts.items())))

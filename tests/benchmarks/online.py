@@ -76,7 +76,6 @@ def measure(study: Study, level: int) -> tuple[int, float, float, float]:
 
 
 def lines() -> Iterator[str]:
-    """The report."""
     found = {name: [measure(study, level) for level in LEVELS] for name, study in studies().items()}
 
     def table(rows: list[list[str]]) -> Iterator[str]:
@@ -93,7 +92,6 @@ def lines() -> Iterator[str]:
 
 
 def main() -> None:
-    """Measure and write."""
     keep_freed_memory()  # as whoever solves the blocks of a study does
     publish("online", lines())
 

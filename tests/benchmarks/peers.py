@@ -82,7 +82,6 @@ class Watched(ContactProblem):
 
 
 def watched(problem: ContactProblem, x0: Array, deadline: float) -> Watched:
-    """The problem under watch from a start on."""
     return Watched(problem.A_tilde, problem.l_tilde, problem.c, problem.law, deadline=deadline, best=[(np.inf, x0)])
 
 
@@ -221,8 +220,7 @@ def measure(groups: Iterable[list[Case]], repeats: int = REPEATS) -> Iterator[So
 def markdown(found: list[Solve], problems: int) -> Iterator[str]:
     """The measurements as a short Markdown table with what they were measured on."""
     groups = list(dict.fromkeys(one.group for one in found))
-    yield f"Cells: solved/run (inclusion residual ≤ {TOLERANCE:.0e}), median time."
-    yield ""
+    yield f"Cells: solved/run (inclusion residual ≤ {TOLERANCE:.0e}), median time.\n"
     yield "| method | " + " | ".join([*groups, "of lowest energy", "false success"]) + " |"
     yield "|---" * (len(groups) + 3) + "|"
     for method in PEERS:
@@ -264,7 +262,6 @@ def machine() -> str:
 
 
 def main() -> None:
-    """Measure and write."""
     groups = list(families())  # loads every library before the limit on its threads
     with threadpool_limits(1, user_api="blas"):
         found = list(measure(groups))

@@ -98,7 +98,6 @@ def any_line(problems: int) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Print the counts."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     if words[:1] == ["--any"]:
         print(any_line(int(words[1]) if words[1:] else ANY))

@@ -56,9 +56,7 @@ def study_of(levels: int, maxh: str = "13.6 mm", sweep: str = "{}") -> Study:
 
 
 def finest(study: Study) -> PlaneMesh:
-    """The last mesh of a study."""
-    for mesh in mesh_family(build(study.scenes[0].body), study.mesh):
-        last = mesh
+    *_, last = mesh_family(build(study.scenes[0].body), study.mesh)
     return last
 
 
@@ -179,10 +177,8 @@ def _cell(low: float, middle: float, high: float) -> str:
 
 
 def sweep_text(alphas: int, surroundings: int, laws: int) -> str:
-    """The sweep section for the quickstart body."""
-    named = ", ".join(
-        f"l{i}: {{law: slip-weakening, tau_s: {30 + 2 * i} MPa, tau_k: 10 MPa, delta: 40 um}}" for i in range(laws)
-    )
+    law = "{{law: slip-weakening, tau_s: {} MPa, tau_k: 10 MPa, delta: 40 um}}"
+    named = ", ".join(f"l{i}: {law.format(30 + 2 * i)}" for i in range(laws))
     alpha, theta_bar = np.geomspace(1.0, 1e4, alphas).tolist(), np.linspace(20.0, -20.0, surroundings).tolist()
     return f"{{alpha: {alpha}, theta_bar: {theta_bar}, friction: {{{named}}}}}"
 
@@ -224,7 +220,6 @@ def sweeps() -> Iterator[str]:
 
 
 def main() -> None:
-    """Measure and write."""
     with threadpool_limits(1, user_api="blas"):
         swept, tables = list(sweeps()), list(stages_and_factors())
     head = "CPU times [s] of one thread, median [quartiles]; the machine was shared with other work."

@@ -24,7 +24,6 @@ COLUMNS = ("map", "x", "y", "load", "outcome", "residual", "iterations", "second
 
 
 def main() -> None:
-    """Measure, store and count."""
     counts: Counter[tuple[str, str]] = Counter()
     with (RESULTS / "stability.csv").open("w", encoding="utf-8", newline="") as file, threadpool_limits(1):
         out = csv.writer(file, lineterminator="\n")

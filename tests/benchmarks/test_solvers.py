@@ -1,4 +1,4 @@
-"""The default on small maps never fails silently; the comparison of solvers judges rightly; modules load."""
+"""The default never fails silently, solvers are judged rightly, kills lose nothing, spoilt studies get clear lines."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from tcstudy.contact.problem import Status
 from tcstudy.contact.solve import solve_contact
 from tests.benchmarks import gallery
 from tests.benchmarks.cases import SHAPE, WEAK, Case, Grid, down_jumps, families, real, synthetic, up_jumps
+from tests.benchmarks.kills import survive
+from tests.benchmarks.mutated import sources, survey
 from tests.benchmarks.peers import PEERS, TOLERANCE, Solve, markdown, measure
 from tests.benchmarks.semismooth import semismooth_newton
 from tests.contact.contact_cases import independent_residual
@@ -98,3 +100,18 @@ def test_the_gallery_is_what_it_makes() -> None:
     """A picture that nothing draws any more would show what the program no longer does."""
     stored = {path.stem.removeprefix("gallery-") for path in (gallery.ROOT / "results").glob("gallery-*.png")}
     assert stored == set(gallery.DRAWN)
+
+
+def test_random_kills_lose_nothing(tmp_path: Path) -> None:
+    done = survive(tmp_path, kills=3, seed=3, points=80)
+    assert done.workers + done.runs == 3
+    assert min(done.workers, done.runs) > 0
+
+
+def test_no_spoilt_study_ends_in_a_traceback() -> None:
+    assert len(sources()) > 5
+    said: list[str] = []
+    counts = survey(range(10_000, 10_100), said.append)
+    assert counts["badly ended"] == 0, "\n".join(said)
+    assert counts["planned"] > 5  # the generator spoils neither all nor nothing
+    assert counts["refused"] > 50

@@ -60,7 +60,6 @@ def draw_scene(seed: int, index: int) -> Drawn:
 
 
 def _text(data: Data) -> str:
-    """The study as YAML."""
     stream = io.StringIO()
     YAML().dump(data, stream)
     return stream.getvalue()

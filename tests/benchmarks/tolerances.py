@@ -9,7 +9,6 @@ Judged by: true relative error of the last solution over the tolerance; above 1 
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -24,6 +23,7 @@ from tcstudy.refine.family import Family
 from tcstudy.refine.goals import fronts, goal_value, slip_length
 from tcstudy.scene.records import Point
 from tcstudy.scene.study import Goal, MeshPlan, Study
+from tests.benchmarks.cases import options
 from tests.benchmarks.tolerance_scenes import draw_scene
 
 SECONDS = 900.0
@@ -82,7 +82,6 @@ def scene_trials(count: int, seed: int, seconds: float = SECONDS) -> Iterator[Sc
 
 
 def judged(scene: int, study: Study, goal: Goal, tolerance: float, true: float) -> SceneTrial:
-    """Run to one tolerance."""
     plan = MeshPlan(study.mesh.maxh, 20, "adaptive", goal=goal, tolerance=tolerance, max_dofs=MOST)
     family, problem = Family(replace(study, mesh=plan)), study.scenes[0]
     start = time.perf_counter()
@@ -181,14 +180,9 @@ def _cut_at(mesh: PlaneMesh, places: list[Point]) -> PlaneMesh:
 
 
 def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--scenes", type=int, default=24)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--seconds", type=float, default=SECONDS, help="no scene is begun after so long")
-    options = parser.parse_args()
+    asked = options(__doc__, scenes=24, seed=1, seconds=SECONDS)
     found = []
-    for trial in scene_trials(options.scenes, options.seed, options.seconds):
+    for trial in scene_trials(asked.scenes, asked.seed, asked.seconds):
         print(trial, flush=True)
         found.append(trial)
     print(scene_table(found))
