@@ -135,7 +135,6 @@ def synthetic(grid: Grid) -> Iterator[Case]:
 
 
 def real(grid: Grid) -> Iterator[Case]:
-    """All cases on real bodies."""
     for nu in grid.nu:
         for load, body in enumerate(_bodies(BLOCK, grid.loads, nu=nu)):
             for ratio in grid.ratios:

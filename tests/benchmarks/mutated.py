@@ -193,10 +193,8 @@ def complaint(text: str, folder: Path) -> tuple[int, str]:
     file = folder / "s.yaml"
     file.write_bytes(text.encode("utf-8", "surrogatepass"))
     code, shown, said = tcstudy_command("run", file, "--dry-run", "--output", folder / "out.nc")
-    if code == CRASHED:
-        return -1, said
     if code not in (0, 2):
-        return -1, f"exit code {code}"
+        return -1, said if code == CRASHED else f"exit code {code}"
     lines = said.rstrip("\n").split("\n")
     if code == 2 and (not said.strip() or not all(line.startswith(str(file)) and "; " in line for line in lines)):
         return 2, f"no clear line: {said!r}"

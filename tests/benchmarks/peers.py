@@ -228,16 +228,15 @@ def markdown(found: list[Solve], problems: int) -> Iterator[str]:
         cells = []
         for group in groups:
             here = [one for one in own if one.group == group]
-            time = float(np.median([one.seconds for one in here])) if here else 0.0
+            time = float(np.median([one.seconds for one in here] or [0.0]))
             words = f"{1e3 * time:.2g} ms" if time < 0.0995 else f"{time:.2g} s"
             cells.append(f"{sum(one.solved for one in here)}/{len(here)}, {words}" if here else "–")
         good, claims = [one for one in own if one.solved], [one for one in own if one.claims]
         cells.append(f"{sum(one.lowest for one in good)}/{len(good)}")
         cells.append(f"{sum(not one.solved for one in claims)}/{len(claims)}")
         yield f"| {method} | " + " | ".join(cells) + " |"
-    yield ""
     yield (
-        f"{problems} problems; {sum(one.late for one in found)} solves stopped at {LIMIT:g} s, "
+        f"\n{problems} problems; {sum(one.late for one in found)} solves stopped at {LIMIT:g} s, "
         f"{problems * len(PEERS) - len(found)} not run because the method had been too slow before (– where none was)."
     )
     yield (

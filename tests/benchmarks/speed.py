@@ -94,10 +94,8 @@ def stages_and_factors() -> Iterator[str]:
         stages.append(np.array([one for one, _ in found]))
         factors.append(np.array([one for _, one in found]))
         print(f"{size[0]} unknowns: {np.median(stages[-1], axis=0).sum():.2f} s a cold point", flush=True)
-    yield from _table("stage", STAGES, stages, sizes)
-    yield ""
-    yield from _table("factor of the stiffness matrix", FACTORS, factors, sizes)
-    yield ""
+    yield from (*_table("stage", STAGES, stages, sizes), "")
+    yield from (*_table("factor of the stiffness matrix", FACTORS, factors, sizes), "")
     yield "p: time ~ Nᵖ, fitted from N = 10⁴ on; m ~ √N on these meshes, so that in m the exponent is 2p."
 
 
@@ -149,15 +147,13 @@ def _factors(mesh: PlaneMesh, scene: Scene, n_dof: int) -> Iterator[float]:
 def _ngsolve_matrix(mesh: PlaneMesh, scene: Scene, fixed: np.ndarray) -> tuple[Any, Any]:
     """The same matrix as NGSolve would hold it: its own form, with the film along x held in y (no turned nodes)."""
     space = ngs.VectorH1(mesh.mesh, order=1)
-    u, v = space.TnT()
+    (u, v), free = space.TnT(), ngs.BitArray(space.ndof)
     strain = ngs.InnerProduct(ngs.Sym(ngs.Grad(u)), ngs.Sym(ngs.Grad(v)))
     energy = scene.material.lam * ngs.div(u) * ngs.div(v) + 2 * scene.material.mu * strain
-    free = ngs.BitArray(space.ndof)
     free.Clear()
     for row in np.flatnonzero(~fixed):
         free.Set(int(row))
-    form = ngs.BilinearForm(energy * ngs.dx, symmetric=True).Assemble()
-    return form, free
+    return ngs.BilinearForm(energy * ngs.dx, symmetric=True).Assemble(), free
 
 
 def _table(name: str, rows: tuple[str, ...], times: list[Array], sizes: list[tuple[int, int]]) -> Iterator[str]:

@@ -29,10 +29,8 @@ def main() -> None:
         out = csv.writer(file, lineterminator="\n")
         out.writerow(COLUMNS)
         for case in chain(real(Grid()), synthetic(Grid())):
-            begin = time.process_time()
-            answer = solve_contact(case.problem)
-            seconds = time.process_time() - begin
-            residual = independent_residual(case.problem, answer.v, answer.v_low)
+            begin, answer = time.process_time(), solve_contact(case.problem)
+            seconds, residual = time.process_time() - begin, independent_residual(case.problem, answer.v, answer.v_low)
             claims = answer.status == Status.CONVERGED and not answer.limited  # what rounding limits is said to be
             outcome = "solved" if residual <= TOLERANCE else "silent" if claims else "flagged"
             counts[case.map, outcome] += 1

@@ -22,7 +22,6 @@ from tcstudy.contact.solve import solve_contact
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.refine.family import Family
-from tcstudy.scene.records import Point
 from tcstudy.scene.study import Goal, Study
 
 Array = NDArray[np.float64]
@@ -43,7 +42,6 @@ class Drawn:
 
 
 def draw_scene(seed: int, index: int) -> Drawn:
-    """The scene of a seed with a number."""
     rng = np.random.default_rng([seed, index])
     size, stress = 10.0 ** rng.uniform(-2.5, 3.0), 10.0 ** rng.uniform(0.0, 9.0)
     while True:
@@ -67,9 +65,6 @@ def _text(data: Data) -> str:
 
 def _digits(x: float) -> float:
     return float(f"{x:.6g}")
-
-
-# -- body and boundary ---------------------------------------------------------------------------------
 
 
 def _body(rng: Draw, size: float) -> Data:
@@ -110,8 +105,7 @@ def _boundary(rng: Draw, data: Data, size: float, stress: float) -> None:
     held += [["inner"], ["shelf"]] if "inner" in names else []
     clamped = held[int(rng.integers(len(held)))]
     heated, plane = bool(rng.random() < 0.4), str(rng.choice(["strain", "stress"]))
-    strain = 1e-3
-    boundary: Data = {"base": "contact"}
+    strain, boundary = 1e-3, Data(base="contact")
     if rng.random() < 0.25 and len(clamped) == 1:  # along Γ_C and, so that u_N = 0 there, growing away from it
         move = [_digits(strain * size * rng.uniform(-1.0, 1.0)), f"{_digits(0.3 * strain * rng.uniform(-1.0, 1.0))}*y"]
         boundary[clamped[0]] = {"role": "clamped", "u": move}
@@ -141,9 +135,6 @@ def _boundary(rng: Draw, data: Data, size: float, stress: float) -> None:
         }
 
 
-# -- law and goals -------------------------------------------------------------------------------------
-
-
 def _solved(data: Data) -> tuple[Level, ContactProblem, Array, float]:
     study = read_study_text(_text(data), "drawn")
     scene = study.scenes[0]
@@ -167,10 +158,8 @@ def _law(rng: Draw, data: Data) -> bool:
         "hardening": {"law": "piecewise-linear", "points": [[0.0, tau * least], [delta, tau]]},
     }[kind]
     for name, value in data["friction"].items():
-        if isinstance(value, float):
-            data["friction"][name] = _digits(value)
-        elif name == "points":
-            data["friction"][name] = [[_digits(x) for x in point] for point in value]
+        if name != "law":
+            data["friction"][name] = _digits(value) if name != "points" else [[*map(_digits, one)] for one in value]
     _, problem, v, _ = _solved(data)
     return kind == "linear" or not bool(np.all(problem.law.sticking(v)))
 
@@ -179,14 +168,9 @@ def _goals(rng: Draw, data: Data) -> tuple[Goal, ...]:
     """What may be asked: ∫ξ unless it cancels, u_T where it slips, the slip length where there are fronts."""
     level, problem, v, _ = _solved(data)
     xi, stick, line = problem.xi(v), problem.law.sticking(v), level.line
-    goals = []
-    if abs(float(xi.sum())) > CANCELS * float(np.abs(xi).sum()):
-        goals.append(Goal("friction_resultant"))
-    size = np.abs(v)
-    moved = np.flatnonzero(size > 0.3 * size.max())
-    x, y = line.xy[int(rng.choice(moved))]
-    at: Point = (_digits(float(x)), _digits(float(y)))
-    goals.append(Goal("u_T", at))
+    goals = [Goal("friction_resultant")] * (abs(float(xi.sum())) > CANCELS * float(np.abs(xi).sum()))
+    x, y = line.xy[int(rng.choice(np.flatnonzero(np.abs(v) > 0.3 * np.abs(v).max())))]
+    goals.append(Goal("u_T", (_digits(float(x)), _digits(float(y)))))
     if stick.any() and not stick.all() and float(problem.c[~stick].sum()) > 0.1 * float(problem.c.sum()):
         goals.append(Goal("slip_length"))
     return tuple(goals)

@@ -27,7 +27,6 @@ GRID = "sweep={E: [2, 1], tau: [0.01, 0.02]}"
 
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
-    """The study; its tests run beside it."""
     path = tmp_path / "study.yaml"
     path.write_text(TEXT)
     return path
@@ -43,9 +42,8 @@ def same(part: xr.DataTree, whole: xr.DataTree) -> None:
         one, two = part[path].to_dataset(), whole[path].to_dataset()
         if path != "/":
             one, two = (d.assign_coords(root.coords) for d, root in ((one, part), (two, whole)))
-        at = {name: one[name] for name in ("E", "tau")}
         for name, values in one.data_vars.items():
-            other = two[name].sel({axis: at[axis] for axis in at if axis in values.dims})
+            other = two[name].sel({axis: one[axis] for axis in ("E", "tau") if axis in values.dims})
             xr.testing.assert_equal(values.drop_vars(list(values.coords)), other.drop_vars(list(other.coords)))
 
 
@@ -69,10 +67,9 @@ class Counted:
 
 @pytest.mark.parametrize("more", ["output.fields=true", "solver.branch=continued"])
 def test_append_solves_only_new_points(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, more: str) -> None:
-    output, options = tmp_path / "out.nc", [more]
-    old = tcstudy.run(study(file, GRID, *options), output).tree  # the file grows
+    output, new = tmp_path / "out.nc", study(file, "sweep={E: [2, 1, 1.5], tau: [0.01, 0.02]}", more)
+    old = tcstudy.run(study(file, GRID, more), output).tree  # the file grows
     counted = Counted(monkeypatch)
-    new = study(file, "sweep={E: [2, 1, 1.5], tau: [0.01, 0.02]}", *options)
     tree = tcstudy.run(new, output, append=True)
     assert counted.points == 2 * 2
     same(old, tree)
@@ -122,13 +119,11 @@ def test_a_run_solves_again_what_broke_down(file: Path, tmp_path: Path, monkeypa
     assert counted.points == 2  # two of four were finished
     assert np.all(tree["status"] == int(PointStatus.OK))
     assert set(tree["reason"].values.ravel()) == {""}
-    solved = [path.to_dataset().isel(tau=[0]) for path in (old, tree)]
-    xr.testing.assert_equal(*solved)
+    xr.testing.assert_equal(*(path.to_dataset().isel(tau=[0]) for path in (old, tree)))
     assert np.array_equal(old["level_1"]["u_T"].values[:, 0], tree["level_1"]["u_T"].values[:, 0])
     before = output.read_bytes()
     tcstudy.run(study(file), output)
-    assert counted.points == 2
-    assert output.read_bytes() == before
+    assert (counted.points, output.read_bytes()) == (2, before)
     assert {path.name for path in tmp_path.iterdir()} == {"study.yaml", "out.nc"}
 
 
@@ -154,8 +149,6 @@ def test_what_does_not_fit_is_refused_in_one_line(file: Path, capsys: pytest.Cap
 
 
 SI = RECTANGLE.replace("units: none", "units: SI").replace("tau: 0.01", "tau: 50 kPa")
-
-
 SI_1 = "sweep={E: [1 GPa, 2 GPa]}"
 HARD = "sweep={friction: {soft: {law: tresca, tau: 0.01}, hard: {law: tresca, tau: 0.02}}}"
 
@@ -191,12 +184,8 @@ def test_the_union_of_grids_is_the_grid_of_all_values() -> None:
     old = study_of(RECTANGLE, "sweep={E: [1, 2], tau: [0.01, 0.02]}")
     new = study_of(RECTANGLE, "sweep={tau: [0.03], E: [2, 1.5]}")
     both = merge_studies(old, new)
-    assert [(axis.name, axis.labels) for axis in both.axes] == [
-        ("E", (1.0, 1.5, 2.0)),
-        ("tau", (0.01, 0.02, 0.03)),
-    ]
-    assert places_in(both, old).tolist() == [0, 1, 6, 7]
-    assert places_in(both, new).tolist() == [8, 5]
+    assert [(axis.name, axis.labels) for axis in both.axes] == [("E", (1.0, 1.5, 2.0)), ("tau", (0.01, 0.02, 0.03))]
+    assert [places_in(both, one).tolist() for one in (old, new)] == [[0, 1, 6, 7], [8, 5]]
     for study in (old, new):
         for place, scene in zip(places_in(both, study), study.scenes, strict=True):
             assert both.scenes[int(place)] == scene
@@ -229,15 +218,13 @@ def test_the_union_with_a_list_is_a_list(grid: bool) -> None:
     both = merge_studies(old, new)
     assert both.mode == "list"
     assert [axis.labels for axis in both.axes] == [(1.0, 2.0, 4.0), (0.02, 0.02, 0.03)]
-    assert places_in(both, new).tolist() == [1, 2]
-    assert np.array_equal(places_in(both, old), [0, 1])
+    assert [places_in(both, one).tolist() for one in (old, new)] == [[0, 1], [1, 2]]
 
 
 def test_a_grid_that_would_be_too_large_is_refused() -> None:
-    wide = "sweep={E: {linspace: [1, 2, 1000]}, tau: [0.01]}"
-    high = "sweep={E: [3], tau: {linspace: [0.02, 0.03, 1000]}}"
+    grids = "E: {linspace: [1, 2, 1000]}, tau: [0.01]", "E: [3], tau: {linspace: [0.02, 0.03, 1000]}"
     with pytest.raises(StoreError, match="1002001 points"):
-        merge_studies(study_of(RECTANGLE, wide), study_of(RECTANGLE, high))
+        merge_studies(*(study_of(RECTANGLE, f"sweep={{{grid}}}") for grid in grids))
 
 
 def test_materials_and_laws_by_name_keep_their_names() -> None:

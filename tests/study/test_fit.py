@@ -16,10 +16,11 @@ from tcstudy.reports.terminal.summary import text_of
 from tcstudy.scene.study import Study
 from tcstudy.study.fit import fit, model_of
 from tcstudy.study.fit_models import FitModel
+from tests.commands import CONFIGS
 
 Array = np.ndarray
 
-CONFIG = Path(__file__).parents[2] / "configs" / "pull_fit.yaml"
+CONFIG = CONFIGS / "pull_fit.yaml"
 D, LENGTH, TAU, DELTA = 42.24e6, 0.19, 7.2e6, 0.16e-3
 """Stiffness [N/m] and length of the strip of configs/pull_test.yaml, and its law."""
 
@@ -139,8 +140,7 @@ def heated(folder: Path, text: str = HEATED) -> Study:
 
 
 def test_two_columns_of_a_heated_strip_find_its_expansion_and_its_film(tmp_path: Path) -> None:
-    study = heated(tmp_path)
-    record = fit(study)
+    record = fit(heated(tmp_path))
     found, error = record.values["estimate"], record.values["standard_error"]
     assert np.all(np.abs(found - [3e6, 12e-6]) < 3.0 * error + 0.01 * found)
     evaluations = int(record.attributes["evaluations"])
@@ -181,10 +181,7 @@ def test_a_slip_profile_finds_the_film(tmp_path: Path) -> None:
 
 
 A = 7.2e6
-FILM = {
-    "slip-weakening, tau_s: 4 MPa, tau_k: 0 MPa": "exponential, a: 4 MPa, b: 0",
-    "friction.tau_s": "friction.a",
-}
+FILM = {"slip-weakening, tau_s: 4 MPa, tau_k: 0 MPa": "exponential, a: 4 MPa, b: 0", "friction.tau_s": "friction.a"}
 
 
 def curved(n: int) -> Array:

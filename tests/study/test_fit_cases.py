@@ -36,13 +36,8 @@ boundary: {bottom: contact, left: free, top: free, right: {role: clamped, u_x: 0
 material: {E: 1e6 GPa, nu: 0, plane: stress}
 friction: {law: piecewise-linear, points: [[0 mm, 1 MPa], [1 mm, 5 MPa]]}
 mesh: {maxh: 50 mm}
-history:
-  memory: elastic-plastic
-  stiffness: 100 GPa/m
-  steps:
-    - {boundary.right.u_x: 0.2 mm, in: 8}
-    - {boundary.right.u_x: -0.15 mm, in: 12}
-    - {boundary.right.u_x: 0.25 mm, in: 10}
+history: {memory: elastic-plastic, stiffness: 100 GPa/m, steps: [{boundary.right.u_x: 0.2 mm, in: 8},
+            {boundary.right.u_x: -0.15 mm, in: 12}, {boundary.right.u_x: 0.25 mm, in: 10}]}
 fit:
   data: {file: data.csv, columns: {step: step, friction_resultant: "P [N/m]"}}
   noise: {friction_resultant: 2 kN/m}
@@ -52,11 +47,7 @@ fit:
     friction.points.1: {start: 5 MPa, within: [0.2 MPa, 30 MPa]}
     history.stiffness: {start: 100 GPa/m, within: [10 GPa/m, 1000 GPa/m]}
 """
-
-
-PULLED = np.concatenate(
-    [np.linspace(0, 2e-4, 9), np.linspace(2e-4, -1.5e-4, 13)[1:], np.linspace(-1.5e-4, 2.5e-4, 11)[1:]]
-)
+PULLED = np.r_[np.linspace(0, 2e-4, 9), np.linspace(2e-4, -1.5e-4, 13)[1:], np.linspace(-1.5e-4, 2.5e-4, 11)[1:]]
 """(31,) where the steps have pulled it [m]."""
 FOUND = (TAU, TAU + 1e-3 * RISE, K)
 """What is sought."""
@@ -64,8 +55,7 @@ FOUND = (TAU, TAU + 1e-3 * RISE, K)
 
 def returned(U: Array) -> Array:
     """(n,) resultants of the rigid block pulled to U, by the return map written down for one point."""
-    p = kappa = 0.0
-    found = []
+    p, kappa, found = 0.0, 0.0, []
     for u in U:
         trial = K * (u - p)
         flow = max(0.0, (abs(trial) - TAU - RISE * kappa) / (K + RISE))
@@ -76,10 +66,9 @@ def returned(U: Array) -> Array:
 
 def test_strength_rise_and_spring_of_a_cyclic_test(tmp_path: Path) -> None:
     """The closed form of a rigid block as data: found as far as it is rigid."""
-    truth = np.array(FOUND)
     record = fit(fitted(tmp_path, RIGID, "step,P [N/m]", range(31), returned(PULLED)))
-    assert record.values["estimate"] == pytest.approx(truth, rel=1e-5)
-    assert np.all(record.values["standard_error"] < 0.02 * truth)
+    assert record.values["estimate"] == pytest.approx(FOUND, rel=1e-5)
+    assert np.all(record.values["standard_error"] < 0.02 * np.array(FOUND))
     assert int(record.attributes["evaluations"]) <= 12
 
 
@@ -144,9 +133,8 @@ def test_a_smooth_law_is_nearer_to_the_true_one(tmp_path: Path, bent: bool, fact
     apart = [np.sqrt(np.mean((record.values["estimate"] - truth) ** 2)) for record in (free, smooth)]
     assert apart[1] < factor * apart[0]
     assert np.all(smooth.values["standard_error"] < 1.05 * free.values["standard_error"])
-    decided = float(smooth.attributes["numbers_decided"])
-    assert 2.0 < decided < 7.0
-    assert (decided < 4.0) is not bent
+    assert 2.0 < float(smooth.attributes["numbers_decided"]) < 7.0
+    assert (float(smooth.attributes["numbers_decided"]) < 4.0) is not bent
     assert "numbers_decided" not in free.attributes
     assert 5.0 < float(smooth.attributes["chi_square"]) < 30.0
 
@@ -327,8 +315,7 @@ def test_what_cannot_be_fitted_is_refused(tmp_path: Path, change: tuple[str, str
     with pytest.raises(StudyError) as info:
         read_study_text(text, "heated.yaml", source=tmp_path / "heated.yaml")
     assert said in str(info.value)
-    places = [(problem.line, problem.column) for problem in info.value.problems]
-    assert len(set(places)) == len(places)
+    assert len({(problem.line, problem.column) for problem in info.value.problems}) == len(info.value.problems)
 
 
 def test_data_of_a_path_in_no_order_and_laws_that_vary_along_the_line_are_refused(tmp_path: Path) -> None:

@@ -18,13 +18,12 @@ from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.records import Scene
+from tests.commands import CONFIGS
 
 Array = NDArray[np.float64]
 LINEAR, TRESCA = "{law: linear, k: 1}", "{law: tresca, tau: 0.2}"
 FALLING = "{law: slip-weakening, tau_s: 0.3, tau_k: 0.1, delta: 1}"
 QUICK, SLOW = "{law: exponential, a: 0.3, b: 0.1, delta: 0.3}", "{law: exponential, a: 0.2, b: 0.1, delta: 0.5}"
-PAIRS = ((LINEAR, TRESCA), (FALLING, SLOW), (QUICK, SLOW))
-
 
 BLOCK = """
 units: none
@@ -64,7 +63,7 @@ def test_the_resultant_of_two_bonds_that_slip_is_exact_on_every_mesh(tmp_path: P
             assert share * float(line["c"][node]) == pytest.approx(0.5 * before, rel=1e-9)
 
 
-@pytest.mark.parametrize(("film", "shoe"), PAIRS)
+@pytest.mark.parametrize(("film", "shoe"), [(LINEAR, TRESCA), (FALLING, SLOW), (QUICK, SLOW)])
 def test_the_least_energy_is_that_of_a_sum_over_the_halves_of_segments(film: str, shoe: str) -> None:
     """Minimised by SciPy, friction summed segment by segment with the law of its edge."""
     level, scene = level_of(block(film, shoe, 0.3))
@@ -89,12 +88,9 @@ def test_the_least_energy_is_that_of_a_sum_over_the_halves_of_segments(film: str
 
 def test_a_ring_of_two_edges_has_two_joints() -> None:
     """A hole whose halves are two films; materials differ on both sides, which weighs nothing."""
-    text = (
-        block(FALLING, TRESCA)
-        .replace("film: contact, shoe: contact, top", "film: free, shoe: free, upper: contact, lower: contact, top")
-        .replace("friction: {film", "friction: {upper")
-        .replace("shoe: {law: tr", "lower: {law: tr")
-    )
+    roles = "film: free, shoe: free, upper: contact, lower: contact, top"
+    text = block(FALLING, TRESCA).replace("film: contact, shoe: contact, top", roles)
+    text = text.replace("friction: {film", "friction: {upper").replace("shoe: {law: tr", "lower: {law: tr")
     hole = (
         "holes: [{outline: [{from: [0.3, 0.5], through: [0.5, 0.3], edge: lower}, {from: [0.7, 0.5], through: "
         "[0.5, 0.7], edge: upper}]}], regions: {stiff: {rectangle: {corner: [0.75, 0], width: 0.25, height: 1}}}}"
@@ -111,17 +107,12 @@ def test_a_ring_of_two_edges_has_two_joints() -> None:
         assert law.single(int(node)).b(0.3) == pytest.approx(share * before.b(0.3) + (1 - share) * own.b(0.3))
 
 
-CONFIG = Path(__file__).parents[2] / "configs" / "two_films.yaml"
 D, SHOE = 80e6, 0.05
 """Stiffness of the strip [N] per metre of width and length of the shoe [m]."""
 
 
-def solved(text: str, tmp_path: Path) -> xr.DataTree:
-    return tcstudy.run(read_study_text(text, "s", ["path=null"]), tmp_path / "a.nc")
-
-
 def test_two_films_and_a_gap_have_the_closed_form(tmp_path: Path) -> None:
-    tree = solved(CONFIG.read_text(encoding="utf-8"), tmp_path)
+    tree = tcstudy.run(tcstudy.load(CONFIGS / "two_films.yaml", ["path=null"]), tmp_path / "a.nc")
     data = tree.dataset.isel(level=-1)
     assert np.all(data["status"] == 1)
     for tau_f in (1.5e6, 2e6, 4e6):
@@ -136,10 +127,10 @@ def test_two_films_and_a_gap_have_the_closed_form(tmp_path: Path) -> None:
     assert {"film", "shoe"} <= set(str(line["edge"].attrs["flag_meanings"]).split())
 
 
-CHOSEN = """
-units: none
-body: {outline: [{from: [0, 0], edge: film}, {from: [0.5, 0], edge: shoe}, {from: [1, 0], edge: right},
-  {from: [1, 1], edge: top}, {from: [0, 1], edge: left}]}
+HEAD = BLOCK.partition("boundary:")[0].replace("CUT", "0.5")
+CHOSEN = (
+    HEAD
+    + """\
 boundary: {film: contact, shoe: contact, top: clamped, left: {role: traction}, right: {role: traction}}
 material: {lambda: 1.5, mu: 1}
 friction:
@@ -148,6 +139,7 @@ friction:
 mesh: {maxh: 0.25, levels: 5}
 exact: {u: ["y + (1 - 0.6*y)*(0.3 + 0.2*sin(pi*x))", "0.1*y*cos(pi*x)"], loads: derived}
 """
+)
 
 
 def test_a_chosen_solution_of_two_laws_is_met_at_the_orders_of_theory(tmp_path: Path) -> None:

@@ -43,9 +43,8 @@ def test_values_stand_at_their_points(tmp_path: Path) -> None:
     study = study_of(SWEPT, COARSE, "sweep={}", "friction.tau=0.02", "material.E=2")
     level = levels_of(study)[1]
     alone = solve_contact(level.condensed(study.scenes[0]).problem)
-    stored = tree["level_1"].to_dataset().sel(tau=0.02, E=2)
+    stored, point = tree["level_1"].to_dataset().sel(tau=0.02, E=2), data.sel(tau=0.02, E=2, level=1)
     assert np.max(np.abs(stored["u_T"].values - alone.v)) < 1e-14
-    point = data.sel(tau=0.02, E=2, level=1)
     assert 0 < float(point["slip_length"]) < 2
     assert float(point["friction_resultant"]) == pytest.approx(float(stored["xi"] @ tree["level_1"]["c"]), rel=1e-12)
     assert np.all(data["lambda_1"].sel(E=2) == pytest.approx(2 * data["lambda_1"].sel(E=1).values, rel=1e-10))
@@ -56,8 +55,7 @@ def test_one_factorisation_a_mesh_and_ratio(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, material: str, ratios: int
 ) -> None:
     """λ/μ makes the factor, E only scales it; a new ratio takes over the order of elimination."""
-    plans = []
-    original = level_module.condense
+    plans, original = [], level_module.condense
     monkeypatch.setattr(level_module, "condense", lambda *a, **k: plans.append(k["plan"]) or original(*a, **k))
     tree = run(tmp_path, SWEPT.replace("E: [1, 2]", material), COARSE)
     assert np.all(tree["status"] == int(PointStatus.OK))
@@ -74,10 +72,7 @@ KNOWN = ("boundary.right={role: traction, g: [0.01, 0.02*y], pressure: 0.03}", "
 def test_no_heat_problem_where_none_is_needed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changes: tuple[str, ...]
 ) -> None:
-    def refuse(self: heat.HeatForms) -> None:
-        raise AssertionError("the heat matrix was assembled")
-
-    monkeypatch.setattr(heat.HeatForms, "conduction", property(refuse))
+    monkeypatch.setattr(heat.HeatForms, "conduction", property())  # which nothing can read
     tree = run(tmp_path, HEATED_BRACKET, *changes)
     assert np.all(tree["status"] == int(PointStatus.OK)), tree["reason"].values
 
@@ -86,21 +81,20 @@ def test_sticking_nodes_are_stored_wherever_the_law_jumps_up(tmp_path: Path) -> 
     """At u_T = 0 and at the second jump; c of the others is the slip length, and draw takes what is stored."""
     jumps = "friction={law: piecewise-linear, points: [[0, 0.004], [0.01, 0.004], [0.01, 0.012]]}"
     found = run(tmp_path, RECTANGLE, jumps, "mesh.levels=2", 'boundary.top={role: traction, g: ["0.01 + 0.01*x", 0]}')
-    fine, slip_length = found["level_1"].to_dataset(), float(found["slip_length"].isel(level=1))
+    fine = found["level_1"].to_dataset()
     sticks, u_T = fine["sticks"].values == 1, np.abs(fine["u_T"].values)
     assert set(np.unique(fine["sticks"])) == {0, 1}
     assert (u_T[sticks] == 0.01).any()
     assert np.array_equal(np.isin(u_T, (0.0, 0.01)), sticks)
-    assert float(fine["c"].values[~sticks].sum()) == pytest.approx(slip_length, rel=1e-14)
-    line = read_picture(tmp_path / "out.nc").line
-    np.testing.assert_array_equal(line.sticks, sticks)  # type: ignore[arg-type]
+    assert fine["c"].values[~sticks].sum() == pytest.approx(float(found["slip_length"].isel(level=1)), rel=1e-14)
+    np.testing.assert_array_equal(read_picture(tmp_path / "out.nc").line.sticks, sticks)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("size", [1e-9, 1e9])
 def test_a_film_without_friction_has_none(tmp_path: Path, size: float) -> None:
     """Else the rounding of l̃ − Ãv would look like a traction that changes by half from level to level."""
-    found = run(tmp_path, RECTANGLE, f'boundary.top={{role: traction, g: ["{size!r}*(1 + x)", 0]}}', "friction.tau=0",
-                COARSE)  # fmt: skip
+    load = f'boundary.top={{role: traction, g: ["{size!r}*(1 + x)", 0]}}'
+    found = run(tmp_path, RECTANGLE, load, "friction.tau=0", COARSE)
     assert found["status"].values.tolist() == [1, 1]
     assert found["friction_resultant"].values.tolist() == [0.0, 0.0]
     assert not found["level_1"]["xi"].values.any()
@@ -108,8 +102,6 @@ def test_a_film_without_friction_has_none(tmp_path: Path, size: float) -> None:
     (row,) = (line.split() for line in text_of(tmp_path / "out.nc").splitlines() if "unique" in line.split())
     assert (row[2], row[-1]) == ("0", "0")  # ∫ξ and its change
 
-
-# -- where there are several solutions, or several solvers -----------------------------------------
 
 UP_AND_DOWN = """
 units: none
@@ -155,8 +147,6 @@ def test_several_solvers_are_compared(tmp_path: Path) -> None:
     assert energies[:, 0] == pytest.approx(energies[:, 1], rel=1e-10)
     assert energies[:, 0] == pytest.approx(tree["energy"].values, rel=1e-14)
 
-
-# -- numbers on request: on linear fields, where P1 is exact ------------------------------------------
 
 BAR = """
 body: {rectangle: {width: 200 mm, height: 50 mm}}
@@ -211,9 +201,8 @@ def test_a_number_that_breaks_down_ends_its_point_and_no_run(tmp_path: Path, mon
     data = run(tmp_path, BAR.replace("output: {", "output: {sensitivity: [E], ")).isel(level=0)
     assert data["status"].values.tolist() == [PointStatus.ERROR, PointStatus.OK]
     assert str(data["reason"][0].values) == "numbers on request: RuntimeError: no such element"
-    for name in ("probe_tip_u_x", "sensitivity_u_T_max_E"):
-        assert np.isnan(data[name].values).tolist() == [True, False]
-    assert np.isfinite(data["u_T_max"].values).all()
+    asked = ("probe_tip_u_x", "sensitivity_u_T_max_E", "u_T_max")
+    assert [np.isnan(data[name].values).tolist() for name in asked] == [[True, False], [True, False], [False, False]]
 
 
 @pytest.mark.parametrize(

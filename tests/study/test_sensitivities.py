@@ -131,10 +131,8 @@ def test_a_sweep_keeps_them_with_units_and_show_prints_them(tmp_path: Path) -> N
     data = tcstudy.run(asking(text, "friction.delta", "E")[0], tmp_path / "a.nc").to_dataset().isel(level=0)
     stored = data["sensitivity_friction_resultant_friction_delta"]
     assert stored.attrs["units"] == "N m-1 m-1"
-    assert np.all(data["sensitivity_status"] == DIFFERENTIABLE)
-    assert np.all(np.isfinite(stored))
-    apart = data["friction_resultant"][1] - data["friction_resultant"][0]
-    assert np.sign(apart) == np.sign(stored[0])
+    assert np.all((data["sensitivity_status"] == DIFFERENTIABLE) & np.isfinite(stored))
+    assert np.sign(data["friction_resultant"][1] - data["friction_resultant"][0]) == np.sign(stored[0])
     assert "derivatives known at 2 of 2" in text_of(tmp_path / "a.nc")
 
 
@@ -150,16 +148,16 @@ def test_no_derivative_at_an_event() -> None:
     assert not [name for name in found if name.startswith("sensitivity_u_T_max")]
 
 
-REFUSED = {
-    "body.rectangle.width": "it moves the mesh",
-    "frction.delta": "did you mean 'friction.delta'",
-    "E, material.E": "is given twice",
-    "boundary.top.g_x, theta": "this study has no number theta by which",
-    "friction.tau": "no number friction.tau by which",
-}
-
-
-@pytest.mark.parametrize(("names", "said"), REFUSED.items())
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        ("body.rectangle.width", "it moves the mesh"),
+        ("frction.delta", "did you mean 'friction.delta'"),
+        ("E, material.E", "is given twice"),
+        ("boundary.top.g_x, theta", "this study has no number theta by which"),
+        ("friction.tau", "no number friction.tau by which"),
+    ],
+)
 def test_what_cannot_be_differentiated_is_refused(names: str, said: str) -> None:
     with pytest.raises(StudyError, match=r"output\.sensitivity") as info:
         asking(BRACKET, names)

@@ -148,17 +148,10 @@ def test_a_geometry_that_kills_its_workers_is_told_and_the_rest_goes_on(
 
 def test_a_body_from_a_file_travels_as_its_content(tmp_path: Path) -> None:
     occ.Rectangle(2, 1).Face().WriteStep(str(tmp_path / "plate.step"))
-    body = "{file: {path: plate.step, unit: m, edges: {bottom: [[1, 0]], left: [[0, 0.5]]}, other: free}}"
-    text = f"""
-units: none
-body: {body}
-boundary: {{bottom: contact, left: clamped, free: {{role: traction, g: [0.03, -0.01]}}}}
-material: {{E: 1, nu: 0.3}}
-friction: {{law: tresca, tau: 0.01}}
-mesh: {{maxh: 0.4}}
-"""
-    (tmp_path / "study.yaml").write_text(text)
-    study = read_study(tmp_path / "study.yaml")
+    (tmp_path / "study.yaml").write_text(RECTANGLE)
+    body = "body={file: {path: plate.step, unit: m, edges: {bottom: [[1, 0]], left: [[0, 0.5]]}, other: free}}"
+    roles = "boundary={bottom: contact, left: clamped, free: {role: traction, g: [0.03, -0.01]}}"
+    study = read_study(tmp_path / "study.yaml", [body, roles, "mesh={maxh: 0.4}"])
     expected = [one for one in run(study) if isinstance(one, BlockRecord)]
 
     class Later(SerialExecutor):
