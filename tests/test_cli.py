@@ -1,6 +1,7 @@
 """The command line as a user types it: exit codes, one clear line an error, nothing left behind."""
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -46,8 +47,7 @@ def test_run_writes_the_file_and_a_table(ran: tuple[Path, Said], monkeypatch: py
     assert wide.strip() in result.stdout
     quiet = tcstudy_command("show", "results/block.nc", "-q", cwd=folder)
     assert (quiet.stderr, quiet.stdout.count("\n")) == ("", 1)
-    assert quiet.stdout.startswith("results/block.nc: Largest slip")
-    assert "2 of 2 solved" in quiet.stdout
+    assert re.match(r"results/block\.nc: Largest slip.*2 of 2 solved", quiet.stdout)
     found = json.loads(tcstudy_command("show", "results/block.nc", "--json", cwd=folder).stdout)
     with tcstudy.open_results(folder / "results" / "block.nc") as tree:
         assert [point["u_T_max"] for point in found["points"]] == tree["u_T_max"].values.tolist()
@@ -187,6 +187,5 @@ FAILING = (f"--set={EXACTLY}", f"--set=friction={FADING}", "--set=sweep={a: [0.0
     ids=["levels", "swept load", "all known", "failed"],
 )
 def test_a_run_ends_with_the_command_that_fits_it(folder: Path, options: tuple[str, ...], told: str) -> None:
-    result = tcstudy_command("run", "block.yaml", *options, cwd=folder)
-    assert told in result.stdout
-    assert ("whether a path" in result.stdout) == ("path={" in told)
+    said = tcstudy_command("run", "block.yaml", *options, cwd=folder).stdout
+    assert (told in said, "whether a path" in said) == (True, "path={" in told)

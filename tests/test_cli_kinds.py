@@ -119,8 +119,7 @@ def test_path_writes_a_file_a_table_and_a_picture(tmp_path: Path) -> None:
 
 
 def test_history_writes_a_file_and_a_table_and_goes_on(tmp_path: Path) -> None:
-    made(tmp_path, HISTORY)
-    planned = tcstudy_command("run", "block.yaml", "--dry-run", cwd=tmp_path).stdout
+    planned = tcstudy_command("run", "block.yaml", "--dry-run", cwd=made(tmp_path, HISTORY)).stdout
     assert "block-history.nc" in planned
     assert "output.fields" not in planned  # nothing that a history refuses is offered
     result = tcstudy_command("run", "block.yaml", cwd=tmp_path, code=0)

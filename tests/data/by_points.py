@@ -49,12 +49,10 @@ def one_by_one(block: BlockRecord) -> Iterator[PointRecord]:
 def block_of(point: PointRecord, shape: tuple[int, ...]) -> BlockRecord:
     """A point as the block of its place; shape: extent of the sweep."""
     u_T, xi, sticks = (values[None] if len(values) else None for values in (point.u_T, point.xi, point.sticks))
+    place = np.array([np.ravel_multi_index(point.index, shape) if shape else 0], dtype=np.intp)
+    reasons = {0: point.reason} if point.reason else {}
     return BlockRecord(
-        level=point.level,
-        shape=shape,
-        points=np.array([np.ravel_multi_index(point.index, shape) if shape else 0], dtype=np.intp),
-        status=np.array([point.status], dtype=np.int8),
-        reasons={0: point.reason} if point.reason else {},
+        *(point.level, shape, place, np.array([point.status], dtype=np.int8), reasons),
         numbers={name: np.array([value], dtype=float) for name, value in point.numbers.items()},
         u_T=u_T,
         xi=xi,

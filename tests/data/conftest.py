@@ -31,11 +31,8 @@ def make_study(**other: Any) -> Study:
 def make_level(level: int, fields: bool = False) -> LevelRecord:
     m = NODES[level]
     s = np.linspace(0.0, 1.0, m)
-    mesh = {
-        "node_x": np.array([0.0, 1.0, 1.0, 0.0]),
-        "node_y": np.array([0.0, 0.0, 1.0, 1.0]) + level,
-        "triangle": np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32),
-    }
+    corners = {"node_x": np.array([0.0, 1.0, 1.0, 0.0]), "node_y": np.array([0.0, 0.0, 1.0, 1.0]) + level}
+    mesh = {**corners, "triangle": np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)}
     line = (s, s + 1.0, 0.0 * s - 2.0, np.full(m, 1.0 / m), np.array([0] * (m - 1) + [1], dtype=np.int8))
     sizes = (level, 0.1 / 2**level, 40 * 4**level, m)
     return LevelRecord(*sizes, *line, ("film", "pad_2"), 0.25 + level, 0.5 + level, mesh if fields else {})
@@ -55,13 +52,9 @@ def make_block(
         numbers[name] = own[:, None] + 0.25 * np.arange(len(schema.START_NAMES)) if by_start else own
     nodes = np.arange(NODES[level])
     bodies = {name: seed[:, None] + np.arange(4.0) * (k + 1) for k, name in enumerate(("theta", "u_x", "u_y"))}
+    status = np.full(len(points), PointStatus.OK, dtype=np.int8)
     block = BlockRecord(
-        level=level,
-        shape=shape,
-        points=points,
-        status=np.full(len(points), PointStatus.OK, dtype=np.int8),
-        reasons={},
-        numbers=numbers,
+        *(level, shape, points, status, {}, numbers),
         u_T=seed[:, None] + nodes / 3.0,
         xi=-seed[:, None] + nodes / 7.0,
         sticks=((nodes + points[:, None]) % 2).astype(np.int8),
@@ -87,17 +80,12 @@ def levels() -> tuple[LevelRecord, ...]:
 
 
 @pytest.fixture
-def blocks() -> tuple[BlockRecord, ...]:
-    return make_block(0), make_block(1)
-
-
-@pytest.fixture
 def output(tmp_path: Path) -> Path:
     return tmp_path / "results" / "study.nc"
 
 
 @pytest.fixture
-def written(output: Path, study: Study, levels: tuple[LevelRecord, ...], blocks: tuple[BlockRecord, ...]) -> Path:
+def written(output: Path, study: Study, levels: tuple[LevelRecord, ...]) -> Path:
     """The file of the study with all points."""
-    write(output, study, levels, blocks)
+    write(output, study, levels, (make_block(0), make_block(1)))
     return output

@@ -58,9 +58,8 @@ def test_a_changed_file_is_read_but_nothing_goes_on_from_it(written: Path, study
 def test_files_of_strangers_are_not_overwritten(tmp_path: Path) -> None:
     mine = stranger(tmp_path / "mine.nc", finished=np.int32(1))
     old = stranger(tmp_path / "old.nc", source="tcstudy 0.1.0", finished=np.int32(1))  # has no seal
-    classic = tmp_path / "classic.nc"
+    classic, hdf = tmp_path / "classic.nc", tmp_path / "measured.h5"
     classic.write_bytes(b"CDF\x01" + bytes(28))
-    hdf = tmp_path / "measured.h5"
     hdf.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(2000))
     for file in (mine, classic, hdf):
         assert "exists and is no result file; it would be lost" in check_writable(file, 0)[0]
