@@ -1,7 +1,5 @@
 """The walk-through runs, each step with its number, and the guide quotes it as it is."""
 
-from __future__ import annotations
-
 import runpy
 import subprocess
 import sys

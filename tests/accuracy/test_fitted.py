@@ -1,7 +1,5 @@
 """Least squares with intervals against linear regression in closed form; what is not determined; runs of signs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import optimize, stats

@@ -1,7 +1,5 @@
 """Sobol indices against closed forms and against scipy; jumps are found where there are some, and nowhere else."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """All benchmarks that write results, one after the other: `python -m tests.benchmarks`."""
 
-from __future__ import annotations
-
 from tests.benchmarks import online, peers, reliability, speed, stability
 
 if __name__ == "__main__":

@@ -5,8 +5,6 @@ laws with ω/λ₁ up to 0.9. The error is that against the mesh refined thrice.
 P1 factorisation of the same mesh.
 """
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

@@ -7,8 +7,6 @@ share of intervals that hold the truth, the bias in standard errors, evaluations
 evaluation.
 """
 
-from __future__ import annotations
-
 import tempfile
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Estimated over true errors of goals, scene by scene: `python -m tests.benchmarks.goals`, half a minute."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

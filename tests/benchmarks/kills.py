@@ -7,8 +7,6 @@ the end is compared with that of a run in one process that nobody kills: every a
 Writes results/kills.md.
 """
 
-from __future__ import annotations
-
 import os
 import random
 import signal

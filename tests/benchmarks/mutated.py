@@ -6,8 +6,6 @@ moved, lines and characters of the text lost. A dry run is to exit with 0, or wi
 fault: without a traceback, a warning or a control character. What does not is printed with its seed.
 """
 
-from __future__ import annotations
-
 import faulthandler
 import json
 import random

@@ -6,8 +6,6 @@ Figures: CPU time of one thread, least of two, for the whole (loads, solve, cert
          level is assembled and its body condensed, and for solve and certificates alone, as workers do them
 """
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Iterator

@@ -12,8 +12,6 @@ Left out: a method leaves a family when it has used BUDGET seconds there, and la
          the size before ran out of time. About eight minutes in all
 """
 
-from __future__ import annotations
-
 import os
 import platform
 import time

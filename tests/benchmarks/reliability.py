@@ -8,8 +8,6 @@ after the plain starts; and the same of 5,000 small problems with any law (odd o
 on) and any body, with the certificates of what was found. `--any N` makes only the last, with N problems.
 """
 
-from __future__ import annotations
-
 import sys
 from collections import Counter
 from collections.abc import Sequence

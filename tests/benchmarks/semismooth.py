@@ -12,8 +12,6 @@ Literature: Hintermüller, Ito & Kunisch, SIAM J. Optim. 13 (2002) 865–888 (th
 58 (1993) 353–367 (semismooth Newton). At a down-jump t is not monotone; the branch switches in the middle there.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray

@@ -4,8 +4,6 @@ Times are process CPU times (the machine is shared), one thread, no TaskManager.
 same matrix: ours gives factor, Ã and condition estimate, the others a factor alone.
 """
 
-from __future__ import annotations
-
 import gc
 import time
 from collections.abc import Iterator

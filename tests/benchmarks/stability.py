@@ -5,8 +5,6 @@ residual, in extended precision by code that the package does not share, is ≤ 
 is not; else silent.
 """
 
-from __future__ import annotations
-
 import csv
 import time
 from collections import Counter

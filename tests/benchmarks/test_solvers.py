@@ -1,7 +1,5 @@
 """The default never fails silently, solvers are judged rightly, kills lose nothing, spoilt studies get clear lines."""
 
-from __future__ import annotations
-
 from importlib import import_module
 from pathlib import Path
 

@@ -7,8 +7,6 @@ Laws:       its height a random part of the traction that a body that sticks eve
            its softening 0.1 to 0.9 of λ₁, so that there is one solution to converge to
 """
 
-from __future__ import annotations
-
 import io
 from dataclasses import dataclass
 from typing import Any

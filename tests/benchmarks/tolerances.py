@@ -7,8 +7,6 @@ Judged by: true relative error of the last solution over the tolerance; above 1 
            that of `reference`; tolerances that it is not good enough for (SHARP) are left out
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

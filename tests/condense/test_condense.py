@@ -1,7 +1,5 @@
 """Condensation against dense elimination and SuperLU, on meshes of every kind of boundary; what is refused, shared."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy.sparse as sp

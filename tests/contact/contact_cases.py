@@ -1,7 +1,5 @@
 """Laws, bodies and random problems for the tests of the engine, and a judge that shares no code with it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -3,8 +3,6 @@
 All solutions are those of `random_polygons`: every piece and kink of every node is tried.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -3,8 +3,6 @@
 Shares nothing with the solvers: one linear system for every choice of a piece or a kink a node.
 """
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

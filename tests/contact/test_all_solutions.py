@@ -1,7 +1,5 @@
 """All solutions of a problem against brute force over all pieces; limits, ties, laws of rows and exponential laws."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

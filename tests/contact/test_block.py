@@ -1,7 +1,5 @@
 """Blocks of points against the single solve and bits; laws by node against one law and enumeration."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Descent: known solutions, random problems judged from outside, pieces a few roundings wide, honest failures."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Newton's method on identified pieces: back to exact solutions, never to a worse point; derivatives at solutions."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

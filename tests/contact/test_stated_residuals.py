@@ -1,7 +1,5 @@
 """Two-double arithmetic, and what is stated of an inclusion residual, against exact rational arithmetic."""
 
-from __future__ import annotations
-
 from decimal import Decimal, localcontext
 from fractions import Fraction
 

@@ -1,7 +1,5 @@
 """`exact.loads: derived`: what the scenes get, and every study that it cannot be right for, with its place."""
 
-from __future__ import annotations
-
 from contextlib import nullcontext
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Exact numbers on curved bodies against closed forms, and where stick turns into slip."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

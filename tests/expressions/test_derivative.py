@@ -1,7 +1,5 @@
 """Derivatives as expressions: against forward mode, by hand, twice, and what stays small."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Expressions against NumPy; hostile and mistaken texts."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 import time

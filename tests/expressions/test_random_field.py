@@ -1,7 +1,5 @@
 """Random strengths: mean, scatter and correlation as they are asked for, the same on every mesh."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

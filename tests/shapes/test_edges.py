@@ -1,7 +1,5 @@
 """Exact measures and normals of edges and loops."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

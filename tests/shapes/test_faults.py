@@ -1,7 +1,5 @@
 """Every kind of faulty body, named with place and remedy, in any unit of length."""
 
-from __future__ import annotations
-
 import math
 import re
 import time

@@ -1,7 +1,5 @@
 """Finished files that grow: what they have stays to the bit, only the rest is solved; what does not fit is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

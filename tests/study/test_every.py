@@ -1,7 +1,5 @@
 """`solver: {branch: all}`: every solution of every point in the file, its proofs, limits, growth, table and map."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Numbers from measurements: distances through folds, closed forms as data, what is written."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Fits of histories, of smooth laws, from many starts, to several tests, under a factor of loads."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """history_run: histories that go on from their file, sweeps by workers, derivatives of steps, early ends."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path

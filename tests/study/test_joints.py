@@ -1,7 +1,5 @@
 """Laws of their own on two edges: a node where they meet has its parts of both; closed forms, a chosen solution."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a plan and a run say of studies their authors may not have meant, and of bodies from a file before any work."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 from pathlib import Path

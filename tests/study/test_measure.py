@@ -1,7 +1,5 @@
 """Errors over levels, against an exact solution or a finer mesh, and what they cost by mesh family and solver."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A study's path: the stable solutions of runs lie on it, thermal and mechanical parameters, refusals, all branches."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

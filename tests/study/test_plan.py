@@ -1,7 +1,5 @@
 """The forecast: counts, sizes of meshes before a run, what is left out with its reason, what it takes."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A study through to its file: values in their places, reuse, failures, branches, solvers, numbers on request."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Stored derivatives of a study against differences, by every kind of number; what is refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

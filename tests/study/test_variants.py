@@ -1,7 +1,5 @@
 """Sweeps of body and mesh: closed forms, the bits of single runs, refused geometries, what is added, measured."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Who works: as many workers as pay; geometries made and solved by workers give the file of one process to the bit."""
 
-from __future__ import annotations
-
 import os
 import signal
 from collections.abc import Callable, Sequence

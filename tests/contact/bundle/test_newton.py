@@ -1,7 +1,5 @@
 """Bundle-Newton against the problems of TR-798; invariance, failure, its QP; every law of contact."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -7,8 +7,6 @@ Literature: Lukšan & Vlček, Test problems for nonsmooth unconstrained and line
 TR-798, Institute of Computer Science, Prague (2000). Arrays and reference counts: data/tr798.json.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

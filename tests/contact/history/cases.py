@@ -1,7 +1,5 @@
 """Bodies for load histories: a thin strip as in one-dimensional theory, and a coupled line as of a plane body."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

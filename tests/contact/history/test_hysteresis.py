@@ -1,7 +1,5 @@
 """Energy lost against area, jumps that lower the energy, loops of all but no friction; known derivatives."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Jumps of histories: where they are, what they release, in any unit; rounding is no jump."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """memory: the law of every step is the derivative of stored + dissipated energy, by node and the row's own."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

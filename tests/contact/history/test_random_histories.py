@@ -1,7 +1,5 @@
 """Random histories with folds along their paths, in any units: every step ends, in order, where its law allows."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

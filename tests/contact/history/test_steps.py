@@ -1,7 +1,5 @@
 """steps: exact rules on any body (Masing, secants), closed forms of pipelines and single cells, many small steps."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import reduce
 from itertools import pairwise

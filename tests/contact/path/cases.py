@@ -1,7 +1,5 @@
 """Problems whose paths are followed."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """All branches over an interval against brute force over all cells; loops, ties, limits."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Paths: lost accuracy, reasons for the end, loops, ties; lines and inertia against dense algebra."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Straight pieces in the place of a law's curves, and questions to a path: solutions, folds, least energy, proofs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
