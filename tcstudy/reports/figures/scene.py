@@ -231,14 +231,16 @@ def _pushes(role: Role, points: Array, normals: Array, along: Array) -> Iterator
 
 
 Told = Mapping[tuple[str, ...], Number]
+ALSO_ZERO = ("nu", "theta", "theta_bar")
+"""Numbers that say something where they are 0: an edge held at θ = 0 is not an insulated one."""
 
 
 def words(told: Told, path: tuple[str, ...], si: bool) -> list[str]:
-    """The numbers under a key path that are not 0, "g_x = 3 MPa"; β where it does not follow from α_T."""
+    """The numbers under a key path that say something, "g_x = 3 MPa"; β where it does not follow from α_T."""
     return [
         f"{' '.join(map(symbol, key[len(path) :] or key[-1:]))} = {_value(one, si)}"
         for key, one in told.items()
-        if key[: len(path)] == path and not one.idle and (one.value != 0.0 or key[-1] == "nu")
+        if key[: len(path)] == path and not one.idle and (one.value != 0.0 or key[-1] in ALSO_ZERO)
         if not (key[-1] == "beta" and (*key[:-1], "alpha_T") in told)
     ]
 
@@ -262,7 +264,8 @@ def scene_facts(study: Study, told: Told, lambda_1: float | None) -> Iterator[st
     scene, si = study.scenes[0], study.units == "SI"
     rest = f" ({BODY})" if scene.material.regions else ""
     material = ", ".join([f"plane {scene.material.plane}", *words(told, ("material",), si)])
-    yield ";  ".join(filter(None, [f"Material{rest}: {material}", ", ".join(words(told, ("heat",), si))]))
+    whole = {key: one for key, one in told.items() if key != ("heat", "q") or not scene.heat.omega}
+    yield ";  ".join(filter(None, [f"Material{rest}: {material}", ", ".join(words(whole, ("heat",), si))]))
     unit = "Pa m-1" if si else "1"
     omegas = [law.omega for one in distinct(study.scenes, "friction") for law in one.laws]
     least, most = min(omegas), max(omegas)

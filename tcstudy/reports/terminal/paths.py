@@ -205,7 +205,7 @@ def _loop(data: Any, full: bool) -> Iterator[str]:
             span = " to ".join(dict.fromkeys(with_unit(end, t_units) for end in ends))
             yield (
                 f"    {np.count_nonzero(own)} falls at {span} ({way}), {with_unit(drop[own].sum(), units)} lost in sum"
-                f", the largest {with_unit(drop[most], units)} at {with_unit(t[most], t_units)} (-v has all)"
+                f", the largest {with_unit(drop[most], units)} at {with_unit(t[most], t_units)}; show -v has all"
             )
             continue
         for k in np.flatnonzero(own):

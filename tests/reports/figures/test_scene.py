@@ -28,6 +28,17 @@ def test_labels_stand_apart_and_say_what_edges_do(name: str) -> None:
     assert "λ₁ ≈" in " ".join(text.get_text() for text in figure.texts)
 
 
+def test_values_are_said_where_they_act() -> None:
+    """θ = 0 on an edge is not an insulated one; a source of one region is no fact of the body."""
+    held = {"boundary.bolted": {"role": "clamped", "heat": {"theta": 0}}, "path": None}
+    figure = draw_study(tcstudy.load(CONFIGS / "isola.yaml").with_(held), None)
+    edges = {text.get_text().split("\n")[0]: text.get_text() for text in figure.axes[0].texts}
+    assert "θ = 0 K" in edges["bolted"]
+    assert "g_x = 2 MPa" in edges["end"]
+    assert "q = 500 kW" in edges["heater"]
+    assert "q =" not in " ".join(text.get_text() for text in figure.texts)
+
+
 CROSSED = """
 body: {outline: [
   {from: [0 mm, 0 mm], edge: bottom},
