@@ -186,17 +186,20 @@ def _extrapolate(h: Array, q: Array) -> tuple[float, float]:
     return p, float(q[2] + second * c / (b - c))
 
 
+TIED = 1e-9
+"""Relative difference of errors that is rounding, as on one mesh that two families begin with."""
+
+
 def dominated(cost: Array, error: Array) -> NDArray[np.bool_]:
-    """(n,) points for which another costs no more and errs no more, and less in one of the two.
+    """(n,) points for which another costs no more and errs no more, but for TIED, and less in one of the two.
 
     Points with NaN are dominated and dominate nothing.
     """
     known = np.isfinite(cost) & np.isfinite(error)
     out = np.ones(len(cost), dtype=bool)
     for i in np.flatnonzero(known):
-        no_worse = known & (cost <= cost[i]) & (error <= error[i])
-        better = no_worse & ((cost < cost[i]) | (error < error[i]))
-        out[i] = bool(better.any())
+        no_worse = known & (cost <= cost[i]) & (error <= error[i] * (1.0 + TIED))
+        out[i] = bool((no_worse & ((cost < cost[i]) | (error < error[i] * (1.0 - TIED)))).any())
     return out
 
 

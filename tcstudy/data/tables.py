@@ -17,8 +17,8 @@ reference) and rate_E by level, and size_squared_E (that norm squared: it has a 
 slope_error_E, first_level_E, verdict_E, expected_E and reason_E by sweep point; each number Q has value_Q and order_Q
 by level, and limit_Q, uncertainty_Q, limit_order_Q and exact_Q by sweep point.
 
-Cost: the dimensions family, solver, level and run (repeated timings). Sizes have (family, level), `time` all four,
-stages the first three (of the fastest run); each error E has error_E and dominated_E.
+Cost: the dimensions family, solver, level and run (repeated timings). Sizes have (family, level), `time` all four; each
+error E has error_E and dominated_E, by the first three.
 """
 
 from __future__ import annotations
@@ -417,23 +417,10 @@ _IN_UNITS = ("size_squared", "value", "limit", "uncertainty", "exact")
 _BY_LEVEL = ("error", "rate", "value", "order")
 OWN = "study"
 """Name of the study's own meshes where they belong to none of the families, in a file of cost."""
-STAGES = ("mesh", "assemble", "condense", "solve", "steps")
-"""Parts of the wall time, in the order they are spent."""
-_STAGE_NAMES = {
-    "mesh": "geometry and meshing",
-    "assemble": "assembly",
-    "condense": "temperature, factorisation, condensation, certificates and displacements",
-    "solve": "solution of the contact problem",
-    "steps": "all levels before and error estimates, where the mesh depends on them",
-}
 BOUND = Measure("u_bound", "u in energy, proved", "1", "proved bound of the error of the displacement, energy norm")
 MEASURES: tuple[Measure, ...] = (*ERRORS, BOUND, *(m for m in NUMBERS if m.name in ("energy", "friction_resultant")))
 """Errors that a chart may be of, each relative to the reference; the bound needs none, but a guarantee of the study."""
 _MESHES, _SOLVED = ("family", "level"), ("family", "solver", "level")
-
-
-def _wall_time(name: str, long_name: str, *more: str) -> FileVariable:
-    return FileVariable(name, "f8", "s", long_name, (*_SOLVED, *more))
 
 
 def _charted_error(measure: Measure) -> tuple[FileVariable, FileVariable]:
@@ -456,8 +443,7 @@ COST_TABLE = (
     FileVariable("n_contact", "i4", "1", "number of contact unknowns, -1 where there is no mesh", _MESHES),
     FileVariable("status", "i1", "1", "status of the solution", _SOLVED, extra=STATUS),
     FileVariable("reason", "str", "", "why there is no solution", _SOLVED),
-    _wall_time("time", "wall time from the body to the displacements", "run"),
-    *(_wall_time(f"time_{stage}", f"wall time of the fastest run: {_STAGE_NAMES[stage]}") for stage in STAGES),
+    FileVariable("time", "f8", "s", "wall time from the body to the displacements", (*_SOLVED, "run")),
     *(variable for measure in MEASURES for variable in _charted_error(measure)),
 )
 """What a file of accuracy against cost may hold; another is as accurate and as fast as what is dominated, and better

@@ -22,7 +22,7 @@ import numpy as np
 from tcstudy.accuracy.orders import dominated
 from tcstudy.data.schema import PointStatus
 from tcstudy.data.store import Record, missing
-from tcstudy.data.tables import BOUND, COST_TABLE, MEASURES, OWN, STAGES
+from tcstudy.data.tables import BOUND, COST_TABLE, MEASURES, OWN
 from tcstudy.errors import CostError, GeometryFailed
 from tcstudy.fem.meshes import graded_points
 from tcstudy.laws.composed import EdgeLaws
@@ -43,7 +43,7 @@ from tcstudy.study.run import stages, to_file
 Progress = Callable[[str, float | None], None]
 """(what is being done, seconds left if known)."""
 Times = dict[str, float]
-"""Wall time of one solution, from the body to its displacements, by STAGES [s]."""
+"""Wall time of one solution, from the body to its displacements, by solver [s]."""
 Relative = dict[tuple[str, int, str], dict[str, float]]
 """Relative errors by (family, level, solver)."""
 
@@ -106,14 +106,12 @@ def measure(study: Study, runs: int, progress: Progress, told: dict[str, Any] | 
     first = time.perf_counter() - clock
     reference, words, own_error = reference_of(study, curves, progress)
     errors = errors_of(study, curves, reference, progress)
-    for curve in curves if study.mesh.guarantee else ():
-        add_bounds(study, curve, errors, progress)
     for run in range(1, runs):
         progress(f"run {run + 1} of {runs}", first * (runs - run))
         turn = run % len(curves)
         for curve in curves[turn:] + curves[:turn]:
-            known = curve.levels
-            steps = walk(study, curve.plan, lambda name, level, known=known: name in known[level].solutions)  # type: ignore[misc]
+            known, plan = curve.levels, curve.plan if curve.family == OWN else replace(curve.plan, guarantee=False)
+            steps = walk(study, plan, lambda name, level, known=known: name in known[level].solutions)  # type: ignore[misc]
             curve.times.append([times for _, times in islice(steps, len(known))])
     told = {"reference": words, "reference_error": own_error, "runs": np.int32(runs), **(told or {})}
     return _record(study, curves, errors, notes, told)
@@ -131,38 +129,13 @@ class CostCurve:
     plan: MeshPlan
     own: int | None = None
     levels: list[SolvedLevel] = field(default_factory=list)
-    times: list[list[dict[str, Times]]] = field(default_factory=lambda: [[]])
+    times: list[list[Times]] = field(default_factory=lambda: [[]])
 
     @property
     def next(self) -> float:
         """Unknowns to expect of the next level: a uniform one has four times as many, an adaptive step may add few."""
         *before, last = (level.n_dof for level in self.levels)
         return last * (last / before[-1] if before else self.plan.strategy.least_growth)
-
-    def follow(self, study: Study, progress: Progress, notes: list[str]) -> Iterator[int]:
-        """Solve the levels and keep them, as far as the caller goes on, with all solvers that are worth the wait; the
-        unknowns of each."""
-        dropped: set[str] = set()
-        try:
-            for level, taken in walk(study, self.plan, lambda name, _: name not in dropped):
-                self.times[0].append(taken)
-                self.levels.append(level)
-                i = len(self.levels) - 1
-                progress(f"{self.family}, level {i}: {level.n_dof} dofs", None)
-                for name, times in list(taken.items())[1:]:
-                    solve = times["solve"]
-                    other = sum(times.values()) - solve
-                    if solve > PATIENCE and solve > WORTH * other:
-                        dropped.add(name)
-                        notes.append(
-                            f"{name} is not followed beyond level {i} of the {self.family} meshes: there its solution "
-                            f"took {solve:.1f} s, {solve / other:.0f} times all other work."
-                        )
-                yield level.n_dof
-        except GeometryFailed as error:
-            if not self.levels:
-                raise
-            notes.append(f"{self.family} meshes end at level {len(self.levels) - 1}: {error}")
 
 
 def first_run(study: Study, progress: Progress, notes: list[str]) -> list[CostCurve]:
@@ -177,7 +150,7 @@ def first_run(study: Study, progress: Progress, notes: list[str]) -> list[CostCu
         own.own = len(own.levels) - 1
         return max(float(n_dof), min(BEYOND * n_dof, MOST))
 
-    for n_dof in own.follow(study, progress, notes):
+    for n_dof in follow(own, study, progress, notes):
         if own.own is None and (len(own.levels) == mesh.levels or (mesh.strategy.adapts and n_dof > mesh.max_dofs)):
             limit = reached(n_dof)
         if own.next > limit:
@@ -190,27 +163,52 @@ def first_run(study: Study, progress: Progress, notes: list[str]) -> list[CostCu
         notes.append("Graded and uniform meshes are the same here, as nothing is singular; they are shown once.")
     others = [CostCurve(name, family_plan(mesh, name)) for name in FAMILIES if name not in (own.family, twin)]
     for curve in others:
-        for _ in curve.follow(study, progress, notes):
+        for _ in follow(curve, study, progress, notes):
             if curve.next > limit:
                 break
     return sorted((own, *others), key=lambda curve: (*FAMILIES, OWN).index(curve.family))
 
 
+def follow(curve: CostCurve, study: Study, progress: Progress, notes: list[str]) -> Iterator[int]:
+    """Solve the levels of a curve and keep them, as far as the caller goes on, with all solvers that are worth the
+    wait; the unknowns of each."""
+    dropped: set[str] = set()
+    try:
+        for level, times in walk(study, curve.plan, lambda name, _: name not in dropped):
+            curve.times[0].append(times)
+            curve.levels.append(level)
+            i = len(curve.levels) - 1
+            progress(f"{curve.family}, level {i}: {level.n_dof} dofs", None)
+            for name, one in list(level.solutions.items())[1:]:
+                solve = one.numbers.get("time_solve", 0.0)
+                other = times[name] - solve
+                if solve > PATIENCE and solve > WORTH * other:
+                    dropped.add(name)
+                    notes.append(
+                        f"{name} is not followed beyond level {i} of the {curve.family} meshes: there its solution "
+                        f"took {solve:.1f} s, {solve / other:.0f} times all other work."
+                    )
+            yield level.n_dof
+    except GeometryFailed as error:
+        if not curve.levels:
+            raise
+        notes.append(f"{curve.family} meshes end at level {len(curve.levels) - 1}: {error}")
+
+
 def family_plan(plan: MeshPlan, family: FamilyName) -> MeshPlan:
-    """A family from the study's coarsest mesh, with its own grading, marking and goal."""
+    """A family from the study's coarsest mesh, with its own grading, marking, goal and guarantee."""
     own = replace(plan, maxh=plan.maxh[:1], levels=LEVELS, family=family)
-    return replace(own, tolerance=None, max_dofs=10**9, estimate=False, guarantee=False)
+    return replace(own, tolerance=None, max_dofs=10**9, estimate=False)
 
 
 def walk(
     study: Study, plan: MeshPlan, wanted: Callable[[str, int], bool] = lambda name, level: False
-) -> Iterator[tuple[SolvedLevel, dict[str, Times]]]:
+) -> Iterator[tuple[SolvedLevel, Times]]:
     """Run a study of one point level by level; the first of its solvers decides about meshes, others take turns there.
 
-    Each level with what came of the solvers that were run, and how long it took, by name: mesh: geometry and meshing;
-    assemble: matrices and contact line; condense: factorisation, temperature, condensed load, certificates and the way
-    back to the body; solve: the contact problem; steps: all levels before, with their estimates, where the mesh
-    depends on them.
+    Each level with what came of the solvers that were run, and how long that took: geometry and meshing; matrices and
+    contact line; factorisation, temperature, condensed load, certificates and the way back to the body; the contact
+    problem; and all levels before, with their estimates, where the mesh depends on them.
     wanted: which other solvers to run on which level. Raises GeometryFailed if the body cannot be meshed.
     """
     first, *others = study.solver.names
@@ -228,14 +226,13 @@ def walk(
         blocks |= {n: solve_point(replace(alone, solver=only[n]), level, 0) for n in others if wanted(n, i)}
         found = {name: solution_of(alone, level, one) for name, one in blocks.items()}
         spent = {name: one.numbers.get("time_solve", math.nan) for name, one in found.items()}
-        meshing = times.mesh if plan.listed else meshing + times.mesh
-        shared, taken = times.points - spent[first], dict[str, Times]()
+        meshing = times.mesh + (0.0 if plan.listed or plan.open_ended else meshing)
+        shared, taken = meshing + times.assemble + times.points - spent[first], dict[str, float]()
         for name, solve in spent.items():
-            made = times.geometry + (times.mesh if plan.open_ended else meshing)
-            steps = before[name] + (times.estimate if plan.tolerance is not None else 0.0)
-            taken[name] = dict(zip(STAGES, (made, times.assemble, shared, solve, steps), strict=True))
+            taken[name] = times.geometry + before[name] + shared + solve
+            taken[name] += times.estimate if plan.tolerance is not None else 0.0
             if plan.open_ended:
-                before[name] += times.mesh + times.assemble + shared + solve + times.estimate
+                before[name] += shared + solve + times.estimate
         yield replace(empty_level(study, level), solutions=found), taken
         if stop:
             return
@@ -251,7 +248,8 @@ def reference_of(study: Study, curves: list[CostCurve], progress: Progress) -> t
         return ExactReference(study.exact), "the exact solution", 0.0
     finest = max(curve.levels[-1].n_dof for curve in curves)
     least = max(LEAST * finest, min(FINER * finest, LARGEST))
-    plan = replace(family_plan(study.mesh, TO_TOLERANCE), goal=Goal(), marking=max(study.mesh.marking, 0.7))
+    plan = replace(family_plan(study.mesh, TO_TOLERANCE), guarantee=False, goal=Goal())
+    plan = replace(plan, marking=max(plan.marking, 0.7))
     best: SolvedLevel | None = None
     try:
         for best, _ in walk(study, plan):
@@ -277,10 +275,11 @@ def errors_of(study: Study, curves: list[CostCurve], reference: Reference, progr
     Raises CostError if there is no solution to compare with.
     """
     (scene,) = study.scenes
-    found, sizes, finest = dict[tuple[str, int, str], Errors](), dict[str, float](), 0
+    found, sizes, finest = dict[tuple[str, int, str], Errors](), {BOUND.name: 1.0}, 0
     for curve in curves:
         for i, level in enumerate(curve.levels):
             progress(f"errors of {curve.family}, level {i}", None)
+            first = next(iter(level.solutions.values()))
             for name, one in level.solutions.items():
                 same = (found[curve.family, i, n] for n, other in level.solutions.items()
                         if (curve.family, i, n) in found and _same(one, other))  # fmt: skip
@@ -289,9 +288,13 @@ def errors_of(study: Study, curves: list[CostCurve], reference: Reference, progr
                     for what, value in reference.numbers(scene).items():
                         if math.isfinite(value):
                             errors[what] = abs(one.numbers.get(what, math.nan) - value), abs(value)
+                bound = first.numbers.get("error_bound_relative", math.nan)
+                if math.isfinite(bound) and _same(one, first):
+                    errors[BOUND.name] = bound, 1.0
                 found[curve.family, i, name] = errors
                 if level.n_dof > finest and errors:
-                    finest, sizes = level.n_dof, {measure: size for measure, (_, size) in errors.items()}
+                    finest = level.n_dof
+                    sizes |= {measure: size for measure, (_, size) in errors.items()}
     relative = {
         key: {measure: e / sizes[measure] for measure, (e, _) in errors.items() if sizes.get(measure, 0.0) > 0.0}
         for key, errors in found.items()
@@ -300,17 +303,6 @@ def errors_of(study: Study, curves: list[CostCurve], reference: Reference, progr
         remedy = "give it a load, for example by --set, or name a sweep point that has one by --at"
         raise CostError(f"nothing loads this scene: its solution is zero, and errors have no size; {remedy}")
     return relative
-
-
-def add_bounds(study: Study, curve: CostCurve, errors: Relative, progress: Progress) -> None:
-    """Add the proved bounds of the error on all levels of a family, found by a walk of its own, which is not timed."""
-    first = study.solver.names[0]
-    for i, (level, _) in zip(range(len(curve.levels)), walk(study, replace(curve.plan, guarantee=True)), strict=False):
-        progress(f"bounds of {curve.family}, level {i}", None)
-        bound, known = level.solutions[first].numbers.get("error_bound_relative", math.nan), curve.levels[i].solutions
-        for name, one in known.items():
-            if math.isfinite(bound) and _same(one, known[first]):
-                errors[curve.family, i, name][BOUND.name] = bound
 
 
 def _same(a: Solution, b: Solution) -> bool:
@@ -337,8 +329,7 @@ def _record(study: Study, curves: list[CostCurve], errors: Relative, notes: list
                 values[name][f, i] = size
             for solver, one in level.solutions.items():
                 own = [run[i][solver] for run in curve.times]
-                row = {"status": one.status, "reason": one.reason, "time": [sum(taken.values()) for taken in own]}
-                row |= {f"time_{stage}": t for stage, t in min(own, key=lambda taken: sum(taken.values())).items()}
+                row = {"status": one.status, "reason": one.reason, "time": own}
                 row |= {f"error_{name}": error for name, error in errors[curve.family, i, solver].items()}
                 for name in row.keys() & values.keys():
                     values[name][f, solvers.index(solver), i] = row[name]

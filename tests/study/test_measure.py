@@ -16,14 +16,14 @@ from tcstudy.contact.problem import ContactProblem, Status
 from tcstudy.contact.solve import Answer
 from tcstudy.data.schema import PointStatus
 from tcstudy.data.store import Record
-from tcstudy.data.tables import STAGES
 from tcstudy.errors import CostError
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import MeshPlan, Study
 from tcstudy.study import cost as cost_module
 from tcstudy.study import point as point_module
 from tcstudy.study.convergence import converge
-from tcstudy.study.cost import CostCurve, at_point, cost_to_file, measure, walk
+from tcstudy.study.cost import CostCurve, at_point, cost_to_file, follow, measure, walk
+from tcstudy.study.level_solver import Times
 from tcstudy.study.reference import ExactReference, FineReference, SolvedLevel, solve_levels
 from tests.commands import CONFIGS
 from tests.verification.scenes import RECTANGLE, study_of
@@ -204,10 +204,9 @@ def test_meshes_of_no_family_stand_for_themselves() -> None:
     assert own(cost)[:2] == (3, 0)
     assert cost.values["n_dof"][3, own(cost)[2]] > 0
     assert cost.values["error_u_energy"][own(cost)] < 0.39  # the tolerance with a margin for the estimate
-    assert cost.values["time_steps"][own(cost)] > 0.0
+    assert np.all(np.diff(cost.values["time"][3, 0, : own(cost)[2] + 1, 0]) > 0.0)
     listed = _measure(study_of(PULLED, "mesh={maxh: [0.8, 0.6]}"), runs=1)
     assert own(listed) == (3, 0, 1)
-    assert np.all(listed.values["time_steps"][3, 0, :2] == 0.0)
 
 
 def test_the_named_solver_comes_first_and_failures_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -236,31 +235,46 @@ def test_a_scene_without_load_is_refused_and_nothing_is_written(tmp_path: Path) 
     assert not list(tmp_path.iterdir())
 
 
-def test_uniform_meshes_cost_all_refinements_and_adaptive_ones_all_solutions_before() -> None:
-    study, found = study_of(PULLED, *SMALL), {}
-    for family in ("uniform", "adaptive"):
-        found[family] = [times["separable-newton"] for _, times in walk(study, MeshPlan((0.8,), 3, family))]
-        assert all(tuple(times) == STAGES for times in found[family])
-    assert np.all(np.diff([one["mesh"] for one in found["uniform"]]) > 0.0)
-    assert not any(one["steps"] for one in found["uniform"])
-    for before, one in itertools.pairwise(found["adaptive"]):
-        assert one["steps"] > before["steps"] + before["assemble"] + before["condense"] + before["solve"]
+def test_meshes_cost_what_they_are_made_of(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Uniform meshes all refinements, listed ones their own mesh alone, adaptive ones all solutions and estimates
+    before, and meshes to a tolerance the last estimate, which ends them."""
+    spent = Times(geometry=1.0, mesh=10.0, assemble=100.0, points=1000.0, estimate=10000.0)
+    taken = SimpleNamespace(numbers={"time_solve": 1.0})
+    stage = SimpleNamespace(level=object(), times=spent, stop=lambda: "")
+    monkeypatch.setattr(cost_module, "stages", lambda study: (replace_in(stage, blocks=[None]) for _ in range(3)))
+    monkeypatch.setattr(cost_module, "solution_of", lambda *of: taken)
+    monkeypatch.setattr(cost_module, "empty_level", lambda *of: SolvedLevel(0.0, 0, *[None] * 3, np.empty(0), {}))  # type: ignore[arg-type]
+    study = at_point(study_of(PULLED, *SMALL), ())
+
+    def times(plan: MeshPlan) -> list[float]:
+        return [one["separable-newton"] for _, one in walk(study, plan)]
+
+    assert times(MeshPlan((0.8,), 3)) == [1111.0, 1121.0, 1131.0]
+    assert times(MeshPlan((0.8, 0.4, 0.2), 3)) == [1111.0] * 3
+    assert times(MeshPlan((0.8,), 3, "adaptive")) == [1111.0, 12221.0, 23331.0]
+    assert times(MeshPlan((0.8,), 3, "adaptive", tolerance=0.1)) == [11111.0, 22221.0, 33331.0]
+
+
+def replace_in(one: SimpleNamespace, **more: Any) -> SimpleNamespace:
+    return SimpleNamespace(**vars(one) | more)
 
 
 def test_a_solver_is_left_behind_only_where_it_is_slow_in_both_ways(monkeypatch: pytest.MonkeyPatch) -> None:
     """More than 3 s and more than four times all other work."""
 
     def dropped(solve: float, other: float) -> bool:
-        taken, asked = {name: {"mesh": other, "solve": s} for name, s in (("one", 0.1), ("two", solve))}, list[bool]()
+        level = SimpleNamespace(n_dof=10, solutions={name: SimpleNamespace(numbers={"time_solve": s})
+                                                     for name, s in (("one", 0.1), ("two", solve))})  # fmt: skip
+        asked = list[bool]()
 
         def walk(study: object, plan: object, wanted: Callable[[str, int], bool]) -> Iterator[tuple[Any, Any]]:
             for i in range(2):
                 asked.append(wanted("two", i))
-                yield SimpleNamespace(n_dof=10), taken
+                yield level, {"one": 0.1 + other, "two": solve + other}
 
         monkeypatch.setattr(cost_module, "walk", walk)
         notes: list[str] = []
-        list(CostCurve("uniform", MeshPlan((0.5,), 1)).follow(None, lambda text, left: None, notes))  # type: ignore[arg-type]
+        list(follow(CostCurve("uniform", MeshPlan((0.5,), 1)), None, lambda text, left: None, notes))  # type: ignore[arg-type]
         assert bool(notes) == (asked == [True, False])
         return asked == [True, False]
 

@@ -15,7 +15,7 @@ from tcstudy.reports import sentences
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.panels import Panel, Scale, Sheet, scale
 from tcstudy.reports.select_point import Value, describe, locate
-from tcstudy.reports.terminal.accuracy import EXACT, GROUPS, SYMBOLS, advice, best, front, settings, shown
+from tcstudy.reports.terminal.accuracy import EXACT, GROUPS, SYMBOLS, advice, front, settings, shown
 from tcstudy.scene.study import FAMILIES
 
 if TYPE_CHECKING:
@@ -165,7 +165,7 @@ def cost_panels(data: Any, measure: str) -> dict[str, Panel]:
     )
     unknowns = Panel(Scale("displacement unknowns N"), error, log=(True, True), grid=True)
     families, solvers = (data[name].values.tolist() for name in ("family", "solver"))
-    worthy, champion = {s.curve for s in front(found)}, best(found)
+    worthy = {s.curve for s in front(found)}
     for family in families:
         how: dict[str, Any] = {"color": COLOURS[family], "marker": MARKS[family], "markersize": 4.5}
         unknowns.line([], [], **how, label=family)
@@ -176,8 +176,7 @@ def cost_panels(data: Any, measure: str) -> dict[str, Panel]:
             t, e, upper, n = np.array([(s.time, s.error, s.upper, s.n_dof) for s in solved]).reshape(-1, 4).T
             ring = [np.concatenate([t, upper[::-1]]), np.concatenate([e, e[::-1]])]
             time.fill(*ring, color=COLOURS[family], alpha=0.16 * alpha)
-            width = 2.2 if (family, solver) == champion else 1.2
-            time.line(t, e, color=COLOURS[family], linestyle=dash, linewidth=width, alpha=alpha)
+            time.line(t, e, color=COLOURS[family], linestyle=dash, linewidth=1.2, alpha=alpha)
             for s in own:
                 face = "white" if not s.solved or s.dominated else None
                 time.line(s.time, s.error, **how, linestyle="none", markerfacecolor=face, alpha=alpha)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import groupby
 from typing import Any
 
 import numpy as np
 
-from tcstudy.accuracy.orders import dominated
+from tcstudy.accuracy.orders import TIED
 from tcstudy.data.reading import axis_names, by_point, each_point
 from tcstudy.data.schema import PointStatus
 from tcstudy.data.tables import BY_ITSELF, ERRORS, MEASURES, NUMBERS, VERDICTS, Measure
@@ -220,13 +220,8 @@ def _fixed(value: float) -> str:
 # -- accuracy against cost ---------------------------------------------------------------------------------------------
 
 DEFAULT = "u_energy"
-STEPS = 400
-NOTABLE = 1.05
-"""Ratio of times from which on another curve takes over: less is noise."""
 EXACT = 1e-10
 """Relative error that is rounding: a solution in the P1 space of every mesh has no other."""
-SAME = 1e-9
-"""Relative difference of the errors of one mesh that two families begin with."""
 
 
 @dataclass(frozen=True)
@@ -234,16 +229,13 @@ class Setting:
     """One measured setting.
 
     error:     relative;  time, upper: least wall time of all runs and their upper quartile [s]
-    h_max:     longest edge of its mesh
-    dominated: whether another setting is as fast and as accurate, or is this one in a simpler family of meshes
-    solved:    whether it passed its acceptance test
-    own:       whether it is the study's own
+    solved:    whether it passed its acceptance test;  own: whether it is the study's own
+    dominated: whether another setting is as fast and as accurate, and better in one of the two
     """
 
     family: str
     solver: str
     level: int
-    h_max: float
     n_dof: int
     n_contact: int
     error: float
@@ -251,7 +243,7 @@ class Setting:
     upper: float
     solved: bool
     own: bool
-    dominated: bool = True
+    dominated: bool
 
     @property
     def words(self) -> str:
@@ -263,21 +255,6 @@ class Setting:
     def curve(self) -> tuple[str, str]:
         """Family and solver."""
         return self.family, self.solver
-
-    def on_mesh_of(self, other: Setting) -> bool:
-        """Whether two settings are one problem on one mesh, such as the first of two families."""
-        mine, its = ((s.solver, s.n_dof, s.n_contact, s.h_max) for s in (self, other))
-        return mine == its and self.solved and other.solved and abs(self.error - other.error) <= SAME * self.error
-
-
-@dataclass(frozen=True)
-class Stretch:
-    """A range of errors, from `start` down to `end`, that a family with a solver reaches in the least time."""
-
-    family: str
-    solver: str
-    start: float
-    end: float
 
 
 def measure_of(data: Any, wanted: str | None) -> str:
@@ -292,27 +269,17 @@ def measure_of(data: Any, wanted: str | None) -> str:
 
 
 def settings(data: Any, measure: str) -> list[Setting]:
-    """All settings that were measured, family by family, coarse to fine.
-
-    One mesh that two families share counts once for `dominated`, in the simplest of them and with the least of its
-    times, whose difference is noise; `dominated` in the file lets both stand.
-    """
+    """All settings that were measured, family by family, coarse to fine."""
     own = tuple(str(data.attrs[f"own_{part}"]) for part in ("family", "solver", "level"))
     families, solvers = (data[dim].values.tolist() for dim in ("family", "solver"))
-    h, n_dof, n_contact = (data[name].values for name in ("h_max", "n_dof", "n_contact"))
-    errors, times, status = (data[name].values for name in (f"error_{measure}", "time", "status"))
-    found = []
+    n_dof, n_contact, times, status = (data[name].values for name in ("n_dof", "n_contact", "time", "status"))
+    errors, beaten, found = data[f"error_{measure}"].values, data[f"dominated_{measure}"].values, list[Setting]()
     for f, s, level in np.argwhere(status != PointStatus.NOT_RUN).tolist():
-        name, runs = (str(families[f]), str(solvers[s]), level), times[f, s, level]
-        upper = float(np.quantile(runs, 0.75)) if np.all(np.isfinite(runs)) else float("nan")
-        mesh = float(h[f, level]), int(n_dof[f, level]), int(n_contact[f, level])
-        solved, error = int(status[f, s, level]) == PointStatus.OK, float(errors[f, s, level])
-        found.append(Setting(*name, *mesh, error, float(runs.min()), upper, solved, tuple(map(str, name)) == own))
-    first = [next(o for o in found if o is s or s.on_mesh_of(o)) for s in found]
-    counts = [a is s and s.solved for a, s in zip(first, found, strict=True)]
-    least = [min(o.time for o, one in zip(found, first, strict=True) if one is s or o is s) for s in found]
-    beaten = dominated(np.where(counts, least, np.nan), np.array([s.error for s in found]))
-    return [replace(s, dominated=bool(b)) for s, b in zip(found, beaten, strict=True)]
+        name, runs = (families[f], solvers[s], level), times[f, s, level]
+        numbers = float(errors[f, s, level]), float(runs.min()), float(np.quantile(runs, 0.75))
+        judged = status[f, s, level] == PointStatus.OK, tuple(map(str, name)) == own, beaten[f, s, level] == 1
+        found.append(Setting(*name, int(n_dof[f, level]), int(n_contact[f, level]), *numbers, *map(bool, judged)))
+    return found
 
 
 def front(found: Sequence[Setting]) -> list[Setting]:
@@ -320,50 +287,8 @@ def front(found: Sequence[Setting]) -> list[Setting]:
     return sorted((s for s in found if not s.dominated), key=lambda s: s.time)
 
 
-def stretches(found: Sequence[Setting]) -> list[Stretch]:
-    """Which curve is the fastest to reach an error, from coarse to fine, as far as two mesh families reach.
-
-    Between levels, times are interpolated on logarithmic scales: a slightly different maxh has such an error.
-    """
-    curves: dict[tuple[str, str], list[Setting]] = {}
-    reached: dict[str, float] = {}
-    for s in found:
-        if s.solved and s.error > 0.0:  # families that begin with one mesh have the least of its times
-            same = (o.time for o in found if s.level == o.level == 0 and s.on_mesh_of(o))
-            curves.setdefault(s.curve, []).append(replace(s, time=min(same, default=s.time)))
-            reached[s.family] = min(reached.get(s.family, np.inf), s.error)
-    high = max((s.error for curve in curves.values() for s in curve), default=0.0)
-    if high <= EXACT:
-        return []
-    parts: list[Stretch] = []
-    for error in np.geomspace(high, sorted(reached.values())[:2][-1], STEPS).tolist():
-        times = {name: _time_to(curve, error) for name, curve in curves.items()}
-        near = [name for name, time in times.items() if time <= NOTABLE * min(times.values())]
-        if parts and (parts[-1].family, parts[-1].solver) in near:
-            parts[-1] = replace(parts[-1], end=error)
-        else:  # of those that noise cannot tell apart the first, which is the simplest
-            parts.append(Stretch(*near[0], error, error))
-    return parts
-
-
-def _time_to(curve: Sequence[Setting], error: float) -> float:
-    """Least time in which a curve gets to an error; infinite if it does not."""
-    times = [s.time for s in curve if s.error <= error * (1 + 1e-12)]
-    for a, b in pairwise(curve):
-        if a.error > error >= b.error:
-            share = np.log(a.error / error) / np.log(a.error / b.error)
-            times.append(a.time * (b.time / a.time) ** share)
-    return min(times, default=np.inf)
-
-
-def best(found: Sequence[Setting]) -> tuple[str, str] | None:
-    """The curve to take when accuracy is wanted: the fastest at the least error that two mesh families reach."""
-    parts = stretches(found)
-    return (parts[-1].family, parts[-1].solver) if parts else None
-
-
 def advice(found: Sequence[Setting]) -> list[str]:
-    """Sentences: what is best at which error, and how the study's own settings compare."""
+    """Sentences: what is fastest at which error, and how the study's own settings compare."""
     measured = [s for s in found if s.solved and np.isfinite(s.error)]
     if measured and max(s.error for s in measured) <= EXACT:
         least = min(measured, key=lambda s: s.time)
@@ -372,11 +297,11 @@ def advice(found: Sequence[Setting]) -> list[str]:
             f"solution exactly, so more unknowns only cost time. Fastest: {least.words} in {_seconds(least.time)}."
         ]
     spans = []
-    for one in stretches(found):
-        family = "the study's meshes" if one.family == "study" else f"{one.family} meshes"
-        start, end = percent(one.start), percent(one.end)
-        span = f"of {end}" if start == end else f"from {start} to {end}"
-        spans.append(f"{family} with {one.solver} for errors {span}")
+    for (family, solver), of in groupby(front(found), key=lambda s: s.curve):
+        ends = list(dict.fromkeys(percent(s.error) for s in of))
+        meshes = "the study's meshes" if family == "study" else f"{family} meshes"
+        span = f"from {ends[0]} to {ends[-1]}" if len(ends) > 1 else f"of {ends[0]}"
+        spans.append(f"{meshes} with {solver} for errors {span}")
     told = [f"Fastest: {'; '.join(spans)}."] if spans else []
     own = next((s for s in found if s.own), None)
     if own is None:
@@ -384,13 +309,10 @@ def advice(found: Sequence[Setting]) -> list[str]:
     if own not in measured:
         return [*told, f"The study's own settings ({own.words}) were not solved."]
     told.append(f"The study's own settings ({own.words}): error {percent(own.error)} in {_seconds(own.time)}.")
-    others = [s for s in measured if not s.own]
-    cheaper = min((s for s in others if s.error <= own.error), key=lambda s: s.time, default=own)
-    closer = min((s for s in others if s.time <= own.time), key=lambda s: s.error, default=own)
-    better = [s for s in (cheaper, closer) if s.time < own.time and s.error < own.error and not s.on_mesh_of(own)]
+    better = [s for s in measured if s.time < own.time and s.error < own.error * (1.0 - TIED)]
     if not better:
-        told.append("No other setting measured is both faster and more accurate.")
-    for s in better[:1] if len(better) == 2 and better[0].on_mesh_of(better[1]) else dict.fromkeys(better):
+        return [*told, "No other setting measured is both faster and more accurate."]
+    for s in dict.fromkeys((min(better, key=lambda s: s.time), min(better, key=lambda s: s.error))):
         told.append(
             f"Faster and more accurate: {s.words}: {s.error / own.error:.2f} of the error in {s.time / own.time:.2f} "
             f"of the time ({percent(s.error)} in {_seconds(s.time)})."
