@@ -49,13 +49,12 @@ from tcstudy.laws.composed import row_laws
 from tcstudy.offline.level import Level
 from tcstudy.offline.requested_outputs import debonded_front, region_lengths
 from tcstudy.offline.slopes import WholeBody, change_of, is_load
+from tcstudy.read.document import changes
 from tcstudy.read.scenes import Scenery
-from tcstudy.read.study import read_study_text
 from tcstudy.scene.histories import AT_REST, HistoryPlan, Keys, UnfitLaw
 from tcstudy.scene.parameters import loaded_scene, numbers
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Sensitivity, Study
-from tcstudy.study.append import differences
 from tcstudy.study.lint import warnings
 from tcstudy.study.point import STATUS
 from tcstudy.study.run import level_record
@@ -64,7 +63,7 @@ from tcstudy.study.workers import WorkerPool, of_history, submit
 Array = NDArray[np.float64]
 STIFFNESS = ("history", "stiffness")
 """Key path of k, the number of a memory."""
-FREE = ("history.steps", "history.repeat")
+FREE = ("history.steps", "history.repeat", "title", "institution", "path", "output was", "output.path", "output.live")
 """Keys in which a study may differ from that of the file it goes on from; the steps themselves are compared."""
 
 
@@ -150,12 +149,11 @@ def _known(path: Path, study: Study) -> tuple[Steps | None, bool]:
     _again(known)
     if attrs["study_sha256"] == study_sha256(study):
         return known, True
-    try:
-        overrides = [one for one in str(attrs["overrides"]).split("\n") if one]
-        other = read_study_text(str(attrs["study_yaml"]), str(path), overrides, study.source)
-        apart = [line for line in differences(other, study) if not line.startswith(FREE)]
-    except StudyError:
-        apart = ["its study cannot be read again"]
+    overrides = tuple(filter(None, str(attrs["overrides"]).split("\n")))
+    apart = [line for line in changes(attrs["study_yaml"], overrides, study) if not line.startswith(FREE)]
+    if study.scenes[0].body.brep is not None:
+        before = replace(study, text=attrs["study_yaml"], overrides=overrides)
+        apart += ["another geometry file"] * (study_sha256(before) != attrs["study_sha256"])
     if apart:
         remedy = "give another --output, or --force to replace it"
         raise StoreError(f"{path} holds the history of another study ({apart[0]}); {remedy}")

@@ -123,6 +123,8 @@ def test_workers_find_the_same_histories_and_one_that_breaks_ends_no_sweep(
         summary = execute_history(study, tmp_path / name, jobs=1)
         assert (summary.ended, summary.found) == (0, 12 + status.count(1))
         assert loaded(tmp_path / name).equals(whole)
+    with pytest.raises(StoreError, match=r"another study \(sweep.tau_s was \[25 MPa, 20 MPa\], is \[24 MPa, 20 MPa\]"):
+        execute_history(read_study_text(SWEPT.replace("25 MPa", "24 MPa")), tmp_path / "b.nc")
 
 
 def test_a_step_without_solution_ends_the_history(tmp_path: Path) -> None:
