@@ -28,7 +28,7 @@ from tcstudy.data.reading import load_root, open_root, sweep_dims
 from tcstudy.data.schema import ESTIMATES, ROOT
 from tcstudy.data.tables import LEVELS
 from tcstudy.errors import StoreError, UsageError
-from tcstudy.reports.page.parts import Json, plain
+from tcstudy.reports.page.parts import Json, flag_words, plain
 from tcstudy.reports.select_point import Value, matching
 from tcstudy.reports.terminal.summary import verdict_of
 
@@ -101,32 +101,23 @@ def _frames(columns: Mapping[str, Any], sizes: Mapping[str, int], wanted: Any) -
     """Rows in C order of their index, some thousand at a time; the last dimension of a run's is the level."""
     import pandas
 
-    (first, count), inner = next(iter(sizes.items())), math.prod([*sizes.values()][1:])
+    (first, count), (*_, last) = next(iter(sizes.items())), sizes.values()
+    inner = math.prod([*sizes.values()][1:])
     step = max(1, VALUES // len(columns) // inner)
     for start in range(0, count, step):
-        shape = {**sizes, first: min(step, count - start)}
-        index = np.arange(start * inner, start * inner + math.prod(shape.values()))
-        kept = slice(None) if wanted is None else wanted[index // [*sizes.values()][-1]]
-
-        def cells(one: Any, start: int = start, shape: dict[str, int] = shape, kept: Any = kept) -> pandas.Series:
-            array = one.isel({first: slice(start, start + step)}, missing_dims="ignore")
-            values = array.values.reshape([n if dim in one.dims else 1 for dim, n in shape.items()])
-            found = pandas.Series(np.broadcast_to(values, tuple(shape.values())).ravel()[kept])
-            if "flag_meanings" in one.attrs:
-                return found.map(_words(one.attrs))
-            least = one.attrs.get("valid_min")
-            return (
-                found if least is None or found.dtype.kind == "f" else found.astype(object).where(found >= least, None)
-            )
-
-        frame = pandas.DataFrame({name: cells(one) for name, one in columns.items()})
+        shape, cut = {**sizes, first: min(step, count - start)}, {first: slice(start, start + step)}
+        kept = slice(None) if wanted is None else np.repeat(wanted, last)[start * inner : (start + step) * inner]
+        parts = {name: one.isel(cut, missing_dims="ignore") for name, one in columns.items()}
+        frame = pandas.DataFrame({name: _cells(one, shape, kept) for name, one in parts.items()})
         if len(frame):
             yield frame
 
 
-def _words(attrs: Any) -> dict[int, str]:
-    """The words of a flag by its values."""
-    return dict(zip(np.atleast_1d(attrs["flag_values"]).tolist(), attrs["flag_meanings"].split(), strict=True))
+def _cells(one: Any, shape: Mapping[str, int], kept: Any) -> Any:
+    """Values of a variable in the rows that are kept, None for what is missing of whole numbers."""
+    values = flag_words(one, one.set_dims(shape).transpose(*shape).values.ravel()[kept])
+    least = None if values.dtype.kind == "f" else one.attrs.get("valid_min")
+    return values if least is None else np.where(values >= least, values.astype(object), None)
 
 
 def brief(path: Path) -> dict[str, Json]:
@@ -163,12 +154,9 @@ def json_text(value: Json) -> str:
 def _by_point(one: Any, sweep: dict[str, int]) -> list[Json]:
     """What each point has of a variable, a number or a list over the dimensions beside the sweep."""
     whole = one.set_dims({**sweep, **dict(one.sizes)}).transpose(*sweep, ...)
-    return list(_listed(whole.data.reshape(-1, *whole.shape[len(sweep) :]), one.attrs))
+    return list(_listed(one, whole.data.reshape(-1, *whole.shape[len(sweep) :])))
 
 
-def _listed(one: Any, attrs: Any = None) -> Json:
-    """Values as lists, flags as words."""
-    values, attrs = np.asarray(one), one.attrs if attrs is None else attrs
-    if "flag_meanings" in attrs:
-        values = np.vectorize(_words(attrs).get, otypes=[object])(values)
-    return values.tolist()
+def _listed(one: Any, values: Any = None) -> Json:
+    """The values of a variable, or some of them, as lists, flags as words."""
+    return flag_words(one, one.values if values is None else values).tolist()

@@ -1,8 +1,8 @@
 """Pictures along a parameter: of a path, a load history and a fit.
 
-A path: the response curve with folds and hysteresis loop, and the state of the contact line. A history: the loop of a
-number over a load, what nodes do step by step, what cycles change. A fit: data with their noise, the fitted curve with
-its folds and band, residuals, the fitted law.
+A path: the response curve with folds and hysteresis loop, the state of the contact line below. A history: the loop of
+a number over a load, what nodes do step by step, what cycles change. A fit: data with their noise, the fitted curve
+with its folds and band, residuals, the fitted law.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from tcstudy.reports.figures.panels import Array, Panel, Scale, Sheet, contact_n
 from tcstudy.reports.select_point import Value, describe, locate
 from tcstudy.reports.terminal.fit import BAND, columns, prediction_error
 from tcstudy.reports.terminal.paths import MOVES, STATES, last_change, motion, seen_folds
-from tcstudy.reports.text import counted, labels, number, prefix, pretty, with_unit
+from tcstudy.reports.text import counted, number, prefix, pretty, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,10 +37,15 @@ RESPONSES: dict[str, tuple[str, str, Callable[[Array, Array, Array], Array]]] = 
     "friction": (r"$\int\xi\,$ds", "xi", lambda u, xi, c: np.asarray(xi @ c)),
 }
 """What may stand over the parameter: label, the variable that it is made of, formula."""
+
+
+def response_of(data: Any, response: str, kind: str = "") -> Array:
+    """One of RESPONSES of vertices, or of what the prefix of a kind of states says."""
+    return RESPONSES[response][2](data[f"{kind}u_T"].values, data[f"{kind}xi"].values, data["c"].values)
+
+
 CURVE, MAP = 3.4, 1.25
-"""Heights of the response curve and of a map of states [inch]."""
-LETTERS, APART = 7, 0.06
-"""Room for the name of a vertex of a path; part of the path by which folds that are named lie apart."""
+"""Heights of the response curve and of the map of states [inch]."""
 STABLE: dict[str, Any] = {"color": style.INK, "linewidth": 1.3, "zorder": 4}
 UNSTABLE: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 0.9, "linestyle": (0, (4, 2)), "zorder": 3}
 ASKED: dict[str, Any] = {"color": style.BLUE, "marker": "D", "markersize": 5, "linestyle": "none", "zorder": 7}
@@ -66,39 +71,23 @@ def path_figure(data: Any, response: str, look: style.Look) -> Figure:
         facts.append(f"{with_unit(float(data['energy_lost']), data['energy_lost'].attrs['units'])} lost in one loop")
     if float(data["law_error"]) > 0.0:
         facts.append(f"law approximated to {float(data['law_error']):.1g}")
-    rows, heights = [[name] for name in panels], (CURVE, MAP, MAP)[: len(panels)]
-    sheet = Sheet(look, data.attrs["title"], [",  ".join(facts)], rows, heights)
-    if "along" in panels:  # the first two ticks are the ends
-        kept = dict[float, str]()
-        places, texts = panels["along"].ticks or ([], [])
-        for place, text in zip(places, texts, strict=True):
-            if all(abs(place - other) > LETTERS / sheet.wide * places[1] for other in kept):
-                kept[float(place)] = text
-        panels["along"].ticks = [*kept], [*kept.values()]
+    sheet = Sheet(look, data.attrs["title"], [",  ".join(facts)], [["curve"], ["over"]], (CURVE, MAP))
     sheet.draw(panels)
-    sheet.share(*list(panels)[:2])
+    sheet.share("curve", "over")
     sheet.key("curve", place="upper left")
-    sheet.key(*list(panels)[1:], place="lower left")
+    sheet.key("over", place="lower left")
     return sheet.finish()
 
 
 def path_panels(data: Any, response: str) -> dict[str, Panel]:
-    """The response curve, the state of the contact line over the parameter, and, where there are folds, along the path.
-
-    The state over the parameter is that of the solution of least energy. The length of the path is counted in the plane
-    of the response curve; its ends and folds are named.
-    """
-    name, (title, source, formula) = str(data.attrs["parameter"]), RESPONSES[response]
+    """The response curve, and under it the state of the contact line, that of the solution of least energy."""
+    name, (title, source, _) = str(data.attrs["parameter"]), RESPONSES[response]
     units = str(data[source].attrs["units"])
-    c, span = data["c"].values, np.sort(np.asarray(data.attrs["parameter_range"], dtype=float))
-    values = {
-        kind: formula(data[f"{kind}u_T"].values, data[f"{kind}xi"].values, c)
-        for kind in ("", "loop_", "solution_", "branch_")
-        if f"{kind}u_T" in data
-    }
+    span, kinds = np.sort(np.asarray(data.attrs["parameter_range"], dtype=float)), ("", "loop_", "solution_", "branch_")
+    values = {kind: response_of(data, response, kind) for kind in kinds if f"{kind}u_T" in data}
     t, y, folds = data["parameter"].values, values[""], seen_folds(data)[0]
-    pieces, inside, drawn = within(t, y, span)
-    seen = np.concatenate([drawn.ravel() if len(pieces) else y, values.get("branch_", np.zeros(0))])
+    drawn = within(t, y, span)
+    seen = np.concatenate([drawn if len(drawn) else y, values.get("branch_", np.zeros(0))])
     across = scale("load factor" if name == "load" else style.symbol(name), span, str(data["parameter"].attrs["units"]))
     curve = Panel(across, scale(title, seen, "N m-1" if source == "xi" and units != "1" else units))
     curve.across(0.0)
@@ -139,32 +128,15 @@ def path_panels(data: Any, response: str) -> dict[str, Panel]:
         least = np.full((2 * len(ends) - 1, len(nodes)), -1)
         least[::2] = data["state"].values[data["lowest_piece"].values][:, nodes]
         over.cells(ends.ravel(), cuts, least, COLOURS, STATES)
-    found = {"curve": curve, "over": over}
-    if np.isin(pieces, folds).any():
-        step = np.hypot(*(np.diff(one, axis=1)[:, 0] / (float(np.ptp(one)) or 1.0) for one in (inside, drawn)))
-        length, named = np.concatenate([[0.0], np.cumsum(step)]), [0, len(pieces)]
-        for k in np.flatnonzero(np.isin(pieces, folds)):
-            if np.abs(length[named] - length[k]).min() > APART * length[-1]:
-                named.append(int(k))
-        places = across(np.append(inside[:, 0], inside[-1, 1])[named])
-        texts = [text.replace("-", "−") for text in labels(places.tolist(), 3)]
-        title = "State along the path; ticks: the parameter at its ends and folds"
-        along = found["along"] = Panel(Scale(across.label), arclength, title, ticks=(length[named], texts))
-        along.limits = [(0.0, float(length[-1])), over.limits[1]]
-        along.cells(length, cuts, data["state"].values[pieces][:, nodes], COLOURS, STATES)
-        for place in length[named[2:]]:
-            along.up(float(place), color=style.VERMILLION, linewidth=0.8, **DASHED)
-    return found
+    return {"curve": curve, "over": over}
 
 
-def within(t: Array, y: Array, span: Array) -> tuple[NDArray[np.intp], Array, Array]:
-    """The pieces of a line that have a part with t inside the span, and t and y (p, 2) at the ends of that part."""
-    ends = np.stack([t[:-1], t[1:]], axis=1)
-    pieces = np.flatnonzero((ends.min(axis=1) < span[1]) & (ends.max(axis=1) > span[0]))
-    ends, values = ends[pieces], np.stack([y[:-1], y[1:]], axis=1)[pieces]
-    inside, length = np.clip(ends, *span), np.diff(ends, axis=1)
-    share = np.where(length == 0.0, [0.0, 1.0], (inside - ends[:, :1]) / np.where(length == 0.0, 1.0, length))
-    return pieces, inside, values[:, :1] + share * np.diff(values, axis=1)
+def within(t: Array, y: Array, span: Array) -> Array:
+    """Values of a line y(t) at its vertices inside a span, and where it crosses the ends of that."""
+    step = np.where(np.diff(t) == 0.0, 1.0, np.diff(t))
+    share = (span[:, None] - t[:-1]) / step
+    crossed = (y[:-1] + share * np.diff(y))[(share > 0.0) & (share < 1.0)]
+    return np.concatenate([y[(t >= span[0]) & (t <= span[1])], crossed])
 
 
 def _pieces(panel: Panel, t: Array, y: Array, stable: NDArray[np.bool_], **how: Any) -> None:

@@ -11,14 +11,22 @@ from tcstudy.data.tables import MEASURES
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.accuracy import convergence_panels, cost_panels
 from tcstudy.reports.figures.panels import Panel, Scale, scale
-from tcstudy.reports.figures.path import RESPONSES, fit_panels, history_panels, loop_names, path_panels, solved_steps
+from tcstudy.reports.figures.path import (
+    RESPONSES,
+    fit_panels,
+    history_panels,
+    loop_names,
+    path_panels,
+    response_of,
+    solved_steps,
+)
 from tcstudy.reports.page.parts import (
     Container,
     Json,
     beside,
     choice,
     column,
-    column_of,
+    columns_of,
     panel_part,
     section,
     sheet_part,
@@ -31,7 +39,6 @@ from tcstudy.reports.page.stored import Stored
 from tcstudy.reports.picture import at_rest
 from tcstudy.reports.select_point import describe
 from tcstudy.reports.terminal import accuracy, fit, paths
-from tcstudy.reports.text import PROOFS
 from tcstudy.scene.keys import symbol
 
 STATES_BYTES = 4_000_000
@@ -70,31 +77,18 @@ def cost_parts(data: Any, box: Container) -> list[Json]:
 
 
 def path_sections(stored: Stored, box: Container) -> list[Json]:
-    """The response curve with the states along it, one state, solutions, and all vertices."""
+    """The response curve and what is said of it, one state, and all vertices."""
     data = stored.data
     m, vertices, pieces = (int(data.sizes[name]) for name in ("node", "vertex", "piece"))
     keep = np.unique(np.append(np.arange(0, vertices, max(1, -(-4 * m * vertices // STATES_BYTES))), vertices - 1))
     name, t, units = str(data.attrs["parameter"]), data["parameter"].values, str(data["parameter"].attrs["units"])
 
-    def response(key: str, kind: str = "", kept: Any = slice(None)) -> Any:
-        return RESPONSES[key][2](data[f"{kind}u_T"].values[kept], data[f"{kind}xi"].values[kept], data["c"].values)
-
-    def columns(kind: str, *names: str) -> list[Json]:
-        found = [
-            column_of(data, f"{kind}{one}", box, symbol(name) if one == "parameter" else one, one) for one in names
-        ]
-        for key, (title, source, _) in RESPONSES.items():
-            unit = str(data[source].attrs["units"])
-            unit = "N m-1" if source == "xi" and unit != "1" else unit
-            found.append(column(key.replace("-", "_"), words(title), unit, response(key, kind), box))
-        return found
-
     shown = {}
     for key, (title, *_) in RESPONSES.items():
-        curve, *strips = path_panels(data, key).values()
+        curve, strip = path_panels(data, key).values()
         shown[words(title)] = [
-            panel_part(curve, box, (t[keep], response(key, "", keep)), 400),
-            beside(*(panel_part(one, box, high=190) for one in strips)),
+            panel_part(curve, box, (t[keep], response_of(data, key)[keep]), 400),
+            panel_part(strip, box, high=190),
         ]
     low, high = sorted(float(x) for x in data.attrs["parameter_range"])
     inside = [int(v) for v in paths.seen_folds(data)[0] if low <= t[v] <= high]
@@ -103,26 +97,19 @@ def path_sections(stored: Stored, box: Container) -> list[Json]:
     laws, state = law_part(stored), data["state"].values[np.minimum(keep, pieces - 1)]
     line = _line(data, keep, state, False, box)
     line["law"] = laws["laws"][0] if laws is not None and "edges" not in laws else None  # the one that all nodes have
-    told = [one for one in paths.path_parts(data) if isinstance(one, str)]
     title = "1  All equilibria of the range" if int(data.get("complete", 0)) else "1  Equilibria on this path"
     slider = states("along the path", texts, int(np.argmin(np.abs(keep - first))))
-    found = [section(title, "path", slider, choice("response", "response", shown), *text_parts(told))]
+    told = text_parts(paths.path_parts(data))
+    found = [section(title, "path", slider, choice("response", "response", shown), *told)]
     found.append(section("2  One state on the path", "point", line))
-    if data.sizes.get("solution", 0):
-        solutions = columns("solution_", "parameter", "energy", "residual", "stable", "lowest")
-        solutions.append(column("certified", "certified", "1", _proofs(data, "solution_"), box))
-        found.append(section("3  Solutions at the values asked for", "solutions", sheet_part(solutions, "solutions")))
     if len(keep) == vertices:
-        vertex = sheet_part(
-            columns("", "parameter", "energy", "residual"), "path", states=True, chart=("parameter", "energy")
-        )
-        found.append(section(f"{len(found) + 1}  All vertices", "table", vertex))
+        sheet = sheet_part(columns_of(data, "vertex", box), "path", states=True, chart=("parameter", "energy"))
+        found.append(section("3  All vertices", "table", sheet))
     return found
 
 
-FACTS = ("friction_resultant", "u_T_max", "slip_length", "dissipated", "jumps", "inclusion_residual", "proved")
+FACTS = ("cycle", "friction_resultant", "u_T_max", "slip_length", "dissipated", "jumps", "inclusion_residual", "unique")
 """Those of the step that is looked at."""
-MEMORY = ("kappa", "plastic")
 
 
 def history_parts(stored: Stored, part: Any, without: tuple[str, ...], box: Container) -> Json:
@@ -132,13 +119,8 @@ def history_parts(stored: Stored, part: Any, without: tuple[str, ...], box: Cont
         return {"point": told, "accuracy": [], "table": []}
     names, loads, steps = loop_names(data), str(data.attrs["loads"]).split(), np.arange(data.sizes["step"])
     panels, step_names = history_panels(data, *names), [str(one) for one in data["step_name"].values]
-    columns = [column("step", "step", "1", steps, box), column("name", "name", "1", step_names, box)]
-    columns += [column("cycle", "cycle", "1", data["cycle"].values, box)]
-    numbers = [str(name) for name, one in data.data_vars.items() if one.dims == ("step",) and "units" in one.attrs]
-    for name in dict.fromkeys([*loads, *(one for one in numbers if "flag_values" not in data[one].attrs)]):
-        columns.append(column_of(data, name, box, symbol(name) if name in loads else ""))
-    columns.append(column("proved", "proved", "1", _proofs(data), box))
-    facts = {"part": "facts", "columns": [one for one in columns if one["name"] in ("cycle", *loads, *FACTS)]}
+    columns = columns_of(data.drop_vars("slip"), "step", box)
+    facts = {"part": "facts", "columns": [one for one in columns if one["name"] in (*loads, *FACTS)]}
     loop = panel_part(panels.pop("loop"), box, (data[names[0]].values, data[names[1]].values), 380)
     texts = [f"{i}, {name}" if name else str(i) for i, name in enumerate(step_names)]
     point = [*told, states("step", texts, len(texts) - 1), beside(loop, facts)]
@@ -149,8 +131,6 @@ def history_parts(stored: Stored, part: Any, without: tuple[str, ...], box: Cont
         moved = paths.motion(data["u_T"].values, data["jumped"].values if "jumped" in data else None)
         line = _line(data, slice(None), moved, at_rest(stored.study) and not held, box)
         line["moves"] = list(paths.MOVES)
-        kept = [name for name in MEMORY if name in data and "memory" not in without]
-        line["memory"] = [column_of(data, name, box) | {"v": box.rows(data[name].values)} for name in kept]
         point.append(beside(line, panel_part(motion, box, (steps, middle), 250)))
     else:
         point.append({"part": "text", "lines": ["The page was made without contact lines; the file has them."]})
@@ -171,11 +151,6 @@ def history_parts(stored: Stored, part: Any, without: tuple[str, ...], box: Cont
     energies = [panel_part(one, box, high=220) for one in panels.values()]
     sheet = sheet_part(columns, "steps", states=True, chart=(names[0], "friction_resultant"))
     return {"point": point, "accuracy": [beside(*energies)], "table": [sheet]}
-
-
-def _proofs(data: Any, prefix: str = "") -> Any:
-    """The strongest statement that is proved of every solution."""
-    return np.select([data[prefix + name].values == 1 for name, _ in PROOFS], [word for _, word in PROOFS], "nothing")
 
 
 def _line(data: Any, kept: Any, state: Any, rest: bool, box: Container) -> Json:

@@ -124,10 +124,23 @@ def column(name: str, title: str, units: str, values: Any, box: Container) -> Js
     }
 
 
-def column_of(data: Any, name: str, box: Container, title: str = "", key: str = "") -> Json:
-    """The column of a stored variable, by its long name unless it has a title, and by its name or a key."""
-    one = data[name]
-    return column(key or name, title or str(one.attrs["long_name"]), str(one.attrs["units"]), one.values, box)
+def flag_words(one: Any, values: Any) -> Any:
+    """Values of a variable, those of a flag as its words."""
+    if "flag_meanings" not in one.attrs:
+        return values
+    words_of = dict(
+        zip(np.atleast_1d(one.attrs["flag_values"]).tolist(), one.attrs["flag_meanings"].split(), strict=True)
+    )
+    return np.vectorize(words_of.get, otypes=[object])(values)
+
+
+def columns_of(data: Any, dim: str, box: Container) -> list[Json]:
+    """A column of every variable that has a value for each place of a dimension, by its long name."""
+    found = ((str(name), data[name]) for name in (*data.coords, *data.data_vars) if data[name].dims == (dim,))
+    return [
+        column(name, str(one.attrs["long_name"]), str(one.attrs.get("units", "1")), flag_words(one, one.values), box)
+        for name, one in found
+    ]
 
 
 def sheet_part(

@@ -16,9 +16,8 @@ from tcstudy.data.reading import asked, axis_names, by_point, sweep_dims
 from tcstudy.data.schema import STICKS, PointStatus
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
-from tcstudy.laws.pieces import DOWN, UP
 from tcstudy.reports.figures.body import boundary_edges, exaggeration
-from tcstudy.reports.figures.point import curves, slip_range
+from tcstudy.reports.figures.point import slip_range
 from tcstudy.reports.page.parts import Container, Json
 from tcstudy.reports.page.stored import Stored
 from tcstudy.reports.picture import (
@@ -48,8 +47,8 @@ FLAGS = ("status", "unique", "strict_minimum", "global_minimum", "heat_status", 
 LEVEL_NUMBERS = ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble")
 MOST_NODES = 8_000
 """Mesh nodes up to which a level is drawn; finer ones would cost room that no screen shows."""
-SAMPLES, DECAYS = 60, 6.0
-"""Points on a curved piece, and how many decay lengths of a law are drawn."""
+DECAYS = 6.0
+"""How many decay lengths of a law are drawn."""
 ALONG = {"u_T": "u_T", "xi": "xi", "N": "section_force"}
 """What runs along the contact line: its names on the page and in the file."""
 
@@ -323,16 +322,7 @@ def _nodes(stored: Stored, line: LineFields, box: Container) -> Json:
 
 
 def drawn_law(law: Laws) -> Json:
-    """A law as polylines and jumps, and as the pieces that it is made of, by which the page solves."""
-    reach = slip_range(law, DECAYS)  # a law without a length of its own is straight as far as one looks
-    jumps = np.flatnonzero(np.isin(law.kinds, (UP, DOWN)))
+    """A law as the pieces that it is made of, which the page draws and by which it solves."""
     numbers = (law.kinks, law.kinds, law.s_0, law.b_0, law.q, law.a, law.r)
     pieces = dict(zip(("kinks", "kinds", "s0", "b0", "q", "a", "r"), (one.tolist() for one in numbers), strict=True))
-    return {
-        "name": law.name,
-        "omega": law.omega,
-        "reach": reach,
-        "curves": [[s.tolist(), b.tolist()] for s, b in curves(law, reach or 1.0, SAMPLES)],
-        "jumps": [[float(one[k]) for one in (law.kinks, law.b_left, law.b_right)] + [int(law.kinds[k])] for k in jumps],
-        "pieces": pieces if law.a_2 is None else None,
-    }
+    return {"name": law.name, "omega": law.omega, "reach": slip_range(law, DECAYS), "pieces": pieces}

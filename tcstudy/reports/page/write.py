@@ -5,7 +5,6 @@ from __future__ import annotations
 import html
 import json
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -40,9 +39,9 @@ AIM = 1_900_000
 """Bytes that a page should not exceed: it still travels by mail and opens at once on a phone."""
 MOST = 10_000_000
 """Bytes that no page exceeds."""
-LEAVE_OUT = ("levels", "live", "body", "memory", "lines")
+LEAVE_OUT = ("levels", "live", "body", "lines")
 """What may be left out, in the order in which it goes where a page is too large: contact lines of the coarser levels,
-the data of the live mode, the body's fields, what a history's nodes remember, all contact lines."""
+the data of the live mode, the body's fields, all contact lines."""
 
 
 @dataclass(frozen=True)
@@ -107,16 +106,14 @@ def _lines(stored: Stored) -> int:
 
 def _has(stored: Stored, part: str) -> bool:
     """Whether leaving a part out would save anything."""
-    if stored.kind != "run":
-        return stored.kind == "history" and part in ("memory", "lines")
     homes = [home for home in stored.homes or (stored,) if home is not None]
-    having: dict[str, Callable[[Stored], Any]] = {
-        "levels": lambda home: len(home.groups) > 1,
-        "live": lambda home: home.live,
-        "body": lambda home: drawn_level(home) is not None,
-        "lines": lambda home: home.groups,
+    having = {
+        "levels": any(len(home.groups) > 1 for home in homes),
+        "live": any(home.live for home in homes),
+        "body": any(drawn_level(home) is not None for home in homes),
+        "lines": stored.kind == "history" or any(home.groups for home in homes),
     }
-    return part in having and any(map(having[part], homes))
+    return having[part]
 
 
 def page(stored: Stored, without: tuple[str, ...] = ()) -> str:
@@ -204,31 +201,9 @@ def _run_content(stored: Stored, without: tuple[str, ...], box: Container) -> Js
             content["lines"][level] = line_part(stored, live["level"], box)
     measured = {"convergence": ("Measured convergence (tcstudy converge)", convergence_parts),
                 "cost": ("Accuracy against cost (tcstudy cost)", cost_parts)}  # fmt: skip
-    content["advice"] = _advice(stored)
-    content["beside"] = []
-    for other in stored.beside:
-        title, parts = measured[other.kind]
-        content["beside"].append(section(title, other.kind, *parts(other.data, box)))
+    kinds = ((other, *measured[other.kind]) for other in stored.beside)
+    content["beside"] = [section(title, one.kind, *parts(one.data, box)) for one, title, parts in kinds]
     return content
-
-
-def _advice(stored: Stored) -> list[str]:
-    """What the run could have had beside what it has."""
-    stops = [str(one) for one in stored.data["stop"].values if str(one)] if "stop" in stored.data else []
-    told = [f"Refinement ended because {stops[-1]}."] if stops else []
-    if not _has(stored, "body"):
-        told.append("With output: {fields: true} the page also shows the body's temperature and deformation.")
-    if stored.homes:
-        told.append(
-            "A page of one geometry can solve in the browser: tcstudy export FILE.nc --geometry "
-            "--at NAME=VALUE -o ONE.nc, then tcstudy report ONE.nc, of a run with output: {live: true}"
-        )
-    elif not stored.live:
-        told.append("With output: {live: true} the contact problem can be solved here, while sliders move.")
-    if stored.data.sizes["level"] > 2 and all(one.kind != "convergence" for one in stored.beside):
-        told.append("tcstudy converge measures errors and compares them with the orders to expect; its file "
-                    "beside this one is shown here, too.")  # fmt: skip
-    return told
 
 
 def _home(stored: Stored, without: tuple[str, ...], box: Container) -> Json:

@@ -193,6 +193,4 @@ def test_its_pieces_are_the_law() -> None:
         s_0, b_0, q, a, r = (np.array(found[name])[k] for name in ("s0", "b0", "q", "a", "r"))
         np.testing.assert_allclose(b_0 + q * (s - s_0) + a * np.exp(-r * (s - s_0)), law.b(s), rtol=1e-12)
     for name, parameters in (("tresca", {"tau": 4e7}), ("linear", {"k": 5e9})):  # without a length of their own
-        shown = drawn_law(SHAPES[name].build(**parameters))
-        assert shown["reach"] == 0.0
-        assert all(s[-1] > s[0] for s, _ in shown["curves"])
+        assert drawn_law(SHAPES[name].build(**parameters))["reach"] == 0.0

@@ -79,7 +79,7 @@ TC.provenance = function (host) {
   pairs.unshift(["file", d.file]);
   pairs.push(["solver", `${d.solver}, tolerance ${TC.number(d.tolerance)}`], ["versions", Object.entries(d.versions).map((p) => p.join(" ")).join(", ")]);
   if (d.overrides.length) pairs.push(["set on the command line", d.overrides.join("  ")]);
-  const left = { levels: "contact lines of the coarser levels", live: "the data of the live mode", body: "temperature and displacement of the body", memory: "what the nodes remember", lines: "all contact lines" };
+  const left = { levels: "contact lines of the coarser levels", live: "the data of the live mode", body: "temperature and displacement of the body", lines: "all contact lines" };
   if (d.without.length) pairs.push(["left out of this page", d.without.map((k) => left[k]).join(", ") + "; the file has it"]);
   host.append(TC.h3("Where it comes from"), TC.facts(pairs));
   host.append(TC.el("details", { open: false }, TC.el("summary", {}, "The study (YAML)"), TC.el("button", { class: "noprint", onclick: () => TC.save("study.yaml", d.yaml, "text/yaml") }, "download"), TC.el("pre", {}, d.yaml)));

@@ -22,5 +22,3 @@ TC.Law = class {
   onJump(s) { const k = this.piece(s, -1); return k < this.kinks.length && this.kinks[k] === s && this.kind[k] !== 0; }
   nextUp(s, direction) { return direction > 0 ? this.ups.find((u) => u > s) ?? Infinity : this.ups.findLast((u) => u < s) ?? -Infinity; }
 };
-// A law to draw, as the data have it, scaled like this.
-TC.scaledLaw = (law, f, g) => ({ ...law, omega: law.omega === null ? null : (law.omega * f) / g, reach: law.reach * g, curves: law.curves.map(([s, b]) => [s.map((v) => v * g), b.map((v) => v * f)]), jumps: law.jumps.map(([s, l, r, kind]) => [s * g, l * f, r * f, kind]) });

@@ -14,7 +14,7 @@ TC.live = {
   // Why a point cannot be solved here; empty if it can.
   refused(p) {
     const law = TC.live.law(p), L = TC.data.live;
-    if (L.valid[p] !== 1 || !law || !law.pieces) return "Its elastic ratio is not that of the matrix in the page, or friction differs along the line.";
+    if (L.valid[p] !== 1 || !law) return "Its elastic ratio is not that of the matrix in the page, or friction differs along the line.";
     if (TC.run.proof(p, L.level) !== "unique") return `What is known of it: ${TC.data.proofs[TC.run.proof(p, L.level)]}. Only problems with one solution are solved here; the stored results show its state.`;
     return "";
   },
@@ -73,8 +73,8 @@ TC.live = {
     TC.fill(left);
     TC.fill(right);
     if (!set) return;
-    const units = TC.data.unit_system === "none" ? "1" : "Pa m-1", omega = TC.live.omega(p, set), line = L.line, drawn = TC.scaledLaw(TC.live.law(p), set.strength, set.slip);
-    const numbers = `λ₁ = ${TC.quantity(L.lambda_1[p], units)}, ω = ${omega === Infinity ? "∞" : TC.quantity(omega, units)}`, law = (cases) => TC.point.lawPlot(TC.width(right), "The law, and where every node stands", drawn, cases, line);
+    const units = TC.data.unit_system === "none" ? "1" : "Pa m-1", omega = TC.live.omega(p, set), line = L.line;
+    const numbers = `λ₁ = ${TC.quantity(L.lambda_1[p], units)}, ω = ${omega === Infinity ? "∞" : TC.quantity(omega, units)}`, law = (cases) => TC.point.lawPlot(TC.width(right), "The law, and where every node stands", TC.live.law(p), cases, line, set.strength, set.slip);
     if (!TC.live.unique(p, set)) { TC.fill(right, TC.el("p", {}, TC.el("span", { class: "badge" }, "not solved here: ω is not below λ₁")), TC.note(`${numbers}; soften the fall of the law, or look at the stored results`), law([])); return; }
     const problem = TC.live.problem(p, set), begun = performance.now(), answer = TC.solve(problem), time = performance.now() - begun;
     if (!answer.converged) { TC.fill(right, TC.el("p", {}, TC.el("span", { class: "badge bad" }, "no solution found"), ` residual ${TC.number(answer.residual, 2)}`), TC.note(numbers)); return; }

@@ -79,11 +79,6 @@ TC.part = {
   line(p, width) {
     const line = { ...p.line, moves: p.moves }, m = line.x.length, k = TC.state.step, host = TC.el("div"), one = { line, u: TC.row(line.u_T, k), xi: TC.row(line.xi, k), N: line.N && TC.row(line.N, k), state: p.state.subarray(k * m, (k + 1) * m) };
     TC.point.profiles(host, line, [one], { ...TC.point.frame(line, width), shape: false }, "");
-    const by = TC.scale(TC.range(line.arclength), line.u_T_units);
-    for (const own of p.memory || []) {
-      const v = TC.row(own.v, k), scale = TC.scale(v, own.units), items = line.parts.map((part) => ({ kind: "line", x: line.arclength.slice(part.a, part.b).map((s) => s / by.by), y: v.slice(part.a, part.b).map((q) => q / scale.by), colour: "var(--c3)", width: 1.8 }));
-      if (v.some((q) => q !== 0)) host.append(TC.part.panel({ title: `What the nodes remember: ${own.title}`, labels: [TC.titled("arc length", by), TC.titled(own.name, scale)], log: [false, false], limits: [null, null], items, high: 170 }, width));
-    }
     if (p.law) host.append(TC.point.lawPlot(Math.min(width, 560), `Friction law (${p.law.name})`, p.law, [one], line));
     return host;
   },

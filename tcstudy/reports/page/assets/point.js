@@ -260,23 +260,17 @@ TC.point = {
       plot.svg.addEventListener("pointerleave", () => seen("hidden"));
     }
   },
-  // The law with the place of every node on it.
-  lawPlot(width, title, law, cases, line) {
-    const us = cases.flatMap((c) => TC.range(c.u)), widest = Math.max(...us.map(Math.abs), 0), all = [...us, 0], reach = law.reach > 0 ? Math.min(law.reach, Math.max(3 * widest, 0.2 * law.reach)) : widest || 1;
-    const both = Math.min(...all) < -0.02 * widest, lo = Math.min(both ? -0.6 * reach : -0.12 * reach, ...all), hi = Math.max(both && Math.max(...all) < 0.02 * widest ? 0.12 * reach : reach, ...all), bs = [0];
-    for (const [ss, b] of law.curves) ss.forEach((s, i) => { if (s >= lo && s <= hi) bs.push(b[i]); });
-    for (const [s, l, r] of law.jumps) if (s >= lo && s <= hi) bs.push(l, r);
-    for (const c of cases) bs.push(...TC.range(c.xi));
-    const u = TC.scale([lo, hi], line.u_T_units), y = TC.scale(bs, line.xi_units), put = (s, b) => ({ x: Array.from(s, (v) => v / u.by), y: Array.from(b, (v) => v / y.by) }), items = [], last = law.curves.length - 1;
-    law.curves.forEach(([ss, b], k) => {
-      const s = ss.slice(), v = b.slice(), n = s.length, on = (i, j, x) => v[i] + ((v[i] - v[j]) / (s[i] - s[j])) * (x - s[i]); // outer pieces go on straight
-      if (k === last && hi > s[n - 1]) { v.push(on(n - 1, n - 2, 1.2 * hi)); s.push(1.2 * hi); }
-      if (k === 0 && lo < s[0]) { v.unshift(on(0, 1, 1.2 * lo)); s.unshift(1.2 * lo); }
-      items.push({ kind: "line", ...put(s, v), colour: "var(--ink)", width: 1.6 });
-    });
-    for (const [s, l, r, kind] of law.jumps) items.push({ kind: "line", ...put([s, s], [l, r]), colour: kind > 0 ? "var(--c1)" : "var(--c2)", width: kind > 0 ? 3 : 2, dash: kind > 0 ? "" : "4 3" });
+  // The law f b(s / g) with the place of every node on it.
+  lawPlot(width, title, data, cases, line, f = 1, g = 1) {
+    const law = new TC.Law(data.pieces, f, g), us = cases.flatMap((c) => TC.range(c.u)), widest = Math.max(...us.map(Math.abs), 0), all = [...us, 0], most = data.reach * g, reach = most > 0 ? Math.min(most, Math.max(3 * widest, 0.2 * most)) : widest || 1;
+    const both = Math.min(...all) < -0.02 * widest, lo = Math.min(both ? -0.6 * reach : -0.12 * reach, ...all), hi = Math.max(both && Math.max(...all) < 0.02 * widest ? 0.12 * reach : reach, ...all), [x0, x1] = TC.pad([lo, hi], 0.02);
+    const within = [...law.kinks.keys()].filter((k) => law.kinks[k] > x0 && law.kinks[k] < x1), ends = [x0, ...within.map((k) => law.kinks[k]), x1];
+    const curves = ends.slice(1).map((to, i) => { const from = ends[i], k = law.piece(0.5 * (from + to), 1), n = law.a[k] === 0 ? 1 : 60, s = [...Array(n + 1).keys()].map((j) => from + ((to - from) * j) / n); return [s, s.map((v) => law.value(v, k))]; });
+    const bs = [0, ...curves.flatMap(([, b]) => TC.range(b)), ...cases.flatMap((c) => TC.range(c.xi))];
+    const u = TC.scale([lo, hi], line.u_T_units), y = TC.scale(bs, line.xi_units), put = (s, b) => ({ x: Array.from(s, (v) => v / u.by), y: Array.from(b, (v) => v / y.by) }), items = curves.map(([s, b]) => ({ kind: "line", ...put(s, b), colour: "var(--ink)", width: 1.6 }));
+    for (const k of within.filter((i) => law.kind[i] !== 0)) { const up = law.kind[k] > 0; items.push({ kind: "line", ...put([law.kinks[k], law.kinks[k]], [law.left[k], law.right[k]]), colour: up ? "var(--c1)" : "var(--c2)", width: up ? 3 : 2, dash: up ? "" : "4 3" }); }
     cases.forEach((c, k) => items.push({ kind: "marks", ...put(c.u, c.xi), shape: "circle", r: 3.2, alpha: k ? 0 : 0.55, fill: (i) => TC.stateOf(line, c.state[i]).colour }));
-    const limits = [TC.pad([lo / u.by, hi / u.by], 0.02), TC.pad(TC.range(bs.map((v) => v / y.by)), 0.08)];
+    const limits = [[x0 / u.by, x1 / u.by], TC.pad(TC.range(bs.map((v) => v / y.by)), 0.08)];
     return TC.part.panel({ title, labels: [TC.titled("slip u_T", u), TC.titled("ξ", y)], log: [false, false], limits, items, high: 270 }, width);
   },
   law(host, line, cases, p, vs) {

@@ -273,7 +273,6 @@ TC.run = {
     const half = TC.width(host) < 760 ? TC.width(host) : Math.floor(TC.width(host) / 2 - 14);
     if (r.nlevels > 1) out.push(TC.el("div", { class: "columns" }, TC.panel(TC.run.changes(half, p)), TC.panel(TC.run.costs(p))));
     else out.push(TC.note("The study has one mesh; add levels to see how the numbers converge."));
-    if (TC.data.advice.length) out.push(TC.h3("What would be better"), TC.el("ul", {}, TC.data.advice.map((t) => TC.el("li", {}, t))));
     TC.fill(host, out);
     for (const one of TC.data.beside || []) { const box = TC.el("div"); host.append(TC.h3(one.title), box); TC.show(box, one.parts); }
   },
