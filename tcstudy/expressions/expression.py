@@ -8,8 +8,8 @@ different nodes, not the length of the expression written out. Nothing here recu
 Expressions in x and y, such as "0.3*sin(pi*x)": read from text, never executed as code.
 
 Grammar: numbers, x, y, pi, e, the operators + - * / ** (or ^) and parentheses, and the functions of FUNCTIONS.
-The text is split into these tokens, which are read by the priority of their operators into a tree that is folded over
-NumPy arrays or any other arithmetic.
+The text is split into these tokens; Python's parser makes a tree of them, of which the nodes named here are taken, and
+that is folded over NumPy arrays or any other arithmetic.
 Left out on purpose: comparisons, names of the user's own, attribute access, complex numbers.
 
 A random field along a line, as an expression in x and y: the same at every point of every mesh.
@@ -17,11 +17,12 @@ A random field along a line, as an expression in x and y: the same at every poin
 
 from __future__ import annotations
 
+import ast
 import difflib
 import hashlib
 import math
+import operator
 import re
-from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
@@ -31,6 +32,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 MAX_INTEGER_POWER = 64
+ARITHMETIC = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv}
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,57 +86,38 @@ def applied(node: TreeNode, values: list[Any], functions: Mapping[str, Callable[
             return reduce(functions[node.name], sorted(values, key=lambda value: type(value) is float))
         case "Call", _:
             return functions[node.name](*values)
+    if node.name != "**":
+        return ARITHMETIC[node.name](*values)
     left, right = values
-    match node.name:
-        case "+":
-            return left + right
-        case "-":
-            return left - right
-        case "*":
-            return left * right
-        case "/":
-            return left / right
     whole = type(right) is float and right.is_integer() and abs(right) <= MAX_INTEGER_POWER
     return left ** (int(right) if whole else right)
 
 
-# -- text -------------------------------------------------------------------------------------------
-
-PRIORITY = {"+": 1, "-": 1, "*": 2, "/": 2, "**": 4}
-ATOM, SIGN = 5, 3
-
-
 def to_text(order: Order, longest: int) -> str:
-    """The tree as text that `parse` reads back, with parentheses only where the grammar needs them. What has more than
-    `longest` characters ends in a hash of all nodes, so that trees of one text are one function."""
-    done: dict[TreeNode, tuple[str, int]] = {}
-
-    def inner(node: TreeNode, least: int) -> str:
-        text, priority = done[node]
-        return text if priority >= least else f"({text})"
-
+    """The tree as text that `parse` reads back. What has more than `longest` characters ends in a hash of all nodes, so
+    that trees of one text are one function."""
+    done: dict[TreeNode, str] = {}
     for node in order:
-        if node.kind == "Number":
-            text, rank = node.label, ATOM if node.value >= 0 and not node.label.startswith("-") else 0
-        elif node.kind == "Coordinate":
-            text, rank = node.name, ATOM
-        elif node.kind == "Negative":
-            text, rank = f"-{inner(node.parts[0], SIGN + 1)}", 1
-        elif node.kind == "Call":
-            text, rank = f"{node.name}({', '.join(done[part][0] for part in node.parts)})", ATOM
-        else:
-            rank = PRIORITY[node.name]
-            left = inner(node.parts[0], rank + (node.name == "**"))
-            right = inner(node.parts[1], rank + 1)
-            sign = f" {node.name} " if rank == 1 else "^" if rank == PRIORITY["**"] else node.name
-            text = f"{left}{sign}{right}"
+        parts = [done[part] for part in node.parts]
+        if node.kind != "Call":
+            alone = [part.kind in ("Coordinate", "Call") or part.label[:1].isdigit() for part in node.parts]
+            parts = [text if whole else f"({text})" for text, whole in zip(parts, alone, strict=True)]
+        match node.kind:
+            case "Number" | "Coordinate":
+                text = node.label
+            case "Negative":
+                text = f"-{parts[0]}"
+            case "Call":
+                text = f"{node.name}({', '.join(parts)})"
+            case _:
+                text = f" {node.name} ".replace("**", "^").join(parts)
         if len(text) > longest:  # before the texts of shared parts grow without bound
             place = {node: i for i, node in enumerate(order)}
             nodes = "\n".join(f"{one.label}{one.kind}{[place[part] for part in one.parts]}" for one in order)
             digest = hashlib.sha256(nodes.encode()).hexdigest()[:16]
             return f"{text[:60]} … [{len(order)} operations, {digest}]"
-        done[node] = text, rank
-    return done[order[-1]][0]
+        done[node] = text
+    return done[order[-1]]
 
 
 T = TypeVar("T")
@@ -153,6 +136,12 @@ TOKEN = re.compile(
     r"|(?P<name>[A-Za-z_][A-Za-z_0-9]*)|(?P<power>\*\*|\^)|(?P<mark>[-+*/(),])|(?P<space>\s+)"
 )
 LOOKALIKES = dict(zip("π−–·×÷²³√", ("pi", "-", "-", "*", "*", "/", "^2", "^3", "sqrt()"), strict=True))
+AS_PYTHON: dict[str, Callable[[str], str]] = {
+    "number": lambda word: repr(float(word)),
+    "name": "_{}".format,  # of which none is a word of Python
+    "power": lambda _: "**",
+}
+OPERATORS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
 ALLOWED = (
     f"allowed are numbers, {', '.join(VARIABLES)}, {', '.join(CONSTANTS)}, + - * / ^ ( ) "
     f"and the functions {', '.join(FUNCTIONS)}"
@@ -160,17 +149,7 @@ ALLOWED = (
 
 
 class ExpressionError(ValueError):
-    """The text is not an expression in x and y.
-
-    offset: character of the text at which the fault was found, from 0
-    """
-
-    def __init__(self, message: str, offset: int = 0) -> None:
-        super().__init__(message)
-        self.offset = offset
-
-    def __reduce__(self) -> tuple[type[ExpressionError], tuple[str, int]]:
-        return type(self), (str(self), self.offset)
+    """The text is not an expression in x and y."""
 
 
 @dataclass(frozen=True)
@@ -266,110 +245,79 @@ def parse(text: str, names: tuple[str, ...] = ()) -> Expression:
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"the expression has {len(text)} characters; at most {MAX_LENGTH} are allowed")
     tokens = _tokens(text, names)
-    root, (_, _, at) = _operand(tokens, 0, 0), tokens.popleft()
-    if tokens:
-        raise _unreadable(at)
-    return Expression(text.strip(), root)
+    source = " ".join(tokens)
+    try:
+        tree = ast.parse(source, mode="eval")
+    except (SyntaxError, MemoryError, RecursionError) as error:  # the last two of what is nested too deeply
+        place = source[: (getattr(error, "offset", 0) or len(source)) - 1].count(" ")
+        why = error.msg if isinstance(error, SyntaxError) else "it is nested too deeply"
+        raise _unreadable(f"{why}, near {tokens[place].removeprefix('_')[:20]!r}") from None
+    return Expression(text.strip(), _node(tree.body, 0))
 
 
-Tokens = deque[tuple[str, str, int]]
-"""(kind, text, place in the expression); the last is ("end", "", …)."""
-
-
-def _tokens(text: str, names: tuple[str, ...]) -> Tokens:
-    """The tokens, all known and in an order that may be an expression; parentheses match."""
-    found: Tokens = deque()
-    at, depth, previous = 0, 0, ""
+def _tokens(text: str, names: tuple[str, ...]) -> list[str]:
+    """The tokens as Python writes them; unknown names, numbers beyond the floats, and two operands without an operator
+    between ("2x", "sin x") are refused."""
+    found, at, before = list[str](), 0, ""
+    known = (*names, *VARIABLES, *CONSTANTS, *FUNCTIONS)
     while at < len(text):
-        match = TOKEN.match(text, at)
-        if match is None:
+        if (match := TOKEN.match(text, at)) is None:
             hint = f"write {LOOKALIKES[text[at]]} instead; " if text[at] in LOOKALIKES else ""
-            raise ExpressionError(f"the character {text[at]!r} has no place in an expression; {hint}{ALLOWED}", at)
-        kind, token = str(match.lastgroup), match.group()
+            raise ExpressionError(f"the character {text[at]!r} has no place in an expression; {hint}{ALLOWED}")
+        kind, token, at = match.lastgroup, match.group(), match.end()
+        if kind == "number" and not math.isfinite(float(token)):
+            raise ExpressionError(f"the number {token[:20]} is too large for a float (at most 1.8e308)")
+        if kind == "name" and token not in known:
+            near = difflib.get_close_matches(token, known, n=1) or difflib.get_close_matches(token.lower(), known, n=1)
+            hint = f"did you mean {near[0]!r}? " if near else ""
+            if before[:1].isdigit():
+                hint = "a number with a unit needs a name under parameters, a product its *; "
+            allowed = ALLOWED.replace("numbers,", ", ".join(("numbers", *names)) + ",")
+            raise ExpressionError(f"unknown name {token[:40]!r}; {hint}{allowed}")
+        if before in FUNCTIONS and kind in ("number", "name"):
+            raise ExpressionError(f"{before} needs parentheses: {before}({token[:20]} ...)")
+        follows = before not in FUNCTIONS and (before[-1:].isalnum() or before[-1:] in ("_", ".", ")"))
+        if before and follows and (kind in ("number", "name") or token == "("):
+            what = f"an operator is missing between {before[:20]!r} and {token[:20]!r}"
+            raise ExpressionError(f"{what}; write {before[:20]}*{token[:20]} to multiply")
         if kind != "space":
-            _check_token(kind, token, at, names, previous)
-            depth += (token == "(") - (token == ")")
-            if depth < 0:
-                raise ExpressionError("there is a ) without its (; remove it or open one before", at)
-            found.append((kind, "**" if kind == "power" else token, at))
-            previous = token
-        at = match.end()
+            found.append(AS_PYTHON.get(str(kind), str)(token))
+            before = token
     if not found:
         raise ExpressionError(f"the expression is empty; {ALLOWED}")
-    if depth:
-        raise ExpressionError(f"{depth} of the parentheses ( are not closed; add ) at the end", at)
-    if previous in "+-*/^**":
-        raise ExpressionError(f"the expression ends with {previous}; write the operand after it or remove it", at)
-    found.append(("end", "", at))
     return found
 
 
-def _check_token(kind: str, token: str, at: int, names: tuple[str, ...], previous: str) -> None:
-    """Unknown names, numbers beyond the floats, and two operands without an operator between are refused.
-
-    previous: the token before; the usual slips are "2x" and "sin x"
-    """
-    if kind == "number" and not math.isfinite(float(token)):
-        raise ExpressionError(f"the number {token[:20]} is too large for a float (at most 1.8e308)", at)
-    known = (*names, *VARIABLES, *CONSTANTS, *FUNCTIONS)
-    if kind == "name" and token not in known:
-        near = difflib.get_close_matches(token, known, n=1) or difflib.get_close_matches(token.lower(), known, n=1)
-        hint = f"did you mean {near[0]!r}? " if near else ""
-        if previous[:1].isdigit():
-            hint = "a number with a unit needs a name under parameters, a product its *; "
-        allowed = ALLOWED.replace("numbers,", ", ".join(("numbers", *names)) + ",")
-        raise ExpressionError(f"unknown name {token[:40]!r}; {hint}{allowed}", at)
-    if previous in FUNCTIONS and kind in ("number", "name"):
-        raise ExpressionError(f"{previous} needs parentheses: {previous}({token[:20]} ...)", at)
-    follows = previous not in FUNCTIONS and (previous[:1].isalnum() or previous[:1] in ("_", ".", ")"))
-    if follows and (kind in ("number", "name") or token == "("):
-        what = f"an operator is missing between {previous[:20]!r} and {token[:20]!r}"
-        raise ExpressionError(f"{what}; write {previous[:20]}*{token[:20]} to multiply", at)
-
-
-def _operand(tokens: Tokens, least: int, depth: int) -> TreeNode:
-    """The longest operand that the tokens begin with whose operators have at least this priority."""
-    kind, token, at = tokens.popleft()
+def _node(node: ast.AST, depth: int) -> TreeNode:
+    """Our node for one of Python's."""
     if depth > MAX_DEPTH:
-        what = f"the expression is nested too deeply (limit {MAX_DEPTH} levels)"
-        raise ExpressionError(f"{what}; split or shorten it", at)
-    if token in ("+", "-"):
-        node = _operand(tokens, SIGN, depth + 1)
-        node = TreeNode("Negative", parts=(node,)) if token == "-" else node
-    elif kind == "number" or token in CONSTANTS:
-        node = TreeNode("Number", value=CONSTANTS[token] if token in CONSTANTS else float(token))
-    elif token in FUNCTIONS:
-        if tokens[0][1] != "(":
-            raise ExpressionError(f"{token} is a function: write {token}(...)", at)
-        arguments = list[TreeNode]()
-        while tokens.popleft()[1] != ")":
-            empty = not arguments and tokens[0][1] == ")"
-            arguments += [] if empty else [_operand(tokens, 0, depth + 1)]
-            if tokens[0][1] not in (",", ")"):
-                raise _unreadable(tokens[0][2])
-        count, words = (2, "two arguments, atan2(y, x)") if token == "atan2" else (1, "one argument")
-        if token in ("min", "max"):
-            count, words = max(2, len(arguments)), "two or more arguments"
-        if len(arguments) != count:
-            raise ExpressionError(f"{token} takes {words}, not {len(arguments)}", at)
-        node = TreeNode("Call", token, tuple(arguments))
-    elif kind == "name":
-        node = TreeNode("Coordinate", token)
-    elif token == "(":
-        node = _operand(tokens, 0, depth + 1)
-        if (closing := tokens.popleft())[1] != ")":
-            raise _unreadable(closing[2])
-    else:
-        raise _unreadable(at)
-    while PRIORITY.get(tokens[0][1], -1) >= least:
-        operator, depth = tokens.popleft()[1], depth + 1
-        right = _operand(tokens, PRIORITY[operator] + (operator != "**"), depth + 1)
-        node = TreeNode("Binary", operator, (node, right))
-    return node
+        raise ExpressionError(f"the expression is nested too deeply (limit {MAX_DEPTH} levels); split or shorten it")
+    match node:
+        case ast.Constant(value=float(value)):
+            return TreeNode("Number", value=value)
+        case ast.Name(id=name) if name[1:] in CONSTANTS:
+            return TreeNode("Number", value=CONSTANTS[name[1:]])
+        case ast.Name(id=name) if name[1:] in FUNCTIONS:
+            raise ExpressionError(f"{name[1:]} is a function: write {name[1:]}(...)")
+        case ast.Name(id=name):
+            return TreeNode("Coordinate", name[1:])
+        case ast.UnaryOp(operand=operand):
+            inner = _node(operand, depth + 1)
+            return TreeNode("Negative", parts=(inner,)) if isinstance(node.op, ast.USub) else inner
+        case ast.BinOp(left=left, right=right) if type(node.op) in OPERATORS:
+            return TreeNode("Binary", OPERATORS[type(node.op)], (_node(left, depth + 1), _node(right, depth + 1)))
+        case ast.Call(func=ast.Name(id=name), args=args) if name[1:] in FUNCTIONS:
+            count, words = (2, "two arguments, atan2(y, x)") if name == "_atan2" else (1, "one argument")
+            if name in ("_min", "_max"):
+                count, words = max(2, len(args)), "two or more arguments"
+            if len(args) != count:
+                raise ExpressionError(f"{name[1:]} takes {words}, not {len(args)}")
+            return TreeNode("Call", name[1:], tuple(_node(one, depth + 1) for one in args))
+    raise _unreadable("a list")
 
 
-def _unreadable(at: int) -> ExpressionError:
-    return ExpressionError(f"the expression cannot be read from character {at + 1} on; {ALLOWED}", at)
+def _unreadable(why: str) -> ExpressionError:
+    return ExpressionError(f"the expression cannot be read ({why}); {ALLOWED}")
 
 
 KEPT = 1e-8

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from tcstudy.expressions.expression import Expression, parse
+from tcstudy.expressions.expression import Expression, product
 from tcstudy.laws.composed import POINTS, EdgeLaws
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.scene.keys import LOADED, OF_ALL_LAWS, ROWS, Key, law_rows, row, rows
@@ -264,7 +264,7 @@ def _scaled_by(scene: Scene, factor: float) -> Scene:
         if isinstance(value, tuple):
             return tuple(map(scaled, value))
         if isinstance(value, Expression):
-            return parse(f"{float(factor)!r}*({value.text})") if factor else 0.0
+            return product(factor, value) if factor else 0.0
         return None if value is None else factor * value
 
     loads = [{name: scaled(getattr(role, name)) for name in MECHANICAL} for _, role in scene.boundary]

@@ -7,7 +7,8 @@ units with an offset (degC), because temperatures are counted from the stress-fr
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+import unicodedata
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from decimal import Decimal, DecimalException
 from functools import lru_cache
@@ -62,10 +63,8 @@ QUANTITY = re.compile(rf"\s*({NUMBER})\s*(?![eE][+-]?[0-9])((?:[A-Za-zµμΩΩ°
 UNIT = re.compile(r"[A-Za-zµμΩΩ°%*/^()\s0-9_-]{1,60}")
 LONGEST = 2000
 """Characters of the longest text that may be a number with a unit."""
-RAISED = dict(zip("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+", strict=True))
-"""Raised signs of exponents, as in W·m⁻²·K⁻¹."""
 SIGNS = str.maketrans({**dict.fromkeys("·⋅∙×", "*"), **dict.fromkeys("−–", "-"), "∕": "/", "⁄": "/"})
-"""Signs of products, quotients and exponents that ASCII writes otherwise."""
+"""Signs of products, quotients and exponents that ASCII writes otherwise; those of W·m⁻² are raised −2 (NFKC)."""
 
 
 class UnitError(ValueError):
@@ -154,7 +153,7 @@ def _factor(unit: str, dimension: Dimension) -> float:
     if unit == dimension.si or unit in PLAIN.get(dimension, ()):
         return 1.0 if unit == dimension.si else PLAIN[dimension][unit]
     example = f"write for example {dimension.example}"
-    spelt = re.sub(r"\s+", " ", _in_ascii(unit).replace("**", "^"))
+    spelt = re.sub(r"\s+", " ", unicodedata.normalize("NFKC", unit).translate(SIGNS).replace("**", "^"))
     spelt = re.sub(r"(?<=[A-Za-zµμ])(-?\d)\b", r"^\1", spelt)
     # Exponents have one digit: a chain of powers is a typing error and could keep the unit library busy for ever.
     if not UNIT.fullmatch(spelt) or re.search(r"\d\d|\^[^A-Za-z]*\^", spelt):
@@ -174,12 +173,6 @@ def _factor(unit: str, dimension: Dimension) -> float:
         raise UnitError(f"{unit!r} has its own zero", remedy)
     factor = float(one.to(dimension.si or "dimensionless").magnitude)
     return float(f"{factor:.15g}")
-
-
-def _in_ascii(unit: str) -> str:
-    """Typeset signs as they are typed: W·m⁻²·K⁻¹ is W*m^-2*K^-1."""
-    raised = re.sub(f"[{''.join(RAISED)}]+", lambda run: "^" + "".join(RAISED[sign] for sign in run[0]), unit)
-    return raised.translate(SIGNS)
 
 
 def in_si(dimension: Dimension) -> str:
@@ -205,10 +198,6 @@ def registry() -> Any:
     return pint.UnitRegistry(cache_folder=None)
 
 
-KEEPING = ("abs", "sqrt", "min", "max")
-"""Functions of numbers with units."""
-
-
 class Named(NamedTuple):
     """A number of a study that has a name: its value in SI and its dimension."""
 
@@ -225,26 +214,15 @@ def units_of(expression: Expression, named: Mapping[str, Named]) -> Any:
         return None
     from pint import DimensionalityError
 
-    def plain(name: str) -> Callable[..., Any]:
-        def of(*values: Any) -> Any:
-            for one in values:
-                if not getattr(one, "dimensionless", True):
-                    what = f"takes a function or a power of a number with units ({in_words(one.dimensionality)})"
-                    raise UnitError(what, "divide it by a number of the same units first")
-            return FUNCTIONS[name](*values)
-
-        return of
-
-    functions = {name: function if name in KEEPING else plain(name) for name, function in FUNCTIONS.items()}
     quantity = registry().Quantity
     given = {name: quantity(np.float64(one.value), one.dimension.si or "dimensionless") for name, one in named.items()}
     try:
         with np.errstate(all="ignore"):
-            return getattr(expression.fold(given, functions), "dimensionality", dimensions_of(""))
+            return getattr(expression.fold(given, FUNCTIONS), "dimensionality", dimensions_of(""))
     except DimensionalityError as error:
         one, two = (in_words(dimensions_of(str(unit))) for unit in (error.units1, error.units2))
-        remedy = "give all terms the same unit; a number with a unit needs a name under parameters"
-        raise UnitError(f"adds or compares {one} and {two}", remedy) from None
+        remedy = "give all terms the same unit, functions plain numbers; one with a unit needs a name of parameters"
+        raise UnitError(f"has {one} where it needs {two}", remedy) from None
 
 
 def in_words(dimensionality: Any) -> str:
