@@ -96,25 +96,10 @@ _check_body = lru_cache(maxsize=4096)(body_faults.check_body)  # many geometries
 
 def check_shape(ctx: Context, body: Body, root: Node) -> bool:
     """Record what is wrong with the shape of the body where the study gives it; True if it is sound."""
-    faults = _oversized(body) or _check_body(body)
+    faults = _check_body(body)
     for fault in faults:
         ctx.errors.unfit(root.nearest(*(split_path(fault.where) or ("body",))), fault.where, fault.what, fault.remedy)
     return not faults
-
-
-def _oversized(body: Body) -> list[body_faults.Fault]:
-    """Holes and regions many times larger than the body, found before anything is computed with them."""
-
-    def reach(loop: Loop) -> float:
-        """Longer side of the box around the points of a loop."""
-        points = [p for edge in loop.edges for p in (edge.start, edge.end, edge.through or edge.start)]
-        return max((max(c) - min(c) for c in zip(*points, strict=True)), default=0.0)
-
-    places = [(f"body.holes[{i}]", hole) for i, hole in enumerate(body.holes)]
-    places += [(f"body.regions.{region.name}", region.loop) for region in body.regions]
-    size, remedy = reach(body.outline) if body.outline else 0.0, "check its numbers and their units"
-    large = ((place, reach(loop) / size) for place, loop in places if reach(loop) > 10.0 * size > 0.0)
-    return [body_faults.Fault(place, f"it is {by:.3g} times as large as the body", remedy) for place, by in large]
 
 
 def _loop(ctx: Context, node: Node, kind: str, section: str = "", edge: str | None = None) -> Loop:

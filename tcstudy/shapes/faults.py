@@ -15,9 +15,9 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 import shapely
@@ -60,25 +60,27 @@ class Fault:
     remedy: str
 
 
-def coordinate_faults(loop: Loop, place: str) -> list[Fault]:
-    """Coordinates that are not finite or whose products are not; to be looked for before anything else."""
-    faults = []
-    for i, edge in enumerate(loop.edges):
-        points = (edge.start, edge.end) if edge.through is None else (edge.start, edge.end, edge.through)
-        if not np.all(np.isfinite(points)):
-            faults.append(Fault(_place(place, i), "a coordinate is not finite", "give finite numbers"))
-        elif not faults and (largest := float(np.max(np.abs(points)))) > LARGEST:
-            what = f"the coordinate {largest:.3g} is too large to compute with"
-            faults.append(Fault(_place(place, i), what, "check the number and its unit"))
-    if not faults and loop.edges and 0.0 < (size := rough_size(loop)) < SMALLEST:
-        what = f"the size {size:.3g} is too small to compute with"
-        faults.append(Fault(place, what, "check the numbers and their unit"))
-    return faults
+Found = Iterator[tuple[int | None, str, str]]
+"""(number of the edge, None for the whole loop; what; remedy)."""
+Kind = Callable[[Loop, float], Found]
+Named = tuple[str, BaseGeometry]
 
 
-def _place(place: str, i: int) -> str:
-    """Where edge i of a loop is in the study: only an outline's edges have entries of their own there."""
-    return f"{place}[{i}]" if place == "body.outline" else place
+def loop_faults(
+    loop: Loop, place: str, size: float, kinds: Sequence[Callable[[Loop, float], Found]] = ()
+) -> list[Fault]:
+    """Faults of one loop by itself; finer ones are looked for only when the coarser are absent.
+
+    Only edges of an outline have entries of their own in the study, where `place` then says which.
+    """
+    for kind in kinds or KINDS:
+        faults = [
+            Fault(f"{place}[{i}]" if place == "body.outline" and i is not None else place, what, remedy)
+            for i, what, remedy in islice(kind(loop, size), MAX_FAULTS)
+        ]
+        if faults:
+            return faults
+    return []
 
 
 def _label(loop: Loop, i: int) -> str:
@@ -91,64 +93,58 @@ def spot(point: ArrayLike) -> str:
     return f"({x:.6g}, {y:.6g})"
 
 
+def _points(edge: Edge) -> tuple[Point, Point, Point]:
+    return edge.start, edge.end, edge.through or edge.start
+
+
 def rough_size(loop: Loop) -> float:
     """Size of a loop that may be faulty: bounding box of the points that are given."""
-    points = [point for e in loop.edges for point in (e.start, e.end, e.through or e.start)]
-    return math.hypot(*(np.max(points, axis=0) - np.min(points, axis=0)))
+    return math.hypot(*np.ptp([point for edge in loop.edges for point in _points(edge)], axis=0))
 
 
-def loop_faults(loop: Loop, place: str, size: float) -> list[Fault]:
-    """Faults of one loop by itself; finer ones are looked for only when the coarser are absent."""
-    for kind in (_chain_faults, _edge_faults, _vertex_faults, _crossing_faults, _corner_faults, _turn_faults):
-        if faults := list(kind(loop, place, size)):
-            return faults
-    return []
+def _coordinates(loop: Loop, _: float) -> Found:
+    """Coordinates that are not finite or whose products are not."""
+    for i, edge in enumerate(loop.edges):
+        if not (largest := float(np.max(np.abs(_points(edge))))) <= LARGEST:
+            finite = f"the coordinate {largest:.3g} is too large to compute with"
+            what = finite if math.isfinite(largest) else "a coordinate is not finite"
+            yield i, what, "give finite numbers; check the number and its unit"
+            return
+    if loop.edges and 0.0 < (size := rough_size(loop)) < SMALLEST:
+        yield None, f"the size {size:.3g} is too small to compute with", "check the numbers and their unit"
 
 
-def _chain_faults(loop: Loop, place: str, _: float) -> Iterator[Fault]:
+def _chain(loop: Loop, _: float) -> Found:
     least = 2 if any(edge.through for edge in loop.edges) else 3
     if len(loop.edges) < least:
-        yield Fault(place, f"{len(loop.edges)} edges do not enclose an area", f"give at least {least} edges")
+        yield None, f"{len(loop.edges) or 'no'} edges do not enclose an area", f"give at least {least} edges"
         return
     for i, (edge, following) in enumerate(loop.corners):
         if edge.end != following.start:
             what = f"{_label(loop, i)} ends at {spot(edge.end)}, but the next begins at {spot(following.start)}"
-            yield Fault(_place(place, i), what, "let every edge begin where the one before ends")
+            yield i, what, "let every edge begin where the one before ends"
 
 
-def _edge_faults(loop: Loop, place: str, size: float) -> Iterator[Fault]:
+def _edges(loop: Loop, size: float) -> Found:
     """Edges of no length, and arcs whose three points do not make a circle."""
     for i, edge in enumerate(loop.edges):
         chord = math.dist(edge.start, edge.end)
         if chord <= TOLERANCE * size:
             what = f"{_label(loop, i)} has length {chord:.3g}" if chord else f"{_label(loop, i)} has no length"
             remedy = f"its ends must be more than {TOLERANCE * size:.3g} apart; remove a point, or split a full circle"
-            yield Fault(_place(place, i), f"{what}: it ends where it begins, at {spot(edge.start)}", remedy)
+            yield i, f"{what}: it ends where it begins, at {spot(edge.start)}", remedy
         elif edge.through is not None:
             (ax, ay), (cx, cy) = np.subtract(edge.through, edge.start), np.subtract(edge.end, edge.start)
             if abs(ax * cy - ay * cx) <= TOLERANCE * chord * chord:
                 what = f"the through-point {spot(edge.through)} of {_label(loop, i)} lies on the line of its ends"
-                yield Fault(_place(place, i), what, "leave out through for a straight edge")
+                yield i, what, "leave out through for a straight edge"
 
 
-def _vertex_faults(loop: Loop, place: str, size: float) -> Iterator[Fault]:
-    """Vertices that the loop passes twice."""
-    vertices = shapely.points([edge.start for edge in loop.edges])
-    pairs = shapely.STRtree(vertices).query(vertices, predicate="dwithin", distance=TOLERANCE * size)
-    for i, j in _sorted_pairs(pairs)[:MAX_FAULTS]:
-        what = f"the vertex {spot(loop.edges[j].start)} begins both {_label(loop, i)} and {_label(loop, j)}"
-        yield Fault(_place(place, j), what, "the boundary must not touch itself: move one of the two")
-
-
-def _sorted_pairs(pairs: NDArray[np.intp]) -> list[tuple[int, int]]:
-    """The pairs (i, j) with i < j, in order."""
-    return sorted((int(i), int(j)) for i, j in pairs.T if i < j)
-
-
-def _crossing_faults(loop: Loop, place: str, size: float) -> Iterator[Fault]:
-    """Pairs of edges that cross, touch or come closer than the tolerance away from a common vertex."""
-    gap, lines, found = TOLERANCE * size, [edge_line(edge, size) for edge in loop.edges], 0
-    for i, j in _sorted_pairs(shapely.STRtree(lines).query(lines, predicate="dwithin", distance=gap)):
+def _crossings(loop: Loop, size: float) -> Found:
+    """Pairs of edges that cross, touch or come closer than the tolerance away from a common vertex, each place once."""
+    gap, lines, seen = TOLERANCE * size, [edge_line(edge, size) for edge in loop.edges], set[str]()
+    pairs = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=gap)
+    for i, j in sorted((int(i), int(j)) for i, j in pairs.T if i < j):
         shared = [loop.edges[j].start] if j == i + 1 else []
         if (j + 1) % len(lines) == i:
             shared.append(loop.edges[i].start)
@@ -156,14 +152,13 @@ def _crossing_faults(loop: Loop, place: str, size: float) -> Iterator[Fault]:
         if shared:
             common = shapely.intersection(lines[i], lines[j])
             meeting = shapely.difference(common, shapely.multipoints(shared).buffer(10.0 * gap))
-        if len(points := shapely.get_coordinates(meeting)):
-            what = f"{_label(loop, i)} and {_label(loop, j)} cross or touch at {spot(points[0])}"
-            yield Fault(_place(place, i), what, "the boundary must not meet itself: check the order of points")
-            if (found := found + 1) == MAX_FAULTS:
-                return
+        if len(points := shapely.get_coordinates(meeting)) and (at := spot(points[0])) not in seen:
+            seen.add(at)
+            what = f"{_label(loop, i)} and {_label(loop, j)} cross or touch at {at}"
+            yield i, what, "the boundary must not meet itself: check the order of points"
 
 
-def _corner_faults(loop: Loop, place: str, _: float) -> Iterator[Fault]:
+def _corners(loop: Loop, _: float) -> Found:
     """Corners without an angle, where an edge runs back along the one before."""
     for i, (edge, following) in enumerate(loop.corners):
         arriving, leaving = edge_normal(edge, [edge.end])[0], edge_normal(following, [following.start])[0]
@@ -171,24 +166,31 @@ def _corner_faults(loop: Loop, place: str, _: float) -> Iterator[Fault]:
         if abs(turn) > math.pi - SHARPEST:
             j = (i + 1) % len(loop.edges)
             what = f"{_label(loop, j)} runs back along {_label(loop, i)} from {spot(edge.end)}"
-            yield Fault(_place(place, j), what, "give the corner an angle")
+            yield j, what, "give the corner an angle"
 
 
-def _turn_faults(loop: Loop, place: str, _: float) -> Iterator[Fault]:
+def _turn(loop: Loop, _: float) -> Found:
     if loop_area(loop) > 0.0:
         return
     what, remedy = "the points run clockwise", "reverse the order of the points: counter-clockwise is expected"
-    if loop_area(Loop(tuple(replace(edge, through=None) for edge in loop.edges))) > 0.0:
+    if loop_area(_straight(loop)) > 0.0:
         what = "an arc goes around the body on its wrong side: the points run counter-clockwise, the boundary clockwise"
         remedy = "an edge's through lies between its from and the from of the next edge"
-    yield Fault(place, what, remedy)
+    yield None, what, remedy
+
+
+FORM = (_coordinates, _chain, _edges)
+"""Faults without which every edge has a length and every arc a circle, whatever the loop encloses."""
+KINDS = (*FORM, _crossings, _corners, _turn)
+
+
+def _straight(loop: Loop) -> Loop:
+    return Loop(tuple(replace(edge, through=None) for edge in loop.edges))
 
 
 def has_edges(loop: Loop) -> bool:
     """Whether every edge of a loop has a length and every arc a circle, whatever the loop encloses."""
-    if not loop.edges or coordinate_faults(loop, ""):
-        return False
-    return not [fault for kind in (_chain_faults, _edge_faults) for fault in kind(loop, "", rough_size(loop))]
+    return bool(loop.edges) and not loop_faults(loop, "", rough_size(loop), FORM)
 
 
 def turned(loop: Loop) -> Loop:
@@ -197,8 +199,7 @@ def turned(loop: Loop) -> Loop:
         return loop
     edges = (replace(edge, start=edge.end, end=edge.start) for edge in reversed(loop.edges))
     other = Loop(tuple(edges), turned=True)
-    straight = Loop(tuple(replace(edge, through=None) for edge in loop.edges))
-    wrong_arc = len(loop.edges) > 2 and loop_area(straight) > 0.0
+    wrong_arc = len(loop.edges) > 2 and loop_area(_straight(loop)) > 0.0
     return loop if wrong_arc or loop_faults(other, "", rough_size(other)) else other
 
 
@@ -209,82 +210,59 @@ def check_body(body: Body) -> list[Fault]:
     outline only where each is sound by itself.
     """
     outline = [] if body.outline is None else [("body.outline", body.outline)]
-    named = [(f"body.regions.{region.name}", region.loop) for region in body.regions]
-    first = outline or named  # where the body is not known yet, its regions alone
-    faults = [fault for place, loop in first for fault in coordinate_faults(loop, place)]
+    holes = [(f"body.holes[{i}]", hole) for i, hole in enumerate(body.holes)]
+    regions = [(f"body.regions.{region.name}", region.loop) for region in body.regions]
+    first = outline or regions  # where the body is not known yet, its regions alone
+    faults = [fault for place, loop in first for fault in loop_faults(loop, place, 0.0, (_coordinates,))]
     if faults or not first:
         return faults
-    if body.outline is not None and not body.outline.edges:
-        return [Fault("body.outline", "the outline has no edge", "give at least three edges")]
-    size = max(rough_size(loop) for _, loop in first)
-    gap = TOLERANCE * size
-    wrong, shapes = _sound(outline, size)
-    others, holes = _sound([(f"body.holes[{i}]", hole) for i, hole in enumerate(body.holes)], size)
-    more, regions = _sound(named, size)
-    faults = [*wrong, *others, *more]
-    if not outline:
-        return [*faults, *_overlap_faults(regions, gap)]
-    for _, shape in shapes:
-        faults += [*_hole_faults(shape, holes, gap), *_region_faults(shape, holes, regions, gap)]
+    size = max((rough_size(loop) for _, loop in first if loop.edges), default=0.0)
+    shapes: dict[str, BaseGeometry] = {}
+    for place, loop in (*outline, *holes, *regions):
+        own = loop_faults(loop, place, size)
+        faults += own
+        shapes |= {} if own else {place: loop_polygon(loop, size)}
+    whole, gap = shapes.pop("body.outline", None), TOLERANCE * size
+    if whole is None and outline:
+        return faults
+    inner = list(shapes.items())
+    for i, (place, shape) in enumerate(inner):
+        faults += [Fault(place, *fault) for fault in _placed(place, shape, whole, inner[:i], gap)]
     return faults
 
 
-def _sound(named: list[tuple[str, Loop]], size: float) -> tuple[list[Fault], list[_Named]]:
-    """What is wrong with each of some loops by itself, and the others as polygons."""
-    faults: list[Fault] = []
-    sound: list[_Named] = []
-    for place, loop in named:
-        own = coordinate_faults(loop, place) or loop_faults(loop, place, size)
-        faults += own
-        sound += [] if own else [(place, loop_polygon(loop, size))]
-    return faults, sound
-
-
-_Named = tuple[str, BaseGeometry]
-
-
-def _hole_faults(outline: BaseGeometry, holes: list[_Named], gap: float) -> Iterator[Fault]:
-    """Holes outside the body, across or at its outline, or at one another."""
-    for place, hole in holes:
-        point = spot(shapely.get_coordinates(shapely.shortest_line(hole.exterior, outline.exterior))[0])
-        if shapely.dwithin(hole.exterior, outline.exterior, gap):
-            remedy = "keep holes inside, or draw the outline around the notch"
-            yield Fault(place, f"the hole touches or crosses the outline at {point}", remedy)
-        elif not shapely.contains(outline, hole):
-            where = "surrounds" if shapely.contains(hole, outline) else "lies outside"
-            yield Fault(place, f"the hole {where} the body", "move it inside the outline")
-    for (first, a), (second, b) in combinations(holes, 2):
-        if shapely.dwithin(a, b, gap):
-            point = spot(shapely.get_coordinates(shapely.shortest_line(b, a))[0])
-            remedy = "move them apart, or draw them as one hole"
-            yield Fault(second, f"the hole overlaps or touches {first} at {point}", remedy)
-
-
-def _region_faults(outline: BaseGeometry, holes: list[_Named], regions: list[_Named], gap: float) -> Iterator[Fault]:
-    """Regions that leave the body, overlap a hole or one another; they may share boundary with all of these."""
-    for place, region in regions:
-        slack = min(gap * region.length, 0.1 * region.area)
-        outside = shapely.difference(region, outline)
-        if shapely.intersection(region, outline).area <= slack:
-            yield Fault(place, "the region lies outside the body", "move it inside the outline")
-        elif outside.area > slack:
-            remedy = "keep it within the outline; it may end on it"
-            yield Fault(place, f"the region leaves the body near {_inside(outside)}", remedy)
-        for hole, shape in holes:
-            common = shapely.intersection(region, shape)
-            if common.area > slack:
-                remedy = "keep it clear of holes; it may end at their edges"
-                yield Fault(place, f"the region overlaps {hole} near {_inside(common)}", remedy)
-    yield from _overlap_faults(regions, gap)
-
-
-def _overlap_faults(regions: list[_Named], gap: float) -> Iterator[Fault]:
-    """Regions that overlap one another; they may share boundary."""
-    for (first, a), (second, b) in combinations(regions, 2):
-        common = shapely.intersection(a, b)
-        if common.area > min(gap * a.length, gap * b.length, 0.1 * a.area, 0.1 * b.area):
-            remedy = "regions must not overlap; they may share an edge"
-            yield Fault(second, f"the region overlaps {first} near {_inside(common)}", remedy)
+def _placed(
+    place: str,
+    shape: BaseGeometry,
+    outline: BaseGeometry | None,
+    others: Sequence[tuple[str, BaseGeometry]],
+    gap: float,
+) -> Iterator[tuple[str, str]]:
+    """What is wrong with the place of a hole or a region: holes keep clear of the outline and of one another; regions
+    may share boundary with all, but no area."""
+    if "holes" in place:
+        if outline is not None and shapely.dwithin(shape.exterior, outline.exterior, gap):
+            at = spot(shapely.get_coordinates(shapely.shortest_line(shape.exterior, outline.exterior))[0])
+            what = f"the hole touches or crosses the outline at {at}"
+            yield what, "keep holes inside, or draw the outline around the notch"
+        elif outline is not None and not shapely.contains(outline, shape):
+            where = "surrounds" if shapely.contains(shape, outline) else "lies outside"
+            yield f"the hole {where} the body", "move it inside the outline"
+        for name, other in others:
+            if shapely.dwithin(other, shape, gap):
+                at = spot(shapely.get_coordinates(shapely.shortest_line(shape, other))[0])
+                yield f"the hole overlaps or touches {name} at {at}", "move them apart, or draw them as one hole"
+        return
+    slack = min(gap * shape.length, 0.1 * shape.area)
+    if outline is not None and shapely.intersection(shape, outline).area <= slack:
+        yield "the region lies outside the body", "move it inside the outline; check its numbers and their units"
+    elif outline is not None and (outside := shapely.difference(shape, outline)).area > slack:
+        remedy = "keep it within the outline, it may end on it; check its numbers and their units"
+        yield f"the region leaves the body near {_inside(outside)}", remedy
+    for name, other in others:
+        common = shapely.intersection(shape, other)
+        if common.area > min(slack, gap * other.length, 0.1 * other.area):
+            yield f"the region overlaps {name} near {_inside(common)}", "keep them apart; they may share an edge"
 
 
 def _inside(shape: BaseGeometry) -> str:

@@ -87,8 +87,8 @@ OUTLINES: list[tuple[Loop, str, str]] = [
     (COLLINEAR, "body.outline[0]", r"through-point \(0.5, 0\).*leave out through"),
     (
         polygon((0, 0), (1, 0), (0.5, 0.5), (1, 1), (0, 1), (0.5, 0.5)),
-        "body.outline[5]",
-        r"edge 3 \(e2\).*edge 6 \(e5\)",
+        "body.outline[1]",
+        r"edge 2 \(e1\) and edge 5 \(e4\).*at \(0.5, 0.5\)",
     ),
     (polygon((0, 0), (0, 1), (1, 1), (1, 0)), "body.outline", "clockwise.*reverse the order"),
     (polygon((0, 0), (1, 1), (1, 0), (0, 1)), "body.outline[0]", r"edge 1 \(e0\) and edge 3 \(e2\).*\(0.5, 0.5\)"),
