@@ -128,7 +128,8 @@ class BodyFields:
 
 
 Held = tuple[float | None, float | None]
-ARC_POINTS = 24
+ARC_POINTS, BESIDE = 24, 0.3
+"""Points of a drawn arc; part of its length that a side of the mesh may lie beside its edge, which bends."""
 
 
 @dataclass(frozen=True)
@@ -150,7 +151,8 @@ class Picture:
     """One solved point of a sweep on one level.
 
     at:    the numbers of the point, a dataset;  point: its labels in words
-    edges: those of the body with their roles;  sources: outlines (n, 2) of heated regions [length units]
+    edges: those of the body with their roles, of contact alone where the study does not say them
+    sources: outlines (n, 2) of heated regions [length units]
     held:  u_T at both ends of every part of the line, None where no node is held or the file does not say it
     scene: what was solved, None if the study in the file cannot be read
     """
@@ -193,7 +195,7 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
             level=number,
             line=line,
             body=body_fields(group),
-            edges=tuple(outline(study)),
+            edges=tuple(outline(study)) or tuple(contact_edges(line, group)),
             sources=tuple(sources(study)),
             held=_held_slip(line, group),
             scene=study.scenes[_place(root, where)] if study is not None else None,
@@ -319,6 +321,20 @@ def outline(study: Study | None) -> list[NamedEdge]:
     return found
 
 
+def contact_edges(line: LineFields, group: Any) -> list[NamedEdge]:
+    """The parts of a stored contact line, from held end to held end, under the names of their edges."""
+    places, ends = np.column_stack([line.x, line.y]), np.zeros((0, 2))
+    if "held_x" in group:
+        ends = np.column_stack([group["held_x"].values, group["held_y"].values])
+    found = []
+    for part, (first, last) in zip(line.parts, ends_held(line, group), strict=True):
+        on, around = places[part], int(line.closed(part))
+        way = np.concatenate([ends[first : first + 1], on, ends[last : last + 1], on[:around]])
+        names = dict.fromkeys(line.edge_names[k] for k in line.edge[part] if k < len(line.edge_names))
+        found.append(NamedEdge(", ".join(names), "contact", 0, way))
+    return found
+
+
 def sources(study: Study | None) -> list[Array]:
     """Outlines (n, 2) of the regions that are heated."""
     if study is None or not any(scene.heat.q != 0.0 for scene in study.scenes):
@@ -333,9 +349,11 @@ def _polyline(edge: Edge) -> Array:
     return edge_points(edge, 1 if edge.through is None else ARC_POINTS - 1)
 
 
-def nearest(places: Array, named: Sequence[NamedEdge]) -> NDArray[np.int8]:
-    """(k,) index of the named edge that each place lies on; −1 where no edges are known."""
+def nearest(segments: Array, named: Sequence[NamedEdge]) -> NDArray[np.int8]:
+    """(k,) index of the named edge that each piece (k, 2, 2) of the rim lies on; −1 for none that is known."""
     if not named:
-        return np.full(len(places), -1, dtype=np.int8)
-    points, lines = shapely.points(places), [shapely.LineString(edge.line) for edge in named]
-    return np.argmin([shapely.distance(points, line) for line in lines], axis=0).astype(np.int8)
+        return np.full(len(segments), -1, dtype=np.int8)
+    middles, lines = shapely.points(segments.mean(axis=1)), [shapely.LineString(edge.line) for edge in named]
+    far = np.array([shapely.distance(middles, line) for line in lines])
+    own = far.min(axis=0) < BESIDE * np.hypot(*(segments[:, 1] - segments[:, 0]).T)
+    return np.where(own, np.argmin(far, axis=0), -1).astype(np.int8)

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from tcstudy.errors import DrawError
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.panels import Array, Scale, Sheet, note, scale
-from tcstudy.reports.picture import BodyFields, LineFields, NamedEdge, Picture, nearest
+from tcstudy.reports.figures.panels import Array, Labels, Scale, Sheet, scale
+from tcstudy.reports.picture import BodyFields, NamedEdge, Picture, nearest
 from tcstudy.reports.stresses import COMPONENTS, recovered
 from tcstudy.reports.text import number, pretty
-from tcstudy.scene.records import Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -128,17 +128,58 @@ def draw_body(sheet: Sheet, axes: Axes, picture: Picture, shape: Drawn, field: F
     if len(body.triangles) <= FINE:
         axes.triplot(*shape.moved.T, body.triangles, color=style.INK, linewidth=0.4, alpha=0.25)
     rim = boundary_edges(body.xy, body.triangles)
-    undeformed = joined(chained(shape.still[rim]))
-    axes.plot(*undeformed, color=style.INK, alpha=0.6, linewidth=0.9, linestyle=(0, (5, 3)))
-    axes.plot(*joined(chained(shape.moved[rim])), color=style.INK, linewidth=1.0)
+    dashes: dict[str, Any] = {"alpha": 0.6, "linewidth": 0.9, "linestyle": (0, (5, 3))}
+    draw_lines(axes, polylines(shape.still[rim]), color=style.INK, **dashes)
+    draw_lines(axes, polylines(shape.moved[rim]), color=style.INK, linewidth=1.0)
     for k in np.unique(body.region)[1:]:
-        _draw_region(axes, shape, body, int(k), picture.scene)
-    _draw_edges(axes, shape, picture.edges, rim, nearest(body.xy[rim].mean(axis=1), picture.edges))
-    _draw_contact(axes, shape, contact_chains(body.xy, rim, picture.line), picture.line)
-    for source in picture.sources:
-        _draw_source(axes, body, shape, source)
+        own = body.triangles[body.region == k]
+        draw_lines(axes, polylines(shape.moved[boundary_edges(body.xy, own)]), color=style.INK, linewidth=0.7)
+    for lines, edge in edge_lines(picture, shape):
+        draw_edge(axes, lines, ROLES[edge.role], edge.role == "clamped", shape.per_inch)
+        if edge.role == "contact":  # an arrow in the direction of the arclength
+            (at,), (along,) = evenly(max(lines, key=length_of), 1)
+            look = {"arrowstyle": "-|>", "color": style.BLUE, "mutation_scale": 16, "shrinkA": 0, "shrinkB": 0}
+            axes.annotate("", tuple(at + 0.1 * shape.per_inch * along), tuple(at), arrowprops=look)
+    for places in (_moved(shape, body, source) for source in picture.sources):
+        axes.plot(*places.T, color=style.INK, linewidth=1.1, linestyle=(0, (4, 2)), zorder=4)
     axes.set_xlim(*shape.box[:2], auto=True)  # at least: they grow to the shape of the panel
     axes.set_ylim(*shape.box[2:], auto=True)
+
+
+def edge_lines(picture: Picture, shape: Drawn) -> Iterator[tuple[list[Array], NamedEdge]]:
+    """The edges of the deformed body that are not free as lines, all of one name together."""
+    assert picture.body is not None
+    rim = boundary_edges(picture.body.xy, picture.body.triangles)
+    of = nearest(picture.body.xy[rim], picture.edges)
+    for edge in {edge.name: edge for edge in picture.edges if edge.role != "free"}.values():
+        own = np.isin(of, [k for k, one in enumerate(picture.edges) if one.name == edge.name])
+        if own.any():
+            yield polylines(shape.moved[rim[own]]), edge
+
+
+def name_body(axes: Axes, picture: Picture, shape: Drawn) -> None:
+    """Names of edges, regions and heated regions, when the axes have their place."""
+    body = picture.body
+    assert body is not None
+    labels = Labels(axes, [shape.moved[boundary_edges(body.xy, body.triangles)].mean(axis=1)])
+    for lines, edge in edge_lines(picture, shape):
+        line, contact = max(lines, key=length_of), edge.role == "contact"
+        words = edge.name if contact else edge_words(edge)
+        text = words if style.LETTER * len(words) <= length_of(line) / shape.per_inch else edge.name
+        look = {"color": ROLES[edge.role]["color"], "fontweight": "bold" if contact else "normal"}
+        beside_line(labels, line, text, upright=bool(np.ptp(line[:, 0]) < np.ptp(line[:, 1])), **look)
+    names = [name for name, _ in picture.scene.material.regions] if picture.scene else []
+    said = [(name, shape.moved[body.triangles[body.region == k].ravel()]) for k, name in enumerate(names, 1)]
+    for text, places in [*said, *(("heated", _moved(shape, body, source)) for source in picture.sources)]:
+        if len(places):
+            labels.put(text, places.mean(axis=0)[None], [[0.0, 0.0]], loose=True)
+
+
+def beside_line(labels: Labels, line: Array, text: str, upright: bool = False, **look: Any) -> None:
+    """A label outside a line with the body on its left, or else inside."""
+    at, along = evenly(line, 20)
+    some = [10, 6, 13, 3, 16]
+    labels.put(text, at[some], outside(along[some]), APART, upright, **look)
 
 
 def _fill(sheet: Sheet, axes: Axes, shape: Drawn, body: BodyFields, field: Field | None) -> str:
@@ -166,88 +207,17 @@ def _fill(sheet: Sheet, axes: Axes, shape: Drawn, body: BodyFields, field: Field
     return f";  {field.told}" if field.told else ""
 
 
-def _draw_region(axes: Axes, shape: Drawn, body: BodyFields, k: int, scene: Scene | None) -> None:
-    """The outline of a region with a material of its own, with its name where there is room."""
-    own = body.triangles[body.region == k]
-    axes.plot(*joined(chained(shape.moved[boundary_edges(body.xy, own)])), color=style.INK, linewidth=0.7)
-    places = shape.moved[np.unique(own)]
-    name, size = scene.material.regions[k - 1][0] if scene else "", np.ptp(places, axis=0) / shape.per_inch
-    if size[0] > style.LETTER * len(name) and size[1] > 2 * style.LETTER:
-        note(axes, name, 0.5 * (places.min(axis=0) + places.max(axis=0)), (0, 0), ha="center", va="center", bbox=GROUND)
-
-
-def _draw_edges(axes: Axes, shape: Drawn, named: Sequence[NamedEdge], rim: Indices, of: NDArray[np.int8]) -> None:
-    """Lines in the way of their roles, hatched outside where clamped; each name once, along its longest edge."""
-    longest: dict[str, tuple[float, NamedEdge, Array]] = {}
-    for k in np.unique(of) if named else ():
-        edge, segments = named[k], chained(shape.moved[rim[of == k]])
-        if edge.role not in ("contact", "free"):
-            draw_edge(axes, segments, ROLES[edge.role], edge.role == "clamped", shape.per_inch)
-            length = float(directions(segments)[0].sum()) / shape.per_inch
-            if length > longest.get(edge.name, (0.0, edge, segments))[0]:
-                longest[edge.name] = length, edge, segments
-    for length, edge, segments in longest.values():
-        text = next((one for one in (edge_words(edge), edge.name) if style.LETTER * len(one) <= length), "")
-        at, t, n = _middle(segments)
-        angle = (math.degrees(math.atan2(t[1], t[0])) + 90.0 - 1e-9) % 180.0 - 90.0
-        how = {"rotation": angle, "rotation_mode": "anchor", "ha": "center", "va": "center", "zorder": 6}
-        note(axes, text, at, 13.0 * n, color=ROLES[edge.role]["color"], **how)
-
-
 def edge_words(edge: NamedEdge) -> str:
     """What an edge is and does, "end: convection, traction"."""
     return f"{edge.name}: {edge.role}" + (", traction" if edge.loaded and edge.role != "traction" else "")
 
 
-def _middle(segments: Array) -> tuple[Array, Array, Array]:
-    """The place at half the length of pieces in order, the direction and the normal there."""
-    (at,), (k,) = evenly(segments, 1)
-    _, along, normals = directions(segments)
-    return at, along[k], normals[k]
-
-
-def _draw_contact(axes: Axes, shape: Drawn, chains: Sequence[tuple[Indices, Indices]], line: LineFields) -> None:
-    """Thick contact edges; each name once, at its longest run, with an arrow in the direction of the arclength."""
-    longest: dict[int, Indices] = {}
-    for chain, index in chains:
-        axes.plot(*shape.moved[chain].T, solid_capstyle="butt", **ROLES["contact"])
-        edge = line.edge[index]
-        for run in np.split(np.arange(len(chain)), np.flatnonzero(np.diff(edge)) + 1):
-            if len(run) > max(1, len(longest.get(int(edge[run[0]]), ()))):
-                longest[int(edge[run[0]])] = chain[run]
-    how: dict[str, Any] = {"color": style.BLUE, "fontweight": "bold"}
-    for k, run in longest.items():
-        name, places = line.edge_names[k] if k < len(line.edge_names) else "", shape.moved[run]
-        if run[0] == run[-1]:  # within the ring if there is room, else beside it; it may cover the body
-            low, high = places.min(axis=0), places.max(axis=0)
-            fits = style.LETTER * (len(name) + 2) * shape.per_inch <= high[0] - low[0]
-            place = (low[0] + high[0]) / 2 if fits else high[0], (low[1] + high[1]) / 2
-            ha = "center" if fits else "left"
-            note(axes, name, place, (0 if fits else 7, 0), ha=ha, va="center", bbox=GROUND, zorder=6, **how)
-            continue
-        at, t, n = _middle(np.stack([places[:-1], places[1:]], axis=1))
-        tail = at + 0.16 * shape.per_inch * n
-        arrow = {"arrowstyle": "->", "color": style.BLUE, "shrinkA": 0, "shrinkB": 0}
-        axes.annotate("", tuple(tail + 0.34 * shape.per_inch * t), tuple(tail), arrowprops=arrow)
-        if abs(t[0]) > 0.6:
-            where: dict[str, Any] = {"ha": "right" if t[0] > 0 else "left", "va": "center"}
-        else:  # beside a steep edge there is room for the height of letters only
-            where = {"ha": "center", "va": "top" if t[1] > 0 else "bottom", "rotation": 90}
-        note(axes, name, tail, -4.0 * t, **where, **how)
-
-
-GROUND = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
-
-
-def _draw_source(axes: Axes, body: BodyFields, shape: Drawn, source: Array) -> None:
-    """The outline of a heated region, displaced like the nodes near it."""
-    share = np.linspace(0.0, 1.0, 16)[:, None, None]
-    fine = ((1.0 - share) * source + share * np.roll(source, -1, axis=0)).swapaxes(0, 1).reshape(-1, 2)
+def _moved(shape: Drawn, body: BodyFields, ring: Array) -> Array:
+    """A ring (n, 2) [length units] displaced like the nodes near it, as it is drawn."""
+    fine = evenly(np.concatenate([ring, ring[:1]]), 16 * len(ring))[0]
     near = [int(np.argmin(np.hypot(*(body.xy - place).T))) for place in fine]
-    places = shape.axis(fine) + (shape.moved - shape.still)[near]
-    axes.plot(*places.T, color=style.INK, linewidth=1.1, linestyle=(0, (4, 2)), zorder=4)
-    look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": style.pt(8.5), "bbox": GROUND, "zorder": 5}
-    axes.text(float(places[:, 0].mean()), float(places[:, 1].mean()), "heated", **look)
+    moved = shape.axis(fine) + (shape.moved - shape.still)[near]
+    return np.asarray(np.concatenate([moved, moved[:1]]))
 
 
 def boundary_edges(xy: Array, triangles: Indices) -> Indices:
@@ -258,26 +228,6 @@ def boundary_edges(xy: Array, triangles: Indices) -> Indices:
     edges = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
     _, first, count = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
     return edges[first[count == 1]]
-
-
-def contact_chains(xy: Array, rim: Indices, line: LineFields) -> list[tuple[Indices, Indices]]:
-    """Mesh nodes of every part of the contact line, and the contact node that each of them is.
-
-    A held node beside a part carries no unknown and is not in the line, but belongs to the drawn edge; it counts as
-    the contact node next to it. A ring ends with its first node.
-    """
-    after, before = dict(rim.tolist()), dict(rim[:, ::-1].tolist())
-    nodes, found = np.unique(rim), []
-    for part in line.parts:
-        places = np.column_stack([line.x[part], line.y[part]])
-        chain = [int(nodes[np.argmin(np.hypot(*(xy[nodes] - place).T))]) for place in places]
-        index, (first, last) = [*range(part.start, part.stop)], line.held(part)
-        if first:
-            chain, index = [before[chain[0]], *chain], [index[0], *index]
-        if last or line.closed(part):
-            chain, index = [*chain, after[chain[-1]]], [*index, index[-1] if last else index[0]]
-        found.append((np.array(chain), np.array(index)))
-    return found
 
 
 # -- edges -------------------------------------------------------------------------------------------------------------
@@ -298,52 +248,48 @@ HATCH = 0.1
 """How far apart the ticks of a held edge stand along it [inch]."""
 
 
-def chained(segments: Array) -> Array:
-    """Straight pieces (k, 2, 2) in the order in which one walks along them, whatever that of the mesh is."""
-    starts = {tuple(point): i for i, point in enumerate(segments[:, 0].tolist())}
-    after = [starts.get(tuple(point)) for point in segments[:, 1].tolist()]
-    order = dict[int, None]()
-    for first in [*sorted(set(range(len(segments))) - set(after)), *range(len(segments))]:
-        at: int | None = first
-        while at is not None and at not in order:
-            order[at] = None
-            at = after[at]
-    return segments[list(order)]
+APART = (7.0, 14.0, 20.0, 33.0, 46.0, -7.0, -28.0)
+"""How far labels of an edge may stand outside of it, below 0 inside [pt]."""
 
 
-def joined(segments: Array) -> Array:
-    """(2, n) x and y of pieces in order as one line, broken where they do not meet."""
-    gaps = np.flatnonzero(np.any(segments[1:, 0] != segments[:-1, 1], axis=1))
-    return np.insert(segments.reshape(-1, 2), 2 * (gaps + 1), np.nan, axis=0).T
+def polylines(segments: Array) -> list[Array]:
+    """Lines (n, 2) of straight pieces (k, 2, 2) that lead on to each other; a ring ends where it begins."""
+    merged = shapely.line_merge(shapely.multilinestrings(segments), directed=True)
+    return [shapely.get_coordinates(one) for one in shapely.get_parts(merged)]
 
 
-def directions(segments: Array) -> tuple[Array, Array, Array]:
-    """Lengths (k,), unit vectors along the pieces and unit normals to their right, which is outside (k, 2)."""
-    along = segments[:, 1] - segments[:, 0]
-    lengths = np.hypot(*along.T)
-    along = along / lengths[:, None]
-    return lengths, along, np.column_stack([along[:, 1], -along[:, 0]])
+def length_of(line: Array) -> float:
+    """The length of a line (n, 2)."""
+    return float(np.hypot(*np.diff(line, axis=0).T).sum())
 
 
-def evenly(segments: Array, count: int) -> tuple[Array, NDArray[np.intp]]:
-    """Places (count, 2) evenly spread along pieces in order, and which piece each lies on; the middle if it is one."""
-    lengths = directions(segments)[0]
-    upto = np.cumsum(lengths)
-    along = (np.arange(count) + 0.5) / count * upto[-1]
-    of = np.searchsorted(upto[:-1], along)
-    share = (along - (upto - lengths)[of]) / lengths[of]
-    return segments[of, 0] + share[:, None] * (segments[of, 1] - segments[of, 0]), of
+def outside(along: Array) -> Array:
+    """Unit normals to the right of directions (…, 2), which is outside."""
+    return np.stack([along[..., 1], -along[..., 0]], axis=-1)
 
 
-def draw_edge(axes: Axes, segments: Array, how: dict[str, Any], held: bool, inch: float = 1.0) -> Array:
-    """Draw pieces in order, hatched outside where they are held; inch: what is one of the axes. Returns the ends of
-    the hatches (n, 2)."""
-    axes.plot(*joined(segments), solid_capstyle="butt", zorder=3, **how)
-    lengths, along, normals = directions(segments)
-    count = round(float(lengths.sum()) / (HATCH * inch))
-    if not held or not count:
-        return np.zeros((0, 2))
-    starts, of = evenly(segments, count)
-    ends = starts + 0.7 * HATCH * inch * (normals - along)[of]
-    axes.plot(*joined(np.stack([starts, ends], axis=1)), color=style.INK, linewidth=0.7, zorder=3)
-    return ends
+def evenly(line: Array, count: int) -> tuple[Array, Array]:
+    """Places (count, 2) evenly spread along a line, the middle if it is one, and its direction there."""
+    step = np.diff(line, axis=0)
+    upto = np.concatenate([[0.0], np.cumsum(np.hypot(*step.T))])
+    at = (np.arange(count) + 0.5) / count * upto[-1]
+    along = step[np.searchsorted(upto, at) - 1]
+    return np.column_stack([np.interp(at, upto, x) for x in line.T]), along / np.hypot(*along.T)[:, None]
+
+
+def draw_lines(axes: Axes, lines: Sequence[Array], **how: Any) -> None:
+    """Draw lines (n, 2) as one that is broken between them."""
+    gap = np.full((1, 2), np.nan)
+    axes.plot(*np.concatenate([part for line in lines for part in (line, gap)]).T, **how)
+
+
+def draw_edge(axes: Axes, lines: Sequence[Array], how: dict[str, Any], held: bool, inch: float = 1.0) -> list[Array]:
+    """Draw an edge, hatched outside where it is held; inch: what is one of the axes. Returns ends of the hatches."""
+    draw_lines(axes, lines, solid_capstyle="butt", zorder=3, **how)
+    ticks = list[Array]()
+    for line in lines if held else ():
+        starts, along = evenly(line, round(length_of(line) / (HATCH * inch)))
+        ticks += [*np.stack([starts, starts + 0.7 * HATCH * inch * (outside(along) - along)], axis=1)]
+    if ticks:
+        draw_lines(axes, ticks, color=style.INK, linewidth=0.7, zorder=3)
+    return [tick[1:] for tick in ticks]

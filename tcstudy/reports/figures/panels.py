@@ -153,7 +153,7 @@ class Panel:
                     rest["fontsize"] = style.pt(how.get("fontsize", style.USUAL))
                     if "top" in how:
                         y, rest["xycoords"] = np.array([1.0]), axes.get_xaxis_transform()
-                    note(axes, how["text"], (x[0], y[0]), how["shift"], **rest)
+                    axes.annotate(how["text"], (x[0], y[0]), how["shift"], textcoords="offset points", **rest)
                 case "arrow":
                     shape = {"arrowstyle": "-|>", "mutation_scale": how["head"], "shrinkA": 0, "shrinkB": 0}
                     shape |= {key: value for key, value in how.items() if key in ("color", "linewidth")}
@@ -185,58 +185,72 @@ def _draw_cells(
         axes.fill([], [], color=colours[k], label=names[k])
 
 
-LETTER = 0.6
-"""Width of a letter, of its height: that of wide words, so that none runs off the sheet."""
-DOT = 20
-"""How many places of a line weigh as much as another dot near a name, which could be taken for its own."""
-NAMED = 60
-"""Dots whose names may stand beside them."""
+LETTER, LINE_HIGH = 0.6, 1.4
+"""Width of a letter and height of a line, of the height of letters: of wide words, so that none runs off the sheet."""
+COVER, FAR = 1000, 15.0
+"""Places of lines that weigh as much as another text; from where on a line leads from its place to a text [pt]."""
+ROUND = np.array([(1, 1), (-1, 1), (1, -1), (-1, -1), (0, 1.4), (0, -1.4)]) / 1.4
+"""Ways from a dot to its name."""
 
 
-SIDES = ((1, 1.0), (-1, 1.0), (1, -1.0), (-1, -1.0), (0, 2.3), (0, -2.3))
-"""Where a name may stand beside its dot: to which side, and how many letters above."""
+class Labels:
+    """Texts of axes that have their place, one after the other where nothing, or the least, is in their way.
+
+    drawn: (k, 2) places of lines and marks that texts should not cover, as dense as letters are wide
+    """
+
+    def __init__(self, axes: Axes, drawn: Sequence[Array], letters: float = 8.5) -> None:
+        self.axes, self.letters, self._texts = axes, style.pt(letters), list[tuple[Array, Array]]()
+        self._drawn = self._points(np.concatenate(drawn))
+
+    def _points(self, xy: Array) -> Array:
+        return np.asarray(self.axes.transData.transform(xy) / self.axes.figure.dpi * 72.0)
+
+    def put(
+        self, text: str, at: Array, ways: Any, apart: Sequence[float] = (6.0,), upright: bool = False, **how: Any
+    ) -> None:
+        """A text beside one of the places at (k, 2) in its way (k, 2), one of these distances [pt] from it, the other
+        way below 0, with a line to what is far; upright: turned. A loose one is left out where others are everywhere.
+        """
+        loose, lines = how.pop("loose", False), text.split("\n")
+        half = 0.5 * self.letters * np.array([LETTER * max(map(len, lines)), LINE_HIGH * len(lines)])
+        half = half[::-1] if upright else half
+        dots, ways = np.tile(self._points(at), (len(apart), 1)), np.tile(ways, (len(apart), 1))
+        gaps = np.repeat(apart, len(at))
+        centres = dots + ways * (gaps + np.copysign(np.abs(ways) @ half, gaps))[:, None]
+        low, high = np.array([self.axes.bbox.min, self.axes.bbox.max]) / self.axes.figure.dpi * 72.0
+        centres = np.clip(centres, low + half, np.maximum(high - half, low + half))
+        hits = np.array([np.sum(np.all(np.abs(self._drawn - one) < half + 2.0, axis=1)) for one in centres])
+        for centre, wide in self._texts:
+            hits += COVER * np.all(np.abs(centres - centre) < wide + half, axis=1)
+        k = int(np.argmin(hits))
+        if loose and hits[k] >= COVER:
+            return
+        self._texts.append((centres[k], half))
+        shift = centres[k] - dots[k]
+        if np.any(np.abs(shift) > half + FAR):
+            how["arrowprops"] = {"arrowstyle": "-", "color": style.PALE, "linewidth": 0.6, "shrinkB": 0}
+        how |= {"ha": "center", "va": "center", "rotation": 90.0 * upright, "fontsize": self.letters, "zorder": 6}
+        self.axes.annotate(text, at[k % len(at)], shift, textcoords="offset points", bbox=GROUND, **how)
+
+
+GROUND = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
+
+
+DOT, NAMED = 20, 60
+"""Places of a line that weigh as much as a dot near a name, which could be taken for its own; dots that have names."""
 
 
 def place_names(axes: Axes, panel: Panel) -> None:
-    """The names of a panel, once its axes have their place."""
-    from matplotlib.patheffects import withStroke
-
-    letters, inch = style.pt(8.5), axes.figure.dpi / 72.0
-    left, right = axes.bbox.x0 / inch + letters, axes.bbox.x1 / inch
-
-    def placed(x: Array, y: Array) -> Array:
-        return np.asarray(axes.transData.transform(np.column_stack([x, y])) / inch)
-
+    """The names of a panel, each once, when its axes have their place."""
     share = np.linspace(0.0, 1.0, 60)[:, None, None]
-    drawn = [placed(x, y) for kind, x, y, _ in panel.items if kind == "line" and len(x) > 1]
-    curve = np.concatenate([((1.0 - share) * xy[:-1] + share * xy[1:]).reshape(-1, 2) for xy in drawn])
-    taken: dict[str, tuple[Array, Array]] = {}
-    for _, xs, ys, how in (item for item in panel.items if item[0] == "names"):
-        dots = placed(xs, ys)
-        for name, x, y, dot in list(zip(how["texts"], xs, ys, dots, strict=True))[:NAMED]:
-            half, others = (
-                0.5 * letters * np.array([LETTER * len(name), 1.0]),
-                dots[np.hypot(*(dots - dot).T) > letters],
-            )
-            free = list[tuple[int, float, float]]()
-            for side, up in SIDES if name not in taken else ():
-                shift = np.array([side * (6.0 + half[0]), up * letters])
-                centre = dot + shift
-                apart = (np.any(np.abs(centre - other) > wide + half) for other, wide in taken.values())
-                if left < centre[0] - half[0] and centre[0] + half[0] <= right and all(apart):
-                    hits = int(np.all(np.abs(curve - centre) < half, axis=1).sum())
-                    hits += DOT * int(np.all(np.abs(others - centre) < half + letters, axis=1).sum())
-                    free.append((hits, *shift.tolist()))
-            if free:
-                _, *moved = min(free, key=lambda one: one[0])
-                taken[name] = dot + moved, half
-                white = [withStroke(linewidth=2.0, foreground="white")]
-                note(axes, name, (x, y), moved, ha="center", va="center", fontsize=letters, path_effects=white)
-
-
-def note(axes: Axes, text: str, at: Any, shift: Any, **how: Any) -> None:
-    """A text beside a place of the data, shifted by (x, y) points."""
-    axes.annotate(text, tuple(at), tuple(shift), textcoords="offset points", **how)
+    curves = [np.column_stack([x, y]) for kind, x, y, _ in panel.items if kind == "line" and len(x) > 1]
+    dense = [((1.0 - share) * xy[:-1] + share * xy[1:]).reshape(-1, 2) for xy in curves]
+    for x, y, names in ((x, y, how["texts"]) for kind, x, y, how in panel.items if kind == "names"):
+        dots = np.column_stack([x, y])
+        labels = Labels(axes, [*dense, *[dots] * DOT])
+        for name in dict.fromkeys(names[:NAMED]):
+            labels.put(name, dots[[names.index(name)] * len(ROUND)], ROUND, loose=True)
 
 
 def contact_nodes(data: Any) -> tuple[NDArray[np.intp], Scale, Array]:

@@ -14,7 +14,7 @@ from tcstudy.laws.composed import EdgeLaws, laws_along
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import DOWN, UP
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.body import Field, draw_body, drawn, field_of
+from tcstudy.reports.figures.body import Field, draw_body, drawn, field_of, name_body
 from tcstudy.reports.figures.panels import Array, Panel, Scale, Sheet, scale
 from tcstudy.reports.picture import NEAR, LineFields, Picture
 from tcstudy.reports.text import DIGITS, axis_unit, counted, number, pretty, with_unit
@@ -60,6 +60,8 @@ def point_figure(picture: Picture, look: style.Look, of: str | None = None, fact
         ends = [sign * (x * shape.axis.one - start) / along.one for x in sheet.panels["body"].get_xlim()]
         for name in below:
             sheet.panels[name].set_xlim(*ends)
+    if shape:
+        name_body(sheet.panels["body"], picture, shape)
     return figure
 
 

@@ -6,9 +6,8 @@ times as long as high is drawn higher than it is, and its facts say how much. Dr
 
 from __future__ import annotations
 
-import math
 import textwrap
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -19,8 +18,18 @@ from tcstudy.errors import shortened
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.body import FILLS, HATCH, ROLES, chained, directions, draw_edge, evenly
-from tcstudy.reports.figures.panels import Array, Panel, Sheet, scale
+from tcstudy.reports.figures.body import (
+    FILLS,
+    HATCH,
+    ROLES,
+    beside_line,
+    draw_edge,
+    evenly,
+    length_of,
+    outside,
+    polylines,
+)
+from tcstudy.reports.figures.panels import ROUND, Array, Labels, Panel, Sheet, scale
 from tcstudy.reports.figures.point import draw_law, slip_range
 from tcstudy.reports.text import counted, number, pretty, scaled_labels, with_unit
 from tcstudy.scene.keys import law_rows, symbol
@@ -38,8 +47,8 @@ WIDTH, HIGHEST, LEAST, SIDE = 4.55, 3.4, 0.45, 1.35
 SLENDER = 12.0
 ARROW, APART = 0.34, 0.55
 """Length of an arrow, and how far apart arrows stand along an edge [inch]."""
-LETTERS, LETTER, LINE = 8.0, 0.066, 0.15
-"""Size of the letters [pt], width of one and height of a line [inch]."""
+LETTERS, LINE = 8.0, 0.15
+"""Size of the letters [pt] and height of a line [inch]."""
 WIDEST, LONGEST = 21, 24
 """Letters of a line of a label, and of an expression."""
 MOST_LAWS, MOST_VALUES = 6, 5
@@ -68,8 +77,8 @@ class SceneShape:
 def scene_figure(title: str, study: Study | None, shape: SceneShape, look: style.Look) -> Figure:
     """The figure; of a study with faults, which is None, the outline with those that are of its edges."""
     scene, si = study and study.scenes[0], study is None or study.units == "SI"
-    segments = {name: chained(pieces) for name, pieces in shape.segments.items()}
-    ends = np.concatenate(list(segments.values())).reshape(-1, 2)
+    edges = {name: polylines(pieces) for name, pieces in shape.segments.items()}
+    ends = np.concatenate([line for lines in edges.values() for line in lines])
     low, size = ends.min(axis=0), np.ptp(ends, axis=0)
     one, slender = min(WIDTH / size[0], HIGHEST / size[1]), size[0] > SLENDER * size[1]
     scales = np.array([one, LEAST / size[1] if slender else one])
@@ -77,13 +86,10 @@ def scene_figure(title: str, study: Study | None, shape: SceneShape, look: style
     labels = {
         name: [name, *(role_words(name, roles[name], told, si) if name in roles else ())]
         + ([shape.faults[name]] if name in shape.faults else [])
-        for name in segments
+        for name in edges
     }
-    # what belongs to an edge that lies rather than stands goes above or below the body
-    lying = [name for name, s in segments.items() if np.any(np.abs(s[:, 1] - s[:, 0]) @ [1.0, -1.0] >= 0.0)]
-    above = 0.3 + LINE * max((len(labels[name]) for name in lying), default=5)
-    pushed = (roles[name] for name in lying if name in roles)
-    above += ARROW * any(any((*role.g, role.pressure, *role.force)) for role in pushed)
+    above = 0.3 + LINE * max(map(len, labels.values()))
+    above += ARROW * any(any((*role.g, role.pressure, *role.force)) for role in roles.values())
     unit = "m" if si else "1"
     body = f"Body {with_unit(size[0], unit)} × {with_unit(size[1], unit)}"
     body += f", drawn {number(scales[1] / scales[0], 2)} times as high as it is" if slender else ""
@@ -95,122 +101,80 @@ def scene_figure(title: str, study: Study | None, shape: SceneShape, look: style
     axes = sheet.panels["scene"]
     axes.set(xlim=(-SIDE, width - SIDE), ylim=(-above, height - above), aspect="equal")
     axes.axis("off")
-    placed = {name: (pieces - low) * scales for name, pieces in segments.items()}
-    taken = [evenly(ends, max(2, int(directions(ends)[0].sum() / 0.04)))[0] for ends in placed.values()]
-    drawing = _Drawing(axes, taken)
     if shape.mesh is not None:
         points, triangles, region = (shape.mesh[0] - low) * scales, *shape.mesh[1:]
-        drawing.mesh(points, triangles, region)
-    for name, pieces in placed.items():
-        drawing.edge(pieces, roles.get(name), segments[name], name in shape.faults)
-    for name, pieces in placed.items():
-        drawing.label(pieces, labels[name], style.VERMILLION if name in shape.faults else style.INK)
-    if scene and shape.mesh is not None:
-        for k, name in enumerate(shape.regions, 1):
-            lines = [name, *words(told, ("materials", name), si)]
-            lines += words(told, ("heat", "q"), si) if name in scene.heat.omega else []
-            drawing.text(points[triangles[region == k]].reshape(-1, 2), lines)
-        if force := words(told, ("loads",), si):
-            drawing.text(points, force)
+        _draw_mesh(axes, points, triangles, region)
+    placed, taken = {name: [(line - low) * scales for line in lines] for name, lines in edges.items()}, list[Array]()
+    for name, lines in placed.items():
+        taken += _draw_role(axes, lines, edges[name], roles.get(name), name in shape.faults)
     if laws:
         _draw_laws(sheet, laws, si, float(size[0]))
     sheet.key("scene")
-    return sheet.finish()
+    figure, texts = sheet.finish(), Labels(axes, taken, LETTERS)
+    for name, lines in placed.items():
+        colour = style.VERMILLION if name in shape.faults else style.INK
+        beside_line(texts, max(lines, key=length_of), _wrapped(labels[name]), color=colour, parse_math=False)
+    if scene and shape.mesh is not None:
+        inside = [(points, words(told, ("loads",), si))]
+        for k, name in enumerate(shape.regions, 1):
+            heat = words(told, ("heat", "q"), si) if name in scene.heat.omega else []
+            own = points[triangles[region == k]].reshape(-1, 2)
+            inside.append((own, [name, *words(told, ("materials", name), si), *heat]))
+        for own, lines in (one for one in inside if one[1]):
+            at = np.tile(0.5 * (own.min(axis=0) + own.max(axis=0)), (1 + len(ROUND), 1))
+            texts.put(_wrapped(lines), at, [(0, 0), *ROUND], (0.0, 18.0, 36.0, 72.0), parse_math=False)
+    return figure
 
 
-@dataclass
-class _Drawing:
-    """The panel of the scene; taken: (k, 2) places that labels must leave free."""
+def _wrapped(parts: Sequence[str]) -> str:
+    return "\n".join(line for part in parts for line in textwrap.wrap(part, WIDEST, break_long_words=False))
 
-    axes: Axes
-    taken: list[Array]
 
-    def mesh(self, points: Array, triangles: NDArray[np.intp], region: NDArray[np.intp]) -> None:
-        """Regions in their colours, and sides of triangles that are not too small."""
-        from matplotlib.collections import PolyCollection
+def _draw_mesh(axes: Axes, points: Array, triangles: NDArray[np.intp], region: NDArray[np.intp]) -> None:
+    """Regions in their colours, and sides of triangles that are not too small."""
+    from matplotlib.colors import ListedColormap
 
-        for k in np.unique(region):
-            colour = FILLS[int(k) % len(FILLS)]
-            corners = list(points[triangles[region == k]])
-            self.axes.add_collection(PolyCollection(corners, facecolor=colour, edgecolor=colour, linewidth=0.3))
-        if float(np.median(np.ptp(points[triangles], axis=1), axis=0).min()) > FINE:
-            self.axes.triplot(*points.T, triangles, color=style.INK, linewidth=0.4, alpha=0.25)
+    how: dict[str, Any] = {"cmap": ListedColormap(FILLS), "vmin": -0.5, "vmax": len(FILLS) - 0.5}
+    axes.tripcolor(points[:, 0], points[:, 1], triangles, facecolors=region % len(FILLS), **how)
+    if float(np.median(np.ptp(points[triangles], axis=1), axis=0).min()) > FINE:
+        axes.triplot(*points.T, triangles, color=style.INK, linewidth=0.4, alpha=0.25)
 
-    def edge(self, ends: Array, role: Role | None, segments: Array, wrong: bool) -> None:
-        """An edge and the arrows of what it carries or prescribes; segments: its pieces [m]."""
-        word = role.word if role is not None else "free"
-        how: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 4.0} if wrong else ROLES[word]
-        fixed = type(role) is Clamped and None not in role.u
-        self.taken.append(draw_edge(self.axes, ends, how, fixed))
-        self.axes.plot([], [], label="fault" if wrong else word if role is not None else "edge", **how)
-        lengths, along, normals = directions(ends)
-        starts, of = evenly(ends, max(1, min(9, int(lengths.sum() / APART))))
-        for force, colour in _pushes(role, segments.mean(axis=1), normals, along) if role is not None else ():
-            size = float(np.max(np.hypot(*force.T)))
-            if force.ndim == 1:  # one arrow for a resultant, in the middle of its edge
-                middle = ends.reshape(-1, 2).mean(axis=0)
-                self._arrow(middle, ARROW * 1.5 * force / size, normals[len(normals) // 2], colour, 2.2)
-                continue
-            for at, i in zip(starts, of, strict=True):
-                self._arrow(at + HATCH * fixed * normals[i], ARROW * force[i] / size, normals[i], colour)
 
-    def _arrow(self, at: Array, way: Array, normal: Array, colour: str, width: float = 1.1) -> None:
-        """An arrow outside the body: away from it, towards it, or beside it."""
-        if np.hypot(*way) < 0.02:
+def _draw_role(axes: Axes, lines: list[Array], true: list[Array], role: Role | None, wrong: bool) -> list[Array]:
+    """An edge, as it is drawn and as it is [m], with arrows of what it carries or prescribes; returns places of all."""
+    word, fixed = role.word if role is not None else "free", type(role) is Clamped and None not in role.u
+    how: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 4.0} if wrong else ROLES[word]
+    taken = [
+        *draw_edge(axes, lines, how, fixed),
+        *(evenly(one, max(2, int(length_of(one) / 0.04)))[0] for one in lines),
+    ]
+    axes.plot([], [], label="fault" if wrong else word if role is not None else "edge", **how)
+
+    def arrow(at: Array, way: Array, normal: Array, colour: str, width: float) -> None:
+        """Outside the body: away from it, towards it, or beside it."""
+        size = float(np.hypot(*way))
+        if size < 0.02:
             return
-        across = float(way @ normal) / float(np.hypot(*way))
+        across = float(way @ normal) / size
         start = at + 0.07 * normal - way * (1.0 if across < -0.2 else 0.0 if across > 0.2 else 0.5)
         shape = {"arrowstyle": "-|>", "mutation_scale": 8, "shrinkA": 0, "shrinkB": 0, "color": colour}
-        self.axes.annotate("", tuple(start + way), tuple(start), arrowprops=shape | {"linewidth": width}, zorder=5)
-        self.taken.append(np.linspace(start, start + way, 8))
+        axes.annotate("", tuple(start + way), tuple(start), arrowprops=shape | {"linewidth": width}, zorder=5)
+        taken.append(np.linspace(start, start + way, 8))
 
-    def label(self, ends: Array, lines: Sequence[str], colour: str) -> None:
-        """Lines outside their edge where nothing is in the way, or else inside."""
-        limits = np.array([self.axes.get_xlim(), self.axes.get_ylim()])
-        lengths, _, normals = directions(ends)
-        share, places = np.cumsum(lengths) / lengths.sum(), []
-        for apart in (0.1, 0.19, 0.28, 0.46, 0.64, -0.1, -0.4):
-            for part in (0.5, 0.35, 0.65, 0.2, 0.8):
-                i = int(np.searchsorted(share, part))
-                at = ends[i].mean(axis=0) if len(ends) > 1 else ends[0, 0] + part * (ends[0, 1] - ends[0, 0])
-                places.append((at, math.copysign(1.0, apart) * normals[i], abs(apart)))
-        self._write(
-            lines,
-            lambda half: [
-                (np.clip(at + way * (apart + np.abs(way) @ half), limits[:, 0] + half, limits[:, 1] - half), at)
-                for at, way, apart in places
-            ],
-            colour,
-        )
-
-    def text(self, points: Array, lines: Sequence[str]) -> None:
-        """Lines over the middle of points, moved up or down until they are free."""
-        middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-        moved = [
-            middle + np.array([dx, dy]) for dy in (0.0, 0.25, -0.25, 0.5, -0.5) for dx in (0.0, 1.0, -1.0, 2.0, -2.0)
-        ]
-        places = [(centre, points[np.argmin(np.hypot(*(points - centre).T))]) for centre in moved]
-        self._write(lines, lambda _: places, style.INK)
-
-    def _write(self, parts: Sequence[str], places: Callable[[Array], list[tuple[Array, Array]]], colour: str) -> None:
-        """Wrapped lines at the first centre where the least is in the way, with a line to what is far.
-
-        places: (centre, what it belongs to) for half the width and height of the text
-        """
-        lines = [line for part in parts for line in textwrap.wrap(part, WIDEST, break_long_words=False)]
-        half, taken = 0.5 * np.array([LETTER * max(map(len, lines)), LINE * len(lines)]), np.concatenate(self.taken)
-        found = places(half)
-        hits = [np.count_nonzero(np.all(np.abs(taken - centre) < half + 0.04, axis=1)) for centre, _ in found]
-        centre, at = found[int(np.argmin(hits))]
-        if np.any(np.abs(at - centre) > half + 0.2):
-            line = np.array([at, np.clip(at, centre - half, centre + half)])
-            self.axes.plot(*line.T, color=style.PALE, linewidth=0.6)
-        box = {"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.6}
-        how: dict[str, Any] = {"ha": "center", "va": "center", "bbox": box, "linespacing": 1.15, "in_layout": False}
-        how |= {"parse_math": False, "fontsize": style.pt(LETTERS), "zorder": 6, "color": colour}
-        self.axes.text(float(centre[0]), float(centre[1]), "\n".join(lines), **how)
-        grid = np.stack(np.meshgrid(*(np.linspace(-1, 1, max(2, int(n / 0.05))) for n in 2 * half)), axis=-1)
-        self.taken.append(centre + grid.reshape(-1, 2) * half)
+    whole = sum(map(length_of, lines))
+    counts = [max(1, round(min(9.0, whole / APART) * length_of(line) / whole)) for line in lines]
+    starts, along = (np.concatenate(one) for one in zip(*map(evenly, lines, counts), strict=True))
+    points, normals = np.concatenate([evenly(*one)[0] for one in zip(true, counts, strict=True)]), outside(along)
+    for force, colour in _pushes(role, points, normals, along) if role is not None else ():
+        size = float(np.max(np.hypot(*force.T)))
+        if force.ndim == 1:  # one arrow for a resultant, in the middle of its edge
+            arrow(
+                np.concatenate(lines).mean(axis=0), ARROW * 1.5 * force / size, normals[len(normals) // 2], colour, 2.2
+            )
+            continue
+        for at, push, normal in zip(starts, force, normals, strict=True):
+            arrow(at + HATCH * fixed * normal, ARROW * push / size, normal, colour, 1.1)
+    return taken
 
 
 def _pushes(role: Role, points: Array, normals: Array, along: Array) -> Iterator[tuple[Array, str]]:

@@ -186,7 +186,7 @@ def body_part(stored: Stored, level: int, box: Container) -> Json:
         "y": box.array(y, "f4"),
         "triangle": box.array(triangles, "u2" if len(x) < 65536 else "i4"),
         "boundary": box.array(edges, "i4"),
-        "edge": box.array(nearest(xy[edges].mean(axis=1), named), "i1"),
+        "edge": box.array(nearest(xy[edges], named), "i1"),
         "factor": exaggeration(xy, np.stack([fields["u_x"], fields["u_y"]], axis=-1)),
         "theta": None,
         "theta_units": str(group["theta"].attrs["units"]) if "theta" in group else "1",

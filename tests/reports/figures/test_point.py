@@ -11,9 +11,9 @@ pytest.importorskip("matplotlib")
 
 import tcstudy
 from tcstudy.read.study import read_study_text
-from tcstudy.reports.figures.body import boundary_edges, chained, contact_chains, exaggeration, joined
+from tcstudy.reports.figures.body import boundary_edges, exaggeration, polylines
 from tcstudy.reports.figures.point import stick_ranges, stick_text
-from tcstudy.reports.picture import NamedEdge, read_picture
+from tcstudy.reports.picture import NamedEdge, contact_edges, read_picture
 from tests.reports.conftest import Stored
 from tests.reports.figures.shown import contact_panels, crowded, drawn, figure_of, line, shown_line
 
@@ -45,8 +45,11 @@ def test_the_deformed_body_is_the_mesh_moved_by_the_stated_factor(stored: Stored
     rim = boundary_edges(shown.body.xy, shown.body.triangles)
     still = 1e3 * shown.body.xy
     moved = 1e3 * (shown.body.xy + factor * shown.body.u)
-    found = [np.array(line.get_data(), dtype=float) for line in body.lines if len(line.get_xdata()) == 2 * len(rim)]
-    np.testing.assert_allclose(found, [joined(chained(one[rim])) for one in (still, moved)], rtol=1e-12, atol=1e-12)
+    found = [
+        np.array(line.get_data(), dtype=float)[:, :-1] for line in body.lines if len(line.get_xdata()) == len(rim) + 2
+    ]
+    expected = [np.transpose(*polylines(one[rim])) for one in (still, moved)]
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
     box, (left, right), (bottom, top) = body.get_window_extent(), body.get_xlim(), body.get_ylim()
     assert (right - left) / box.width == pytest.approx((top - bottom) / box.height, rel=1e-9)
 
@@ -106,19 +109,17 @@ def test_a_ring_closes_on_itself(stored: Stored) -> None:
     assert not line([1, 2, 3], [0, 0, 0], [1, 2, 3], [1.5, 1, 1.5], [0] * 3).closed(slice(0, 3))  # both ends held
     shown = read_picture(stored("block"), level=0)
     rim = boundary_edges(shown.body.xy, shown.body.triangles)
-    walk = chained(shown.body.xy[rim])
-    step, m = np.hypot(*(walk[:, 1] - walk[:, 0]).T), len(rim)
-    x, y, s, c = (one.tolist() for one in (*walk[:, 0].T, np.cumsum(step) - step, 0.5 * (step + np.roll(step, 1))))
+    (walk,) = polylines(shown.body.xy[rim])
+    step, m = np.hypot(*np.diff(walk, axis=0).T), len(rim)
+    x, y, s, c = (one.tolist() for one in (*walk[:-1].T, np.cumsum(step) - step, 0.5 * (step + np.roll(step, 1))))
     around = line(x, y, s, c, [1] * m)
-    ((chain, index),) = contact_chains(shown.body.xy, rim, around)
-    assert (sorted(chain[:-1].tolist()), chain[0]) == (np.unique(rim).tolist(), chain[-1])
-    assert index.tolist() == [*range(m), 0]
-    assert [text.get_text() for text in figure_of(replace(shown, line=around, edges=())).axes[0].texts] == ["rim"]
-    h = WIDTH / 5
-    both = line([h, 2 * h, 3 * h, 4 * h], [0] * 4, [h, 2 * h, 3 * h, 4 * h], [1.5 * h, h, h, 1.5 * h], [0] * 4)
-    for one, expected in ((shown.line, [0, 0, 1, 2, 3, 4]), (both, [0, 0, 1, 2, 3, 3])):  # to the held corners
-        ((chain, index),) = contact_chains(shown.body.xy, rim, one)
-        assert (shown.body.xy[chain][:, 0], index.tolist()) == (pytest.approx(h * np.arange(6)), expected)
+    (edge,) = contact_edges(around, {})  # as of a body whose edges the study does not say
+    assert np.array_equal(edge.line, walk)
+    named = figure_of(replace(shown, line=around, edges=(edge,), scene=None, sources=())).axes[0]
+    assert [text.get_text() for text in named.texts if text.get_text()] == ["rim"]
+    with xr.open_datatree(stored("block")) as tree:
+        (edge,) = contact_edges(shown.line, tree["level_0"].to_dataset().load())
+    assert (edge.name, edge.line[:, 0]) == ("film", pytest.approx(WIDTH / 5 * np.arange(6)))  # from the held corner on
 
 
 def test_each_geometry_has_its_own_mesh(stored: Stored) -> None:
