@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 from typing import Any
 
@@ -15,7 +15,7 @@ from tcstudy.reports import sentences
 from tcstudy.reports.select_point import describe
 from tcstudy.reports.sentences import KINDS, LENGTHS, CycleChange, cycle_change
 from tcstudy.reports.terminal.tables import Heading, Part, Table, TextColumn, columns_table, quantity
-from tcstudy.reports.text import counted, digits_lost, headed, number, prefix, proved, with_unit
+from tcstudy.reports.text import counted, digits_lost, number, prefix, proved, with_unit
 from tcstudy.scene.histories import AT_REST
 from tcstudy.scene.keys import symbol
 
@@ -23,8 +23,8 @@ Array = NDArray[np.float64]
 
 MOST_ROWS = 60
 """Solutions that are listed; the file has them all."""
-MOST_FALLS = 6
-"""Falls of a hysteresis loop in one direction that have a line each; of more one line tells their range and sum."""
+MOST_FALLS = 12
+"""Falls of a hysteresis loop that have a line each."""
 STATES = ("sticks", "slips", "slips and softens", "on a drop of b", "slips, weakened")
 """What a contact node does, by ContactState."""
 VISIBLE = 0.005
@@ -63,17 +63,9 @@ def path_verdict(data: Any) -> tuple[str, str, bool]:
     many, falls = _most(t, low, high, units), int(data.sizes.get("jump", 0))
     many += f", {counted(int(data['branch_loop'].sum()), 'closed loop')}" if "branch_loop" in data else ""
     lost = f"slow loading to and fro falls {counted(falls, 'time')}" if falls else ""
-    if falls > 2 * MOST_FALLS:
-        lost += f" {_between(data['jump_parameter'].min(), data['jump_parameter'].max(), units)}"
     known = sentences.WHOLE if int(data.get("complete", 0)) else sentences.CONNECTED
     trust = [f"worst residual {number(float(data['residual'].max()), 2)}"]
     return sentences.answered([", ".join(peak), many, lost], trust), known, True
-
-
-def _between(low: Any, high: Any, units: str) -> str:
-    """A range in words, "between 1 mm and 2 mm", or "near 1 mm" where both ends read alike."""
-    first, last = with_unit(low, units), with_unit(high, units)
-    return f"near {first}" if first == last else f"between {first} and {last}"
 
 
 def _most(t: Array, low: float, high: float, units: str) -> str:
@@ -85,157 +77,116 @@ def _most(t: Array, low: float, high: float, units: str) -> str:
     if not len(count) or count.max() < 2:
         return "one equilibrium on it at every value of the range" if len(count) else ""
     at = np.flatnonzero(count == count.max())
-    return f"{count.max()} equilibria on it {_between(ends[at[0]], ends[at[-1] + 1], units)}"
+    first, last = with_unit(ends[at[0]], units), with_unit(ends[at[-1] + 1], units)
+    where = f"near {first}" if first == last else f"between {first} and {last}"
+    return f"{count.max()} equilibria on it {where}"
 
 
 def path_parts(data: Any, full: bool = False, *_: Any) -> Iterator[Part]:
     """What a path's file holds: its extent and ends, the branches, the requested solutions, the loop."""
-    yield Heading(str(data.attrs["title"]), 1)
     divisor, unit = prefix([float(x) for x in data.attrs["parameter_range"]], data["parameter"].attrs["units"])
-    yield "\n".join(_path(data, divisor, unit))
-    if branches := list(_branches(data, divisor, unit)):
-        yield "\n".join(branches)
+
+    def at(value: Any, *more: Any) -> str:
+        return f"{' to '.join(number(one / divisor) for one in (value, *more))} {unit}".removesuffix(" 1")
+
+    yield Heading(str(data.attrs["title"]), 1)
+    yield "\n".join(_path(data, at))
+    if "complete" in data:
+        yield "\n".join(_branches(data, at))
     if data.sizes.get("at", 0):
-        yield _solutions(data)
-    if loop := list(_loop(data, full)):
-        yield "\n".join(loop)
+        yield _solutions(data, at)
+    if "energy_lost" in data:
+        yield "\n".join(_loop(data, full))
 
 
-def _path(data: Any, divisor: float, unit: str) -> Iterator[str]:
+def _path(data: Any, at: Callable[..., str]) -> Iterator[str]:
     """Where the path runs, how it was computed, and why it ends."""
     low, high = data.attrs["parameter_range"]
-    t = data["parameter"].values
-    span = f"from {number(low / divisor)} to {number(high / divisor)} {unit}".removesuffix(" 1")
-    reached = f"{number(t.min() / divisor)} … {number(t.max() / divisor)}"
-    yield f"  Path along {data.attrs['parameter']} {span}, reaching {reached}"
+    t, (vertices, small) = data["parameter"].values, seen_folds(data)
+    turns = f" and {counted(small, 'turn')} below {100 * VISIBLE:g} % of the range" if small else ""
+    inside = int(np.count_nonzero((t[vertices] >= min(low, high)) & (t[vertices] <= max(low, high))))
+    yield f"  Path along {data.attrs['parameter']} from {at(low, high)}, reaching {at(t.min(), t.max())}"
     yield (
         f"  level {int(data['level'])}: {int(data['n_dof'])} dofs, {int(data['n_contact'])} contact unknowns; "
         f"omega/lambda_1 = {number(float(data['omega'] / data['lambda_1']))}"
     )
     if lost := digits_lost(float(data.get("lambda_1_error", 0.0))):
         yield f"  {lost}"
-    vertices, small = seen_folds(data)
-    turns = f" and {counted(small, 'turn')} below {100 * VISIBLE:g} % of the range" if small else ""
-    inside = int(np.count_nonzero((t[vertices] >= min(low, high)) & (t[vertices] <= max(low, high))))
     yield (
         f"  {data.sizes['piece']} pieces ({int(data['stable'].sum())} stable), {counted(len(vertices), 'fold')}{turns}"
         f", {inside} of the folds in the range, worst residual {number(float(data['residual'].max()), 2)}"
     )
     if float(data["law_error"]) > 0.0:
         yield f"  the law is replaced by straight pieces, relative error {number(float(data['law_error']), 1)}"
-    for verb, name, at in (("begins", "begin", 0), ("ends", "end", -1)):
-        place = f"{number(t[at] / divisor)} {unit}".removesuffix(" 1")
-        yield f"  {verb} at {place}: {data.attrs[f'{name}_reason']}"
+    yield f"  begins at {at(t[0])}: {data.attrs['begin_reason']}"
+    yield f"  ends at {at(t[-1])}: {data.attrs['end_reason']}"
 
 
-def _branches(data: Any, divisor: float, unit: str) -> Iterator[str]:
+def _branches(data: Any, at: Callable[..., str]) -> Iterator[str]:
     """What is known of all branches, the loops among them, and the number of equilibria at the requested values."""
-    if "complete" not in data:
-        return
     closed, on_path = (data[f"branch_{name}"].values.astype(bool) for name in ("loop", "on_path"))
-    of, t, stable = (data[f"branch_{name}"].values for name in ("of", "parameter", "stable"))
-    polygon = " of the law's polygon" if float(data["law_error"]) > 0.0 else ""
-    apart, open_ = int(np.count_nonzero(~closed & ~on_path)), int(np.count_nonzero(~closed))
-    told = f"{open_} open branch{'es' if open_ != 1 else ''}"
+    of, t, apart = data["branch_of"].values, data["branch_parameter"].values, int(np.sum(~closed & ~on_path))
+    told = f"{(~closed).sum()} open branch{'es' if (~closed).sum() != 1 else ''}"
     told += f" ({apart} not on the path in the range)" if apart else ""
-    told += f" and {counted(int(closed.sum()), 'closed loop')}{polygon}"
+    told += f" and {counted(int(closed.sum()), 'closed loop')}"
+    told += " of the law's polygon" if (polygon := float(data["law_error"]) > 0.0) else ""
     if data["complete"]:
         yield f"  every branch of the range: {told}; complete (proved)"
     else:
         yield f"  branches found in the range: {told}; not proved complete: {data.attrs['complete_reason']}"
     for k in np.flatnonzero(closed & ~on_path):
-        own = t[of == k] / divisor
-        ends = f"{number(own.min())} to {number(own.max())} {unit}".removesuffix(" 1")
-        yield (
-            f"  a closed loop from {ends} that the path does not meet, {int(stable[of == k].sum())} of "
-            f"{counted(len(own) - 1, 'piece')} stable"
-        )
+        yield f"  a closed loop from {at(t[of == k].min(), t[of == k].max())} that the path does not meet"
     if polygon or not data.sizes.get("at", 0):
         return
     known = data["at_complete"].values if "at_complete" in data else [data["complete"]] * data.sizes["at"]
     for i, value in enumerate(data["at"].values):
         on = data["solution_piece"].values[data["solution_at"].values == i]
-        all_ = f"{len(on)} of {len(on)}" if known[i] else f"at least {len(on)}"
-        off = int(np.count_nonzero(on < 0))
-        apart_ = f", {off} of them not on the path from the start" if off else ""
-        yield f"  {all_} equilibria at {number(value / divisor)} {unit}".removesuffix(" 1") + apart_
+        off = f", {(on < 0).sum()} of them not on the path from the start" if np.any(on < 0) else ""
+        yield f"  {f'{len(on)} of' if known[i] else 'at least'} {len(on)} equilibria at {at(value)}{off}"
 
 
-def _solutions(data: Any) -> Table:
+def _solutions(data: Any, at: Callable[..., str]) -> Table:
     """One row per solution at the requested values."""
-    names = ("solution_parameter", "solution_energy", "solution_stable", "solution_lowest", "solution_residual")
-    t, energy, stable, least, residual = (data[name].values if name in data else np.zeros(0) for name in names)
-    c, at = data["c"].values, data["at"].values
-    slip = data["solution_u_T"].values @ c / c.sum() if len(t) else np.zeros(0)
-    titles = (data.attrs["parameter"].split(".")[-1], "mean u_T", "energy")
-    scales = [prefix([float(np.max(np.abs(values), initial=0.0))], data[name].attrs["units"])
-              for values, name in ((at, "at"), (slip, "u_T"), (energy, "energy"))]  # fmt: skip
-    header = [headed(title, unit) for title, (_, unit) in zip(titles, scales, strict=True)]
-    header += ["stable", "least" if "complete" in data else "least on path", "certified", "residual"]
-    rows = []
-    for i in range(min(len(t), MOST_ROWS)):
-        values = zip((t[i], slip[i], energy[i]), scales, strict=True)
-        row = [
-            *(number(value / size, 5) for value, (size, _) in values),
-            *("yes" if one[i] else "no" for one in (stable, least)),
+    every, columns = int(data.sizes.get("solution", 0)), list[TextColumn]()
+    if every:
+        shown, c = data.isel(solution=slice(MOST_ROWS)), data["c"].values
+        numbers = {
+            data.attrs["parameter"].split(".")[-1]: (shown["solution_parameter"].values, "parameter"),
+            "mean u_T": (shown["solution_u_T"].values @ c / c.sum(), "u_T"),
+            "energy": (shown["solution_energy"].values, "energy"),
+        }
+        for title, (values, name) in numbers.items():
+            like = data.attrs["parameter_range"] if name == "parameter" else np.abs(values).max()
+            columns.append(quantity(title, values, data[name].attrs["units"], 5, like=like))
+        for title, name in (("stable", "stable"), ("least" if "complete" in data else "least on path", "lowest")):
+            columns.append(TextColumn(title, [("no", "yes")[int(one)] for one in shown[f"solution_{name}"].values], 1))
+        proofs = [proved(shown.isel(solution=i), "solution_") for i in range(shown.sizes["solution"])]
+        columns += [
+            TextColumn("certified", proofs, 2),
+            quantity("residual", shown["solution_residual"].values, "1", 2, 3),
         ]
-        rows.append([*row, proved(data.isel(solution=i), "solution_"), number(residual[i], 2)])
-    notes = [f"… {len(t) - MOST_ROWS} more solutions in the file"] if len(t) > MOST_ROWS else []
-    missing = [number(value / scales[0][0]) for value in at[data["solution_count"].values == 0]]
+    notes = [f"… {every - MOST_ROWS} more solutions in the file"] if every > MOST_ROWS else []
+    missing = [at(value) for value in data["at"].values[data["solution_count"].values == 0]]
     notes += [f"no solution on the path at {', '.join(missing)}"] if missing else []
-    return Table.of_rows("", header, rows, (), *notes)
+    return Table("", columns, tuple(notes))
 
 
 def _loop(data: Any, full: bool) -> Iterator[str]:
     """The energy lost in the loop and where the body falls; full: a line for every fall."""
-    if "energy_lost" not in data:
-        return
     units, t_units = data["energy_lost"].attrs["units"], data["parameter"].attrs["units"]
     if not int(data["loop_complete"]):
         yield f"  hysteresis loop not completed: {data.attrs['loop_reason']}"
         return
-    lost = f"  hysteresis loop: {with_unit(float(data['energy_lost']), units)} lost"
     falls = int(data.sizes.get("jump", 0))
+    lost = f"  hysteresis loop: {with_unit(float(data['energy_lost']), units)} lost"
     yield lost if falls else f"{lost}, the body never falls to another branch"
-    t, rising, drop = (data[f"jump_{name}"].values for name in ("parameter", "rising", "drop")) if falls else 3 * [[]]
-    for way, own in (("rising", rising == 1), ("falling", rising == 0)) if falls else ():
-        if not full and np.count_nonzero(own) > MOST_FALLS:
-            ends = np.sort(t[own])[[0, -1]]
-            most = int(np.argmax(np.where(own, drop, -np.inf)))
-            span = " to ".join(dict.fromkeys(with_unit(end, t_units) for end in ends))
-            yield (
-                f"    {np.count_nonzero(own)} falls at {span} ({way}), {with_unit(drop[own].sum(), units)} lost in sum"
-                f", the largest {with_unit(drop[most], units)} at {with_unit(t[most], t_units)}; show -v has all"
-            )
-            continue
-        for k in np.flatnonzero(own):
-            yield f"    falls at {with_unit(t[k], t_units)} ({way}), {with_unit(drop[k], units)} lost"
-    if taken := _taken_state(data):
-        yield f"    {taken}"
+    for k in range(falls if full else min(falls, MOST_FALLS)):
+        t, drop = with_unit(data["jump_parameter"][k], t_units), with_unit(data["jump_drop"][k], units)
+        yield f"    falls at {t} ({'rising' if data['jump_rising'][k] else 'falling'}), {drop} lost"
+    if falls > MOST_FALLS and not full:
+        yield f"    and {falls - MOST_FALLS} times more; show -v has all"
     if falls and not int(data["loop_closed"]):
         yield "    the loop does not close"
-
-
-def _taken_state(data: Any) -> str:
-    """Where all branches are known, in which of the stable states at the end of its range slow loading ends."""
-    if not int(data.get("complete", 0)) or "loop_energy" not in data:
-        return ""
-    end = float(data.attrs["parameter_range"][1])
-    of, t, stable = (data[f"branch_{name}"].values for name in ("of", "parameter", "stable"))
-    first = np.append(True, of[1:] != of[:-1])
-    last = np.append(first[1:], True)
-    beside = np.where(first, stable, np.roll(stable, 1))  # the piece that a branch's end is on
-    at = np.flatnonzero((first | last) & (t == end) & (beside != 0))
-    if not len(at):
-        return ""
-    value = with_unit(end, data["parameter"].attrs["units"])
-    if len(at) == 1:
-        return f"at {value} slow loading ends in the only stable state"
-    turn = int(np.argmin(np.abs(data["loop_parameter"].values - end)))
-    apart = np.abs(data["branch_u_T"].values[at] - data["loop_u_T"].values[turn]).max(axis=1, initial=0.0)
-    rank = int(np.argsort(np.argsort(data["branch_energy"].values[at]))[np.argmin(apart)])
-    order = ("least", "second least", "third least")[rank] if rank < 3 else f"{rank + 1}th least"
-    return f"at {value} there are {len(at)} stable states; slow loading ends in that of {order} energy"
 
 
 # -- histories ---------------------------------------------------------------------------------------------------------
@@ -317,35 +268,25 @@ def history_parts(data: Any, every_row: bool = False, *_: Any) -> Iterator[Part]
 def _steps(part: Any, all_cycles: bool) -> str:
     """A line for every named step; energies are sums since the one before, 0 where they are rounding."""
     names, cycle = part["step_name"].values, part["cycle"].values
-    rows = np.flatnonzero((part["status"].values == PointStatus.OK) & (names != "")).tolist()
-    listed = [i for i in rows if all_cycles or cycle[i] < MOST_CYCLES or cycle[i] == cycle[rows[-1]]]
-    begins = dict(zip(rows, [0, *(i + 1 for i in rows[:-1])], strict=True))
+    rows = np.flatnonzero((part["status"].values == PointStatus.OK) & (names != ""))
+    kept = all_cycles | (cycle[rows] < MOST_CYCLES) | (cycle[rows] == cycle[rows[-1:]])
     spent = part["dissipated"].values + part["released"].values + part["stored"].values
+    pull, slip = np.abs(part["xi"].values) @ part["c"].values, part["u_T_max"].values
 
     def read(values: Array, reached: Array) -> Array:
-        largest = float(np.nanmax(np.abs(reached), initial=0.0))
-        return np.where(np.abs(values) <= ROUNDING * largest, 0.0, values)
+        return np.where(np.abs(values) <= ROUNDING * np.nanmax(np.abs(reached), initial=0.0), 0.0, values)[kept]
 
-    def since(name: str) -> Array:
-        values = read(part[name].values, spent)
-        return np.array([values[begins[i] : i + 1].sum() for i in listed])
-
-    pull, slip = part["friction_resultant"].values, part["u_T_max"].values
-    numbers: list[tuple[str, str, Array]] = [(name, name, part[name].values[listed]) for name in _loads(part)]
-    numbers.append(("max |u_T|", "u_T_max", read(slip, slip)[listed]))
-    numbers.append(("∫ξ", "friction_resultant", read(pull, np.abs(part["xi"].values) @ part["c"].values)[listed]))
-    numbers += [(name, name, since(name)) for name in ("dissipated", "released")]
-    numbers += [(name, name, part[name].values[listed]) for name in asked(part)]
-    columns = [
-        TextColumn("step", [str(names[i]) for i in listed]),
-        TextColumn("cycle", [str(cycle[i]) for i in listed]),
-    ]
-    columns += [quantity(title, v, str(part[name].attrs.get("units", "1")), 6) for title, name, v in numbers]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        columns.append(quantity("closure/dissipated", since("closure") / since("dissipated"), digits=2))
-    columns.append(TextColumn("proved", [proved(part.isel(step=i), none="–") for i in listed]))
-    table = columns_table([TextColumn(one.title, one.cells, rank) for rank, one in enumerate(columns)])
-    return table + ("\n  …" if len(listed) < len(rows) else "")
+    since = {name: np.diff(np.cumsum(part[name].values)[rows], prepend=0.0) for name in ("dissipated", "released")}
+    numbers = [(name, name, part[name].values[rows][kept]) for name in _loads(part)]
+    numbers += [("max |u_T|", "u_T_max", read(slip[rows], slip))]
+    numbers += [("∫ξ", "friction_resultant", read(part["friction_resultant"].values[rows], pull))]
+    numbers += [(name, name, read(values, spent)) for name, values in since.items()]
+    numbers += [(name, name, part[name].values[rows][kept]) for name in asked(part)]
+    columns = [TextColumn("step", names[rows][kept].tolist()), TextColumn("cycle", cycle[rows][kept].astype(str), 1)]
+    for rank, (title, name, values) in enumerate(numbers, 2):
+        columns.append(quantity(title, values, str(part[name].attrs.get("units", "1")), 6, rank))
+    columns.append(TextColumn("proved", [proved(part.isel(step=i), none="–") for i in rows[kept]], len(columns)))
+    return columns_table(columns) + ("" if kept.all() else "\n  …")
 
 
 def _loads(data: Any) -> list[str]:
