@@ -202,9 +202,6 @@ def run(
     holds the results of another study.
     """
     asked = _study(study)
-    from tcstudy.commands.run import check_options
-
-    check_options(asked.kind, "the study", force, append, dask)
     if append and output is None:
         raise UsageError("append: name the file that is to grow")
     found = _result(asked.kind, asked, output, progress, force, append=append, jobs=jobs, dask=dask)
@@ -250,15 +247,13 @@ def _result(
     """These results, computed unless their file holds them already; without a name that is one of the cache."""
     from tcstudy.commands.run import do, what_decides
     from tcstudy.data.provenance import tell_stored
-    from tcstudy.study.lint import check_kind
 
-    check_kind(study, kind, str(study.source or "study"))
     target, why = FilePath(output or ""), "computed now"
     if output is None:
         target = cached(kind, study, **what_decides(kind, study, more.get("at")))
         why = why_again(target, study)
     words = ("tcstudy." + {"convergence": "converge", "cost": "cost"}.get(kind, "run"),)
-    whole, _ = do(kind, study, target, words, why if progress else None, force, **more)
+    _, whole, _ = do(kind, study, target, words, why if progress else None, force, **more)
     if whole and kind != "history":  # which warns by itself
         tell_stored(target)
     return Result(target, "" if whole else why)

@@ -1,36 +1,42 @@
-"""Command line: which module has which command, and what becomes of faults, interrupts and missing memory."""
+"""Command line: the commands, and what becomes of faults, interrupts and missing memory."""
 
 from __future__ import annotations
 
 import argparse
-import difflib
 import gc
-import shlex
 import sys
 import warnings
 from collections.abc import Callable, Sequence
-from importlib import import_module
+from importlib import metadata
 from typing import Any, NoReturn
 
-from tcstudy.commands.shared import BAD_INPUT, OK
+from tcstudy.commands import results, run
+from tcstudy.commands.shared import BAD_INPUT, OK, file_name, named
 from tcstudy.errors import StudyWarning, UserFault, printable
 from tcstudy.reports.terminal.stream import guarded_streams, is_lost
 
-MODULES = {
-    **dict.fromkeys(("run", "converge", "cost"), "run"),
-    **dict.fromkeys(("show", "draw", "report", "export"), "results"),
-    "init": "run",
+COMMANDS = {
+    "run": run.run,
+    "converge": run.converge,
+    "cost": run.cost,
+    "show": results.show,
+    "draw": results.draw,
+    "report": results.report,
+    "export": results.export,
+    "init": run.init,
 }
-"""Which module of `commands` has which command, in the order of the list."""
+"""In the order of the list."""
+COMPLETED = {"bash": "_shtab_compgen_files", "zsh": "_files", "tcsh": "f"}
+"""How shells complete the name of a file, for shtab."""
 FORMER = {
-    "plan": "tcstudy run {} --dry-run",
-    **dict.fromkeys(("path", "history", "fit"), "tcstudy run {}, which does what the study asks"),
-    "sensitivity": "tcstudy show {}, which has the indices of a design",
+    "plan": "tcstudy run STUDY.yaml --dry-run",
+    **dict.fromkeys(("path", "history", "fit"), "tcstudy run STUDY.yaml, which does what the study asks"),
+    "sensitivity": "tcstudy show FILE.nc, which has the indices of a design",
     **dict.fromkeys(("merge", "compare"), "xarray's work: see 'Files that grow' in results/README.md"),
     "schema": "tcstudy init, which writes study.schema.json beside the starter",
     "completion": "shtab's work: see 'Commands' in README.md",
 }
-"""What to type in place of commands that there were; {} for what stood after them."""
+"""What to type in place of commands that there were."""
 NO_ROOM, INTERRUPTED = 3, 130
 
 _EPILOG = (
@@ -65,21 +71,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _command(arguments: list[str]) -> int:
     """What the words ask for."""
-    named = arguments[0] if arguments and arguments[0] in MODULES else None
-    if named is None and arguments and not arguments[0].startswith("-"):
-        word = arguments[0]
-        if word in FORMER:
-            rest = printable(shlex.join(arguments[1:])) or "FILE"
-            print(f"tcstudy: {word} is now: {FORMER[word].format(rest)}", file=sys.stderr)
-            raise SystemExit(BAD_INPUT)
-        near = difflib.get_close_matches(word.lower(), MODULES, n=1, cutoff=0.55)
-        remedy = f"did you mean {near[0]!r}?" if near else f"use one of {', '.join(MODULES)}"
-        if word.endswith((".yaml", ".yml", ".nc")):
-            remedy = f"did you mean tcstudy {'show' if word.endswith('.nc') else 'run'} {word}?"
-        print(f"tcstudy: there is no command {word!r}; {remedy}", file=sys.stderr)
+    if now := FORMER.get("".join(arguments[:1])):
+        print(f"tcstudy: {arguments[0]} is now: {now}", file=sys.stderr)
         raise SystemExit(BAD_INPUT)
-    options = parser_of(named).parse_args(arguments)
-    options.words, options.parser_of = ["tcstudy", *arguments], parser_of
+    options = parser_of().parse_args(arguments)
+    options.words = ["tcstudy", *arguments]
     try:
         return int(options.run(options))
     except UserFault as fault:
@@ -137,22 +133,20 @@ class _Parser(argparse.ArgumentParser):
         self.exit(BAD_INPUT, f"{self.prog}: {printable(message)}; see {self.prog} --help\n")
 
 
-def parser_of(named: str | None = None) -> argparse.ArgumentParser:
-    """The parser with one command, or with all of them, of which only one is needed to do it."""
+def parser_of() -> argparse.ArgumentParser:
+    """The parser with all commands."""
     parser = _Parser(
         prog="tcstudy",
         description="Parametric studies of thermoelastic contact with nonmonotone, multivalued friction.",
         epilog=_EPILOG,
     )
-    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND", dest="command")
-    for name in MODULES if named is None else (named,):
-        command = getattr(import_module(f"tcstudy.commands.{MODULES[name]}"), name)
-        command.fill(commands.add_parser(name, help=command.help, epilog=_EPILOG))
-    parser.add_argument("--version", action="version", version=f"tcstudy {_version()}" if named is None else "")
+    parser.add_argument("--version", action="version", version=f"tcstudy {metadata.version('tcstudy')}")
+    parsers = parser.add_subparsers(title="commands", required=True, metavar="COMMAND", dest="command")
+    for name, one in COMMANDS.items():
+        own = parsers.add_parser(name, help=one.help, epilog=_EPILOG)
+        own.set_defaults(read=None, kept=one.kept, run=one.run)
+        for flags, told in one.options:
+            action = own.add_argument(*flags, **told)
+            if told.get("type") in (named, file_name):
+                action.complete = COMPLETED  # type: ignore[attr-defined]  # where shtab looks for it
     return parser
-
-
-def _version() -> str:
-    from importlib import metadata
-
-    return metadata.version("tcstudy")

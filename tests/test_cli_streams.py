@@ -4,13 +4,11 @@ import io
 import os
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from tcstudy import cli
-from tcstudy.commands import run as command
 from tests.commands import tcstudy_command
 from tests.test_cli import STUDY as BLOCK
 
@@ -63,12 +61,12 @@ def test_missing_memory_is_one_line_and_other_errors_are_not_called_that(
     def work(options: object) -> int:
         raise error
 
-    monkeypatch.setattr(command, "run", replace(command.run, run=work))
+    monkeypatch.setitem(cli.COMMANDS, "run", cli.COMMANDS["run"]._replace(run=work))
     if error is ZeroDivisionError:
         with pytest.raises(ZeroDivisionError):
             cli.main(["run", "block.yaml"])
         return
     assert cli.main(["run", "block.yaml"]) == cli.NO_ROOM
     said = capsys.readouterr().err
-    assert said.startswith("there is not enough memory; finished points are kept")
+    assert said.startswith("there is not enough memory; nothing was written")
     assert said.count("\n") == 1

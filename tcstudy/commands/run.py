@@ -4,59 +4,46 @@ from __future__ import annotations
 
 import argparse
 import shlex
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tcstudy.commands.shared import (
-    MANNER,
-    OK,
-    SOME_FAILED,
-    STUDY,
-    Option,
-    at,
-    checked,
-    command,
-    count,
-    fail,
-    file_name,
-    note,
-    point_of,
-    say,
-    spoken,
-)
-from tcstudy.errors import UsageError
+from tcstudy.commands import shared
+from tcstudy.commands.shared import MANNER, OK, SOME_FAILED, STUDY, Option, command, fail, file_name, option
 
 if TYPE_CHECKING:
     from tcstudy.data.provenance import Kind
     from tcstudy.scene.study import Study
-    from tcstudy.study.workers import WorkerPool
 
-KEPT = "finished points are kept, the same command goes on from there"
-"""What becomes of the work of a run that is stopped."""
+KEPT = {
+    "run": "finished points are kept, the same command goes on from there",
+    "history": "finished steps are kept, the same command goes on from there",
+}
+"""What becomes of the work that is stopped, by what a study asks for."""
 _APPEND = "keep the points of the result file and add those that the study's sweep has beside them"
 _DRY_RUN = "make every check and say what a run would do, and about what it takes; writes nothing"
 _JOBS = "worker processes for contact problems, geometries, histories; 1 for none (default: as many as pay)"
 _DASK = "dask scheduler whose workers do that instead: tcp://host:port; local starts one with --jobs workers"
 _FORCE = "compute again what the result file holds already, and replace results of another study"
-FORCE = Option("--force", action="store_true", help=_FORCE)
+FORCE = option("--force", action="store_true", help=_FORCE)
 _NEW = "the study (default: study.yaml); a file that is there is kept"
 STARTER, SCHEMA = Path(__file__).with_name("starter.yaml"), "study.schema.json"
 
 
 def _output(what: str) -> Option:
-    return Option("-o", "--output", type=file_name, metavar="FILE", help=what)
+    return option("-o", "--output", type=file_name, metavar="FILE", help=what)
 
 
 def _plot(what: str) -> Option:
-    return Option("--plot", type=file_name, metavar="PICTURE", help=f"{what}: a .png, .svg or .pdf file")
+    return option("--plot", type=file_name, metavar="PICTURE", help=f"{what}: a .png, .svg or .pdf file")
 
 
 @command(
     "write a commented starter study",
-    Option("file", type=file_name, nargs="?", default=Path("study.yaml"), metavar="FILE", help=_NEW),
+    option("file", type=file_name, nargs="?", default=Path("study.yaml"), metavar="FILE", help=_NEW),
 )
 def init(options: argparse.Namespace) -> int:
     """Write the starter study and say what comes next."""
@@ -90,104 +77,17 @@ def starter(study: Path) -> Path:
     _plot("also draw it"),
     *MANNER,
     FORCE,
-    Option("--jobs", type=count, metavar="N", help=_JOBS),
-    Option("--dask", metavar="ADDRESS", help=_DASK),
-    Option("--append", action="store_true", help=_APPEND),
-    Option("--dry-run", action="store_true", help=_DRY_RUN),
-    kept=KEPT,
+    option("--jobs", type=shared.count, metavar="N", help=_JOBS),
+    option("--dask", metavar="ADDRESS", help=_DASK),
+    option("--append", action="store_true", help=_APPEND),
+    option("--dry-run", action="store_true", help=_DRY_RUN),
 )
 def run(options: argparse.Namespace) -> int:
     """Do what a study asks, or say what that would be."""
+    study = _read(options)
     if options.dry_run:
-        return _dry_run(options)
-    from tcstudy.study.workers import WorkerPool
-
-    with closing(WorkerPool(options.jobs, options.dask)) as pool:
-        study, output = checked(options, at_once=lambda study: pool.early(study) if study.kind == "run" else None)
-        if study.kind != "run":
-            options.kept = "nothing was written"
-            if study.history:
-                options.kept = "finished steps are kept, the same command goes on from there"
-        try:
-            check_options(study.kind, options.study, options.force, options.append, options.dask)
-        except UsageError as fault:
-            fail(f"--{fault}")
-        how = {"append": options.append, "jobs": options.jobs, "dask": options.dask, "pool": pool}
-        whole = _made(options, study.kind, study, output, **how)
-    asked, failed = failures(output)
-    below = [*_plotted(options, output), f"data in {output}"]
-    if study.kind == "run":
-        below[-1:] = (f"{why}: {shlex.join(words)}" for why, words in _onward(options, output, failed))
-        said = "found before" if whole else "found"
-        below.insert(0, f"{asked - failed} of {asked} solutions {said}; data in {output}")
-    say(options, output, ["", *(f"  {line}" for line in below)])
-    return SOME_FAILED if failed else OK
-
-
-def check_options(kind: Kind, study: object, force: bool, append: bool, dask: str | None) -> None:
-    """Raise UsageError for options of `run` that do not go together, or not with what the study asks for."""
-    if force and append:
-        raise UsageError("force computes all points again, append keeps them; give one of these")
-    if append and kind != "run":
-        remedy = f"leave it out, or run it with --set {kind}=null"
-        raise UsageError(f"append adds points of a sweep, and {study} has a section {kind}; {remedy}")
-    if dask is not None and kind in ("path", "fit"):
-        raise UsageError(f"dask: a {kind} has no work for others; leave it out")
-
-
-def _onward(options: argparse.Namespace, output: Path, failed: int) -> Iterator[tuple[str, list[str]]]:
-    """What fits a run as the next command, with the reason."""
-    from tcstudy.study.convergence import MIN_LEVELS
-
-    study: Study = options.read
-    kept = [text for text in options.overrides if not (text.startswith("path=") and study.path is None)]
-    again = [str(options.study), *(f"--set={text}" for text in kept)]
-    if failed:
-        yield "what failed, and why", ["tcstudy", "show", str(output), "-v"]
-        return
-    if study.design is not None and study.design.mode == "saltelli":
-        yield "which parameter decides", ["tcstudy", "show", str(output), "--of=friction_resultant"]
-    if not study.solver.every and not study.mesh.guarantee and not _proved_unique(output):
-        from tcstudy.scene.parameters import affine_numbers
-
-        if len(study.axes) == 1 and (axis := study.axes[0]).path in dict(affine_numbers(study.scenes[0])):
-            span = f"path={{parameter: {'.'.join(axis.path)}, from: {axis.values[0]}, to: {axis.values[-1]}}}"
-            yield "whether a path has other solutions", ["tcstudy", "run", *again, f"--set={span}"]
-    if study.mesh.levels >= MIN_LEVELS or (study.mesh.levels > 1 and (study.mesh.listed or study.exact is not None)):
-        yield "how exact these are", ["tcstudy", "converge", *again]
-    elif not study.mesh.listed:
-        others = [word for word in again if not word.startswith("--set=mesh.levels=")]
-        yield "how exact these are", ["tcstudy", "converge", *others, f"--set=mesh.levels={MIN_LEVELS}"]
-    yield "all of it on one page", ["tcstudy", "report", str(output)]
-
-
-def _dry_run(options: argparse.Namespace) -> int:
-    """Every check that a run makes, and what the run would do."""
-    study, output = checked(options)
-    if study.kind == "path":
-        study = options.read = outside_the_sweep(study)
-    from tcstudy.data.provenance import already_there
-    from tcstudy.data.store import axis_name
-    from tcstudy.reports.export.table import json_text
-    from tcstudy.reports.terminal.progress import expected_words, forecast_text
-    from tcstudy.study.plan import hands, plan, resources
-
-    forecast = plan(study)
-    workers, work = hands(study, forecast.levels, options.jobs)
-    expected = resources(study, forecast, workers)
-    time = expected_words(expected, at_most=study.mesh.open_ended)
-    if options.json:
-        axes = [{"name": axis_name(axis), "units": axis.units, "values": axis.labels} for axis in study.axes]
-        about = {"kind": "plan", "title": study.title, "output": str(output), "axes": axes}
-        print(json_text({**about, "most_levels": study.mesh.levels, **asdict(forecast), **asdict(expected)}))
-    elif options.quiet:
-        does = forecast.asked or f"{forecast.points} × {study.mesh.levels} solutions"
-        print(f"{options.study}: {does}: {time}")
-    else:
-        more = [f"note: {text}" for text in already_there(output, study)]
-        with spoken(options):
-            print(forecast_text(study, forecast, more, output, work, time))
-    return OK
+        return _dry_run(options, study)
+    return _made(options, study.kind, study, append=options.append, jobs=options.jobs, dask=options.dask)
 
 
 @command(
@@ -196,19 +96,18 @@ def _dry_run(options: argparse.Namespace) -> int:
     _output("convergence file (default: results/<study>.convergence.nc)"),
     *MANNER,
     _plot("draw the errors"),
-    at("the point of tables and picture (default: orders of all, picture of the first)"),
+    shared.at("the point of tables and picture (default: orders of all, picture of the first)"),
     FORCE,
 )
 def converge(options: argparse.Namespace) -> int:
     """Errors, rates and limits over the levels."""
-    point = point_of(options)
-    study, path = checked(options, "convergence")
-    from tcstudy.study.convergence import without_errors
+    point, study = shared.point_of(options), _read(options, swept=True)
+    if options.plot is not None:
+        from tcstudy.study.convergence import without_errors
 
-    place_of(study, point)
-    if options.plot is not None and (lack := without_errors(study)):
-        fail(f"--plot: there would be no errors to draw: {lack}")
-    return _measured(options, "convergence", study, path, at=point)
+        if lack := without_errors(study):
+            fail(f"--plot: there would be no errors to draw: {lack}")
+    return _made(options, "convergence", study, point, at=point)
 
 
 @command(
@@ -217,50 +116,187 @@ def converge(options: argparse.Namespace) -> int:
     _output("cost file (default: results/<study>.cost.nc)"),
     *MANNER,
     _plot("draw the chart"),
-    at("sweep point (default: first)"),
+    shared.at("sweep point (default: first)"),
     FORCE,
 )
 def cost(options: argparse.Namespace) -> int:
     """Accuracy against cost of mesh families and solvers, at one sweep point."""
-    point = point_of(options)
-    return _measured(options, "cost", *checked(options, "cost"), point)
+    return _made(options, "cost", _read(options, swept=True), at=shared.point_of(options))
 
 
-def _measured(
-    options: argparse.Namespace, kind: Kind, study: Study, path: Path, point: dict[str, str] | None = None, **drawn: Any
+def _read(options: argparse.Namespace, swept: bool | None = None) -> Study:
+    """The study, kept in the options, where cli finds the place of a later fault; a picture of it can be drawn."""
+    from tcstudy.read.study import read_study
+
+    study: Study = read_study(options.study, options.overrides, swept=swept)
+    options.read = study
+    if options.plot is not None:
+        from tcstudy.reports.figures.style import check_target
+
+        check_target(options.plot)
+    return study
+
+
+def _made(
+    options: argparse.Namespace, kind: Kind, study: Study, drawn: Mapping[str, Any] | None = None, **how: Any
 ) -> int:
-    """Measure, say what the file says, what was drawn and where the data are."""
-    _made(options, kind, study, path, at=point)
-    lines = (*_plotted(options, path, **drawn), f"data in {path}")
-    say(options, path)
-    for line in lines:
-        note(options, line)
-    return SOME_FAILED if failures(path)[1] else OK
+    """Make the file, draw what --plot asks for, and say what the file says, where it is and what comes next."""
+    options.kept = KEPT.get(kind, options.kept)
+    quiet = options.manner == "quiet"
+    output, whole, there = do(kind, study, options.output, options.words, None if quiet else "", options.force, **how)
+    if there and not quiet:
+        print(f"{output} {there}", file=sys.stderr, flush=True)
+    asked, failed = failures(output)
+    below = [f"data in {output}"]
+    if kind == "run":
+        below = [f"{asked - failed} of {asked} solutions found{' before' if whole else ''}; data in {output}"]
+        below += (f"{why}: {shlex.join(words)}" for why, words in _onward(options, study, output, failed))
+    if options.plot is not None:
+        from tcstudy.reports.figures.draw import Wanted, picture
+
+        below.insert(0, picture(output, options.plot, Wanted(drawn)))
+    shared.say(options, output, ["", *(f"  {line}" for line in below)])
+    return SOME_FAILED if failed else OK
 
 
-def _made(options: argparse.Namespace, kind: Kind, study: Study, output: Path, **how: Any) -> bool:
-    """Make the file, and tell what it had; whether that was all."""
-    whole, there = do(kind, study, output, options.words, None if options.quiet else "", options.force, **how)
-    if there:
-        note(options, f"{output} {there}")
-    return whole
+def _onward(options: argparse.Namespace, study: Study, output: Path, failed: int) -> Iterator[tuple[str, list[str]]]:
+    """What fits a run as the next command, with the reason."""
+    from tcstudy.study.convergence import MIN_LEVELS
+
+    if failed:
+        yield "what failed, and why", ["tcstudy", "show", str(output), "-v"]
+        return
+    kept = [text for text in options.overrides if not (text.startswith("path=") and study.path is None)]
+    if study.mesh.levels < MIN_LEVELS and not study.mesh.listed and not (study.exact and study.mesh.levels > 1):
+        kept = [*(text for text in kept if not text.startswith("mesh.levels=")), f"mesh.levels={MIN_LEVELS}"]
+    if not study.mesh.listed or study.mesh.levels > 1:
+        yield "how exact these are", ["tcstudy", "converge", str(options.study), *(f"--set={text}" for text in kept)]
+    yield "all of it on one page", ["tcstudy", "report", str(output)]
 
 
-def _plotted(options: argparse.Namespace, file: Path, **wanted: Any) -> list[str]:
-    """Draw what --plot asks for; a line on what was drawn."""
-    if options.plot is None:
-        return []
-    from tcstudy.reports.figures.draw import Wanted, picture
+def _dry_run(options: argparse.Namespace, study: Study) -> int:
+    """Every check that a run makes, and what the run would do."""
+    output = usable(study.kind, study, options.output)
+    if study.kind == "path":
+        study = options.read = outside_the_sweep(study)
+    from tcstudy.data.provenance import already_there
+    from tcstudy.reports.export.table import json_text
+    from tcstudy.reports.terminal.progress import expected_words, forecast_text
+    from tcstudy.study.plan import hands, plan, resources
 
-    return [picture(file, options.plot, Wanted(**wanted))]
+    forecast = plan(study)
+    workers, work = hands(study, forecast.levels, options.jobs)
+    expected = resources(study, forecast, workers)
+    time = expected_words(expected, at_most=study.mesh.open_ended)
+    if options.manner == "json":
+        about = {"kind": "plan", "title": study.title, "output": str(output), "most_levels": study.mesh.levels}
+        print(json_text({**about, **asdict(forecast), **asdict(expected)}))
+    elif options.manner == "quiet":
+        print(f"{options.study}: {forecast.asked or f'{forecast.points} × {study.mesh.levels} solutions'}: {time}")
+    else:
+        more = [f"note: {text}" for text in already_there(output, study)]
+        with shared.spoken(options):
+            print(forecast_text(study, forecast, more, output, work, time))
+    return OK
 
 
-def _proved_unique(output: Path) -> bool:
-    """Whether a file's solutions on the finest mesh are all proved to be the only ones."""
-    import netCDF4
+# -- what the commands and the public functions do ---------------------------------------------------------------------
 
-    with netCDF4.Dataset(output) as nc:
-        return "unique" in nc.variables and bool((nc["unique"][...][..., -1] == 1).all())
+
+def usable(kind: Kind, study: Study, output: Path | None) -> Path:
+    """The file that is asked for or usual for these results, where they can be. Raises UsageError with all faults."""
+    from tcstudy.study.lint import check_kind, faults, output_of  # needs the mesher, a fault in the text does not
+
+    check_kind(study, kind, str(study.source or "the study"))
+    output = output or output_of(study, kind)
+    if problems := faults(study, output):
+        fail("\n".join(problems))
+    return output
+
+
+def do(
+    kind: Kind,
+    study: Study,
+    output: Path | None,
+    words: Sequence[str],
+    first: str | None = None,
+    force: bool = False,
+    *,
+    append: bool = False,
+    jobs: int | None = None,
+    dask: str | None = None,
+    at: Mapping[str, Any] | None = None,
+) -> tuple[Path, bool, str]:
+    """Make the file of a study's results; returns its name, whether it had all of them, and what it had, in words.
+
+    kind:  of the results;  words: the command, for the file's history
+    first: what is said before the work, whose progress is then shown; None for silence
+    append, jobs, dask: as of `tcstudy.run`;  at: of convergence and cost, a point by its labels
+
+    Raises StoreError where the file holds something else, which only `force` replaces; UsageError for options that do
+    not go together, or not with what the study asks for; else as the work does.
+    """
+    from tcstudy.study.workers import WorkerPool
+
+    if force and append:
+        fail("--force computes all points again, --append keeps them; give one of these")
+    if append and kind != "run":
+        remedy = f"leave it out, or run it with --set {kind}=null"
+        fail(f"--append adds points of a sweep, and {study.source or 'the study'} has a section {kind}; {remedy}")
+    if dask is not None and kind in ("path", "fit"):
+        fail(f"--dask: a {kind} has no work for others; leave it out")
+    pool = WorkerPool(jobs, dask)
+    with closing(pool.early(study) if kind == "run" else pool):  # which takes as long as what is imported from here on
+        output = usable(kind, study, output)
+        point, index = place_of(study, at) if at or kind == "cost" else ("", ())
+        there, swept = "holds these results already; --force computes them again", [axis.name for axis in study.axes]
+        study = outside_the_sweep(study) if kind == "path" else study
+        if kind == "run":
+            from tcstudy.study.run import execute, what_is_left
+
+            study, kept = what_is_left(study, output, force, append)
+            if not kept.todo.any():
+                return output, True, "has all these points" if append else there
+        elif kind != "history" and not force:
+            from tcstudy.data.provenance import holds
+
+            if holds(output, kind, study, **what_decides(kind, study, at)):
+                return output, True, there
+        from tcstudy.reports.terminal.progress import Progress
+        from tcstudy.reports.terminal.stream import Stream
+
+        with closing(Progress(study, Stream(None) if first is None else None)) as progress:
+            if first:
+                progress.event(first)
+            match kind:
+                case "run":
+                    execute(study, output, progress, words, jobs, dask, kept, pool)
+                case "path":
+                    from tcstudy.study.path_run import execute_path
+
+                    execute_path(study, output, progress.path, words, swept)
+                case "history":
+                    from tcstudy.study.history_run import execute_history
+
+                    done = execute_history(study, output, progress.history, words, force, jobs, dask)
+                    if done.found == done.points * done.steps:
+                        return output, True, there
+                    return output, False, f"held {done.found} steps; the others were added" if done.found else ""
+                case "fit":
+                    from tcstudy.study.fit import fit
+                    from tcstudy.study.run import to_file
+
+                    to_file(output, study, words, lambda: fit(study, progress.event))
+                case "convergence":
+                    from tcstudy.study.convergence import converge_to_file
+
+                    converge_to_file(study, output, progress.event, words)
+                case "cost":
+                    from tcstudy.study.cost import RUNS, cost_to_file
+
+                    progress.event(f"time unknown until the first of {RUNS} runs has measured it")
+                    cost_to_file(study, index, point, RUNS, output, progress.cost, words)
+    return output, False, ""
 
 
 def what_decides(kind: Kind, study: Study, at: Mapping[str, Any] | None = None) -> dict[str, object]:
@@ -270,81 +306,6 @@ def what_decides(kind: Kind, study: Study, at: Mapping[str, Any] | None = None) 
 
         return {"point": place_of(study, at)[0], "runs": RUNS}
     return {"data_sha256": study.fit.sha256} if kind == "fit" and study.fit is not None else {}
-
-
-def do(
-    kind: Kind,
-    study: Study,
-    output: Path,
-    words: Sequence[str],
-    first: str | None = None,
-    force: bool = False,
-    *,
-    append: bool = False,
-    jobs: int | None = None,
-    dask: str | None = None,
-    at: Mapping[str, Any] | None = None,
-    pool: WorkerPool | None = None,
-) -> tuple[bool, str]:
-    """Make the file of a study's results; returns whether it had all of them, and what it had of them, in words.
-
-    kind:  of the results;  words: the command, for the file's history
-    first: what is said before the work, whose progress is then shown; None for silence
-    append, jobs, dask, pool: as of `tcstudy.study.run`;  at: of cost, the point by its labels
-
-    Raises StoreError where the file holds something else, which only `force` replaces; else as the work does.
-    """
-    from tcstudy.reports.terminal.progress import Progress
-
-    there, swept = "holds these results already; --force computes them again", [axis.name for axis in study.axes]
-    study = outside_the_sweep(study) if kind == "path" else study
-    if kind == "run":
-        from tcstudy.study.run import execute, what_is_left
-
-        study, kept = what_is_left(study, output, force, append)
-        if not kept.todo.any():
-            return True, "has all these points" if append else there
-    elif kind != "history" and not force:
-        from tcstudy.data.provenance import holds
-
-        if holds(output, kind, study, **what_decides(kind, study, at)):
-            return True, there
-    with closing(Progress(study)) as progress:
-        shown = None if first is None else progress
-        say = (lambda text: None) if shown is None else shown.event
-        if first:
-            say(first)
-        match kind:
-            case "run":
-                execute(study, output, shown, words, jobs, dask, kept, pool)
-            case "path":
-                from tcstudy.study.path_run import execute_path
-
-                execute_path(study, output, shown.path if shown else None, words, swept)
-            case "history":
-                from tcstudy.study.history_run import execute_history
-
-                done = execute_history(study, output, shown.history if shown else None, words, force, jobs, dask)
-                if done.found == done.points * done.steps:
-                    return True, there
-                return False, f"held {done.found} steps; the others were added" if done.found else ""
-            case "fit":
-                from tcstudy.study.fit import fit
-                from tcstudy.study.run import to_file
-
-                to_file(output, study, words, lambda: fit(study, say))
-            case "convergence":
-                from tcstudy.study.convergence import converge_to_file
-
-                converge_to_file(study, output, say, words)
-            case "cost":
-                from tcstudy.study.cost import RUNS, cost_to_file
-
-                point, index = place_of(study, at)
-                say(f"time unknown until the first of {RUNS} runs has measured it")
-                follow = (lambda text, left: None) if shown is None else shown.cost
-                cost_to_file(study, index, point, RUNS, output, follow, words)
-    return False, ""
 
 
 def failures(output: Path) -> tuple[int, int]:

@@ -89,8 +89,6 @@ def slipped(slip: str, at: str, lengths: Mapping[str, tuple[str, str]]) -> str:
 FEWEST, STEEP, NOTABLE = 4, 4.0, 0.25
 """A step is abrupt where a line has so many points, it is so many times the median of the others and so large a part
 of the largest value of the whole line."""
-PIECE = 2**16
-"""Points that are looked at together."""
 LENGTHS = {"slip": "slips", "debonded": "debonded", "softening": "softening", "yielded": "yielded"}
 """Lengths of the contact line of which the sentence speaks, by what happens there."""
 HOW = {
@@ -213,29 +211,20 @@ def _answer(run: RunSeen) -> str:
 
 
 def several_found(run: RunSeen, unique: Flags) -> Flags:
-    """(*dims) solved points at which more than one solution was found, piece by piece to save memory."""
-    ok = run.ok
+    """(*dims) solved points at which more than one solution was found."""
     if (count := run.take("solutions")) is not None:
-        return np.asarray(ok & (count > 1))
-    if (starts := run.take("start_energy")) is None:
-        return np.zeros_like(ok)
-    rows = starts.reshape(ok.size, -1)
-    found = [several(rows[i : i + PIECE], unique.ravel()[i : i + PIECE]) for i in range(0, ok.size, PIECE)]
-    return np.asarray(ok & np.concatenate(found).reshape(ok.shape))
+        return np.asarray(run.ok & (count > 1))
+    energy = run.take("start_energy")
+    return run.ok & several(energy, unique) if energy is not None else np.zeros_like(run.ok)
 
 
-def several(energy: Array, unique: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(P,) more than one solution was found: starts (P, s) led to energies that differ by more than rounding, and no
+def several(energy: Array, unique: Flags) -> Flags:
+    """(…) more than one solution was found: starts (…, s) led to energies that differ by more than rounding, and no
     proof says that this is all that it can be.
     """
-    return np.asarray((different_energies(energy) > 1) & ~unique)
-
-
-def different_energies(energy: Array) -> NDArray[np.int_]:
-    """How many different energies the starts (last axis) of each point led to, relative to the largest."""
     energy = np.sort(energy, axis=-1)
     size = np.max(np.abs(np.where(np.isfinite(energy), energy, 0.0)), axis=-1, keepdims=True)
-    return np.asarray(1 + np.count_nonzero(np.diff(energy, axis=-1) > SAME * size, axis=-1))
+    return np.asarray(np.any(np.diff(energy, axis=-1) > SAME * size, axis=-1) & ~unique)
 
 
 def equilibria(count: int, stable: int | None = None, complete: int = 1) -> str:

@@ -131,7 +131,7 @@ def brief(path: Path) -> dict[str, Json]:
         "file": str(path),
         "title": str(data.attrs["title"]),
         "warnings": [*map(asdict, remarks_of(data.attrs))],
-        "verdict": verdict_of(data, kind, path)[0],
+        "verdict": verdict_of(path)[0],
         "attributes": told,
         "units": {name: str(one.attrs["units"]) for name, one in every.items() if "units" in one.attrs},
     }

@@ -145,7 +145,7 @@ def _branches(data: Any, at: Callable[..., str]) -> Iterator[str]:
         yield f"  {f'{len(on)} of' if known[i] else 'at least'} {len(on)} equilibria at {at(value)}{off}"
 
 
-def _solutions(data: Any, at: Callable[..., str]) -> Table:
+def _solutions(data: Any, at: Callable[..., str]) -> Part:
     """One row per solution at the requested values."""
     every, columns = int(data.sizes.get("solution", 0)), list[TextColumn]()
     if every:
@@ -168,7 +168,7 @@ def _solutions(data: Any, at: Callable[..., str]) -> Table:
     notes = [f"… {every - MOST_ROWS} more solutions in the file"] if every > MOST_ROWS else []
     missing = [at(value) for value in data["at"].values[data["solution_count"].values == 0]]
     notes += [f"no solution on the path at {', '.join(missing)}"] if missing else []
-    return Table("", columns, tuple(notes))
+    return Table("", columns, tuple(notes)) if every else f"  {notes[0]}"
 
 
 def _loop(data: Any, full: bool) -> Iterator[str]:

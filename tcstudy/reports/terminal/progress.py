@@ -8,14 +8,14 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TextIO, cast
+from typing import Any, TextIO
 
 import numpy as np
 
 from tcstudy.data.provenance import without_paths
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import PointStatus
-from tcstudy.reports.terminal.stream import Stream, raw_terminal, visible
+from tcstudy.reports.terminal.stream import Stream, visible
 from tcstudy.reports.terminal.tables import TextColumn, columns_table, quantity, wrapped
 from tcstudy.reports.text import counted, kind, named, number, scaled_labels, span, with_unit
 from tcstudy.scene.study import Study
@@ -29,10 +29,11 @@ class Progress:
     stream is given. Close it after use: that removes the line.
     """
 
-    def __init__(self, study: Study, stream: TextIO | None = None) -> None:
-        self._stream = raw_terminal(stream or cast(TextIO, sys.stderr or Stream(None)))
-        self._notebook = type(self._stream).__module__.startswith("ipykernel.")
-        self._shown, self._width = self._notebook or self._stream.isatty(), 0
+    def __init__(self, study: Study, stream: TextIO | Stream | None = None) -> None:
+        stream = stream or sys.stderr
+        self._stream = stream.raw() if isinstance(stream, Stream) else stream or Stream(None)
+        notebook = type(stream).__module__.startswith("ipykernel.")
+        self._shown, self._width = notebook or self._stream.isatty(), 0
         self._study, self._start, self._where = study, time.monotonic(), ""
         self._failures = Counter[tuple[PointStatus, str]]()
 
@@ -120,9 +121,8 @@ class Progress:
     def _rewrite(self, text: str) -> None:
         """The line anew, or empty; only a terminal and a notebook have it."""
         if self._shown and (text or self._width):
-            # a notebook knows no escape that empties a line
-            line = f"\r{visible(text):<{self._width}}" if self._notebook else f"\r\x1b[K{visible(text)}"
-            self._stream.write(line if text else f"{line}\r")
+            # blanks, as a notebook knows no escape that empties a line
+            self._stream.write(f"\r{visible(text):<{self._width}}" + ("" if text else "\r"))
             self._stream.flush()
             self._width = len(text)
 

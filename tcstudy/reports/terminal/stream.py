@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import codecs
 import errno
+import io
 import os
 import re
 import sys
 import unicodedata
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
 from typing import Any, TextIO, cast
 
 from tcstudy.errors import printable
@@ -50,37 +51,21 @@ class Stream:
     def __init__(self, stream: TextIO | None, controls: bool = False) -> None:
         self._stream, self._controls = stream, controls
         self.lost: Exception | None = None
+        if isinstance(stream, io.TextIOWrapper) and not stream.closed:
+            stream.reconfigure(errors="spelled")
 
     def write(self, text: str) -> int:
         """Write the text, its control characters made visible."""
-        shown = text if self._controls else visible(text)
-        if self._stream is not None:
-            try:
-                try:
-                    self._stream.write(shown)
-                except UnicodeEncodeError:
-                    encoding = self._stream.encoding
-                    self._stream.write(shown.encode(encoding, "spelled").decode(encoding))
-            except (OSError, ValueError) as error:  # ValueError: the stream was closed
-                self._lose(error)
+        self._do("write", text if self._controls else visible(text))
         return len(text)
 
     def flush(self) -> None:
         """Bring what was written on its way."""
-        if self._stream is not None:
-            try:
-                self._stream.flush()
-            except (OSError, ValueError) as error:
-                self._lose(error)
+        self._do("flush")
 
     def isatty(self) -> bool:
         """Whether a person looks at it."""
         return self._stream is not None and not self._stream.closed and self._stream.isatty()
-
-    @property
-    def encoding(self) -> str:
-        """The encoding of the stream."""
-        return getattr(self._stream, "encoding", None) or "utf-8"
 
     def raw(self) -> Stream:
         """The same for a progress bar, which moves the cursor: control characters pass."""
@@ -89,46 +74,31 @@ class Stream:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
 
-    def _lose(self, error: Exception) -> None:
-        """From here on nothing is written; what the stream still holds must not fail again when Python ends."""
-        self.lost = self.lost or error
-        with suppress(OSError, ValueError, AttributeError):
-            descriptor = cast(TextIO, self._stream).fileno()
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, descriptor)
-            os.close(nowhere)
+    def _do(self, what: str, *given: str) -> None:
+        """From the first error on nothing is written; what the stream still holds must not fail when Python ends."""
+        try:
+            if self._stream is not None:
+                getattr(self._stream, what)(*given)
+        except (OSError, ValueError) as error:  # ValueError: the stream was closed
+            self.lost = self.lost or error
+            with suppress(OSError, ValueError, AttributeError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), cast(TextIO, self._stream).fileno())
 
 
 @contextmanager
 def guarded_streams() -> Iterator[Stream]:
     """Standard output and error as such streams for the time of a `with`; gives that of standard output."""
-    _occupy_descriptors()
-    before = sys.stdout, sys.stderr
-    out, err = Stream(before[0]), Stream(before[1])
-    sys.stdout, sys.stderr = cast(TextIO, out), cast(TextIO, err)
-    try:
-        yield out
-    finally:
-        out.flush()
-        err.flush()
-        sys.stdout, sys.stderr = before
-
-
-def raw_terminal(stream: TextIO) -> TextIO:
-    """A stream for a progress bar, which writes control characters of its own."""
-    return cast(TextIO, stream.raw()) if isinstance(stream, Stream) else stream
+    while (lowest_free := os.open(os.devnull, os.O_RDWR)) < 3:
+        pass  # of 0, 1, 2 those that are closed lead nowhere: a result file must not become someone's standard error
+    os.close(lowest_free)
+    with redirect_stdout(Stream(sys.stdout)) as out, redirect_stderr(Stream(sys.stderr)) as err:
+        try:
+            yield out
+        finally:
+            out.flush()
+            err.flush()
 
 
 def is_lost(out: Stream) -> bool:
     """Whether output was lost that someone still wanted: not when its reader had enough, as `head` does."""
     return out.lost is not None and getattr(out.lost, "errno", None) not in (errno.EPIPE, errno.ESHUTDOWN)
-
-
-def _occupy_descriptors() -> None:
-    """Open the closed ones of 0, 1, 2 to nowhere: a result file must not become someone's standard error."""
-    for descriptor in range(3):
-        try:
-            os.fstat(descriptor)
-        except OSError:
-            with suppress(OSError):
-                os.open(os.devnull, os.O_RDWR)  # gets the lowest free number, which is this one

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from tcstudy.data.files import Seal, seal_of
 from tcstudy.data.provenance import kind_of
 from tcstudy.data.reading import GEOMETRIES, asked, axis_names, by_point, load_root, of_largest, open_root, sweep_dims
 from tcstudy.data.schema import DIFFERENTIABLE, LIMITED, OF_POLYGON, UNBALANCED, PointStatus
@@ -19,15 +18,12 @@ from tcstudy.reports import sentences
 from tcstudy.reports.select_point import Value, axis_labels, describe, matching
 from tcstudy.reports.terminal import accuracy, fit, paths
 from tcstudy.reports.terminal.tables import (
-    WIDE,
     Heading,
     Part,
     Table,
     TextColumn,
-    fits,
     quantity,
     render,
-    split_table,
 )
 from tcstudy.reports.text import PROOFS, Failure, counted, digits_lost, failure_lines, headed, number, proved
 
@@ -71,14 +67,10 @@ def text_of(file: Path, full: bool = False, point: Mapping[str, Value] | None = 
     return text
 
 
-def verdict_of(data: Any, kind: str, path: Path) -> tuple[str, str, bool]:
-    """The sentence of a file of any kind, how what it says is known, and whether all is well.
-
-    data: its root dataset, which that of a run needs not; None where it is not read yet
-    """
-    if kind == "run":
-        return sentences.verdict(path)
-    return KINDS[kind][0](load_root(path) if data is None else data)
+def verdict_of(path: Path) -> tuple[str, str, bool]:
+    """The sentence of a file of any kind, how what it says is known, and whether all is well."""
+    kind = kind_of(path)
+    return sentences.verdict(path) if kind == "run" else KINDS[kind][0](load_root(path))
 
 
 def _parts(data: Any, most: int | None, point: Mapping[str, Value]) -> Iterator[Part]:
@@ -109,24 +101,20 @@ _ESTIMATED = (
 
 
 def _levels(data: Any) -> Table:
-    """One row per mesh level: size, outcome, worst residual, where the time went."""
+    """One row per mesh level: size, outcome, worst residual, and the seconds that it took."""
     dims, total = sweep_dims(data), data["status"].isel(level=0).size
     ok = (data["status"] == int(PointStatus.OK)).sum(dims).values
-
-    def texts(title: str, name: str, rank: int = 0) -> TextColumn:
-        return TextColumn(title, [str(int(value)) for value in data[name].values], rank)
-
+    worst, lowest = data["inclusion_residual"].max(dims).values, data["lambda_1"].min(dims).values
+    spent = data["time_mesh"] + data["time_assemble"] + (data["time_condense"] + data["time_solve"]).sum(dims)
     columns = [
-        texts("level", "level"),
-        quantity("h_max", data["h_max"].values, data["h_max"].attrs["units"], 4, 2),
-        texts("dofs", "n_dof", 1),
-        texts("contact", "n_contact", 7),
+        TextColumn("level", data["level"].values.astype(str)),
+        quantity("h_max", data["h_max"].values, data["h_max"].attrs["units"], rank=2),
+        TextColumn("dofs", data["n_dof"].values.astype(int).astype(str), 1),
+        TextColumn("contact", data["n_contact"].values.astype(int).astype(str), 7),
         TextColumn("ok", [f"{int(n)}/{total}" for n in ok]),
-        quantity("worst residual", data["inclusion_residual"].max(dims).values, "1", 2),
-        quantity("λ₁", data["lambda_1"].min(dims).values, data["lambda_1"].attrs["units"], 4, 6),
-        quantity("mesh+assembly [s]", (data["time_mesh"] + data["time_assemble"]).values, "1", 2, 9),
-        quantity("condense [s]", data["time_condense"].sum(dims).values, "1", 2, 10),
-        quantity("solve [s]", data["time_solve"].sum(dims).values, "1", 2, 8),
+        quantity("worst residual", worst, digits=2),
+        quantity("λ₁", lowest, data["lambda_1"].attrs["units"], rank=6),
+        quantity("time [s]", spent.values, digits=2, rank=8),
     ]
     for rank, (name, title) in enumerate(((n, t) for n, t in _ESTIMATED if n in data), 1):
         units = data[name].attrs.get("units", "1")
@@ -160,8 +148,7 @@ def _points(data: Any, most: int | None, point: Mapping[str, Value]) -> Iterator
     dims, fine = sweep_dims(data), data.isel(level=-1)
     own = np.flatnonzero(matching(data, point)) if point else np.arange(fine["status"].size)
     shown = own[:most]
-    n, sizes = len(shown), [data.sizes[d] for d in dims]
-    place = dict(zip(dims, np.unravel_index(shown, sizes), strict=True)) if dims else {}
+    place = dict(zip(dims, np.unravel_index(shown, [data.sizes[d] for d in dims]), strict=True)) if dims else {}
     near = data.isel({dim: slice(int(index.max()) + 1) for dim, index in place.items()})
 
     def first(name: str, level: int = -1) -> Any:
@@ -169,41 +156,35 @@ def _points(data: Any, most: int | None, point: Mapping[str, Value]) -> Iterator
 
     status = first("status")
     solved, run = status == PointStatus.OK, status != PointStatus.NOT_RUN
-    labels = []
-    for axis in axis_names(data):
-        texts, unit = axis_labels(near, axis)
-        labels.append(TextColumn(headed(axis, unit), [texts[i] for i in place[str(data[axis].dims[0])]]))
 
     def column(name: str, title: str, rank: int) -> TextColumn:
         found = quantity(title, first(name), fine[name].attrs["units"], rank=rank, like=fine[name].values)
         cells = [c if good or c == "–" else f"({c})" for c, good in zip(found.cells, solved, strict=True)]
         return TextColumn(found.title, cells, rank)
 
+    columns, legend = list[TextColumn](), [CERTIFIED]
+    for axis in axis_names(data):
+        texts, unit = axis_labels(near, axis)
+        columns.append(TextColumn(headed(axis, unit), [texts[i] for i in place[str(data[axis].dims[0])]]))
     usual = [one for one in _COLUMNS if one[0] in fine and np.isfinite(fine[one[0]].values).any()]
     # a reaction is the force of a held edge: once is enough
     more = [n for n in asked(data) if not (n.startswith("reaction_") and n.replace("reaction_", "force_", 1) in fine)]
-    columns = [*labels, *(column(*one) for one in usual)]
-    wanted = [column(name, name, 0) for name in more]
-    rest, legend = [], [CERTIFIED]
+    columns += [column(*one) for one in (*usual, *((name, name, 1) for name in more))]
     if "solutions" in fine:
         told = zip(*(first(name).tolist() for name in ("solutions", "stable_solutions", "complete")), strict=True)
         words = [sentences.equilibria(*one) if good else "–" for one, good in zip(told, solved, strict=True)]
-        rest.append(TextColumn("equilibria", words, 1))
+        columns.append(TextColumn("equilibria", words, 1))
         legend.append(f"equilibria: {EVERY_LEGEND[bool((fine['complete'] == OF_POLYGON).any())]}")
     flags = {name: first(name) for name, _ in PROOFS}
-    proofs = [proved({name: flag[i] for name, flag in flags.items()}) for i in range(n)]
-    proofs = [proofs[i] if solved[i] else "failed" if run[i] else "not run" for i in range(n)]
-    rest.append(TextColumn("certified", proofs, 1))
-    names = [name for name, *_ in usual] + more
+    proofs = [proved({name: flag[i] for name, flag in flags.items()}) for i in range(len(shown))]
+    proofs = [p if good else "failed" if was else "not run" for p, good, was in zip(proofs, solved, run, strict=True)]
+    columns.append(TextColumn("certified", proofs, 1))
     if data.sizes["level"] > 1:
         change = np.abs(first("friction_resultant") - first("friction_resultant", -2))
-        like, units = fine["friction_resultant"].values, fine["friction_resultant"].attrs["units"]
-        scale = (units, 2, 4, like) if "friction_resultant" in names else ("1", 2, 4)
-        rest.append(quantity("Δ∫ξ to last level", np.where(solved, change, np.nan), *scale))
-    lengths = [name for name in names if name.endswith("_length")]
-    if "slip_length" not in names:
-        legend.append("no slip length: b sticks nowhere, so that every slip is not 0")
-    if any(np.isnan(first(name)[solved]).any() for name in lengths):
+        change, like = np.where(solved, change, np.nan), fine["friction_resultant"]
+        columns.append(quantity("Δ∫ξ to last level", change, like.attrs["units"], 2, 4, like.values))
+    lengths = [name for name, *_ in usual if name.endswith("_length")]
+    if "slip_length" not in lengths or any(np.isnan(first(name)[solved]).any() for name in lengths):
         legend.append("–: of a law without such a part (slip length: that sticks nowhere)")
     if len(lengths) > 1:
         legend.append(
@@ -211,14 +192,9 @@ def _points(data: Any, most: int | None, point: Mapping[str, Value]) -> Iterator
         )
     if np.any(run & ~solved):
         legend.append("failed: no solution; the numbers in (parentheses) are those of the last step")
-    few = f" first {n} of {len(own)} points" if n < len(own) else ""
+    few = f" first {len(shown)} of {len(own)} points" if len(shown) < len(own) else ""
     yield f"  Level {int(fine['level'])}, the finest:{few}"
-    if wanted and not fits([*columns, *wanted, *rest], WIDE):
-        yield Table("", [*columns, *rest])
-        yield "  Asked for by output:"
-        yield split_table([*labels, *wanted], len(labels))
-    else:
-        yield Table("", [*columns, *wanted, *rest])
+    yield Table("", columns)
     yield "\n".join(f"  {line}" for line in legend)
 
 
@@ -233,27 +209,24 @@ def _solvers(data: Any) -> Iterator[Part]:
 
     def by_solver(name: str) -> Any:
         values = data[f"solver_{name}"].transpose("solver", ...).values.astype(float)
-        return values.reshape(values.shape[0], -1)
+        return values.reshape(values.shape[0], -1)[:, known]
 
-    energy = by_solver("energy")
-    known = np.isfinite(energy).any(axis=0)
-    lowest = np.min(np.where(np.isfinite(energy), energy, np.inf), axis=0)
-    least = energy <= lowest + SAME * np.max(np.abs(np.nan_to_num(energy)), axis=0)
-    names, rows = [str(name) for name in data["solver"].values], []
-    for i, name in enumerate(names):
-        residual, steps, time, apart = (by_solver(one)[i][known] for one in _SOLVED)
-        worst, most = (float(np.nanmax(one)) if np.isfinite(one).any() else np.nan for one in (residual, apart))
-        share = f"{np.count_nonzero(least[i][known])}/{known.sum()}"
-        spent = number(np.nansum(time), 2)
-        rows.append(
-            [name, number(worst, 2), f"{steps[steps > 0].sum():.0f}", spent, share, number(most, 2) if i else "–"]
-        )
+    known: Any = slice(None)
+    known = np.isfinite(by_solver("energy")).any(axis=0)
+    energy, steps = by_solver("energy"), by_solver("iterations")
+    size = np.max(np.abs(np.nan_to_num(energy)), axis=0)
+    lowest = np.count_nonzero(energy <= np.nanmin(energy, axis=0) + SAME * size, axis=1)
+    names = data["solver"].values.tolist()
     yield f"  Solvers compared on all points and levels; the solutions stored are those of {names[0]}:"
-    header = ("solver", "worst residual", "steps", "solve [s]", "lowest found", "largest difference of u_T")
-    yield Table.of_rows("", header, rows)
-
-
-_SOLVED = ("residual", "iterations", "time", "difference")
+    columns = [
+        TextColumn("solver", names),
+        quantity("worst residual", np.fmax.reduce(by_solver("residual"), axis=1), digits=2, rank=1),
+        TextColumn("steps", [f"{one[one > 0].sum():.0f}" for one in steps], 2),
+        quantity("solve [s]", np.nansum(by_solver("time"), axis=1), digits=2, rank=3),
+        TextColumn("lowest found", [f"{n}/{energy.shape[1]}" for n in lowest], 4),
+        quantity("largest difference of u_T", np.fmax.reduce(by_solver("difference"), axis=1), digits=2, rank=5),
+    ]
+    yield Table("", columns)
 
 
 def _said(data: Any) -> Iterator[str]:
@@ -285,12 +258,10 @@ def _said(data: Any) -> Iterator[str]:
         yield from filter(None, (sentences.of_the_body(low, high, unique, units), sentences.locks(mesh, dual)))
     if len(places := np.argwhere(data["heat_status"].values == UNBALANCED)):
         defects = data["heat_balance"].values[tuple(places.T)]
-        span = dict.fromkeys((number(defects.min(), 2), number(defects.max(), 2)))
-        example = "for example " if len(places) > 1 else ""
         yield (
-            f"heat balance {' to '.join(span)} at {counted(len(places), 'point')}: as thin triangles cost the "
-            "temperature its digits, remove slits and slivers of the body or refine towards them "
-            f"({example}{_point(data, places[0])})"
+            f"heat balance up to {number(defects.max(), 2)} at {counted(len(places), 'point')}: as thin triangles cost "
+            "the temperature its digits, remove slits and slivers of the body or refine towards them "
+            f"(worst at {_point(data, places[np.argmax(defects)])})"
         )
 
 
@@ -300,17 +271,3 @@ def _point(data: Any, place: Any) -> str:
     level = f"level {int(data['level'][where.pop('level')])}"
     name = describe(data, where)
     return f"{name} on {level}" if name else level
-
-
-def other_text(path: Path) -> str:
-    """What xarray says of a file that holds no study; empty where it holds one, or nothing can be read."""
-    import xarray
-
-    if not path.is_file() or seal_of(path) != Seal.NONE:  # a damaged file of ours may crash the library
-        return ""
-    try:
-        with xarray.open_dataset(path, engine="netcdf4") as data:
-            told = f"{path}: no results of a study, so there is no summary of it; what it has:\n\n{data}"
-            return "" if "study_yaml" in data.attrs or not data.variables else told
-    except (OSError, RuntimeError, ValueError):
-        return ""

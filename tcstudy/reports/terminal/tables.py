@@ -13,8 +13,8 @@ from typing import Any
 
 from tcstudy.reports.text import headed, number, prefix
 
-WIDTH, WIDE = 110, 200
-"""Characters of a line of running text; of a table that may be split, where no terminal says how wide it is."""
+WIDTH = 110
+"""Characters of a line of running text where no terminal says how wide it is."""
 
 
 @dataclass(frozen=True)
@@ -113,30 +113,14 @@ def columns_table(columns: Sequence[TextColumn]) -> str:
 
     Where the width is too small for all, the highest ranks go first, those of 0 never, and a line says which went.
     """
-    kept = list(columns)
-    while not fits(kept):
+    kept, gone = list(columns), list[str]()
+    while sum(max(map(len, column.lines)) + 2 for column in kept) > (_width.get() or math.inf):
         last = max(range(len(kept)), key=lambda i: (kept[i].rank, i))
         if kept[last].rank == 0:
             break
-        del kept[last]
-    gone = [column.title for column in columns if not any(column is one for one in kept)]
+        gone.append(kept.pop(last).title)
     text = _aligned(kept)
     return "\n".join([text, wrapped(f"  no room for {', '.join(gone)} (-v has all)")] if gone else [text])
-
-
-def fits(columns: Sequence[TextColumn], otherwise: float = math.inf) -> bool:
-    """Whether a table of all these columns has room; otherwise: characters of a line that is no terminal's."""
-    return sum(max(map(len, column.lines)) + 2 for column in columns) <= (_width.get() or otherwise)
-
-
-def split_table(columns: Sequence[TextColumn], labels: int) -> str:
-    """All columns in as many tables as the width asks for, each with the first `labels` columns."""
-    parts = list[list[TextColumn]]([[]])
-    for column in columns[labels:]:
-        if parts[-1] and not fits([*columns[:labels], *parts[-1], column], WIDE):
-            parts.append([])
-        parts[-1].append(column)
-    return "\n\n".join(_aligned([*columns[:labels], *part]) for part in parts)
 
 
 def _aligned(columns: Sequence[TextColumn]) -> str:

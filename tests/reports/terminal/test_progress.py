@@ -45,7 +45,7 @@ def test_the_line_weighs_levels() -> None:
     progress.begin(WORK)
     for done in (record(1, PointStatus.OK), record(1, PointStatus.NOT_CONVERGED)):
         progress.block(done)
-    lines = [line for line in shown.getvalue().split("\r\x1b[K") if "solutions" in line]
+    lines = [line.rstrip() for line in shown.getvalue().split("\r") if "solutions" in line]
     assert lines[0].startswith(f"{'█' * 15}{'░' * 15} 2 of 4 solutions, ")
     assert lines[1].startswith(f"{'█' * 27}{'░' * 3} 3 of 4 solutions, 1 failed, ")
     assert lines[0].endswith(" solutions, 0 s left")
