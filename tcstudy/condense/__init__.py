@@ -3,6 +3,6 @@
 Not here: where the matrix comes from (fem), loads of a scene (offline).
 """
 
-from tcstudy.condense.condensation import Condensation, ForwardLoad, NotPositiveDefinite, condense
+from tcstudy.condense.condensation import Condensation, NotPositiveDefinite, condense
 
-__all__ = ["Condensation", "ForwardLoad", "NotPositiveDefinite", "condense"]
+__all__ = ["Condensation", "NotPositiveDefinite", "condense"]

@@ -23,7 +23,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.condense import ForwardLoad
 from tcstudy.contact.path.piecewise_linear_approximation import piecewise_linear
 from tcstudy.contact.problem import CondensedBody
 from tcstudy.contact.solve import solve_block
@@ -49,9 +48,9 @@ POLYGON, FREE = 1e-4, 3e-3
 
 @dataclass(frozen=True)
 class _Load:
-    """What loads the equilibrium elements of a scene: F after elimination, given w (4e,), Σ_K ‖(I − Π)ρ‖² [J/m]."""
+    """What loads the equilibrium elements of a scene: L⁻¹F (N,), given w (4e,), Σ_K ‖(I − Π)ρ‖² [J/m]."""
 
-    forward: ForwardLoad
+    rows: Array
     given: Array
     rest: float
 
@@ -95,9 +94,10 @@ class ErrorBounds:
         body = self._bodies.get(key, lambda: CondensedBody.of(dual.A_hat, dual.c))
         law = law if factor == 1.0 else law.placed(1.0 / factor)
         at_gauss = law.tables.at(np.repeat(np.broadcast_to(law.index, len(dual.c) // 2), 2)[None])
-        found = solve_block(body, load.forward.l_tilde[None] / factor, at_gauss, "from-zero", prove=False)
-        scaled = ForwardLoad(load.forward.l_tilde[:, None], load.forward.rows / factor)
-        w = dual.condensation.expand(found.v[0], scaled)[:, 0]
+        rows = load.rows / factor
+        l_tilde = dual.condensation.condensed(rows)
+        found = solve_block(body, l_tilde[None], at_gauss, "from-zero", prove=False)
+        w = dual.condensation.expand(found.v[0], rows)
         apart = dual.rows(u) - load.given - (w if dual.ties is None else dual.ties @ w)
         eta2 = factor * float(apart @ (dual.K @ apart)) + load.rest / factor
         traction = (factor * found.xi[0] / dual.c).reshape(-1, 2)
@@ -139,8 +139,8 @@ class ErrorBounds:
             prescribed = frames.cartesian(frames.values).reshape(2, -1).T
             given = np.where(dual.held, dual.rows(prescribed), 0.0)
             F += own.ravel() - factor * (dual.K @ given)
-            forward = dual.condensation.forward((F if dual.ties is None else dual.ties.T @ F)[:, None])
-            return _Load(ForwardLoad(forward.l_tilde[:, 0], forward.rows), given, rest)
+            rows = dual.condensation.forward(F if dual.ties is None else dual.ties.T @ F)
+            return _Load(rows, given, rest)
 
         return self._loads.get(key, made)
 

@@ -39,7 +39,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.condense import Condensation, ForwardLoad, condense
+from tcstudy.condense import Condensation, condense
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.boundary import values_at
 from tcstudy.fem.forms import Conductivity, HeatForms
@@ -67,7 +67,7 @@ MOST_STEPS = 5
 
 
 class HeatLoad(NamedTuple):
-    """A source on the nodes: as given (n,), condensed onto Γ_θ (r,), and after forward elimination (N, 1)."""
+    """A source on the nodes: as given (n,), condensed onto Γ_θ (r,), and after forward elimination (N,)."""
 
     nodal: Array
     l_tilde: Array
@@ -96,17 +96,17 @@ class HeatFactor:
 
     def load(self, source: Array) -> HeatLoad:
         """The source condensed onto Γ_θ, (r,) [W/m]; Σ l̃ is the whole heat of the source."""
-        forward = self._factor.forward(source)
+        rows = self._factor.forward(source)
         if self.sound:
-            return HeatLoad(source, forward.l_tilde, forward.rows)
-        theta = self._factor.expand(np.zeros(len(self._kept)), forward)
+            return HeatLoad(source, self._factor.condensed(rows), rows)
+        theta = self._factor.expand(np.zeros(len(self._kept)), rows)
         rest = self._rest(source, theta, self._correction(theta, source))
-        return HeatLoad(source, self._factor.condense(rest), forward.rows)
+        return HeatLoad(source, self._factor.condensed(self._factor.forward(rest)), rows)
 
     def expand(self, on_line: Array, load: HeatLoad | None, carries: Array) -> Array:
         """Fields (n, s) with the values on_line (r, s) on Γ_θ; carries: (s,) how much of the load is in each."""
-        forward = load and ForwardLoad(load.l_tilde[:, None] * carries, load.rows * carries)
-        fields, nodal = self._factor.expand(on_line, forward), 0.0 if load is None else load.nodal
+        rows, nodal = (None, 0.0) if load is None else (np.outer(load.rows, carries), load.nodal)
+        fields = self._factor.expand(on_line, rows)
         if self.sound:
             return fields
         pairs = zip(fields.T, carries, strict=True)
@@ -139,7 +139,8 @@ class HeatFactor:
         """What θ (n,) lacks, zero on Γ_θ; kept apart because θ + δ, rounded, would make flows of its own."""
         total, before = np.zeros(len(theta)), np.inf
         for _ in range(MOST_STEPS):
-            step = self._factor.expand(np.zeros(len(self._kept)), self._rest(source, theta, total))
+            rest = self._factor.forward(self._rest(source, theta, total))
+            step = self._factor.expand(np.zeros(len(self._kept)), rest)
             size = float(np.max(np.abs(step), initial=0.0))
             if not size < 0.5 * before:
                 break

@@ -17,8 +17,7 @@ import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from tcstudy.condense import Condensation, ForwardLoad, condense
-from tcstudy.condense.condensation import Known
+from tcstudy.condense import Condensation, condense
 from tcstudy.condense.symbolic import EliminationPlan
 from tcstudy.contact.problem import ContactProblem, least_eigenpair
 from tcstudy.fem.boundary import constrain, contact_line, couple
@@ -39,8 +38,8 @@ from tcstudy.offline.loads import (
     mechanical_terms,
     to_digits,
 )
-from tcstudy.scene.points import distinct, of_stiffness
-from tcstudy.scene.records import Clamped, Contact, Rigid, Role, Scene, Where
+from tcstudy.scene.points import distinct
+from tcstudy.scene.records import Clamped, Contact, Rigid, Role, Scene
 
 Array = NDArray[np.float64]
 Ratio = tuple[Moduli, Springs]
@@ -57,22 +56,6 @@ def ratio_of(scene: Scene) -> Ratio:
     mu = scene.material.mu
     moduli = tuple((at, to_digits(one.lam / mu), to_digits(one.mu / mu)) for at, one in scene.pieces)
     return moduli, tuple((edge, to_digits(n / mu), to_digits(t / mu)) for edge, n, t in scene.springs)
-
-
-def swept_parts(scenes: Sequence[Scene]) -> tuple[Where, ...]:
-    """The parts of the body in which the stiffness over μ differs between scenes; () where that is nowhere or all over.
-
-    What the other parts have of a factor serves all scenes.
-    """
-    ratios = [ratio_of(scene) for scene in distinct(scenes, *of_stiffness(scenes))]
-    found: dict[Where, set[tuple[float, float]]] = {}
-    for moduli, springs in ratios:
-        if springs != ratios[0][1]:
-            return ()
-        for where, lam, mu in moduli:
-            found.setdefault(where, set()).add((lam, mu))
-    swept = tuple(where for where, values in found.items() if len(values) > 1)
-    return swept if len(swept) < len(found) else ()
 
 
 class Condensed(NamedTuple):
@@ -152,9 +135,9 @@ class ElasticBody:
             A = frames.tied(sp.csr_array(A + added))
         eliminate = ~frames.fixed
         eliminate[line.nodes] = False
-        at, again = (level.mesh.points, line.nodes, eliminate, 2), level.elimination
-        self.condensation: Condensation = condense(A, *at, plan=again[0], changing=level.changing, known=again[1])
-        level.elimination = self.condensation.plan, self.condensation.known
+        at = level.mesh.points, line.nodes, eliminate, 2
+        self.condensation: Condensation = condense(A, *at, plan=level.elimination)
+        level.elimination = self.condensation.plan
         self.lambda_1, self.lambda_1_error = 0.0, 0.0
         if level.held:
             self.condensation.require_definite()
@@ -226,18 +209,18 @@ class ElasticBody:
                 together = self._level.together(load)
                 F = np.column_stack([local(one) for one in together])
                 forward = self.condensation.forward(F)
-                for i, one in enumerate(together):
-                    basis = _Basis(forward.l_tilde[:, i].copy(), forward.rows[:, i].copy(), F[self._fixed, i])
+                for i, (one, rows) in enumerate(zip(together, forward.T, strict=True)):
+                    basis = _Basis(self.condensation.condensed(rows), rows.copy(), F[self._fixed, i])
                     found[one] = self._basis.put(one, basis)
         return [found[load] for load in loads]
 
     def displacement(self, mu: float, u_T: Array, terms: Sequence[LoadTerm]) -> Array:
         """Local displacements (2n,), eq. (20), without the prescribed ones."""
-        rows = np.zeros((len(self.condensation.plan.permutation), 1))
+        rows = np.zeros(len(self.condensation.plan.permutation))
         bases = self._bases([load for load, _ in terms])
         for (_, factor), basis in zip(terms, bases, strict=True):
-            rows[:, 0] += factor / mu * basis.rows
-        return self.condensation.expand(u_T, ForwardLoad(np.zeros(self.condensation.m), rows))
+            rows += factor / mu * basis.rows
+        return self.condensation.expand(u_T, rows)
 
 
 class Level:
@@ -265,21 +248,12 @@ class Level:
         self._batches = _batches(scenes)
         self._frames: dict[Hashable, Frames] = {}
         self._laws: dict[EdgeLaws, Laws] = {}
-        self.elimination: tuple[EliminationPlan | None, Known | None] = None, None
-        self.changing = self._changing_rows(scenes) if scene.material.regions else None
+        self.elimination: EliminationPlan | None = None
         self._bodies: dict[Ratio, ElasticBody] = {}
         self.frames = self.frames_of(scene.boundary)
         self.line = contact_line(mesh, self.frames, scene.edges(Contact))
         self.elastic.products()
         self.time_assemble = time.perf_counter() - start
-
-    def _changing_rows(self, scenes: Sequence[Scene]) -> NDArray[np.bool_] | None:
-        """(2n,) rows of the stiffness in which factors of the scenes differ; None where that is no part of the body."""
-        if not (parts := swept_parts(scenes)):
-            return None
-        nodes = np.zeros(self.mesh.n_points, dtype=bool)
-        nodes[self.mesh.triangles[self.mesh.inside(tuple(name for part in parts for name in part))]] = True
-        return np.tile(nodes, 2)
 
     def frames_of(self, boundary: Roles) -> Frames:
         """The local frames of the nodes, with the displacements that a scene's boundary prescribes."""
@@ -414,8 +388,8 @@ class Level:
 
     def condensed_of(self, scene: Scene, load: Array) -> Array:
         """(m,) l̃ of a load (2n,) in x and y on the body of a scene [N/m]: one forward elimination."""
-        forward = self._body(scene).condensation.forward(self.frames.local(load)[:, None])
-        return np.asarray(forward.l_tilde[:, 0])
+        condensation = self._body(scene).condensation
+        return condensation.condensed(condensation.forward(self.frames.local(load)))
 
     def load(self, scene: Scene) -> Array:
         """l_θ in x and y (2n,) [N/m]: mechanical and thermal loads, without prescribed displacements."""

@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from tcstudy.errors import GeometryFailed
 from tcstudy.exact.loads import description
-from tcstudy.offline.level import Level, swept_parts
+from tcstudy.offline.level import Level
 from tcstudy.offline.loads import exchange_level
 from tcstudy.scene.points import (
     FELT,
@@ -199,10 +199,6 @@ def _notes(study: Study, levels: tuple[LevelForecast, ...]) -> Iterator[str]:
                 "nodes back before the front that comes to them, so that path and lowest state may differ by some per "
                 "cent; choose a smaller mesh.maxh or more levels"
             )
-    if scenes[0].material.regions and (swept := swept_parts(scenes)):
-        names = ", ".join(name for where in swept for name in where)
-        count = _factorisations(study)
-        yield f"only what meets {names} is computed again after the first of the {count} stiffness factorisations"
     if any(scene.heat_by_edge and needs_heat_solve(scene) for scene in distinct(scenes, *FELT)):
         sets = len({exchange_level(scene)[1] for scene in distinct(scenes, *FELT)})
         modes = "one set of modes" if sets == 1 else f"{sets} sets of modes, one for each ratio of alpha between edges,"
