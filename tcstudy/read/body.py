@@ -228,10 +228,16 @@ def _constraints(piece: BoundaryPiece, role: Role | None, centre: Point, size: f
             yield from ([0.0, 0.0, s / size] for s, u in zip((-y, x), role.u, strict=True) if u is None)
     for (x, y), n in zip(piece.points, piece.normals, strict=True):
         xi, eta = (x - centre[0]) / size, (y - centre[1]) / size
-        directions = ((1.0, 0.0), (0.0, 1.0)) if role.frame == "xy" else ((n[0], n[1]), (-n[1], n[0]))
-        for held, d in zip(role.held, directions, strict=True):
-            if held is not None:
-                yield [d[0], d[1], d[1] * xi - d[0] * eta]
+        yield from ([d_x, d_y, d_y * xi - d_x * eta] for d_x, d_y, _ in _components(role.frame, role.held, n))
+
+
+def _components(
+    frame: str, given: tuple[Scalar | None, Scalar | None], n: Array
+) -> Iterator[tuple[float, float, Scalar]]:
+    """(d₁, d₂, value) of every component that is given, in x and y or along the normal n and the tangent."""
+    n_x, n_y = map(float, n)
+    directions = ((1.0, 0.0), (0.0, 1.0)) if frame == "xy" else ((n_x, n_y), (-n_y, n_x))
+    return ((*d, value) for d, value in zip(directions, given, strict=True) if value is not None)
 
 
 def _motion(motions: Array, centre: Point, size: float) -> str:
@@ -341,14 +347,10 @@ def corner_faults(body: Body, boundary: Boundary) -> Iterator[tuple[str, str]]:
     """
     roles = dict(boundary)
 
-    def held(edge: Edge, at: Point) -> Iterator[tuple[float, float, float]]:
-        """(d₁, d₂, value) of every component that an edge holds at a point."""
-        n_x, n_y = map(float, edge_normal(edge, np.array([at]))[0])
-        if (role := roles.get(edge.name)) is not None:
-            directions = ((1.0, 0.0), (0.0, 1.0)) if role.frame == "xy" else ((n_x, n_y), (-n_y, n_x))
-            for direction, component in zip(directions, role.u, strict=True):
-                if component is not None:
-                    yield (*direction, _value_at(component, at))
+    def held(edge: Edge, at: Point) -> list[tuple[float, float, float]]:
+        role = roles.get(edge.name)
+        found = _components(role.frame, role.u, edge_normal(edge, np.array([at]))[0]) if role else ()
+        return [(d_1, d_2, _value_at(value, at)) for d_1, d_2, value in found]
 
     for edge, following in (pair for loop in body.loops for pair in loop.corners) if body.outline else ():
         rows = np.array([*held(edge, edge.end), *held(following, edge.end)]).reshape(-1, 3)

@@ -19,7 +19,7 @@ from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import GrowthError
 from tcstudy.laws.shapes import SHAPES, LawError
 from tcstudy.read.fields import Context, Fields, Unsound, none_after_fault, word_of
-from tcstudy.read.node import COMPONENTS, Node, hint, nearest
+from tcstudy.read.node import Node, hint, nearest
 from tcstudy.scene.keys import LOADED, MOVED, OF_ALL_LAWS, law_rows, of_role, row, rows
 from tcstudy.scene.records import (
     Boundary,
@@ -115,14 +115,7 @@ def _home(key: str) -> str:
     """Where a key of another role belongs."""
     if key in HEAT_KEYS:
         return "write alpha, theta_bar and flux beside convection, and heat: {...} beside any other role"
-    if key in COMPONENTS:
-        given = "u: [a, free]" if key == "u" else f"{key}: a"
-        return f"a held displacement is {{role: clamped, {given}}}, which leaves what is not given free of traction"
-    if key == "moment":
-        return "an edge that turns under a moment is {role: rigid, moment: 20 N}"
-    if key == "spring":
-        return "a support is {role: traction, spring: {normal: 5e9 Pa/m}}"
-    return "give the edge the role traction or convection, which take g, pressure and force"
+    return f"{key} belongs to the role {' or '.join(role for role in ROLES if key in of_role(role))}"
 
 
 def _displacement(ctx: Context, node: Node, fields: Fields, kind: str) -> dict[str, Any]:
@@ -167,14 +160,21 @@ def read_materials(
         return None
     found, remedy = [], ctx.example("write {REGION: {E: 70 GPa, nu: 0.33}}")
     for name, item in ctx.mapping(own, "regions to materials", remedy).items():
-        if regions is not None and name not in regions:
-            known = f"use one of {', '.join(regions)}" if regions else "add its shape under body.regions"
-            ctx.errors.once(item, f"the body has no region {name!r}", hint(name, regions, known))
+        if fault := _unknown_region(name, regions):
+            ctx.errors.once(item, *fault)
         elif plane := item.at("plane"):
             ctx.errors.once(plane, "the whole body is in plane strain or in plane stress", "give it under material")
         elif one := _material(ctx, item, material.plane):
             found.append((name, one))
     return replace(material, regions=tuple(found))
+
+
+def _unknown_region(name: str, regions: tuple[str, ...] | None) -> tuple[str, str] | None:
+    """What is wrong with the name of a region that the body has not, and what to do."""
+    if regions is None or name in regions:
+        return None
+    known = f"use one of {', '.join(regions)}" if regions else "add its shape under body.regions"
+    return f"the body has no region {name!r}", hint(name, regions, known)
 
 
 @none_after_fault
@@ -324,9 +324,8 @@ def _omega(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) -> 
         ctx.errors.at(node, f"must name regions of the body, but is {node.kind()}", remedy)
     for item in items:
         name = ctx.text(item, "the name of a region")
-        if name and regions is not None and name not in regions:
-            otherwise = f"use one of {', '.join(regions)}" if regions else "add its shape under body.regions"
-            ctx.errors.at(item, f"the body has no region {name!r}", hint(name, regions, otherwise))
+        if name and (fault := _unknown_region(name, regions)):
+            ctx.errors.at(item, *fault)
         if name in names:
             ctx.errors.at(item, f"the region {name!r} is given twice", "name each region once")
         names.append(name)
@@ -348,12 +347,18 @@ def check_heat(ctx: Context, root: Node, heat: Heat, boundary: Boundary, materia
                 remedy = "add heat: {alpha: ..., theta_bar: ...}, or make the edge free or traction"
             ctx.errors.once(root.nearest("boundary", edge), f"{what} has no meaning, because {why}", remedy)
         return
-    for key in (
-        HEAT if section is not None and isinstance(section.value, Mapping) else ()
-    ):  # what edges leave to the section
-        if not root.at("heat", key) and (not own or any(getattr(given, key) is None for _, given in passing)):
-            said = f"is missing; add {key}: {ctx.example(row('heat', key).suggestion)}"
-            ctx.errors.at(root.nearest("heat"), said, key=f"heat.{key}")
+    for key in HEAT:  # what edges leave to the section
+        lacking = [edge for edge, given in passing if getattr(given, key) is None]
+        said = f"add {key}: {ctx.example(row('heat', key).suggestion)}"
+        if section is None:
+            for edge in lacking:
+                where, what = (
+                    root.nearest("boundary", edge, "heat"),
+                    "is missing, and there is no section heat to take it from",
+                )
+                ctx.errors.once(where, what, said, key=f"boundary.{edge}.heat.{key}")
+        elif not root.at("heat", key) and (lacking or not own) and isinstance(section.value, Mapping):
+            ctx.errors.at(section, "is missing", said, key=f"heat.{key}")
     if not (passing or held or own) and heat.q == 0.0:  # no heat comes or goes: an alpha then is a doubt, no fault
         return
     places = (("material",), *(("materials", name) for name, _ in material.regions))
@@ -367,14 +372,7 @@ def check_heat(ctx: Context, root: Node, heat: Heat, boundary: Boundary, materia
             node, what = alpha, "so alpha acts nowhere"
         remedy = "give the role convection to the edges that exchange heat, or give a known temperature theta"
         ctx.errors.once(node, f"no edge has the role convection, {what}", remedy)
-    elif section is None:
-        for edge, given in passing:
-            for key, example in (("alpha", "100 W/(m^2*K)"), ("theta_bar", "20 K")) if edge in own else ():
-                if getattr(given, key) is None:
-                    said = f"is missing, and there is no section heat to take it from; add {key}: {example}"
-                    node = root.nearest("boundary", edge, "heat")
-                    ctx.errors.once(node, said, key=f"boundary.{edge}.heat.{key}")
-    elif heat.alpha == 0.0 and own and any(said.alpha is None for _, said in passing):
+    elif section and heat.alpha == 0.0 and own and any(said.alpha is None for _, said in passing):
         what = "with alpha = 0 the edges that have none of their own exchange nothing"
         ctx.errors.once(alpha, what, "give alpha > 0, or make those edges free or traction")
     elif heat.alpha == 0.0 and not own and heat.q != 0.0:
