@@ -24,27 +24,11 @@ Schema = dict[str, Any]
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 TITLE = "A study of tcstudy"
 NAME = "^[A-Za-z0-9_]+$"
-OWN = r"^((boundary|friction|materials|parameters|body|mesh)\..+|(loads\.)?f_[xy])$"
-"""Paths of what a sweep may vary of an edge, a region or a body."""
 ONE_OF = ("hole", "region", "values", "distribution")
 """Sections that hold one of their keys."""
 SOME_TEXT: Schema = {"type": "string", "pattern": r"\S"}
-SYMBOL = "^[A-Za-z](_[A-Za-z0-9]+)?$"
-"""Of the names of parameters, one that a schema can tell from a word: a letter, maybe with an index."""
-TEXTS: dict[str, Schema] = {
-    "number_text": {
-        "type": "string",
-        "pattern": "[0-9π√*/+(]|pi|" + SYMBOL,
-    },
-    "field_text": {
-        "type": "string",
-        "pattern": "[0-9π√*/+(]|pi|(^|[^A-Za-z_])[exy]([^A-Za-z_]|$)|^(free|derived)$|" + SYMBOL,
-    },
-}
-NUMBER_TEXT: Schema = {"$ref": "#/$defs/number_text"}
-FIELD_TEXT: Schema = {"$ref": "#/$defs/field_text"}
-VALUE: Schema = {"anyOf": [{"type": "number"}, NUMBER_TEXT]}
-"""A number with any unit."""
+VALUE: Schema = {"type": ["number", "string"]}
+"""A number, or a text with its unit or an expression, which the reader judges."""
 SPACED_OR_DRAWN: list[Schema] = [{"$ref": "#/$defs/values"}, {"$ref": "#/$defs/distribution"}]
 
 
@@ -65,19 +49,13 @@ def schema() -> Schema:
     laws = {law: tuple(one.name for one in law_rows(law)) for law in SHAPES}
     made["friction"] |= {"allOf": [_takes("law", law, (*OF_ALL_LAWS, *names)) for law, names in laws.items()]}
     made["body"] |= {"oneOf": [{"required": [name]} for name in ("outline", "rectangle", "file")]}
-    for shape in ("circle", "rectangle"):  # of a region they have no edge
-        made["hole"]["properties"][shape] |= {"required": ["edge"]}
-    made["point"] = _sweep(_at_point, (), VALUE)
-    made["sweep"] = _sweep(_swept, tuple(rows("sweep").values()), {"anyOf": [_list(VALUE, 1), *SPACED_OR_DRAWN]})
+    made["point"] = _sweep(_at_point)
+    made["sweep"] = _sweep(_swept, tuple(rows("sweep").values()))
     made["step"] |= {"additionalProperties": VALUE, "minProperties": 1}
-    swept = {"anyOf": [{"required": ["sweep"]}, {"required": ["exact"]}]}  # which may supply the other sections
+    supplied = {"anyOf": [{"required": ["sweep"]}, {"required": ["exact"]}]}  # which may have the other sections
     needed = {"required": [one.name for one in rows("").values() if one.required]}
-    known_names: Schema = {"anyOf": [{"enum": [*made["sweep"]["properties"]]}, {"pattern": OWN}]}
-    in_points = {"points": {"items": {"propertyNames": known_names}}}
-    by_names = {"sweep": {"propertyNames": known_names, "properties": in_points}}  # and those of `parameters`
-    choices = [{"if": swept, "else": needed}, {"if": {"required": ["parameters"]}, "else": {"properties": by_names}}]
-    whole = _section("", ("body", "boundary")) | {"allOf": choices}
-    return {"$schema": DRAFT, "title": TITLE, **whole, "$defs": made | TEXTS}
+    whole = _section("", ("body", "boundary")) | {"if": supplied, "else": needed}
+    return {"$schema": DRAFT, "title": TITLE, **whole, "$defs": made}
 
 
 def _section(section: str, required: tuple[str, ...] | None = None) -> Schema:
@@ -96,19 +74,16 @@ def _takes(key: str, word: str, names: tuple[str, ...]) -> Schema:
     return {"if": given, "then": {"propertyNames": {"enum": [key, *names]}}}
 
 
-def _sweep(made: Callable[[Key], Schema], beside: tuple[Key, ...], of_names: Schema) -> Schema:
-    """A mapping of parameters to what `made` says of each; of an edge, a region or a number of the body any.
-
-    of_names: what a number of the section `parameters` has
-    """
+def _sweep(made: Callable[[Key], Schema], beside: tuple[Key, ...] = ()) -> Schema:
+    """A mapping of parameters to what `made` says of each; what an edge, a region, the body or `parameters` name may
+    have any values."""
     named = {".".join(path): row(path[0] if path[1:] else "", path[-1]) for path in sweepable({}, None)}
     named |= {name: named[path] for name, path in SHORT.items() if path in named}
     return {
         "type": "object",
         "properties": {one.name: _described(one) for one in beside} | {path: made(one) for path, one in named.items()},
-        "patternProperties": {OWN: {"type": ["array", "object", "number", "string"]}},
         "minProperties": 0 if beside else 1,
-        "additionalProperties": of_names,
+        "additionalProperties": {"type": ["array", "object", "number", "string"]},
     }
 
 
@@ -148,14 +123,10 @@ def _by_path(items: Schema) -> Schema:
     return {"type": "object", "minProperties": 1, "additionalProperties": items}
 
 
-def _bounded(one: Key, kind: str) -> Schema:
+def _number(one: Key) -> Schema:
     bounds = {"minimum": one.least, "exclusiveMinimum": one.above, "maximum": one.most, "exclusiveMaximum": one.below}
-    number = int if kind == "integer" else float
-    return {"type": kind, **{name: number(bound) for name, bound in bounds.items() if bound is not None}}
-
-
-def _number(one: Key, text: Schema = NUMBER_TEXT) -> Schema:
-    return {"anyOf": [_bounded(one, "number"), text]}
+    number, kind = (int, {"type": "integer"}) if one.kind == "integer" else (float, VALUE)
+    return kind | {name: number(bound) for name, bound in bounds.items() if bound is not None}
 
 
 def _sub_section(one: Key) -> Schema:
@@ -190,15 +161,15 @@ def _sizes_or_tolerance(one: Key) -> Schema:
 LAW_BY_EDGE = _by_path(_ref("friction")) | {"not": {"required": ["law"]}}
 FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     "number": _number,
-    "integer": lambda one: _bounded(one, "integer"),
+    "integer": _number,
     "flag": lambda one: {"type": "boolean"},
     "text": lambda one: SOME_TEXT,
     "name": lambda one: {"type": "string", "pattern": NAME},
     "choice": lambda one: {"enum": list(one.words)},
     "choice by edge": lambda one: {"anyOf": [{"enum": list(one.words)}, _named({"enum": list(one.words)})]},
     "quantity": lambda one: VALUE,
-    "field": lambda one: _number(one, FIELD_TEXT),
-    "component": lambda one: _number(one, FIELD_TEXT),
+    "field": _number,
+    "component": _number,
     "named places": lambda one: _named(_list(VALUE, 2, 2), minProperties=1),
     "named points": lambda one: _named(_list(_list(VALUE, 2, 2), 1)),
     "section": _sub_section,

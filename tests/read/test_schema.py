@@ -76,11 +76,8 @@ def test_an_editor_says_at_once() -> None:
         ("tau: 20 MPa", "tua: 20 MPa"),
         ("teeth: 3", "teeth: 0"),
         ("role: traction", "role: clamped"),
-        ("E: 210 GPa", "E: steel"),
-        ("alpha: 25, q", "alhpa: 25, q"),
         ("branch: continued", "branch: least"),
         ("friction:", "fricton:"),
-        ("radius: 0.1, edge: bore", "radius: 0.1"),
     ):
         assert old in EVERY_KEY
         assert not CHECK.is_valid(data(EVERY_KEY.replace(old, new)))
