@@ -22,11 +22,11 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache, wraps
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Concatenate, Literal, ParamSpec, TypeVar
+from typing import Any, Concatenate, Literal, ParamSpec, TypeVar
 
 from tcstudy.expressions import expression as expressions
 from tcstudy.expressions.expression import CONSTANTS, FUNCTIONS, VARIABLES, parse
-from tcstudy.read.node import Collector, Node, elsewhere, hint, is_name, likeness, meant
+from tcstudy.read.node import Collector, Node, elsewhere, hint, is_name, nearest
 from tcstudy.scene.keys import Key, rows, short_of
 from tcstudy.scene.records import Scalar
 from tcstudy.scene.units import (
@@ -46,10 +46,6 @@ from tcstudy.scene.units import (
     units_of,
 )
 from tcstudy.shapes.faults import LARGEST, SMALLEST
-
-if TYPE_CHECKING:
-    pass
-
 
 P = ParamSpec("P")
 T = TypeVar("T", bound=str)
@@ -319,10 +315,6 @@ class Context:
         raise AssertionError(kind)
 
 
-OWN = 0.6
-"""Likeness from which on an unknown key is taken for one misspelt of its own section, though another section has it."""
-
-
 class Fields:
     """The values of a section whose keys stand in the table; unknown and missing keys are recorded on the way in."""
 
@@ -350,12 +342,12 @@ class Fields:
             ctx.errors.at(node, f"must be a mapping, but is {node.kind()}", remedy)
             return
         free = [name for name in known if name not in node.value]
-        near = {key: meant(key, free, known) for key in node.value if key not in known}
+        near = {key: nearest(key, free) or nearest(key, known) for key in node.value if key not in known}
         for key, like in near.items():
             remedy = f"did you mean {like!r}?" if like else f"use one of the keys {', '.join(free or known)}"
             if key[:1].isdigit():
                 remedy = "write decimals with a point: a comma begins the next entry"
-            elif not like or likeness(key, like) < OWN:
+            elif not like:
                 remedy = elsewhere(key, node.path) or remedy
             ctx.errors.at(node.value[key], "unknown key", remedy, on_key=True)
         for key in self.required:

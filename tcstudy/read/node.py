@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import difflib
+import json
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TypeAlias
@@ -88,13 +90,10 @@ class Node:
 
     def text(self) -> str:
         """The value as one line of YAML-like text, for messages and labels."""
-        if isinstance(self.value, tuple):
-            return "[" + ", ".join(item.text() for item in self.value) + "]"
-        if isinstance(self.value, Mapping):
-            return "{" + ", ".join(f"{key}: {item.text()}" for key, item in self.value.items()) + "}"
-        if self.value is None or isinstance(self.value, bool):
-            return {None: "null", True: "true", False: "false"}[self.value]
-        return " ".join(str(self.value).split())
+        plain = self.plain()
+        json_like = isinstance(plain, bool | list | dict | None)
+        text = json.dumps(plain, ensure_ascii=False).replace('"', "") if json_like else str(plain)
+        return " ".join(text.split())
 
     def kind(self) -> str:
         """What the node holds, in words."""
@@ -115,13 +114,16 @@ class Node:
         return shortened(self.text())
 
 
+MOST_LINES = 10
+"""Lines of a table that are named with faults in one column."""
+
+
 class Collector:
     """The problems found so far. Faults are collected, never raised one by one; each is said as "what; remedy".
 
     point: words for the sweep point being read; empty while the base study is read
     drawn: whether the values of sweep points stand nowhere in the file, so that every fault must name the point
     refused: what is wrong with the shape or the element sizes of one geometry of several, which then is left out
-    columns: (file, key) of the columns of a table of points
     """
 
     def __init__(self) -> None:
@@ -129,11 +131,10 @@ class Collector:
         self.point = ""
         self.drawn = False
         self.refused: list[str] | None = None
-        self.columns: set[tuple[str, str]] = set()
         self._count = 0
         self._met: set[object] = set()
         self._unreadable: set[Mark] = set()
-        self._alike: dict[tuple[str, str], tuple[int, Problem, int]] = {}
+        self._lines: Counter[tuple[str, str]] = Counter()
 
     def __len__(self) -> int:
         """How often a fault was met, repeated ones included: unchanged if what was read in between is sound."""
@@ -179,14 +180,8 @@ class Collector:
         if problem in self._met:
             return
         self._met |= {(mark, key), problem}
-        kind = (key, re.sub(r"[-+]?[\d.]+(e[-+]?\d+)?", "", what))
-        if (mark.file, key) in self.columns and kind in self._alike:  # one message, not one a line
-            at, first, count = self._alike[kind]
-            others = f"{first.what}, and {count} other line{'s' if count > 1 else ''} likewise"
-            self.problems[at] = replace(first, what=others)
-            self._alike[kind] = at, first, count + 1
-        else:
-            self._alike[kind] = len(self.problems), problem, 1
+        self._lines[mark.file, key] += 1
+        if self._lines[mark.file, key] <= MOST_LINES:  # of a column of a table, which has one key
             self.problems.append(problem)
 
 
@@ -201,33 +196,17 @@ def is_name(text: str) -> bool:
     return text.isascii() and text.replace("_", "a").isalnum()
 
 
-def likeness(one: str, two: str) -> float:
-    """How alike two words are, from 0 to 1."""
-    return difflib.SequenceMatcher(None, one, two).ratio()
-
-
 def nearest(word: str, known: Iterable[str]) -> str | None:
     """The known word most like the given one, if any is."""
-    known = list(known)
     lowered = {name.lower(): name for name in known}
-    if word.lower() in lowered:
-        return lowered[word.lower()]
-    near = difflib.get_close_matches(word, known, n=1, cutoff=0.55)
-    return near[0] if near else None
+    near = difflib.get_close_matches(word.lower(), lowered, n=1, cutoff=0.55)
+    return lowered[near[0]] if near else None
 
 
 def hint(word: str, known: Iterable[str], otherwise: str) -> str:
     """Remedy for a word that is not known: the nearest that is, or something else."""
     near = nearest(word, known)
     return f"did you mean {near!r}?" if near else otherwise
-
-
-def meant(key: str, free: list[str], known: list[str]) -> str | None:
-    """The key that a misspelt one stands for: one that is not given yet, unless another is more like it."""
-    best, unused = nearest(key, known), nearest(key, free)
-    if best is None or unused is None:
-        return unused or best
-    return best if likeness(key, best) > likeness(key, unused) else unused
 
 
 def elsewhere(key: str, path: str) -> str:

@@ -60,7 +60,6 @@ def read_table(ctx: Context, node: Node, parameter: Callable[[str, Node], Parame
             ctx.errors.at(cell, f"whole {found.row.kind}s cannot stand in a table", remedy, key=key)
         elif found is not None and (not unit or ctx.unit(cell, unit, found.row.dimension, key)):
             cells = [replace(row[j], path=f"sweep.{key}") for row in rows]
-            ctx.errors.columns.add((cell.mark.file, f"sweep.{key}"))
             columns.append((key, cell, found, tuple(_value(ctx, one, unit) for one in cells)))
     return columns
 
