@@ -47,12 +47,12 @@ def principal(sigma: Array, sign: float) -> Array:
 
 
 COMPONENTS: dict[str, tuple[str, Callable[[Array], Array]]] = {
-    "sigma_x": (r"$\sigma_x$", lambda sigma: sigma[..., 0]),
-    "sigma_y": (r"$\sigma_y$", lambda sigma: sigma[..., 1]),
-    "tau_xy": (r"$\tau_{xy}$", lambda sigma: sigma[..., 3]),
+    "sigma_x": ("σ_x", lambda sigma: sigma[..., 0]),
+    "sigma_y": ("σ_y", lambda sigma: sigma[..., 1]),
+    "tau_xy": ("τ_xy", lambda sigma: sigma[..., 3]),
     "von_mises": ("von Mises' stress", von_mises),
-    "sigma_1": (r"larger principal stress $\sigma_1$", lambda sigma: principal(sigma, 1.0)),
-    "sigma_2": (r"smaller principal stress $\sigma_2$", lambda sigma: principal(sigma, -1.0)),
+    "sigma_1": ("larger principal stress σ_1", lambda sigma: principal(sigma, 1.0)),
+    "sigma_2": ("smaller principal stress σ_2", lambda sigma: principal(sigma, -1.0)),
 }
 """What a picture may show of stresses (…, 6): label and formula."""
 

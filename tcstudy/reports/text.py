@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from tcstudy.data.provenance import without_paths
 from tcstudy.data.schema import PointStatus
+from tcstudy.scene.keys import GREEK
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -46,6 +47,11 @@ def span(seconds: float) -> str:
     if whole >= 7200:
         return f"{whole / 3600:.2g} h"
     return f"{whole} s" if whole < 90 else f"{whole // 60} min {whole % 60} s"
+
+
+def spelled(text: str) -> str:
+    """Words of a file in which Greek letters stand for their names: λ_1 of lambda_1."""
+    return re.sub(r"\b(lambda|omega|theta|xi)(?![A-Za-z])", lambda name: (GREEK | {"xi": "ξ"})[name[0]], text)
 
 
 EXACT = 1e-12

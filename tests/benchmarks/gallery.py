@@ -78,9 +78,9 @@ def laws() -> Figure:
     """A panel for each law, with ω."""
     names = list(SHAPES)
     rows = [[*names[k : k + 3], ".", "."][:3] for k in range(0, len(names), 3)]
-    sheet = Sheet(style.Look(), "Friction laws", ["b(s) = $-S_T$ over the slip s = $u_T$"], rows, [1.4] * len(rows))
+    sheet = Sheet(style.Look(), "Friction laws", ["b(s) = −S_T over the slip s = u_T"], rows, [1.4] * len(rows))
     for law in example_laws():
-        reach, title = slip_range(law) or 1.0, rf"{law.name}: $\omega$ = {number(law.omega, 3)}"
+        reach, title = slip_range(law) or 1.0, f"{law.name}: ω = {number(law.omega, 3)}"
         panel = Panel(Scale(""), Scale(""), title)
         draw_law(panel, law, (-reach, reach))
         panel.draw(sheet.panels[law.name])

@@ -92,14 +92,14 @@ def convergence_panels(at: Any) -> dict[str, Panel]:
     for symbol, names in _drawn(at).items():
         panel = found[symbol] = Panel(across, Scale("relative error"), log=(True, True), grid=True)
         panel.title, finest = (
-            f"{math_symbol(symbol)}: {math_symbol(titles[symbol])}",
+            f"{symbol}: {titles[symbol]}",
             dict[float, tuple[float, float]](),
         )
         for (name, (early, guess)), look in zip(names.items(), LOOKS, strict=False):
             error = at[f"error_{name}"].values
             good, bad = ok & (error > 0), ~ok & (error > 0)
             slope = sentences.order(float(at[f"slope_{name}"]), float(at[f"slope_error_{name}"]))
-            label = math_symbol(SYMBOLS[name]) + ("" if slope == "–" else f": {slope}")
+            label = SYMBOLS[name] + ("" if slope == "–" else f": {slope}")
             how = look | {"linestyle": "--" if early or guess else "-", "alpha": 0.45 if guess else 1.0, "label": label}
             panel.line(h[good], error[good], **how, markerfacecolor="white" if look is LOOKS[0] else None)
             panel.line(h[bad], error[bad], **look | {"linestyle": "none", "fillstyle": "none"})
@@ -118,13 +118,6 @@ def convergence_panels(at: Any) -> dict[str, Panel]:
         left, right = drawn.min(), drawn.max()
         panel.limits[0] = left * (left / right) ** BESIDE, right * (right / left) ** 0.06 if right > left else None
     return found
-
-
-def math_symbol(symbol: str) -> str:
-    """A symbol of the tables for matplotlib."""
-    for plain, tex in (("u_T", "$u_T$"), ("Γ_C", r"$\Gamma_C$"), ("θ", r"$\theta$"), ("ξ", r"$\xi$")):
-        symbol = symbol.replace(plain, tex)
-    return symbol
 
 
 # -- errors over time and unknowns -------------------------------------------------------------------------------------
@@ -159,7 +152,7 @@ def cost_figure(data: Any, measure: str, look: style.Look) -> Figure:
 def cost_panels(data: Any, measure: str) -> dict[str, Panel]:
     """The two panels of an error by name."""
     found = settings(data, measure)
-    error = Scale(f"relative error of {math_symbol(SYMBOLS[measure])}")
+    error = Scale(f"relative error of {SYMBOLS[measure]}")
     time = Panel(
         Scale("wall time [s]: least of all runs, band to the upper quartile"), error, log=(True, True), grid=True
     )
@@ -185,7 +178,7 @@ def cost_panels(data: Any, measure: str) -> dict[str, Panel]:
                 if len(n) > 2 and e.max() > EXACT:
                     steep = np.polyfit(np.log(n[-3:]), np.log(e[-3:]), 1)[0]
                     look = {"color": COLOURS[family], "fontsize": 9}
-                    unknowns.note(f"$N^{{{steep:.2f}}}$", (n[-1], e[-1]), (7, 3), **look)
+                    unknowns.note(f"N^{steep:.2f}", (n[-1], e[-1]), (7, 3), **look)
     for k, solver in enumerate(solvers):
         time.line([], [], color=style.INK, linestyle=LINES[k % len(LINES)], linewidth=1.2, label=solver)
     own_setting = next((s for s in found if s.own and np.isfinite(s.error)), None)

@@ -104,9 +104,9 @@ def field_of(picture: Picture, name: str | None) -> Field | None:
         return None
     if name in (None, "theta"):
         found = (body.triangles, body.theta) if body.theta is not None else None
-        return found and Field(r"temperature $\theta$", body.theta_units, (found,))
+        return found and Field("temperature θ", body.theta_units, (found,))
     if name in ("u_x", "u_y"):
-        return Field(f"${name}$", picture.line.length_units, ((body.triangles, body.u[:, "xy".index(name[-1])]),))
+        return Field(name, picture.line.length_units, ((body.triangles, body.u[:, "xy".index(name[-1])]),))
     if name not in COMPONENTS:
         raise DrawError(f"of: the body has no field {name!r}; it has theta, u_x, u_y, {', '.join(COMPONENTS)}")
     if picture.scene is None:
@@ -124,7 +124,7 @@ def draw_body(sheet: Sheet, axes: Axes, picture: Picture, shape: Drawn, field: F
     axes.set(xlabel=f"x{shape.axis.label}", ylabel=f"y{shape.axis.label}")
     axes.set_aspect("equal", adjustable="datalim")
     said = _fill(sheet, axes, shape, body, field)
-    axes.set_title(f"Deformed body (deformation × {shape.factor:g}; dashed: undeformed){said}", loc="left")
+    axes.set_title(style.math(f"Deformed body (deformation × {shape.factor:g}; dashed: undeformed){said}"), loc="left")
     if len(body.triangles) <= FINE:
         axes.triplot(*shape.moved.T, body.triangles, color=style.INK, linewidth=0.4, alpha=0.25)
     rim = boundary_edges(body.xy, body.triangles)

@@ -128,13 +128,14 @@ class Panel:
 
     def draw(self, axes: Axes) -> None:
         """Draw it with matplotlib; names come with `place_names`, after the layout."""
-        axes.set(xlabel=self.x.label, ylabel=self.y.label)
+        axes.set(xlabel=style.math(self.x.label), ylabel=style.math(self.y.label))
         if self.title:
-            axes.set_title(self.title, loc="left")
+            axes.set_title(style.math(self.title), loc="left")
         for name, logarithmic in zip(("xscale", "yscale"), self.log, strict=True):
             if logarithmic:
                 axes.set(**{name: "log"})
-        for kind, x, y, how in self.items:
+        for kind, x, y, look in self.items:
+            how = look | {"label": style.math(look["label"])} if "label" in look else look
             match kind:
                 case "line":
                     axes.plot(x, y, **how)
@@ -153,7 +154,9 @@ class Panel:
                     rest["fontsize"] = style.pt(how.get("fontsize", style.USUAL))
                     if "top" in how:
                         y, rest["xycoords"] = np.array([1.0]), axes.get_xaxis_transform()
-                    axes.annotate(how["text"], (x[0], y[0]), how["shift"], textcoords="offset points", **rest)
+                    axes.annotate(
+                        style.math(how["text"]), (x[0], y[0]), how["shift"], textcoords="offset points", **rest
+                    )
                 case "arrow":
                     shape = {"arrowstyle": "-|>", "mutation_scale": how["head"], "shrinkA": 0, "shrinkB": 0}
                     shape |= {key: value for key, value in how.items() if key in ("color", "linewidth")}
@@ -165,7 +168,7 @@ class Panel:
             if limits is not None:
                 put(*limits)
         if self.ticks is not None:
-            axes.set_xticks(list(self.ticks[0]), list(self.ticks[1]))
+            axes.set_xticks(list(self.ticks[0]), list(map(style.math, self.ticks[1])))
         if self.grid:
             axes.grid(True, which="major", color=style.SHADE, linewidth=0.6)
             axes.set_axisbelow(True)
@@ -231,7 +234,7 @@ class Labels:
         if np.any(np.abs(shift) > half + FAR):
             how["arrowprops"] = {"arrowstyle": "-", "color": style.PALE, "linewidth": 0.6, "shrinkB": 0}
         how |= {"ha": "center", "va": "center", "rotation": 90.0 * upright, "fontsize": self.letters, "zorder": 6}
-        self.axes.annotate(text, at[k % len(at)], shift, textcoords="offset points", bbox=GROUND, **how)
+        self.axes.annotate(style.math(text), at[k % len(at)], shift, textcoords="offset points", bbox=GROUND, **how)
 
 
 GROUND = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
@@ -338,8 +341,8 @@ class Sheet:
         """Lines below each other from so many inches below the upper edge on."""
         for text, size, more in lines:
             place = EDGE * self.em / self.width, 1.0 - top / self.height
-            self.figure.text(*place, text, fontsize=size * self.look.letters, va="top", parse_math=not more,
-                             in_layout=False, **more)  # fmt: skip
+            how: dict[str, Any] = more | {"fontsize": size * self.look.letters, "va": "top", "in_layout": False}
+            self.figure.text(place[0], place[1], style.math(text), **how)
             top += LINE * size * self.em
 
     def key(self, *panels: str, place: str = "lower center", title: str | None = None) -> None:
@@ -356,7 +359,7 @@ class Sheet:
         columns = 1 if "right" in place else _columns(list(found), self.wide / SMALL)
         where: dict[str, Any] = {"loc": f"outside {place}"}
         self.figure.legend(
-            handles=list(found.values()), **where, title=title, ncols=columns, frameon=False,
+            handles=list(found.values()), **where, title=title and style.math(title), ncols=columns, frameon=False,
             fontsize=SMALL * self.look.letters, borderaxespad=0.0, borderpad=0.5 * APART, handlelength=1.6,
             columnspacing=1.2,
         )  # fmt: skip
@@ -373,7 +376,7 @@ class Sheet:
 
     def bar(self, axes: Axes, drawn: Any, label: str) -> Colorbar:
         """A colour bar beside a panel."""
-        bar = axes.figure.colorbar(drawn, ax=axes, aspect=25.0, pad=0.02, fraction=0.04, label=label)
+        bar = axes.figure.colorbar(drawn, ax=axes, aspect=25.0, pad=0.02, fraction=0.04, label=style.math(label))
         bar.outline.set_visible(False)
         return bar
 
@@ -426,7 +429,7 @@ class Sheet:
 
 def _seen(text: str) -> str:
     """About as many letters as are seen: a formula is shorter than its source."""
-    return re.sub(r"[$_{}]", "", re.sub(r"\\[a-z]+", "x", text))
+    return re.sub(r"[$_{}]", "", text)
 
 
 def _wrapped(text: str, columns: int) -> str:

@@ -32,9 +32,9 @@ DASHED: dict[str, Any] = {"linestyle": (0, (4, 2)), "zorder": 2}
 # -- paths -------------------------------------------------------------------------------------------------------------
 
 RESPONSES: dict[str, tuple[str, str, Callable[[Array, Array, Array], Array]]] = {
-    "mean-slip": ("mean $u_T$", "u_T", lambda u, xi, c: np.asarray(u @ c / c.sum())),
-    "max-slip": ("max $|u_T|$", "u_T", lambda u, xi, c: np.max(np.abs(u), axis=1, initial=0.0)),
-    "friction": (r"$\int\xi\,$ds", "xi", lambda u, xi, c: np.asarray(xi @ c)),
+    "mean-slip": ("mean u_T", "u_T", lambda u, xi, c: np.asarray(u @ c / c.sum())),
+    "max-slip": ("max |u_T|", "u_T", lambda u, xi, c: np.max(np.abs(u), axis=1, initial=0.0)),
+    "friction": ("∫ξ ds", "xi", lambda u, xi, c: np.asarray(xi @ c)),
 }
 """What may stand over the parameter: label, the variable that it is made of, formula."""
 
@@ -207,7 +207,7 @@ def solved_steps(data: Any) -> Any:
     if not data.sizes["step"]:
         return data
     data = data.assign(slip=data["u_T"].isel(node=int(np.abs(data["u_T"].values).max(axis=0).argmax())))
-    data["slip"].attrs |= {"units": data["u_T"].attrs["units"], "long_name": "$u_T$ where it is largest"}
+    data["slip"].attrs |= {"units": data["u_T"].attrs["units"], "long_name": "u_T where it is largest"}
     return data
 
 
@@ -258,7 +258,7 @@ def history_panels(data: Any, x: str, y: str) -> dict[str, Panel]:
 
     if "section_force" in data:  # after the last steps with names, or after the last
         N = data["section_force"]
-        up = scale("$N$", N.values, str(N.attrs["units"]))
+        up = scale("N", N.values, str(N.attrs["units"]))
         section = found["section"] = Panel(arclength, up, "Force of the section, positive in tension")
         section.across(0.0)
         last = [*np.flatnonzero(names != "")[-len(style.SERIES) :]] or [steps - 1]
@@ -274,7 +274,7 @@ def history_panels(data: Any, x: str, y: str) -> dict[str, Panel]:
     ends = [0, *(int(np.flatnonzero(cycle == one)[-1]) for one in whole)]
     left, numbers = np.abs(np.diff(data["u_T"].values[ends], axis=0)).max(axis=1), np.arange(1, len(whole) + 1)
     few = numbers if len(numbers) <= 12 else numbers[:: len(numbers) // 6]
-    kinds = (("spent", "dissipated", spent, "dissipated"), ("change", "change of $u_T$", left, "u_T"))
+    kinds = (("spent", "dissipated", spent, "dissipated"), ("change", "change of u_T", left, "u_T"))
     for name, title, values, of in kinds:
         up = scale(title, values, str(data[of].attrs["units"]))
         found[name] = Panel(Scale("cycle"), up, ticks=(few, [str(one) for one in few]))
@@ -313,10 +313,9 @@ def _loop(values: Array, x: Scale, y: Scale, data: Any) -> Panel:
 DATA: dict[str, Any] = {"color": style.INK, "marker": "o", "markersize": 3, "linestyle": "none"}
 FITTED: dict[str, Any] = {"color": style.BLUE, "linewidth": 1.2, "zorder": 3}
 NAMES = {
-    "friction_resultant": r"friction resultant $\int\xi$",
-    "u_T_max": "max $|u_T|$",
-    "theta_mean": r"mean $\theta$",
-    "u_T": "$u_T$",
+    "friction_resultant": "friction resultant ∫ξ",
+    "u_T_max": "max |u_T|",
+    "theta_mean": "mean θ",
 }
 
 
@@ -364,7 +363,7 @@ def _curve(data: Any, i: int) -> Panel:
     error = BAND * prediction_error(data)[own]
     label = style.symbol(given[0][0]) if given else "datum"
     what, _, file = measured[i][0].partition(" in ")  # of several tests
-    title = NAMES.get(what, style.plain(what)) + (f", {style.plain(file)}" if file else "")
+    title = NAMES.get(what, what) + (f", {file}" if file else "")
     panel = Panel(scale(label, x, given[0][1] if given else "1"), scale(title, y, measured[i][1]))
     spread = float(data.attrs["given_noise"]) if path else 0.0
     if path:

@@ -86,12 +86,12 @@ def _draw_line(sheet: Sheet, picture: Picture, width: float, sign: float) -> Sca
     alone = len(edges) == 1 and edges[0] < len(line.edge_names)
     along = line.edge_names[edges[0]] if alone else "the contact line"
     s = scale(f"arclength s along {along}", [length], line.length_units)
-    upper = Panel(s, scale("$u_T$", line.u_T, line.length_units), f"Contact line: {stick_text(line)}")
-    lower = Panel(s, scale(r"$\xi = -S_T$", line.xi, line.traction_units))
+    upper = Panel(s, scale("u_T", line.u_T, line.length_units), f"Contact line: {stick_text(line)}")
+    lower = Panel(s, scale("ξ = −S_T", line.xi, line.traction_units))
     panels = {"upper": (upper, line.u_T), "lower": (lower, line.xi)}
     if line.section:
         N, units = line.section
-        panels["section"] = Panel(s, scale("$N$", N, units), "Force of the section, positive in tension"), N
+        panels["section"] = Panel(s, scale("N", N, units), "Force of the section, positive in tension"), N
         panels["section"][0].line(line.arclength, N, color=style.GREEN, linewidth=1.5)
     for panel, values in panels.values():
         for start, end in stick_ranges(line):
@@ -290,8 +290,8 @@ def law_figure(point: Picture, of: Operating, look: style.Look) -> Figure:
     within = [b for s, values in drawn for b in values[(s >= low) & (s <= high)]]
     scaled = "" if np.all(strength[bonded] == 1.0) else " / strength"
     panel = Panel(
-        scale("slip $u_T$", [low, high], line.length_units),
-        scale(r"friction $\xi = -S_T$" + scaled, [*within, *xi[bonded]], line.traction_units),
+        scale("slip u_T", [low, high], line.length_units),
+        scale("friction ξ = −S_T" + scaled, [*within, *xi[bonded]], line.traction_units),
     )
     kinds = (("sticks", line.sticks, "s", style.INK), ("slips", ~line.sticks, "o", style.VERMILLION))
     for k, (edge, law) in enumerate(laws):
@@ -316,7 +316,7 @@ def _facts(point: Picture) -> list[str]:
     if "lambda_1" in at and np.isfinite(at["lambda_1"]):
         divisor, unit = axis_unit([float(at["lambda_1"])], str(at["omega"].attrs.get("units", "1")))
         omega, lambda_1 = (number(float(at[name]) / divisor, 3) for name in ("omega", "lambda_1"))
-        steep = rf"steepest fall $\omega$ = {omega}, stiffness $\lambda_1$ = {lambda_1} {pretty(unit)}".rstrip()
+        steep = f"steepest fall ω = {omega}, stiffness λ_1 = {lambda_1} {pretty(unit)}".rstrip()
         if (error := float(at["lambda_1_error"])) > DIGITS:
             steep += f" (relative error {number(error, 2)})"
     return [",  ".join(filter(None, [style.point_words(point.point), f"level {point.level}"])), steep]

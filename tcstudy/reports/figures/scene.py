@@ -113,7 +113,7 @@ def scene_figure(title: str, study: Study | None, shape: SceneShape, look: style
     figure, texts = sheet.finish(), Labels(axes, taken, LETTERS)
     for name, lines in placed.items():
         colour = style.VERMILLION if name in shape.faults else style.INK
-        beside_line(texts, max(lines, key=length_of), _wrapped(labels[name]), color=colour, parse_math=False)
+        beside_line(texts, max(lines, key=length_of), _wrapped(labels[name]), color=colour)
     if scene and shape.mesh is not None:
         inside = [(points, words(told, ("loads",), si))]
         for k, name in enumerate(shape.regions, 1):
@@ -122,7 +122,7 @@ def scene_figure(title: str, study: Study | None, shape: SceneShape, look: style
             inside.append((own, [name, *words(told, ("materials", name), si), *heat]))
         for own, lines in (one for one in inside if one[1]):
             at = np.tile(0.5 * (own.min(axis=0) + own.max(axis=0)), (1 + len(ROUND), 1))
-            texts.put(_wrapped(lines), at, [(0, 0), *ROUND], (0.0, 18.0, 36.0, 72.0), parse_math=False)
+            texts.put(_wrapped(lines), at, [(0, 0), *ROUND], (0.0, 18.0, 36.0, 72.0))
     return figure
 
 
@@ -297,7 +297,7 @@ def laws_drawn(study: Study) -> dict[str, Laws]:
 def _draw_laws(sheet: Sheet, laws: Mapping[str, Laws], si: bool, size: float) -> None:
     reach = max(map(slip_range, laws.values())) or 1e-3 * size
     values = [law.b(np.linspace(0.0, reach, 50)) for law in laws.values()]
-    slip, friction = scale("slip $s$", [reach], "m" if si else "1"), scale("$b(s)$", values, "Pa" if si else "1")
+    slip, friction = scale("slip s", [reach], "m" if si else "1"), scale("b(s)", values, "Pa" if si else "1")
     panel = Panel(slip, friction)
     for k, (name, law) in enumerate(laws.items()):
         shown = name if name == name.strip() else ""  # of many laws the first one has the name

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 from tcstudy.data.files import check_writable, replace_file
 from tcstudy.errors import DrawError, StoreError, UsageError
 from tcstudy.reports.text import pretty
-from tcstudy.scene.keys import GREEK, OF_EDGE
 from tcstudy.scene.keys import symbol as written
 
 if TYPE_CHECKING:
@@ -124,23 +123,17 @@ def size_in_inches(text: str) -> tuple[float, float]:
 
 
 def symbol(name: str) -> str:
-    """A parameter as formulas write it, θ̄ or u_T (`scene.keys.symbol`); others in words."""
-    if ".points." in name:
-        return f"$b_{{{name.rpartition('.')[2]}}}$"
-    if match := re.fullmatch(OF_EDGE.format("[._]"), name):
-        return f"{symbol(match[2])} of {plain(match[1]).replace('_', ' ')}"
-    name = re.sub(r"^(?:heat|friction|material|body|mesh)_(?=\w)", "", name)
-    letter, _, index = name.rpartition(".")[2].partition("_")
-    below = f"_{index}" if len(index) == 1 else f"_{{{index}}}" if index else ""
-    if letter in GREEK:
-        return rf"$\bar\{letter}$" if index == "bar" else rf"$\{letter}{below}$"
-    component = letter in ("u", "g", "f") and index in ("x", "y", "N", "T")
-    return f"${letter}{below}$" if component else plain(written(name))
+    """A parameter as reports write it (`scene.keys.symbol`), that of an edge by its path too."""
+    return written(name.replace(".", "_") if name.startswith("boundary.") else name)
 
 
-def with_symbols(text: str) -> str:
-    """Words in which u_T, λ₁ and their like stand as formulas write them."""
-    return re.sub(r"\b(?:u|xi|theta|lambda)_(?:[A-Za-z]|\d+)\b", lambda name: symbol(name[0]), plain(text))
+_RAISED = re.compile(r"(?<![^\W\d_])([^\W\d_])([_^])(-?\d[\d.]*|\w{1,3})(?![\w.])")
+"""A letter with an index or a power, u_T, τ_xy, N^-0.3."""
+
+
+def math(text: str) -> str:
+    """Words as matplotlib writes them, in which an index stands below its letter, and a power above."""
+    return _RAISED.sub(r"$\1\2{\3}$", text.replace("$", r"\$"))
 
 
 def styled(look: Look | None = None) -> AbstractContextManager[None]:
@@ -220,10 +213,5 @@ _STATED = re.compile(r"(\w+) = (-?[\d.][^\s,]*)((?: [^\s,]+)*)(?=, |$)")
 
 def point_words(text: str) -> str:
     """A point as files name it, "alpha = 100 W m-2 K-1, friction = tresca", with symbols and raised exponents."""
-    named = re.sub(r"(\w+) = (?!-?[\d.])", lambda one: f"{symbol(one[1])}: ", plain(text))
+    named = re.sub(r"(\w+) = (?!-?[\d.])", lambda one: f"{symbol(one[1])}: ", text)
     return _STATED.sub(lambda one: f"{symbol(one[1])} = {one[2]}{pretty(one[3])}", named)
-
-
-def plain(text: str) -> str:
-    """A text that is no formula."""
-    return text.replace("$", r"\$")

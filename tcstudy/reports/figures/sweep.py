@@ -28,7 +28,7 @@ from tcstudy.reports.select_point import (
     quantity,
 )
 from tcstudy.reports.sentences import several
-from tcstudy.reports.text import axis_unit, counted, headed, labels, named, study_unit
+from tcstudy.reports.text import axis_unit, counted, headed, labels, named, spelled, study_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -177,7 +177,7 @@ def _sheet(sweep: SweepPicture, look: style.Look) -> tuple[Sheet, Axes, Scale]:
     same = ",  ".join([*map(style.point_words, sweep.fixed), f"level {sweep.level}"])
     sheet = Sheet(look, sweep.title, [same, sweep.left_out + " (×)" * bool(sweep.left_out)])
     known = sweep.values[np.isfinite(sweep.values)]
-    return sheet, sheet.panels[""], scale(style.with_symbols(sweep.long_name), known, sweep.units)
+    return sheet, sheet.panels[""], scale(spelled(sweep.long_name), known, sweep.units)
 
 
 def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
@@ -197,11 +197,11 @@ def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
         joined = x.numbers is not None and not x.random and len(np.unique(at)) == len(at)  # a list may share its x
         mark = MARKS[k % len(MARKS)] if len(at) <= MOST_MARKS or not joined else ""
         how = {"color": colours[k % len(colours)], "linestyle": "-" if joined else "none", "linewidth": 1.3}
-        panel.line(at, values, marker=mark, markersize=4, label=style.plain(by.labels[k]) if by else "", **how)
+        panel.line(at, values, marker=mark, markersize=4, label=by.labels[k] if by else "", **how)
         if np.isnan(values).any():
             gone.append((at[np.isnan(values)], how["color"]))
     if x.numbers is None:
-        panel.ticks = across.tolist(), [style.plain(text) for text in x.labels]
+        panel.ticks = across.tolist(), list(x.labels)
         panel.limits[0] = -0.5, len(across) - 0.5
     elif len(across) > 2 and across.min() > 0.0 and not x.random:
         spread = [float(np.ptp(step) / np.mean(step)) for step in (np.diff(across), np.diff(np.log(across)))]
@@ -252,7 +252,7 @@ def map_figure(sweep: SweepPicture, look: style.Look) -> Figure:
                 axes.plot(*at[:, which], mark, markeredgewidth=0.8, **ring)
     else:
         drawn = _cells(sheet, axes, sweep, values, how)
-    axes.set(xlabel=x.title, ylabel=y.title)
+    axes.set(xlabel=style.math(x.title), ylabel=style.math(y.title))
     bar = sheet.bar(axes, drawn, up.label)
     if len(counts):
         bar.set_ticks(counts.tolist(), labels=[f"{n:.0f}" for n in counts])
@@ -289,8 +289,8 @@ def _cells(sheet: Sheet, axes: Axes, sweep: SweepPicture, values: Array, how: di
         for row, column in np.argwhere(np.isfinite(a) & np.isfinite(b) & (a != b)):
             ends = [column + 1] * 2, [row, row + 1]
             axes.plot(*(ends[::-1] if turned else ends), **FOLD)
-    own = r"$\omega = \lambda_1$" + " of the mesh" * bool(sweep.band)
-    looks = (EQUAL, own), (BOUND, r"bounds of $\lambda_1$ of the body"), (BOUND, None)
+    own = "ω = $λ_1$" + " of the mesh" * bool(sweep.band)
+    looks = (EQUAL, own), (BOUND, "bounds of $λ_1$ of the body"), (BOUND, None)
     for above, (line, label) in zip((sweep.excess, *sweep.band), looks, strict=False):
         excess = np.where(there, above[grid], np.nan)
         if min(grid.shape) > 1 and np.isfinite(excess).all() and excess.min() < 0.0 < excess.max():
@@ -301,6 +301,6 @@ def _cells(sheet: Sheet, axes: Axes, sweep: SweepPicture, values: Array, how: di
     most_up = max(2, int(0.6 * sheet.height / (1.6 * sheet.em)))
     for axis, one, most in ((axes.xaxis, x, most_across), (axes.yaxis, y, most_up)):
         few = range(0, len(one.labels), -(-len(one.labels) // most))
-        axis.set_ticks([i + 0.5 for i in few], [style.plain(one.labels[i]) for i in few])
+        axis.set_ticks([i + 0.5 for i in few], [style.math(one.labels[i]) for i in few])
     axes.tick_params(length=0)
     return drawn

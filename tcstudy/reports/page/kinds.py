@@ -32,7 +32,6 @@ from tcstudy.reports.page.parts import (
     sheet_part,
     states,
     text_parts,
-    words,
 )
 from tcstudy.reports.page.run import law_part, line_along
 from tcstudy.reports.page.stored import Stored
@@ -86,7 +85,7 @@ def path_sections(stored: Stored, box: Container) -> list[Json]:
     shown = {}
     for key, (title, *_) in RESPONSES.items():
         curve, strip = path_panels(data, key).values()
-        shown[words(title)] = [
+        shown[title] = [
             panel_part(curve, box, (t[keep], response_of(data, key)[keep]), 400),
             panel_part(strip, box, high=190),
         ]

@@ -15,7 +15,6 @@ import base64
 import gzip
 import json
 import math
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -26,7 +25,6 @@ from numpy.typing import ArrayLike, NDArray
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.panels import Panel
 from tcstudy.reports.terminal.tables import Heading, Part, Table
-from tcstudy.scene.keys import GREEK
 
 COLOURS = {
     style.INK: "var(--ink)",
@@ -38,22 +36,13 @@ COLOURS = {
 """Colours of the pictures that follow the page's theme."""
 
 
-def words(text: str) -> str:
-    """A label of a picture as plain text: u_T of $u_T$, θ̄ of $\\bar\\theta$."""
-    text = re.sub(r"(?<!\\)\$", "", text).replace(r"\$", "$").replace(r"\,", "")
-    text = re.sub(r"\\bar\\(\w+)", lambda one: GREEK[one[1]] + "\N{COMBINING MACRON}", text)
-    text = text.replace(r"\int", "∫").replace(r"\xi", "ξ").replace(r"\Gamma", "Γ").replace("|", "|")
-    text = re.sub(r"\\([a-z]+)", lambda one: GREEK.get(one[1], one[1]), text)
-    return re.sub(r"([_^])\{(.*?)\}", r"\1\2", text)
-
-
 def panel_part(panel: Panel, box: Container, at: tuple[ArrayLike, ArrayLike] | None = None, high: int = 320) -> Json:
     """A panel; at: places of the states in it [units of the file], which a ring marks and a click chooses."""
     places = None if at is None else [box.array(axis(values), "f4") for axis, values in zip((panel.x, panel.y), at)]  # noqa: B905
     return {
         "part": "panel",
-        "title": words(panel.title),
-        "labels": [words(panel.x.label), words(panel.y.label)],
+        "title": panel.title,
+        "labels": [panel.x.label, panel.y.label],
         "log": list(panel.log),
         "limits": [None if one is None else list(one) for one in panel.limits],
         "ticks": panel.ticks and [np.asarray(panel.ticks[0], dtype=float).tolist(), list(panel.ticks[1])],
@@ -83,8 +72,8 @@ def _item(kind: str, x: Any, y: Any, how: Mapping[str, Any], box: Container) -> 
         "size": 0.7 * how.get("markersize", 4),
         "open": open_,
         "alpha": how.get("alpha"),
-        "label": words(how.get("label", "")),
-        "text": words(how["text"]) if "text" in how else None,
+        "label": how.get("label", ""),
+        "text": how.get("text"),
         "shift": list(how["shift"]) if "shift" in how else None,
         "anchor": {"right": "end", "center": "middle"}.get(how.get("ha", "")),
         "texts": how.get("texts"),

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import html
 import json
-import re
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
 from tcstudy.data.files import check_writable, reading, replace_file
 from tcstudy.data.provenance import remarks_of
@@ -31,6 +29,7 @@ from tcstudy.reports.page.run import (
 from tcstudy.reports.page.stored import Stored, read
 from tcstudy.reports.terminal.paths import STATES
 from tcstudy.reports.terminal.summary import verdict_of
+from tcstudy.reports.text import spelled
 from tcstudy.scene.keys import GREEK, ROWS, symbol
 
 SCRIPTS = ("format", "charts", "controls", "parts", "run", "point", "laws", "solver", "live", "main")
@@ -151,7 +150,11 @@ def _about(stored: Stored) -> Json:
         "states": STATES,
         "proofs": sentences.PROVED_STEPS if stored.kind == "history" else sentences.PROVED,
         "symbols": {name: symbol(name) for name in names if name.partition("_")[0] in GREEK}
-        | {str(name): _titled(one) for name, one in stored.data.data_vars.items() if "long_name" in one.attrs}
+        | {
+            str(name): spelled(str(one.attrs["long_name"]))
+            for name, one in stored.data.data_vars.items()
+            if "long_name" in one.attrs
+        }
         | {name: name for name in asked(stored.data)},
         "tolerance": float(attrs["solver_tolerance"]),
         "provenance": {name: str(attrs[name]) for name in told},
@@ -159,12 +162,6 @@ def _about(stored: Stored) -> Json:
         "overrides": str(attrs["overrides"]).splitlines(),
         "yaml": str(attrs["study_yaml"]),
     }
-
-
-def _titled(variable: Any) -> str:
-    """The long name of a number, with λ₁ and ω as the page writes them."""
-    text = re.sub(r"\blambda_1\b", "λ₁", str(variable.attrs["long_name"])).replace("|xi|", "|ξ|")
-    return re.sub(r"\bomega\b", "ω", text)
 
 
 def _content(stored: Stored, without: tuple[str, ...], box: Container) -> Json:

@@ -32,7 +32,7 @@ def figure_of(picture: Picture, *more: Any) -> Figure:
 
 
 def contact_panels(figure: Figure) -> tuple[Any, Any]:
-    upper, lower = ([a for a in figure.axes if a.get_ylabel().startswith(name)] for name in ("$u_T$", r"$\xi"))
+    upper, lower = ([a for a in figure.axes if a.get_ylabel().startswith(name)] for name in ("$u_{T}$", "ξ"))
     return upper[0], lower[0]
 
 

@@ -72,7 +72,7 @@ def test_curves_show_the_stored_numbers_and_say_what_is_missing(stored: Stored) 
     for line, values in zip(lines, kept.T, strict=True):
         np.testing.assert_allclose(np.array(line.get_data(), dtype=float), [[0.0, 10.0, 20.0], 1e6 * values])
     assert np.isnan(kept).tolist() == [[False, False], [False, False], [False, True]]
-    assert figure.axes[0].get_xlabel() == r"$\bar\theta$ [K]"
+    assert figure.axes[0].get_xlabel() == "θ̄ [K]"
     assert words == "u_T_max over theta_bar and friction, level 1, 1 of 6 points left out: 1 singular"
     chosen = read_sweep(stored("block"), ("theta_bar",), "u_T_max", {"friction": "weak"}, 0)
     assert (chosen.words, len(chosen.values)) == ("friction = weak, level 0", 3)
@@ -89,7 +89,7 @@ def test_a_map_tells_solved_cells_from_others_and_where_omega_is_lambda_1(stored
     hatches = [patch.get_hatch() for patch in figure.axes[0].patches if np.size(patch.get_path().vertices) > 2]
     open_ = np.count_nonzero(~shown.proved & np.isfinite(shown.values))
     assert [sum(str(hatch) == one for hatch in hatches) for one in ("//", "xxx")] == [open_, 1]
-    assert key_of(bounded)[-1] == r"$\omega = \lambda_1$"
+    assert key_of(bounded)[-1] == "ω = $λ_1$"
 
 
 def test_points_of_a_list_and_random_ones_are_not_joined(stored: Stored) -> None:
@@ -197,3 +197,13 @@ def test_the_same_file_every_time_with_text_as_text_and_matplotlib_left_alone(st
     assert b"/Subtype /Type3" not in written
     assert b"/FontFile2" in written
     assert (tmp_path / "a.png").read_bytes()[16:24] == (1800).to_bytes(4) + (1500).to_bytes(4)
+
+
+def test_an_index_stands_below_its_letter_and_nothing_else_is_a_formula() -> None:
+    assert style.math("mean |u_T|, τ_xy and −S_T for $5") == r"mean |$u_{T}$|, $τ_{xy}$ and −$S_{T}$ for \$5"
+    assert [style.math(text) for text in ("N^-0.35", "pull_fit.csv", "λ_1")] == [
+        "$N^{-0.35}$",
+        "pull_fit.csv",
+        "$λ_{1}$",
+    ]
+    assert [style.symbol(name) for name in ("boundary.grip.u_x", "heat.theta_bar")] == ["u_x of grip", "θ̄"]

@@ -33,7 +33,7 @@ def test_the_curves_are_the_stored_numbers_in_readable_units(stored: Stored) -> 
     # Segments: the first one reaches to the held node at s = 0, the last one is half an element.
     expected = [0.0, *(1e3 * WIDTH / n * (np.arange(1, n) + 0.5)), 1e3 * WIDTH]
     np.testing.assert_allclose(np.append(edges[::2], edges[-1]), expected, rtol=1e-9)
-    assert [upper.get_ylabel(), lower.get_ylabel()] == ["$u_T$ [µm]", r"$\xi = -S_T$ [MPa]"]
+    assert [upper.get_ylabel(), lower.get_ylabel()] == ["$u_{T}$ [µm]", "ξ = −$S_{T}$ [MPa]"]
 
 
 def test_the_deformed_body_is_the_mesh_moved_by_the_stated_factor(stored: Stored) -> None:

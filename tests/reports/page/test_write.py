@@ -15,7 +15,7 @@ from tcstudy.errors import PageError
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.reports.figures.body import ROLES
 from tcstudy.reports.page import write
-from tcstudy.reports.page.parts import Container, words
+from tcstudy.reports.page.parts import Container
 from tcstudy.reports.page.run import drawn_law
 from tcstudy.reports.page.stored import read
 from tcstudy.reports.page.write import write_page
@@ -157,11 +157,6 @@ def test_every_geometry_has_its_own_line_and_body(stored: Stored) -> None:
         largest = np.abs(values_of(own["lines"]["1"]["u_T"])).max(axis=1)
         place = [q for q, other in enumerate(found["run"]["home"]) if other == home].index(p)
         assert largest[place] == pytest.approx(found["run"]["numbers"]["u_T_max"]["v"][p, 1], rel=1e-4)
-
-
-def test_labels_of_pictures_are_plain_text() -> None:
-    assert words(r"max $|u_T|$ of $\\bar\\theta$ [K]".replace("\\\\", "\\")) == "max |u_T| of θ̄ [K]"
-    assert words(r"$\int\xi\,$ds for \$5, $N^{-0.35}$") == "∫ξds for $5, N^-0.35"
 
 
 def test_numbers_come_back() -> None:
