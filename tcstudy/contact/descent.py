@@ -42,6 +42,7 @@ Flags = NDArray[np.bool_]
 TOLERANCE = 1e-12
 """Residual that descent aims at; what is accepted as a solution is up to tcstudy/scene/study.py."""
 _COARSE_TOLERANCE = 1e-6
+"""Of the coarse problem of nested iteration; and from where on Newton's method converges, if rounding lets it."""
 _STEPS, _SADDLES, _HALVINGS, _ARMIJO = 300, 20, 4, 1e-4
 """Steps at most, saddles that are left at most, step lengths 1, ½, ¼ … tried, and the share of the first-order decrease
 that a step must realise."""
@@ -49,8 +50,8 @@ _ROUNDING = 1e-13
 """Changes of energy below this part of the work of ξ are rounding."""
 _FLAT, _IDLE = 1e-11, 10
 """Part of the work of ξ by which a step must change the energy, or else lower the residual; steps in a row that may do
-neither, as where rounding of Ãv is all that is left (bodies that friction alone holds, or ones with soft ways). Of a
-descent over no barrier whole steps that do not lower the residual count as well."""
+neither, as where rounding of Ãv is all that is left (bodies that friction alone holds, or ones with soft ways). All
+steps that do not lower the residual count once it is small, and whole ones in a descent over no barrier."""
 _POLISHED = 3
 """Steps at rounding level that may follow each other as long as they lower the residual."""
 _PATIENCE, _PUT_OFF = 6, 20
@@ -128,7 +129,7 @@ def _descend(rows: ContactProblem, start: Array, tolerance: float, careful: bool
                 else:
                     new[i] = _first_rest(rows.single(int(i)), v[i], xi[i], s.descent[i], new[i])
         v, polished, slow = new, np.where(level, polished + 1, 0), np.where(whole, 0, slow + 1)
-        idle = np.where(flat | (whole & downhill), idle + 1, 0)
+        idle = np.where(flat | (residual[at] <= _COARSE_TOLERANCE) | (whole & downhill), idle + 1, 0)
     return Descended(best, residual, taken)
 
 

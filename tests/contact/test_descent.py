@@ -113,6 +113,19 @@ def test_energy_change_is_exact_where_two_energies_cancel() -> None:
     assert change == pytest.approx(0.5 * step @ curvature, rel=1e-5)
 
 
+def test_descents_end_where_rounding_is_all_that_is_left() -> None:
+    """Friction is small against the load: ξ = l̃ − Ãv loses the digits that the tolerance asks for."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        q, _ = np.linalg.qr(rng.standard_normal((10, 10)))
+        problem = ContactProblem(
+            (q * np.geomspace(1.0, 1e5, 10)) @ q.T, 1e4 * rng.standard_normal(10), np.ones(10), tresca(1.0)
+        )
+        ended = descend(problem.rows, np.zeros((1, 10)))
+        assert ended.residual[0] < 1e-6
+        assert ended.steps[0] < 100
+
+
 @pytest.mark.parametrize("mean", [0.96, 1.2])
 def test_stiffly_coupled_neighbours_do_not_make_it_crawl(mean: float) -> None:
     """As under a thin layer, bending stiffness 1e4 times that of a node: node by node this took over 300 steps."""
