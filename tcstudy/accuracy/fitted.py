@@ -26,9 +26,9 @@ Nonlinear Regression (2003), ch. 2 and 5; Branch, Coleman & Li, SIAM J. Sci. Com
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,16 +118,6 @@ PROBABLE = 0.05
 """Chance of a larger Σr² from which on a fit is as good as its noise lets expect."""
 
 
-ENDED = {
-    0: "the most evaluations allowed were made",
-    1: "the slope of the sum of squares vanished",
-    2: "a step hardly changed the sum of squares",
-    3: "a step hardly changed the numbers",
-    4: "a step hardly changed the sum of squares, nor the numbers",
-}
-"""Why `scipy.optimize.least_squares` ended, by its status."""
-
-
 @dataclass(frozen=True, eq=False)
 class Box:
     """Where k parameters may lie: low, high (k,), and which are fitted by their logarithm."""
@@ -212,7 +202,7 @@ def minimise(
         max_nfev=MOST,
     )
     residual, jacobian = at(low + found.x * span)
-    return Minimum(box.outer(low + found.x * span), residual, jacobian, tuple(costs), len(known), ENDED[found.status])
+    return Minimum(box.outer(low + found.x * span), residual, jacobian, tuple(costs), len(known), found.message)
 
 
 def _rho(z: Array, loss: str, prior: int) -> Array:
@@ -253,39 +243,6 @@ def _same(one: Minimum, two: Minimum, box: Box, known_noise: bool) -> bool:
     return alike and bool(float(np.linalg.norm(J @ apart)) <= tolerance or sigma[-1] <= WEAK * sigma[0])
 
 
-@dataclass(frozen=True, eq=False)
-class Uncertainty:
-    """What the data say of the parameters at a minimum.
-
-    covariance:     (k, k) of q; NaN for parameters on a bound and where JᵀJ is singular
-    standard_error: (k,) of p;  interval: (k, 2);  at_bound: (k,)
-    singular_value: (k,) of J by ln p (by p/start where p has no logarithm), falling
-    direction:      (k, k) its right singular vectors, a row each;  weak: how many of the last are not determined
-    chi_square:     Σr²;  freedom: n − k;  fit_p: chance of a larger Σr² if the noise is what it is said to be (NaN if
-                    estimated);  runs: of signs of the residuals;  runs_p: chance of as few or fewer
-    information:    Akaike's, corrected for few data (AICc): of two models of the same data the lower one is better
-    """
-
-    covariance: Array
-    standard_error: Array
-    interval: Array
-    at_bound: Flags
-    singular_value: Array
-    direction: Array
-    weak: int
-    chi_square: float
-    freedom: int
-    fit_p: float
-    runs: int
-    runs_p: float
-    information: float
-
-    @property
-    def settled(self) -> bool:
-        """Whether Σr² is probable for a known noise and every number determined: no other start can say more."""
-        return self.fit_p >= PROBABLE and self.weak == 0 and bool(np.all(np.isfinite(self.standard_error)))
-
-
 def uncertainty(
     minimum: Minimum,
     box: Box,
@@ -293,13 +250,23 @@ def uncertainty(
     known_noise: bool,
     prior: Array | None = None,
     numbers: float | None = None,
-) -> Uncertainty:
+) -> dict[str, Any]:
     """Covariance, intervals, what is not determined, and whether the model has the shape of the data.
 
     groups: residuals of one curve each, in the order of the data, for the runs of their signs
     known_noise: whether residuals are in units of a noise that is known
     prior: (d, k) P by q of what is minimised beside the data: the covariance is s²(JᵀJ + PᵀP)⁻¹, and the numbers that
            the data decide are so many
+
+    By name, as in the file of a fit:
+    covariance:       (k, k) of q; NaN for parameters on a bound and where JᵀJ is singular
+    standard_error:   (k,) of p;  interval: (k, 2);  at_bound: (k,)
+    singular_value:   (k,) of J by ln p (by p/start where p has no logarithm), falling
+    singular_vector:  (k, k) its right singular vectors, a row each;  weak: how many of the last are not determined
+    chi_square:       Σr²;  degrees_of_freedom: n − k;  fit_probability: chance of a larger Σr² if the noise is what it
+                      is said to be (NaN if estimated)
+    runs:             of signs of the residuals;  runs_probability: chance of as few or fewer
+    information_criterion: Akaike's, corrected for few data (AICc): of two models of the same data the lower is better
     """
     p, r = minimum.p, minimum.residual
     n, k = len(r), len(p)
@@ -326,21 +293,27 @@ def uncertainty(
     likelihood = square if known_noise else n * float(np.log(max(square, 1e-300) / n))
     count += not known_noise
     penalty = 2.0 * count + 2.0 * count * (count + 1) / max(n - count - 1, 1)
-    return Uncertainty(
-        covariance=covariance,
-        standard_error=error * box.rate(p),
-        interval=np.stack(ends, axis=1),
-        at_bound=at_bound,
-        singular_value=sigma,
-        direction=rows,
-        weak=int(np.count_nonzero(vague)) if prior is None else 0,
-        chi_square=square,
-        freedom=freedom,
-        fit_p=float(stats.chi2.sf(square, max(freedom, 1))) if known_noise else float("nan"),
-        runs=runs,
-        runs_p=runs_p,
-        information=likelihood + penalty,
-    )
+    return {
+        "covariance": covariance,
+        "standard_error": error * box.rate(p),
+        "interval": np.stack(ends, axis=1),
+        "at_bound": at_bound,
+        "singular_value": sigma,
+        "singular_vector": rows,
+        "weak": int(np.count_nonzero(vague)) if prior is None else 0,
+        "chi_square": square,
+        "degrees_of_freedom": np.int32(freedom),
+        "fit_probability": float(stats.chi2.sf(square, max(freedom, 1))) if known_noise else float("nan"),
+        "runs": np.int32(runs),
+        "runs_probability": runs_p,
+        "information_criterion": likelihood + penalty,
+    }
+
+
+def settled(said: Mapping[str, Any]) -> bool:
+    """Whether Σr² is probable for a known noise and every number determined: no other start can say more."""
+    probable = said["fit_probability"] >= PROBABLE
+    return bool(probable and said["weak"] == 0 and np.all(np.isfinite(said["standard_error"])))
 
 
 def _inverse(J: Array) -> Array:

@@ -16,7 +16,7 @@ A uniform refinement keeps the coarse nodes with their numbers and adds one node
 fine mesh from a new node to an old one is half of the coarse edge, so the topology alone names the two parents of a
 new node. On straight boundaries the new node is the midpoint, the coarse space is a subspace of the fine one and the
 prolongation is exact. On a curved boundary the new node moves to the arc: the spaces are then not nested, and the
-prolongation is the coarse function carried along with the moved nodes (`off_midpoint` says how far they moved).
+prolongation is the coarse function carried along with the moved nodes.
 
 P1 functions carried from one mesh of a body to the nodes of another, nested or not.
 
@@ -26,7 +26,6 @@ Points outside the mesh (beside an arc that it cuts short) get the linear functi
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -105,120 +104,44 @@ _GAUSS, _LINE_WEIGHTS = np.polynomial.legendre.leggauss(5)
 _AT, _W = 0.5 * (1 + _GAUSS), 0.5 * _LINE_WEIGHTS
 
 
-@dataclass(frozen=True)
-class Line:
-    """The contact line of one mesh.
+def linear(ends: Array) -> list[Array]:
+    """What is linear on every segment, given at its ends (s, 2), for `line_norms`."""
+    return [ends[:, :1] * (1 - _AT) + ends[:, 1:] * _AT]
 
-    points:   (n, 2) mesh nodes;  segments: (s, 2) nodes of its segments, in order
-    normals:  (s, 2, 2) outward unit normals of the exact curve at both ends of every segment
-    nodes:    (m,) mesh nodes with an unknown;  c: (m,) lengths of their S_i [m]
+
+def steps(halves: Array) -> list[Array]:
+    """What is constant on half segments (s, 2), for `line_norms`."""
+    return [halves[:, :1], halves[:, 1:]]
+
+
+def line_norms(ends: Array, normals: Array, v: list[Array], f: LineFunction | None = None) -> tuple[float, float]:
+    """‖v − f‖ and ‖f‖ in L² of segments with these ends (s, 2, 2); f = 0 without one.
+
+    normals: (s, 2, 2) outward unit normals of the exact curve at the ends
+    v:       its values (s, q), or (s, 1), at the Gauss points of so many equal parts of every segment
     """
-
-    points: Array
-    segments: Indices
-    normals: Array
-    nodes: Indices
-    c: Array
-
-    @property
-    def next_to_held(self) -> NDArray[np.bool_]:
-        """(m,) contact nodes with a neighbour on the line that carries no unknown."""
-        free = np.zeros(len(self.points), dtype=bool)
-        free[self.nodes] = True
-        ends = self.segments[~free[self.segments].all(axis=1)]
-        return np.isin(self.nodes, ends)
-
-    @property
-    def lengths(self) -> Array:
-        """Lengths of the segments (s,) [m]."""
-        ends = self.points[self.segments]
-        return np.asarray(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
-
-    def tangential(self, u_x: Array, u_y: Array) -> Array:
-        """u_T = u·t at both ends of every segment (s, 2), t = (−n₂, n₁)."""
-        n = self.normals
-        return np.asarray(-n[..., 1] * u_x[self.segments] + n[..., 0] * u_y[self.segments])
-
-    def halves(self, xi: Array) -> Array:
-        """ξ on both halves of every segment (s, 2) from its values at the contact nodes (m,)."""
-        at = np.full(len(self.points), np.nan)
-        at[self.nodes] = xi
-        both = at[self.segments]
-        return np.where(np.isnan(both), both[:, ::-1], both)
-
-    def nodal_norm(self, values: Array) -> float:
-        """(Σ c_i v_i²)^½ of values at the contact nodes (m,)."""
-        return float(np.sqrt(self.c @ values**2))
-
-    def linear_from(self, ends: Array, function: LineFunction | None = None) -> tuple[float, float]:
-        """‖v − f‖ and ‖f‖ in L² for v linear on every segment, given at its ends (s, 2); f = 0 without one."""
-        return self._norms([(0.0, 1.0, ends[:, :1] * (1 - _AT) + ends[:, 1:] * _AT)], function)
-
-    def step_from(self, halves: Array, function: LineFunction | None = None) -> tuple[float, float]:
-        """‖v − f‖ and ‖f‖ in L² for v constant on half segments (s, 2); f = 0 without one."""
-        return self._norms([(0.5 * side, 0.5, halves[:, side, None]) for side in (0, 1)], function)
-
-    def at_nodes(self, function: LineFunction) -> Array:
-        """f at the contact nodes (m,)."""
-        normals = np.zeros((len(self.points), 2))
-        normals[self.segments] = self.normals
-        x, y = self.points[self.nodes].T
-        return function(x, y, normals[self.nodes])
-
-    def _norms(self, parts: list[tuple[float, float, Array]], function: LineFunction | None) -> tuple[float, float]:
-        """‖v − f‖ and ‖f‖ by Gauss points of parts [start, start + share] of every segment, v (s, q) on each."""
-        error = size = 0.0
-        a, b = self.points[self.segments[:, 0]][:, None], self.points[self.segments[:, 1]][:, None]
-        for start, share, v in parts:
-            t = (start + share * _AT)[None, :, None]
-            at, n = a + t * (b - a), self.normals[:, :1] * (1 - t) + self.normals[:, 1:] * t
-            n /= np.linalg.norm(n, axis=2, keepdims=True)
-            exact = np.zeros(len(_AT)) if function is None else function(at[..., 0], at[..., 1], n)
-            weight = share * _W * self.lengths[:, None]
-            error, size = error + float((weight * (v - exact) ** 2).sum()), size + float((weight * exact**2).sum())
-        return float(np.sqrt(error)), float(np.sqrt(size))
+    error, size, share = 0.0, 0.0, 1.0 / len(v)
+    a, along = ends[:, :1], ends[:, 1:] - ends[:, :1]
+    weight = share * _W * np.linalg.norm(along, axis=2)
+    for i, part in enumerate(v):
+        t = (share * (i + _AT))[None, :, None]
+        at, n = a + t * along, normals[:, :1] * (1 - t) + normals[:, 1:] * t
+        n /= np.linalg.norm(n, axis=2, keepdims=True)
+        exact = np.zeros(len(_AT)) if f is None else f(at[..., 0], at[..., 1], n)
+        error, size = error + float((weight * (part - exact) ** 2).sum()), size + float((weight * exact**2).sum())
+    return float(np.sqrt(error)), float(np.sqrt(size))
 
 
-class NotNested(ValueError):
-    """The fine mesh is no uniform refinement of the coarse one."""
-
-
-@dataclass(frozen=True)
-class Prolongation:
-    """From a coarse mesh to its uniform refinement.
-
-    matrix:       (n_fine, n_coarse) P: nodal values of a coarse P1 function on the fine mesh
-    off_midpoint: largest distance of a new node from the midpoint of its parents, over their distance
-    """
-
-    matrix: sp.csr_array
-    off_midpoint: float
-
-    def __call__(self, values: Array) -> Array:
-        """P applied to (…, n_coarse) nodal values."""
-        return np.asarray((self.matrix @ values.T).T)
-
-
-def prolongation(coarse_points: Array, fine_points: Array, fine_triangles: Indices) -> Prolongation:
-    """P between two consecutive levels. Raises NotNested if they are not a mesh and its uniform refinement."""
-    n, n_fine = len(coarse_points), len(fine_points)
-    if n_fine <= n or not np.array_equal(fine_points[:n], coarse_points):
-        raise NotNested("the fine mesh does not begin with the nodes of the coarse one")
+def prolongation(coarse: int, fine_points: Array, fine_triangles: Indices) -> sp.csr_array:
+    """(n_fine, n_coarse) from nodal values of a mesh of so many nodes to those on its uniform refinement."""
+    n, n_fine = coarse, len(fine_points)
     sides = np.concatenate([fine_triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
     half = (sides >= n).sum(axis=1) == 1
     pairs = np.unique(np.sort(sides[half], axis=1), axis=0)
-    new, counts = np.unique(pairs[:, 1], return_counts=True)
-    if not np.array_equal(new, np.arange(n, n_fine)) or np.any(counts != 2):
-        raise NotNested("a new node of the fine mesh does not lie between exactly two coarse nodes")
-    parents = pairs[np.argsort(pairs[:, 1], kind="stable"), 0].reshape(-1, 2)
-    ends = coarse_points[parents]
-    moved = np.linalg.norm(fine_points[n:] - ends.mean(axis=1), axis=1)
-    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    parents = pairs[np.argsort(pairs[:, 1], kind="stable"), 0]  # two of every new node
     rows = np.concatenate([np.arange(n), np.repeat(np.arange(n, n_fine), 2)])
-    columns = np.concatenate([np.arange(n), parents.ravel()])
-    entries = np.concatenate([np.ones(n), np.full(2 * len(parents), 0.5)])
-    matrix = sp.csr_array((entries, (rows, columns)), shape=(n_fine, n))
-    return Prolongation(matrix, float(np.max(moved / length)))
+    entries = np.concatenate([np.ones(n), np.full(len(parents), 0.5)])
+    return sp.csr_array((entries, (rows, np.concatenate([np.arange(n), parents]))), shape=(n_fine, n))
 
 
 INSIDE = -1e-10

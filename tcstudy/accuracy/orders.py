@@ -133,38 +133,31 @@ class Limit:
                         differently, at least a tenth of the extrapolated step; with three levels that step itself
     order:              p; NaN where the values do not approach a limit monotonically: then value is the finest one
                         and uncertainty its largest distance from the two before
-    orders:             (levels,) p from the three levels that end at each level
     """
 
     value: float
     uncertainty: float
     order: float
-    orders: Array
 
 
 def richardson(h: Array, q: Array, usable: NDArray[np.bool_]) -> Limit:
     """Extrapolate q(h) (levels,) to h = 0 from its three finest usable levels."""
-    orders, limits = np.full(len(h), NAN), np.full(len(h), NAN)
-    levels = np.flatnonzero(usable & np.isfinite(q))
-    if not len(levels):
-        return Limit(NAN, NAN, NAN, orders)
-    for i in range(2, len(levels)):
-        three = levels[i - 2 : i + 1]
-        orders[three[-1]], limits[three[-1]] = _extrapolate(h[three], q[three])
-    last = levels[-1]
-    if len(levels) < 2:
-        return Limit(float(q[last]), NAN, NAN, orders)
-    if not np.isfinite(limits[last]):
-        spread = float(np.max(np.abs(q[levels[-3:]] - q[last])))
-        return Limit(float(q[last]), spread, NAN, orders)
-    step = abs(limits[last] - q[last])
-    before = limits[levels[-2]]
-    uncertainty = max(0.1 * step, 2.0 * abs(limits[last] - before)) if np.isfinite(before) else step
-    return Limit(float(limits[last]), float(uncertainty), float(orders[last]), orders)
+    known = usable & np.isfinite(q)
+    h, q = h[known], q[known]
+    if len(q) < 2:
+        return Limit(float(q[-1]) if len(q) else NAN, NAN, NAN)
+    order, limit = _extrapolate(h[-3:], q[-3:])
+    if not np.isfinite(limit):
+        return Limit(float(q[-1]), float(np.max(np.abs(q[-3:] - q[-1]))), NAN)
+    step, (_, before) = abs(limit - q[-1]), _extrapolate(h[-4:-1], q[-4:-1])
+    uncertainty = max(0.1 * step, 2.0 * abs(limit - before)) if np.isfinite(before) else step
+    return Limit(limit, float(uncertainty), order)
 
 
 def _extrapolate(h: Array, q: Array) -> tuple[float, float]:
-    """(p, q*) from three levels; NaN unless the steps shrink in one direction, or are rounding."""
+    """(p, q*) from three levels; NaN of fewer, and unless the steps shrink in one direction, or are rounding."""
+    if len(q) < 3:
+        return NAN, NAN
     first, second = q[1] - q[0], q[2] - q[1]
     rounding = STEADY * np.max(np.abs(q))
     if max(abs(first), abs(second)) <= rounding:
@@ -220,19 +213,9 @@ class Singularity:
         return Singularity(reached, self.why if self.mu == 1.0 else f"{self.why}, graded with mu = {self.mu:g}")
 
 
-@dataclass(frozen=True)
-class Smoothness:
-    """The worst place for u in the body, for u_T and for ξ on Γ_C, and for θ; `load` as far as it loads the body.
-
-    analysed: all places were looked at; else the orders that follow may be too high
-    """
-
-    body: Singularity
-    u_T: Singularity
-    xi: Singularity
-    theta: Singularity
-    load: Singularity
-    analysed: bool = True
+Smoothness = dict[str, list[Singularity]]
+"""What limits u in the body, u_T and ξ on Γ_C, and θ: `body`, `u_T`, `xi`, `theta`; `load`: θ as far as it loads the
+body."""
 
 
 @dataclass(frozen=True)
@@ -252,64 +235,57 @@ NO_LIMIT = Singularity(SMOOTH, "smooth")
 NOT_ANALYSED = "corners not analysed"
 
 
-@dataclass(frozen=True)
-class HeldEnds:
-    """Whether Γ_C has nodes without an unknown whose neighbours slip, or stick, under a notable ξ."""
-
-    slip: bool = False
-    stick: bool = False
-
-
-def smooth_up_to(exponent: float | None, ends: HeldEnds, front: bool = False) -> Smoothness:
+def smooth_up_to(exponent: float | None, slip: bool = False, stick: bool = False, front: bool = False) -> Smoothness:
     """Smoothness of a given solution with u ~ r^exponent, ξ ~ r^(exponent−1); None if it is smooth.
 
-    front: stick meets slip somewhere on Γ_C, where ξ has a kink at least
+    slip, stick: Γ_C has nodes without an unknown whose neighbours slip, or stick, under a notable ξ
+    front:       stick meets slip somewhere on Γ_C, where ξ has a kink at least
     """
-    why = "smooth" if exponent is None else f"given: u ~ r^{exponent:g}"
-    given = NO_LIMIT if exponent is None else Singularity(exponent, why)
-    xi = [NO_LIMIT if exponent is None else Singularity(exponent - 1, why)]
-    u_T = [given]
+    u_T, xi, body = list[Singularity](), list[Singularity](), list[Singularity]()
+    if exponent is not None:
+        why = f"given: u ~ r^{exponent:g}"
+        body, xi = [Singularity(exponent, why)], [Singularity(exponent - 1, why)]
+        u_T += body
     if front:
         xi.append(Singularity(1.0, "stick meets slip on Γ_C, where ξ has a kink"))
-    if ends.slip:
+    if slip:
         u_T.append(Singularity(1.0, "held end of Γ_C, whose half cell goes to a slipping node"))
         xi.append(u_T[-1])
-    if ends.stick:
+    if stick:
         xi.append(Singularity(0.0, "held end of Γ_C, whose half cell goes to a sticking node"))
-    return Smoothness(given, _worst(u_T), _worst(xi), NO_LIMIT, NO_LIMIT)
+    return {"body": body, "u_T": u_T, "xi": xi}
 
 
 def smoothness(
-    corners: Sequence[Vertex] | None, stick_slip: bool, grading: Sequence[float] = (), loads: bool = False
+    corners: Sequence[Vertex], stick_slip: bool, grading: Sequence[float] = (), loads: bool = False
 ) -> Smoothness:
     """Smoothness of a computed solution.
 
-    corners:    None where they are not analysed;  stick_slip: stick meets slip somewhere inside Γ_C
+    stick_slip: stick meets slip somewhere inside Γ_C
     grading:    μ of the meshes at every corner, 1 where they are not graded; by default everywhere
     loads:      temperature loads the body
     """
-    body, theta, u_T, xi = [], [], [], []
-    for v, mu in zip(corners or (), grading or [1.0] * len(corners or ()), strict=True):
+    found: Smoothness = {name: [] for name in ("body", "theta", "u_T", "xi")}
+    for v, mu in zip(corners, grading or [1.0] * len(corners), strict=True):
         where = corner_words(v)
         own = [Singularity(v.exponent, f"{where}: u ~ r^{v.exponent:.3f}", mu)]
         if v.heat < 1.0:
-            theta.append(Singularity(v.heat, f"{where}: θ ~ r^{v.heat:.3f}", mu))
-            own += [Singularity(1.0 + v.heat, theta[-1].why, mu)] if loads else []
+            found["theta"].append(Singularity(v.heat, f"{where}: θ ~ r^{v.heat:.3f}", mu))
+            own += [Singularity(1.0 + v.heat, found["theta"][-1].why, mu)] if loads else []
         worst = _worst(own)
-        body.append(worst)
+        found["body"].append(worst)
         if "sticking contact" in v.words:
-            u_T.append(worst)
-            xi.append(worst if worst.exponent == SMOOTH else replace(worst, exponent=worst.exponent - 1.0))
+            found["u_T"].append(worst)
+            found["xi"].append(worst if worst.exponent == SMOOTH else replace(worst, exponent=worst.exponent - 1.0))
         elif v.steps:
             why = worst.why if worst.exponent < 1 else f"{where}: shear stress may jump, u ~ r log r"
-            u_T.append(Singularity(min(1.0, worst.exponent), why, mu))
-            xi.append(u_T[-1])
+            found["u_T"].append(Singularity(min(1.0, worst.exponent), why, mu))
+            found["xi"].append(found["u_T"][-1])
     if stick_slip:
         why = "stick meets slip on Γ_C: u ~ r^1.5"
-        u_T.append(Singularity(1.5, why))
-        xi.append(Singularity(0.5, why))
-    warm = _worst(theta)
-    return Smoothness(_worst(body), _worst(u_T), _worst(xi), warm, warm if loads else NO_LIMIT, corners is not None)
+        found["u_T"].append(Singularity(1.5, why))
+        found["xi"].append(Singularity(0.5, why))
+    return found | {"load": found["theta"] if loads else []}
 
 
 def _worst(candidates: Sequence[Singularity]) -> Singularity:
@@ -317,27 +293,27 @@ def _worst(candidates: Sequence[Singularity]) -> Singularity:
     return min(limits, key=lambda c: c.exponent / c.mu, default=NO_LIMIT)
 
 
-def expected_orders(of: Smoothness) -> dict[str, Expected]:
-    """Expected order by error name."""
-    body, twice, warm = of.body.order(), of.body.order(2.0), of.load.order(2.0)
-    polluted = Singularity(twice.exponent, f"pollution 2α, {twice.why}")
+def expected_orders(of: Smoothness, analysed: bool = True) -> dict[str, Expected]:
+    """Expected order by error name. analysed: all places were looked at; else the orders may be too high"""
+    body, u_T, xi, theta, load = (_worst(of.get(name, ())) for name in ("body", "u_T", "xi", "theta", "load"))
+    twice, warm = body.order(2.0), load.order(2.0)
+    polluted = replace(twice, why=f"pollution 2α, {twice.why}")
     orders = {
-        "theta_L2": _least(2.0, of.theta.order(2.0)),
-        "theta_H1": _least(1.0, of.theta.order()),
-        "u_energy": _least(1.0, body, warm),
-        "u_H1": _least(1.0, body, warm),
+        "theta_L2": _least(2.0, theta.order(2.0)),
+        "theta_H1": _least(1.0, theta.order()),
+        "u_energy": _least(1.0, body.order(), warm),
+        "u_H1": _least(1.0, body.order(), warm),
         "u_L2": _least(2.0, twice, warm),
-        "u_T_L2": _least(2.0, polluted, warm, of.u_T.order(plus=0.5)),
-        "u_T_max": _least(2.0, polluted, warm, of.u_T.order()),
-        "xi_L2": _least(1.0, polluted, warm, of.xi.order(plus=0.5)),
-        "xi_nodes": _least(2.0, polluted, warm, of.xi.order(plus=0.5)),
-        "xi_max": _least(2.0, polluted, warm, of.xi.order()),
+        "u_T_L2": _least(2.0, polluted, warm, u_T.order(plus=0.5)),
+        "u_T_max": _least(2.0, polluted, warm, u_T.order()),
+        "xi_L2": _least(1.0, polluted, warm, xi.order(plus=0.5)),
+        "xi_nodes": _least(2.0, polluted, warm, xi.order(plus=0.5)),
+        "xi_max": _least(2.0, polluted, warm, xi.order()),
     }
-    for name in ("u_T_max", "xi_max"):
-        if orders[name].order == 2.0:
-            orders[name] = replace(orders[name], reason=f"{orders[name].reason}: h² |log h|", log=True)
-    if not of.analysed:  # places not looked at may lower the orders
-        for name, found in orders.items():
+    for name, found in orders.items():
+        if name.endswith("_max") and found.order == 2.0:
+            orders[name] = found = replace(found, reason=f"{found.reason}: h² |log h|", log=True)
+        if not analysed:  # places not looked at may lower the orders
             smooth = found.reason.startswith(NO_LIMIT.why)
             reason = NOT_ANALYSED if smooth else f"{found.reason}; {NOT_ANALYSED}"
             orders[name] = replace(found, reason=reason, analysed=False)

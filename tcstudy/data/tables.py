@@ -14,8 +14,8 @@ parameter: `parameter_units` names them.
 
 Convergence: the dimensions of the sweep and the level; each error E has error_E (relative to the norm of the
 reference) and rate_E by level, and size_squared_E (that norm squared: it has a unit that CF can write), slope_E,
-slope_error_E, first_level_E, verdict_E, expected_E and reason_E by sweep point; each number Q has value_Q and order_Q
-by level, and limit_Q, uncertainty_Q, limit_order_Q and exact_Q by sweep point.
+slope_error_E, first_level_E, verdict_E, expected_E and reason_E by sweep point; each number Q has value_Q by level, and
+limit_Q, uncertainty_Q, limit_order_Q and exact_Q by sweep point.
 
 Cost: the dimensions family, solver, level and run (repeated timings). Sizes have (family, level), `time` all four; each
 error E has error_E and dominated_E, by the first three.
@@ -26,7 +26,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -288,7 +288,6 @@ FIT = (
     FileVariable("start_evaluations", "i4", "1", "evaluations, by distinct minimum", S),
     FileVariable("curve_given", "f8", "1", "parameter of the load along the curve", ("vertex",)),
     FileVariable("curve_measured", "f8", "1", "value of the study along the curve", ("vertex",)),
-    FileVariable("curve_error", "f8", "1", "standard error of the curve across it", ("vertex",)),
     FileVariable("fold_vertex", "i4", "1", "vertex of a fold", ("fold",)),
     FileVariable("law_slip", "f8", "m", "slip", ("law_place",)),
     FileVariable("law_traction", "f8", "Pa", "fitted friction law", ("law_place",)),
@@ -332,37 +331,29 @@ NUMBERS = (
 )
 
 
-class Measured(NamedTuple):
-    """The convergence of a study, before it is a record.
+def convergence_record(
+    study: Study, points: Sequence[Mapping[str, Any]], meshes: Mapping[str, Any], reference: str, notes: Sequence[str]
+) -> Record:
+    """What the file of a convergence holds. What a point does not have, although others do, is missing there.
 
     points:    of every sweep point its status (levels,) and what it has of the variables of `convergence_table`
     meshes:    h_max, n_dof, n_contact and compared, whether a level is compared with the reference: (levels,), in a
                sweep over geometries (…, levels) by the axes that change them, in the order of the file
     reference: what errors are measured against, in words
     """
-
-    points: Sequence[Mapping[str, Any]]
-    meshes: Mapping[str, NDArray[Any]]
-    reference: str
-    notes: Sequence[str]
-
-
-def convergence_record(study: Study, measured: Measured) -> Record:
-    """What the file of a convergence holds. What a point does not have, although others do, is missing there."""
-    levels = measured.meshes["h_max"].shape[-1]
-    values: dict[str, Any] = {"level": np.arange(levels), **measured.meshes}
+    levels = meshes["h_max"].shape[-1]
+    values: dict[str, Any] = {"level": np.arange(levels), **meshes}
     table = convergence_table(study)
     for variable in table:
-        having = [i for i, point in enumerate(measured.points) if variable.name in point]
+        having = [i for i, point in enumerate(points) if variable.name in point]
         if having:
-            shape = (len(measured.points), *((levels,) if "level" in variable.dims else ()))
+            shape = (len(points), *((levels,) if "level" in variable.dims else ()))
             rows = values[variable.name] = missing(variable, shape)
             if variable.dtype == "str":
                 rows[:] = ""
             for i in having:
-                rows[i] = measured.points[i][variable.name]
-    attributes = {"reference": measured.reference, "notes": "\n".join(measured.notes)}
-    return Record("convergence", table, values, attributes)
+                rows[i] = points[i][variable.name]
+    return Record("convergence", table, values, {"reference": reference, "notes": "\n".join(notes)})
 
 
 def convergence_table(study: Study) -> tuple[FileVariable, ...]:
@@ -406,7 +397,6 @@ _ERROR_PARTS: tuple[tuple[str, Dtype, str], ...] = (
 """What is kept of an error: name before that of the measure, type, meaning."""
 _NUMBER_PARTS: tuple[tuple[str, Dtype, str], ...] = (
     ("value", "f8", "{}"),
-    ("order", "f8", "order from three levels: {}"),
     ("limit", "f8", "extrapolated: {}"),
     ("uncertainty", "f8", "uncertainty of the extrapolated value: {}"),
     ("limit_order", "f8", "order of the extrapolation: {}"),
@@ -414,7 +404,7 @@ _NUMBER_PARTS: tuple[tuple[str, Dtype, str], ...] = (
 )
 """The same of a number."""
 _IN_UNITS = ("size_squared", "value", "limit", "uncertainty", "exact")
-_BY_LEVEL = ("error", "rate", "value", "order")
+_BY_LEVEL = ("error", "rate", "value")
 OWN = "study"
 """Name of the study's own meshes where they belong to none of the families, in a file of cost."""
 BOUND = Measure("u_bound", "u in energy, proved", "1", "proved bound of the error of the displacement, energy norm")

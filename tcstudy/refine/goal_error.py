@@ -119,17 +119,17 @@ class Halved:
         mesh = coarse.mesh
         self.coarse, self.level = coarse, Level(refine_uniformly(mesh), scene, scenes)
         fine = self.level.mesh
-        self._prolong = prolongation(mesh.points, fine.points, fine.triangles)
+        self._prolong = prolongation(mesh.n_points, fine.points, fine.triangles)
         self.parent, _ = located(mesh, fine.centres)
 
     def carry(self, values: Array) -> Array:
         """Nodal values (n,) or displacements (2n,) of the level as those of the finer one."""
-        return self._prolong(values.reshape(-1, self.coarse.mesh.n_points)).ravel()
+        return (self._prolong @ values.reshape(-1, self.coarse.mesh.n_points).T).T.ravel()
 
     def interpolated(self, values: Array) -> Array:
         """The level's interpolant of (n_f,) or (2n_f,) nodal values of the finer one, on the finer one."""
         by_component = values.reshape(-1, self.level.mesh.n_points)
-        return self._prolong(by_component[:, : self.coarse.mesh.n_points]).ravel()
+        return (self._prolong @ by_component[:, : self.coarse.mesh.n_points].T).T.ravel()
 
     def start(self, v: Array, u: Array) -> Array:
         """A contact solution v (m,) of the level, with its u (2n,), as a start on the finer one (m_f,).
@@ -137,19 +137,19 @@ class Halved:
         Between a held node and a free one the displacement given there counts.
         """
         line, n, nodes = self.coarse.line, self.coarse.mesh.n_points, self.level.line.nodes
-        beside_held = self._prolong(line.nodal(np.zeros(line.m), n, 1.0))[nodes] > 0.0
+        beside_held = (self._prolong @ line.nodal(np.zeros(line.m), n, 1.0))[nodes] > 0.0
         given = self.level.frames.rows(self.carry(u))[nodes]
-        return np.where(beside_held, given, self._prolong(line.nodal(v, n))[nodes])
+        return np.where(beside_held, given, (self._prolong @ line.nodal(v, n))[nodes])
 
     def restricted(self, forces: Array) -> Array:
         """(n,) forces at the contact nodes of the finer level (m_f,) as those at the nodes of the level."""
-        return np.asarray(self._prolong.matrix.T @ self.level.line.nodal(forces, self.level.mesh.n_points))
+        return np.asarray(self._prolong.T @ self.level.line.nodal(forces, self.level.mesh.n_points))
 
     @cached_property
     def middles(self) -> NDArray[np.intp]:
         """(s,) the new node in the middle of each segment of Γ_C of the level."""
         n = self.coarse.mesh.n_points
-        ends = _sorted_pairs(self._prolong.matrix[n:].indices.reshape(-1, 2), n)
+        ends = _sorted_pairs(self._prolong[n:].indices.reshape(-1, 2), n)
         order = np.argsort(ends)
         return n + order[np.searchsorted(ends[order], _sorted_pairs(self.coarse.line.segments, n))]
 

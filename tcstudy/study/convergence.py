@@ -21,7 +21,7 @@ from tcstudy.accuracy.orders import (
     ROUNDING,
     Expected,
     Fit,
-    HeldEnds,
+    Limit,
     expected_orders,
     fit,
     log_share,
@@ -31,13 +31,13 @@ from tcstudy.accuracy.orders import (
     smoothness,
 )
 from tcstudy.data.schema import PointStatus
-from tcstudy.data.store import geometry_place, missing, outer_axes
-from tcstudy.data.tables import BY_ITSELF, ERRORS, LEVELS, NUMBERS, VERDICTS, Measured, convergence_record
+from tcstudy.data.store import Record, geometry_place, missing, outer_axes
+from tcstudy.data.tables import BY_ITSELF, ERRORS, LEVELS, NUMBERS, VERDICTS, convergence_record
 from tcstudy.errors import ConvergenceError, GeometryFailed
-from tcstudy.exact.numbers import exact_energy, exact_friction_resultant, exact_slip_length
+from tcstudy.exact.numbers import exact_energy, exact_friction_resultant, exact_slip_length, exact_xi
 from tcstudy.fem.meshes import graded_points
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import Acceptance, Study, Variant
+from tcstudy.scene.study import Acceptance, Study
 from tcstudy.study.lint import once
 from tcstudy.study.reference import (
     Errors,
@@ -67,21 +67,21 @@ def orders_to_expect(study: Study, finest: SolvedLevel, solution: Solution, scen
 
     Of the contact nodes beside held ones those that carry next to no ξ make no difference.
     """
-    sticks = solution.sticks
+    sticks, line = solution.sticks, finest.line
     mixed = solution.ok and 0 < int(np.count_nonzero(sticks)) < len(sticks)
     if study.exact is not None:
-        ends = HeldEnds()
+        held = np.isin(line.nodes, line.segments[(line.unknowns < 0).any(axis=1)]) & solution.ok
         if solution.ok:
-            size = np.abs(solution.xi)
-            held = finest.line.next_to_held & (size > NOTABLE * np.max(size, initial=0.0))
-            ends = HeldEnds(slip=bool((held & ~sticks).any()), stick=bool((held & sticks).any()))
-        return expected_orders(smooth_up_to(study.exact.exponent, ends, mixed))
-    places = finest.mesh.points[finest.line.nodes]
-    corners = vertices(scene, sticking_near(finest.edges if solution.ok else (), places, sticks))
+            held &= np.abs(solution.xi) > NOTABLE * np.max(np.abs(solution.xi), initial=0.0)
+        slip, stick = (bool(held.any() and (held & own).any()) for own in (~sticks, sticks))
+        return expected_orders(smooth_up_to(study.exact.exponent, slip, stick, mixed))
+    edges = [line.edge_names[e] for e in line.edge] if solution.ok else ()
+    corners = vertices(scene, sticking_near(edges, line.xy, sticks))
     graded = graded_points(study)
     apart = 1e-6 * max((math.hypot(*point) for point, _ in graded), default=0.0)
     mus = [next((mu for point, mu in graded if math.dist(point, one.at) <= apart), 1.0) for one in corners or ()]
-    return expected_orders(smoothness(corners, mixed, mus, loads=scene.material.expands))
+    found = smoothness(corners or (), mixed, mus, scene.material.expands)
+    return expected_orders(found, analysed=corners is not None)
 
 
 def own_error(order: float) -> float:
@@ -143,52 +143,51 @@ def converge_to_file(study: Study, path: Path, say: Say, command: Sequence[str] 
     if study.mesh.strategy.adapts:
         what = "adaptive meshes have no common h to show rates over, and they come with their own error estimates"
         raise ConvergenceError(f"{what}; use tcstudy run or tcstudy cost, or --set mesh.family=uniform")
-    to_file(path, study, command, lambda: convergence_record(study, converge(study, say)))
+    to_file(path, study, command, lambda: converge(study, say))
 
 
-def converge(study: Study, say: Say = lambda text: None) -> Measured:
+def converge(study: Study, say: Say = lambda text: None) -> Record:
     """The convergence of a study; of several geometries each is measured on its own levels.
 
     say: called with a line of text as work goes on
     Raises GeometryFailed if the body cannot be meshed, of several geometries if none can.
     """
     if not study.variants:
-        return _of_body(study, say)
-    found: list[tuple[Variant, Measured]] = []
-    lost: list[tuple[Variant, str]] = []
+        return convergence_record(study, *_of_body(study, say))
+    none = {"status": np.full(study.mesh.levels, PointStatus.MESH_FAILED, dtype=np.int8)}
+    points: list[Mapping[str, Any]] = [none] * len(study.scenes)
+    sizes = study.shape if study.mode != "grid" else tuple(len(axis.values) for axis in outer_axes(study))
+    meshes = {v.name: missing(v, (*sizes, study.mesh.levels)) for v in LEVELS}
+    references, notes, lost = list[str](), list[tuple[str, list[str]]](), list[str]()
     for variant in study.variants:
         reason = variant.reason
         if variant.study is not None:
             say(f"{variant.words}:")
             try:
-                found.append((variant, _of_body(variant.study, say)))
+                own, own_meshes, reference, told = _of_body(variant.study, say)
             except GeometryFailed as error:
                 reason = str(error)
+            else:
+                references.append(reference)
+                notes.append((variant.words, told))
+                for place, point in zip(variant.places, own, strict=True):
+                    points[place] = point
+                for name, values in meshes.items():
+                    values[geometry_place(study, variant)] = own_meshes[name]
         if reason:
-            lost.append((variant, reason))
-    if not found:
-        raise GeometryFailed(f"no geometry of the sweep has a mesh ({lost[0][0].words}: {lost[0][1]})", ("sweep",))
-    none = {"status": np.full(study.mesh.levels, PointStatus.MESH_FAILED, dtype=np.int8)}
-    points: list[Mapping[str, Any]] = [none] * len(study.scenes)
-    sizes = study.shape if study.mode != "grid" else tuple(len(axis.values) for axis in outer_axes(study))
-    meshes = {v.name: missing(v, (*sizes, study.mesh.levels)) for v in LEVELS}
-    for variant, one in found:
-        for place, point in zip(variant.places, one.points, strict=True):
-            points[place] = point
-        for name, values in meshes.items():
-            values[geometry_place(study, variant)] = one.meshes[name]
-    words = dict.fromkeys(one.reference for _, one in found)
-    notes = [f"refused, {variant.words}: {reason}" for variant, reason in lost]
-    for note in once([(variant.words, one.notes) for variant, one in found]):
+            lost.append(f"{variant.words}: {reason}")
+    if not notes:
+        raise GeometryFailed(f"no geometry of the sweep has a mesh ({lost[0]})", ("sweep",))
+    said = [f"refused, {one}" for one in lost]
+    for note in once(notes):
         each = not note.where and " points" in note.text  # counted of one
-        notes.append(f"each geometry: {note.text}" if each else str(note))
-    return Measured(points, meshes, "; or ".join(words), notes)
+        said.append(f"each geometry: {note.text}" if each else str(note))
+    return convergence_record(study, points, meshes, "; or ".join(dict.fromkeys(references)), said)
 
 
-def _of_body(study: Study, say: Say) -> Measured:
-    """Solve all levels of a study with one body and measure their convergence.
+def _of_body(study: Study, say: Say) -> tuple[list[dict[str, Any]], dict[str, NDArray[Any]], str, list[str]]:
+    """Points, meshes, the reference and notes of a study with one body, as of `convergence_record`.
 
-    say: called with a line of text as work goes on
     Raises GeometryFailed if the body cannot be meshed.
     """
     with threadpool_limits(1, user_api="blas"):
@@ -199,12 +198,12 @@ def _of_body(study: Study, say: Say) -> Measured:
             for index, scene in zip(np.ndindex(study.shape), study.scenes, strict=True)
         ]
     meshes = {
-        "h_max": np.array([level.h_max for level in levels]),
+        "h_max": np.array([level.mesh.h_max for level in levels]),
         "n_dof": np.array([level.n_dof for level in levels], dtype=np.int32),
-        "n_contact": np.array([len(level.line.nodes) for level in levels], dtype=np.int32),
+        "n_contact": np.array([level.line.m for level in levels], dtype=np.int32),
         "compared": compared,
     }
-    return Measured(points, meshes, words, [*notes, *_notes(study, levels, reference, points)])
+    return points, meshes, words, [*notes, *_notes(study, levels, reference, points)]
 
 
 def _reference(study: Study, levels: list[SolvedLevel]) -> tuple[Reference | None, str, Mask, list[str]]:
@@ -212,7 +211,7 @@ def _reference(study: Study, levels: list[SolvedLevel]) -> tuple[Reference | Non
     n = len(levels)
     if study.exact is not None:
         return ExactReference(study.exact), "the exact solution", np.ones(n, dtype=bool), []
-    h = np.array([level.h_max for level in levels])
+    h = np.array([level.mesh.h_max for level in levels])
     compared = h >= COARSER * 2**GAP * h[-1]
     if n < MIN_LEVELS or np.count_nonzero(compared) < 2:
         none = np.zeros(n, dtype=bool)
@@ -242,7 +241,7 @@ def _point(
 ) -> dict[str, Any]:
     """What the file has of a point, by name: its status, errors with their rates, numbers with their limits."""
     solutions = [level.solutions[index] for level in levels]
-    h, ok = np.array([level.h_max for level in levels]), np.array([s.ok for s in solutions])
+    h, ok = np.array([level.mesh.h_max for level in levels]), np.array([s.ok for s in solutions])
     point: dict[str, Any] = {"status": np.array([s.status for s in solutions], dtype=np.int8)}
     expected = orders_to_expect(study, levels[-1], solutions[-1], scene)
     found: list[Errors] = [reference.errors(one, index, scene) if reference is not None and used else {}
@@ -256,22 +255,20 @@ def _point(
     for name, stored in BY_ITSELF.items():
         point[name] = np.array([s.numbers.get(stored, np.nan) for s in solutions])
     exact = {"heat_balance": 0.0}
-    if isinstance(reference, ExactReference) and study.exact is not None:
+    if study.exact is not None:
         exact |= {
-            "friction_resultant": exact_friction_resultant(scene, reference.xi(scene)),
-            "energy": exact_energy(study.exact, scene, levels[-1].mesh),
+            "friction_resultant": exact_friction_resultant(scene, exact_xi(study.exact, scene)),
+            "energy": exact_energy(study.exact, scene, levels[-1].triangles),
             "slip_length": exact_slip_length(study.exact, scene),
         }
     for name in (measure.name for measure in NUMBERS):
         values = np.array([s.numbers.get(name, np.nan) for s in solutions])
         if not np.isfinite(values).any():
             continue
-        parts: dict[str, Any] = dict.fromkeys(("order", "limit", "uncertainty", "limit_order"), np.nan)
-        if name != "heat_balance":  # rounding on every level: nothing to extrapolate
-            limit = richardson(h, values, ok)
-            parts = {"order": limit.orders, "limit": limit.value, "uncertainty": limit.uncertainty}
-            parts["limit_order"] = limit.order
-        parts |= {"value": values, "exact": exact.get(name, np.nan)}
+        # the heat balance is rounding on every level: nothing to extrapolate
+        limit = richardson(h, values, ok) if name != "heat_balance" else Limit(np.nan, np.nan, np.nan)
+        parts = {"value": values, "limit": limit.value, "uncertainty": limit.uncertainty, "limit_order": limit.order}
+        parts["exact"] = exact.get(name, np.nan)
         point |= {f"{part}_{name}": value for part, value in parts.items()}
     return point
 

@@ -35,7 +35,6 @@ from tcstudy.study.reference import (
     Reference,
     Solution,
     SolvedLevel,
-    empty_level,
     solution_of,
 )
 from tcstudy.study.run import stages, to_file
@@ -221,7 +220,7 @@ def walk(
         if level is None:
             raise GeometryFailed(next(stage.blocks).reasons[0])
         [block] = stage.blocks
-        stop = stage.stop()
+        stage.stop()  # which takes time
         blocks = {first: block}
         blocks |= {n: solve_point(replace(alone, solver=only[n]), level, 0) for n in others if wanted(n, i)}
         found = {name: solution_of(alone, level, one) for name, one in blocks.items()}
@@ -233,9 +232,7 @@ def walk(
             taken[name] += times.estimate if plan.tolerance is not None else 0.0
             if plan.open_ended:
                 before[name] += shared + solve + times.estimate
-        yield replace(empty_level(study, level), solutions=found), taken
-        if stop:
-            return
+        yield SolvedLevel.of(level, found), taken
 
 
 def reference_of(study: Study, curves: list[CostCurve], progress: Progress) -> tuple[Reference, str, float]:
@@ -285,9 +282,6 @@ def errors_of(study: Study, curves: list[CostCurve], reference: Reference, progr
                         if (curve.family, i, n) in found and _same(one, other))  # fmt: skip
                 if (errors := next(same, None)) is None:
                     errors = reference.errors(level, name, scene)
-                    for what, value in reference.numbers(scene).items():
-                        if math.isfinite(value):
-                            errors[what] = abs(one.numbers.get(what, math.nan) - value), abs(value)
                 bound = first.numbers.get("error_bound_relative", math.nan)
                 if math.isfinite(bound) and _same(one, first):
                     errors[BOUND.name] = bound, 1.0
@@ -325,7 +319,7 @@ def _record(study: Study, curves: list[CostCurve], errors: Relative, notes: list
     values["reason"][:] = ""
     for f, curve in enumerate(curves):
         for i, level in enumerate(curve.levels):
-            for name, size in (("h_max", level.h_max), ("n_dof", level.n_dof), ("n_contact", len(level.line.nodes))):
+            for name, size in (("h_max", level.mesh.h_max), ("n_dof", level.n_dof), ("n_contact", level.line.m)):
                 values[name][f, i] = size
             for solver, one in level.solutions.items():
                 own = [run[i][solver] for run in curve.times]

@@ -18,7 +18,7 @@ Literature: Craven & Wahba, Numer. Math. 31 (1978) 377–403; Golub, Heath & Wah
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.accuracy.fitted import Box, Minimum, Uncertainty, different, minimise, misfit, product, uncertainty
+from tcstudy.accuracy.fitted import Box, Minimum, different, minimise, misfit, product, settled, uncertainty
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.data.store import Record
 from tcstudy.data.tables import FIT
@@ -108,17 +108,22 @@ def fit(study: Study, progress: Progress = lambda text: None) -> Record:
         raise FitError(f"the path that fits best ends early: {early}")
     said = _uncertainty(plan, tests, box, smooth)
     minima = different([one.minimum for one in fits], box, tests.known_noise)
-    record = _record(plan, tests, box, minima, failures, found, said)
+    values, told = _found(plan, tests, minima, found), _told(plan, tests, said)
+    values |= {variable.name: said[variable.name] for variable in FIT if variable.name in said}
+    values |= _law(plan, tests.models[0], best, said["covariance"])
+    told |= {name: value for name, value in said.items() if name not in values and name != "weak"}
+    told |= {"starts_tried": np.int32(len(fits) + len(failures)), "starts_failed": np.int32(len(failures))}
+    told |= {"start_failure": failures[0] if failures else "", "message": best.message}
+    told |= {"evaluations": np.int32(best.evaluations), "solves": np.int32(sum(one.solves for one in tests.models))}
+    told |= {"smooth_weight": smooth.weight, "numbers_decided": smooth.numbers} if plan.smooth else {}
     progress("the same on a mesh of half the size")
-    shift = mesh_shift(tests, best, box, said, smooth.prior)
-    weighed = {"smooth_weight": smooth.weight, "numbers_decided": smooth.numbers} if plan.smooth else {}
-    return Record("fit", FIT, {**record.values, "mesh_shift": shift}, {**record.attributes, **weighed})
+    return Record("fit", FIT, values | {"mesh_shift": mesh_shift(tests, best, box, said, smooth.prior)}, told)
 
 
-def mesh_shift(tests: Tests, best: Minimum, box: Box, said: Uncertainty, prior: Array) -> Array:
+def mesh_shift(tests: Tests, best: Minimum, box: Box, said: Mapping[str, Any], prior: Array) -> Array:
     """(k,) how far meshes of half the size would move the estimates, in standard errors; NaN on bounds, and all of it
     where such a mesh gives no result."""
-    free, shift, finer = np.flatnonzero(~said.at_bound), np.full(len(best.p), np.nan), list[Compared]()
+    free, shift, finer = np.flatnonzero(~said["at_bound"]), np.full(len(best.p), np.nan), list[Compared]()
     try:
         for model in tests.models:
             level = Level(refine_uniformly(model.level.mesh), model.plan.scene, held=held(model.plan))
@@ -126,10 +131,10 @@ def mesh_shift(tests: Tests, best: Minimum, box: Box, said: Uncertainty, prior: 
     except (FitError, GeometryFailed, NotPositiveDefinite, MemoryError):
         return shift
     own = np.concatenate([best.jacobian * box.rate(best.p), prior])[:, free]
-    if not any(one.early for one in finer) and np.all(np.isfinite(said.standard_error[free])):
+    if not any(one.early for one in finer) and np.all(np.isfinite(said["standard_error"][free])):
         change = best.residual - np.concatenate([one.residual for one in finer])
         step = np.linalg.lstsq(own, np.append(change, np.zeros(len(prior))))[0]
-        shift[free] = step * box.rate(best.p)[free] / said.standard_error[free]
+        shift[free] = step * box.rate(best.p)[free] / said["standard_error"][free]
     return shift
 
 
@@ -180,42 +185,31 @@ def _fits(plan: FitPlan, tests: Tests, box: Box, progress: Progress) -> tuple[li
             continue
         found.append(one)
         progress(f"start {number + 1} of {plan.starts}: {one.minimum.evaluations} evaluations")
-        if _uncertainty(plan, tests, box, one).settled:
+        if settled(_uncertainty(plan, tests, box, one)):
             break
     if not found:
         raise FitError(failures[0] if plan.starts == 1 else f"no start led to a result: {failures[0]}")
     return found, failures
 
 
-def _uncertainty(plan: FitPlan, tests: Tests, box: Box, found: Smoothed) -> Uncertainty:
+def _uncertainty(plan: FitPlan, tests: Tests, box: Box, found: Smoothed) -> dict[str, Any]:
     asked = (found.prior, found.numbers) if plan.smooth else (None, None)
     return uncertainty(found.minimum, box, tests.groups, tests.known_noise, *asked)
 
 
-def _record(
-    plan: FitPlan,
-    tests: Tests,
-    box: Box,
-    minima: list[list[Minimum]],
-    failures: list[str],
-    found: list[Compared],
-    said: Uncertainty,
-) -> Record:
-    best, names, columns = minima[0][0], [one.number.name for one in plan.parameters], tests.columns
-    files = [f" in {Path(model.plan.file).name}" if len(tests.models) > 1 else "" for model, _ in columns]
+def _found(plan: FitPlan, tests: Tests, minima: list[list[Minimum]], found: list[Compared]) -> dict[str, Any]:
+    """What the file has by parameter, datum and start."""
+    best, box, columns = minima[0][0], box_of(plan), tests.columns
     given = [model.plan.given[0].values if model.plan.given else range(len(c.values)) for model, c in columns]
     datum_given = np.concatenate(given).astype(float)
     feet = [one.foot[:, 0] for one in found if len(one.foot)]
     values: dict[str, Any] = {
-        "parameter": np.array(names, dtype=object),
+        "parameter": np.array([one.number.name for one in plan.parameters], dtype=object),
         "parameter_units": np.array([one.number.units for one in plan.parameters], dtype=object),
         "estimate": best.p,
         "parameter_start": np.array([one.start for one in plan.parameters]),
         "parameter_within": np.stack([box.low, box.high], axis=1),
-        "logarithmic": box.log.astype(np.int8),
-        "at_bound": said.at_bound.astype(np.int8),
-        **{name: getattr(said, name) for name in ("standard_error", "interval", "covariance", "singular_value")},
-        "singular_vector": said.direction,
+        "logarithmic": box.log,
         "measured_column": np.concatenate([np.full(len(own), i, np.int32) for i, own in enumerate(tests.groups)]),
         "datum": np.concatenate([column.values for _, column in columns]),
         "datum_given": datum_given,
@@ -229,47 +223,42 @@ def _record(
         "start_estimate": np.array([same[0].p for same in minima]),
         "start_evaluations": np.array([same[0].evaluations for same in minima], dtype=np.int32),
         "start_count": np.array([len(same) for same in minima], dtype=np.int32),
-        **_law(plan, tests.models[0], best, said),
     }
     if paths := [one.path for one in found if one.path is not None]:
         gap = np.full((1, 2), np.nan)  # between the curves of two tests
         curves = [part for path in paths for part in (path.curve, gap)][:-1]
         firsts = np.cumsum([0, *(len(path.curve) + 1 for path in paths)])
+        folds = [first + path.folds for first, path in zip(firsts, paths, strict=False)]
         values["curve_given"], values["curve_measured"] = np.concatenate(curves).T
-        values["fold_vertex"] = np.concatenate(
-            [first + path.folds for first, path in zip(firsts, paths, strict=False)]
-        ).astype(np.int32)
-    weak = [product(row, names) for row in said.direction[len(names) - said.weak :]]
-    attributes = {
+        values["fold_vertex"] = np.concatenate(folds).astype(np.int32)
+    return values
+
+
+def _told(plan: FitPlan, tests: Tests, said: Mapping[str, Any]) -> dict[str, Any]:
+    """What the file says of the fit as a whole."""
+    names, determined = [one.number.name for one in plan.parameters], len(plan.parameters) - said["weak"]
+    words = [product(row, names) for row in said["singular_vector"]]
+    several = len(tests.models) > 1
+    measured = [
+        f"{c.name}{f' in {Path(model.plan.file).name}' if several else ''} [{c.units}]" for model, c in tests.columns
+    ]
+    return {
         "compare": plan.compare,
         "loss": plan.loss,
         "data_file": ", ".join(dict.fromkeys(Path(model.plan.file).name for model in tests.models)),
         "data_sha256": plan.sha256,
         "given": "; ".join(f"{column.name} [{column.units}]" for column in plan.given),
-        "measured": "; ".join(f"{c.name}{file} [{c.units}]" for (_, c), file in zip(columns, files, strict=True)),
+        "measured": "; ".join(measured),
         "known_noise": np.int32(tests.known_noise),
-        "given_noise": tests.models[0].given_noise,
-        "chi_square": said.chi_square,
-        "degrees_of_freedom": np.int32(said.freedom),
-        "fit_probability": said.fit_p,
-        "runs": np.int32(said.runs),
-        "runs_probability": said.runs_p,
-        "information_criterion": said.information,
-        "not_determined": "; ".join(weak),
-        "determined": ", ".join(product(row, names) for row in said.direction[: max(1, len(names) - said.weak)]),
-        "solves": np.int32(sum(model.solves for model in tests.models)),
-        "evaluations": np.int32(best.evaluations),
-        "starts": np.int32(plan.starts),
-        "starts_tried": np.int32(sum(map(len, minima)) + len(failures)),
-        "starts_failed": np.int32(len(failures)),
-        "start_failure": failures[0] if failures else "",
         "noise_assumed": "; ".join(dict.fromkeys(filter(None, (model.plan.assumed_noise for model in tests.models)))),
-        "message": best.message,
+        "given_noise": tests.models[0].given_noise,
+        "not_determined": "; ".join(words[determined:]),
+        "determined": ", ".join(words[: max(1, determined)]),
+        "starts": np.int32(plan.starts),
     }
-    return Record("fit", FIT, values, attributes)
 
 
-def _law(plan: FitPlan, model: FitModel, best: Minimum, said: Uncertainty) -> dict[str, Array]:
+def _law(plan: FitPlan, model: FitModel, best: Minimum, covariance: Array) -> dict[str, Array]:
     """The fitted law over the slips of the data, with its standard error; empty where laws differ along the line."""
     scene = model.scene(best.p)
     if len(scene.laws) != 1 or scene.laws[0].made is None:
@@ -284,8 +273,7 @@ def _law(plan: FitPlan, model: FitModel, best: Minimum, said: Uncertainty) -> di
         for one in numbers
     ]
     rates = np.stack(columns, axis=1) @ chain * box_of(plan).rate(best.p)
-    covariance = np.nan_to_num(said.covariance)
-    error = np.sqrt(np.maximum(np.einsum("sk,kl,sl->s", rates, covariance, rates), 0.0))
+    error = np.sqrt(np.maximum(np.einsum("sk,kl,sl->s", rates, np.nan_to_num(covariance), rates), 0.0))
     return {"law_slip": slips, "law_traction": law.value(slips, piece), "law_error": error}
 
 

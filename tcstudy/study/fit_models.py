@@ -167,9 +167,17 @@ class FitModel:
             if result is None or loads != known:
                 for column, value in zip(self.plan.loads, loads, strict=True):
                     scene = path_scene(scene, column.path, value)
-                v, known = self._solved(scene, v, i), loads
-                problem, whole = self.level.condensed(scene).problem, WholeBody(self.level, scene, v)
-                here, largest = Linearised.at(problem, v), int(np.argmax(np.abs(v)))
+                problem, branch = self.level.condensed(scene).problem, "from-zero" if v is None else "continued"
+                answer = solve_contact(problem, tolerance=self.tolerance, branch=branch, neighbour=v)  # type: ignore[arg-type]
+                self.solves += 1
+                if answer.status != Status.CONVERGED:
+                    raise FitError(f"datum {i + 1} has no solution with the numbers tried: {answer.reason}")
+                v, known = answer.v, loads
+                here, whole, largest = (
+                    Linearised.at(problem, v),
+                    WholeBody(self.level, scene, v),
+                    int(np.abs(v).argmax()),
+                )
                 moved = (rates_of(whole, one, here, change_of(self.level, scene, one)) for one in numbers)
                 rates = [[dxi.sum(), np.sign(v[largest]) * dv[largest], mean, *dv] for dv, dxi, mean in moved]
                 mean = self.level.temperature(scene).mean if scene.material.beta != 0.0 else 0.0
@@ -191,16 +199,6 @@ class FitModel:
         data = np.concatenate([column.values for column in self.plan.measured])
         sigma = self.noise[: data.size]
         return Compared((predicted - data) / sigma, np.array(slopes) / sigma[:, None], np.array(predicted))
-
-    def _solved(self, scene: Scene, before: Array | None, i: int) -> Array:
-        """The solution at a datum, continued from that before."""
-        problem = self.level.condensed(scene).problem
-        branch = "from-zero" if before is None else "continued"
-        answer = solve_contact(problem, tolerance=self.tolerance, branch=branch, neighbour=before)  # type: ignore[arg-type]
-        self.solves += 1
-        if answer.status != Status.CONVERGED:
-            raise FitError(f"datum {i + 1} has no solution with the numbers tried: {answer.reason}")
-        return answer.v
 
     @cached_property
     def _weights(self) -> Array:

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.accuracy.norms import Line
+from tcstudy.accuracy.norms import LineFunction
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.all_solutions import Limits
 from tcstudy.contact.problem import CondensedBody
@@ -32,13 +32,15 @@ from tcstudy.data.records import BlockRecord
 from tcstudy.data.schema import PointStatus, requested_variables
 from tcstudy.exact.numbers import exact_u_T
 from tcstudy.executors import TIMEOUT, Job, SerialExecutor, WorkersFailed, timed
+from tcstudy.fem.boundary import ContactLine
+from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.laws.composed import row_laws
 from tcstudy.offline.error_bound import ErrorBounds
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import ErrorEstimator
 from tcstudy.scene.points import combinations, of_stiffness
 from tcstudy.scene.records import Scene
-from tcstudy.scene.study import Exact, Study
+from tcstudy.scene.study import Study
 from tcstudy.study.point import all_failed, block_record, derivatives_of, solve_point
 
 Array = NDArray[np.float64]
@@ -94,8 +96,8 @@ class LevelSolver:
     @cached_property
     def exact(self) -> Array | None:
         """(m,) the exact solution at the contact nodes, a start where the study gives one."""
-        exact = self.study.exact
-        return None if exact is None else exact_at(exact, contact_line(self.level))
+        exact, level = self.study.exact, self.level
+        return None if exact is None else at_contact_nodes(exact_u_T(exact), level.mesh, level.line)
 
     def solve(self, finished: Sequence[BlockRecord] = ()) -> Iterator[BlockRecord]:
         """Solve the points of the level of which an earlier run left nothing, block by block in their order.
@@ -342,12 +344,9 @@ class Solutions:
         return found
 
 
-def exact_at(exact: Exact, line: Line) -> Array:
-    """(m,) u_T of the exact solution at the nodes of the line [m]."""
-    return line.at_nodes(exact_u_T(exact))
-
-
-def contact_line(level: Level) -> Line:
-    """The contact line with the exact curve's normals at both ends of every segment."""
-    line, mesh = level.line, level.mesh
-    return Line(mesh.points, line.segments, mesh.end_normals[line.which], line.nodes, line.c)
+def at_contact_nodes(function: LineFunction, mesh: PlaneMesh, line: ContactLine) -> Array:
+    """(m,) a function of place and normal at the nodes of the line, with the normals of the exact curve."""
+    normals = np.zeros_like(mesh.points)
+    normals[line.segments] = mesh.end_normals[line.which]
+    x, y = line.xy.T
+    return function(x, y, normals[line.nodes])

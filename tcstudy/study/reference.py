@@ -13,9 +13,10 @@ meshes the contact nodes are compared, too.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from tcstudy.accuracy.norms import Line, LineFunction, Modulus, Triangles, interpolation, less, located
+from tcstudy.accuracy.norms import LineFunction, Triangles, interpolation, less, line_norms, linear, located, steps
 from tcstudy.contact.solution import polished
 from tcstudy.contact.solve import TIE
 from tcstudy.data.records import BlockRecord
@@ -31,11 +32,13 @@ from tcstudy.data.schema import PointStatus
 from tcstudy.errors import GeometryFailed
 from tcstudy.exact.numbers import exact_friction_resultant, exact_u_T, exact_xi
 from tcstudy.expressions.derivative import value_and_gradient
+from tcstudy.fem.boundary import ContactLine
+from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.laws.composed import law_along
 from tcstudy.offline.level import Level
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Exact, Study
-from tcstudy.study.level_solver import contact_line, exact_at
+from tcstudy.study.level_solver import at_contact_nodes
 from tcstudy.study.point import solve_point
 from tcstudy.study.run import stages
 
@@ -80,29 +83,46 @@ class Solution:
 
 @dataclass(frozen=True)
 class SolvedLevel:
-    """One level: its mesh, its contact line, and its solutions.
+    """One level: its mesh, its contact line, and its solutions."""
 
-    edges: (m,) name of the contact edge of every contact node
-    segment_curve: (s,) boundary curve that every contact segment lies on, numbered alike on all meshes of the body
-    region: (t,) region of a triangle as `PlaneMesh.numbered`, None where materials do not differ by region
-    """
-
-    h_max: float
     n_dof: int
-    mesh: Triangles
-    line: Line
-    edges: tuple[str, ...]
-    segment_curve: NDArray[np.intp]
-    solutions: dict[Key, Solution]
-    region: NDArray[np.intp] | None = None
+    mesh: PlaneMesh
+    line: ContactLine
+    solutions: Mapping[Key, Solution]
 
-    def moduli(self, scene: Scene) -> tuple[Modulus, Modulus]:
-        """λ and μ, of every triangle where they differ by region."""
-        material = scene.material
-        if self.region is None:
-            return material.lam, material.mu
-        lam, mu = np.array([(own.lam, own.mu) for own in material.all])[self.region].T
-        return lam, mu
+    @classmethod
+    def of(cls, level: Level, solutions: Mapping[Key, Solution]) -> SolvedLevel:
+        """What is kept of a level."""
+        return cls(level.frames.n_dof, level.mesh, level.line, solutions)
+
+    @cached_property
+    def triangles(self) -> Triangles:
+        """The mesh for integration."""
+        return Triangles(self.mesh.points, self.mesh.triangles)
+
+    @cached_property
+    def normals(self) -> Array:
+        """(s, 2, 2) of the exact curve at both ends of the segments of Γ_C."""
+        return np.asarray(self.mesh.end_normals[self.line.which])
+
+    @cached_property
+    def curves(self) -> NDArray[np.intp]:
+        """(s,) boundary curve that every contact segment lies on, numbered alike on all meshes of the body."""
+        return np.asarray(self.mesh.segment_curve[self.line.which])
+
+    def tangential(self, u: Array) -> Array:
+        """(s, 2) u·t at both ends of every segment, t = (−n₂, n₁), of (2, n) u."""
+        x, y = u[:, self.line.segments]
+        return np.asarray(self.normals[..., 0] * y - self.normals[..., 1] * x)
+
+    def halves(self, xi: Array) -> Array:
+        """(s, 2) ξ on both halves of every segment from its values at the contact nodes (m,)."""
+        own = self.line.unknowns
+        return np.asarray(xi[np.where(own < 0, own[:, ::-1], own)])
+
+    def distance(self, parts: list[Array], function: LineFunction | None = None) -> tuple[float, float]:
+        """‖v − f‖ and ‖f‖ in L²(Γ_C), f = 0 without one, of v at the Gauss points of equal parts of every segment."""
+        return line_norms(self.line.ends, self.normals, parts, function)
 
 
 def solve_levels(study: Study, say: Say = lambda text: None) -> list[SolvedLevel]:
@@ -118,54 +138,40 @@ def solve_levels(study: Study, say: Say = lambda text: None) -> list[SolvedLevel
     for i, stage in enumerate(stages(study)):
         if stage.level is None:
             raise GeometryFailed(next(stage.blocks).reasons[0])
-        level = stage.level
+        level, found = stage.level, dict[Key, Solution]()
         say(f"level {i}: {level.frames.n_dof} dofs, {level.line.m} contact unknowns")
-        levels.append(empty_level(study, level))
         for block, row in ((one, row) for one in stage.blocks for row in range(len(one))):
-            index, least = block.index(row), solution_of(study, level, block, row)
-            solution = _on_exact_branch(study, level, int(block.points[row]), levels[-1], least)
-            levels[-1].solutions[index] = solution
+            index = block.index(row)
+            found[index] = solution = solution_of(study, level, block, row)
             if not solution.ok:
                 say(f"point {index} on level {i}: {solution.status.name.lower()}: {solution.reason}")
+        levels.append(SolvedLevel.of(level, found))
     return levels
 
 
-def _on_exact_branch(study: Study, level: Level, place: int, one: SolvedLevel, least: Solution) -> Solution:
-    """The solution that the exact one leads to as a start, where it is nearer than the least one; else the least one.
+def solution_of(study: Study, level: Level, block: BlockRecord, row: int = 0) -> Solution:
+    """What a run recorded of a point (with its fields), for comparison; or the solution that the exact one leads to as
+    a start, where that is nearer to it.
 
     Where friction falls, the exact solution may be one of several, and not the lowest: errors belong to its own branch.
     It may even be no minimum, so that Newton's method on its pieces finds it where a descent would leave it.
     """
+    place, least = int(block.points[row]), _recorded(study, level, block, row)
     if study.exact is None or study.solver.branch != "lowest" or not least.ok or least.numbers.get("unique") == 1:
         return least
-    start = exact_at(study.exact, one.line)
+    start = at_contact_nodes(exact_u_T(study.exact), level.mesh, level.line)
     close = polished(level.condensed(study.scenes[place]).problem, start, exact=False).v
     near = replace(study, solver=replace(study.solver, branch="continued"))
-    found = solution_of(study, level, solve_point(near, level, place, close))
+    found = _recorded(study, level, solve_point(near, level, place, close), 0)
     if not found.ok or np.linalg.norm(found.v - start) >= np.linalg.norm(least.v - start):
         return least
     energies = found.numbers["energy"], least.numbers["energy"]
     below = energies[1] < energies[0] - TIE * max(map(abs, energies))
-    return replace(found, lower=energies[1]) if below else found
+    numbers = found.numbers | {"time_solve": least.numbers["time_solve"]}
+    return replace(found, numbers=numbers, lower=energies[1] if below else math.nan)
 
 
-def empty_level(study: Study, level: Level) -> SolvedLevel:
-    """A level without solutions yet."""
-    mesh = level.mesh
-    return SolvedLevel(
-        h_max=mesh.h_max,
-        n_dof=level.frames.n_dof,
-        mesh=Triangles(mesh.points, mesh.triangles),
-        line=contact_line(level),
-        edges=tuple(level.line.edge_names[e] for e in level.line.edge),
-        segment_curve=mesh.segment_curve[level.line.which],
-        solutions={},
-        region=mesh.numbered(tuple(name for name, _ in own)) if (own := study.scenes[0].material.regions) else None,
-    )
-
-
-def solution_of(study: Study, level: Level, block: BlockRecord, row: int = 0) -> Solution:
-    """What a run recorded of a point (with its fields), for comparison."""
+def _recorded(study: Study, level: Level, block: BlockRecord, row: int) -> Solution:
     scene, v, xi = study.scenes[int(block.points[row])], np.empty(0), np.empty(0)
     if block.u_T is not None and block.xi is not None and not np.isnan(block.u_T[row]).any():
         v, xi = block.u_T[row], block.xi[row]
@@ -185,40 +191,32 @@ class ExactReference:
     def __init__(self, exact: Exact) -> None:
         self._exact = exact
 
-    def xi(self, scene: Scene) -> LineFunction:
-        """−S_T on Γ_C."""
-        return exact_xi(self._exact, scene)
-
     def errors(self, one: SolvedLevel, key: Key, scene: Scene) -> Errors:
         """Absolute errors of a solution and norms of the reference; empty if there is none."""
-        solution, exact, line = one.solutions[key], self._exact, one.line
-        if solution.u is None:
+        own, exact, mesh = one.solutions[key], self._exact, one.triangles
+        if own.u is None:
             return {}
-        pairs = list(zip(solution.u, exact.u, strict=True))
-        if exact.theta is not None and solution.theta is not None:
-            pairs.append((solution.theta, exact.theta))
-        given = [one.mesh.given(partial(value_and_gradient, of)) for _, of in pairs]
-        off = [less(one.mesh.p1(v, 7), f) for (v, _), f in zip(pairs, given, strict=True)]
-        moduli = scene.material.lam, scene.material.mu
-        u_T, xi = exact_u_T(exact), self.xi(scene)
-        found = _over(one.mesh.norms(off, *moduli), one.mesh.norms(given, *moduli)) | {
-            "u_T_L2": line.linear_from(line.tangential(*solution.u), u_T),
-            "xi_L2": line.step_from(line.halves(solution.xi), xi),
+        pairs = list(zip(own.u, exact.u, strict=True))
+        if exact.theta is not None and own.theta is not None:
+            pairs.append((own.theta, exact.theta))
+        given = [mesh.given(partial(value_and_gradient, of)) for _, of in pairs]
+        off = [less(mesh.p1(v, 7), f) for (v, _), f in zip(pairs, given, strict=True)]
+        moduli, u_T, xi = (scene.material.lam, scene.material.mu), exact_u_T(exact), exact_xi(exact, scene)
+        sizes = mesh.norms(given, *moduli)
+        found = {name: (error, sizes[name]) for name, error in mesh.norms(off, *moduli).items()}
+        found |= {
+            "u_T_L2": one.distance(linear(one.tangential(own.u)), u_T),
+            "xi_L2": one.distance(steps(one.halves(own.xi)), xi),
         }
-        return _meant(found | _at_nodes(one, solution, (line.at_nodes(u_T), line.at_nodes(xi))), scene)
-
-    def numbers(self, scene: Scene) -> dict[str, float]:
-        """Numbers of the reference by name, as far as they are known."""
-        return (
-            {} if scene.friction.vanishes else {"friction_resultant": exact_friction_resultant(scene, self.xi(scene))}
-        )
+        v, at = (at_contact_nodes(of, one.mesh, one.line) for of in (u_T, xi))
+        found |= _at_nodes(one, own, (v, at), (v, at))
+        return _with_numbers(found, own, {"friction_resultant": exact_friction_resultant(scene, xi)}, scene)
 
     def inclusion(self, one: SolvedLevel, scene: Scene) -> float:
         """max dist(ξ, b̂(u_T)) over the contact nodes of a level, over the scale of b: whether the solution is one."""
-        line = one.line
-        own, edge = np.unique(one.edges, return_inverse=True)
-        law = law_along(scene.friction, own.tolist(), edge, line.points[line.nodes])
-        slip, xi = line.at_nodes(exact_u_T(self._exact)), line.at_nodes(self.xi(scene))
+        line, of = one.line, (exact_u_T(self._exact), exact_xi(self._exact, scene))
+        slip, xi = (at_contact_nodes(function, one.mesh, line) for function in of)
+        law = law_along(scene.friction, line.edge_names, line.edge.astype(np.intp), line.xy)
         low, high = law.interval(slip, 1e-9 * _largest(slip))
         worst = float(np.max(np.maximum(low - xi, xi - high), initial=0.0))
         scale = max(law.b_scale, _largest(xi))
@@ -246,82 +244,71 @@ class FineReference:
         """nested: whether the mesh has the nodes of all that are compared, which then are compared at them, too"""
         self._fine, self._nested = fine, nested
         self._sizes: dict[Key, dict[str, float]] = {}
-        self._places: dict[int, tuple[Triangles, _Places]] = {}
+        self._places: dict[int, tuple[PlaneMesh, _Places]] = {}
 
     def errors(self, one: SolvedLevel, key: Key, scene: Scene) -> Errors:
         """Absolute errors of a solution and norms of the reference; empty if there is none."""
-        own, best, mesh, line = one.solutions[key], self._fine.solutions[key], self._fine.mesh, self._fine.line
+        fine, own, best = self._fine, one.solutions[key], self._fine.solutions[key]
         if own.u is None or best.u is None or not best.ok:
             return {}
-        at, moduli, pairs = self._located(one), self._fine.moduli(scene), list(zip(own.u, best.u, strict=True))
+        mesh, at, pairs = fine.triangles, self._located(one), list(zip(own.u, best.u, strict=True))
         if own.theta is not None and best.theta is not None:
             pairs.append((own.theta, best.theta))
+        moduli = [fine.mesh.of_material(scene, name) for name in ("lam", "mu")]
         if key not in self._sizes:
             self._sizes[key] = mesh.norms([mesh.p1(w) for _, w in pairs], *moduli)
         centres = (np.einsum("qk,qk->q", at.weights, v[one.mesh.triangles[at.triangle]]) for v, _ in pairs)
         coarse = [mesh.linear(c, one.mesh.gradient(v)[at.triangle]) for c, (v, _) in zip(centres, pairs, strict=True)]
-        found = mesh.norms([less(a, mesh.p1(w)) for a, (_, w) in zip(coarse, pairs, strict=True)], *moduli)
-        u = np.zeros((2, len(line.points)))
+        off = mesh.norms([less(a, mesh.p1(w)) for a, (_, w) in zip(coarse, pairs, strict=True)], *moduli)
+        found = {name: (error, self._sizes[key][name]) for name, error in off.items()}
+        u = np.zeros_like(best.u)
         u[:, at.nodes] = [at.at_nodes @ component for component in own.u]
-        ends, best_ends, best_halves = line.tangential(*u), line.tangential(*best.u), line.halves(best.xi)
-        errors = _over(found, self._sizes[key]) | {
-            "u_T_L2": (line.linear_from(ends - best_ends)[0], line.linear_from(best_ends)[0]),
-            "xi_L2": (line.step_from(own.xi[at.halves] - best_halves)[0], line.step_from(best_halves)[0]),
+        ends, best_ends, best_halves = fine.tangential(u), fine.tangential(best.u), fine.halves(best.xi)
+        found |= {
+            "u_T_L2": (fine.distance(linear(ends - best_ends))[0], fine.distance(linear(best_ends))[0]),
+            "xi_L2": (fine.distance(steps(own.xi[at.halves] - best_halves))[0], fine.distance(steps(best_halves))[0]),
             "u_T_max": (_largest(ends - best_ends), _largest(best_ends)),
         }
-        if "theta_H1" in errors and errors["theta_H1"][1] * np.ptp(line.points) <= CONSTANT * errors["theta_L2"][1]:
-            del errors["theta_H1"]
+        if "theta_H1" in found and found["theta_H1"][1] * np.ptp(fine.mesh.points) <= CONSTANT * found["theta_L2"][1]:
+            del found["theta_H1"]
         if at.same is not None:
-            errors |= _at_nodes(one, own, (best.v[at.same], best.xi[at.same]), (best.v, best.xi))
-        return _meant(errors, scene)
-
-    def numbers(self, scene: Scene) -> dict[str, float]:
-        """Numbers of the reference by name."""
-        best = next(iter(self._fine.solutions.values()))
-        return {n: best.numbers[n] for n in ("energy", *(() if scene.friction.vanishes else ("friction_resultant",)))}
+            found |= _at_nodes(one, own, (best.v[at.same], best.xi[at.same]), (best.v, best.xi))
+        return _with_numbers(found, own, {name: best.numbers[name] for name in ("energy", "friction_resultant")}, scene)
 
     def _located(self, one: SolvedLevel) -> _Places:
         """Segments are looked up by curve and not by edge, which may be both sides of a slot thinner than a cell."""
         if (key := id(one.mesh)) not in self._places:
             fine, line, nodes = self._fine, self._fine.line, np.unique(self._fine.line.segments)
-            a, b = np.moveaxis(line.points[line.segments], 1, 0)
+            a, b = np.moveaxis(line.ends, 1, 0)
             middles = np.stack([0.75 * a + 0.25 * b, 0.25 * a + 0.75 * b], axis=1)
-            halves, contact = np.empty(middles.shape[:2], dtype=np.intp), one.line.points[one.line.nodes]
-            for curve in np.unique(fine.segment_curve):
-                own = np.flatnonzero(np.isin(one.line.nodes, one.line.segments[one.segment_curve == curve]))
-                rows = fine.segment_curve == curve
-                halves[rows] = own[cKDTree(contact[own]).query(middles[rows])[1]]
-            same = cKDTree(line.points[line.nodes]).query(contact)[1] if self._nested else None
-            found = _Places(
-                *located(one.mesh, fine.mesh.centres),
-                nodes,
-                interpolation(one.mesh, line.points[nodes]),
-                halves,
-                same,
-            )
-            self._places[key] = one.mesh, found  # the mesh, so that nothing else gets its number
+            halves, curves, coarse = np.empty(middles.shape[:2], dtype=np.intp), *(x.curves for x in (fine, one))
+            for curve in np.unique(curves):
+                own = np.flatnonzero(np.isin(one.line.nodes, one.line.segments[coarse == curve]))
+                rows = curves == curve
+                halves[rows] = own[cKDTree(one.line.xy[own]).query(middles[rows])[1]]
+            same = cKDTree(line.xy).query(one.line.xy)[1] if self._nested else None
+            at_nodes, centres = interpolation(one.mesh, fine.mesh.points[nodes]), located(one.mesh, fine.mesh.centres)
+            self._places[key] = one.mesh, _Places(*centres, nodes, at_nodes, halves, same)  # so the mesh keeps its id
         return self._places[key][1]
 
 
 Reference = ExactReference | FineReference
 
 
-def _over(errors: dict[str, float], sizes: dict[str, float]) -> Errors:
-    return {name: (error, sizes[name]) for name, error in errors.items()}
+def _with_numbers(found: Errors, own: Solution, known: Mapping[str, float], scene: Scene) -> Errors:
+    """With the errors of numbers that are known of the reference, and without those of a friction that vanishes."""
+    found |= {name: (abs(own.numbers.get(name, math.nan) - value), abs(value))
+              for name, value in known.items() if math.isfinite(value)}  # fmt: skip
+    vanishing = ("xi_", "friction_resultant") if scene.friction.vanishes else ()
+    return {name: pair for name, pair in found.items() if not name.startswith(vanishing)}
 
 
-def _meant(found: Errors, scene: Scene) -> Errors:
-    return {name: pair for name, pair in found.items() if not (scene.friction.vanishes and name.startswith("xi_"))}
-
-
-def _at_nodes(
-    one: SolvedLevel, own: Solution, best: tuple[Array, Array], sizes: tuple[Array, Array] | None = None
-) -> Errors:
-    """Errors at the contact nodes against (u_T, ξ) there; sizes: what maxima are relative to, `best` unless given"""
-    (v, xi), (all_v, all_xi) = best, sizes or best
+def _at_nodes(one: SolvedLevel, own: Solution, best: tuple[Array, Array], sizes: tuple[Array, Array]) -> Errors:
+    """Errors at the contact nodes against (u_T, ξ) there; sizes: what maxima are relative to"""
+    (v, xi), (all_v, all_xi) = best, sizes
     return {
         "u_T_max": (_largest(own.v - v), _largest(all_v)),
-        "xi_nodes": (one.line.nodal_norm(own.xi - xi), one.line.nodal_norm(xi)),
+        "xi_nodes": (float(np.sqrt(one.line.c @ (own.xi - xi) ** 2)), float(np.sqrt(one.line.c @ xi**2))),
         "xi_max": (_largest(own.xi - xi), _largest(all_xi)),
     }
 

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from tcstudy.accuracy.corners import CLAMPED, FREE, SLIDING, SMOOTH, corner_exponent, corner_words, heat_exponent
 from tcstudy.accuracy.corners import vertices as corners_of
-from tcstudy.accuracy.orders import HeldEnds, expected_orders, fit, smooth_up_to, smoothness
+from tcstudy.accuracy.orders import expected_orders, fit, smooth_up_to, smoothness
 from tcstudy.read.study import read_study_text
 from tcstudy.study.convergence import verdict
 
@@ -155,22 +155,22 @@ def test_orders_of_an_l_shape():
 
 
 def test_given_exponents_and_held_ends():
-    smooth = expected_orders(smooth_up_to(None, HeldEnds()))
+    smooth = expected_orders(smooth_up_to(None))
     assert [smooth[n].order for n in ("u_H1", "u_L2", "u_T_L2", "u_T_max", "xi_L2", "xi_nodes", "xi_max")] == [
         1, 2, 2, 2, 1, 2, 2,
     ]  # fmt: skip
     assert {e.reason for e in smooth.values() if not e.log} == {"smooth"}
     assert {n for n, e in smooth.items() if e.log} == {"u_T_max", "xi_max"}  # h² |log h| and no better
-    mixed = expected_orders(smooth_up_to(1.5, HeldEnds()))
+    mixed = expected_orders(smooth_up_to(1.5))
     assert [mixed[n].order for n in ("u_H1", "u_T_L2", "u_T_max", "xi_L2", "xi_nodes", "xi_max")] == [
         1, 2, 1.5, 1, 1, 0.5,
     ]  # fmt: skip
-    held = expected_orders(smooth_up_to(None, HeldEnds(slip=True, stick=True)))
+    held = expected_orders(smooth_up_to(None, slip=True, stick=True))
     assert [held[n].order for n in ("u_L2", "u_T_L2", "u_T_max", "xi_L2", "xi_max")] == [2, 1.5, 1, 0.5, 0]
 
 
 def test_what_is_not_analysed_is_called_neither_smooth_nor_slow():
-    orders = expected_orders(smoothness(None, stick_slip=True))
+    orders = expected_orders(smoothness((), stick_slip=True), analysed=False)
     assert orders["u_energy"].reason == "corners not analysed"
     assert orders["xi_max"].reason.endswith("u ~ r^1.5; corners not analysed")
     assert not orders["u_energy"].analysed

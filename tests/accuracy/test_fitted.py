@@ -48,26 +48,26 @@ def test_a_straight_line_has_the_intervals_of_regression() -> None:
     said = uncertainty(found, box(), [np.arange(len(X))], known_noise=False)
     line = stats.linregress(X, y)
     assert found.p == pytest.approx([line.intercept, line.slope], rel=1e-7)
-    assert said.standard_error == pytest.approx([line.intercept_stderr, line.stderr], rel=1e-6)
+    assert said["standard_error"] == pytest.approx([line.intercept_stderr, line.stderr], rel=1e-6)
     reach = stats.t.ppf(0.975, len(X) - 2) * line.stderr
-    assert said.interval[1] == pytest.approx([line.slope - reach, line.slope + reach], rel=1e-6)
-    assert (said.freedom, said.weak) == (28, 0)
-    assert np.isnan(said.fit_p)
+    assert said["interval"][1] == pytest.approx([line.slope - reach, line.slope + reach], rel=1e-6)
+    assert (said["degrees_of_freedom"], said["weak"]) == (28, 0)
+    assert np.isnan(said["fit_probability"])
 
 
 def test_known_noise_gives_chi_square_and_a_wrong_shape_few_runs() -> None:
     found = minimise(decay, np.array([1.0, 1.0]), box(log=True))
     said = uncertainty(found, box(log=True), [np.arange(len(X))], known_noise=True)
-    assert np.all((said.interval[:, 0] < [3.0, 0.8]) & (said.interval[:, 1] > [3.0, 0.8]))
-    assert min(said.fit_p, said.runs_p) > 0.01
+    assert np.all((said["interval"][:, 0] < [3.0, 0.8]) & (said["interval"][:, 1] > [3.0, 0.8]))
+    assert min(said["fit_probability"], said["runs_probability"]) > 0.01
 
     def straight(p: Array) -> tuple[Array, Array]:
         data = 3.0 * np.exp(-0.8 * X)
         return (p[0] - p[1] * X - data) / 0.02, np.stack([np.ones_like(X), -X], axis=1) / 0.02
 
     wrong = uncertainty(minimise(straight, np.array([2.0, 1.0]), box()), box(), [np.arange(len(X))], known_noise=True)
-    assert (wrong.fit_p < 1e-6, wrong.runs, wrong.runs_p < 1e-4) == (True, 3, True)
-    assert wrong.information > said.information
+    assert (wrong["fit_probability"] < 1e-6, wrong["runs"], wrong["runs_probability"] < 1e-4) == (True, 3, True)
+    assert wrong["information_criterion"] > said["information_criterion"]
 
 
 def test_what_only_a_product_decides_is_named() -> None:
@@ -78,21 +78,21 @@ def test_what_only_a_product_decides_is_named() -> None:
     found = minimise(model, np.array([1.0, 2.0]), box(log=True))
     said = uncertainty(found, box(log=True), [np.arange(len(X))], known_noise=True)
     assert found.p.prod() == pytest.approx(4.0, rel=1e-6)
-    assert said.weak == 1
-    assert product(said.direction[0], ("tau_s", "delta")) == "tau_s·delta"
+    assert said["weak"] == 1
+    assert product(said["singular_vector"][0], ("tau_s", "delta")) == "tau_s·delta"
     other = minimise(model, np.array([10.0, 0.5]), box(log=True))
     assert not np.allclose(other.p, found.p, rtol=0.1)
     assert [len(same) for same in different([found, other], box(log=True), True)] == [2]  # ends of one valley
-    assert product(said.direction[1], ("tau_s", "delta")) in ("tau_s·delta^-1", "tau_s^-1·delta")
+    assert product(said["singular_vector"][1], ("tau_s", "delta")) in ("tau_s·delta^-1", "tau_s^-1·delta")
 
 
 def test_a_parameter_on_its_bound_has_no_interval_and_several_starts_find_several_minima() -> None:
     tight = Box(np.full(2, 0.01), np.array([2.0, 50.0]), np.full(2, False))
     found = minimise(decay, np.array([1.0, 1.0]), tight)
     said = uncertainty(found, tight, [np.arange(len(X))], known_noise=True)
-    assert said.at_bound.tolist() == [True, False]
-    assert np.isnan(said.interval[0]).all()
-    assert np.isfinite(said.interval[1]).all()
+    assert said["at_bound"].tolist() == [True, False]
+    assert np.isnan(said["interval"][0]).all()
+    assert np.isfinite(said["interval"][1]).all()
 
     def waves(p: Array) -> tuple[Array, Array]:
         return np.array([np.sin(p[0]), 0.1 * (p[0] - 6.0)]), np.array([[np.cos(p[0])], [0.1]])

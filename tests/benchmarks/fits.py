@@ -133,8 +133,8 @@ def run(case: Case, draws: int, seed: int) -> None:
         model.plan, model.solves = with_data(case.data + rng.normal(size=case.data.shape) * case.noise), 0
         best = minimise(tests, start, box)
         said = uncertainty(best, box, tests.groups, plan.known_noise)
-        held += (said.interval[:, 0] <= case.truth) & (case.truth <= said.interval[:, 1])
-        apart.append((best.p - case.truth) / said.standard_error)
+        held += (said["interval"][:, 0] <= case.truth) & (case.truth <= said["interval"][:, 1])
+        apart.append((best.p - case.truth) / said["standard_error"])
         evaluations.append(best.evaluations)
         worst = max(worst, model.solves / best.evaluations)
     each = worst / (1.0 if plan.compare == "orthogonal" else len(case.data))

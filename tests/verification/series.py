@@ -4,10 +4,23 @@ from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any
 
-from tcstudy.data.tables import ERRORS, VERDICTS, convergence_table
+from tcstudy.data.store import Record
+from tcstudy.data.tables import ERRORS, LEVELS, VERDICTS, convergence_table
 from tests.verification.scenes import RECTANGLE, study_of
 
+SIZES = {"level", *(v.name for v in LEVELS)}
 NAMES = {v.name for v in convergence_table(study_of(RECTANGLE))}
+
+
+def points(found: Record) -> list[dict[str, Any]]:
+    """What each point of a convergence has, by name."""
+    values = {name: found.values[name] for name in NAMES & found.values.keys() if name not in SIZES}
+    return [{name: rows[i] for name, rows in values.items()} for i in range(len(values["status"]))]
+
+
+def notes(found: Record) -> list[str]:
+    """What it notes of how it was measured."""
+    return [note for note in found.attributes["notes"].split("\n") if note]
 
 
 def series(point: Mapping[str, Any], name: str) -> Any:

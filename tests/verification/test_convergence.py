@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from tcstudy.data.tables import Measured
+from tcstudy.data.store import Record
 from tcstudy.fem.geometry import build
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
@@ -17,7 +17,7 @@ from tests.verification import closed_forms
 from tests.verification import manufactured as smooth
 from tests.verification.patch import Case, patch_study
 from tests.verification.scenes import mesh_family
-from tests.verification.series import errors, series
+from tests.verification.series import errors, notes, points, series
 
 
 def smooth_study(levels: int, exact: bool = True) -> Study:
@@ -31,17 +31,17 @@ def smooth_study(levels: int, exact: bool = True) -> Study:
 
 
 @pytest.fixture(scope="module")
-def slipping() -> Measured:
+def slipping() -> Record:
     return converge(smooth_study(6))
 
 
 @pytest.fixture(scope="module")
-def mixed() -> Measured:
+def mixed() -> Record:
     return converge(closed_forms.stick_slip(6))
 
 
-def test_smooth_slip(slipping: Measured) -> None:
-    found = errors(slipping.points[0])
+def test_smooth_slip(slipping: Record) -> None:
+    found = errors(points(slipping)[0])
     for norm, order, bound in (
         *(("u_energy", 1, 1.2e-3), ("u_H1", 1, 1e-3), ("u_L2", 2, 1e-5), ("u_T_L2", 2, 7e-5), ("u_T_max", 2, 5e-5)),
         *(("xi_L2", 1, 3e-4), ("xi_nodes", 2, 8e-6), ("xi_max", 2, 8e-6)),
@@ -54,20 +54,20 @@ def test_smooth_slip(slipping: Measured) -> None:
         assert np.max(found[norm].error) < 1e-12
 
 
-def test_stick_slip(mixed: Measured) -> None:
+def test_stick_slip(mixed: Record) -> None:
     """The change at x = 1/3 lies at a third and two thirds of an element in turn: rates over two levels count."""
     for norm, order, bound in (
         *(("u_energy", 1, 8e-3), ("u_H1", 1, 8e-3), ("u_L2", 2, 8e-5), ("u_T_L2", 1.5, 1e-3), ("u_T_max", 1, 4e-3)),
         *(("xi_L2", 1, 7e-3), ("xi_nodes", 1, 3e-3), ("xi_max", 0.5, 2e-2)),
     ):
-        own = errors(mixed.points[0])[norm]
+        own = errors(points(mixed)[0])[norm]
         assert own.expected == order
         over_two = np.log2(own.error[1:-2] / own.error[3:]) / 2
         assert over_two[-1] == pytest.approx(order, abs=0.15)
         assert own.error[-1] < bound
 
 
-def test_a_held_end_takes_a_third_of_the_traction(mixed: Measured) -> None:
+def test_a_held_end_takes_a_third_of_the_traction(mixed: Record) -> None:
     """S₁ = [x⁰, x^{3/2}] carries the load of one hat function: ξ₁ = 2/3 of the exact one where the node sticks."""
     study = closed_forms.stick_slip(6)
     levels = solve_levels(study, lambda text: None)
@@ -84,35 +84,35 @@ def test_what_p1_contains_is_exact() -> None:
     along = f"(1 + 0.2*({c!r}*y - {s!r}*x))"
     text = patch_study(case, 0.35, 37.0).text.replace("maxh: 0.35", "maxh: 0.35, levels: 2")
     study = read_study_text(text + f'exact: {{u: ["{c!r}*{along}", "{s!r}*{along}"]}}')
-    found = errors(converge(study).points[0])
+    found = errors(points(converge(study))[0])
     assert len(found) == 8
     for one in found.values():
         assert np.max(one.error) < 1e-12
         assert one.verdict == "exact"
 
 
-def test_a_nested_reference_gives_the_true_errors(slipping: Measured) -> None:
+def test_a_nested_reference_gives_the_true_errors(slipping: Record) -> None:
     """Against level 5 instead of the exact solution: the same to the reference's own share, 4^-2 of the square."""
     found = converge(smooth_study(6, exact=False))
-    assert "level 5" in found.reference
+    assert "level 5" in found.attributes["reference"]
     assert found.meshes["compared"].tolist() == [True] * 4 + [False] * 2
-    for name, one in errors(found.points[0]).items():
+    for name, one in errors(points(found)[0]).items():
         assert not np.isfinite(one.error[4:]).any()
         if name.startswith("u_") and "T" not in name:
-            np.testing.assert_allclose(one.error[:4], errors(slipping.points[0])[name].error[:4], rtol=0.08)
+            np.testing.assert_allclose(one.error[:4], errors(points(slipping)[0])[name].error[:4], rtol=0.08)
 
 
-def test_numbers_are_extrapolated_to_the_exact_ones(slipping: Measured, mixed: Measured) -> None:
+def test_numbers_are_extrapolated_to_the_exact_ones(slipping: Record, mixed: Record) -> None:
     for found in (slipping, mixed):
         for name in ("energy", "friction_resultant"):
-            own = series(found.points[0], name)
+            own = series(points(found)[0], name)
             assert abs(own.limit - own.exact) <= own.uncertainty
             assert own.uncertainty < 2e-4 * abs(own.exact)
-    energy = series(slipping.points[0], "energy")
+    energy = series(points(slipping)[0], "energy")
     assert energy.limit_order == pytest.approx(2, abs=0.02)
     x = np.linspace(0, 1, 100_001)
     resultant = np.trapezoid(smooth.friction(x), x)
-    assert series(slipping.points[0], "friction_resultant").exact == pytest.approx(resultant, rel=1e-9)
+    assert series(points(slipping)[0], "friction_resultant").exact == pytest.approx(resultant, rel=1e-9)
 
 
 def test_locking_is_measured_and_warned_about() -> None:
@@ -121,7 +121,7 @@ def test_locking_is_measured_and_warned_about() -> None:
     study = closed_forms.incompressible(4, poissons)
     assert any("P1 elements lock" in str(note) for note in warnings(study))
     found = converge(study)
-    by_nu = {nu: errors(p) for nu, p in zip(poissons, found.points, strict=True)}
+    by_nu = {nu: errors(p) for nu, p in zip(poissons, points(found), strict=True)}
     for nu, (energy, slip) in MEASURED.items():
         assert 100 * by_nu[nu]["u_energy"].error[-1] == pytest.approx(energy, rel=0.05)
         assert 100 * by_nu[nu]["u_T_L2"].error[-1] == pytest.approx(slip, rel=0.05)
@@ -174,13 +174,13 @@ def test_the_loads_given_by_hand_come_out(name: str) -> None:
 def test_heated_ring() -> None:
     """On a curved contact line, with a weakening film: b falls by w = 0.6 < λ₁."""
     found = converge(closed_forms.heated_ring(5))
-    assert found.notes == []
-    resultant = series(found.points[0], "friction_resultant")
+    assert notes(found) == []
+    resultant = series(points(found)[0], "friction_resultant")
     assert abs(resultant.limit - resultant.exact) <= max(resultant.uncertainty, 1e-12)
     for norm, order, bound in (
         *(("theta_L2", 2, 8.5e-5), ("theta_H1", 1, 2.3e-2), ("u_energy", 1, 1.8e-2), ("u_H1", 1, 1.9e-2)),
         *(("u_L2", 2, 2.7e-4), ("u_T_L2", 1.5, 1.3e-3), ("u_T_max", 1, 6e-3), ("xi_nodes", 1.5, 4e-4)),
     ):
-        own = errors(found.points[0])[norm]
+        own = errors(points(found)[0])[norm]
         assert (own.expected, own.rate[-1]) == (order, pytest.approx(order, abs=0.1))
         assert own.error[-1] < bound

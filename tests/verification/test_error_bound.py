@@ -78,7 +78,7 @@ def bounded(text: str) -> tuple[float, float, float]:
     found = ErrorBounds(levels[0]).look(scene, v[0])
     u = levels[0].displacement(scene, v[0]).reshape(2, -1)
     for coarse, fine in pairwise(levels):
-        u = prolongation(coarse.mesh.points, fine.mesh.points, fine.mesh.triangles)(u)
+        u = (prolongation(coarse.mesh.n_points, fine.mesh.points, fine.mesh.triangles) @ u.T).T
     error = energy_norm(levels[-1], scene, levels[-1].displacement(scene, v[1]) - u.ravel())
     return error, found["error_bound"], found["error_bound_relative"]
 

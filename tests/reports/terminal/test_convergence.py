@@ -7,7 +7,7 @@ import pytest
 from tcstudy.data.provenance import collect
 from tcstudy.data.schema import PointStatus
 from tcstudy.data.store import write_record
-from tcstudy.data.tables import VERDICTS, Measured, convergence_record
+from tcstudy.data.tables import VERDICTS, convergence_record
 from tcstudy.errors import DrawError
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures import style
@@ -35,8 +35,7 @@ def series(name, order, verdict="as_expected"):
 
 
 def numbers(status):
-    parts = {"value": 5 + H, "order": np.array([NAN, NAN, 1, 1]), "limit": 5.0, "uncertainty": 0.01, "limit_order": 1.0,
-             "exact": NAN}  # fmt: skip
+    parts = {"value": 5 + H, "limit": 5.0, "uncertainty": 0.01, "limit_order": 1.0, "exact": NAN}
     return {"status": np.array(status), **{f"{part}_energy": value for part, value in parts.items()}}
 
 
@@ -47,7 +46,7 @@ def point(status):
 
 def write(path, points, reference="none", notes=(), counts=np.zeros(4, np.int32)):  # noqa: B008
     meshes = {"h_max": H, "n_dof": 10 * counts, "n_contact": counts, "compared": np.ones(4, dtype=bool)}
-    record = convergence_record(STUDY, Measured(points, meshes, reference, notes))
+    record = convergence_record(STUDY, points, meshes, reference, notes)
     write_record(path, STUDY, record, collect(STUDY, ["tcstudy"]))
 
 
