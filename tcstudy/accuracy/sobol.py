@@ -3,8 +3,9 @@
 Y = f(X₁, …, X_d) with independent X_i.  First order S_i = Var(E[Y|X_i])/Var(Y), total T_i = E[Var(Y|X_~i)]/Var(Y), by
 the estimators (b) and (f) of Saltelli et al., Comput. Phys. Commun. 181 (2010) 259, table 2. They are those of
 scipy.stats.sobol_indices, which takes neither a number of rows that is no power of two nor rows left out.
-Where Y jumps, a mean over both sides is a value that no point has: there the side itself has indices, and on one side,
-where the X_i are no longer independent, the correlation ratio Var(E[Y|X_i])/Var(Y) still means what it says.
+Of points drawn otherwise the correlation ratio Var(E[Y|X_i])/Var(Y) is estimated, which means what it says where the
+X_i are not independent, too. Where Y jumps, a mean over both sides is a value that no point has: there the side itself
+has indices.
 """
 
 from __future__ import annotations

@@ -158,12 +158,12 @@ def cost_panels(data: Any, measure: str) -> dict[str, Panel]:
     )
     unknowns = Panel(Scale("displacement unknowns N"), error, log=(True, True), grid=True)
     families, solvers = (data[name].values.tolist() for name in ("family", "solver"))
-    worthy = {s.curve for s in front(found)}
+    worthy = {(s.family, s.solver) for s in front(found)}
     for family in families:
         how: dict[str, Any] = {"color": COLOURS[family], "marker": MARKS[family], "markersize": 4.5}
         unknowns.line([], [], **how, label=family)
         for k, solver in enumerate(solvers):
-            own = [s for s in found if s.curve == (family, solver) and s.error > 0 and s.time > 0]
+            own = [s for s in found if (s.family, s.solver) == (family, solver) and s.error > 0 and s.time > 0]
             solved = [s for s in own if s.solved]
             dash, alpha = LINES[k % len(LINES)], 1.0 if (family, solver) in worthy else PALE
             t, e, upper, n = np.array([(s.time, s.error, s.upper, s.n_dof) for s in solved]).reshape(-1, 4).T

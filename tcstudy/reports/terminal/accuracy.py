@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import groupby
 from typing import Any
 
@@ -205,12 +205,8 @@ def _uncertain(value: float, uncertainty: float) -> str:
         return number(value, 7)
     if abs(value) <= STEADY * uncertainty:  # rounding of zero
         return f"0 ± {uncertainty:.2g}"
-    decimals = 1 - int(np.floor(np.log10(uncertainty)))
-    if decimals >= 0 and 1e-3 <= abs(value) < 1e7:
-        spread = f"{uncertainty:.{decimals}f}" if decimals <= 5 else f"{uncertainty:.2g}"
-        return f"{value:z.{decimals}f} ± {spread}"
-    digits = int(np.clip(np.ceil(np.log10(max(abs(value), uncertainty) / uncertainty)) + 2, 2, 10))
-    return f"{value:.{digits}g} ± {uncertainty:.2g}"
+    first, last = np.floor(np.log10([max(abs(value), uncertainty), uncertainty])).astype(int)
+    return f"{value:#.{min(first - last + 2, 10)}g}".rstrip(".") + f" ± {uncertainty:.2g}"
 
 
 def _fixed(value: float) -> str:
@@ -224,39 +220,6 @@ EXACT = 1e-10
 """Relative error that is rounding: a solution in the P1 space of every mesh has no other."""
 
 
-@dataclass(frozen=True)
-class Setting:
-    """One measured setting.
-
-    error:     relative;  time, upper: least wall time of all runs and their upper quartile [s]
-    solved:    whether it passed its acceptance test;  own: whether it is the study's own
-    dominated: whether another setting is as fast and as accurate, and better in one of the two
-    """
-
-    family: str
-    solver: str
-    level: int
-    n_dof: int
-    n_contact: int
-    error: float
-    time: float
-    upper: float
-    solved: bool
-    own: bool
-    dominated: bool
-
-    @property
-    def words(self) -> str:
-        """The setting in words; "study" is its own family of meshes."""
-        family = "the study's meshes" if self.family == "study" else self.family
-        return f"{family}, level {self.level}, {self.solver}"
-
-    @property
-    def curve(self) -> tuple[str, str]:
-        """Family and solver."""
-        return self.family, self.solver
-
-
 def measure_of(data: Any, wanted: str | None) -> str:
     """The error to report: the one asked for, or of u in energy. Raises DrawError if the file does not have it."""
     held = [m.name for m in MEASURES if f"error_{m.name}" in data]
@@ -268,36 +231,49 @@ def measure_of(data: Any, wanted: str | None) -> str:
     return name
 
 
-def settings(data: Any, measure: str) -> list[Setting]:
-    """All settings that were measured, family by family, coarse to fine."""
-    own = tuple(str(data.attrs[f"own_{part}"]) for part in ("family", "solver", "level"))
-    families, solvers = (data[dim].values.tolist() for dim in ("family", "solver"))
-    n_dof, n_contact, times, status = (data[name].values for name in ("n_dof", "n_contact", "time", "status"))
-    errors, beaten, found = data[f"error_{measure}"].values, data[f"dominated_{measure}"].values, list[Setting]()
-    for f, s, level in np.argwhere(status != PointStatus.NOT_RUN).tolist():
-        name, runs = (families[f], solvers[s], level), times[f, s, level]
-        numbers = float(errors[f, s, level]), float(runs.min()), float(np.quantile(runs, 0.75))
-        judged = status[f, s, level] == PointStatus.OK, tuple(map(str, name)) == own, beaten[f, s, level] == 1
-        found.append(Setting(*name, int(n_dof[f, level]), int(n_contact[f, level]), *numbers, *map(bool, judged)))
-    return found
+def settings(data: Any, measure: str) -> list[Any]:
+    """All settings that were measured, family by family and solver by solver, coarse to fine.
+
+    Each has its family, solver, level, status, n_dof, n_contact, and
+    error: relative;  time, upper: least wall time of all runs and their upper quartile [s]
+    solved: whether it passed its acceptance test;  own: whether it is the study's own
+    dominated: whether another setting is as fast and as accurate, and better in one of the two
+    """
+    own = {part: data.attrs[f"own_{part}"] for part in ("family", "solver", "level")}
+    found = data[["status", "n_dof", "n_contact"]].assign(
+        error=data[f"error_{measure}"],
+        time=data["time"].min("run", skipna=False),
+        upper=data["time"].quantile(0.75, "run", skipna=False),
+        solved=data["status"] == PointStatus.OK,
+        dominated=data[f"dominated_{measure}"] == 1,
+        own=(data["family"] == own["family"]) & (data["solver"] == own["solver"]) & (data["level"] == own["level"]),
+    )
+    rows = found.to_dataframe(["family", "solver", "level"]).reset_index()
+    return list(rows[rows["status"] != PointStatus.NOT_RUN].itertuples(index=False))
 
 
-def front(found: Sequence[Setting]) -> list[Setting]:
+def words(setting: Any) -> str:
+    """A setting in words; "study" is its own family of meshes."""
+    family = "the study's meshes" if setting.family == "study" else setting.family
+    return f"{family}, level {setting.level}, {setting.solver}"
+
+
+def front(found: Sequence[Any]) -> list[Any]:
     """Settings that no other beats in both, from fast to accurate."""
     return sorted((s for s in found if not s.dominated), key=lambda s: s.time)
 
 
-def advice(found: Sequence[Setting]) -> list[str]:
+def advice(found: Sequence[Any]) -> list[str]:
     """Sentences: what is fastest at which error, and how the study's own settings compare."""
     measured = [s for s in found if s.solved and np.isfinite(s.error)]
     if measured and max(s.error for s in measured) <= EXACT:
         least = min(measured, key=lambda s: s.time)
         return [
             f"All errors are rounding (at most {max(s.error for s in measured):.1e}): every mesh represents this "
-            f"solution exactly, so more unknowns only cost time. Fastest: {least.words} in {_seconds(least.time)}."
+            f"solution exactly, so more unknowns only cost time. Fastest: {words(least)} in {_seconds(least.time)}."
         ]
     spans = []
-    for (family, solver), of in groupby(front(found), key=lambda s: s.curve):
+    for (family, solver), of in groupby(front(found), key=lambda s: (s.family, s.solver)):
         ends = list(dict.fromkeys(percent(s.error) for s in of))
         meshes = "the study's meshes" if family == "study" else f"{family} meshes"
         span = f"from {ends[0]} to {ends[-1]}" if len(ends) > 1 else f"of {ends[0]}"
@@ -307,14 +283,14 @@ def advice(found: Sequence[Setting]) -> list[str]:
     if own is None:
         return told
     if own not in measured:
-        return [*told, f"The study's own settings ({own.words}) were not solved."]
-    told.append(f"The study's own settings ({own.words}): error {percent(own.error)} in {_seconds(own.time)}.")
+        return [*told, f"The study's own settings ({words(own)}) were not solved."]
+    told.append(f"The study's own settings ({words(own)}): error {percent(own.error)} in {_seconds(own.time)}.")
     better = [s for s in measured if s.time < own.time and s.error < own.error * (1.0 - TIED)]
     if not better:
         return [*told, "No other setting measured is both faster and more accurate."]
     for s in dict.fromkeys((min(better, key=lambda s: s.time), min(better, key=lambda s: s.error))):
         told.append(
-            f"Faster and more accurate: {s.words}: {s.error / own.error:.2f} of the error in {s.time / own.time:.2f} "
+            f"Faster and more accurate: {words(s)}: {s.error / own.error:.2f} of the error in {s.time / own.time:.2f} "
             f"of the time ({percent(s.error)} in {_seconds(s.time)})."
         )
     return told

@@ -1,4 +1,4 @@
-"""Sobol indices of a design, as `tcstudy show` has them: which parameter a number comes from, by sides of a gap."""
+"""Sobol indices of a design, as `tcstudy show` has them: which parameter a number, or its side of a gap, comes from."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Any
 
 import netCDF4
 import numpy as np
-from numpy.typing import NDArray
 
 from tcstudy.accuracy.sobol import LEVEL, Index, correlation_ratios, jump, sobol
 from tcstudy.data.files import reading
@@ -19,13 +18,12 @@ from tcstudy.reports.terminal.tables import TextColumn, columns_table, wrapped
 from tcstudy.reports.text import number
 from tcstudy.scene.designs import SALTELLI
 
-Array = NDArray[np.float64]
 ORDERS = ("first order", "total")
 
 
 @dataclass(frozen=True, eq=False)
 class SobolIndices:
-    """What the points of a design say of a number: sentences before the tables, and estimates by caption and heading.
+    """What the points of a design say of a number: sentences before the table, its caption, and estimates by heading.
 
     names: (d,) swept parameters, in the order of each estimate
     """
@@ -33,7 +31,8 @@ class SobolIndices:
     of: str
     names: tuple[str, ...]
     said: list[str]
-    tables: dict[str, dict[str, Index]]
+    caption: str
+    estimates: dict[str, Index]
 
 
 def indices(file: Path, of: str) -> SobolIndices:
@@ -70,54 +69,38 @@ def indices(file: Path, of: str) -> SobolIndices:
         which = "base points with a point that has" if rows > 1 else "points with"
         said.append(f"left out: {lost} {which} no solution or no {of}")
 
-    def shares(y: Array) -> dict[str, Index]:
-        if rows > 1:
-            return dict(zip(ORDERS, sobol(y), strict=True))
-        return {ORDERS[0]: correlation_ratios(x[:, 0], y[:, 0], named)}
-
     gap = None if proved else jump(f[:, :2].ravel(), step, f[:, 2:].ravel())
+    caption = f"Indices of {of}"
     if gap is None:
         why = "every solution is certified to be the only one" if proved else "no gap among the values"
         said.append(f"one side: {why}")
-        return SobolIndices(of, names, said, {f"Indices of {of}": shares(f)})
-    above = f > (gap[0] + gap[1]) / 2.0
-    share = above[:, :2].mean()
-    said.append(
-        f"{of} leaves a gap: {1 - share:.1%} of the points lie at {number(gap[0])}{units} or below, {share:.1%} at "
-        f"{number(gap[1])}{units} or above, none between; a mean over both sides is a value that no point has"
-    )
-    tables = {"Indices of the side on which a point lies": shares(above.astype(float))}
-    for word, side in (("Below", ~above[:, :2]), ("Above", above[:, :2])):
-        y, inputs = f[:, :2][side], x[:, :2][side]
-        mean = f"mean {number(float(y.mean()))}{units}, standard deviation {number(float(y.std()))}{units}"
-        tables[f"{word}: {mean}"] = {"correlation ratio": correlation_ratios(inputs, y, named)}
-    return SobolIndices(of, names, said, tables)
+    else:
+        f, caption = (f > (gap[0] + gap[1]) / 2.0).astype(float), "Indices of the side on which a point lies"
+        share = f[:, :2].mean()
+        said.append(
+            f"{of} leaves a gap: {1 - share:.1%} of the points lie at {number(gap[0])}{units} or below, {share:.1%} at "
+            f"{number(gap[1])}{units} or above, none between; a mean over both sides is a value that no point has"
+        )
+    orders = sobol(f) if rows > 1 else [correlation_ratios(x[:, 0], f[:, 0], named)]
+    return SobolIndices(of, names, said, caption, dict(zip(ORDERS, orders, strict=False)))
 
 
 def indices_text(file: Path, of: str) -> str:
-    """The tables of all indices, as text."""
+    """The table of all indices, as text."""
     found = indices(file, of)
-    lines = [f"  {line}" for line in found.said]
-    for caption, columns in found.tables.items():
-        cells = [("parameter", list(found.names))]
-        for heading, e in columns.items():
-            cells.append((heading, [f"{v:.3f}" for v in e.value]))
-            cells.append(("from … to", [f"{low:.3f} … {high:.3f}" for low, high in zip(e.low, e.high, strict=True)]))
-        table = columns_table([TextColumn(*one, rank) for rank, one in enumerate(cells)])
-        lines += ["", f"  {caption}:", "", table]
-    if len(found.tables) > 1:
-        what = "share of the variance on a side that a parameter alone explains"
-        lines += ["", f"  correlation ratio: {what}; parameters are not independent there, so there is no total"]
-    return wrapped("\n".join(lines))
+    cells = [("parameter", list(found.names))]
+    for heading, e in found.estimates.items():
+        cells.append((heading, [f"{v:.3f}" for v in e.value]))
+        cells.append(("from … to", [f"{low:.3f} … {high:.3f}" for low, high in zip(e.low, e.high, strict=True)]))
+    table = columns_table([TextColumn(*one, rank) for rank, one in enumerate(cells)])
+    return wrapped("\n".join([*(f"  {line}" for line in found.said), "", f"  {found.caption}:", "", table]))
 
 
 def indices_json(file: Path, of: str) -> dict[str, Any]:
     """The same, not rounded."""
     found = indices(file, of)
-    tables: list[dict[str, Any]] = []
-    for caption, columns in found.tables.items():
-        tables.append({"caption": caption})
-        for heading, e in columns.items():
-            rows = zip(found.names, e.value.tolist(), e.low.tolist(), e.high.tolist(), strict=True)
-            tables[-1][heading] = {name: {"value": v, "low": low, "high": high} for name, v, low, high in rows}
-    return {"of": of, "said": found.said, "tables": tables}
+    table: dict[str, Any] = {"caption": found.caption}
+    for heading, e in found.estimates.items():
+        rows = zip(found.names, e.value.tolist(), e.low.tolist(), e.high.tolist(), strict=True)
+        table[heading] = {name: {"value": v, "low": low, "high": high} for name, v, low, high in rows}
+    return {"of": of, "said": found.said, "tables": [table]}

@@ -69,7 +69,7 @@ def test_settings_and_front(file: Path) -> None:
     assert [(s.family, s.level) for s in front(found)] == [
         ("uniform", 0), ("uniform", 1), ("graded", 1), ("graded", 2), ("graded", 3)
     ]  # fmt: skip
-    assert {s.curve for s in front(found)} == {("uniform", SOLVERS[0]), ("graded", SOLVERS[0])}
+    assert {(s.family, s.solver) for s in front(found)} == {("uniform", SOLVERS[0]), ("graded", SOLVERS[0])}
     text = text_of(file)
     assert text.count("Wall time from the body") == 1
     assert all(words in text for words in ("tau = 0.01", "exact solution", "Look twice.", "9600", "6.4†", "1.6*"))
