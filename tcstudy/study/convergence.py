@@ -70,7 +70,7 @@ def orders_to_expect(study: Study, finest: SolvedLevel, solution: Solution, scen
     sticks, line = solution.sticks, finest.line
     mixed = solution.ok and 0 < int(np.count_nonzero(sticks)) < len(sticks)
     if study.exact is not None:
-        held = np.isin(line.nodes, line.segments[(line.unknowns < 0).any(axis=1)]) & solution.ok
+        held = finest.next_to_held & solution.ok
         if solution.ok:
             held &= np.abs(solution.xi) > NOTABLE * np.max(np.abs(solution.xi), initial=0.0)
         slip, stick = (bool(held.any() and (held & own).any()) for own in (~sticks, sticks))

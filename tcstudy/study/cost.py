@@ -143,28 +143,22 @@ def first_run(study: Study, progress: Progress, notes: list[str]) -> list[CostCu
     own = CostCurve(OWN, mesh)
     if mesh.tolerance is None and not mesh.listed and not mesh.estimate:  # their finest is a point of a family's curve
         own = CostCurve(mesh.family, family_plan(mesh, mesh.family))
-
-    def reached(n_dof: int) -> float:
-        """Unknowns up to which curves go, as the study's own mesh, reached just now, has so many."""
-        own.own = len(own.levels) - 1
-        return max(float(n_dof), min(BEYOND * n_dof, MOST))
-
-    for n_dof in follow(own, study, progress, notes):
-        if own.own is None and (len(own.levels) == mesh.levels or (mesh.strategy.adapts and n_dof > mesh.max_dofs)):
-            limit = reached(n_dof)
-        if own.next > limit:
-            break
-    if own.own is None:
-        limit = reached(own.levels[-1].n_dof)
     twin = ""
     if not graded_points(replace(study, mesh=family_plan(mesh, "graded"))):
         twin = "uniform" if own.family == "graded" else "graded"
         notes.append("Graded and uniform meshes are the same here, as nothing is singular; they are shown once.")
     others = [CostCurve(name, family_plan(mesh, name)) for name in FAMILIES if name not in (own.family, twin)]
-    for curve in others:
-        for _ in follow(curve, study, progress, notes):
+    for curve in (own, *others):
+        for n_dof in follow(curve, study, progress, notes):
+            if own.own is None and (len(own.levels) == mesh.levels or (mesh.strategy.adapts and n_dof > mesh.max_dofs)):
+                own.own, limit = len(own.levels) - 1, max(n_dof, min(BEYOND * n_dof, MOST))
             if curve.next > limit:
                 break
+        if own.own is None:
+            own.own, limit = (
+                len(own.levels) - 1,
+                max(curve.levels[-1].n_dof, min(BEYOND * curve.levels[-1].n_dof, MOST)),
+            )
     return sorted((own, *others), key=lambda curve: (*FAMILIES, OWN).index(curve.family))
 
 

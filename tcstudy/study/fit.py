@@ -289,27 +289,23 @@ class Smoothed:
 
 def roughness(plan: FitPlan) -> tuple[Array, Array]:
     """(d, k) and (d,): D = rows p + constant, of all laws of which points are fitted."""
-    friction, rows, constant = plan.scene.friction, [], []
-    laws = friction.laws if isinstance(friction, EdgeLaws) else (("", friction, 1.0),)
-    for edge, law, _ in laws:
+    friction = plan.scene.friction
+    rows, constant = [np.zeros((0, len(plan.parameters)))], [np.zeros(0)]
+    for edge, law, _ in friction.laws if isinstance(friction, EdgeLaws) else (("", friction, 1.0),):
         place = ("friction", edge, POINTS) if edge else ("friction", POINTS)
         own = {int(one.number.path[-1]): j for j, one in enumerate(plan.parameters) if one.number.path[:-1] == place}
-        points = law.made.values[POINTS] if law.made and own else ()
-        s, b = (np.array([point[i] for point in points], dtype=float) for i in (0, 1))
-        for i in range(1, len(s) - 1):
-            h, g = s[i] - s[i - 1], s[i + 1] - s[i]
-            if h <= 0.0 or g <= 0.0:
-                continue
-            share = np.ptp(s) ** 1.5 / (np.max(np.abs(b)) or 1.0) / np.sqrt(0.5 * (h + g))
-            row, rest = np.zeros(len(plan.parameters)), 0.0
-            for j, factor in ((i - 1, 1.0 / h), (i, -1.0 / h - 1.0 / g), (i + 1, 1.0 / g)):
-                if j in own:
-                    row[own[j]] = share * factor
-                else:
-                    rest += share * factor * b[j]
-            rows.append(row)
-            constant.append(rest)
-    return np.array(rows).reshape(len(rows), len(plan.parameters)), np.array(constant)
+        if law.made is None or not own:
+            continue
+        s, b = (np.array([point[i] for point in law.made.values[POINTS]], dtype=float) for i in (0, 1))
+        width = np.diff(s)
+        inner = (width[:-1] > 0.0) & (width[1:] > 0.0)  # no jump beside the point
+        slopes = np.diff(np.eye(len(s)), axis=0) / np.where(width > 0.0, width, 1.0)[:, None]
+        share = np.ptp(s) ** 1.5 / (np.max(np.abs(b)) or 1.0) / np.sqrt(0.5 * (width[:-1] + width[1:])[inner])
+        bend = share[:, None] * np.diff(slopes, axis=0)[inner]
+        rows.append(np.zeros((len(bend), len(plan.parameters))))
+        rows[-1][:, list(own.values())] = bend[:, list(own)]
+        constant.append(np.delete(bend, list(own), axis=1) @ np.delete(b, list(own)))
+    return np.concatenate(rows), np.concatenate(constant)
 
 
 def smoothed(model: Callable[[Array], tuple[Array, Array]], start: Array, box: Box, plan: FitPlan) -> Smoothed:

@@ -110,6 +110,11 @@ class SolvedLevel:
         """(s,) boundary curve that every contact segment lies on, numbered alike on all meshes of the body."""
         return np.asarray(self.mesh.segment_curve[self.line.which])
 
+    @property
+    def next_to_held(self) -> NDArray[np.bool_]:
+        """(m,) contact nodes with a neighbour on the line that carries no unknown."""
+        return np.isin(self.line.nodes, self.line.segments[(self.line.unknowns < 0).any(axis=1)])
+
     def tangential(self, u: Array) -> Array:
         """(s, 2) u·t at both ends of every segment, t = (−n₂, n₁), of (2, n) u."""
         x, y = u[:, self.line.segments]

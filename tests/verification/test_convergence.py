@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 from tcstudy.data.store import Record
+from tcstudy.exact.numbers import exact_xi
 from tcstudy.fem.geometry import build
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
 from tcstudy.study.convergence import converge
+from tcstudy.study.level_solver import at_contact_nodes
 from tcstudy.study.lint import MEASURED, warnings
-from tcstudy.study.reference import ExactReference, solve_levels
+from tcstudy.study.reference import solve_levels
 from tests.verification import closed_forms
 from tests.verification import manufactured as smooth
 from tests.verification.patch import Case, patch_study
@@ -72,8 +74,8 @@ def test_a_held_end_takes_a_third_of_the_traction(mixed: Record) -> None:
     study = closed_forms.stick_slip(6)
     levels = solve_levels(study, lambda text: None)
     xi = levels[-1].solutions[()].xi
-    exact = levels[-1].line.at_nodes(ExactReference(study.exact).xi(study.scenes[0]))
-    assert levels[-1].line.next_to_held.tolist() == [True] + [False] * (len(xi) - 2) + [True]
+    exact = at_contact_nodes(exact_xi(study.exact, study.scenes[0]), levels[-1].mesh, levels[-1].line)
+    assert levels[-1].next_to_held.tolist() == [True] + [False] * (len(xi) - 2) + [True]
     assert (xi[0] / exact[0], xi[1] / exact[1]) == (pytest.approx(2 / 3, abs=0.02), pytest.approx(1, abs=0.05))
 
 
@@ -95,7 +97,7 @@ def test_a_nested_reference_gives_the_true_errors(slipping: Record) -> None:
     """Against level 5 instead of the exact solution: the same to the reference's own share, 4^-2 of the square."""
     found = converge(smooth_study(6, exact=False))
     assert "level 5" in found.attributes["reference"]
-    assert found.meshes["compared"].tolist() == [True] * 4 + [False] * 2
+    assert found.values["compared"].tolist() == [True] * 4 + [False] * 2
     for name, one in errors(points(found)[0]).items():
         assert not np.isfinite(one.error[4:]).any()
         if name.startswith("u_") and "T" not in name:
