@@ -116,7 +116,7 @@ class SceneReader:
         root: Node | None = Node(own, "", self.root.mark, self.root.mark)
         if not axes:
             return root, base
-        self.ctx.errors.point = self._text(key, axes)
+        self.ctx.errors.point = self.words(key, axes)
         for axis, at in ((self.sweep.axes[i], at) for i, at in zip(axes, key, strict=True)):
             path, value = axis.parameter.path, axis.values[at]
             if path[0] == "parameters":
@@ -140,14 +140,14 @@ class SceneReader:
             code, count = code * len(distinct) + of, count * len(distinct)
         for i in np.sort(np.unique(code, return_index=True)[1]) if count > 1 else ():
             swept = {a: at for s in THERMAL for a, at in zip(self.touching[s], keys[s][0][keys[s][1][i]], strict=True)}
-            self.ctx.errors.point = self._text(tuple(swept[axis] for axis in sorted(swept)), sorted(swept))
+            self.ctx.errors.point = self.words(tuple(swept[axis] for axis in sorted(swept)), sorted(swept))
             point = {s: read[s][keys[s][1][i]] for s in SECTIONS}
             sections = dict(self.root.value) if isinstance(self.root.value, Mapping) else {}
             for node, _ in point.values():
                 sections |= node.value if node and isinstance(node.value, Mapping) else {}
             self._compare(replace(self.root, value=sections), {s: record for s, (_, record) in point.items()})
 
-    def _text(self, key: Indices, axes: list[int]) -> str:
+    def words(self, key: Indices, axes: Sequence[int]) -> str:
         """Values of some axes in words; of a drawn point all, after its number from 0."""
         drawn = self.sweep.design is not None and bool(key)
         words = []

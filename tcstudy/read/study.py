@@ -13,7 +13,6 @@ fault. The word `derived` may stand in the place of a load; where an edge is hel
 
 from __future__ import annotations
 
-import itertools
 import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -38,6 +37,7 @@ from tcstudy.read.scenes import SceneReader
 from tcstudy.read.sweep import Sweep, read_sweep, records, with_swept_keys
 from tcstudy.scene.keys import of_role, row, rows
 from tcstudy.scene.parameters import SHORT
+from tcstudy.scene.parameters import Keys as Place
 from tcstudy.scene.points import GEOMETRIC, Scenes
 from tcstudy.scene.records import Body, Convection, Scene
 from tcstudy.scene.study import Exact, Study, Variant
@@ -173,12 +173,10 @@ def read_variants(
         except StudyError as error:
             return replace(one, reason=(refused or [""])[0]), () if refused else error.problems
 
-    geometries = list(_geometries(root, sweep, outer, overrides))
-    for number, one in enumerate(geometries):
+    for number, one in enumerate(_geometries(root, sweep, outer, overrides)):
         made, problems = of(*one)
-        if problems:  # those that the first or the last has as well are of the study
-            others = {p for at in {0, len(geometries) - 1} - {number} for p in of(*geometries[at])[1]}
-            own = [p if p in others or p.key.startswith("sweep") else replace(p, what=f"{p.what} (with {made.words})")
+        if problems:  # those that the first has as well are of the study
+            own = [p if number == 0 or p.key.startswith("sweep") else replace(p, what=f"{p.what} (with {made.words})")
                    for p in problems]  # fmt: skip
             raise StudyError([*ctx.errors.problems, *own])
         variants.append(made)
@@ -258,37 +256,31 @@ def without_loads(ctx: Context, root: Node, sweep: Sweep) -> Node:
             remedy = "remove it from the sweep, or give the loads"
             ctx.errors.at(axis.node, f"{axis.key} is swept, but {FOLLOWS}", remedy, on_key=True)
 
-    def without(node: Node, keys: Iterable[str], needed: str = "", *, held: bool = False) -> Node:
-        """A section with 0 for the loads that are needed, or for what is held and not free, and without the others."""
-        kept = dict(node.children)
-        for key, given in [(key, kept.pop(key)) for key in keys if key in kept]:
-            parts = given.entries if key == "u" else (given,)
-            for part in parts:
-                if part.value != DERIVED and not (held and part.value == "free"):
-                    ctx.errors.at(part, f"is given, but {FOLLOWS}", REMEDY, on_key=part is given)
-            zeros = tuple(part if part.value == "free" else replace(part, value=0) for part in parts)
-            if held:
-                kept[key] = replace(given, value=(zeros * 2)[:2]) if key == "u" else zeros[0]
-        zero = replace(node, value=0)
-        kept |= {needed: replace(node, value=(zero, zero)) if needed == "f" else zero} if needed else {}
-        return replace(node, value=kept) if isinstance(node.value, Mapping) else node
-
-    sections, boundary = {key: node for key, node in root.children.items() if key != "path"}, root.at("boundary")
-    if loads := root.at("loads"):
-        sections["loads"] = without(loads, ("f",), "f")
-    if heat := root.at("heat"):
-        if heat.at("theta") and not heat.at("alpha"):  # that theta is given is the fault, not that alpha is not
-            heat = put(heat, ("alpha",), replace(heat, value=1))
-        sections["heat"] = without(heat, OF_HEAT, "theta_bar")
-    edges = {}
-    for name, edge in boundary.children.items() if boundary else ():
-        role = (edge.at("role") or edge).value
-        node = replace(edge, value={"role": edge}) if edge.value == "traction" else edge
-        clamped, needed = role == "clamped", "pressure" if role == "traction" else ""
-        edges[name] = without(node, COMPONENTS if clamped else TRACTIONS, needed, held=clamped)
-    if boundary and edges:
-        sections["boundary"] = replace(boundary, value=edges)
-    return replace(root, value=sections)
+    boundary, zero = root.at("boundary"), replace(word, value=0)
+    roles = {name: edge.nearest("role").value for name, edge in boundary.children.items()} if boundary else {}
+    zeros: dict[tuple[str, ...], Node] = {
+        ("loads", "f"): replace(word, value=(zero, zero)),
+        ("heat", "theta_bar"): zero,
+    }
+    zeros |= {("boundary", name, "pressure"): zero for name, role in roles.items() if role == "traction"}
+    if root.at("heat", "theta"):  # that it is given is the fault, not that alpha is not
+        zeros["heat", "alpha"] = replace(word, value=1)
+    derived: dict[Place, Place] = {("loads",): ("f",), ("heat",): OF_HEAT}
+    derived |= {("boundary", name): COMPONENTS if role == "clamped" else TRACTIONS for name, role in roles.items()}
+    for section, key in ((section, key) for section, keys in derived.items() for key in keys):
+        if (given := root.at(*section, key)) is None:
+            continue
+        held, parts = key in COMPONENTS, given.entries if key == "u" else (given,)
+        for part in parts:
+            if part.value != DERIVED and not (held and part.value == "free"):
+                ctx.errors.at(part, f"is given, but {FOLLOWS}", REMEDY, on_key=part is given)
+        none = tuple(part if part.value == "free" else replace(part, value=0) for part in parts)
+        new = replace(given, value=(none * 2)[:2]) if key == "u" else none[0]
+        root = put(root, (*section, key), new if held else None)
+    for place, number in zeros.items():
+        with suppress(KeyError):  # something else stands there, which the section's reader records
+            root = put(root, place, number) if root.at(place[0]) and not root.at(*place) else root
+    return put(root, ("path",), None)
 
 
 def derived_scenes(ctx: Context, reader: SceneReader, exact: Exact, body: Body) -> Sequence[Scene]:
@@ -303,14 +295,10 @@ def derived_scenes(ctx: Context, reader: SceneReader, exact: Exact, body: Body) 
 
     if not sound((*_missing(exact, scenes), *checks.kinks())):
         return scenes
-    words = [
-        [f"{axis.key} = {label if isinstance(label, str) else f'{label:g}'}" for label in axis.labels]
-        for axis in sweep.axes
-    ]
-    made = []
-    points = zip(*words, strict=True) if sweep.mode == "list" else itertools.product(*words)
-    for scene, point in zip(scenes, points, strict=True):
-        ctx.errors.point = ", ".join(point)
+    made, sizes = [], [len(axis.values) for axis in sweep.axes]
+    grid = np.ndindex(*sizes) if sweep.mode == "grid" else ((k,) * len(sizes) for k in range(sizes[0]))
+    for scene, point in zip(scenes, grid, strict=True):
+        ctx.errors.point = reader.words(point, range(len(sizes)))
         made.append(derivation.scene(scene))
         if not sound(checks.scene(made[-1])):
             break
