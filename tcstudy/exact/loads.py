@@ -57,7 +57,6 @@ from tcstudy.expressions.derivative import (
 )
 from tcstudy.expressions.expression import Expression, of_tree, ordered, value_of
 from tcstudy.laws.composed import law_along
-from tcstudy.scene.points import distinct
 from tcstudy.scene.records import (
     Body,
     Clamped,
@@ -72,7 +71,7 @@ from tcstudy.scene.records import (
     Scalar,
     Scene,
 )
-from tcstudy.scene.study import Exact, Study
+from tcstudy.scene.study import Exact
 from tcstudy.shapes.edges import INWARD, body_size, edge_arc, edge_at, edge_length, edge_normal, grid, inside
 from tcstudy.shapes.faults import spot
 
@@ -267,29 +266,6 @@ class Derivation:
             small = np.abs(value_of(made, *points.T)) <= VANISHING * size
             made = 0.0 if len(points) and np.isfinite(size).all() and np.all(small) else made
         return made
-
-
-def description(study: Study) -> str | None:
-    """What was derived, in words; None if nothing was."""
-    if study.exact is None or not study.exact.derived:
-        return None
-    scenes = distinct(study.scenes, "boundary", "f", "heat")
-    first = scenes[0]
-    words = ["f" if any(s.f != (0.0, 0.0) for s in scenes) else "f = 0"]
-    for name, role in first.boundary:
-        if isinstance(role, Clamped):
-            symbols = ("u_N", "u_T") if role.frame == "nt" else ("u_x", "u_y")
-            held = [s for s, component in zip(symbols, role.u, strict=True) if component is not None]
-            words.append(f"{' and '.join(held)} on {name}")
-        elif isinstance(role, Loaded):
-            loaded = any(dict(s.boundary)[name].g != (0.0, 0.0) for s in scenes)
-            words.append(f"g on {name}" if loaded else f"g = 0 on {name}")
-    if first.heat.theta is not None:
-        words.append("theta in the body")
-    elif study.exact.theta is not None and (edges := first.edges(Convection)):
-        words.append("q" if any(s.heat.q != 0.0 for s in scenes) else "q = 0")
-        words.append(f"theta_bar on {', '.join(edges)}")
-    return f"derived from the exact solution: {', '.join(words)}"
 
 
 TOLERANCE = 1e-8

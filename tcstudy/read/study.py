@@ -267,8 +267,8 @@ def without_loads(ctx: Context, root: Node, sweep: Sweep) -> Node:
         zeros["heat", "alpha"] = replace(word, value=1)
     derived: dict[Place, Place] = {("loads",): ("f",), ("heat",): OF_HEAT}
     derived |= {("boundary", name): COMPONENTS if role == "clamped" else TRACTIONS for name, role in roles.items()}
-    for section, key in ((section, key) for section, keys in derived.items() for key in keys):
-        if (given := root.at(*section, key)) is None:
+    for place, key in ((place, key) for place, keys in derived.items() for key in keys):
+        if (given := root.at(*place, key)) is None:
             continue
         held, parts = key in COMPONENTS, given.entries if key == "u" else (given,)
         for part in parts:
@@ -276,7 +276,7 @@ def without_loads(ctx: Context, root: Node, sweep: Sweep) -> Node:
                 ctx.errors.at(part, f"is given, but {FOLLOWS}", REMEDY, on_key=part is given)
         none = tuple(part if part.value == "free" else replace(part, value=0) for part in parts)
         new = replace(given, value=(none * 2)[:2]) if key == "u" else none[0]
-        root = put(root, (*section, key), new if held else None)
+        root = put(root, (*place, key), new if held else None)
     for place, number in zeros.items():
         with suppress(KeyError):  # something else stands there, which the section's reader records
             root = put(root, place, number) if root.at(place[0]) and not root.at(*place) else root

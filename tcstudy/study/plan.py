@@ -16,7 +16,6 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from tcstudy.errors import GeometryFailed
-from tcstudy.exact.loads import description
 from tcstudy.offline.level import Level
 from tcstudy.offline.loads import exchange_level
 from tcstudy.scene.points import (
@@ -176,8 +175,8 @@ LONG = 2.0
 
 def _notes(study: Study, levels: tuple[LevelForecast, ...]) -> Iterator[str]:
     scenes, mesh = study.scenes, study.mesh
-    if (derived := description(study)) is not None:
-        yield derived
+    if study.exact is not None and study.exact.derived:
+        yield "loads, and what edges hold, are derived from the exact solution"
     if study.design is not None:
         yield study.design.note
     yield from (*idle_notes(study), *lint(study))
