@@ -20,13 +20,13 @@ from tcstudy.laws.composed import POINTS
 from tcstudy.laws.laws import Laws
 from tcstudy.read.document import whole_key
 from tcstudy.read.fields import Context, Fields, none_after_fault, out_of_bounds, users, words_in
-from tcstudy.read.loads import check_fit, differentiable, level_of, meant_number, named_number
+from tcstudy.read.loads import NO_DERIVATIVE, NOT_AFFINE, NOT_ALONE, check_fit, differentiable, level_of, named_number
 from tcstudy.read.node import Node
 from tcstudy.read.points import table_lines
 from tcstudy.read.scenes import SceneReader, Scenery
 from tcstudy.scene.histories import HistoryPlan, Memory, UnfitLaw
 from tcstudy.scene.keys import Key
-from tcstudy.scene.parameters import Number, affine_numbers, path_of
+from tcstudy.scene.parameters import Number, affine_numbers
 from tcstudy.scene.points import GEOMETRIC
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import PLACE, RESULTS, STEP, FitColumn, FitParameter, FitPlan, MeshPlan, Sensitivity, Study
@@ -59,8 +59,9 @@ def read_fit(ctx: Context, reader: SceneReader, mesh: MeshPlan | None, history: 
     }
     parameters, remedy = [], "write {friction.tau_s: {start: 4 MPa, within: [1 MPa, 50 MPa]}}"
     for name, item in ctx.mapping(fields["parameters"], "numbers", remedy).items():
-        if number := named_number(ctx, item, name, known, on_key=True):
-            parameters.append(_parameter(ctx, item, number, known[number.path].row, scenery, memory))
+        if path := named_number(ctx, item, name, known, NO_DERIVATIVE, NOT_ALONE, on_key=True):
+            number, row = Sensitivity(name, path, ctx.cf(known[path].row.dimension)), known[path].row
+            parameters.append(_parameter(ctx, item, number, row, scenery, memory))
     ctx.sound()
     loads, measured = (tuple(c for c in columns if bool(c.path) is is_given) for is_given in (True, False))
     options = fields.given(("compare", "starts", "seed", "loss", "smooth")) | level_of(ctx, fields, mesh, "a fit")
@@ -174,21 +175,16 @@ def _column(
     ctx: Context, name: str, node: Node, lines: Cells, scene: Scene, noise: Mapping[str, Node], stepwise: bool
 ) -> FitColumn | None:
     """One column in SI; None after a fault. stepwise: of a history, whose lines have steps in the place of loads"""
-    path = path_of(name)
-    loads = {} if stepwise else {keys: one for keys, one in affine_numbers(scene) if not one.idle}
-    known = {keys: one.row.dimension for keys, one in loads.items()} | {PLACE: LENGTH}
-    known |= {STEP: NONE} if stepwise else {}
-    known.update(((result,), of) for result, of in RESULTS.items())
+    known = {} if stepwise else {keys: one for keys, one in affine_numbers(scene) if not one.idle}
+    others = {STEP: NONE} if stepwise else {PLACE: LENGTH}
+    for other, of in (others | {(result,): of for result, of in RESULTS.items()}).items():
+        known[other] = Number(Key(other[0], "number", "", of), 0.0)
     heading, heads = ctx.text(node, "the heading of a column"), [str(cell.value) for cell in lines[0]]
-    if path not in known:
-        others = (*RESULTS, "step") if stepwise else tuple(RESULTS)
-        remedy = meant_number(name, loads, f"use {', '.join(others)}" + ("," if loads else ""), others)
-        what = "the step of the history" if stepwise else "a parameter of the load"
-        ctx.errors.at(node, f"{name!r} is neither a result nor {what}", remedy, on_key=True)
-    elif heading not in heads:
+    path = named_number(ctx, node, name, known, "no column can be", NOT_AFFINE, on_key=True) or ()
+    if path and heading not in heads:
         ctx.errors.at(node, f"the table has no column {heading!r}; it has {', '.join(map(repr, heads))}")
     ctx.sound()
-    at, dimension = heads.index(heading), known[path]
+    at, dimension = heads.index(heading), known[path].row.dimension
     cell, match = lines[0][at], re.fullmatch(r".*?\[([^\]]*)\]\s*", heading)
     unit, plain = match[1].strip() if match else "", ctx.units == "none" or dimension.si == ""
     if match is None and not plain:

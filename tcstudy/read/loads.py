@@ -14,7 +14,6 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from tcstudy.expressions.expression import Expression
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.read.body import corner_faults, supports_fault
 from tcstudy.read.fields import Context, Fields, none_after_fault
@@ -33,7 +32,7 @@ from tcstudy.scene.parameters import (
     path_scene,
     sweepable,
 )
-from tcstudy.scene.points import distinct
+from tcstudy.scene.points import GEOMETRIC, distinct
 from tcstudy.scene.records import Contact, Rigid, Scene
 from tcstudy.scene.study import (
     SEPARABLE,
@@ -47,6 +46,8 @@ from tcstudy.scene.study import (
     SolverPlan,
 )
 
+NOT_AFFINE = "the load of this study is not affine in it"
+NO_DERIVATIVE, NOT_ALONE = "there is no derivative by", "of this study it is no single number that acts"
 OF_PATH = ("parameter", "from", "to", "within", "at", "level")
 """Keys that depend on each other; every other one of `path` is a field of the plan."""
 
@@ -60,12 +61,7 @@ def read_path(ctx: Context, reader: SceneReader, mesh: MeshPlan | None) -> PathP
     if scene is None or not word:
         return None
     keys, known = path_of(word), dict(affine_numbers(scene))
-    if keys not in known and keys in sweepable({}, None) and keys[0] in ("heat", "material", "friction"):
-        what = f"the load is not affine in {'.'.join(keys)} in this study, so no path can be followed along it"
-        fields.fault("parameter", what, f"use a sweep over it; a path runs along {', '.join(usable(known))}")
-    else:
-        missing = f"the scene has no parameter {word!r} for a path"
-        load_named(ctx, fields.values["parameter"], word, known, "along a path", missing, "a path runs along")
+    named_number(ctx, fields.values["parameter"], word, known, "no path runs along", NOT_AFFINE)
     ctx.sound()
     dimension = known[keys].row.dimension
     begin, end = (fields.value(key, dimension) for key in ("from", "to"))
@@ -97,43 +93,31 @@ def read_path(ctx: Context, reader: SceneReader, mesh: MeshPlan | None) -> PathP
     return PathPlan(keys, ctx.cf(dimension), begin, end, within, scene, at, **given, **level)
 
 
-def usable(known: Mapping[Keys, Number]) -> list[str]:
-    """Names of the numbers that nothing speaks against."""
-    return [".".join(path) for path, one in known.items() if not one.no_number]
+def named_number(
+    ctx: Context, node: Node, word: str, known: Mapping[Keys, Number], none: str, why: str, more: Iterable[str] = (),
+    on_key: bool = False
+) -> Keys | None:  # fmt: skip
+    """The key path of the number, of those known, that a word names; None after a fault.
 
-
-def meant_number(word: str, known: Mapping[Keys, Number], otherwise: str, more: Iterable[str] = ()) -> str:
-    """Remedy for a name that no number has: one that ends in it, the nearest, or all after `otherwise`.
-
+    none: what another number is not good for, "no path runs along";  why: of one that the study may have
     more: other words that may have been meant
     """
-    names = usable(known)
-    same = [name for name in names if name.split(".")[-1] == word]
-    shorter = [short for short, full in SHORT.items() if full in names]
-    return hint(same[0] if same else word, same or [*names, *shorter, *more], f"{otherwise} {', '.join(names)}")
-
-
-def load_named(
-    ctx: Context, node: Node, word: str, known: Mapping[Keys, Number], where: str, missing: str, otherwise: str,
-    more: Iterable[str] = (), on_key: bool = False
-) -> Keys | None:  # fmt: skip
-    """The key path of a load that is to change by itself; None after a fault.
-
-    where: "along a path";  missing: what is wrong where no load has the name;  otherwise, more: as of `meant_number`
-    """
-    keys, name = path_of(word), ".".join(path_of(word))
-    load = known.get(keys)
-    if load is None:
-        ctx.errors.at(node, missing, meant_number(word, known, otherwise, more), on_key=on_key)
-    elif load.idle:
-        what = f"{load.idle}, so the solution does not depend on {name}"
-        ctx.errors.at(node, what, "choose another load", on_key=on_key)
-    elif isinstance(load.value, Expression):
-        what = f"{name} varies in space ({load.value}), but {where} it is one number"
-        remedy = f"give {name} a number, or use load, the factor of all mechanical loads"
-        ctx.errors.at(node, what, remedy, on_key=on_key)
-    else:
-        return keys
+    path = ("parameters", word) if ("parameters", word) in known else path_of(word)
+    one, names = known.get(path), [".".join(keys) for keys, other in known.items() if not other.no_number]
+    if one is not None and not one.no_number:
+        return path
+    remedy = f"name one of {', '.join((*names, *more))}"
+    if one is not None:
+        why = one.no_number
+    elif word in ctx.named:
+        why = "it may stand in any expression"
+    elif path[0] in GEOMETRIC:
+        why = "it moves the mesh"
+    elif path not in sweepable({}, None):
+        same = [name for name in names if name.split(".")[-1] == word]
+        shorter = [short for short, full in SHORT.items() if full in names]
+        why, remedy = "it is none that is known here", hint(same[0] if same else word, [*names, *shorter, *more], remedy)
+    ctx.errors.at(node, f"{none} {word}: {why}", remedy, on_key=on_key)
     return None
 
 
@@ -236,8 +220,7 @@ def _lines(
 
 def _load(ctx: Context, word: str, node: Node, known: Mapping[Keys, Number], swept: Collection[Keys]) -> Keys | None:
     """The load that a key of a line names; None after a fault."""
-    missing = "is no load of this study that a history may change"
-    keys = load_named(ctx, node, word, known, "in a history", missing, "use one of", rows("step"), on_key=True)
+    keys = named_number(ctx, node, word, known, "no history changes", NOT_AFFINE, rows("step"), on_key=True)
     if keys in swept:
         ctx.errors.at(node, "is swept, too; sweep something else, or leave it out of the steps", on_key=True)
     return keys
@@ -308,8 +291,8 @@ def read_sensitivity(
         word = ctx.text(item, "the name of a number")
         if (path := path_of(word)) in found:
             ctx.errors.at(item, f"{word} is given twice", "give every number once")
-        elif word and (number := named_number(ctx, item, word, known)):
-            found[path] = number
+        elif word and (named := named_number(ctx, item, word, known, NO_DERIVATIVE, NOT_ALONE)):
+            found[path] = Sensitivity(word, named, ctx.cf(known[named].row.dimension))
             if path[0] == "boundary" and path[-1].startswith("u_"):  # which a corner may share with another edge
                 moved = path_scene(base, path, 1.0 + 2.0 * abs(float(known[path].value)))  # type: ignore[arg-type]
                 if fault := next(corner_faults(base.body, moved.boundary), None):
@@ -330,30 +313,6 @@ def differentiable(root: Node, base: Scene, scenes: Sequence[Scene]) -> dict[Key
     if root.at("history", "stiffness"):
         found["history", "stiffness"] = Number(row("history", "stiffness"), 0.0)
     return found
-
-
-def named_number(
-    ctx: Context, node: Node, word: str, known: Mapping[Keys, Number], on_key: bool = False
-) -> Sensitivity | None:
-    """The number that a word names, of those that are `differentiable`; None after a fault."""
-    path = ("parameters", word) if word in ctx.named else path_of(word)
-    if path in known and not known[path].no_number:
-        return Sensitivity(word, path, ctx.cf(known[path].row.dimension))
-    what, remedy = f"there is no derivative by {word}", "compare points of a sweep over it"
-    if path in known:
-        what, remedy = f"{what}: {known[path].no_number}", "name a single number that has an effect"
-    elif path[0] in ("body", "mesh"):
-        what += ": it moves the mesh"
-    elif path[0] in ("material", "materials") and path[-1] in ("lambda", "mu"):
-        remedy = "give the material by E and nu, and name these"
-    elif path[0] == "parameters":
-        what, remedy = f"{what}: it may stand in any expression", "name a number of a section"
-    elif path in sweepable({}, None):
-        what = f"this study has no number {word} by which its solution can be differentiated"
-    else:
-        what, remedy = f"the study has no number {word!r}", meant_number(word, known, "use")
-    ctx.errors.at(node, what, remedy, on_key=on_key)
-    return None
 
 
 def check_together(

@@ -132,7 +132,7 @@ class Number:
     @property
     def no_number(self) -> str:
         """Why nothing can be said by this number alone; empty if it can."""
-        return "it varies in space" if isinstance(self.value, Expression) else self.idle
+        return f"it varies in space ({self.value})" if isinstance(self.value, Expression) else self.idle
 
 
 Found = Iterator[tuple[Keys, Number]]

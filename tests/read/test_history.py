@@ -52,7 +52,7 @@ def test_a_history_is_read_with_its_lines() -> None:
 
 def test_a_load_in_two_lines_has_a_fault_in_each() -> None:
     for old, new, said in (
-        ("theta: 5 K}\nfriction", "theta: 5*x}\nfriction", r"varies in space \(5\*x\), but in a history it is one"),
+        ("theta: 5 K}\nfriction", "theta: 5*x}\nfriction", r"it varies in space \(5\*x\)"),
         ("repeat: 3", "repeat: 3\nsweep: {theta: [1 K, 2 K]}", r"10:8: history\.steps\[0\]\.theta: is swept, too"),
     ):
         with pytest.raises(StudyError, match=f"{said}.*\n"):
