@@ -22,7 +22,7 @@ from tcstudy.read.document import whole_key
 from tcstudy.read.fields import Context, Fields, none_after_fault, out_of_bounds, users, words_in
 from tcstudy.read.loads import NO_DERIVATIVE, NOT_AFFINE, NOT_ALONE, check_fit, differentiable, level_of, named_number
 from tcstudy.read.node import Node
-from tcstudy.read.points import table_lines
+from tcstudy.read.points import table_lines, table_value
 from tcstudy.read.scenes import SceneReader, Scenery
 from tcstudy.scene.histories import HistoryPlan, Memory, UnfitLaw
 from tcstudy.scene.keys import Key
@@ -30,9 +30,8 @@ from tcstudy.scene.parameters import Number, affine_numbers
 from tcstudy.scene.points import GEOMETRIC
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import PLACE, RESULTS, STEP, FitColumn, FitParameter, FitPlan, MeshPlan, Sensitivity, Study
-from tcstudy.scene.units import LENGTH, NONE, NUMBER
+from tcstudy.scene.units import LENGTH, NONE
 
-NO_NOISE = "must be above 0", "give the standard deviation of the noise"
 Cells = list[tuple[Node, ...]]
 SHUFFLED = 4.0
 """Way through the data over the shortest tree of lines that joins them, above which they are in no order."""
@@ -192,15 +191,10 @@ def _column(
     elif match is not None:
         ctx.unit(cell, unit, dimension)
     ctx.sound()
-    values, sigma = [], ctx.quantity(noise[name], dimension) if name in noise else None
-    for word, cell in ((str(row[at].value), row[at]) for row in lines[1:]):
-        if re.fullmatch(NUMBER, word) is None:
-            what, remedy = f"{word!r} is no number" if word else "is empty", "give every column a number in every line"
-            ctx.errors.at(cell, what, f"{remedy}, or take the line out")
-        else:
-            values.append(ctx.quantity(replace(cell, value=f"{word} {unit}" if unit else float(word)), dimension))
+    values = [ctx.quantity(table_value(ctx, row[at], unit), dimension) for row in lines[1:]]
+    sigma = ctx.quantity(noise[name], dimension) if name in noise else None
     if sigma is not None and sigma <= 0.0:
-        ctx.errors.at(noise[name], *NO_NOISE)
+        ctx.errors.at(noise[name], "must be above 0", "give the standard deviation of the noise")
     return FitColumn(name, () if name in RESULTS else path, ctx.cf(dimension), tuple(values), sigma, dimension)
 
 

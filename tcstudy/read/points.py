@@ -60,7 +60,7 @@ def read_table(ctx: Context, node: Node, parameter: Callable[[str, Node], Parame
             ctx.errors.at(cell, f"whole {found.row.kind}s cannot stand in a table", remedy, key=key)
         elif found is not None and (not unit or ctx.unit(cell, unit, found.row.dimension, key)):
             cells = [replace(row[j], path=f"sweep.{key}") for row in rows]
-            columns.append((key, cell, found, tuple(_value(ctx, one, unit) for one in cells)))
+            columns.append((key, cell, found, tuple(table_value(ctx, one, unit) for one in cells)))
     return columns
 
 
@@ -113,7 +113,7 @@ def _csv_lines(ctx: Context, text: str, file: str) -> Iterator[tuple[Node, ...]]
         yield tuple(cells)
 
 
-def _value(ctx: Context, cell: Node, unit: str) -> Node:
+def table_value(ctx: Context, cell: Node, unit: str) -> Node:
     """A cell as the study would have it."""
     word = str(cell.value)
     if not word:
