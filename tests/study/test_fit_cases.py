@@ -72,7 +72,7 @@ def test_strength_rise_and_spring_of_a_cyclic_test(tmp_path: Path) -> None:
 
 REFUSED_HISTORIES = (
     ({"step: step, ": ""}, "fit.data: a fit of a history needs a column step; add {step:"),
-    ({"step: step": "boundary.right.u_x: step"}, "be boundary.right.u_x: it is none that is known here; name one of st"),
+    ({"step: step": "boundary.right.u_x: step"}, "be boundary.right.u_x: it is none that is known here; name one of"),
     ({"starts: 1": "compare: orthogonal"}, "distances to a path are of one monotone load, but the study has a history"),
     ({"in: 8": "in: 7"}, "the history has no step 30; steps are 0 for the study as it is written, then 1 to 29"),
     ({"friction.points.1: {start: 5 MPa": "boundary.right.u_x: {start: 5 mm", "[0.2 MPa, 30 MPa]": "[1 mm, 9 mm]"},
