@@ -67,10 +67,13 @@ def text_of(file: Path, full: bool = False, point: Mapping[str, Value] | None = 
     return text
 
 
-def verdict_of(path: Path) -> tuple[str, str, bool]:
-    """The sentence of a file of any kind, how what it says is known, and whether all is well."""
+def verdict_of(path: Path, data: Any = None) -> tuple[str, str, bool]:
+    """The sentence of a file of any kind, how what it says is known, and whether all is well.
+
+    data: its root dataset where it is read already; that of a run is not needed
+    """
     kind = kind_of(path)
-    return sentences.verdict(path) if kind == "run" else KINDS[kind][0](load_root(path))
+    return sentences.verdict(path) if kind == "run" else KINDS[kind][0](load_root(path) if data is None else data)
 
 
 def _parts(data: Any, most: int | None, point: Mapping[str, Value]) -> Iterator[Part]:
