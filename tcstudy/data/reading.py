@@ -183,7 +183,9 @@ def read_blocks(
                     continue
                 words = _flat(nc["reason"][(*cut, level)], 0)
                 more = {v.name: _number(nc[v.name], cut, level)[rows] for v in own}
-                more |= {v.name: _flat(line[v.name][cut], 1)[rows] for v in line_variables(study) if line is not None}
+                stored = {} if line is None else line.variables
+                names = [v.name for v in (*line_variables(study), *schema.HELD[-1:]) if v.name in stored]
+                more |= {name: _flat(stored[name][cut], 1)[rows] for name in names}
                 yield BlockRecord(
                     level=level,
                     shape=study.shape,

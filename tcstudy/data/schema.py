@@ -304,8 +304,6 @@ _AT_END = {"coordinates": "held_arclength held_x held_y"}
 HELD: tuple[FileVariable, ...] = (
     place("held_arclength", "arc length of the held end", _END),
     *(place(f"held_{name}", f"{name} of the held end", _END) for name in "xy"),
-    FileVariable("held_edge", "i1", "1", "clamped edge that holds the end", _END, extra=_AT_END),
-    FileVariable("held_along", "f8", "1", "shares of its components in u_T", (*_END, "component"), extra=_AT_END),
     FileVariable("held_u_T", "f8", "m", "tangential displacement of the held end", (SWEEP, *_END), extra=_AT_END),
 )
 """Ends of the contact line that carry no unknown, as a clamped edge prescribes their u_T; a level without has none."""

@@ -39,7 +39,6 @@ from tcstudy.data.schema import (
     line_variables,
 )
 from tcstudy.errors import StoreError
-from tcstudy.scene.points import combinations, prescribed
 from tcstudy.scene.records import BODY
 from tcstudy.scene.study import Axis, Study, Variant
 
@@ -399,8 +398,9 @@ def fill(nc: netCDF4.Dataset, study: Study, levels: Sequence[LevelRecord], recor
     groups: dict[int, netCDF4.Group] = {}
     for level in levels:
         group = groups[level.level] = _make_group(nc, study, level)
-        along = (*schema.CONTACT, *line_variables(study))
-        left += _parts(group, level.level, study, along, {"node": level.n_contact})
+        held = level.fields.get("held_x", ())
+        along = (*schema.CONTACT, *line_variables(study), *(schema.HELD if len(held) else ()))
+        left += _parts(group, level.level, study, along, {"node": level.n_contact, "held_end": len(held)})
 
     solutions: dict[int, dict[int, Arrays]] = {number: {} for number in groups}
     count = np.zeros(len(PointStatus), dtype=np.intp)
@@ -445,7 +445,8 @@ def _take_numbers(arrays: Arrays, block: BlockRecord, rows: Places, at: Places) 
     arrays["status"][at, block.level] = block.status[rows]
     arrays["reason"][at, block.level] = words[rows]
     for name, values in block.numbers.items():
-        if name == schema.SECTION.name or name.startswith(schema.LAYER):  # along the contact line
+        along = schema.SECTION.name, schema.HELD[-1].name
+        if name in along or name.startswith(schema.LAYER):  # of the contact line
             continue
         array, found = arrays[name][:, block.level], values[rows]
         if array.dtype.kind != "f":
@@ -472,8 +473,7 @@ def _make_group(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF
     live = {v.name: level.fields[name] for v in schema.LIVE if (name := schema.LIVE_PREFIX + v.name) in level.fields}
     if live:
         put_all(group.createGroup("live"), schema.LIVE, live, study)
-    put_all(group, (*schema.CONTACT, *schema.JOINTS), {**vars(level), **level.fields}, study)
-    _put_held(group, study, level.fields)
+    put_all(group, (*schema.CONTACT, *schema.HELD, *schema.JOINTS), {**vars(level), **level.fields}, study)
     return group
 
 
@@ -484,20 +484,6 @@ def _put_solutions(group: netCDF4.Group, study: Study, every: dict[int, Arrays])
     values = {f"solution_{name}": np.concatenate([every[place][name] for place in places]) for name in names}
     values["solution_point"] = np.repeat(places, [len(every[place]["energy"]) for place in places])
     put_all(group, schema.SOLUTION, values, study)
-
-
-def _put_held(group: netCDF4.Group, study: Study, fields: Mapping[str, np.ndarray[Any, Any]]) -> None:
-    """The held ends of the contact line, and u_T there as the scenes prescribe it."""
-    if "held_edge" not in fields:
-        return
-    some, of = combinations(study.scenes, "boundary")
-    ends = list(zip(*(fields[f"held_{name}"] for name in ("x", "y", "edge", "along")), strict=True))
-    # u_T [m] is made of what the edges prescribe
-    slips = [[float(along @ prescribed(scene, edge, x, y)) for x, y, edge, along in ends] for scene in some]
-    values = np.array(slips)[of].reshape(*study.shape, -1)
-    put_all(group, schema.HELD, {**fields, "held_u_T": values}, study)
-    names = (name for name, _ in study.scenes[0].boundary)
-    group["held_edge"].setncatts(dict(schema.flags("contact_corner", *names, first=-1)))
 
 
 def _put_fields(group: netCDF4.Group | None, study: Study, block: BlockRecord, places: Places) -> None:

@@ -21,7 +21,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -29,7 +28,7 @@ from numpy.typing import NDArray
 
 from tcstudy.errors import GeometryFailed
 from tcstudy.expressions.expression import Expression
-from tcstudy.fem.meshes import EDGES, SMOOTH, Frames, PlaneMesh, curve_ends
+from tcstudy.fem.meshes import EDGES, SMOOTH, Frames, PlaneMesh
 from tcstudy.laws.composed import NO_JOINTS, Joints
 from tcstudy.scene.records import Clamped, Contact, Point, Rigid, Role, Scalar, Symmetry
 
@@ -151,6 +150,12 @@ class ContactLine:
         """(s,) lengths of the segments [m]."""
         return np.asarray(np.linalg.norm(self.ends[:, 1] - self.ends[:, 0], axis=1))
 
+    @cached_property
+    def held(self) -> tuple[Indices, Indices]:
+        """(h,) the segments with an end that carries no unknown, in order, and 0 or 1, which of their ends it is."""
+        at, side = np.nonzero(self.unknowns < 0)
+        return at, side
+
     def nodal(self, values: Array, n: int, elsewhere: float = 0.0) -> Array:
         """(n,) values at the contact nodes (m,) as those at all nodes of the mesh."""
         found = np.full(n, elsewhere)
@@ -223,46 +228,6 @@ def _parts(segments: Indices, rank: Indices) -> list[list[int]]:
             i = outgoing.get(int(segments[i, 1]))
         parts += [part] if part else []
     return parts
-
-
-def held_ends(mesh: PlaneMesh, line: ContactLine, boundary: tuple[tuple[str, Role], ...]) -> dict[str, NDArray[Any]]:
-    """Where Γ_C has no unknown, in order along it, and what makes its u_T there: Σ_j along_j u_j of a clamped edge.
-
-    held_arclength, held_x, held_y: (h,) [m];  held_edge: (h,) place of the edge in the boundary, −1 at a corner of Γ_C,
-    where u = 0;  held_along: (h, 2), NaN where a rigid edge moves the node. Empty where no end is held.
-    """
-    at, side = np.nonzero(line.unknowns < 0)
-    if not len(at):
-        return {}
-    way, length = line.ends[:, 1] - line.ends[:, 0], line.lengths
-    corners = {end.node: [(mesh.geometry.curves[i].name, n) for i, n in zip(end.curves, end.normals, strict=True)]
-               for end in curve_ends(mesh)}  # fmt: skip
-    edges, shares = [], []
-    for k, j in zip(at, side, strict=True):
-        best, edge, along = SMOOTH, -1, np.zeros(2)
-        named = corners.get(int(line.segments[k, j]), [])  # edges that meet in the node, and their outward normals
-        tangents = [np.array([-n[1], n[0]]) for name, n in named if name in line.edge_names]
-        tangent = max(tangents, key=lambda t: float(way[k] @ t), default=np.zeros(2))
-        holding = ((number, role, n) for number, (edge_name, role) in enumerate(boundary) for name, n in named
-                   if name == edge_name and isinstance(role, Clamped) and tangents)  # fmt: skip
-        for number, role, n in holding:
-            share = (np.array([n, [-n[1], n[0]]]) if role.frame == "nt" else np.eye(2)) @ tangent
-            given = np.array([component is not None for component in role.u])
-            if isinstance(role, Rigid) or given.all():
-                edge, along = number, np.full(2, np.nan) if isinstance(role, Rigid) else share
-                break
-            if given.any() and abs(share[given][0]) > best:  # u_N = 0 leaves u = u_T t
-                best, edge, along = float(abs(share[given][0])), number, np.where(given, 1.0 / share[given][0], 0.0)
-        edges.append(edge)
-        shares.append(along)
-    x, y = line.ends[at, side].T
-    return {
-        "held_arclength": (np.cumsum(length) - length)[at] + side * length[at],
-        "held_x": x,
-        "held_y": y,
-        "held_edge": np.array(edges, dtype=np.int8),
-        "held_along": np.array(shares),
-    }
 
 
 def _tied(mesh: PlaneMesh, boundary: tuple[tuple[str, Role], ...], frames: Frames) -> Frames:

@@ -362,11 +362,15 @@ class Level:
         return self._body(scene).A_inverse(scene.material.mu)
 
     def held_slips(self, scene: Scene) -> Array:
-        """(h,) u_T at the held ends of segments of Γ_C, in their order; NaN where an edge is rigid [m]."""
-        at, side = np.nonzero(self.line.unknowns < 0)
-        frames, along = self.frames_of(scene.boundary), self.line.ends[at, 1] - self.line.ends[at, 0]
-        u = frames.cartesian(frames.values).reshape(2, -1)[:, self.line.segments[at, side]]
-        return np.einsum("dh,hd->h", u, along) / self.line.lengths[at] + (0.0 if frames.ties is None else np.nan)
+        """(h,) u_T along the exact edge at held ends of Γ_C, as prescribed; NaN where a rigid edge moves one [m]."""
+        (at, side), frames, n = self.line.held, self.frames_of(scene.boundary), self.mesh.n_points
+        node, normal = self.line.segments[at, side], self.mesh.end_normals[self.line.which[at], side]
+        u_x, u_y = frames.cartesian(frames.values).reshape(2, n)[:, node]
+        found = normal[:, 0] * u_y - normal[:, 1] * u_x
+        if frames.ties is not None:
+            moved = abs(frames.ties - sp.eye_array(2 * n)).sum(axis=1).reshape(2, n)
+            found[np.any(moved[:, node] > 0.0, axis=0)] = np.nan
+        return found
 
     # -- the whole body ----------------------------------------------------------------------------
 

@@ -51,13 +51,15 @@ EQUAL = 1e-9
 
 
 def line_numbers(level: Level, scenes: Sequence[Scene], laws: Laws, v: Array, xi: Array) -> dict[str, Array]:
-    """(P,) by name: `shear_max` [Pa], `shear_max_at` and `<region>_length` [m], NaN where a point's laws have none.
+    """(P,) by name: `shear_max` [Pa], `shear_max_at` and `<region>_length` [m], NaN where a point's laws have none; and
+    (P, h) `held_u_T` of held ends [m].
 
     laws: of rows (P, 1) or (P, m);  v, xi: (P, m) slips [m] and tractions [Pa]
     """
     given = {id(scene.boundary): scene for scene in scenes}
     slips = {key: level.held_slips(scene) for key, scene in given.items()}
-    found = region_lengths(level, laws, v, np.array([slips[id(scene.boundary)] for scene in scenes]))
+    held = np.array([slips[id(scene.boundary)] for scene in scenes])
+    found = region_lengths(level, laws, v, held) | ({"held_u_T": held} if held.size else {})
     slipping, size = np.where(laws.kind(laws.locate(v)) == UP, 0.0, level.line.c), np.abs(xi)
     most = np.max(size, axis=1)
     return found | {

@@ -18,7 +18,7 @@ from tcstudy.expressions.expression import Expression
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import REGIONS, UP
-from tcstudy.scene.records import Body, Clamped, Scene
+from tcstudy.scene.records import Body, Scene
 from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
@@ -200,15 +200,6 @@ def _felt(scene: Scene) -> Iterator[object]:
         given = (*(theta_bar for _, _, theta_bar in scene.exchange), *(theta for _, theta in scene.held_theta))
         yield from (one.beta for one in all_of)
         yield heat.theta if heat.theta is not None else given[:1]
-
-
-def prescribed(scene: Scene, edge: int, x: float, y: float) -> tuple[float, float]:
-    """The components that a clamped edge, by its place in the boundary, prescribes at a point [m]; 0 for what it leaves
-    free, and where there is no edge (-1)."""
-    role = scene.boundary[edge][1] if edge >= 0 else None
-    given = role.u if isinstance(role, Clamped) else (0.0, 0.0)
-    first, second = (float(one.evaluate(x, y)) if isinstance(one, Expression) else one or 0.0 for one in given)
-    return first, second
 
 
 def why_no_bound(scene: Scene) -> str:

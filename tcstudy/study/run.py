@@ -34,7 +34,6 @@ from tcstudy.data.store import Record, axis_problems, write, write_record
 from tcstudy.data.variants import write_variants
 from tcstudy.errors import GeometryFailed, StoreError, UserFault
 from tcstudy.executors import SerialExecutor, in_order
-from tcstudy.fem.boundary import held_ends
 from tcstudy.fem.meshes import Meshes, PlaneMesh
 from tcstudy.offline.level import Level, live_arrays
 from tcstudy.refine.family import ErrorEstimator, Family
@@ -180,7 +179,10 @@ def _stop(estimator: ErrorEstimator | None, last: bool, times: Times) -> str:
 def level_record(study: Study, mesh: PlaneMesh, level: Level) -> LevelRecord:
     """What the data keep of a level: sizes, the contact line, and the mesh if fields are kept."""
     line = level.line
-    fields: dict[str, NDArray[np.generic]] = held_ends(mesh, line, study.scenes[0].boundary)
+    (at, side), fields = line.held, dict[str, NDArray[np.generic]]()
+    if len(at):
+        starts, (x, y) = np.cumsum(line.lengths) - line.lengths, line.ends[at, side].T
+        fields = {"held_arclength": starts[at] + side * line.lengths[at], "held_x": x, "held_y": y}
     fields |= {f"joint_{name}": values for name, values in line.joints._asdict().items() if len(values)}
     if study.output.fields:
         fields |= {
