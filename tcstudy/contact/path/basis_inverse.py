@@ -88,16 +88,13 @@ class BasisInverse:
         self.unit = np.append(np.where(self.free, self.root, 1.0 / self.root), 1.0)
         fastest = int(np.argmax(np.abs(way * self.unit)))
         self.stale, self.way = False, way if before[fastest] * way[fastest] >= 0.0 else -way
-        self._find_fastest()
+        self.fastest = float(np.abs(self.way * self.unit).max())
         self.drive(fastest)
 
     def _H(self, F: NDArray[np.intp]) -> Array:
         H = self.A[np.ix_(F, F)]
         H[np.arange(len(F)), np.arange(len(F))] += self.k[F]
         return H
-
-    def _find_fastest(self) -> None:
-        self.fastest = float(np.abs(self.way * self.unit).max())
 
     def _slow(self, i: int, part: float = SLOW) -> bool:
         """Whether this coordinate is slower than a part of the fastest, or none moves."""
@@ -149,7 +146,7 @@ class BasisInverse:
             self.T[i], self.left[i, : n + 1] = row, 0.0
             self.way /= abs(self.way.item(self.driver)) or 1.0
         self.T[:, i], self.right[i, : self.size] = new, 0.0
-        self._find_fastest()
+        self.fastest = float(np.abs(self.way * self.unit).max())
         self.stale, turned = self._slow(self.driver, LOST), (way.item(self.m), self.way.item(self.m))
         if abs(turned[0]) <= STILL * fastest or abs(turned[1]) <= STILL * self.fastest:
             self._negatives = None

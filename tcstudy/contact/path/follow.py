@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,15 @@ AIM = 0.1
 
 BACKWARD = 1e-12
 """A node that moves back more slowly than this part of the fastest one does not turn."""
+
+
+class Piece(NamedTuple):
+    """Codes (m,) and stability of a piece, and its end: coordinates (m + 1,) by the pieces `on` (m,)."""
+
+    codes: Codes
+    stable: bool
+    x: Array
+    on: Codes
 
 
 @dataclass(frozen=True)
@@ -88,12 +97,10 @@ class Follower:
             ways = rays(walk)
         except SingularCellError:
             return Path.standing(problem, t, v, PathStatus.SINGULAR)
-        first = _Half(self, walk, ways[direction == "backward"], set())
-        ahead = first.follow(progress)
+        ahead = self._way(walk, ways[direction == "backward"], set(), progress)
         if direction != "both" or ahead.end == PathStatus.CLOSED_LOOP:
             return ahead
-        back = _Half(self, walk, ways[1], set(first.keys)).follow(progress)
-
+        back = self._way(walk, ways[1], {codes.tobytes() for codes in ahead.codes}, progress)
         both: dict[str, Any] = {"start": back.pieces, "begin": back.end}
         vertices, pieces = ("t", "u", "traction", "residual"), ("stable", "codes")
         for names, backward in ((vertices, slice(None, 0, -1)), (pieces, slice(None, None, -1))):
@@ -103,124 +110,101 @@ class Follower:
     def onward(self, walk: Walk) -> Path | None:
         """The path along the stable way on which t grows from where the walk stands; None if there is none."""
         ray = onward(walk)
-        return None if ray is None else _Half(self, walk, ray, set()).follow()
+        return None if ray is None else self._way(walk, ray, set())
 
-
-class _Half:
-    """One direction of one path.
-
-    vertices: (x, codes) of each, the start first;  blocks: t, u, traction, residual of those that are accurate
-    codes, stable: of the pieces;  keys: of the cells entered, the present one last;  known: cells that end the path
-    """
-
-    def __init__(self, options: Follower, walk: Walk, ray: Ray, known: set[bytes]) -> None:
-        self.options, self.walk, self.begin = options, walk, ray
-        self.end: PathStatus | None = None
-        self.vertices, self.codes, self.stable = [(ray.x, ray.codes)], list[Codes](), list[bool]()
-        self.keys, self.blocks = [ray.codes.tobytes()], list[tuple[Array, ...]]()
-        self.others = known - {self.keys[0]}
-        self.known = self.others.copy()
-        walk.put(ray)
-        walk.low[-1], walk.high[-1] = options.t_min * walk.size, options.t_max * walk.size
-
-    def follow(self, progress: Progress | None = None) -> Path:
-        """Some pieces at a time until something ends the path.
+    def _way(self, walk: Walk, begin: Ray, others: set[bytes], progress: Progress | None = None) -> Path:
+        """One direction, some pieces at a time until something ends the path; others: cells that do.
 
         If their vertices are not accurate they are followed again from a fresh inverse, each with a correction; if even
         that does not help the path ends.
         """
-        walk, accept, mark = self.walk, Acceptance(self.options.tolerance), self.begin
-        p, count, reached = walk.problem, TOGETHER, 0.0
-        while self.end is None:
-            done = len(self.stable)
+        p, accept, count, reached = walk.problem, Acceptance(self.tolerance), TOGETHER, 0.0
+        pieces, known, mark, end = list[Piece](), others.copy(), begin, None
+        walk.put(begin)
+        walk.low[-1], walk.high[-1] = self.t_min * walk.size, self.t_max * walk.size
+        found = [self._judged(walk, [Piece(begin.codes, True, begin.x, begin.codes)])]
+        while end is None:
+            done = len(pieces)
             for careful in (False, True):
                 count = AGAIN if careful else min(2 * count, TOGETHER)
-                self.end = self._some(mark, done, count, careful)
-                t, u, traction, defect = walk.points(*map(np.array, zip(*self.vertices[done:], strict=True)))
-                off = np.max(np.abs(defect) / p.c, axis=1) / p.traction_scale
-                at = 1 + int(off[1:].argmax()) if len(off) > 1 else 0  # the first is where it begins
-                worst, good, limit = float(off[at]), AIM * accept.aim, accept.aim
+                try:
+                    if careful:
+                        del pieces[done:]
+                        known = others | {piece.codes.tobytes() for piece in pieces} | {mark.codes.tobytes()}
+                        walk.basis.stale = True
+                        walk.put(mark)
+                        walk.tie = max(1e-2 * walk.usual_tie, 1e-14)  # it may have been no tie
+                    end = self._some(walk, begin, pieces, known, count, careful)
+                except SingularCellError:
+                    end = PathStatus.SINGULAR
+                if len(pieces) == done:
+                    break
+                new = self._judged(walk, pieces[done:])
+                at, good, limit = int(new[3].argmax()), AIM * accept.aim, accept.aim
+                worst = float(new[3][at])
                 if not worst <= good:
-                    noise = p.xi_rounding(float(t[at]), u[at])
+                    noise = p.xi_rounding(float(new[0][at]), new[1][at])
                     limit = accept.limit(noise)
                     good = min(limit, max(good, 0.5 * noise, reached))
                 if worst <= (limit if careful else good):
+                    found.append(new)
                     break
             else:
-                self.end = PathStatus.LOST_ACCURACY
-                self._back_to(done + int(np.argmin(np.append(off[1:] <= limit, False))))
-            new = slice(min(done, 1), len(self.vertices) - done)
-            self.blocks.append((t[new], u[new], traction[new], off[new]))
-            reached, walk.tie = 2.0 * worst if careful else 0.0, walk.usual_tie
-            if self.end is None:
+                end = PathStatus.LOST_ACCURACY
+                del pieces[done:]
+            reached, walk.tie = 2.0 * float(found[-1][3].max()) if careful else 0.0, walk.usual_tie
+            if end is None:
                 walk.balance()
-                walk.straighten()
                 mark = walk.here
             if progress is not None:
-                progress(len(self.stable), walk.t)
-        t, u, traction, off = (np.concatenate(parts) for parts in zip(*self.blocks, strict=True))
-        stable, codes = np.array(self.stable, dtype=bool), np.array(self.codes, dtype=np.int32)
-        begin = self.end if self.end == PathStatus.CLOSED_LOOP else PathStatus.START
-        return Path(p, t, u, traction, off, stable, codes.reshape(len(codes), walk.m), 0, begin, self.end)
+                progress(len(pieces), walk.t)
+        t, u, traction, off = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        stable = np.array([piece.stable for piece in pieces], dtype=bool)
+        codes = np.array([piece.codes for piece in pieces], dtype=np.int32).reshape(-1, walk.m)
+        begun = end if end == PathStatus.CLOSED_LOOP else PathStatus.START
+        return Path(p, t, u, traction, off, stable, codes, 0, begun, end)
 
-    def _some(self, mark: Ray, done: int, count: int, careful: bool) -> PathStatus | None:
-        """A count of pieces from the mark on, which `done` led to; careful: from a fresh inverse, each corrected."""
-        walk = self.walk
-        try:
-            if careful:
-                self._back_to(done)
-                walk.basis.stale = True
-                walk.put(mark)
-                walk.tie = max(1e-2 * walk.usual_tie, 1e-14)  # it may have been no tie
-            end = None
-            while end is None and len(self.stable) < done + count:
-                end = self._piece(careful)
-        except SingularCellError:
-            return PathStatus.SINGULAR
-        return end
+    def _judged(self, walk: Walk, pieces: list[Piece]) -> tuple[Array, ...]:
+        """t, u, ξ/c and the residuals at the ends of pieces, as `Path` has them."""
+        x, on = (np.array(column) for column in zip(*((piece.x, piece.on) for piece in pieces), strict=True))
+        *point, defect = walk.points(x, on)
+        return *point, np.max(np.abs(defect) / walk.problem.c, axis=1) / walk.problem.traction_scale
 
-    def _back_to(self, pieces: int) -> None:
-        del self.stable[pieces:], self.codes[pieces:], self.vertices[pieces + 1 :], self.keys[pieces + 1 :]
-        self.known = self.others | set(self.keys[1:])
-
-    def _piece(self, careful: bool) -> PathStatus | None:
-        """Follow the present piece to its end and enter the next one; careful: with a correction there."""
-        walk, options, stable = self.walk, self.options, self.walk.stable
-        if len(self.stable) >= options.max_pieces:
-            return PathStatus.PIECE_LIMIT
-        if options.stable_only and not stable:
-            return PathStatus.UNSTABLE
-        if options.one_way:
-            speed = walk.graph.outward[walk.codes] * walk.dx[:-1]
-            if float(speed.min()) < -BACKWARD * float(np.abs(walk.dx).max()):
-                return PathStatus.TURNS
-        step, first = walk.reach()
-        if not np.isfinite(step):
-            return PathStatus.UNBOUNDED
-        at = walk.arrive(step, first)
-        if first == walk.m and careful:
-            walk.correct(np.array([first]))
-        self._add(stable)
-        if first == walk.m:
-            return PathStatus.RANGE_END
-        cross(walk, at)
-        if len(at) > 1 or careful:
-            walk.balance()
-            self.vertices[-1] = walk.x.copy(), walk.codes.copy()
-        key = walk.codes.tobytes()
-        self.keys.append(key)
-        if key == self.keys[0]:
-            if np.any(np.abs(walk.x - self.begin.x)[:-1] > walk.tie * walk.scale):
-                self._add(walk.stable)  # the start lies inside its cell
-            self.vertices[-1] = self.begin.x, self.begin.codes
-            return PathStatus.CLOSED_LOOP
-        if key in self.known:
-            return PathStatus.TURNED_BACK
-        self.known.add(key)
+    def _some(
+        self, walk: Walk, begin: Ray, pieces: list[Piece], known: set[bytes], count: int, careful: bool
+    ) -> PathStatus | None:
+        """A count of pieces more; careful: with a correction at the end of each. Raises SingularCellError."""
+        start = begin.codes.tobytes()
+        for _ in range(count):
+            stable = walk.stable
+            if len(pieces) >= self.max_pieces:
+                return PathStatus.PIECE_LIMIT
+            if self.stable_only and not stable:
+                return PathStatus.UNSTABLE
+            if self.one_way:
+                speed = walk.graph.outward[walk.codes] * walk.dx[:-1]
+                if float(speed.min()) < -BACKWARD * float(np.abs(walk.dx).max()):
+                    return PathStatus.TURNS
+            step, first = walk.reach()
+            if not np.isfinite(step):
+                return PathStatus.UNBOUNDED
+            at, codes = walk.arrive(step, first), walk.codes.copy()
+            if first == walk.m and careful:
+                walk.correct(np.array([first]))
+            pieces.append(Piece(codes, stable, walk.x.copy(), codes))
+            if first == walk.m:
+                return PathStatus.RANGE_END
+            cross(walk, at)
+            if len(at) > 1 or careful:
+                walk.balance()
+                pieces[-1] = Piece(codes, stable, walk.x.copy(), walk.codes.copy())
+            key = walk.codes.tobytes()
+            if key == start:
+                if np.any(np.abs(walk.x - begin.x)[:-1] > walk.tie * walk.scale):
+                    pieces.append(Piece(begin.codes, walk.stable, begin.x, begin.codes))  # the start lies inside it
+                pieces[-1] = pieces[-1]._replace(x=begin.x, on=begin.codes)
+                return PathStatus.CLOSED_LOOP
+            if key in known:
+                return PathStatus.TURNED_BACK
+            known.add(key)
         return None
-
-    def _add(self, stable: bool) -> None:
-        """The present piece, with the point at its end."""
-        self.stable.append(stable)
-        self.codes.append(self.walk.codes.copy())
-        self.vertices.append((self.walk.x.copy(), self.codes[-1]))

@@ -99,11 +99,11 @@ class Walk:
         """Node i goes over to another piece, in the same sense along its graph. Raises SingularCellError."""
         ahead = self.dx[i] * float(self.graph.sense[self.codes[i]]) * float(self.graph.sense[code])
         self._put(i, code)
-        self.basis.place(i, bool(self.free[i]), self.weight.item(i) * self.graph.slope.item(code))
+        self.basis.place(i, self.free.item(i), self.weight.item(i) * self.graph.slope.item(code))
         self.basis.settle()
-        if self.basis.way[i] * ahead < 0.0:
-            self.basis.way *= -1.0
         self.head()
+        if self.dx[i] * ahead < 0.0:
+            self.turn()
 
     def _put(self, i: int, code: int) -> None:
         g, old, free, weight = self.graph, self.codes.item(i), self.graph.free.item(code), self.weight.item(i)
@@ -233,14 +233,6 @@ class Walk:
         stays = nodes[~(self.free[nodes] & g.free[behind])]
         self.x[stays] = x[stays]
 
-    def straighten(self) -> None:
-        """One correction of the direction, by the equations of the cell."""
-        way = self.basis.way
-        force = np.where(self.free, self.basis.k * way[:-1], way[:-1])
-        off = way[self.m] * self.basis.load - self.basis.A @ np.where(self.free, way[:-1], 0.0) - force
-        way += self.basis.moved(off)
-        self.head()
-
 
 ALONE, MOST_TURNS = 3, 12
 """How often the node that wishes otherwise most is moved to the other side of its kink, and until when all are."""
@@ -349,64 +341,17 @@ def onward(walk: Walk) -> Ray | None:
     """
     corner = Corner(walk)
     far = np.zeros(len(corner.nodes), dtype=bool)
-    try:
-        for turn in range(MOST_TURNS):
-            against = -_rising(corner, far)
-            if walk.dx[-1] == 0.0:
-                return None
-            if not np.any(against > 0.0):
+    with suppress(SingularCellError):
+        for turn in range(MOST_TURNS + 4 * len(far)):
+            against = -corner.enter(far)
+            if walk.dx[-1] < 0.0:
+                walk.turn()
+                against = -against
+            wrong = np.flatnonzero(against > 0.0)
+            if walk.dx[-1] == 0.0 or not len(wrong):
                 return walk.here if walk.stable else None
-            far ^= against > 0.0 if turn >= ALONE else np.arange(len(far)) == np.argmax(against)
-        return _descended(corner)
-    except SingularCellError:
-        return None
-
-
-def _rising(corner: Corner, far: Flags) -> Array:
-    """`Corner.enter` with the walk in the sense in which t grows, if it moves."""
-    speeds = corner.enter(far)
-    if corner.walk.dx[-1] < 0.0:
-        corner.walk.turn()
-        return -speeds
-    return speeds
-
-
-def _descended(corner: Corner) -> Ray | None:
-    """A minimum of the energy ½ u̇ᵀÃu̇ − l̃₁ᵀu̇ + Σ ½ c b′ u̇² of rates u̇ at a corner; None where it falls without end.
-
-    b′, and which signs u̇ has, are those of the cell. An active-set method, from rest on: from cell to cell one node at
-    a time, and along straight lines downhill, to the cell's stationary point or, where that lies uphill, away from it:
-    a node that softens does not carry those along which it would turn back. Raises SingularCellError.
-    """
-    walk, graph, nodes = corner.walk, corner.walk.graph, corner.nodes
-    rigid = np.where(graph.sense[corner.codes] > 0, np.inf, -np.inf)
-    stiff = np.where(graph.free[corner.codes], graph.slope[corner.codes], rigid)
-    far, rate = stiff[1] > stiff[0], np.zeros(walk.m)
-    for _ in range(4 * len(nodes) + MOST_TURNS):
-        _rising(corner, far)
-        if walk.dx[-1] == 0.0:
-            return None
-        out, speed = np.where(far, corner.out[1], corner.out[0]), walk.dx[:-1] / walk.dx[-1]
-        way = np.where(walk.free, speed, 0.0) - rate
-        stiffness = walk.basis.A @ way + np.where(walk.free, walk.basis.k * way, 0.0)
-        uphill = float(way @ stiffness) < 0.0
-        way = -way if uphill else way
-        leaves = walk.free[nodes] & (out * way[nodes] < 0.0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            share = np.where(leaves, np.maximum(-rate[nodes] / way[nodes], 0.0), np.inf)
-        first = int(np.argmin(share))
-        if share[first] >= 1.0 and not uphill:
-            rate = rate + way
-            push = np.where(walk.free[nodes], 0.0, -out * speed[nodes])
-            first = int(np.argmax(push))
-            if not push[first] > 0.0:
-                return walk.here if walk.stable else None
-        elif np.isfinite(share[first]):
-            rate = rate + share[first] * way
-            rate[nodes[first]] = 0.0
-        else:
-            return None
-        far[first] ^= True
+            alone = np.argmax(against) if turn < ALONE else wrong[-1]
+            far[wrong if ALONE <= turn < MOST_TURNS else alone] ^= True
     return None
 
 

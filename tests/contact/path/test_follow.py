@@ -14,7 +14,7 @@ from tests.contact.path.cases import a_solution, follow, one_node, softening_lin
 
 
 def test_lost_accuracy_is_noticed_and_repaired(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every matrix product is spoilt by a relative error; the residuals stay where they were and so does the path."""
+    """The inverse is spoilt by a relative error now and then; residuals and path stay where they were."""
     problem = softening_line(60, 0.01)
     exact = follow(problem, np.zeros(60), 0.0, 0.0, 3.0)
     assert exact.pieces > 2 * 60
