@@ -26,12 +26,12 @@ from tcstudy.contact.history.memory import LAW_ERROR
 from tcstudy.contact.history.problem import HistoryProblem, HistoryStep, booked, proved
 from tcstudy.contact.path.basis_inverse import BasisInverse, SingularCellError
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path, PathStatus
-from tcstudy.contact.path.smooth import folds_beside
+from tcstudy.contact.path.smooth import fold_beside
 from tcstudy.contact.path.walk import locate
 from tcstudy.contact.problem import ContactProblem, Status
 from tcstudy.contact.solve import Answer, as_it_is, nearest_minimum, solve_contact
 from tcstudy.laws.laws import Laws
-from tcstudy.scene.study import Acceptance, Direction
+from tcstudy.scene.study import Acceptance
 
 Array = NDArray[np.float64]
 
@@ -112,8 +112,6 @@ class ContinuedStep:
             path = None
             if self.fold <= self.t:
                 path = self._onward()
-                if path is None and not self.straight:  # the law may go on where no chord does
-                    path = Path.standing(self.problem, self.t, self.w, PathStatus.UNSTABLE)
             if not ((path is not None and self._along(path)) or self._elsewhere()):
                 return False
             if self.t == 1.0:
@@ -168,50 +166,30 @@ class ContinuedStep:
             self.reason = str(error).partition("; ")[0]
             return None
         self.basis = walk.basis
-        path = self._follower.onward(walk)
+        path = self._follower.onward(walk, falling=not self.straight)  # the law may go on where no chord does
         self.senses = walk.graph.sense[walk.codes] * np.sign(walk.dx[:-1])
         if path is None:
             return None
-        over = path.u[-1]
         if path.end == PathStatus.TURNS and path.pieces:  # what turns back takes none with it: they go on
-            moved, pushed = over - path.u[-2], path.traction[-1] - path.traction[-2]
+            moved, pushed = path.u[-1] - path.u[-2], path.traction[-1] - path.traction[-2]
             self.senses = np.sign(np.where(moved != 0.0, moved, pushed))
-        if path.end == PathStatus.UNSTABLE:  # half a piece beyond the fold, where the energy falls
-            step, _ = walk.reach()
-            step = step if np.isfinite(step) else float(np.max(np.abs(walk.u)) / np.max(np.abs(walk.dx)))
-            over = np.where(walk.free, (walk.x + 0.5 * step * walk.dx)[:-1], walk.u)
+        over = path.u[-1] if path.end != PathStatus.UNSTABLE else 0.5 * (path.u[-1] + path.u[-2])  # there energy falls
         self.beyond = self.origin + over
         return path
 
-    def _path(self, w: Array, t: float, direction: Direction) -> Path | None:
-        """The path through w at t, backward to the present share or forward; None, with the reason, without one."""
-        try:
-            follower = self._follower if direction == "forward" else replace(self._follower, one_way=False)
-            return follower.follow(self.problem, w, t, direction)
-        except ValueError as error:
-            self.reason = str(error).partition("; ")[0]
-            return None
-
-    def _along(self, path: Path, lead: Path | None = None) -> bool:
+    def _along(self, path: Path) -> bool:
         """Forward to the end of the path.
 
-        lead: the path back from its beginning to the state
         Along the graph of b ∫ξᵀdv = Σ c (j(w₁) − j(w₀)) whatever the curve, and what straight pieces miss of that they
         miss of the work as well: between the same ends each balances ΔE. Where they miss much the law goes elsewhere.
         """
-        p, c, folded = self.problem, self.body.c, self._folded(path)
-        if folded is None and not path.t[-1] > self.t:
-            self.reason = path.end.reason
+        p, c, reached = self.problem, self.body.c, self._reached(path)
+        if reached is None:
             return False
-        path, last, answer = folded or self._reached(path)
-        if answer.status != Status.CONVERGED:
-            self.reason = answer.reason
-            return False
-        end, before = float(path.t[last]), slice(None, None, -1)
-        t = np.array([self.t, *(lead.t[before] if lead else ()), *path.t[1:last], end])
-        w = np.array([self.w, *(lead.u[before] if lead else ()), *path.u[1:last], answer.v])
+        t, w, answer = reached
         balance = p.l_0 + t[1:-1, None] * p.l_1 - w[1:-1] @ p.A_tilde
         xi = np.array([c * self.now.xi, *balance, answer.xi])
+        end, last = float(t[-1]), len(t) - 1
         slips, middle = np.diff(w, axis=0), 0.5 * (w[1:] + w[:-1]) + self.origin
         work, friction = -float(np.diff(t) @ (middle @ self.change)), 0.5 * float(np.sum((xi[1:] + xi[:-1]) * slips))
         if not self.straight:
@@ -225,37 +203,38 @@ class ContinuedStep:
         self.ways.append(Way(t, self.origin + w, xi / c))
         return True
 
-    def _folded(self, path: Path) -> tuple[Path, int, Answer] | None:
-        """The path to where the law itself folds beside its end, that vertex and the state; None if it does not."""
-        if self.straight or path.end != PathStatus.UNSTABLE:
-            return None
-        for t, w in folds_beside(path, self.law, self.history.law.s_scale):
-            answer = self._answer(w, t)
-            if answer.status == Status.CONVERGED and np.array_equal(answer.v, w):
-                self.fold = float(np.nextafter(t, 2.0))
-                at = int(np.searchsorted(path.t, t))
-                return replace(path, t=np.append(path.t[:at], t), u=np.vstack([path.u[:at], w])), at, answer
-        return None
+    def _reached(self, path: Path) -> tuple[Array, Array, Answer] | None:
+        """Shares and slips from the state to the last vertex beside which the law itself has a solution, and that; None
+        without one, with the reason.
 
-    def _reached(self, path: Path) -> tuple[Path, int, Answer]:
-        """The last vertex beside which the law itself has a solution, and that.
-
-        Straight pieces in the place of a curve may fold a little later than it does: short of that the part ends.
+        That is where the law folds beside the end. Straight pieces in the place of a curve may fold a little later than
+        it does: short of that the part ends.
         """
-        last = path.pieces
-        if self.straight:
-            return path, last, self._answer(path.u[last], float(path.t[last]))
-        slip = self.history.law.b_scale * float(np.max(self.body.c / np.diagonal(self.body.A_tilde)))
-        for back in (0, *(2**k for k in range(20) if 2**k < last and path.t[last - 2**k] > self.t)):
-            answer = self._answer(path.u[last - back], float(path.t[last - back]))
-            way = float(np.max(np.abs(path.u[last - back] - path.u[0])))
-            near = float(np.max(np.abs(answer.v - path.u[last - back]))) <= ASIDE * way + 30.0 * LAW_ERROR * slip
+        falls = path.end == PathStatus.UNSTABLE
+        last, law = path.pieces - falls, self.history.law
+        slip = law.b_scale * float(np.max(self.body.c / np.diagonal(self.body.A_tilde)))
+        fold = fold_beside(path, self.law, law.s_scale) if falls and not self.straight else None
+        if fold is not None:
+            answer, at = self._answer(fold[1], fold[0]), int(np.searchsorted(path.t[: last + 1], fold[0]))
+            if answer.status == Status.CONVERGED and np.array_equal(answer.v, fold[1]):
+                self.fold = float(np.nextafter(fold[0], 2.0))
+                return np.array([self.t, *path.t[1:at], fold[0]]), np.array([self.w, *path.u[1:at], answer.v]), answer
+        self.reason = path.end.reason
+        if not path.t[last] > self.t:
+            return None
+        steps = [2**k for k in range(20) if 2**k < last and path.t[last - 2**k] > self.t and not self.straight]
+        for back in (0, *steps):
+            at = last - back
+            answer = self._answer(path.u[at], float(path.t[at]))
+            way, off = np.max(np.abs(path.u[at] - path.u[0])), np.max(np.abs(answer.v - path.u[at]))
+            near = self.straight or off <= ASIDE * way + 30.0 * LAW_ERROR * slip
             if near and answer.status == Status.CONVERGED:
                 break
-        self.fold = float(path.t[last]) if path.end == PathStatus.UNSTABLE or back else 0.0
-        if not near:
-            answer = replace(answer, status=Status.STALLED, reason=path.end.reason if self.fold else HIDDEN)
-        return path, last - back, answer
+        self.fold = float(path.t[last]) if falls or back else 0.0
+        if near and answer.status == Status.CONVERGED:
+            return np.array([self.t, *path.t[1 : at + 1]]), np.array([self.w, *path.u[1:at], answer.v]), answer
+        self.reason = answer.reason if near else self.reason if self.fold else HIDDEN
+        return None
 
     def _elsewhere(self) -> bool:
         """By a descent to the load a little further on, where the path does not lead on by itself."""
@@ -267,16 +246,15 @@ class ContinuedStep:
         begin = beyond if falls else w  # who turned back rests: it may bar the way beyond
         found, steps = nearest_minimum(problem, begin, 1e-14, over_barriers=False)
         self.iterations += steps
-        back = self._path(found, ahead, "backward")
-        if back is None:
+        try:
+            back = replace(self._follower, one_way=False).follow(self.problem, found, ahead, "backward")
+        except ValueError as error:
+            self.reason = str(error).partition("; ")[0]
             return False
         allowed = max(BACK * float(np.max(np.abs(found - w))), ROUNDING * float(np.max(np.abs(back.u))))
         if np.max(np.abs(back.u[-1] - w)) > allowed:
             return self._jump(back)
-        path = self._path(found, ahead, "forward")
-        if path is None:
-            return False
-        if self._along(path, back):
+        if self._along(replace(back, t=back.t[::-1], u=back.u[::-1], end=back.begin)):
             self.beyond = self.now.v
             return True
         if self.reason == HIDDEN:

@@ -18,6 +18,7 @@ except the one that keeps tied nodes together.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -26,7 +27,7 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.path.basis_inverse import SingularCellError
 from tcstudy.contact.path.problem import Codes, ParametricProblem, Path, PathStatus
-from tcstudy.contact.path.walk import Ray, Walk, cross, locate, onward, rays
+from tcstudy.contact.path.walk import Ray, Walk, cross, locate, onward, outward, rays
 from tcstudy.scene.study import Acceptance, Direction
 
 __all__ = ["Follower", "ParametricProblem", "Path", "PathStatus"]
@@ -61,7 +62,7 @@ class Follower:
     max_pieces:   pieces on either side of the start
     tolerance:    largest residual |l̃ − Ãu − ξ|/c relative to the scale of b accepted at any vertex, then strict; None
                   for the default of scene/study.py
-    stable_only:  end where the branch stops being stable
+    stable_only:  end with the first piece that is not stable
     one_way:      end where a node turns back towards slip 0 on a piece that lies on one side of it
     """
 
@@ -97,22 +98,31 @@ class Follower:
             ways = rays(walk)
         except SingularCellError:
             return Path.standing(problem, t, v, PathStatus.SINGULAR)
-        ahead = self._way(walk, ways[direction == "backward"], set(), progress)
+        ahead = self.way(walk, ways[direction == "backward"], set(), progress)
         if direction != "both" or ahead.end == PathStatus.CLOSED_LOOP:
             return ahead
-        back = self._way(walk, ways[1], {codes.tobytes() for codes in ahead.codes}, progress)
+        back = self.way(walk, ways[1], {codes.tobytes() for codes in ahead.codes}, progress)
         both: dict[str, Any] = {"start": back.pieces, "begin": back.end}
         vertices, pieces = ("t", "u", "traction", "residual"), ("stable", "codes")
         for names, backward in ((vertices, slice(None, 0, -1)), (pieces, slice(None, None, -1))):
             both |= {name: np.concatenate([getattr(back, name)[backward], getattr(ahead, name)]) for name in names}
         return replace(ahead, **both)
 
-    def onward(self, walk: Walk) -> Path | None:
-        """The path along the stable way on which t grows from where the walk stands; None if there is none."""
-        ray = onward(walk)
-        return None if ray is None else self._way(walk, ray, set())
+    def onward(self, walk: Walk, falling: bool = False) -> Path | None:
+        """The path along the stable way on which t grows from where the walk stands; None if there is none.
 
-    def _way(self, walk: Walk, begin: Ray, others: set[bytes], progress: Progress | None = None) -> Path:
+        falling: else the piece on which the walk stands, if t falls along it
+        """
+        here, way = walk.here, onward(walk)
+        if way is not None:
+            return self.way(walk, way, set())
+        with suppress(SingularCellError):
+            walk.put(here)
+            path = replace(self, t_min=-np.inf).way(walk, outward(walk), set()) if falling else None
+            return path if path and path.end == PathStatus.UNSTABLE else None
+        return None
+
+    def way(self, walk: Walk, begin: Ray, others: set[bytes], progress: Progress | None = None) -> Path:
         """One direction, some pieces at a time until something ends the path; others: cells that do.
 
         If their vertices are not accurate they are followed again from a fresh inverse, each with a correction; if even
@@ -179,9 +189,8 @@ class Follower:
             stable = walk.stable
             if len(pieces) >= self.max_pieces:
                 return PathStatus.PIECE_LIMIT
-            if self.stable_only and not stable:
-                return PathStatus.UNSTABLE
-            if self.one_way:
+            falls = self.stable_only and not stable
+            if self.one_way and not falls:
                 speed = walk.graph.outward[walk.codes] * walk.dx[:-1]
                 if float(speed.min()) < -BACKWARD * float(np.abs(walk.dx).max()):
                     return PathStatus.TURNS
@@ -192,8 +201,8 @@ class Follower:
             if first == walk.m and careful:
                 walk.correct(np.array([first]))
             pieces.append(Piece(codes, stable, walk.x.copy(), codes))
-            if first == walk.m:
-                return PathStatus.RANGE_END
+            if first == walk.m or falls:
+                return PathStatus.UNSTABLE if falls else PathStatus.RANGE_END
             cross(walk, at)
             if len(at) > 1 or careful:
                 walk.balance()

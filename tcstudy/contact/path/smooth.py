@@ -12,7 +12,7 @@ it gains. Where it leaves the smooth piece, the corner decides: it is the point,
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -20,7 +20,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.contact.newton import factor_free, with_diagonal
+from tcstudy.contact.newton import with_diagonal
 from tcstudy.contact.path.problem import ParametricProblem, Path
 from tcstudy.laws.laws import Laws
 
@@ -37,8 +37,6 @@ BEYOND = 1e-12
 """Part of the largest slip, or of the scale of b, by which rounding may take a node off its piece."""
 ARRIVED = 1e-5
 """Steps below this part of the largest slip need not gain, which rounding hides, and end when they get no shorter."""
-AT_LIMIT = 1e-9
-"""Part of the scale of b by which the path's rounding may keep a node from the limit that it has reached."""
 NEAR = 0.1
 """The law folds beside straight pieces if it does within this part of the slips over which b changes."""
 BESIDE = "the curve was not found beside the path of straight pieces; begin elsewhere, or use compare: vertical"
@@ -227,53 +225,26 @@ class SmoothPath:
         raise ValueError(BESIDE)
 
 
-def folds_beside(path: Path, law: Laws, slip: float) -> Iterator[tuple[float, Array]]:
-    """(t, v) where the law itself may fold near the end of a path on straight pieces, which stops being stable there.
+def fold_beside(path: Path, law: Laws, slip: float) -> tuple[float, Array] | None:
+    """(t, v) where the law itself folds near the end of a path on straight pieces, the last one not stable; or None.
 
     Straight pieces fold at one of their own corners, a little before or after the curve does, and what a jump releases
-    is of first order in that. The curve folds where a node at rest is at its limit, or a sliding one at a kink behind
-    which the law falls more steeply: both give its coordinate. Between such events dt/ds = 0, along the softest way s.
-    What is found is a fold only if it is a solution, all nodes considered. One beyond t = 1, the end of a step, is
-    none: that is the end of the step then, on the stable side.
+    is of first order in that. One beyond t = 1, the end of a step, is none: that is the end of the step then, on the
+    stable side. What is found is a fold only if it is a solution, all nodes considered.
     slip: over which b changes [m]
     """
-    p, m, u, t = path.problem, path.problem.m, path.u[-1], float(path.t[-1])
-    traction, (low, high), before = (p.load(t) - p.A_tilde @ u) / p.c, law.interval(u), path.u[max(path.pieces - 1, 0)]
-    slack, diagonal, middle = AT_LIMIT * p.traction_scale, np.diagonal(p.A_tilde), 0.5 * (u + before)
-    free = path.slipping[-1] if path.pieces else (traction <= low + slack) | (traction >= high - slack)
-    F, kinks = np.flatnonzero(free), np.asarray(law.nearest_kink(u))
-    piece = np.where(path.traction[-1] < 0.0, law.piece(middle, -1), law.piece(middle, +1))
-    codes, own = np.where(free, 2 * piece, 2 * kinks + 1), law.of_nodes(F)
-
-    def near(point: CurvePoint | None) -> CurvePoint | None:
-        """The point if it is near, behind the path's beginning, and its energy convex but for rounding."""
-        if point is None or np.max(np.abs(point.v - u)) > NEAR * slip:
+    p, curve, last, bend = path.problem, SmoothPath(path, law), path.pieces - 1, np.zeros((2, 2))
+    before = max(last - 1, 0)
+    try:
+        point = curve.least(before, float(last > 0), lambda x: (-float(x[0]), np.array([-1.0, 0.0]), bend))
+    except ValueError:
+        return None
+    if point.t > 1.0:  # the step ends before
+        way = path.u[last] - path.u[before]
+        held = curve.at(before, (np.zeros(p.m), 1.0), 1.0, point.v - way, 1.0)
+        if held is None:
             return None
-        apart = 64.0 * EPS * float(np.max(np.abs(p.load(point.t))) / np.max(np.abs(p.l_1)))
-        added = p.c[F] * own.slope(point.v[F], piece[F]) + np.sqrt(EPS) * np.max(diagonal)
-        return point if point.t > path.t[0] + apart and factor_free(p.A_tilde, F, added)[1] == 0 else None
-
-    def candidates() -> Iterator[CurvePoint | None]:
-        limit = np.where(traction > 0.5 * (low + high), high, low)
-        for i in np.flatnonzero(~free & (np.abs(traction - limit) <= slack)):
-            coordinate = -p.A_tilde[i] / diagonal[i], float(p.l_1[i] / diagonal[i])
-            yield on_curve(p, law, codes, coordinate, float((p.c[i] * limit[i] - p.l_0[i]) / diagonal[i]), u, t)
-        for i in np.flatnonzero(free & (np.abs(u - law.kink(kinks)) <= AT_LIMIT * slip)):
-            yield on_curve(p, law, codes, (np.eye(m)[i], 0.0), float(law.kink(kinks)[i]), u, t)
-        H, row, step = with_diagonal(p.A_tilde, F, p.c[F] * own.slope(u[F], piece[F])), np.zeros(m), np.inf
-        row[F] = scipy.linalg.eigh(H, subset_by_index=[0, 0])[1][:, 0]
-        point = on_curve(p, law, codes, (row, 0.0), float(row @ u), u, t)
-        for _ in range(NEWTON):
-            if point is None or point.second[0] == 0.0:
-                return
-            last, step = abs(step), -float(point.first[0] / point.second[0])
-            if step == 0.0 or (abs(step) >= 0.5 * last and last <= np.sqrt(EPS) * slip):
-                yield point
-                return
-            point = on_curve(p, law, codes, (row, 0.0), point.s + step, point.v, point.t)
-
-    for point in map(near, candidates()) if len(F) else ():
-        if point and point.t > 1.0:  # the step ends before
-            point = near(on_curve(p, law, codes, (np.zeros(m), 1.0), 1.0, point.v - (u - before), 1.0))
-        if point:
-            yield point.t, point.v
+        point = held
+    apart = 64.0 * EPS * float(np.max(np.abs(p.load(point.t))) / np.max(np.abs(p.l_1)))
+    near = np.max(np.abs(point.v - path.u[last])) <= NEAR * slip
+    return (point.t, point.v) if near and point.t > path.t[0] + apart else None

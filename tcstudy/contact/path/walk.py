@@ -330,6 +330,14 @@ def rays(walk: Walk) -> tuple[Ray, Ray]:
     return (one, other) if one.dx[-1] >= other.dx[-1] else (other, one)
 
 
+def outward(walk: Walk) -> Ray:
+    """The way on which most nodes that stand on bounds of their pieces leave them into these."""
+    corner = Corner(walk)
+    if np.sum(corner.out[0] * walk.dx[corner.nodes]) < 0.0:
+        walk.turn()
+    return walk.here
+
+
 def onward(walk: Walk) -> Ray | None:
     """The stable way on which t grows, from the walk's pieces and those beside them; None if none is found.
 

@@ -43,7 +43,7 @@ def test_reasons_for_the_end() -> None:
     assert free.begin == free.end == PathStatus.UNBOUNDED
     branch = Follower(stable_only=True).follow(problem, zero, 0.0, "forward")
     assert (branch.begin, branch.end) == (PathStatus.START, PathStatus.UNSTABLE)
-    assert branch.stable.all()
+    assert branch.stable.tolist() == [True] * (branch.pieces - 1) + [False]
     hopeless = Follower(tolerance=1e-20).follow(problem, zero, 0.0, "forward")
     assert hopeless.end == PathStatus.LOST_ACCURACY
     assert "tolerance" in hopeless.end.reason
