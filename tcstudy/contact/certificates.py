@@ -38,7 +38,6 @@ inverse, so that a box is never too small.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
@@ -60,8 +59,6 @@ FEW, PARTS = 6, 48
 """Parts of an exponential piece: for a first try, which proves most of what can be proved, and of the careful bound."""
 _ROUNDS, _SHRINKS = 30, 0.01
 """Improvements of a box at most, and by which part of its size one must shrink it."""
-_STEPS = 80
-"""To the zero of a function."""
 _DECAY, _ROUNDINGS = 16.0, 64.0
 """Decay lengths that the parts cover (one more takes the rest), and roundings of j by which every D is enlarged."""
 
@@ -229,49 +226,15 @@ def _extremes(tables: Laws) -> tuple[Array, Array, Array]:
         low, high = np.clip(tables.lower, -reach, reach), np.clip(tables.upper, -reach, reach)
         rises = [tables.slope(end, piece) > 0.0 for end in (low, high)]
         turns = tables.bent & (low < high) & (rises[0] != rises[1])
-        s[turns] = slip_of_slope(tables, piece[turns], low[turns], high[turns], 0.0)
+        for at in zip(*np.nonzero(turns), strict=True):
+            from scipy.optimize import brentq  # here, because every run imports this module, and few laws turn
+
+            s[at] = brentq(tables.slope, low[at], high[at], piece[at], xtol=np.finfo(float).tiny)
         b, at_kinks = tables.value(s, piece), (tables.b_left, tables.b_right)
         used = np.append(np.ones(tables.kinks.shape[1], dtype=bool), np.any(turns, axis=0))
         found = (tables.kinks, s), (np.minimum(*at_kinks), b), (np.maximum(*at_kinks), b)
         tables.facts["extremes"] = tuple(np.concatenate(pair, axis=1)[:, used] for pair in found)
     return tables.facts["extremes"]
-
-
-def slip_of_slope(laws: Laws, piece: Index, low: Array, high: Array, slope: Array | float) -> Array:
-    """Where b′ of the addressed pieces passes `slope` between low and high, (n,) each."""
-    slope, middle = np.broadcast_to(slope, low.shape), 0.5 * (low + high)
-    way = np.where(laws.slope(low, piece) > slope, -1.0, 1.0)
-    s_0, _, q, a, r, *_ = laws.numbers(piece)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        start = s_0 - np.log((q - slope) / (r * a)) / r  # of one exponential the slip itself
-
-    def excess(k: Index, s: Array) -> tuple[Array, Array, Array]:
-        value = way[k] * (laws.slope(s, piece[k]) - slope[k])
-        return value, way[k] * laws.bend(s, piece[k]), np.abs(q[k]) + np.abs(slope[k])
-
-    return rising_zeros(excess, np.where((low < start) & (start < high), start, middle), low, high)
-
-
-def rising_zeros(
-    function: Callable[[Index, Array], tuple[Array, Array, Array]], start: Array, low: Array, high: Array
-) -> Array:
-    """(n,) where n rising functions are 0 between low and high, by Newton's method within what is known of each.
-
-    function: (which of them, where) → values, slopes, and the sizes of what values are made of, whose rounding ends it
-    """
-    found, open_ = start.copy(), np.arange(len(start))
-    for _ in range(_STEPS):
-        if not len(open_):
-            break
-        s = found[open_]
-        value, slope, size = function(open_, s)
-        low, high = np.where(value < 0.0, s, low), np.where(value < 0.0, high, s)
-        following = s - value / np.where(slope > 0.0, slope, np.nan)
-        following = np.where((low <= following) & (following <= high), following, 0.5 * (low + high))
-        on = (np.abs(value) > 4.0 * np.finfo(float).eps * size) & (following != s)
-        open_, low, high = open_[on], low[on], high[on]
-        found[open_] = following[on]
-    return found
 
 
 def least_slopes(laws: Laws, low: Array, high: Array) -> Array:

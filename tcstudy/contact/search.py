@@ -21,26 +21,23 @@ double envelope). j_κ ≤ j, j_κ grows with κ to j, and b_κ is b except on c
 Up-jumps stay, down-jumps and steep falls become falls of slope −κ. With κ ≤ λ₁ the problem with b_κ is convex, and its
 least energy is a lower bound of the original one.
 
-b′ is monotone on a piece, so that b + κ s rises on one part of it at most: an arc of h = j + ½κ s² that the envelope
-may touch, as it may touch a kink. Arcs of all laws stand in one row. An arc into which the tangent from the one before
-rises more steeply than the tangent to the next one rises out of it lies above what these two span, and the envelope
-does not touch it: all such are left out at once, until there are none.
+The tangents of h = j + ½κ s² are those that samples of it have, samples above the line between those beside them left
+out until there are none; then both ends go by Newton's steps to where h′ is the slope of the line between them. Where
+two tangents no longer leave an arc between them the one from first to last lies below.
 """
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.contact.certificates import far, largest_push, rising_zeros, slip_of_slope
+from tcstudy.contact.certificates import far, largest_push
 from tcstudy.contact.descent import descend, descend_nested
 from tcstudy.contact.newton import factor_free, slopes
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.laws.laws import Laws
-from tcstudy.laws.pieces import DOWN, UP, Place
+from tcstudy.laws.pieces import DOWN
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -50,122 +47,91 @@ _CONTINUOUS = 1e-8
 """Jumps of an envelope below this part of the scale of b come from unfinished tangents."""
 
 
-class _Arcs(NamedTuple):
-    """Where h is convex on a piece: the law, the address, from and to, h′ there; a kink is an arc of no length."""
-
-    law: Index
-    piece: Index
-    low: Array
-    high: Array
-    first: Array
-    last: Array
-
-    def take(self, which: Index | Flags) -> _Arcs:
-        return _Arcs._make(x[which] for x in self)
+_SAMPLES, _TOUCHES, _SETTLED = 12, 60, 1e-11
+"""Samples of every piece for the convex hull, Newton steps at most by which the tangents found are made exact, and the
+part of its length by which none moves any more."""
 
 
 def moreau_envelopes(laws: Laws, kappa: float) -> Laws:
     """b_κ of the laws in use; κ > 0 [Pa/m]. Those that nowhere fall faster than κ stay as they are."""
     tables = laws.tables
-    arcs = _arcs(tables, np.intersect1d(np.flatnonzero(tables.falls > kappa), laws.index), kappa)
-    land, leave, sigma = np.full((3, len(arcs.law)), -np.inf)  # of every arc, of the one before it, of both
-    new = np.append(False, arcs.law[1:] == arcs.law[:-1])
-    while np.any(new):
-        i = np.flatnonzero(new)
-        leave[i], land[i], sigma[i] = _tangents(tables, kappa, arcs.take(i - 1), arcs.take(i))
-        out = np.append(sigma[1:], -np.inf)
-        kept = ~((out < sigma) & (np.append(arcs.law[1:], -1) == arcs.law))
-        new = np.append(False, ~kept[:-1])[kept] & np.append(False, arcs.law[kept][1:] == arcs.law[kept][:-1])
-        arcs, land, leave, sigma = arcs.take(kept), land[kept], leave[kept], sigma[kept]
-    return _assembled(tables, kappa, arcs, land, leave, sigma).at(laws.index)
+    law, ends = _tangents(tables, np.intersect1d(np.flatnonzero(tables.falls > kappa), laws.index), kappa)
+    right, settled = np.array([[False], [True]]), False
+    for _ in range(_TOUCHES):
+        law, ends = law[ends[0] < ends[1]], ends[:, ends[0] < ends[1]]
+        own, (s, t) = tables.at(law), ends
+        sigma = own.integral(s, t) / (t - s) + 0.5 * kappa * (s + t)
+        apart = (law[1:] != law[:-1]) | (t[:-1] < s[1:]) | (sigma[:-1] < sigma[1:])  # or the tangent of both lies below
+        if not np.all(apart):
+            first, last = np.append(True, apart), np.append(apart, True)
+            law, ends = law[first], np.stack([s[first], t[last]])
+        elif settled:
+            break
+        else:  # a Newton step towards h′ = σ, across no down-jump; a kink where h′ rises across σ is kept
+            at = own.locate(ends)
+            before, behind = (own.value(ends, piece) + kappa * ends - sigma for piece in (at.piece, at.piece + at.on))
+            down = own.kind(at) == DOWN
+            onward = (behind < 0.0) & (right | ~((before > 0.0) | down))
+            excess = np.where(onward, behind, np.where(right & down, 0.0, np.maximum(before, 0.0)))
+            piece = at.toward(onward)
+            bend = own.slope(ends, piece) + kappa
+            ends = np.clip(ends - excess / np.where(bend > 0.0, bend, np.inf), *own.ends(piece))
+            settled = bool(np.all(np.abs(ends - (s, t)) <= _SETTLED * (t - s)))
+    return _assembled(tables, kappa, law, s, t, sigma).at(laws.index)
 
 
-def _arcs(tables: Laws, rows: Index, kappa: float) -> _Arcs:
-    """The arcs of the named laws, law by law from left to right."""
-    reach = (far(tables) + 4.0 * tables.scales / kappa)[rows, None]
+def _tangents(tables: Laws, rows: Index, kappa: float) -> tuple[Index, Array]:
+    """(law (n,), from and to (2, n)) of common tangents of the named laws from left to right, to the next samples."""
+    reach, piece = (far(tables) + 4.0 * tables.scales / kappa)[rows, None], tables.addresses[rows]
     low, high = np.clip(tables.lower[rows], -reach, reach), np.clip(tables.upper[rows], -reach, reach)
-    piece = tables.addresses[rows]
-    begins, ends = (tables.slope(s, piece) > -kappa for s in (low, high))
-    real, turn = low < high, np.where(begins, high, low)
-    turns = real & (begins != ends)
-    turn[turns] = slip_of_slope(tables, piece[turns], low[turns], high[turns], -kappa)
-    joined = np.append(np.zeros((len(rows), 1), dtype=bool), ends[:, :-1], axis=1)  # the arc before ends on the kink
-    before = np.maximum(piece - 1, tables.first[rows, None])
-    is_kink = real & ~begins & ~joined & (np.arange(low.shape[1]) > 0) & (tables.kind_above.take(before) != DOWN)
-    is_arc = real & (begins | ends)
-    start, end = np.where(begins, low, turn), np.where(ends, high, turn)
-    law = np.broadcast_to(rows[:, None], low.shape)
-
-    def slope(s: Array, address: Index) -> Array:
-        return tables.value(s, address) + kappa * s
-
-    kinks = (law, piece, low, low, slope(low, before), slope(low, piece))
-    parts = (law, piece, start, end, slope(start, piece), slope(end, piece))
-    chosen = np.stack([is_kink, is_arc], axis=-1)
-    return _Arcs._make(np.stack(both, axis=-1)[chosen] for both in zip(kinks, parts, strict=True))
-
-
-def _touches(tables: Laws, kappa: float, arcs: _Arcs, sigma: Array, start: Array) -> Array:
-    """Where h′ = σ on arcs, or their ends on that side; sought from `start` on."""
-    _, piece, low, high, first, last = arcs
-    inside = (first < sigma) & (sigma < last) & (low < high)
-    straight = low + (sigma - first) / np.where(inside, tables.q.take(piece) + kappa, 1.0)
-    s = np.where(inside, straight, np.where(sigma <= first, low, high))
-    bent = np.flatnonzero(inside & tables.bent.take(piece))
-    piece, sigma = piece[bent], sigma[bent]
-
-    def excess(k: Index, s: Array) -> tuple[Array, Array, Array]:
-        value, slope = tables.value(s, piece[k]), tables.slope(s, piece[k])
-        return value + kappa * s - sigma[k], slope + kappa, kappa * np.abs(s) + np.abs(sigma[k])
-
-    s[bent] = rising_zeros(excess, start[bent], low[bent], high[bent])
-    return s
+    share = np.linspace(0.0, 1.0, _SAMPLES, endpoint=False)
+    s = low[..., None] + share * (high - low)[..., None]
+    used = np.broadcast_to((low < high)[..., None], s.shape).copy()
+    used[:, 1:, 0] &= tables.kinds[rows] != DOWN  # which no tangent touches
+    law, piece = (np.broadcast_to(x, s.shape)[used] for x in (rows[:, None, None], piece[..., None]))
+    s, number, kept = s[used], np.flatnonzero(used), np.arange(np.count_nonzero(used))
+    h = tables.at(law).integral(np.zeros(len(s)), s) + 0.5 * kappa * s**2
+    while True:
+        same = law[kept][1:] == law[kept][:-1]
+        rise = np.diff(h[kept]) / np.where(same, np.diff(s[kept]), 1.0)
+        above = same[1:] & same[:-1] & (rise[1:] <= rise[:-1])
+        if not np.any(above):
+            break
+        kept = kept[~np.concatenate([[False], above, [False]])]
+    i, j = kept[:-1][same], kept[1:][same]
+    falls = np.minimum(tables.slope(s[i], piece[i]), tables.slope(s[j], piece[i])) < -kappa
+    bridged = falls | (number[j] > number[i] + 1)
+    return law[i[bridged]], np.stack([s[i[bridged]], s[j[bridged]]])
 
 
-def _tangents(tables: Laws, kappa: float, left: _Arcs, right: _Arcs) -> tuple[Array, Array, Array]:
-    """(s₁, s₂, σ) of common tangents, where ∫ σ − h′ between, which rises with σ, is 0; none where arcs join."""
-    x, y, sigma = left.high.copy(), right.low.copy(), left.last.copy()
-    apart = np.flatnonzero((x < y) | (tables.kind_above.take(right.piece - 1) == DOWN))
-    both = zip(left.take(apart), right.take(apart), strict=True)
-    n, ends = len(apart), _Arcs._make(np.concatenate(pair) for pair in both)
-    at, none = 0.5 * (ends.low + ends.high), np.zeros(n, dtype=bool)
-
-    def excess(k: Index, own: Array) -> tuple[Array, Array, Array]:
-        sides = np.append(k, k + n)
-        at[sides] = _touches(tables, kappa, ends.take(sides), np.tile(own, 2), at[sides])
-        s, t = at[k], at[k + n]
-        width, places = t - s, (Place(ends.piece[side], none[k]) for side in (k, k + n))
-        rest = tables.integral(s, t, *places) + (0.5 * kappa * (s + t) - own) * width
-        return -rest, width, width * (np.abs(own) + kappa * (np.abs(s) + np.abs(t)))
-
-    far_off = np.full(n, np.inf)
-    sigma[apart] = rising_zeros(excess, 0.5 * (ends.last[:n] + ends.first[n:]), -far_off, far_off)
-    x[apart], y[apart] = at[:n], at[n:]
-    return x, y, sigma
-
-
-def _assembled(tables: Laws, kappa: float, arcs: _Arcs, land: Array, leave: Array, sigma: Array) -> Laws:
-    """The laws with, of every arc, the tangent that leads to it and its own piece from where that lands."""
-    ends = np.append(leave[1:], np.inf)
-    ends[np.append(arcs.law[1:] != arcs.law[:-1], True)] = np.inf
-    near = np.where(np.abs(leave) <= np.abs(land), leave, land)
-    near, none = np.where(np.isfinite(near), near, 0.0), np.zeros(len(near))
-    tangent = (near, sigma - kappa * near, none - kappa, *[none] * (len(tables.pieces) - 3))
-    there = np.stack([land > leave, ends > land], axis=1)
-    law, starts = np.repeat(arcs.law[:, None], 2, axis=1)[there], np.stack([leave, land], axis=1)[there]
-    rank = np.arange(len(law)) - np.searchsorted(law, law)
+def _assembled(tables: Laws, kappa: float, law: Index, left: Array, right: Array, sigma: Array) -> Laws:
+    """The laws with the lines σ − κ s between left and right."""
+    covered = np.zeros(tables.q.shape, dtype=bool)
+    inside = (tables.lower[law] >= left[:, None]) & (tables.lower[law] <= right[:, None])
+    np.logical_or.at(covered, law, inside)
+    changed = np.isin(np.arange(len(covered)), law)
+    stays = tables.addresses[~covered & (tables.lower < tables.upper) & changed[:, None]]
+    near, at = np.where(np.abs(left) <= np.abs(right), left, right), tables.locate(right, law)
+    joined = np.append((law[1:] == law[:-1]) & (right[:-1] >= left[1:]), False)[: len(law)]
+    behind = (at.piece + at.on)[~joined]
+    slope = np.full(len(near), -kappa)
+    lines = (near, sigma - kappa * near, slope, *[0.0 * slope] * (len(tables.pieces) - 3))
+    owner = np.concatenate([stays // tables.q.shape[1], law, law[~joined]])
+    starts = np.concatenate([tables.lower.take(stays), left, right[~joined]])
+    order = np.lexsort([starts, owner])
+    owner, starts = owner[order], starts[order]
+    rank = np.arange(len(owner)) - np.searchsorted(owner, owner)
     width = max(tables.q.shape[1], int(np.max(rank, initial=0)) + 1)
     kinks = np.full((len(tables.q), width), np.inf)  # of the left ends of all pieces but the first, and one behind
     kinks[:, : tables.kinks.shape[1]] = tables.kinks
-    kinks[law] = np.inf
-    kinks[law[rank > 0], rank[rank > 0] - 1] = starts[rank > 0]
+    kinks[changed] = np.inf
+    kinks[owner[rank > 0], rank[rank > 0] - 1] = starts[rank > 0]
     columns = []
-    for numbers, line in zip(tables.pieces, tangent, strict=True):
-        column = np.repeat(numbers[:, -1:], width, axis=1)
-        column[:, : numbers.shape[1]] = numbers
-        own = np.stack([line, numbers.take(arcs.piece)], axis=1)[there]
-        column[law] = own[:, None]  # its last number stays
-        column[law, rank] = own
+    for numbers, line in zip(tables.pieces, lines, strict=True):
+        column = np.append(numbers, np.repeat(numbers[:, -1:], width - numbers.shape[1], axis=1), axis=1)
+        own = np.concatenate([numbers.take(stays), line, numbers.take(behind)])[order]
+        column[owner] = own[:, None]  # its last number stays
+        column[owner, rank] = own
         columns.append(column)
     found = Laws(tables.name, kinks[:, :-1], *columns).known(scales=tables.scales)
     return found.smooth_to(_CONTINUOUS * tables.scales[:, None])
@@ -244,34 +210,22 @@ def move_starts(rows: ContactProblem, v: Array) -> tuple[Array, Index, Index]:
 def best_places(laws: Laws, v: Array, force: Array, k: Array, push: Array) -> tuple[Array, Array]:
     """(φ, s) (m,): the least φ of every node, 0 where nothing is gained, and where it is taken [Pa·m, m].
 
-    Candidates are the up-jumps and, on every piece that v is not on, the zero of φ′ = b + k (s − v) − ξ/c: b′ is
-    monotone there, so that φ′ rises on one part of it at most. push: how hard friction may push the slip on [Pa]
+    Candidates are the kinks and, on every piece, where Newton's steps towards φ′ = b + k (s − v) − ξ/c = 0 lead from
+    its ends. push: how hard friction may push the slip on [Pa]
     """
     law = np.broadcast_to(laws.index, v.shape)[:, None]
     v, force, k = v[:, None], force[:, None], k[:, None]
     piece = laws.first[law] + np.arange(laws.q.shape[1])
     reach = 2.0 * np.abs(v) + (np.abs(force) + np.reshape(push, (-1, 1))) / k  # friction opposes slip, but for its push
-    low, high = (np.clip(end.take(piece), v - reach, v + reach) for end in (laws.lower, laws.upper))
-    at = np.nonzero((low < high) & ((v <= low) | (v >= high)))
-    address, low, high = piece[at], low[at], high[at]
-    own_v, own_force, own_k = (x[at[0], 0] for x in (v, force, k))
-
-    def climb(i: Index | slice, s: Array) -> tuple[Array, Array, Array]:
-        value, slope = laws.value(s, address[i]), laws.slope(s, address[i])
-        rest = own_k[i] * (s - own_v[i]) - own_force[i]
-        return value + rest, slope + own_k[i], np.abs(value) + np.abs(rest)
-
-    rises = [climb(slice(None), s)[1] > 0.0 for s in (low, high)]
-    turns = np.flatnonzero(rises[0] != rises[1])
-    turn = slip_of_slope(laws, address[turns], low[turns], high[turns], -own_k[turns])
-    low[turns], high[turns] = np.where(rises[0][turns], low[turns], turn), np.where(rises[1][turns], high[turns], turn)
-    below, above = (climb(slice(None), s)[0] for s in (low, high))
-    on = np.flatnonzero((below < 0.0) & (above > 0.0) & (rises[0] | rises[1]))
-    zeros = np.full(piece.shape, np.nan)
-    zeros[at[0][on], at[1][on]] = rising_zeros(lambda i, s: climb(on[i], s), 0.5 * (low + high)[on], low[on], high[on])
-    jumps = np.where(laws.kind_above.take(piece) == UP, laws.upper.take(piece), np.nan)
-    s = np.append(zeros, jumps, axis=1)
-    s = np.where(np.isfinite(s), s, v)
+    kinks = laws.upper.take(piece)
+    low, high = (np.clip(end, v - reach, v + reach) for end in (laws.lower.take(piece), kinks))
+    found = [np.where(np.isfinite(kinks), kinks, v)]
+    for s in (low, high):
+        for _ in range(8 if laws.exponentials else 1):
+            climb, bend = laws.value(s, piece) + k * (s - v) - force, laws.slope(s, piece) + k
+            s = np.clip(s - climb / np.where(bend > 0.0, bend, np.inf), low, high)
+        found.append(s)
+    s = np.concatenate(found, axis=1)
     parts = np.stack([0.5 * k * (s - v) ** 2, -force * (s - v), laws.at(law).integral(v, s)])
     phi = parts.sum(axis=0)
     phi[phi >= -_NO_GAIN * np.abs(parts).sum(axis=0)] = 0.0
