@@ -34,7 +34,7 @@ def test_values_are_said_where_they_act() -> None:
     figure = draw_study(tcstudy.load(CONFIGS / "isola.yaml").with_(held), None)
     edges = {text.get_text().split("\n")[0]: text.get_text() for text in figure.axes[0].texts}
     assert "θ = 0 K" in edges["bolted"]
-    assert "g_x = 2 MPa" in edges["end"]
+    assert "$g_{x}$ = 2 MPa" in edges["end"]
     assert "q = 500 kW" in edges["heater"]
     assert "q =" not in " ".join(text.get_text() for text in figure.texts)
 
