@@ -70,34 +70,39 @@ class LineFields:
         ends = [0, *cuts.tolist(), len(self.arclength)]
         return [slice(a, b) for a, b in pairwise(ends)]
 
-    def cells(self, part: slice) -> Array:
-        """(n + 1,) ends of the segments S_i around the n nodes of a part [length_units]."""
+    @property
+    def along_x(self) -> tuple[float, float] | None:
+        """(sign, x at s = 0) of a line that is straight along x, where x = x_0 ± s; None for any other."""
+        room, sign = NEAR * float(self.c.sum()), 1.0 if self.x[-1] > self.x[0] else -1.0
+        start = self.x - sign * self.arclength
+        return (sign, float(start[0])) if max(np.ptp(self.y), np.ptp(start)) <= room and len(start) > 1 else None
+
+    def beyond(self, part: slice) -> tuple[float, float]:
+        """What the segments of the outermost nodes of a part reach beyond them: nothing at a free end, a whole element
+        beside a held node [length_units].
+        """
         s, c = self.arclength[part], self.c[part]
         if len(s) == 1:
-            return np.array([s[0] - 0.5 * c[0], s[0] + 0.5 * c[0]])
-        middles = 0.5 * (s[1:] + s[:-1])
-        # The outer halves are what is left of c_i: nothing at a free end, a whole element beside a held node.
-        return np.concatenate([[middles[0] - c[0]], middles, [middles[-1] + c[-1]]])
+            return 0.5 * float(c[0]), 0.5 * float(c[0])
+        return float(c[0] - 0.5 * (s[1] - s[0])), float(c[-1] - 0.5 * (s[-1] - s[-2]))
+
+    def cells(self, part: slice) -> Array:
+        """(n + 1,) ends of the segments S_i around the n nodes of a part [length_units]."""
+        s, (first, last) = self.arclength[part], self.beyond(part)
+        return np.concatenate([[s[0] - first], 0.5 * (s[1:] + s[:-1]), [s[-1] + last]])
 
     def held(self, part: slice) -> tuple[bool, bool]:
         """Whether a part begins and ends at a held node, which carries no unknown."""
-        s, cells = self.arclength[part], self.cells(part)
-        room = NEAR * float(self.c[part].sum())
-        ends = abs(cells[0] - s[0]) > room, abs(cells[-1] - s[-1]) > room
-        return (False, False) if self.closed(part) or len(s) == 1 else (bool(ends[0]), bool(ends[1]))
+        room, (first, last) = NEAR * float(self.c[part].sum()), self.beyond(part)
+        alone = self.closed(part) or part.stop - part.start == 1
+        return (False, False) if alone else (abs(first) > room, abs(last) > room)
 
     def closed(self, part: slice) -> bool:
-        """True if the part is a ring: the segment of its first node reaches back to the last one."""
-        s, c = self.arclength[part], self.c[part]
-        if len(s) < 3:
-            return False
-        span = float(s[-1] - s[0])
-        gap = float(c.sum()) - span
-        chord = float(np.hypot(self.x[part][-1] - self.x[part][0], self.y[part][-1] - self.y[part][0]))
-        outer = float(c[0] - 0.5 * (s[1] - s[0]))
-        if chord >= (1.0 - NEAR) * span:  # straight: what its ends reach to are two held nodes
-            return False
-        return abs(chord - gap) <= NEAR * chord and abs(outer - 0.5 * gap) <= NEAR * gap
+        """True if the part is a ring: the segment of its first node reaches back to the last one, in a chord."""
+        first, last = self.beyond(part)
+        chord = float(np.hypot(*(values[part][-1] - values[part][0] for values in (self.x, self.y))))
+        bent = part.stop - part.start > 2 and chord < (1.0 - NEAR) * float(np.ptp(self.arclength[part]))
+        return bent and max(abs(chord - first - last), abs(first - last)) <= NEAR * chord
 
     def steps(self, part: slice) -> tuple[Array, NDArray[np.intp]]:
         """Ends of intervals from the start of the part on, and the contact node that each interval belongs to.

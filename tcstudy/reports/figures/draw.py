@@ -59,20 +59,20 @@ class Wanted:
 
     def check(self, kind: str) -> None:
         """Raise UsageError for what does not go together or does not matter to a file of this kind."""
-        if self.at and kind in ("path", "cost", "fit"):
-            raise UsageError(f"at: the file of a {kind} has one scene and no sweep points; leave it out")
         given = [name for name in vars(self) if getattr(self, name) not in (None, False)]
         if self.panel is not None and self.ax is None:
             raise UsageError("panel: give ax, too, the axes of your figure that it is drawn into")
         for name in given:
             if name not in DRAWN_BY[kind] and not (name == "at" and not self.at):
                 raise UsageError(f"{name}: the picture of a {kind} file does not depend on it; leave it out")
-        for one, other in (("x", "y"), ("y", "x"), ("map", "of"), ("by", "x")) if kind == "run" else ():
+        if kind != "run":
+            return
+        for one, other in (("x", "y"), ("y", "x"), ("map", "of"), ("by", "x")):
             if one in given and other not in given:
                 raise UsageError(f"{one}: give {other}, too, for example {EXAMPLES[other]}")
-        modes = [name for name in ("x", "map", "law", "deform", "along", "of") if name in given]
-        modes = modes[:1] if modes in (["map", "of"], ["deform", "of"], ["along", "of"]) else modes
-        if kind == "run" and len(modes) > 1:
+        modes: list[str] = [name for name in ("x", "map", "law", "deform", "along") if name in given]
+        modes += ["of"] * ("of" in given and modes in (["x"], ["law"]))  # a map, a body and a profile are of something
+        if len(modes) > 1:
             raise UsageError(f"{modes[0]}: {modes[1]} is another picture; choose one of them")
 
 

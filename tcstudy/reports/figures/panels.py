@@ -267,8 +267,8 @@ def contact_nodes(data: Any) -> tuple[NDArray[np.intp], Scale, Array]:
 
 SMALL, LARGE = 0.9, 1.25
 """Size of facts and keys and of the heading, relative to the other letters."""
-LINE, EDGE = 1.5, 0.6
-"""Height of a line, relative to its letters; margin of the sheet, relative to the usual ones."""
+LINE, SPACED, EDGE = 1.5, 1.45, 0.6
+"""Height of a line, relative to its letters, and what matplotlib calls it; margin of the sheet, relative to letters."""
 NARROW, BESIDE = 80, 60
 """Letters that fit side by side on a sheet below which panels stand below each other; from which on a key that may do
 so stands beside the panel."""
@@ -307,24 +307,24 @@ class Sheet:
         if self.wide < NARROW:
             own = {name: high for row, high in zip(rows, heights, strict=True) for name in row if name != "."}
             rows, heights = [[name] for name in own], list(own.values())
-        head = self._lines(heading, LARGE, fontweight="bold")
-        head += [line for fact in facts for line in self._lines(fact, SMALL)]
-        foot = [line for text in (*feet, *look.remarks) for line in self._lines(text, SMALL)]
-        above, below = (LINE * self.em * sum(size for _, size, _ in lines) for lines in (head, foot))
-        least = above + below + scale * (SMALLEST * sum(heights) + ROOM * len(heights))
+        texts = ((heading,), LARGE), (facts, SMALL), ((*feet, *look.remarks), SMALL)
+        wrapped = [[line for text in some for line in self._wrapped(text, size)] for some, size in texts]
+        head, fact, foot = (LINE * size * self.em * len(lines) for lines, (_, size) in zip(wrapped, texts, strict=True))
+        least = head + fact + foot + scale * (SMALLEST * sum(heights) + ROOM * len(heights))
         self.height = look.size[1] if look.size else least + (1.0 - SMALLEST) * sum(heights)
         if self.height < least:
             least *= 2.54
             raise DrawError(f"size: {least:.1f} cm is the least height of this picture with such a width")
-        self.heights = heights
+        self.heights, edge = heights, EDGE * self.em
         self.figure = Figure((self.width, self.height), dpi=look.dpi, layout="constrained")
-        self._write(head, EDGE * self.em)
-        self._write(foot, self.height - below - EDGE * self.em)
-        margins = [EDGE * self.em * (1.0 + bool(lines)) for lines in (head, foot)]
-        top, bottom = 1.0 - (above + margins[0]) / self.height, (below + margins[1]) / self.height
-        edge = EDGE * self.em / self.width
-        engine: Any = self.figure.get_layout_engine()
-        self._rect = (edge, bottom, 1.0 - 2.0 * edge, top - bottom)
+        tops = edge, edge + head, self.height - edge - foot
+        for lines, (_, size), top, weight in zip(wrapped, texts, tops, ("bold", "normal", "normal"), strict=True):
+            how: dict[str, Any] = {"va": "top", "linespacing": SPACED, "in_layout": False}
+            how |= {"fontsize": size * look.letters, "fontweight": weight}
+            self.figure.text(edge / self.width, 1.0 - top / self.height, style.math("\n".join(lines)), **how)
+        above, below = head + fact + 2.0 * edge, foot + edge * (1.0 + bool(foot))
+        sides, engine = np.array([self.width, self.height] * 2), cast("Any", self.figure.get_layout_engine())
+        self._rect = tuple(np.array([edge, below, self.width - 2.0 * edge, self.height - above - below]) / sides)
         engine.set(rect=self._rect, w_pad=0.0, h_pad=0.0, hspace=0.05, wspace=0.03)
         self.panels: dict[str, Axes] = self.figure.subplot_mosaic([list(row) for row in rows], height_ratios=heights)
         if look.into is not None:
@@ -333,17 +333,10 @@ class Sheet:
                 raise DrawError(f"panel: this picture has no {name!r}; choose of {', '.join(self.panels)}")
             self.panels[name] = look.into
 
-    def _lines(self, text: str, size: float, **more: Any) -> list[tuple[str, float, dict[str, Any]]]:
-        columns = int(self.wide / size * (0.92 if more else 1.0))
-        return [(line, size, more) for line in textwrap.wrap(text, columns, break_long_words=False)]
-
-    def _write(self, lines: Sequence[tuple[str, float, dict[str, Any]]], top: float) -> None:
-        """Lines below each other from so many inches below the upper edge on."""
-        for text, size, more in lines:
-            place = EDGE * self.em / self.width, 1.0 - top / self.height
-            how: dict[str, Any] = more | {"fontsize": size * self.look.letters, "va": "top", "in_layout": False}
-            self.figure.text(place[0], place[1], style.math(text), **how)
-            top += LINE * size * self.em
+    def _wrapped(self, text: str, size: float) -> list[str]:
+        """Lines of a text, fewer letters of bold ones, which are wider."""
+        columns = int(self.wide / size * (0.92 if size > 1.0 else 1.0))
+        return textwrap.wrap(text, columns, break_long_words=False)
 
     def key(self, *panels: str, place: str = "lower center", title: str | None = None) -> None:
         """What lines, marks and hatches mean that have a label in these panels, or in all; place: as in Figure.legend.
@@ -407,11 +400,8 @@ class Sheet:
             except UserWarning as error:
                 raise DrawError("size: panels find no room; ask for a larger picture") from error
         figure.set_layout_engine("none")
-        left, bottom, width, height = self._rect  # keys have their margins towards the panels alone
-        across, up = (0.5 * APART * SMALL * self.em / side for side in (self.width, self.height))
         for legend in figure.legends:
-            box = (left - across, bottom - up, width + 2.0 * across, height + 2.0 * up)
-            legend.set_bbox_to_anchor(box, figure.transFigure)
+            legend.set_bbox_to_anchor(self._rect, figure.transFigure)
         for axes in figure.axes:
             axes.apply_aspect()
         return figure
@@ -428,7 +418,7 @@ class Sheet:
 
 
 def _seen(text: str) -> str:
-    """About as many letters as are seen: a formula is shorter than its source."""
+    """About as many letters as are seen: an index is shorter than its source."""
     return re.sub(r"[$_{}]", "", text)
 
 

@@ -119,7 +119,7 @@ def path_panels(data: Any, response: str) -> dict[str, Panel]:
         curve.line(at[stable], values["solution_"][stable], **ASKED, label="requested (open: unstable)")
         curve.line(at[~stable], values["solution_"][~stable], **ASKED, markerfacecolor="white")
     if "loop_" in values:
-        _slow_loop(curve, data, values["loop_"], float(np.ptp(span)))
+        _slow_loop(curve, data, data["loop_parameter"].values, values["loop_"])
     curve.window(span, seen, (0.0, 0.05))
     nodes, arclength, cuts = contact_nodes(data)
     over = Panel(across, arclength, "State of the contact line: least energy on the path")
@@ -147,19 +147,11 @@ def _pieces(panel: Panel, t: Array, y: Array, stable: NDArray[np.bool_], **how: 
         panel.line(np.insert(t, cuts, np.nan), np.insert(y, cuts, np.nan), **look | how | named)
 
 
-def _slow_loop(panel: Panel, data: Any, y: Array, span: float) -> None:
-    """Arrows: along the stable branches, and where the body falls."""
-    t, branch = data["loop_parameter"].values, data["loop_branch"].values
-    for at in (np.flatnonzero(branch == b) for b in np.unique(branch)):
-        if np.ptp(t[at]) >= 0.1 * span:
-            rising = t[at[-1]] > t[at[0]]
-            middle = t[at[0]] + (0.6 if rising else 0.4) * (t[at[-1]] - t[at[0]])
-            order, step = at[np.argsort(t[at], kind="stable")], 0.012 * span * (1.0 if rising else -1.0)
-            start, end = ((x, float(np.interp(x, t[order], y[order]))) for x in (middle - step, middle + step))
-            panel.arrow(start, end, 15.0, color=style.GREEN, linewidth=0.0)
+def _slow_loop(panel: Panel, data: Any, t: Array, y: Array) -> None:
+    """Slow loading and unloading: a line beside the path, and arrows where the body falls."""
+    panel.line(t, y, color=style.GREEN, linewidth=3.2, alpha=0.6, zorder=2, label="slow loading and unloading")
     for k in data["jump_vertex"].values if "jump_vertex" in data else []:
         panel.arrow((t[k], y[k]), (t[k + 1], y[k + 1]), 12.0, color=style.GREEN, linewidth=1.1)
-    panel.line([], [], color=style.GREEN, marker=">", markersize=6, label="slow loading and unloading")
 
 
 # -- histories ---------------------------------------------------------------------------------------------------------

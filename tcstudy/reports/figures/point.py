@@ -4,6 +4,7 @@ the body; its friction law b̂ with jumps filled in, and the operating point (u_
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,8 +17,8 @@ from tcstudy.laws.pieces import DOWN, UP
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.body import Field, draw_body, drawn, field_of, name_body
 from tcstudy.reports.figures.panels import Array, Panel, Scale, Sheet, scale
-from tcstudy.reports.picture import NEAR, LineFields, Picture
-from tcstudy.reports.text import DIGITS, axis_unit, counted, number, pretty, with_unit
+from tcstudy.reports.picture import LineFields, Picture
+from tcstudy.reports.text import DIGITS, counted, number, pretty, with_unit
 from tcstudy.scene.units import LENGTH, UnitError, split_quantity, to_si
 
 if TYPE_CHECKING:
@@ -39,9 +40,9 @@ def point_figure(picture: Picture, look: style.Look, of: str | None = None, fact
     line, body, at = picture.line, picture.body, picture.at
     width = (look.size[0] / (look.letters / style.USUAL) if look.size else style.WIDTH) - BESIDE
     shape = drawn(body, line.length_units, width, BODY, factor) if body else None
-    field = field_of(picture, of)
-    below = ["upper", "lower", *(["section"] if line.section else [])]
-    rows, heights = [[name] for name in below], [PANEL] * len(below)
+    field, below = field_of(picture, of), shape is not None and line.along_x is not None
+    panels = line_panels(picture, shape.axis if shape and below else None)
+    rows, heights = [[name] for name in panels], [PANEL] * len(panels)
     if shape:
         rows, heights = [["body"], *rows], [shape.height, *heights]
     mesh = [
@@ -51,81 +52,69 @@ def point_figure(picture: Picture, look: style.Look, of: str | None = None, fact
         f"inclusion residual {number(float(at['inclusion_residual']), 2)}",
     ]
     sheet = Sheet(look, picture.title, [style.point_words(picture.point), ",  ".join(mesh)], rows, heights)
-    sign, start = (origin_below(line) if shape else None) or (0.0, 0.0)
-    along = _draw_line(sheet, picture, width, sign)
+    sheet.draw(panels)
+    sheet.share(*panels)
+    for name, panel in panels.items():
+        if not any(np.any(y) for kind, _, y, _ in panel.items if kind == "line"):
+            sheet.panels[name].set_yticks([0.0])  # a scale around nothing but zero would mean nothing
     if shape:
         draw_body(sheet, sheet.panels["body"], picture, shape, field)
+        for name in panels if below and look.into is None else ():
+            sheet.panels[name].sharex(sheet.panels["body"])
     figure = sheet.finish()
-    if shape and sign:  # the body has the width of its panel now: s lies below its x
-        ends = [sign * (x * shape.axis.one - start) / along.one for x in sheet.panels["body"].get_xlim()]
-        for name in below:
-            sheet.panels[name].set_xlim(*ends)
     if shape:
         name_body(sheet.panels["body"], picture, shape)
     return figure
 
 
-def origin_below(line: LineFields) -> tuple[float, float] | None:
-    """(sign, x at s = 0) of a contact line that is straight along x, where x = x_0 ± s; None for any other."""
-    length = float(line.c.sum())
-    if np.ptp(line.y) > NEAR * length or len(line.x) < 2:
-        return None
-    sign = 1.0 if line.x[-1] > line.x[0] else -1.0
-    start = line.x - sign * line.arclength
-    return None if np.ptp(start) > NEAR * length else (sign, float(start[0]))
+def line_panels(picture: Picture, below: Scale | None) -> dict[str, Panel]:
+    """u_T, ξ and, if it was asked for, the force of the section over the arclength.
 
-
-def _draw_line(sheet: Sheet, picture: Picture, width: float, sign: float) -> Scale:
-    """u_T and ξ over the arclength, the scale of which it returns; `width` is that of the panels [inch].
-
-    sign: of x along s where the panels stand below the body and reach beyond the line, so that ticks and frame end with
-          it; 0 where they do not. ξ is drawn as it is computed: constant on the segment S_i around every contact node.
+    below: the axis of the body that the panels stand below, to have the line's x on it;  ξ is drawn as it is computed:
+           constant on the segment S_i around every contact node
     """
     line, length = picture.line, float(picture.line.c.sum())
-    edges = np.unique(line.edge)
-    alone = len(edges) == 1 and edges[0] < len(line.edge_names)
-    along = line.edge_names[edges[0]] if alone else "the contact line"
-    s = scale(f"arclength s along {along}", [length], line.length_units)
+    (sign, start), s = line.along_x or (1.0, 0.0), below and replace(below, label=f"x{below.label}")
+    if s is None:
+        alone = (
+            line.edge_names[line.edge[0]] if len(np.unique(line.edge)) == 1 and line.edge_names else "the contact line"
+        )
+        sign, start, s = 1.0, 0.0, scale(f"arclength s along {alone}", [length], line.length_units)
     upper = Panel(s, scale("u_T", line.u_T, line.length_units), f"Contact line: {stick_text(line)}")
     lower = Panel(s, scale("ξ = −S_T", line.xi, line.traction_units))
-    panels = {"upper": (upper, line.u_T), "lower": (lower, line.xi)}
+    panels = {"upper": upper, "lower": lower}
     if line.section:
         N, units = line.section
-        panels["section"] = Panel(s, scale("N", N, units), "Force of the section, positive in tension"), N
-        panels["section"][0].line(line.arclength, N, color=style.GREEN, linewidth=1.5)
-    for panel, values in panels.values():
-        for start, end in stick_ranges(line):
-            panel.shade(start, end)
-        panel.across(0.0, color=style.PALE, zorder=1)
-        panel.limits = [(0.0, length / s.one), None if np.any(values) else (-1.0, 1.0)]
+        section = panels["section"] = Panel(s, scale("N", N, units), "Force of the section, positive in tension")
+        section.line(start + sign * line.arclength, N, color=style.GREEN, linewidth=1.5)
+    names, dots = line.edge_names, {"marker": "o" if len(line.u_T) <= FEW else "", "markersize": 3.0, "clip_on": False}
     for k, part in enumerate(line.parts):
         ends, nodes = line.steps(part)
         at = np.append(line.arclength[part], ends[-1])[: len(nodes)]  # a ring ends with its first node
         first, last = picture.held[k] if picture.held else (None, None)
-        held = [(x, u) for x, u in ((ends[0], first), (ends[-1], last)) if u is not None]
-        curve = [*held[: first is not None], *zip(at, line.u_T[nodes], strict=True), *held[first is not None :]]
-        dots: dict[str, Any] = {"marker": "o" if len(line.u_T) <= FEW else "", "markersize": 3.0, "clip_on": False}
-        upper.line(*np.array(curve).T, color=style.BLUE, linewidth=1.5, **dots)
-        lower.line(np.repeat(ends, 2)[1:-1], np.repeat(line.xi[nodes], 2), color=style.VERMILLION, linewidth=1.5)
-        if held:  # named at the last end, outside of the curve where there is room
-            upper.line(*np.array(held).T, color=style.INK, marker="s", markersize=5, linestyle="none", zorder=4)
-            x, u = held[-1]
-            right = (x > np.mean(at)) == (sign >= 0.0)
-            above = u <= 0.0 or u < 0.7 * np.max(line.u_T, initial=0.0)
-            shift = (6 if right else -6, -3) if right or sign else (4, 5 if above else -16)
-            upper.note("held", (x, u), shift, ha="right" if shift[0] < 0 else "left", fontsize=8.5)
-    _name_edges(upper, lower, line, width)
-    for name, (panel, values) in panels.items():
-        axes = sheet.panels[name]
-        panel.draw(axes)
-        if sign:
-            places = [tick for tick in axes.get_xticks() if -1e-9 <= tick * s.one / length <= 1.0 + 1e-9]
-            axes.set_xticks(places)
-            axes.spines["bottom"].set_bounds(0.0, length / s.one)
-        if not np.any(values):  # a scale around nothing but zero would mean nothing
-            axes.set_yticks([0.0])
-    sheet.share(*panels)
-    return s
+        held = np.array([(x, u) for x, u in ((ends[0], first), (ends[-1], last)) if u is not None]).reshape(-1, 2)
+        x, u = np.array(sorted([*held, *np.column_stack([at, line.u_T[nodes]])], key=lambda one: float(one[0]))).T
+        upper.line(start + sign * x, u, color=style.BLUE, linewidth=1.5, **dots)
+        steps = start + sign * np.repeat(ends, 2)[1:-1], np.repeat(line.xi[nodes], 2)
+        lower.line(*steps, color=style.VERMILLION, linewidth=1.5)
+        upper.line(start + sign * held[:, 0], held[:, 1], color=style.INK, marker="s", markersize=5, linestyle="none")
+        for end, slip in held[-1:]:
+            side = 1.0 if sign * (np.mean(at) - end) > 0.0 else -1.0
+            place = start + sign * end, slip
+            upper.note("held", place, (5 * side, 5), ha="left" if side > 0.0 else "right", fontsize=8.5)
+    for panel in panels.values():
+        for one, other in stick_ranges(line):
+            panel.shade(start + sign * one, start + sign * other)
+        panel.across(0.0, color=style.PALE, zorder=1)
+        panel.limits[0] = None if below else (0.0, length / s.one)
+    cuts = np.flatnonzero(np.diff(line.edge)) + 1  # where one contact edge ends and another begins, with their names
+    ends = start + sign * np.array([0.0, *(0.5 * (line.arclength[cuts - 1] + line.arclength[cuts])), length])
+    for k, cut in enumerate([0, *cuts]) if len(cuts) else ():
+        look = {"ha": "center", "color": style.BLUE, "fontweight": "bold"}
+        lower.note(names[line.edge[cut]], (ends[k : k + 2].mean(), 0.0), (0, 2), top=True, **look)
+        for panel in panels.values() if k else ():
+            panel.up(ends[k], color=style.PALE, zorder=1)
+    return panels
 
 
 def stick_text(line: LineFields) -> str:
@@ -147,23 +136,6 @@ def stick_ranges(line: LineFields) -> list[tuple[float, float]]:
         first, last = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
         ranges += [(float(ends[a]), float(ends[b])) for a, b in zip(first, last, strict=True)]
     return ranges
-
-
-def _name_edges(upper: Panel, lower: Panel, line: LineFields, width: float) -> None:
-    """Thin lines where one contact edge ends and another begins, names between them where they fit."""
-    cuts = np.flatnonzero(np.diff(line.edge)) + 1
-    if not len(cuts):
-        return
-    length = float(line.c.sum())
-    ends = [0.0, *(0.5 * (line.arclength[cuts - 1] + line.arclength[cuts])).tolist(), length]
-    for panel in (upper, lower):
-        for cut in ends[1:-1]:
-            panel.up(cut, color=style.PALE, zorder=1)
-    for first, start, end in zip([0, *cuts.tolist()], ends[:-1], ends[1:], strict=True):
-        name = line.edge_names[line.edge[first]] if line.edge[first] < len(line.edge_names) else ""
-        if style.LETTER * len(name) <= (end - start) / length * width:
-            lower.note(name, ((start + end) / 2, 0.0), (0, 2), top=True, ha="center", va="bottom", color=style.BLUE,
-                       fontweight="bold")  # fmt: skip
 
 
 # -- profiles ----------------------------------------------------------------------------------------------------------
@@ -314,9 +286,9 @@ def _facts(point: Picture) -> list[str]:
     """The point, and what the law says of uniqueness."""
     steep, at = "", point.at
     if "lambda_1" in at and np.isfinite(at["lambda_1"]):
-        divisor, unit = axis_unit([float(at["lambda_1"])], str(at["omega"].attrs.get("units", "1")))
-        omega, lambda_1 = (number(float(at[name]) / divisor, 3) for name in ("omega", "lambda_1"))
-        steep = f"steepest fall ω = {omega}, stiffness λ_1 = {lambda_1} {pretty(unit)}".rstrip()
+        units = str(at["omega"].attrs.get("units", "1"))
+        omega, lambda_1 = (with_unit(float(at[name]), units, 3) for name in ("omega", "lambda_1"))
+        steep = f"steepest fall ω = {omega}, stiffness λ_1 = {lambda_1}"
         if (error := float(at["lambda_1_error"])) > DIGITS:
             steep += f" (relative error {number(error, 2)})"
     return [",  ".join(filter(None, [style.point_words(point.point), f"level {point.level}"])), steep]

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.data.store import axis_attributes
 from tcstudy.errors import shortened
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
@@ -32,7 +33,7 @@ from tcstudy.reports.figures.body import (
 from tcstudy.reports.figures.panels import ROUND, Array, Labels, Panel, Sheet, scale
 from tcstudy.reports.figures.point import draw_law, slip_range
 from tcstudy.reports.text import counted, number, pretty, scaled_labels, with_unit
-from tcstudy.scene.keys import law_rows, symbol
+from tcstudy.scene.keys import symbol
 from tcstudy.scene.parameters import Number, numbers
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import BODY, Clamped, Role, Scalar
@@ -93,7 +94,7 @@ def scene_figure(title: str, study: Study | None, shape: SceneShape, look: style
     unit = "m" if si else "1"
     body = f"Body {with_unit(size[0], unit)} × {with_unit(size[1], unit)}"
     body += f", drawn {number(scales[1] / scales[0], 2)} times as high as it is" if slender else ""
-    facts, laws = [";  ".join([body, *shape.facts])], laws_drawn(study) if study is not None else {}
+    facts, laws = [";  ".join([body, *shape.facts])], laws_drawn(study) if study is not None else []
     facts += scene_facts(study, told, shape.lambda_1) if study is not None else []
     width, height = size * scales + [2 * SIDE, 2 * above]
     rows, heights = [["scene"], *([["law"]] if laws else [])], [height, *([1.5] if laws else [])]
@@ -247,15 +248,10 @@ def varied(study: Study) -> str:
     """What the sweep, path, history or fit of a study varies."""
     found = []
     for axis in study.axes:
-        own = {"study_unit": axis.written[0], "study_unit_size": axis.written[1]} if axis.written[0] else {}
-        texts, unit = scaled_labels(list(axis.labels), {"units": axis.units, **own})
-        few = texts if len(texts) <= MOST_VALUES else [*texts[:2], "…", texts[-1]]
-        if axis.distribution:
-            found.append(f"{symbol(axis.name)} {axis.distribution}")
-            continue
-        name = symbol(axis.name) if len(axis.path) < 3 else ".".join(axis.path[1:])
-        found.append(f"{name} = {', '.join(few)}{f' {pretty(unit)}' if unit != '1' else ''}"
-                     f"{f' ({len(texts)})' if len(few) < len(texts) else ''}")  # fmt: skip
+        texts, unit = scaled_labels(list(axis.labels), axis_attributes(axis))
+        few = texts if len(texts) <= MOST_VALUES else [*texts[:2], "…", f"{texts[-1]} ({len(texts)})"]
+        values = axis.distribution or f"= {', '.join(few)} {pretty(unit)}".rstrip()
+        found.append(f"{symbol(axis.name) if len(axis.path) < 3 else '.'.join(axis.path[1:])} {values}")
     swept = f"Sweep: {counted(len(study.scenes), 'point')} of {'; '.join(found)}" if found else ""
     if study.fit is not None:
         return f"Fit: {', '.join(one.number.name for one in study.fit.parameters)}"
@@ -268,42 +264,27 @@ def varied(study: Study) -> str:
     return swept or "No sweep: one point"
 
 
-def laws_drawn(study: Study) -> dict[str, Laws]:
-    """Laws of a study by the name that its sweep or its edges give them, or by what differs; of many some."""
+def laws_drawn(study: Study) -> list[tuple[str, Laws]]:
+    """Laws of a study under the names that its sweep or its edges give them; of many some, the first says how many."""
     axis = next((axis for axis in study.axes if axis.path == ("friction",)), None)
-    scenes, found = distinct(study.scenes, "friction"), dict[str, Laws]()
-    every = [law for scene in scenes for law in scene.laws]
-    edges = [edge for edge, _, _ in scenes[0].friction.laws] if isinstance(scenes[0].friction, EdgeLaws) else [""]
+    frictions = [scene.friction for scene in distinct(study.scenes, "friction")]
+    of_edges = [one.laws if isinstance(one, EdgeLaws) else (("", one, 1.0),) for one in frictions]
+    every = [(f"{edge} {law.name}".strip(), law) for laws in of_edges for edge, law, _ in laws]
+    if axis is not None and len(every) == len(axis.labels):
+        every = [(str(label), law) for label, (_, law) in zip(axis.labels, every, strict=True)]
     if len(every) > MOST_LAWS:
-        some = [every[k] for k in np.unique(np.linspace(0, len(every) - 1, MOST_LAWS).round().astype(int))]
-        name = f"{len(some)} of {len(every)} laws"  # the first one has it
-        return {f"{name}{' ' * k}": law for k, law in enumerate(some) if not law.vanishes}
-    for k, law in enumerate(every):
-        same = [one.made.values for one in every if one.name == law.name and one.made]
-        rows = {one.name: one for one in law_rows(law.made.shape)} if law.made else {}
-        differ = [
-            f"{symbol(key)} = {_value(Number(rows[key], value), study.units == 'SI')}"
-            for key, value in (law.made.values if law.made else {}).items()
-            if isinstance(value, float) and key in rows and any(other.get(key) != value for other in same)
-        ]
-        name = " ".join(filter(None, [edges[k % len(edges)], law.name, ", ".join(differ)]))
-        if axis is not None and len(every) == len(axis.labels):
-            name = str(axis.labels[k])
-        if not law.vanishes:
-            found.setdefault(name, law)
-    return found
+        some = np.unique(np.linspace(0, len(every) - 1, MOST_LAWS).round().astype(int))
+        every = [(f"{len(some)} of {len(every)} laws", every[k][1]) for k in some]
+    return [(name, law) for name, law in every if not law.vanishes]
 
 
-def _draw_laws(sheet: Sheet, laws: Mapping[str, Laws], si: bool, size: float) -> None:
-    reach = max(map(slip_range, laws.values())) or 1e-3 * size
-    values = [law.b(np.linspace(0.0, reach, 50)) for law in laws.values()]
-    slip, friction = scale("slip s", [reach], "m" if si else "1"), scale("b(s)", values, "Pa" if si else "1")
-    panel = Panel(slip, friction)
-    for k, (name, law) in enumerate(laws.items()):
-        shown = name if name == name.strip() else ""  # of many laws the first one has the name
+def _draw_laws(sheet: Sheet, laws: Sequence[tuple[str, Laws]], si: bool, size: float) -> None:
+    reach, names = max(slip_range(law) for _, law in laws) or 1e-3 * size, [name for name, _ in laws]
+    values = [law.b(np.linspace(0.0, reach, 50)) for _, law in laws]
+    panel = Panel(scale("slip s", [reach], "m" if si else "1"), scale("b(s)", values, "Pa" if si else "1"))
+    for k, (name, law) in enumerate(laws):
+        shown = name if names.index(name) == k else ""
         draw_law(panel, law, (-0.03 * reach, reach), shown, color=style.SERIES[k % len(style.SERIES)])
     panel.draw(sheet.panels["law"])
     sheet.panels["law"].set_ylim(bottom=0.0)
-    columns = max(1, int(100 / (8 + max(map(len, laws)))))
-    where: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "ncols": columns}
-    sheet.panels["law"].legend(frameon=False, fontsize=style.pt(LETTERS), borderaxespad=0.0, **where)
+    sheet.legend("law")

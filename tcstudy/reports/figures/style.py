@@ -52,21 +52,11 @@ USUAL, LEAST = 9.5, 7.0
 """Usual size of letters [pt]; of those in a small picture, the least that journals print."""
 
 _STYLE: dict[Any, Any] = {
-    "font.size": USUAL,
-    "axes.titlesize": USUAL,
-    "axes.labelsize": USUAL,
-    "xtick.labelsize": 8.5,
-    "ytick.labelsize": 8.5,
-    "axes.edgecolor": PALE,
-    "axes.labelcolor": INK,
-    "text.color": INK,
-    "text.usetex": False,
-    "xtick.color": PALE,
-    "ytick.color": PALE,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
+    **dict.fromkeys(("font.size", "axes.titlesize", "axes.labelsize"), USUAL),
+    **dict.fromkeys(("xtick.labelsize", "ytick.labelsize"), 8.5),
+    **dict.fromkeys(("axes.edgecolor", "xtick.color", "ytick.color"), PALE),
+    **dict.fromkeys(("axes.labelcolor", "text.color", "xtick.labelcolor", "ytick.labelcolor"), INK),
+    **dict.fromkeys(("axes.spines.top", "axes.spines.right", "text.usetex"), False),
     "axes.unicode_minus": True,
     "svg.hashsalt": "tcstudy",
     "svg.fonttype": "none",  # text that other programs can edit and search

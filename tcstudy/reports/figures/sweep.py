@@ -40,7 +40,7 @@ COUNTS = ("solutions", "stable_solutions")
 """Numbers of equilibria."""
 MARKS = "osD^vPX"
 MOST_NAMED, MOST_MARKS = 10, 60
-"""Curves that a legend names (more of them, by a number, are told apart by a colour bar); points that get marks."""
+"""Curves that a legend names, of more some; points that get marks."""
 COLOURS = "viridis"
 """Evenly light for every kind of colour vision, and in grey."""
 GONE: dict[str, Any] = {"hatch": "xxx", "edgecolor": style.PALE, "linewidth": 0.0}
@@ -49,8 +49,6 @@ OPEN_KEY: dict[str, Any] = {"hatch": "///", "facecolor": "#31688e"}
 SEVERAL: dict[str, Any] = {"edgecolor": style.VERMILLION, "linewidth": 1.8, "zorder": 4}
 FOLD: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 1.4}
 EQUAL: dict[str, Any] = {"color": "black", "linewidth": 1.4, "linestyle": "--"}
-BOUND: dict[str, Any] = {"color": "black", "linewidth": 0.8, "linestyle": "-"}
-BAND = ("lambda_1_low", "lambda_1_high")
 
 
 @dataclass(frozen=True)
@@ -80,19 +78,17 @@ class Along:
 class SweepPicture:
     """P points of a sweep on one level, and one number at each of them.
 
+    quantity: its name;  axis: what stands for it in pictures, and its units
     fixed:   what the points have in common, in words;  left_out: how many have no number and why, empty if all have one
     values:  (P,) the number in the units of the file, NaN where there is none
     proved:  (P,) to be the only solution;  several: (P,) starts led to solutions of different energies
     at_least: (P,) of numbers of equilibria, those not proved to be all; None for any other number
     excess:  (P,) ω − λ₁, below 0 where one solution is proved; NaN where it is not known
-    band:    the same of the lower and the upper bound of λ₁ of the body itself, where there are some
     """
 
     title: str
-    level: int
     quantity: str
-    long_name: str
-    units: str
+    axis: Scale
     parameters: tuple[Along, ...]
     fixed: tuple[str, ...]
     left_out: str
@@ -101,12 +97,11 @@ class SweepPicture:
     several: Flags
     at_least: Flags | None
     excess: Array
-    band: tuple[Array, ...] = ()
 
     @property
     def words(self) -> str:
         """What the points have in common, for messages."""
-        return ", ".join(filter(None, [*self.fixed, f"level {self.level}", self.left_out]))
+        return ", ".join(filter(None, [*self.fixed, self.left_out]))
 
 
 def read_sweep(
@@ -125,39 +120,35 @@ def read_sweep(
             raise DrawError(f"{names[0]} is named twice; name two different swept parameters")
         name, n = quantity(data, number), level_number(data, level)
         keep, fixed = fitting(data, point, names)
-        needed = (name, "status", "unique", "start_energy", "complete", "omega", "lambda_1", *BAND)
+        needed = (name, "status", "unique", "start_energy", "complete", "omega", "lambda_1")
         at = data[[key for key in dict.fromkeys(needed) if key in data]].isel(level=n).load()
-        labelled = labels_by_point(data)
+        labelled, about = labels_by_point(data), {"long_name": name, "units": "1"} | data[name].attrs
 
-        def flat(key: str) -> NDArray[Any]:
-            return by_point(at[key], at)[keep] if key in at else np.full(int(keep.sum()), np.nan)
+    def flat(key: str) -> NDArray[Any]:
+        return by_point(at[key], at)[keep] if key in at else np.full(int(keep.sum()), np.nan)
 
-        status, values, unique = flat("status"), flat(name), flat("unique") == 1
-        good = (status == PointStatus.OK) & np.isfinite(values) & ((values != -1) | (values.dtype.kind == "f"))
-        gone = [
-            f"{count} {'without a value' if one == PointStatus.OK else named(PointStatus(int(one)))}"
-            for one, count in zip(*np.unique(status[~good], return_counts=True), strict=True)
-        ]
-        left_out = f"{int((~good).sum())} of {counted(len(good), 'point')} left out: {', '.join(gone)}" if gone else ""
-        with np.errstate(invalid="ignore"):
-            of = ["lambda_1", *(one for one in BAND if one in at)]
-            excess = [np.where(good, flat("omega") - flat(one), np.nan) for one in of]
-        return SweepPicture(
-            title=str(data.attrs["title"]),
-            level=n,
-            quantity=name,
-            long_name=str(data[name].attrs.get("long_name", name)),
-            units=str(data[name].attrs.get("units", "1")),
-            parameters=tuple(_along(data[one], one, labelled[one][keep]) for one in names),
-            fixed=tuple(one.words + (" (its first value)" if one.first else "") for one in fixed),
-            left_out=left_out,
-            values=np.where(good, values.astype(float), np.nan),
-            proved=unique,
-            several=several(flat("start_energy"), unique),
-            at_least=flat("complete") == NOT_ALL if name in COUNTS and "complete" in at else None,
-            excess=excess[0],
-            band=tuple(excess[1:]),
-        )
+    status, values, unique = flat("status"), flat(name), flat("unique") == 1
+    good = (status == PointStatus.OK) & np.isfinite(values) & ((values != -1) | (values.dtype.kind == "f"))
+    gone = [
+        f"{count} {'without a value' if one == PointStatus.OK else named(PointStatus(int(one)))}"
+        for one, count in zip(*np.unique(status[~good], return_counts=True), strict=True)
+    ]
+    left_out = f"{int((~good).sum())} of {counted(len(good), 'point')} left out: {', '.join(gone)}" if gone else ""
+    with np.errstate(invalid="ignore"):
+        excess = np.where(good, flat("omega") - flat("lambda_1"), np.nan)
+    return SweepPicture(
+        title=str(data.attrs["title"]),
+        quantity=name,
+        axis=scale(spelled(str(about["long_name"])), values[good].astype(float), str(about["units"])),
+        parameters=tuple(_along(data[one], one, labelled[one][keep]) for one in names),
+        fixed=(*(one.words + (" (its first value)" if one.first else "") for one in fixed), f"level {n}"),
+        left_out=left_out,
+        values=np.where(good, values.astype(float), np.nan),
+        proved=unique,
+        several=several(flat("start_energy"), unique),
+        at_least=flat("complete") == NOT_ALL if name in COUNTS and "complete" in at else None,
+        excess=excess,
+    )
 
 
 def _along(axis: Any, name: str, held: NDArray[Any]) -> Along:
@@ -172,12 +163,11 @@ def _along(axis: Any, name: str, held: NDArray[Any]) -> Along:
     return Along(name, tuple(labels(numbers.tolist())), numbers, unit, place.ravel(), "distribution" in axis.attrs)
 
 
-def _sheet(sweep: SweepPicture, look: style.Look) -> tuple[Sheet, Axes, Scale]:
-    """The sheet with what is the same at all points, its panel, and the axis of the number."""
-    same = ",  ".join([*map(style.point_words, sweep.fixed), f"level {sweep.level}"])
+def _sheet(sweep: SweepPicture, look: style.Look) -> tuple[Sheet, Axes]:
+    """The sheet with what is the same at all points, and its panel."""
+    same = ",  ".join(map(style.point_words, sweep.fixed))
     sheet = Sheet(look, sweep.title, [same, sweep.left_out + " (×)" * bool(sweep.left_out)])
-    known = sweep.values[np.isfinite(sweep.values)]
-    return sheet, sheet.panels[""], scale(spelled(sweep.long_name), known, sweep.units)
+    return sheet, sheet.panels[""]
 
 
 def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
@@ -185,11 +175,11 @@ def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
     from matplotlib import colormaps
 
     x, by = sweep.parameters[0], sweep.parameters[1] if len(sweep.parameters) > 1 else None
-    sheet, axes, up = _sheet(sweep, look)
-    panel, gone = Panel(Scale(x.title), up, grid=True), list[tuple[Array, Any]]()
+    (sheet, axes), panel = _sheet(sweep, look), Panel(Scale(x.title), sweep.axis, grid=True)
     across = x.numbers if x.numbers is not None else np.arange(len(x.labels), dtype=float)
     shaded = by is not None and by.numbers is not None and len(by.labels) > len(style.SERIES)
     colours = list(colormaps[COLOURS](np.linspace(0.0, 0.92, len(by.labels)))) if by and shaded else style.SERIES
+    every = -(-len(by.labels) // MOST_NAMED) if by else 1
     for k in range(len(by.labels) if by else 1):
         own = np.flatnonzero(by.place == k) if by else np.arange(len(sweep.values))
         own = own[np.argsort(x.place[own], kind="stable")]
@@ -197,9 +187,11 @@ def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
         joined = x.numbers is not None and not x.random and len(np.unique(at)) == len(at)  # a list may share its x
         mark = MARKS[k % len(MARKS)] if len(at) <= MOST_MARKS or not joined else ""
         how = {"color": colours[k % len(colours)], "linestyle": "-" if joined else "none", "linewidth": 1.3}
-        panel.line(at, values, marker=mark, markersize=4, label=by.labels[k] if by else "", **how)
-        if np.isnan(values).any():
-            gone.append((at[np.isnan(values)], how["color"]))
+        name = by.labels[k] if by and k % every == 0 else ""
+        panel.line(at, values, marker=mark, markersize=4, label=name, **how)
+        if len(missing := at[np.isnan(values)]):
+            look_of: dict[str, Any] = {"clip_on": False, "transform": axes.get_xaxis_transform()}
+            axes.plot(missing, 0.0 * missing, "x", color=how["color"], markersize=5, **look_of)
     if x.numbers is None:
         panel.ticks = across.tolist(), list(x.labels)
         panel.limits[0] = -0.5, len(across) - 0.5
@@ -212,17 +204,9 @@ def curves_figure(sweep: SweepPicture, look: style.Look) -> Figure:
     if len(np.unique(sweep.values[np.isfinite(sweep.values)])) == 1:
         axes.margins(y=0.5)
     panel.draw(axes)
-    for at, colour in gone:
-        axes.plot(at, 0.0 * at, "x", color=colour, markersize=5, clip_on=False, zorder=5,
-                  transform=axes.get_xaxis_transform())  # fmt: skip
     if panel.log[0]:
         axes.minorticks_off()
-    if by and by.numbers is not None and len(by.labels) > MOST_NAMED:
-        from matplotlib.cm import ScalarMappable
-        from matplotlib.colors import Normalize
-
-        sheet.bar(axes, ScalarMappable(Normalize(by.numbers.min(), by.numbers.max()), COLOURS), by.title)
-    elif by:
+    if by:
         sheet.key(place="right upper" if sheet.wide >= BESIDE else "lower center", title=by.title)
     return sheet.finish()
 
@@ -236,8 +220,8 @@ def map_figure(sweep: SweepPicture, look: style.Look) -> Figure:
     """
     from matplotlib.colors import BoundaryNorm
 
-    sheet, axes, up = _sheet(sweep, look)
-    values, (x, y) = up(sweep.values), sweep.parameters
+    sheet, axes = _sheet(sweep, look)
+    values, (x, y) = sweep.axis(sweep.values), sweep.parameters
     known, how = np.isfinite(values), dict[str, Any](cmap=COLOURS)
     counts = np.unique(values[known]) if sweep.at_least is not None else np.zeros(0)
     if len(counts):  # a colour for each number of equilibria
@@ -253,7 +237,7 @@ def map_figure(sweep: SweepPicture, look: style.Look) -> Figure:
     else:
         drawn = _cells(sheet, axes, sweep, values, how)
     axes.set(xlabel=style.math(x.title), ylabel=style.math(y.title))
-    bar = sheet.bar(axes, drawn, up.label)
+    bar = sheet.bar(axes, drawn, sweep.axis.label)
     if len(counts):
         bar.set_ticks(counts.tolist(), labels=[f"{n:.0f}" for n in counts])
     sheet.key()
@@ -271,12 +255,12 @@ def _cells(sheet: Sheet, axes: Axes, sweep: SweepPicture, values: Array, how: di
             raise DrawError(f"several points of the list have {where}; choose one value of another parameter")
         grid[row, column] = i
     there, shown = grid >= 0, np.where(grid >= 0, values[grid], np.nan)
-    known, counts, mesh = there & np.isfinite(shown), sweep.at_least is not None, " on the mesh" * bool(sweep.band)
+    known, counts = there & np.isfinite(shown), sweep.at_least is not None
     open_ = known & (sweep.at_least[grid] if sweep.at_least is not None else ~sweep.proved[grid])
     drawn = axes.pcolormesh(np.ma.masked_invalid(shown), edgecolors="white", linewidth=0.0 if counts else 0.4, **how)
     kinds: tuple[tuple[Flags, dict[str, Any], dict[str, Any], str], ...] = (
         (there & ~known, GONE, {}, "no solution"),
-        (open_, OPEN, OPEN_KEY, "at least so many" if counts else "not proved unique" + mesh),
+        (open_, OPEN, OPEN_KEY, "at least so many" if counts else "not proved unique"),
         (known & sweep.several[grid] & (not counts), SEVERAL, {}, "several solutions found"),
     )
     for which, look, in_key, name in kinds:  # hatches or outlines of the cells (rows, columns)
@@ -289,14 +273,11 @@ def _cells(sheet: Sheet, axes: Axes, sweep: SweepPicture, values: Array, how: di
         for row, column in np.argwhere(np.isfinite(a) & np.isfinite(b) & (a != b)):
             ends = [column + 1] * 2, [row, row + 1]
             axes.plot(*(ends[::-1] if turned else ends), **FOLD)
-    own = "ω = $λ_1$" + " of the mesh" * bool(sweep.band)
-    looks = (EQUAL, own), (BOUND, "bounds of $λ_1$ of the body"), (BOUND, None)
-    for above, (line, label) in zip((sweep.excess, *sweep.band), looks, strict=False):
-        excess = np.where(there, above[grid], np.nan)
-        if min(grid.shape) > 1 and np.isfinite(excess).all() and excess.min() < 0.0 < excess.max():
-            middles = [np.arange(size) + 0.5 for size in grid.shape[::-1]]
-            axes.contour(*middles, excess, levels=[0.0], **{f"{key}s": value for key, value in line.items()})
-            axes.plot([], [], **line, label=label)
+    excess = np.where(there, sweep.excess[grid], np.nan)
+    if min(grid.shape) > 1 and np.isfinite(excess).all() and excess.min() < 0.0 < excess.max():
+        middles = [np.arange(size) + 0.5 for size in grid.shape[::-1]]
+        axes.contour(*middles, excess, levels=[0.0], **{f"{key}s": value for key, value in EQUAL.items()})
+        axes.plot([], [], **EQUAL, label="ω = $λ_1$")
     most_across = max(2, sheet.look.columns(0.6 * sheet.width) // (max(map(len, x.labels)) + 2))
     most_up = max(2, int(0.6 * sheet.height / (1.6 * sheet.em)))
     for axis, one, most in ((axes.xaxis, x, most_across), (axes.yaxis, y, most_up)):

@@ -52,37 +52,20 @@ def panel_part(panel: Panel, box: Container, at: tuple[ArrayLike, ArrayLike] | N
     }
 
 
+LOOKS = ("color", "linewidth", "linestyle", "marker", "markersize", "markerfacecolor", "fillstyle", "alpha", "label",
+         "text", "shift", "ha", "texts", "names")  # fmt: skip
+"""What the scripts know of the look of an item, by matplotlib's names."""
+
+
 def _item(kind: str, x: Any, y: Any, how: Mapping[str, Any], box: Container) -> Json:
-    """What is drawn, its look as attributes of SVG."""
+    """What is drawn and how, in colours that follow the theme."""
     found: Json = {"kind": kind, "x": box.array(x, "f4"), "y": box.array(y, "f4")}
+    found |= {key: how[key] for key in LOOKS if key in how}
+    if "color" in how:
+        found["color"] = COLOURS.get(how["color"], how["color"])
     if kind == "cells":
-        return found | {
-            "kinds": box.array(how["kinds"], "i1"),
-            "colours": _colours(how["colours"]),
-            "names": how["names"],
-        }
-    colour, dash = COLOURS.get(how.get("color", ""), how.get("color")), how.get("linestyle", "-")
-    open_ = how.get("fillstyle") == "none" or how.get("markerfacecolor") in ("white", "none")
-    drawn = {
-        "colour": colour,
-        "width": 1.5 * how["linewidth"] if "linewidth" in how else None,
-        "dash": {"-": None, "--": "7 4", ":": "1 3", "none": "none"}.get(dash) if isinstance(dash, str)
-        else " ".join(f"{2 * part:g}" for part in dash[1]),
-        "mark": how.get("marker") or None,
-        "size": 0.7 * how.get("markersize", 4),
-        "open": open_,
-        "alpha": how.get("alpha"),
-        "label": how.get("label", ""),
-        "text": how.get("text"),
-        "shift": list(how["shift"]) if "shift" in how else None,
-        "anchor": {"right": "end", "center": "middle"}.get(how.get("ha", "")),
-        "texts": how.get("texts"),
-    }  # fmt: skip
-    return found | {key: value for key, value in drawn.items() if value not in (None, "", False)}
-
-
-def _colours(colours: Iterable[str]) -> list[str]:
-    return [COLOURS.get(one, one) for one in colours]
+        found |= {"kinds": box.array(how["kinds"], "i1"), "colours": [COLOURS.get(c, c) for c in how["colours"]]}
+    return found
 
 
 def text_parts(parts: Iterable[Part]) -> list[Json]:

@@ -34,8 +34,8 @@ TC.part = {
   },
   facts: (p) => TC.facts(p.columns.map((c) => [c.title, typeof c.v[TC.state.step] === "number" ? TC.quantity(c.v[TC.state.step], c.units) : c.v[TC.state.step]])),
 
-  panel(p, width) {
-    const range = (k) => {
+  panel(given, width) {
+    const p = { ...given, items: given.items.map(TC.looks) }, range = (k) => {
       const axis = "xy"[k], plain = ["line", "marks", "fill", "cells", "arrow"], values = p.items.filter((i) => plain.includes(i.kind) || (k && i.kind === "across")).flatMap((i) => TC.range(Array.from(i[axis]).filter((v) => !p.log[k] || v > 0), []));
       const found = TC.pad(TC.range(values, p.log[k] ? [1, 10] : [0, 1]), p.items.some((i) => i.kind === "cells") ? 0 : 0.06, p.log[k]), given = p.limits[k] || [null, null];
       return found.map((v, e) => given[e] ?? v);
@@ -84,6 +84,12 @@ TC.part = {
   },
 };
 
+// The look of an item, by matplotlib's names, as attributes of SVG; what is one already stays.
+TC.looks = function (i) {
+  const dash = i.linestyle ?? "-", open = i.fillstyle === "none" || ["white", "none"].includes(i.markerfacecolor);
+  return { colour: i.color, width: i.linewidth && 1.5 * i.linewidth, dash: typeof dash === "string" ? { "--": "7 4", ":": "1 3", none: "none" }[dash] : dash[1].map((part) => 2 * part).join(" "),
+    mark: i.marker, size: 0.7 * (i.markersize ?? 4), open, anchor: { right: "end", center: "middle" }[i.ha], ...i };
+};
 TC.MARKS = { o: "circle", s: "square", "^": "triangle", D: "diamond", x: "cross", X: "cross", P: "cross", "*": "diamond", ">": "triangle", v: "triangle" };
 TC.look = (i) => ({ stroke: i.colour, "stroke-width": i.width || 1.5, "stroke-dasharray": i.dash, opacity: i.alpha });
 // What a panel has, each kind in its own way; key: entries by label.
