@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import html
 import io
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path as FilePath
@@ -121,20 +122,16 @@ def _yaml(value: object, flow: bool) -> str:
     library.default_flow_style, library.width = flow, 10**6
     library.sort_base_mapping_type_on_output = False
     stream = io.StringIO()
-    library.dump(_plain(value), stream)
+    library.dump(json.loads(json.dumps(value, default=_plain)), stream)
     return stream.getvalue().removesuffix("\n").removesuffix("\n...") if flow else stream.getvalue()
 
 
 def _plain(value: object) -> object:
-    """Lists, mappings and numbers of Python in place of tuples and NumPy's."""
+    """What JSON has in place of what it has not."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return dict(value)
     if hasattr(value, "tolist"):
         return value.tolist()
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if value is None or isinstance(value, bool | int | float | str):
-        return value
     if isinstance(value, FilePath):
         return str(value)
     raise UsageError(f"{value!r} is a {type(value).__name__}, which a study cannot hold; give numbers, texts or lists")

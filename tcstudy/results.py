@@ -21,7 +21,6 @@ from tcstudy.errors import DrawError, GeometryFailed, UsageError
 if TYPE_CHECKING:
     import pandas
     import xarray
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from tcstudy.data.provenance import Kind
@@ -100,9 +99,9 @@ class Result:
         replace_file(target, lambda aside: shutil.copyfile(self.file, aside), sealed=False)
         return Result(target, self.note)
 
-    def draw(self, target: str | FilePath | None = None, **options: Any) -> FilePath | Figure:
+    def draw(self, target: str | FilePath | None = None, **wanted: Any) -> FilePath | Figure:
         """`tcstudy.draw` of this file."""
-        return draw(self, target, **options)
+        return draw(self, target, **wanted)
 
     def report(self, target: str | FilePath | None = None) -> FilePath:
         """`tcstudy.report` of this file."""
@@ -185,22 +184,7 @@ def open_results(path: str | FilePath) -> xarray.DataTree:
 
 
 def draw(
-    file: Result | Study | str | FilePath,
-    target: str | FilePath | None = None,
-    *,
-    at: Mapping[str, Any] | None = None,
-    level: int | None = None,
-    x: str | None = None,
-    y: str | None = None,
-    by: str | None = None,
-    map: tuple[str, str] | None = None,
-    of: str | None = None,
-    law: bool = False,
-    deform: float | None = None,
-    along: str | tuple[tuple[float, float], tuple[float, float]] | None = None,
-    size: str | tuple[float, float] | None = None,
-    ax: Axes | None = None,
-    panel: str | None = None,
+    file: Result | Study | str | FilePath, target: str | FilePath | None = None, **wanted: Any
 ) -> FilePath | Figure:
     """Draw a result file of any kind, or the scene of a study before any work, into a .png, .svg or .pdf file and
     return its name, or without a name return the figure, which a notebook shows. Needs matplotlib.
@@ -227,18 +211,18 @@ def draw(
     """
     from tcstudy.reports.figures.draw import Wanted, figure_of, picture
 
-    wanted = Wanted(at, level, x, y, by, map, of, law, deform, along, size, ax, panel)
+    asked = Wanted(**wanted)
     if not isinstance(file, Result | str | FilePath) or str(file).lower().endswith((".yaml", ".yml")):
         from tcstudy.commands.scene import draw_study
 
         path = None if target is None else FilePath(target)
         study = FilePath(file) if isinstance(file, str) else file
-        return draw_study(study, path, size=size) or FilePath(str(target))
-    if ax is not None and target is not None:
+        return draw_study(study, path, size=asked.size) or FilePath(str(target))
+    if asked.ax is not None and target is not None:
         raise UsageError("ax: your own figure saves itself; leave the file name out")
     if target is None:
-        return figure_of(_file(file), wanted)
-    picture(_file(file), FilePath(target), wanted)
+        return figure_of(_file(file), asked)
+    picture(_file(file), FilePath(target), asked)
     return FilePath(target)
 
 

@@ -76,9 +76,9 @@ def test_pictures_go_into_axes_of_a_figure(study: tcstudy.Study) -> None:
     assert tcstudy.draw(path, ax=axes[0]) is figure
     point.draw(ax=axes[1], panel="lower")
     point.draw(ax=axes[2], law=True)
-    assert axes[0].get_xlabel() == "$u_x$ of top"
+    assert axes[0].get_xlabel() == "$u_{x}$ of top"
     assert axes[0].get_legend_handles_labels()[1]
-    assert axes[1].get_ylabel().startswith(r"$\xi")
+    assert axes[1].get_ylabel().startswith("ξ")
     assert all(one.lines for one in axes)
     with pytest.raises(tcstudy.DrawError, match="no 'middle'; choose of upper, lower"):
         point.draw(ax=axes[0], panel="middle")

@@ -18,7 +18,7 @@ from tests.contact.contact_cases import independent_residual
 
 EDGES = (0.1, 1.33, 7.5, 100.0)
 SMALL = Grid(
-    EDGES, (10, 100, 300), (0.01, 0.3, 0.9), (1, 10, 100), (-9, 0, 9), (0.3, 0.4999, 0.4999999), (1e-12, 1.0, 1e12),
+    EDGES, (10, 100, 200), (0.01, 0.3, 0.9), (1, 10, 100), (-9, 0, 9), (0.3, 0.4999, 0.4999999), (1e-12, 1.0, 1e12),
     (1.0, 30.0, 1000.0), (1.0, 1e3, 1e6), (1.0, 1e6, 1e12), 1,
 )  # fmt: skip
 EDGE = Grid((*EDGES, 0.562), nu=(), alpha=(), aspects=(), thinner=(), excess=(1e4, 1e5), loads=1)
@@ -59,8 +59,8 @@ def test_the_laws_have_the_jumps_they_are_named_for(shape: type, kind: int) -> N
 
 @pytest.fixture(scope="module")
 def found() -> list[Solve]:
-    """All methods on one load a family of 20 nodes."""
-    return list(measure(families((20,), 1, body=False), repeats=1))
+    """All methods on one load a family of 12 nodes."""
+    return list(measure(families((12,), 1, body=False), repeats=1))
 
 
 def test_every_method_is_run_and_judged(found: list[Solve]) -> None:
@@ -109,7 +109,7 @@ def test_random_kills_lose_nothing(tmp_path: Path) -> None:
 def test_no_spoilt_study_ends_in_a_traceback() -> None:
     assert len(sources()) > 5
     said: list[str] = []
-    counts = survey(range(10_000, 10_100), said.append)
+    counts = survey(range(10_000, 10_050), said.append)
     assert counts["badly ended"] == 0, "\n".join(said)
-    assert counts["planned"] > 5  # the generator spoils neither all nor nothing
-    assert counts["refused"] > 50
+    assert counts["planned"] > 2  # the generator spoils neither all nor nothing
+    assert counts["refused"] > 25

@@ -116,8 +116,8 @@ def test_a_local_cluster_starts_in_a_script_that_is_not_guarded_and_leaves_nobod
     script = tmp_path / "script.py"
     script.write_text(
         "import tcstudy\nprint('imported')\n"
-        "for name in ('points', 'geometries'):\n"
-        "    one = tcstudy.run(f'{name}.yaml', 'here.nc', jobs=2, force=True)\n"
+        "for name, jobs in (('points', 2), ('geometries', 1)):\n"
+        "    one = tcstudy.run(f'{name}.yaml', 'here.nc', jobs=jobs, force=True)\n"
         "    two = tcstudy.run(f'{name}.yaml', 'there.nc', jobs=2, dask='local', force=True)\n"
         "    assert one['energy'].equals(two['energy'])\n"
     )

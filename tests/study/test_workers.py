@@ -140,7 +140,7 @@ def test_a_geometry_that_kills_its_workers_is_told_and_the_rest_goes_on(
         assert np.all(tree["geometry"].sel(s=1.5) == -1)
         told = str(tree["reason"].sel(s=1.5).values[0, 0])
     assert told.startswith("WorkerDied: the worker process that solved this died: ")
-    execute(study, path, jobs=2, kept=mended(path, study))
+    execute(study, path, jobs=1, kept=mended(path, study))
     assert_same(alone, path)
 
 

@@ -15,9 +15,11 @@ import numpy as np
 from tcstudy.data.provenance import without_paths
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import PointStatus
+from tcstudy.data.store import sweep_points
+from tcstudy.reports.select_point import naming
 from tcstudy.reports.terminal.stream import Stream, visible
 from tcstudy.reports.terminal.tables import TextColumn, columns_table, quantity, wrapped
-from tcstudy.reports.text import counted, kind, named, number, scaled_labels, span, with_unit
+from tcstudy.reports.text import counted, kind, named, number, span, with_unit
 from tcstudy.scene.study import Study
 
 BAR = 30
@@ -45,13 +47,12 @@ class Progress:
 
     def begin(self, work: Sequence[Any]) -> None:
         """What a run has before it, as `tcstudy.study.run.LevelWork`; points of finer levels count for more."""
-        self._work, self._total, done = work, sum(w.points for w in work), sum(w.done for w in work)
-        self._cost, self._found = sum(w.points * w.weight for w in work), done
+        self._work, self._found = work, sum(w.done for w in work)
         self._before = self._spent = sum(w.done * w.weight for w in work)
-        self._most = "" if all(w.sure for w in work) else "at most "
-        said = f"{counted(work[0].points, 'point')} on {self._most}{counted(len(work), 'level')}: "
-        said += f"{self._most}{counted(self._total, 'solution')}"
-        self._plain(said + (f", {done} of them finished before" if done else ""))
+        most = "" if all(w.sure for w in work) else "at most "
+        self._all = f"{most}{counted(sum(w.points for w in work), 'solution')}"
+        said = f"{counted(work[0].points, 'point')} on {most}{counted(len(work), 'level')}: {self._all}"
+        self._plain(said + (f", {self._found} of them finished before" if self._found else ""))
 
     def level(self, record: LevelRecord, geometry: str = "") -> None:
         """A mesh is ready."""
@@ -67,11 +68,10 @@ class Progress:
         """Points are finished; only the first failure of a kind is worth a line, the others are counted."""
         for row in np.flatnonzero(record.status != PointStatus.OK).tolist():
             status, reason = PointStatus(int(record.status[row])), record.reasons.get(row, "")
-            self._failures[kind(status, reason)] += 1
-            if self._failures[kind(status, reason)] == 1:
-                name = self._name(record.index(row))
-                where = f"{name}{' on ' if name else ''}level {record.level}"
-                self.event(f"{where}: {named(status)}: {without_paths(reason)}")
+            self._failures[same := kind(status, reason)] += 1
+            if self._failures[same] == 1:
+                name = naming(sweep_points(self._study))(record.index(row))
+                self.event(f"{name}{' on ' * bool(name)}level {record.level}: {named(status)}: {without_paths(reason)}")
         self._found += len(record)
         self._spent += len(record) * self._work[record.level].weight
         self._bar()
@@ -100,19 +100,12 @@ class Progress:
 
     def _bar(self) -> None:
         """How far a run is, and how long it may still take."""
-        new, spent = self._spent - self._before, time.monotonic() - self._start
-        share = self._spent / self._cost
-        left = f", {span(spent * (self._cost - self._spent) / new)} left" if new else ""
+        whole, new = sum(w.points * w.weight for w in self._work), self._spent - self._before
+        left = (time.monotonic() - self._start) * (whole - self._spent) / new if new else None
+        told = "" if left is None else f", {span(left)} left"
         failed = f", {self._failures.total()} failed" if self._failures else ""
-        bar = f"{'█' * int(BAR * share):░<{BAR}} {self._found} of {self._most}{self._total} solutions{failed}{left}"
+        bar = f"{'█' * int(BAR * self._spent / whole):░<{BAR}} {self._found} of {self._all}{failed}{told}"
         self._rewrite(f"{self._where} {bar}".lstrip())
-
-    def _name(self, index: tuple[int, ...]) -> str:
-        """The labels of a sweep point."""
-        from tcstudy.data.store import sweep_points
-        from tcstudy.reports.select_point import naming
-
-        return naming(sweep_points(self._study))(index)
 
     def _plain(self, text: str) -> None:
         if not self._shown:
@@ -133,53 +126,37 @@ def forecast_text(study: Study, plan: Any, more: Sequence[str], output: Path, wo
     plan: the `tcstudy.study.plan.Plan` of the study;  more: lines after its notes
     work: who solves the contact problems, in words;  time: what a run would take, in words
     """
-    from tcstudy.data.store import axis_attributes, axis_name
-
-    steps, levels = study.history.steps if study.history is not None else 0, plan.levels
+    times = study.history.steps if study.history is not None else study.mesh.levels
     most, up_to = ("at most ", "up to ") if study.mesh.open_ended else ("", "")
-    lines = [study.title, ""]
-    for axis in study.axes if plan.bytes else ():
-        words, units = scaled_labels(axis.labels, axis_attributes(axis))
-        shown = ", ".join(words[:6])
-        rest = f", … ({len(words)} values)" if len(words) > 6 else ""
-        lines.append(f"  {axis_name(axis)}: {shown}{rest}" + (f" [{units}]" if units != "1" else ""))
-    times = counted(steps, "step") if steps else f"{most}{counted(study.mesh.levels, 'level')}"
-    solutions = counted(plan.points * (steps or study.mesh.levels), "solution")
-    if plan.bytes:
-        lines.append(f"  {counted(plan.points, 'point')} × {times} = {most}{solutions}")
-    else:
-        lines.append(f"  {plan.asked}")
+    of = counted(times, "step") if study.history is not None else f"{most}{counted(times, 'level')}"
+    solutions = f"{counted(plan.points, 'point')} × {of} = {most}{counted(plan.points * times, 'solution')}"
     fields = counted(plan.heat_solves, "temperature field") if plan.heat_solves else "no temperature field"
-    lines.append(f"  per level: {counted(plan.factorisations, 'stiffness factorisation')}, {fields}")
-    lines += [f"  {work}"] * bool(work)
-    lines.append("")
+    size = f" ({up_to}about {plan.bytes / 1e6:.2g} MB)" if plan.bytes else ""
+    unit = "1" if study.units == "none" else "m"
     columns = [
-        TextColumn("level", [str(i) for i in range(len(levels))]),
-        quantity("maxh", [v.h for v in levels], "1" if study.units == "none" else "m", rank=1),
-        TextColumn("dofs", [_count(v.n_dof, v) for v in levels], 2),
-        TextColumn("contact unknowns", [_count(v.n_contact, v) for v in levels], 3),
+        TextColumn("level", [str(i) for i in range(len(plan.levels))]),
+        quantity("maxh", [v.h for v in plan.levels], unit, rank=1),
+        TextColumn("dofs", [_count(v.n_dof, v) for v in plan.levels], 2),
+        TextColumn("contact unknowns", [_count(v.n_contact, v) for v in plan.levels], 3),
     ]
-    lines += [columns_table(columns), ""]
-    lines += [f"  left out: {text}" for text in plan.left_out]
-    lines += [f"  note: {text}" for text in plan.notes]
-    lines += [f"  {text}" for text in more]
-    lines.append(f"  output: {output}" + (f" ({up_to}about {plan.bytes / 1e6:.2g} MB)" if plan.bytes else ""))
-    lines += [f"  {time}"] * bool(time)
-    return wrapped("\n".join(lines))
-
-
-def expected_words(expected: Any, at_most: bool = False) -> str:
-    """CPU time, cores and memory to expect, in words: rough figures. expected: a `tcstudy.study.workers.Resources`"""
-    up_to, workers = "up to " if at_most else "", expected.workers
-    room = f"{up_to}about {(expected.memory + workers * expected.worker_memory) / 1e9:.1g} GB"
-    if expected.unknown:
-        return f"time unknown: {expected.unknown}; {room}"
-    wall = f", {span(expected.wall)} on {workers + 1} cores" if workers > 1 else ""
-    return f"about {span(expected.seconds)} of CPU time{wall}, {room}"
+    per_level = f"per level: {counted(plan.factorisations, 'stiffness factorisation')}, {fields}"
+    above = filter(None, (solutions if plan.bytes else plan.asked, per_level, work))
+    below = [*(f"left out: {text}" for text in plan.left_out), *(f"note: {text}" for text in plan.notes), *more]
+    below += filter(None, (f"output: {output}{size}", time))
+    first, last = ("\n".join(f"  {line}" for line in lines) for lines in (above, below))
+    return wrapped("\n\n".join((study.title, first, columns_table(columns), last)))
 
 
 def _count(value: int, level: Any) -> str:
     """A number that is counted, or predicted."""
-    if level.exact:
-        return str(value)
-    return f"about {float(f'{value:.2g}'):.0f}"
+    return str(value) if level.exact else f"about {float(f'{value:.2g}'):.0f}"
+
+
+def expected_words(expected: Any, at_most: bool = False) -> str:
+    """CPU time, cores and memory to expect, in words: rough figures. expected: a `tcstudy.study.workers.Resources`"""
+    cores = expected.workers + 1
+    room = f"{'up to ' * at_most}about {(expected.memory + expected.workers * expected.worker_memory) / 1e9:.1g} GB"
+    if expected.unknown:
+        return f"time unknown: {expected.unknown}; {room}"
+    wall = f", {span(expected.wall)} on {cores} cores" if cores > 2 else ""
+    return f"about {span(expected.seconds)} of CPU time{wall}, {room}"
