@@ -113,8 +113,6 @@ REFUSED = [
     ("converge block.yaml --set=mesh.levels=1", "one level has no convergence"),
     ("converge block.yaml --plot=a.txt", ".png"),
     ("converge block.yaml --at=tau=0.7", "no point of the study has tau = 0.7"),
-    ("converge block.yaml --plot=a.png --set=mesh.levels=3",
-     "--plot: there would be no errors to draw: two levels must be 4 times coarser"),
     ("cost block.yaml --at=friction.tau=0.7", "block.yaml: no point of the study has tau = 0.7"),
     ("cost block.yaml --at=friction.tau=0.01 --at=tau=0.01", "friction.tau and tau are one parameter; give it once"),
     ("cost block.yaml --at=tau=0.01 --at=tau=0.005", "--at: tau is given twice"),

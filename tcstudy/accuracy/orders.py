@@ -125,33 +125,24 @@ def _slope(x: Array, y: Array) -> tuple[float, float]:
     return slope, float(np.sqrt(rest @ rest / (len(x) - 2) / (dx @ dx)))
 
 
-@dataclass(frozen=True)
-class Limit:
-    """The extrapolated value of a number.
+def richardson(h: Array, q: Array, usable: NDArray[np.bool_]) -> dict[str, float]:
+    """Extrapolate q(h) (levels,) to h = 0 from its three finest usable levels.
 
-    value, uncertainty: q* and how far it may be off: twice what the extrapolation from the three levels before gives
+    limit, uncertainty: q* and how far it may be off: twice what the extrapolation from the three levels before gives
                         differently, at least a tenth of the extrapolated step; with three levels that step itself
-    order:              p; NaN where the values do not approach a limit monotonically: then value is the finest one
-                        and uncertainty its largest distance from the two before
+    limit_order:        p; NaN where the values do not approach a limit monotonically: then the limit is the finest one
+                        and the uncertainty its largest distance from the two before
     """
-
-    value: float
-    uncertainty: float
-    order: float
-
-
-def richardson(h: Array, q: Array, usable: NDArray[np.bool_]) -> Limit:
-    """Extrapolate q(h) (levels,) to h = 0 from its three finest usable levels."""
     known = usable & np.isfinite(q)
     h, q = h[known], q[known]
     if len(q) < 2:
-        return Limit(float(q[-1]) if len(q) else NAN, NAN, NAN)
+        return {"limit": float(q[-1]) if len(q) else NAN, "uncertainty": NAN, "limit_order": NAN}
     order, limit = _extrapolate(h[-3:], q[-3:])
     if not np.isfinite(limit):
-        return Limit(float(q[-1]), float(np.max(np.abs(q[-3:] - q[-1]))), NAN)
+        return {"limit": float(q[-1]), "uncertainty": float(np.max(np.abs(q[-3:] - q[-1]))), "limit_order": NAN}
     step, (_, before) = abs(limit - q[-1]), _extrapolate(h[-4:-1], q[-4:-1])
     uncertainty = max(0.1 * step, 2.0 * abs(limit - before)) if np.isfinite(before) else step
-    return Limit(limit, float(uncertainty), order)
+    return {"limit": limit, "uncertainty": float(uncertainty), "limit_order": order}
 
 
 def _extrapolate(h: Array, q: Array) -> tuple[float, float]:

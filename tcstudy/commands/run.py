@@ -102,11 +102,6 @@ def run(options: argparse.Namespace) -> int:
 def converge(options: argparse.Namespace) -> int:
     """Errors, rates and limits over the levels."""
     point, study = shared.point_of(options), _read(options, swept=True)
-    if options.plot is not None:
-        from tcstudy.study.convergence import without_errors
-
-        if lack := without_errors(study):
-            fail(f"--plot: there would be no errors to draw: {lack}")
     return _made(options, "convergence", study, point, at=point)
 
 

@@ -21,7 +21,6 @@ from tcstudy.accuracy.orders import (
     ROUNDING,
     Expected,
     Fit,
-    Limit,
     expected_orders,
     fit,
     log_share,
@@ -32,7 +31,7 @@ from tcstudy.accuracy.orders import (
 )
 from tcstudy.data.schema import PointStatus
 from tcstudy.data.store import Record, geometry_place, missing, outer_axes
-from tcstudy.data.tables import BY_ITSELF, ERRORS, LEVELS, NUMBERS, VERDICTS, convergence_record
+from tcstudy.data.tables import BY_ITSELF, LEVELS, NUMBERS, VERDICTS, convergence_record
 from tcstudy.errors import ConvergenceError, GeometryFailed
 from tcstudy.exact.numbers import exact_energy, exact_friction_resultant, exact_slip_length, exact_xi
 from tcstudy.fem.meshes import graded_points
@@ -112,24 +111,10 @@ def verdict(fitted: Fit, expected: float, nested: bool, log: float = 0.0, analys
 
 
 MIN_LEVELS = GAP + 2
-NO_REFERENCE = (
-    f"two levels must be {2**GAP} times coarser than the finest, as they are with mesh.levels of {MIN_LEVELS}"
-)
 COARSER = 0.9
 """Share of 2^GAP by which a compared level is coarser than the reference at least: longest edges scatter."""
 STUCK = 0.95
 """Ratio of the finest level's error to the coarsest's above which nothing converges: the poorest corner gives less."""
-
-
-def without_errors(study: Study) -> str:
-    """Why no errors will be measured, as far as that is known before the meshes are made; empty if they may be."""
-    if study.exact is not None or study.mesh.levels < 2 or study.mesh.strategy.adapts:  # the latter have own words
-        return ""
-    listed = np.array(study.mesh.maxh)
-    far = np.count_nonzero(listed >= COARSER**4 * 2**GAP * listed[-1]) >= 2 or len(listed) == 1
-    if study.mesh.levels >= MIN_LEVELS and far:
-        return ""
-    return f"{NO_REFERENCE}; give more levels, or the exact solution"
 
 
 def converge_to_file(study: Study, path: Path, say: Say, command: Sequence[str] = ("tcstudy",)) -> None:
@@ -215,7 +200,9 @@ def _reference(study: Study, levels: list[SolvedLevel]) -> tuple[Reference | Non
     compared = h >= COARSER * 2**GAP * h[-1]
     if n < MIN_LEVELS or np.count_nonzero(compared) < 2:
         none = np.zeros(n, dtype=bool)
-        return None, "none", none, [f"No errors are measured: {NO_REFERENCE}; numbers are extrapolated."]
+        few = f"two levels must be {2**GAP} times coarser than the finest, as they are with mesh.levels of {MIN_LEVELS}"
+        remedy = "numbers are extrapolated. Give more levels, or the exact solution"
+        return None, "none", none, [f"No errors are measured: {few}; {remedy}."]
     last = int(np.flatnonzero(compared)[-1])
     between = ", ".join(str(i) for i in range(last + 1, n - 1))
     skipped = f"levels {between} are not used" if "," in between else f"level {between} is not used"
@@ -248,9 +235,9 @@ def _point(
                            for one, used in zip(levels, compared, strict=True)]  # fmt: skip
     size = float(np.linalg.norm(np.ptp(levels[-1].mesh.points, axis=0)))
     nested, aim = study.exact is None, Acceptance(study.solver.tolerance).aim
-    for name in (measure.name for measure in ERRORS):
+    for name, order in expected.items():
         pairs = [one.get(name) for one in found]
-        series = _error_series(h / size, pairs, ok & compared, expected[name], aim, nested)
+        series = _error_series(h / size, pairs, ok & compared, order, aim, nested)
         point |= {f"{part}_{name}": value for part, value in series.items()}
     for name, stored in BY_ITSELF.items():
         point[name] = np.array([s.numbers.get(stored, np.nan) for s in solutions])
@@ -266,9 +253,11 @@ def _point(
         if not np.isfinite(values).any():
             continue
         # the heat balance is rounding on every level: nothing to extrapolate
-        limit = richardson(h, values, ok) if name != "heat_balance" else Limit(np.nan, np.nan, np.nan)
-        parts = {"value": values, "limit": limit.value, "uncertainty": limit.uncertainty, "limit_order": limit.order}
-        parts["exact"] = exact.get(name, np.nan)
+        parts = {
+            "value": values,
+            "exact": exact.get(name, np.nan),
+            **richardson(h, values, ok & (name != "heat_balance")),
+        }
         point |= {f"{part}_{name}": value for part, value in parts.items()}
     return point
 

@@ -103,11 +103,11 @@ class FitModel:
     def chain(self, p: Array) -> tuple[list[Sensitivity], Array]:
         """The K numbers by which results have derivatives, and (K, k) theirs by those to find: itself, or all
         that are made of a name of the study's own."""
-        values, columns = self.values(p), list[dict[Keys, float]]()
-        for one in self.plan.parameters:
-            own = one.number.path[0] == "parameters"
-            made = self.scenery.rates(self.plan.scene, one.number.path[1], values) if own else {one.number.path: 1.0}
-            columns.append(made)
+        values, number = self.values(p), [one.number.path for one in self.plan.parameters]
+        columns = [
+            self.scenery.rates(self.plan.scene, path[1], values) if path[0] == "parameters" else {path: 1.0}
+            for path in number
+        ]
         paths = list(dict.fromkeys(path for column in columns for path in column))
         matrix = np.array([[column.get(path, 0.0) for column in columns] for path in paths])
         return [Sensitivity(".".join(path), path, "") for path in paths], matrix
@@ -219,13 +219,28 @@ class FitModel:
     # -- along the path ----------------------------------------------------------------------------
 
     def _orthogonal(self, scene: Scene, numbers: list[Sensitivity]) -> Compared:
-        given, measured = self.plan.given[0], self.plan.measured[0]
+        """Distances from the feet of the data, in units of the noise of both columns.
+
+        Raises FitError where a curve is not found beside its path.
+        """
+        given, measured, law = self.plan.given[0], self.plan.measured[0], scene.one_law
         path = self.follow(scene)
         sigma = np.array([self.given_noise, self.noise[0]])
         data = np.stack([given.values, measured.values], axis=1)
-        foot, jacobian = MovingPath(self.level, scene, given.path, path, numbers).feet(data, sigma)
+        foot, moving = feet(data / sigma, path.curve / sigma), MovingPath(self.level, scene, given.path, path, numbers)
+        sides = [(int(side), float(share)) for side, share in zip(foot.side, foot.share, strict=True)]
+        if law.piecewise_linear:
+            moved = moving.on_sides(sides)
+        else:
+            try:
+                curve = SmoothPath(path, law)
+                points = [curve.least(*side, _distance(datum, sigma)) for side, datum in zip(sides, data, strict=True)]
+            except ValueError as error:
+                raise FitError(str(error)) from error
+            moved = np.stack([moving.rates(p.codes, p.v, p.t, (p.row, p.time, p.kink)) for p in points])
+            foot = _on_curve(foot, points, data / sigma, sigma)
+        found, jacobian = foot.point * sigma, -np.einsum("nd,ndk->nk", foot.normal / sigma, moved)
         early = "" if path.end in WHOLE else path.end.reason
-        found = foot.point * sigma
         return Compared(foot.distance, jacobian, found[:, 1], found, early, path)
 
     def follow(self, scene: Scene) -> Path:
@@ -265,36 +280,14 @@ class MovingPath:
         law = self.scene.one_law
         return [law_slopes(law, number_of(one.path)) if one.path[0] == "friction" else None for one in self.numbers]
 
-    def feet(self, data: Array, sigma: Array) -> tuple[Feet, Array]:
-        """Feet of data (n, 2) in units of sigma (2,), and (n, k) derivatives of the distances by the numbers.
-
-        Raises FitError where a curve is not found beside its path.
-        """
-        path, law = self.path, self.scene.one_law
-        foot = feet(data / sigma, path.curve / sigma)
-        sides = [(int(side), float(share)) for side, share in zip(foot.side, foot.share, strict=True)]
-        if law.piecewise_linear:
-            moved = self._at(sides)
-        else:
-            try:
-                curve = SmoothPath(path, law)
-                points = [
-                    curve.least(*place, _distance(datum, sigma)) for place, datum in zip(sides, data, strict=True)
-                ]
-            except ValueError as error:
-                raise FitError(str(error)) from error
-            moved = np.stack([self._derivative(p.codes, p.v, p.t, (p.row, p.time, p.kink)) for p in points])
-            foot = _on_curve(foot, points, data / sigma, sigma)
-        return foot, -np.einsum("nd,ndk->nk", foot.normal / sigma, moved)
-
-    def _at(self, places: Sequence[tuple[int, float]]) -> Array:
+    def on_sides(self, places: Sequence[tuple[int, float]]) -> Array:
         """(n, 2, k) derivatives of (t, R) by the numbers at shares of sides of the path, linear along a side."""
         path, found, known = self.path, [], dict[tuple[int, int, int], tuple[Array, Array]]()
         for place in places:
             side, share, node, held = self._held(*place)
             if (key := (side, node, held[-1])) not in known:
                 codes, ends = path.codes[side].astype(np.intp), (side, side + 1)
-                first, last = (self._derivative(codes, path.u[k], float(path.t[k]), held) for k in ends)
+                first, last = (self.rates(codes, path.u[k], float(path.t[k]), held) for k in ends)
                 known[key] = first, last - first
             constant, along = known[key]
             found.append(constant + share * along)
@@ -317,7 +310,7 @@ class MovingPath:
                     return own, float(vertex - own), node, (np.eye(m)[node], 0.0, kink)
         return side, share, -1, (*path.along(side), -1)
 
-    def _derivative(self, codes: NDArray[np.intp], v: Array, t: float, held: Held) -> Array:
+    def rates(self, codes: NDArray[np.intp], v: Array, t: float, held: Held) -> Array:
         """(2, k) ∂(t, R)/∂p at v and t, all nodes on the pieces of `codes`, row·v + time·t held, or its kink's."""
         problem, law, (row, time, kink) = self.path.problem, self.scene.one_law, held
         free, m, piece = np.flatnonzero(codes % 2 == 0), problem.m, codes // 2

@@ -44,15 +44,15 @@ def convergence_figure(data: Any, point: Mapping[str, Value] | None, look: style
     """
     where = locate(data, point)
     at, words = data.isel(where), describe(data, where)
-    panels, used = convergence_panels(at), [one for group in _drawn(at).values() for one in group.values()]
+    panels, states = convergence_panels(at), {_state(at, name) for *_, group in GROUPS for name in group}
     if not panels:
         raise DrawError("the file has no errors to draw: no reference was there, or all errors are rounding")
     marks = {
         f"reference: {str(data.attrs['reference']).split(' (')[0]}": True,
         "relative errors": True,
         "dotted: orders to expect": True,
-        "dashed: pre-asymptotic": any(early for early, _ in used),
-        f"pale: a guess ({sentences.GUESS}) from two levels": any(guess for _, guess in used),
+        "dashed: pre-asymptotic": "pre_asymptotic" in states,
+        f"pale: a guess ({sentences.GUESS}) from two levels": "guess" in states,
         "hollow: did not converge": bool((at["status"].values != int(PointStatus.OK)).any()),
     }
     facts = [*filter(None, [style.point_words(words)]), *(mark for mark, there in marks.items() if there)]
@@ -69,17 +69,14 @@ def convergence_figure(data: Any, point: Mapping[str, Value] | None, look: style
     return sheet.finish(), words or data.attrs["title"]
 
 
-def _drawn(at: Any) -> dict[str, dict[str, tuple[bool, bool]]]:
-    """By symbol the errors that there are to draw (rounding is none), whether their levels are pre-asymptotic, and
-    whether the rate is that of two levels, so that nothing says how far to trust it."""
-    found = dict[str, dict[str, tuple[bool, bool]]]()
-    for symbol, _, group in GROUPS:
-        for name in group:
-            verdict = VERDICTS[int(at[f"verdict_{name}"])] if shown(at, name) else "exact"
-            if verdict != "exact" and bool((at[f"error_{name}"] > 0).any()):
-                guess = np.isfinite(at[f"slope_{name}"]) and not np.isfinite(at[f"slope_error_{name}"])
-                found.setdefault(symbol, {})[name] = verdict == "pre_asymptotic", bool(guess)
-    return found
+def _state(at: Any, name: str) -> str:
+    """What is drawn of an error: nothing if it is not there or rounding, else its verdict; "guess" if its rate is that
+    of two levels, so that nothing says how far to trust it."""
+    verdict = VERDICTS[int(at[f"verdict_{name}"])] if shown(at, name) else "exact"
+    if verdict == "exact" or not bool((at[f"error_{name}"] > 0).any()):
+        return ""
+    guess = np.isfinite(at[f"slope_{name}"]) and not np.isfinite(at[f"slope_error_{name}"])
+    return "guess" if guess else verdict
 
 
 def convergence_panels(at: Any) -> dict[str, Panel]:
@@ -87,20 +84,21 @@ def convergence_panels(at: Any) -> dict[str, Panel]:
 
     Solutions that did not converge are hollow and joined to nothing.
     """
-    h, ok, titles = at["h_max"].values, at["status"].values == int(PointStatus.OK), {one[0]: one[1] for one in GROUPS}
+    h, ok = at["h_max"].values, at["status"].values == int(PointStatus.OK)
     across, found = scale("longest element edge h", h, str(at["h_max"].attrs["units"])), dict[str, Panel]()
-    for symbol, names in _drawn(at).items():
+    for symbol, title, group in GROUPS:
+        names = {name: state for name in group if (state := _state(at, name))}
+        if not names:
+            continue
         panel = found[symbol] = Panel(across, Scale("relative error"), log=(True, True), grid=True)
-        panel.title, finest = (
-            f"{symbol}: {titles[symbol]}",
-            dict[float, tuple[float, float]](),
-        )
-        for (name, (early, guess)), look in zip(names.items(), LOOKS, strict=False):
+        panel.title, finest = f"{symbol}: {title}", dict[float, tuple[float, float]]()
+        for (name, state), look in zip(names.items(), LOOKS, strict=False):
             error = at[f"error_{name}"].values
             good, bad = ok & (error > 0), ~ok & (error > 0)
             slope = sentences.order(float(at[f"slope_{name}"]), float(at[f"slope_error_{name}"]))
             label = SYMBOLS[name] + ("" if slope == "–" else f": {slope}")
-            how = look | {"linestyle": "--" if early or guess else "-", "alpha": 0.45 if guess else 1.0, "label": label}
+            dashed = "--" if state in ("guess", "pre_asymptotic") else "-"
+            how = look | {"linestyle": dashed, "alpha": 0.45 if state == "guess" else 1.0, "label": label}
             panel.line(h[good], error[good], **how, markerfacecolor="white" if look is LOOKS[0] else None)
             panel.line(h[bad], error[bad], **look | {"linestyle": "none", "fillstyle": "none"})
             order = round(float(at[f"expected_{name}"]), 2)

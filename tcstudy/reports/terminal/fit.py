@@ -140,8 +140,6 @@ def _mesh(data: Any) -> list[tuple[str, bool]]:
 def _tried(data: Any) -> list[tuple[str, bool]]:
     """How many starts were tried, where they end, and whether another minimum is as good."""
     about = data.attrs
-    if "starts_tried" not in about:
-        return []
     asked, tried, failed = (int(about[key]) for key in ("starts", "starts_tried", "starts_failed"))
     same, *others = data["start_count"].values.tolist()
     told = f"starts: {tried} of {asked} tried"
