@@ -2,7 +2,7 @@
 
 Trees that are computed with like numbers, simplified a little: what derivatives and derived loads are made of.
 
-Constants are computed; a + 0, 1·a, 0·a, a/1, a^0, a^1 and −(−a) vanish, numbers in a product are merged and come first.
+Constants are computed; a + 0, a − a, 1·a, 0·a, a/1, a^0, a^1 and −(−a) vanish, numbers in a product come first.
 0·a = 0 also where a has no value. Equal terms are one object as long as one of them is in use, so that a derivative has
 a few times as many different nodes as the expression, however long it is when written out.
 
@@ -31,11 +31,9 @@ class Term(TreeNode):
     __array_ufunc__ = None  # a NumPy number beside a term leaves the operation to it
 
     def __neg__(self) -> Term:
-        if self.kind == "Number":
-            return number(-self.value)
         if self.kind == "Negative":
             return self.parts[0]
-        return number(-self.parts[0].value) * self.parts[1] if _scaled(self) else _only("Negative", "", self)
+        return number(-self.value) if self.kind == "Number" else _only("Negative", "", self)
 
     def __add__(self, other: Term | float) -> Term:
         a, b = self, term(other)
@@ -45,34 +43,25 @@ class Term(TreeNode):
 
     def __sub__(self, other: Term | float) -> Term:
         a, b = self, term(other)
-        if a is ZERO or b is ZERO:
-            return a if b is ZERO else -b
         if a is b:
             return ZERO
+        if a is ZERO or b is ZERO:
+            return a if b is ZERO else -b
         return a + b.parts[0] if b.kind == "Negative" else _computed("Binary", "-", a, b)
 
     def __mul__(self, other: Term | float) -> Term:
-        a, b = self, term(other)
-        if b.kind == "Number":
-            a, b = b, a
+        a, b = (term(other), self) if term(other).kind == "Number" else (self, term(other))
         if a is ZERO or b is ZERO:
             return ZERO
         if a is ONE:
             return b
-        if (a.kind == "Number" and a.value == -1.0) or a.kind == "Negative":
-            return -(b if a.kind == "Number" else a.parts[0] * b)
-        if b.kind == "Negative":
-            return -(a * b.parts[0])
-        if _scaled(b):
-            factor, rest = b.parts
-            return number(a.value * factor.value) * rest if a.kind == "Number" else factor * (a * rest)
-        return a.parts[0] * (a.parts[1] * b) if _scaled(a) else _computed("Binary", "*", a, b)
+        if a.kind == "Number" and b.kind == "Binary" and b.name == "*" and b.parts[0].kind == "Number":
+            a, b = number(a.value * b.parts[0].value), b.parts[1]
+        return _computed("Binary", "*", a, b)
 
     def __truediv__(self, other: Term | float) -> Term:
         a, b = self, term(other)
-        if b is ONE or a is ZERO:
-            return a
-        return -(a.parts[0] / b) if a.kind == "Negative" else _computed("Binary", "/", a, b)
+        return a if b is ONE or a is ZERO else _computed("Binary", "/", a, b)
 
     def __pow__(self, other: Term | float) -> Term:
         b = term(other)
@@ -105,11 +94,6 @@ def _computed(kind: str, name: str, *parts: Term) -> Term:
     with np.errstate(all="ignore"):
         value = float(applied(made, [np.float64(part.value) for part in parts], FUNCTIONS))
     return number(value) if math.isfinite(value) else made
-
-
-def _scaled(a: Term) -> bool:
-    """Whether a term is a number times another."""
-    return a.kind == "Binary" and a.name == "*" and a.parts[0].kind == "Number"
 
 
 def number(value: float) -> Term:

@@ -6,6 +6,7 @@ expressions, which must have a finite value where they are used, at sample point
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import is_dataclass, replace
 from functools import lru_cache
@@ -302,15 +303,14 @@ def mesh_faults(plan: MeshPlan, area: float, size: float, units: str) -> Iterato
         if h > size:
             remedy = f"choose maxh well below it, for example {size / 10:.2g}{unit}"
             yield i, f"an element of {h:g}{unit} is larger than {body}", remedy
-        exponent = math.log10(area / (math.sqrt(3.0) / 4.0)) - 2.0 * math.log10(h)
-        exponent += refinements * math.log10(4.0)
-        if exponent > math.log10(MAX_TRIANGLES):
-            least = 10.0 ** (math.log10(h) + (exponent - math.log10(MAX_TRIANGLES)) / 2.0)
+        triangles = min(area / (math.sqrt(3.0) / 4.0) / h / h * 4.0**refinements, sys.float_info.max)
+        if triangles > MAX_TRIANGLES:
+            least = h * math.sqrt(triangles / MAX_TRIANGLES)
             remedy = f"choose maxh above {least:.2g}{unit}" + (" or fewer levels" if refinements else "")
             if least > size:
-                fewer = math.ceil((exponent - math.log10(MAX_TRIANGLES)) / (2.0 * math.log10(2.0)))
+                fewer = math.ceil(math.log(triangles / MAX_TRIANGLES, 4.0))
                 remedy = f"give at most {max(1, plan.levels - fewer)} levels"
-            yield i, f"about 10^{exponent:.1f} triangles are more than a study can use", remedy
+            yield i, f"about 10^{math.log10(triangles):.1f} triangles are more than a study can use", remedy
 
 
 def check_boundary(ctx: Context, node: Node, body: Body, boundary: Boundary) -> None:

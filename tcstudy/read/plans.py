@@ -33,7 +33,7 @@ from tcstudy.scene.study import (
     SolverPlan,
 )
 from tcstudy.scene.units import LENGTH, LINE_FORCE
-from tcstudy.shapes.edges import body_size, edge_distance, loop_polygon, loop_size
+from tcstudy.shapes.edges import body_polygon, body_size, edge_distance
 
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
 IN_SWEEP = ("tolerance", "of", "max_levels", "known")
@@ -213,9 +213,7 @@ def _probes(ctx: Context, node: Node | None, reader: SceneReader) -> tuple[Probe
         return tuple(probes)
     import shapely
 
-    shape, contact = loop_polygon(body.outline, loop_size(body.outline)), reader.scenes[0].edges(Contact)
-    for hole in body.holes:
-        shape = shape.difference(loop_polygon(hole, loop_size(hole)))
+    shape, contact = body_polygon(body), reader.scenes[0].edges(Contact)
     found = []
     for probe in probes:
         away = [float(edge_distance(edge, np.array([probe.at]))[0]) for edge in body.edges]

@@ -57,14 +57,20 @@ def read_study(path: str | Path, overrides: Sequence[str] = (), *, swept: bool |
 
 def body_as_given(path: Path, overrides: Sequence[str] = ()) -> Body | None:
     """The body of a study that has faults, unjudged; None where it cannot be read either."""
-    ctx = Context(Collector(), folder=path.parent)
-    root = apply_overrides(compose(load_text(path), str(path), ctx.errors), tuple(overrides), SHORT, ctx.errors)
+    ctx, root = _begun(load_text(path), str(path), overrides, path)
     if not isinstance(root.value, Mapping) or (node := root.at("body")) is None:
         return None
-    if (units := root.at("units")) and units.value == "none":
-        ctx.units = "none"
     ctx.named = read_parameters(ctx, root.at("parameters"))
     return read_body(ctx, node)[0]
+
+
+def _begun(text: str, name: str, overrides: Sequence[str], source: Path | None) -> tuple[Context, Node]:
+    """The tree of a study with its options put in, and what its readers need: the units, on which every number depends."""
+    ctx = Context(Collector(), folder=source.parent if source else Path())
+    root = apply_overrides(compose(text, name, ctx.errors), tuple(overrides), SHORT, ctx.errors)
+    if units := root.at("units"):
+        ctx.units = "none" if ctx.choice(units, row("", "units").words) == "none" else "SI"
+    return ctx, root
 
 
 def read_study_text(
@@ -80,13 +86,10 @@ def read_study_text(
     source: the file that the text was read from, if any: other files are sought beside it;  swept: as of `read_study`
     """
     overrides = tuple(overrides)
-    ctx = Context(Collector(), folder=source.parent if source else Path())
-    root = apply_overrides(compose(text, name, ctx.errors), overrides, SHORT, ctx.errors)
+    ctx, root = _begun(text, name, overrides, source)
     if not isinstance(root.value, Mapping):
         ctx.errors.at(root, f"a study is a mapping, but this is {root.kind()}", "see configs/quickstart.yaml")
         raise StudyError(ctx.errors.problems)
-    if units := root.at("units"):  # on which every number depends
-        ctx.units = "none" if ctx.choice(units, row("", "units").words) == "none" else "SI"
     words = {key: ctx.text(node) for key in ("title", "institution") if (node := root.at(key))}
     header = {"title": source.stem if source else name} | words | {"text": text, "source": source}
     before = len(ctx.errors)
@@ -173,10 +176,12 @@ def read_variants(
         except StudyError as error:
             return replace(one, reason=(refused or [""])[0]), () if refused else error.problems
 
-    for number, one in enumerate(_geometries(root, sweep, outer, overrides)):
+    geometries = list(_geometries(root, sweep, outer, overrides))
+    for number, one in enumerate(geometries):
         made, problems = of(*one)
-        if problems:  # those that the first has as well are of the study
-            own = [p if number == 0 or p.key.startswith("sweep") else replace(p, what=f"{p.what} (with {made.words})")
+        if problems:  # those that the first or the last has as well are of the study
+            others = {p for at in {0, len(geometries) - 1} - {number} for p in of(*geometries[at])[1]}
+            own = [p if p in others or p.key.startswith("sweep") else replace(p, what=f"{p.what} (with {made.words})")
                    for p in problems]  # fmt: skip
             raise StudyError([*ctx.errors.problems, *own])
         variants.append(made)

@@ -225,17 +225,21 @@ def loop_polygon(loop: Loop, size: float) -> BaseGeometry:
     return polygon
 
 
+def body_polygon(body: Body) -> BaseGeometry:
+    """The outline less its holes."""
+    whole, *holes = (loop_polygon(loop, loop_size(loop)) for loop in (_outline(body), *body.holes))
+    polygon = shapely.difference(whole, shapely.union_all(holes)) if holes else whole
+    shapely.prepare(polygon)
+    return polygon
+
+
 def grid(body: Body, count: int = GRID) -> tuple[Array, Array, NDArray[np.bool_]]:
     """A grid over the bounding box, x and y (count, count), and which of its points lie inside the body."""
-    assert body.outline is not None
-    polygon = loop_polygon(body.outline, loop_size(body.outline))
+    polygon = body_polygon(body)
     x0, y0, x1, y1 = polygon.bounds
     t = (np.arange(count) + SHIFT) / count
     x, y = np.meshgrid(x0 + t * (x1 - x0), y0 + t * (y1 - y0))
-    within = shapely.contains_xy(polygon, x, y)
-    for hole in body.holes:
-        within &= ~shapely.contains_xy(loop_polygon(hole, loop_size(hole)), x, y)
-    return x, y, np.asarray(within)
+    return x, y, np.asarray(shapely.contains_xy(polygon, x, y))
 
 
 def inside(body: Body) -> Array:
