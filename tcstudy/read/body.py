@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.expressions.expression import Expression
+from tcstudy.expressions.expression import Expression, value_of
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.read.fields import Context, Fields, only_key
 from tcstudy.read.node import Node, split_path
@@ -337,7 +337,7 @@ def check_boundary(ctx: Context, node: Node, body: Body, boundary: Boundary) -> 
 
 
 def _value_at(scalar: Scalar, at: Point) -> float:
-    return float(scalar.evaluate(at[0], at[1])) if isinstance(scalar, Expression) else float(scalar)
+    return float(value_of(scalar, *at))
 
 
 def corner_faults(body: Body, boundary: Boundary) -> Iterator[tuple[str, str]]:
@@ -372,17 +372,23 @@ def check_finite(ctx: Context, root: Node, section: str, value: Any, body: Body)
 
     Samples cannot see every singularity between them; a load that is not finite after all is a failed point.
     """
+    if body.outline is None:
+        return
     parts = value if section == "boundary" else [("f", value)] if section == "loads" else vars(value).items()
-    for key, part in parts if body.outline is not None else ():
+    for key, part in parts:
         for expression in _in(part):
             edges = [key] if section == "boundary" else [edge.name for edge in body.edges]
             points = [_on_edges(body, name) for name in edges] + ([] if section == "boundary" else [inside(body)])
-            x, y = np.concatenate(points).T
-            bad = np.flatnonzero(~np.isfinite(np.broadcast_to(expression.evaluate(x, y), len(x))))
-            if len(bad):
-                at = f"({x[bad[0]]:g}, {y[bad[0]]:g})"
+            if at := _first(expression, np.concatenate(points), -math.inf):
                 what = f"the expression {str(expression)!r} has no finite value at {at}"
                 ctx.errors.once(root.nearest(section, key), what, "change it so that it is finite wherever it is used")
+
+
+def _first(of: Scalar, points: Array, least: float) -> str:
+    """The first of some points, in words, at which a number or an expression is less than `least` or not finite."""
+    values = value_of(of, *points.T)
+    bad = points[~(np.isfinite(values) & (values >= least))]
+    return f"({bad[0, 0]:g}, {bad[0, 1]:g})" if len(bad) else ""
 
 
 def check_laws(ctx: Context, root: Node, friction: EdgeLaws, boundary: Iterable[tuple[str, Role]], body: Body) -> None:
@@ -401,14 +407,9 @@ def check_laws(ctx: Context, root: Node, friction: EdgeLaws, boundary: Iterable[
         ctx.errors.once(root.nearest("friction"), f"the contact edge {without[0]} has no law", remedy)
     for edge, _, strength in friction.laws if body.outline is not None else ():
         for name in [edge] if edge in contact else contact if not edge else []:
-            x, y = _on_edges(body, name).T
-            values = np.broadcast_to(strength.evaluate(x, y) if isinstance(strength, Expression) else strength, len(x))
-            bad = np.flatnonzero(~(np.isfinite(values) & (values >= 0.0)))
-            if len(bad):
-                keys = ("friction", edge, "strength") if edge else ("friction", "strength")
-                what = f"the strength is negative or not finite at ({x[bad[0]]:g}, {y[bad[0]]:g})"
-                remedy = 'bound it, for example "max(0, ...)"; 0 is a gap in the bond'
-                ctx.errors.once(root.nearest(*keys), what, remedy)
+            if at := _first(strength, _on_edges(body, name), 0.0):
+                what, remedy = f"the strength is negative or not finite at {at}", 'bound it, for example "max(0, ...)"'
+                ctx.errors.once(root.nearest("friction", *filter(None, (edge, "strength"))), what, remedy)
 
 
 def _in(value: Any) -> Iterator[Expression]:

@@ -158,7 +158,6 @@ def read_history(ctx: Context, reader: SceneReader, mesh: MeshPlan | None) -> Hi
     except UnfitLaw as error:
         what, _, remedy = str(error).rpartition("; ")
         fields.fault("memory", what, remedy)
-    _refuse(ctx, root, mesh)
     used = dict.fromkeys(keys for line in lines for keys, _ in line.values)
     parameters = tuple((keys, ctx.cf(known[keys].row.dimension), float(known[keys].value)) for keys in used)  # type: ignore[arg-type]
     options = fields.given(("repeat", "branch")) | level_of(ctx, fields, mesh, "a history")
@@ -227,29 +226,6 @@ def _load(ctx: Context, word: str, node: Node, known: Mapping[Keys, Number], swe
     if keys in swept:
         ctx.errors.at(node, "is swept, too; sweep something else, or leave it out of the steps", on_key=True)
     return keys
-
-
-def _refuse(ctx: Context, root: Node, mesh: MeshPlan | None) -> None:
-    """What a history does not do."""
-    solver = root.at("solver", "name") or root.at("solver")
-    named = solver is not None and not isinstance(solver.value, Mapping) and solver.value != SEPARABLE
-    errors = bool(mesh and mesh.estimates and not mesh.strategy.adapts)
-    past = "an exact solution is of one scene without a past, and the study has a history; remove one of them"
-    estimates = (
-        "errors are not estimated in a history; remove estimate and tolerance, and compare histories on meshes of "
-    )
-    asked = {
-        ("exact",): past,
-        ("mesh",): estimates + "your own" if errors else "",
-        ("output", "fields"): "is not kept of a history; remove it",
-        ("output", "live"): "is not kept of a history; remove it",
-        ("solver", "name"): f"a history is solved by {SEPARABLE} alone; write solver: {SEPARABLE}" if named else "",
-        ("solver", "branch"): "is of single points; write history.branch: continued or lowest",
-    }
-    for keys, said in asked.items():
-        node = solver if keys == ("solver", "name") else root.at(*keys)
-        if said and node and node.value is not False:
-            ctx.errors.at(node, said, on_key=True)
 
 
 def check_fit(ctx: Context, fields: Fields, plan: FitPlan, history: HistoryPlan) -> None:
@@ -344,9 +320,22 @@ def check_together(
             ctx.errors.at(root.nearest("output"), f"{feature}, and a live page takes {page}; remove live: true")
         if has and exact and why:
             ctx.errors.at(root.nearest("exact"), f"{feature}, and {why}")
-    for key in ("path", "history", "fit"):
-        if root.at(key) and mesh and mesh.guarantee:
+    kept, branch = "is not kept of a history; remove it", root.at("solver", "branch")
+    errors = "errors are not estimated in a history; remove estimate and tolerance, and compare meshes of your own"
+    asked: tuple[tuple[object, tuple[str, ...], str], ...] = (
+        (exact, ("exact",), "an exact solution is of one scene without a past, not of a history; remove one of them"),
+        (mesh and mesh.estimates and not mesh.strategy.adapts, ("mesh",), errors),
+        (output and output.fields, ("output", "fields"), kept),
+        (output and output.live, ("output", "live"), kept),
+        (solver and not solver.in_blocks, ("solver", "name"), f"a history is solved by {SEPARABLE}; name no other"),
+        (branch, ("solver", "branch"), "is of single points; write history.branch: continued or lowest"),
+    )
+    for asks, keys, said in asked if root.at("history") else ():
+        if asks:
+            ctx.errors.at(root.nearest(*keys), said, on_key=True)
+    for key in (key for key in ("path", "history", "fit") if root.at(key)):
+        if mesh and mesh.guarantee:
             ctx.errors.at(root.nearest("mesh", "guarantee"), f"is of single points, not of a {key}; remove it")
-        if root.at(key) and solver and solver.every:
+        if solver and solver.every and key != "history":
             remedy = "write path.complete: true" if key == "path" else "remove it"
             ctx.errors.at(root.nearest("solver", "branch"), f"is of single points, not of a {key}", remedy)

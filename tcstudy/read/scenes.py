@@ -23,7 +23,6 @@ from tcstudy.read.body import (
     check_laws,
     check_shape,
     read_body,
-    supports,
     supports_fault,
 )
 from tcstudy.read.document import tree_of
@@ -62,7 +61,6 @@ class SceneReader:
             self.body = body if check_shape(ctx, body, root) else None
         self.order = sorted(range(len(sweep.axes)), key=lambda i: len(sweep.axes[i].parameter.path))
         self.touching = {s: [i for i in self.order if self.touches(sweep.axes[i].parameter.path, s)] for s in SECTIONS}
-        self.supports: set[tuple[object, ...]] = set()
         self.finite: set[int] = set()
         self.base: Scene | None = None
         self.scenes: Sequence[Scene] = ()
@@ -89,11 +87,12 @@ class SceneReader:
             return
         keys = {s: self._keys(s) for s in SECTIONS}
         read = {s: [self._at(s, key, base[s]) for key in keys[s][0]] for s in SECTIONS}
-        self._compare_points(keys, read)
-        records = {_FIELD.get(s, s): [record for _, record in read[s]] for s in SECTIONS}
-        if self.body is not None and not any(record is None for known in records.values() for record in known):
-            which = {_FIELD.get(s, s): keys[s][1] for s in SECTIONS} | {"body": np.zeros_like(keys["heat"][1])}
-            self.scenes = Scenes(records | {"body": [self.body]}, which)
+        records = {_FIELD.get(s, s): [record for _, record in read[s]] for s in SECTIONS} | {"body": [self.body]}
+        which = {_FIELD.get(s, s): keys[s][1] for s in SECTIONS} | {"body": np.zeros_like(keys["heat"][1])}
+        scenes = Scenes(records, which)
+        self._compare_points(scenes, keys, read)
+        if not any(record is None for known in records.values() for record in known):
+            self.scenes = scenes
 
     def _keys(self, section: str) -> tuple[list[Indices], NDArray[np.int32]]:
         """All combinations of the values of the axes that touch a section, and (P,) which one each point has."""
@@ -132,13 +131,12 @@ class SceneReader:
         self.ctx.named = self.named
         return root, record
 
-    def _compare_points(self, keys: Mapping[str, Any], read: Mapping[str, list[tuple[Node | None, Any]]]) -> None:
+    def _compare_points(
+        self, scenes: Scenes, keys: Mapping[str, Any], read: Mapping[str, list[tuple[Node | None, Any]]]
+    ) -> None:
         """Checks across the sections, once for every combination of those that are compared."""
-        count, code = 1, np.zeros(len(keys["heat"][1]), dtype=np.int64)
-        for s in THERMAL:
-            distinct, of = keys[s]
-            code, count = code * len(distinct) + of, count * len(distinct)
-        for i in np.sort(np.unique(code, return_index=True)[1]) if count > 1 else ():
+        first = scenes.combined(*THERMAL)[0]
+        for i in first if len(first) > 1 else ():
             swept = {a: at for s in THERMAL for a, at in zip(self.touching[s], keys[s][0][keys[s][1][i]], strict=True)}
             self.ctx.errors.point = self.words(tuple(swept[axis] for axis in sorted(swept)), sorted(swept))
             point = {s: read[s][keys[s][1][i]] for s in SECTIONS}
@@ -172,10 +170,8 @@ class SceneReader:
             return read_friction(self.ctx, node, self._contact_lines())
         boundary = read_boundary(self.ctx, node, self.names)
         if boundary and self.body:
-            if not self.loose and (held := supports(boundary)) not in self.supports:
-                self.supports.add(held)
-                if fault := supports_fault(self.body, boundary):
-                    self.ctx.errors.at(node, *fault)
+            if not self.loose and (fault := supports_fault(self.body, boundary)):
+                self.ctx.errors.at(node, *fault)
             check_boundary(self.ctx, node, self.body, boundary)
         return boundary
 

@@ -65,7 +65,7 @@ def body_as_given(path: Path, overrides: Sequence[str] = ()) -> Body | None:
 
 
 def _begun(text: str, name: str, overrides: Sequence[str], source: Path | None) -> tuple[Context, Node]:
-    """The tree of a study with its options put in, and what its readers need: the units, on which every number depends."""
+    """The tree of a study with its options put in, and what its readers need, with the units of all numbers."""
     ctx = Context(Collector(), folder=source.parent if source else Path())
     root = apply_overrides(compose(text, name, ctx.errors), tuple(overrides), SHORT, ctx.errors)
     if units := root.at("units"):
