@@ -337,7 +337,7 @@ def check_boundary(ctx: Context, node: Node, body: Body, boundary: Boundary) -> 
 
 
 def _value_at(scalar: Scalar, at: Point) -> float:
-    return float(value_of(scalar, *at))
+    return float(scalar.evaluate(*at)) if isinstance(scalar, Expression) else float(scalar)
 
 
 def corner_faults(body: Body, boundary: Boundary) -> Iterator[tuple[str, str]]:
