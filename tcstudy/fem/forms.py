@@ -92,30 +92,8 @@ Conductivity = tuple[tuple[Where, float], ...]
 """Where the body has which k; () where k is the same everywhere."""
 
 
-@dataclass(frozen=True)
-class NodeGraph:
-    """CSR pattern, columns ascending; of G: which nodes share a triangle."""
-
-    starts: Indices
-    columns: Indices
-
-    @classmethod
-    def of(cls, form: Any) -> tuple[NodeGraph, Array]:
-        """The pattern and the entries (nnz,) or (nnz, …) of an assembled form: a view, which dies with the form."""
-        values, columns, starts = form.mat.CSR()
-        starts = np.array(np.asarray(starts).view(np.int64), dtype=np.int32)
-        return cls(starts, np.array(columns, dtype=np.int32)), np.asarray(values)
-
-    @cached_property
-    def rows(self) -> Indices:
-        """Row of every entry."""
-        return np.repeat(np.arange(len(self.starts) - 1, dtype=np.int32), np.diff(self.starts))
-
-
-def csr(form: Any) -> sp.csr_array:
-    """Copy the matrix of an assembled form (views into NGSolve dangle when the form dies)."""
-    graph, values = NodeGraph.of(form)
-    return sp.csr_array((values.copy(), graph.columns, graph.starts), shape=(form.mat.height, form.mat.width))
+NodeGraph = tuple[Indices, Indices]
+"""CSR pattern of G, which nodes share a triangle: where rows start, and columns, ascending."""
 
 
 @dataclass(frozen=True)
@@ -146,10 +124,10 @@ class ElasticForms:
 
     def conduction(self, k: Conductivity = ()) -> sp.csr_array:
         """∫k∇φ_i·∇φ_j, (n, n), dimensionless; k = 1 if none is given."""
-        graph, n = self.products()[0], self.mesh.n_points
+        (starts, columns), n = self.products()[0], self.mesh.n_points
         pairs = ((value, self.products(where)[1]) for where, value in k or (((), 1.0),))
         entries = sum(value * (G[0, 0] + G[1, 1]) for value, G in pairs)
-        return sp.csr_array((entries, graph.columns, graph.starts), shape=(n, n))
+        return sp.csr_array((entries, columns, starts), shape=(n, n))
 
     def stiffness_of(self, moduli: Moduli, frames: Frames | None = None) -> sp.csr_array:
         """a(φ_i, φ_j) = ∫λ div φ_i div φ_j + 2μ ε(φ_i):ε(φ_j), (2n, 2n) [Pa], in x and y, or RᵀAR in local rows."""
@@ -175,14 +153,13 @@ class ElasticForms:
 
     def body_force(self, f: tuple[Scalar, Scalar]) -> Array:
         """∫f·φ_i, (2n,) [N/m] for f in N/m³."""
-        v = self._space.TestFunction()
-        density = ngs.CF((coefficient(f[0]), coefficient(f[1])))
-        return _blocked(ngs.LinearForm(density * v * ngs.dx(bonus_intorder=bonus(*f))).Assemble())
+        return np.concatenate([source_load(self.mesh, component, ()) for component in f])
 
     def force(self, name: str, axis: int) -> Array:
         """A resultant of 1 along an axis, spread evenly over the study edge `name`, (2n,): its sum is 1."""
-        spread = self.traction(name, Traction(g=(1.0, 0.0) if axis == 0 else (0.0, 1.0)))
-        return spread / spread.sum()
+        spread = np.zeros((2, self.mesh.n_points))
+        spread[axis] = edge_load(self.mesh, 1.0, (name,))
+        return spread.ravel() / spread.sum()
 
     def springs(self, springs: Springs, frames: Frames) -> sp.csr_array:
         """Σ_Γ ∫k_N u_N v_N + k_T u_T v_T over study edges, (2n, 2n) in local rows [Pa]."""
@@ -200,54 +177,59 @@ class ElasticForms:
 
     def traction(self, name: str, role: Traction | Convection) -> Array:
         """∫_{Γ}(g − p n)·φ_i over the study edge `name`, (2n,) [N/m]."""
-        v = self._space.TestFunction()
-        order, region = bonus(*role.g, role.pressure), self.mesh.region(name)
-        form = ngs.LinearForm(self._space)
-        if not all(map(is_zero, role.g)):
-            stress = ngs.CF((coefficient(role.g[0]), coefficient(role.g[1])))
-            form += stress * v * ngs.ds(region, bonus_intorder=order)
-        if not is_zero(role.pressure):
-            # the normal of a curve by itself points to either side, into the body at holes; that of a triangle does not
-            push = -coefficient(role.pressure) * ngs.specialcf.normal(2)
-            form += push * v * ngs.ds(region, skeleton=True, bonus_intorder=order)
-        return _blocked(form.Assemble())
+        push = [edge_load(self.mesh, role.pressure, (name,), axis) for axis in (0, 1)]
+        return np.concatenate([edge_load(self.mesh, g, (name,)) for g in role.g]) - np.concatenate(push)
 
 
-def _blocked(form: Any) -> Array:
-    """(2n,) the vector of a form, x of all nodes, then y."""
-    return np.array(vector(form).reshape(-1, 2).T, order="C").ravel()
+def edge_load(mesh: PlaneMesh, density: Scalar, names: tuple[str, ...], normal: int | None = None) -> Array:
+    """∫ q φ_i over study edges, (n,); of q times a component of the outward normal where one is named."""
+    if is_zero(density):  # which NGSolve makes no form of
+        return np.zeros(mesh.n_points)
+    phi, q = ngs.H1(mesh.mesh, order=1).TestFunction(), coefficient(density)
+    # the normal of a curve by itself points to either side, into the body at holes; that of a triangle does not
+    factor = q if normal is None else q * ngs.specialcf.normal(2)[normal]
+    where = ngs.ds(mesh.region(*names), skeleton=normal is not None, bonus_intorder=bonus(density))
+    return vector(ngs.LinearForm(factor * phi * where).Assemble())
+
+
+def source_load(mesh: PlaneMesh, density: Scalar, omega: tuple[str, ...]) -> Array:
+    """∫_ω q φ_i, (n,); an empty omega means the whole body."""
+    if is_zero(density):
+        return np.zeros(mesh.n_points)
+    phi, order = ngs.H1(mesh.mesh, order=1).TestFunction(), bonus(density)
+    domain = ngs.dx("|".join(omega), bonus_intorder=order) if omega else ngs.dx(bonus_intorder=order)
+    return vector(ngs.LinearForm(coefficient(density) * phi * domain).Assemble())
 
 
 def _blocks(form: Any) -> tuple[NodeGraph, Array]:
     """The pattern and the blocks (2, 2, nnz) of an assembled form of vectors."""
-    graph, values = NodeGraph.of(form)
-    return graph, np.array(values.reshape(-1, 2, 2).transpose(1, 2, 0), order="C")
+    values, columns, starts = form.mat.CSR()  # views, which die with the form
+    graph = np.array(np.asarray(starts).view(np.int64), dtype=np.int32), np.array(columns, dtype=np.int32)
+    return graph, np.array(np.asarray(values).reshape(-1, 2, 2).transpose(1, 2, 0), order="C")
 
 
 def _turn(A: Array, graph: NodeGraph, frames: Frames) -> None:
     """A_ij ← R_iᵀ A_ij R_j, in place, on the entries that a turned node has part in."""
-    axes = frames.axes
-    turned = (axes != np.eye(2)).any(axis=(1, 2))
-    entries = np.flatnonzero(turned[graph.rows] | turned[graph.columns])
-    if not len(entries):
-        return
-    left, right = axes[graph.rows[entries]], axes[graph.columns[entries]]
+    (starts, columns), axes = graph, frames.axes
+    rows, turned = np.repeat(np.arange(len(axes)), np.diff(starts)), (axes != np.eye(2)).any(axis=(1, 2))
+    entries = np.flatnonzero(turned[rows] | turned[columns])
+    left, right = axes[rows[entries]], axes[columns[entries]]
     A[:, :, entries] = np.einsum("eac,abe,ebd->cde", left, A[:, :, entries], right)
 
 
 def _component_blocked(A: Array, graph: NodeGraph) -> sp.csr_array:
     """The matrix of blocks A (2, 2, nnz) in the numbering x of all nodes, then y; every row has x, then y columns."""
-    n, nnz = len(graph.starts) - 1, len(graph.columns)
-    degree = np.diff(graph.starts)
-    at_x = np.arange(nnz, dtype=np.int32) + np.repeat(graph.starts[:-1], degree)
+    first, own = graph
+    n, nnz, degree = len(first) - 1, len(own), np.diff(first)
+    at_x = np.arange(nnz, dtype=np.int32) + np.repeat(first[:-1], degree)
     at_y = at_x + np.repeat(degree, degree)
     data = np.empty((2, 2 * nnz))
     for c in (0, 1):
         data[c, at_x], data[c, at_y] = A[c]
     columns = np.empty(4 * nnz, dtype=np.int32)
-    columns[at_x], columns[at_y] = graph.columns, graph.columns + np.int32(n)
+    columns[at_x], columns[at_y] = own, own + np.int32(n)
     columns[2 * nnz :] = columns[: 2 * nnz]
-    starts = np.concatenate([2 * graph.starts, 2 * nnz + 2 * graph.starts[1:]])
+    starts = np.concatenate([2 * first, 2 * nnz + 2 * first[1:]])
     return sp.csr_array((data.ravel(), columns, starts), shape=(2 * n, 2 * n))
 
 
@@ -271,10 +253,6 @@ class HeatForms:
         return self.gradients.mesh
 
     @cached_property
-    def _space(self) -> Any:
-        return ngs.H1(self.mesh.mesh, order=1)
-
-    @cached_property
     def conduction(self) -> sp.csr_array:
         """K = ∫∇φ_i·∇φ_j, (n, n), dimensionless: the matrix for k = 1 of the body."""
         return self.gradients.conduction(self.k)
@@ -284,15 +262,10 @@ class HeatForms:
         """Mesh nodes on the closure of Γ_θ and of the edges whose temperature is given, ascending (r,)."""
         return self.mesh.nodes_on(*self.convection, *self.held)
 
-    @cached_property
-    def robin_mass(self) -> Array:
-        """M = ∫_{Γ_θ}φ_iφ_j restricted to kept_nodes, dense (r, r) [m]."""
-        return self.exchange(dict.fromkeys(self.convection, 1.0))
-
     def exchange(self, weights: Mapping[str, float]) -> Array:
-        """Σ w ∫φ_iφ_j over study edges by name, restricted to kept_nodes, dense (r, r) [m]."""
+        """Σ w ∫φ_iφ_j over study edges by name, over Γ_θ if none are, restricted to kept_nodes, dense (r, r) [m]."""
         mesh, nodes, weight = self.mesh, self.kept_nodes, np.zeros(len(self.mesh.segments))
-        for name, own in weights.items():
+        for name, own in (weights or dict.fromkeys(self.convection, 1.0)).items():
             weight[mesh.on(name)] = own
         on = np.flatnonzero(weight)
         ends = np.searchsorted(nodes, mesh.segments[on])
@@ -300,18 +273,4 @@ class HeatForms:
 
     def surroundings(self, theta_bar: Scalar, names: tuple[str, ...] = ()) -> Array:
         """∫ θ̄ φ_i over study edges, over Γ_θ if none are named, on kept_nodes (r,) [K m]."""
-        return self.flux(theta_bar, names or self.convection)[self.kept_nodes]
-
-    def flux(self, flux: Scalar, names: tuple[str, ...]) -> Array:
-        """∫ flux φ_i over study edges, (n,) [W/m]."""
-        if is_zero(flux):  # which NGSolve makes no form of
-            return np.zeros(self.mesh.n_points)
-        phi = self._space.TestFunction()
-        where = ngs.ds(self.mesh.region(*names), bonus_intorder=bonus(flux))
-        return vector(ngs.LinearForm(coefficient(flux) * phi * where).Assemble())
-
-    def source(self, q: Scalar, omega: tuple[str, ...]) -> Array:
-        """∫_ω q φ_i, (n,) [W/m]; an empty omega means the whole body."""
-        phi = self._space.TestFunction()
-        domain = ngs.dx("|".join(omega), bonus_intorder=bonus(q)) if omega else ngs.dx(bonus_intorder=bonus(q))
-        return vector(ngs.LinearForm(coefficient(q) * phi * domain).Assemble())
+        return edge_load(self.mesh, theta_bar, names or self.convection)[self.kept_nodes]

@@ -42,7 +42,7 @@ from numpy.typing import NDArray
 from tcstudy.condense import Condensation, condense
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.boundary import values_at
-from tcstudy.fem.forms import Conductivity, HeatForms
+from tcstudy.fem.forms import Conductivity, HeatForms, edge_load, source_load
 from tcstudy.offline.loads import (
     BasisLoad,
     Column,
@@ -241,7 +241,7 @@ class Conduction:
         """S_K and M (r, r), M weighted by the ratios; μ (f,) and W, WᵀMW = I, the first mode exactly 0 and constant
         where no temperature is given."""
         S, free = self._factor().A_tilde, np.ix_(self._free, self._free)
-        M = self._forms.exchange(self._ratios) if self._ratios else self._forms.robin_mass
+        M = self._forms.exchange(self._ratios)
         return S, M, *modes(S[free], M[free], not self._free.all())
 
     # -- parts -------------------------------------------------------------------------------------
@@ -260,7 +260,7 @@ class Conduction:
             constant = theta * float(m_0[0] / a if key.heats else m_1[0]) * float(W[0, 0])
             # a(θ − θ̄) mode by mode, so that a large α does not multiply the rounding of a difference
             flows = np.append(m_0[0], a * (m_0 - mu * m_1)[1:] / (mu[1:] + a))
-            heat_out = heat * float((M @ W).sum(axis=0) @ flows)  # zero but for the first, up to the rounding it shows
+            heat_out = heat * float(M.sum(axis=0) @ W @ flows)  # zero but for the first, up to the rounding it shows
             most = heat * float(np.linalg.norm(flows) / W[0, 0])  # ∫|·| ≤ |Γ_θ|^½ ‖·‖
             through = family.moved if key.heats else most
         else:
@@ -288,7 +288,7 @@ class Conduction:
         forms, (S, M, _, W), zero = self._forms, self._modes, np.zeros(len(self._free))
         load, held, source = None, None, np.zeros(1)
         if key.heats:
-            source = forms.source(key.data, key.where) if key.kind == "source" else forms.flux(key.data, key.where)
+            source = (source_load if key.kind == "source" else edge_load)(forms.mesh, key.data, key.where)
             load = self._factor().load(source)
             right = load.l_tilde, zero
         elif key.kind == "surroundings":
