@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
@@ -28,7 +27,6 @@ from tcstudy.laws.laws import Laws
 from tcstudy.offline.guaranteed import Band, EquilibriumBody, dual_body, lambda_1_band, require_straight
 from tcstudy.offline.heat import Temperature, Temperatures
 from tcstudy.offline.loads import (
-    BATCH,
     BasisLoad,
     Column,
     LoadTerm,
@@ -38,7 +36,6 @@ from tcstudy.offline.loads import (
     mechanical_terms,
     to_digits,
 )
-from tcstudy.scene.points import distinct
 from tcstudy.scene.records import Clamped, Contact, Rigid, Role, Scene
 
 Array = NDArray[np.float64]
@@ -102,23 +99,10 @@ def _held(boundary: Roles) -> Roles:
     return tuple(found)
 
 
-def _batches(scenes: Sequence[Scene]) -> dict[BasisLoad, list[BasisLoad]]:
-    """Load that needs no temperature → all that go through the factor with it."""
-    loads: dict[BasisLoad, None] = {}
-    for scene in distinct(scenes, "f", "boundary"):
-        loads |= dict.fromkeys(load for load, _ in mechanical_terms(scene.f, scene.boundary))
-    for scene in distinct(scenes, "material"):
-        loads |= dict.fromkeys(BasisLoad("temperature", None, at) for at, own in scene.pieces if own.beta != 0.0)
-    listed = list(loads)
-    batches = [listed[first : first + BATCH] for first in range(0, len(listed), BATCH)]
-    return {load: batch for batch in batches for load in batch}
-
-
 @dataclass(frozen=True)
 class _Basis:
-    """A basis load condensed (m,), L⁻¹F in elimination order (N,), and F at the rows that are held."""
+    """A basis load: L⁻¹F in elimination order (N,), and F at the rows that are held."""
 
-    l_tilde: Array
     rows: Array
     held: Array
 
@@ -153,16 +137,10 @@ class ElasticBody:
         self._reactions = A[self._fixed]  # all that is needed of the matrix from here on
         self._basis: Recent[_Basis] = Recent(MEMORY, lambda b: b.rows.nbytes)
         self._spans: Recent[tuple[Array, ...]] = Recent(MEMORY, lambda s: s[0].nbytes)
-        self._scaled: Recent[Array] = Recent(1, lambda _: 1)
-        self._inverses: Recent[Array] = Recent(1, lambda _: 1)
 
     def A_tilde(self, mu: float) -> Array:
-        """Ã for a shear modulus μ [Pa]; the same array for the same μ."""
-        return self._scaled.get(mu, lambda: mu * self.condensation.A_tilde)
-
-    def A_inverse(self, mu: float) -> Array:
-        """Ã⁻¹ for a shear modulus μ; the same array for the same μ."""
-        return self._inverses.get(mu, lambda: np.asarray(scipy.linalg.inv(self.A_tilde(mu))))
+        """Ã for a shear modulus μ [Pa]."""
+        return mu * self.condensation.A_tilde
 
     def _reaction(self, w_D: Array) -> Array:
         """A w_D (2n,) for prescribed local displacements w_D (2n,)."""
@@ -187,7 +165,7 @@ class ElasticBody:
         bases, t, m = self._bases(loads), len(loads), self.condensation.m
         rows = [basis.rows[: len(basis.rows) - m] for basis in bases]  # L⁻¹l₂: the kept unknowns come last
         gram = np.array([[a @ b for b in rows] for a in rows]).reshape(t, t)
-        l_tilde = np.column_stack([basis.l_tilde for basis in bases]) if t else np.zeros((m, 0))
+        l_tilde = np.reshape([self.condensation.condensed(basis.rows) for basis in bases], (t, m)).T
         return l_tilde, gram, np.array([basis.held for basis in bases]).reshape(t, len(self._fixed))
 
     def _bases(self, loads: Sequence[BasisLoad]) -> list[_Basis]:
@@ -210,7 +188,7 @@ class ElasticBody:
                 F = np.column_stack([local(one) for one in together])
                 forward = self.condensation.forward(F)
                 for i, (one, rows) in enumerate(zip(together, forward.T, strict=True)):
-                    basis = _Basis(self.condensation.condensed(rows), rows.copy(), F[self._fixed, i])
+                    basis = _Basis(rows.copy(), F[self._fixed, i])
                     found[one] = self._basis.put(one, basis)
         return [found[load] for load in loads]
 
@@ -245,7 +223,6 @@ class Level:
         given = tuple(edge for edge, _ in scene.held_theta)
         self.heat = HeatForms(self.elastic, tuple(edge for edge, _, _ in scene.exchange), held=given)
         self.temperatures = Temperatures(self.heat, mesh.points, scenes, MEMORY)
-        self._batches = _batches(scenes)
         self._frames: dict[Hashable, Frames] = {}
         self._laws: dict[EdgeLaws, Laws] = {}
         self.elimination: EliminationPlan | None = None
@@ -357,10 +334,6 @@ class Level:
         body, own = self._duals[ratio]
         return body, mu / own
 
-    def A_inverse(self, scene: Scene) -> Array:
-        """Ã⁻¹ of a scene's body [1/Pa], once per E, for the certificates."""
-        return self._body(scene).A_inverse(scene.material.mu)
-
     def held_slips(self, scene: Scene) -> Array:
         """(h,) u_T along the exact edge at held ends of Γ_C, as prescribed; NaN where a rigid edge moves one [m]."""
         (at, side), frames, n = self.line.held, self.frames_of(scene.boundary), self.mesh.n_points
@@ -419,9 +392,8 @@ class Level:
 
     def together(self, load: BasisLoad) -> Sequence[BasisLoad]:
         """The loads that go through a factor with one."""
-        if isinstance(load.data, Column):
-            return [replace(load, data=column) for column in load.data.together]
-        return self._batches.get(load, [load])
+        is_column = isinstance(load.data, Column)
+        return [replace(load, data=column) for column in load.data.together] if is_column else [load]
 
     def vector(self, load: BasisLoad) -> Array:
         """A basis load in x and y (2n,); of what is prescribed there is none without a body."""

@@ -8,7 +8,6 @@ Also here: the cache by value in which a sweep keeps what such loads become.
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Generic, Literal, TypeVar
@@ -184,13 +183,13 @@ T = TypeVar("T")
 
 
 class Recent(Generic[T]):
-    """Values by key, made on demand; the oldest go when the total size passes `budget` bytes.
+    """Values by key, made on demand; all are let go of where the total size would pass `budget` bytes.
 
     Values that are still referenced elsewhere stay alive there: forgetting costs time later, never correctness.
     """
 
     def __init__(self, budget: float, size: Callable[[T], int]) -> None:
-        self._entries: OrderedDict[Hashable, T] = OrderedDict()
+        self._entries: dict[Hashable, T] = {}
         self._budget, self._size, self._total = budget, size, 0
 
     def get(self, key: Hashable, make: Callable[[], T]) -> T:
@@ -200,16 +199,12 @@ class Recent(Generic[T]):
 
     def find(self, key: Hashable) -> T | None:
         """The value of `key` if it is there."""
-        if key in self._entries:
-            self._entries.move_to_end(key)
         return self._entries.get(key)
 
     def put(self, key: Hashable, value: T) -> T:
-        """Keep a value under a key; the oldest entries make room for it."""
-        if key in self._entries:
-            self._total -= self._size(self._entries.pop(key))
-        self._entries[key] = value
+        """Keep a value under a new key."""
         self._total += self._size(value)
-        while self._total > self._budget and len(self._entries) > 1:
-            self._total -= self._size(self._entries.popitem(last=False)[1])
+        if self._total > self._budget:
+            self._entries, self._total = {}, self._size(value)
+        self._entries[key] = value
         return value

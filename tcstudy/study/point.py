@@ -70,7 +70,6 @@ def solve_point(
             answer.v,
             level.lambda_1(scene),
             plan.tolerance,
-            inverse=level.A_inverse(scene),
             residual=answer.inclusion_residual,
         )
         laws = row_laws([problem.law], np.ones(1))
