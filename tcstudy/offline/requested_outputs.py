@@ -11,12 +11,13 @@ Forces of a solved scene by equilibrium: of every edge on the body, with its wor
 Edges:    what loads, springs and supports of an edge do at its nodes: g, p, resultants, −S_e u, and r = Au + Su − l_θ
           where the edge holds or touches the body; their sum with ∫f is 0 to rounding. Work: force times displacement.
 Sections: N(s), positive in tension, is −Σ_{s_j < s} F_j·t of all forces F_j on the nodes before the section across Γ_C
-          at s. Of a segment the mean over its sections is taken, which is exact for nodal forces of P1: l(φt), φ = 1
-          before it, 0 behind it and linear on it, is a(u, φt) but for rounding. Friction adds ∫ξ/c over the cells S_i,
-          so that N(s) between the middles of segments is exact where the line carries no other load.
-Layers:   N of a region with a material of its own, of the forces ∫σ:∇φ that its triangles have at the nodes. They are
-          in balance with all others: with that of the rest N of all sum to that of the body. But what passes between
-          two layers is that of P1 elements, so that N of one has an error that falls with h.
+          at s, as the triangles have them there, ∫σ:∇φ. Of a segment the mean over its sections is taken, which is
+          exact for nodal forces of P1: l(φt), φ = 1 before it, 0 behind it and linear on it, is a(u, φt) but for
+          rounding. Friction adds ∫ξ/c over the cells S_i, so that N(s) between the middles of segments is exact where
+          the line carries no other load.
+Layers:   N of a region with a material of its own, of the forces of its triangles. They are in balance with all
+          others: with that of the rest N of all sum to that of the body. But what passes between two layers is that of
+          P1 elements, so that N of one has an error that falls with h.
 Left out: lines that bend.
 
 Numbers of a solved point that a study asks for: u, θ and σ at points, reactions, θ by edge, the largest stress.
@@ -164,12 +165,10 @@ def edge_forces(level: Level, scene: Scene, u: Array) -> dict[str, Array]:
     return found
 
 
-def section_force(
-    level: Level, scene: Scene, u: Array, u_T: Array, sigma: Array
-) -> tuple[Array, dict[str, Array], Array] | None:
+def section_force(level: Level, scene: Scene, u_T: Array, sigma: Array) -> tuple[Array, dict[str, Array], Array] | None:
     """N at the nodes of Γ_C, held ones included (s + 1,), of the body and of layers by region [N/m]; arc lengths [m].
 
-    u: (2n,) displacement in x and y;  u_T: (m,) [m];  sigma: (t, 4) stress [Pa]. None for a line that bends.
+    u_T: (m,) [m];  sigma: (t, 4) stress [Pa]. None for a line that bends.
     """
     line, mesh, h = level.line, level.mesh, level.line.lengths
     along = (line.ends[:, 1] - line.ends[:, 0]) / h[:, None]
@@ -177,11 +176,6 @@ def section_force(
     if not chain or np.abs(along @ [along[0, 1], -along[0, 0]]).max() > STRAIGHT:
         return None
     xi, at = level.condensed(scene).problem.xi(u_T), np.concatenate([[0.0], np.cumsum(h)])
-    total = np.zeros(2 * mesh.n_points)
-    for one in edge_forces(level, scene, u).values():
-        total += one
-    for load, factor in mechanical_terms(scene.f, ()):
-        total += factor * level.vector(load)
     density = (xi / line.c)[np.where(line.unknowns < 0, line.unknowns[:, ::-1], line.unknowns)]
     s = (mesh.points - line.ends[0, 0]) @ along[0]
     k = np.clip(np.searchsorted(at, s, side="right") - 1, 0, len(h) - 1)
@@ -203,12 +197,12 @@ def section_force(
         return np.interp(at, middle, rest) + (friction if rubs else 0.0)
 
     contact = mesh.owner[mesh.on(*scene.edges(Contact))]
-    pulled, layers = np.einsum("tij,tkj->tki", sigma[:, [[0, 2], [2, 1]]] * mesh.area[:, None, None], mesh.slopes), {}
-    for name, _ in scene.material.regions:  # ∫σ:∇φ over a region with a material of its own
-        nodal, own = np.zeros((2, mesh.n_points)), mesh.inside((name,))
+    pulled, found = np.einsum("tij,tkj->tki", sigma[:, [[0, 2], [2, 1]]] * mesh.area[:, None, None], mesh.slopes), {}
+    for name in ("", *(name for name, _ in scene.material.regions)):  # the body, regions with a material of their own
+        nodal, own = np.zeros((2, mesh.n_points)), mesh.inside((name,) if name else ())
         np.add.at(nodal.T, mesh.triangles[own], pulled[own])
-        layers[name] = sections(nodal, bool(own[contact].all()))
-    return sections(total.reshape(2, -1), True), layers, at
+        found[name] = sections(nodal, bool(own[contact].all()))
+    return found.pop(""), found, at
 
 
 OUTSIDE = 0.1
@@ -249,7 +243,7 @@ class RequestedOutputs:
             for name, force in edge_forces(level, scene, u).items():
                 x, y = force.reshape(2, -1).sum(axis=1)
                 found |= {f"force_{name}_x": float(x), f"force_{name}_y": float(y), f"work_{name}": float(force @ u)}
-        if "section_force" in wanted and sigma is not None and (section := section_force(level, scene, u, u_T, sigma)):
+        if "section_force" in wanted and sigma is not None and (section := section_force(level, scene, u_T, sigma)):
             N, layers, at = section
             most = int(np.argmax(np.abs(N) >= (1.0 - EQUAL) * np.abs(N).max()))
             free = np.append(level.line.unknowns[:, 0], level.line.unknowns[-1, 1]) >= 0

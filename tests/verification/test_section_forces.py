@@ -117,7 +117,7 @@ def test_forces_of_edges_balance_on_any_body() -> None:
     body = level.load(replace(loaded_by(scene, loads=True), boundary=())).reshape(2, -1).sum(axis=1)
     assert force + body == pytest.approx(np.zeros(2), abs=1e-12)
     assert np.abs(body).min() > 1e-3
-    assert section_force(level, scene, u, v, np.zeros((len(level.mesh.triangles), 4))) is None
+    assert section_force(level, scene, v, np.zeros((len(level.mesh.triangles), 4))) is None
 
 
 def test_a_line_that_bends_is_told_before_the_work() -> None:
