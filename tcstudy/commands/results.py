@@ -145,7 +145,7 @@ def export(options: argparse.Namespace) -> int:
 
 def _geometry(options: argparse.Namespace) -> int:
     """Write the run of one geometry of a sweep over several."""
-    from tcstudy.data.variants import extract
+    from tcstudy.data.reading import extract
     from tcstudy.reports.select_point import geometry_of
 
     if options.output is None or options.output.exists():

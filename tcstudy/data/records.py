@@ -105,72 +105,62 @@ class BlockRecord:
         return {name: values[own] for name, values in self.solutions.items() if name != "row"}
 
 
-Row = tuple[str, str, int, str, str, bytes, int]
-"""(kind, place, level, scalars, layout, arrays, checksum)"""
+Row = tuple[str, int, int, int, str, bytes, int]
+"""(kind, body, place, level, scalars and layout of the arrays, arrays, checksum)"""
 
 
 def checksum(row: Row) -> int:
     """Of everything in a row but its last entry."""
-    scalars, layout, arrays = row[3:6]
-    return zlib.crc32(arrays, zlib.crc32(f"{row[:3]}{scalars}{layout}".encode()))
+    return zlib.crc32(row[5], zlib.crc32(f"{row[:4]}{row[4]}".encode()))
 
 
 GROUPS = ("numbers", "fields", "solutions")
 """Of named arrays in a record."""
 
 
-def encode(record: BlockRecord | LevelRecord) -> Row:
-    """A record as a row."""
+def encode(record: BlockRecord | LevelRecord, body: int = 0) -> Row:
+    """A record as a row. body: of a sweep over geometries, which it is of"""
     values = vars(record)
     groups = {name: values[name] for name in GROUPS if name in values}
     arrays = {name: v for name, v in values.items() if isinstance(v, np.ndarray)}
     arrays |= {f"{group}.{name}": array for group, named in groups.items() for name, array in named.items()}
     scalars = {name: v for name, v in values.items() if name not in arrays and name not in groups and v is not None}
-    kind, place = ("level", "") if isinstance(record, LevelRecord) else ("block", str(record.points[0]))
-    return row_of(kind, place, record.level, scalars, arrays)
+    kind, place = ("level", 0) if isinstance(record, LevelRecord) else ("block", int(record.points[0]))
+    return row_of(kind, body, place, record.level, scalars, arrays)
 
 
 def row_of(
-    kind: str, place: str, level: int, scalars: Mapping[str, Any], arrays: Mapping[str, np.ndarray[Any, Any]]
+    kind: str, body: int, place: int, level: int, scalars: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]
 ) -> Row:
     """A row: scalars as JSON (exact for floats), arrays as their bytes one after the other."""
-    layout = json.dumps([(name, array.dtype.str, array.shape) for name, array in arrays.items()])
-    blob = b"".join(np.ascontiguousarray(array).tobytes() for array in arrays.values())
-    text = json.dumps(scalars, default=lambda numpy_scalar: numpy_scalar.item())
-    row = (kind, place, int(level), text, layout, blob)
+    layout = [(name, array.dtype.str, array.shape) for name, array in arrays.items()]
+    text = json.dumps([dict(scalars), layout], default=lambda numpy_scalar: numpy_scalar.item())
+    row = (kind, body, place, int(level), text, b"".join(map(np.ndarray.tobytes, arrays.values())))
     return (*row, checksum((*row, 0)))
 
 
-def decode_level(row: Row) -> LevelRecord:
-    """The level record that a row was made of."""
-    scalars, arrays, groups = decode(row)
-    scalars["edge_names"] = tuple(scalars["edge_names"])
-    return LevelRecord(**scalars, **arrays, fields=groups["fields"])
-
-
-def decode_block(row: Row) -> BlockRecord:
-    """The block that a row was made of."""
-    scalars, arrays, groups = decode(row)
-    scalars["shape"] = tuple(scalars["shape"])
-    scalars["reasons"] = {int(i): words for i, words in scalars["reasons"].items()}
-    named: dict[str, Any] = dict(groups)
-    return BlockRecord(**scalars, **arrays, **named)
-
-
-def decode(row: Row) -> tuple[dict[str, Any], dict[str, Any], dict[str, dict[str, NDArray[Any]]]]:
-    """Scalars, arrays, and the arrays that stand in the groups of a row."""
-    scalars, layout, blob = row[3:6]
-    arrays: dict[str, Any] = {}
-    groups: dict[str, dict[str, NDArray[Any]]] = {name: {} for name in GROUPS}
-    start = 0
-    for name, dtype, shape in json.loads(layout):
+def decode(row: Row) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """The scalars and the arrays of a row."""
+    scalars, layout = json.loads(row[4])
+    arrays, start = dict[str, NDArray[Any]](), 0
+    for name, dtype, shape in layout:
         count = int(np.prod(shape, dtype=np.int64))
+        found = np.frombuffer(row[5], dtype, count, start) if count else np.empty(0, dtype)
+        arrays[name] = found.reshape(shape)  # a view: nobody writes into a record
+        start += found.nbytes
+    return scalars, arrays
+
+
+def record_of(row: Row) -> Any:
+    """The BlockRecord or LevelRecord that a row was made of."""
+    (scalars, arrays), own = decode(row), dict[str, Any]()
+    for name, array in arrays.items():
         group, _, key = name.rpartition(".")
-        place, key = (groups[group], key) if group else (arrays, name)
-        found = np.frombuffer(blob, dtype, count, start) if count else np.empty(0, dtype)
-        place[key] = found.reshape(shape)  # a view: nobody writes into a record
-        start += count * np.dtype(dtype).itemsize
-    return json.loads(scalars), arrays, groups
+        (own.setdefault(group, {}) if group else own)[key] = array
+    if row[0] == "level":
+        return LevelRecord(**scalars | {"edge_names": tuple(scalars["edge_names"])}, **own)
+    reasons = {int(i): words for i, words in scalars["reasons"].items()}
+    return BlockRecord(**{"numbers": {}} | scalars | {"shape": tuple(scalars["shape"]), "reasons": reasons} | own)
 
 
 COMMIT_SECONDS = 0.25
@@ -218,12 +208,13 @@ class Journal:
         sync_directory(path.parent)
         return cls(path, connection, warnings)
 
-    def add(self, record: BlockRecord | LevelRecord | Row) -> None:
-        """Keep a record, or a row; it is on the disk within COMMIT_SECONDS. A second one of the same place replaces it.
+    def add(self, record: BlockRecord | LevelRecord | Row, body: int = 0) -> None:
+        """Keep a record of a body, or a row; it is on the disk within COMMIT_SECONDS. A second one of the same place
+        replaces it.
 
         Raises StoreError if an earlier record could not be brought to the disk; it is tried again.
         """
-        row = record if isinstance(record, tuple) else encode(record)
+        row = record if isinstance(record, tuple) else encode(record, body)
         with self._lock:
             if self._closed:
                 raise StoreError(f"the journal {self.path} is closed")
@@ -255,17 +246,17 @@ class Journal:
             self._pending.clear()
             self._error = None
 
-    def levels(self) -> tuple[LevelRecord, ...]:
-        """All level records, coarse to fine."""
-        return tuple(sorted((decode_level(row) for row in self._rows("level")), key=lambda level: level.level))
+    def levels(self, body: int = 0) -> tuple[LevelRecord, ...]:
+        """All level records of a body, coarse to fine."""
+        return tuple(sorted(map(record_of, self._rows("level", body)), key=lambda level: level.level))
 
-    def blocks(self) -> Iterator[BlockRecord]:
-        """All blocks as they finished, read one by one: whole-body fields need not fit into memory."""
-        return (decode_block(row) for row in self._rows("block"))
+    def blocks(self, body: int = 0) -> Iterator[BlockRecord]:
+        """All its blocks as they finished, read one by one: whole-body fields need not fit into memory."""
+        return map(record_of, self._rows("block", body))
 
     def steps(self) -> Iterator[Row]:
         """All steps of histories, as they were done."""
-        return self._rows("step")
+        return self._rows("step", 0)
 
     def close(self) -> None:
         """Flush and give up the lock; the journal stays for a later run. Closing twice does no harm."""
@@ -296,10 +287,11 @@ class Journal:
     def __exit__(self, *exc: object) -> None:
         self.close()
 
-    def _rows(self, kind: str) -> Iterator[Row]:
+    def _rows(self, kind: str, body: int) -> Iterator[Row]:
         with self._lock:
             self.flush()
-            cursor = self._connection.execute(SELECT, (kind,))
+            where = "INDEXED BY bodies WHERE body = ? AND kind = ? ORDER BY rowid"
+            cursor = self._connection.execute(f"{SELECT} {where}", (body, kind))
         while True:
             with self._lock:
                 row = cursor.fetchone()
@@ -317,11 +309,11 @@ SMALLEST_PAGE = 512
 """Bytes of the smallest SQLite file that holds anything."""
 _TABLES = (
     "CREATE TABLE header (key TEXT PRIMARY KEY, value TEXT NOT NULL)",
-    "CREATE TABLE record (kind TEXT, place TEXT, level INTEGER, scalars TEXT NOT NULL, layout TEXT NOT NULL, "
-    "arrays BLOB NOT NULL, crc INTEGER NOT NULL, PRIMARY KEY (kind, place, level))",
+    "CREATE TABLE record (kind TEXT, body INTEGER, place INTEGER, level INTEGER, scalars TEXT NOT NULL, "
+    "arrays BLOB NOT NULL, crc INTEGER NOT NULL, PRIMARY KEY (kind, body, place, level))",
+    "CREATE INDEX bodies ON record (body)",  # in which the rows of a body stand in the order of rowid: none are sorted
 )
-# NOT INDEXED: a scan in the order of rowid streams; by the index SQLite would first sort all arrays in memory
-SELECT = "SELECT kind, place, level, scalars, layout, arrays, crc FROM record NOT INDEXED WHERE kind = ? ORDER BY rowid"
+SELECT = "SELECT kind, body, place, level, scalars, arrays, crc FROM record"
 
 
 class _Damaged(Exception):
@@ -394,10 +386,9 @@ def _look_into(connection: sqlite3.Connection, header: dict[str, str]) -> str:
         return "is of another study or other overrides"
     if found != header:
         return "was made by other versions of the program"
-    for kind in ("level", "block", "step"):
-        for row in connection.execute(SELECT, (kind,)):
-            if checksum(row) != row[-1]:
-                raise _Damaged(f"wrong checksum of {kind} {row[1]} on level {row[2]}")
+    for row in connection.execute(f"{SELECT} ORDER BY rowid"):
+        if checksum(row) != row[-1]:
+            raise _Damaged(f"wrong checksum of {row[0]} {row[2]} on level {row[3]}")
     # a write, because SQLite opens a file that it must not write without a word, locking or not
     connection.execute("PRAGMA user_version = 1")
     return ""

@@ -6,14 +6,19 @@ follow one another in C order and each is a run of points, so that a sweep can b
 
 The file of a run is written once, from the records of the journal. Values by point are gathered in parts, runs of
 tiles, as many at a time as MEMORY holds; blocks come in any order, so that each time all of them are looked through.
+
+The file of a sweep over geometries has one table of all points, with what a level has (h_max, n_dof, times) by
+geometry, and a group geometry_i with all that the file of a run of that geometry alone has, also /level_0, … with
+profiles and fields, whose lengths differ from mesh to mesh. A point of a refused geometry has the status mesh_failed
+and its reason; such a geometry has no group, and −1 stands in place of its number in the variable `geometry`, by point.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data import schema
-from tcstudy.data.files import write_dataset
+from tcstudy.data.files import FINISHED, write_dataset
 from tcstudy.data.provenance import CONTENT, Kind, without_paths
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import (
@@ -39,6 +44,7 @@ from tcstudy.data.schema import (
     line_variables,
 )
 from tcstudy.errors import StoreError
+from tcstudy.scene.points import distinct
 from tcstudy.scene.records import BODY
 from tcstudy.scene.study import Axis, Study, Variant
 
@@ -48,6 +54,12 @@ if TYPE_CHECKING:
 
 
 Places = NDArray[np.intp]
+GEOMETRIES, OWN_POINT = "geometries", "own_point"
+"""Global attribute of a file of a sweep over geometries: how many it has; what the dimension `point` is in a group of
+one, where it has another length."""
+_GEOMETRY = re.compile(r"/geometry_\d+")
+_WHAT = "i of the group geometry_i; -1 where the geometry was refused or has no mesh"
+NUMBER = FileVariable("geometry", "i4", "1", "number of the geometry", (SWEEP,), _WHAT)
 
 
 def sweep_dims(study: Study) -> tuple[str, ...]:
@@ -70,11 +82,20 @@ def geometry_dims(study: Study) -> tuple[str, ...]:
     return _dims_of(study, outer_axes(study)) if study.variants else ()
 
 
-def geometry_place(study: Study, variant: Variant) -> Any:
+def names_of(where: netCDF4.Dataset, variable: FileVariable, study: Study) -> tuple[str, ...]:
+    """Names of the dimensions of a variable in a group; a list of points within a geometry has another length."""
+    own = OWN_POINT if _GEOMETRY.match(where.path) else POINT
+    return tuple(own if name == POINT else name for name in expand(variable.dims, study))
+
+
+def geometry_place(study: Study, variant: Variant) -> tuple[Any, ...]:
     """Where a geometry stands along these dimensions."""
-    if study.mode != "grid":
-        return variant.places
-    return tuple(variant.index)
+    return tuple(variant.index) if study.mode == "grid" else (variant.places,)
+
+
+def geometry_shape(study: Study) -> tuple[int, ...]:
+    """Extent of these dimensions."""
+    return study.shape if study.mode != "grid" else tuple(len(axis.values) for axis in outer_axes(study))
 
 
 def expand(dims: tuple[str, ...], study: Study) -> tuple[str, ...]:
@@ -148,8 +169,10 @@ def tiles(shape: Shape, tile: Shape) -> Iterator[tuple[tuple[slice, ...], int, i
 
 
 def define(where: netCDF4.Dataset, variable: FileVariable, study: Study, chunk: Shape = ()) -> netCDF4.Variable:
-    """Make a variable whose dimensions are there. chunk: extent of its chunks if it is large; () for usual ones."""
-    dims, sizes, text = expand(variable.dims, study), dimensions(where), variable.dtype == "str"
+    """Make a variable whose dimensions are there, unless it is there. chunk: of a large one; () for usual ones."""
+    if variable.name in where.variables:
+        return where[variable.name]
+    dims, sizes, text = names_of(where, variable, study), dimensions(where), variable.dtype == "str"
     shape, width = tuple(sizes[name] for name in dims), 16 if text else np.dtype(variable.dtype).itemsize
     how: dict[str, Any] = {} if text or not math.prod(shape) else {"contiguous": True}
     if large := width * math.prod(shape) > SMALL:  # HDF5 has no filters for scalars and texts
@@ -163,18 +186,24 @@ def define(where: netCDF4.Dataset, variable: FileVariable, study: Study, chunk: 
 
 
 def put(where: netCDF4.Dataset, variable: FileVariable, study: Study, values: Any) -> netCDF4.Variable:
-    """Make a variable and write its values; dimensions come with the first variable that has them."""
+    """Make a variable, or write its values if it is there; dimensions come with the first variable that has them.
+
+    All of a file are made before values are written: the first one written after a definition makes the library look
+    through the whole file.
+    """
     array = np.asarray(values, dtype=object if variable.dtype == "str" else variable.dtype)
-    for name, size in zip(expand(variable.dims, study), array.shape, strict=True):
+    for name, size in zip(names_of(where, variable, study), array.shape, strict=True):
         if name not in dimensions(where):
             where.createDimension(name, size)
+    there = variable.name in where.variables
     new = define(where, variable, study)
-    new[...] = array
+    if there:
+        new[...] = array
     return new
 
 
 def put_all(where: netCDF4.Dataset, variables: Iterable[FileVariable], values: Mapping[str, Any], study: Study) -> None:
-    """Make the variables that `values` has by name, and write them; edge_names are the contact edges of `edge`."""
+    """Make, then write, the variables that `values` has by name; edge_names are the contact edges of `edge`."""
     for variable in variables:
         if variable.name in values:
             new = put(where, variable, study, values[variable.name])
@@ -183,8 +212,8 @@ def put_all(where: netCDF4.Dataset, variables: Iterable[FileVariable], values: M
 
 
 def dimensions(where: netCDF4.Dataset) -> dict[str, int]:
-    """Sizes of the dimensions of a group, with those that it has from the groups above."""
-    above = dimensions(where.parent) if where.parent is not None else {}
+    """Sizes of the dimensions of a group, with those that it has from the groups above, up to its geometry."""
+    above = {} if where.parent is None or _GEOMETRY.fullmatch(where.path) else dimensions(where.parent)
     return above | {name: int(dim.size) for name, dim in where.dimensions.items()}
 
 
@@ -231,31 +260,61 @@ def sweep_points(study: Study) -> xarray.Dataset:
 
 
 Arrays = dict[str, np.ndarray[Any, Any]]
-Records = Collection[BlockRecord] | Callable[[], Iterable[BlockRecord]]
 MEMORY = 2**26
 """Bytes of results that the writer holds at a time; a longer sweep takes several passes over its records."""
 KEPT = "finished points are kept in the journal"
 
 
-def write(
-    path: Path, study: Study, levels: Sequence[LevelRecord], records: Records, attributes: Mapping[str, Any]
-) -> tuple[int, int]:
+@dataclass(frozen=True, eq=False)
+class Results:
+    """What a run has of a body, for a file or a group of it.
+
+    levels, blocks: read anew whenever they are called, so that they need not fit into memory; of two records of one
+                point the last one counts, and points without any stay "not run"
+    attributes: global ones (`tcstudy.data.provenance`)
+    """
+
+    study: Study
+    levels: Callable[[], Iterable[LevelRecord]]
+    blocks: Callable[[], Iterable[BlockRecord]]
+    attributes: Mapping[str, Any] = field(default_factory=dict)
+
+
+def write(path: Path, whole: Results, geometries: Mapping[int, Results] | None = None) -> tuple[int, int]:
     """Write all results of a run to `path`, replacing an old file in one step.
 
+    geometries: of a sweep over geometries, those that have a mesh, by number; `whole` has the points of the others
     Returns how many solutions were sought, on all levels, and how many of them failed.
-
-    attributes: global ones (`tcstudy.data.provenance`)
-    records: all of them, or a function that gives them anew for every pass: neither they nor the results need fit
-             into memory. Of two records of one point the last one counts; points without any stay "not run"
 
     Raises StoreError if the file cannot be written (the old one is then untouched).
     """
+    study, bodies = whole.study, geometries or {}
     if problems := axis_problems(study):
         raise StoreError("; ".join(problems))
     counts: list[tuple[int, int]] = []
-    make = lambda nc: counts.append(fill(nc, study, levels, records))  # noqa: E731
-    write_dataset(path, attributes, make, KEPT)
-    return counts[-1]
+
+    def blocks() -> Iterator[BlockRecord]:
+        """Those of all geometries, without what has the length of their meshes."""
+        yield from whole.blocks()
+        for number, own in bodies.items():
+            for block in own.blocks():
+                points = study.variants[number].places[block.points]
+                yield replace(
+                    block, points=points, shape=study.shape, u_T=None, xi=None, sticks=None, fields={}, solutions={}
+                )
+
+    def make(nc: netCDF4.Dataset) -> None:
+        groups = [(nc, replace(whole, blocks=blocks))]
+        for number, own in bodies.items():
+            groups.append((nc.createGroup(f"geometry_{number}"), own))
+            groups[-1][0].setncatts({**own.attributes, FINISHED: np.int32(1)})
+        for _ in ("made", "written"):
+            left = [_put_once(group, own, bodies) for group, own in groups]
+        counts.extend(_put_points(group, own, parts) for (group, own), parts in zip(groups, left, strict=True))
+
+    number = {GEOMETRIES: len(study.variants)} if study.variants else {}
+    write_dataset(path, {**whole.attributes, **number}, make, KEPT)
+    return counts[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,14 +338,16 @@ def write_record(path: Path, study: Study, record: Record, attributes: Mapping[s
 
     def make(nc: netCDF4.Dataset) -> None:
         values = dict(record.values)
-        if swept := [v.name for v in record.tables if SWEEP in v.dims and v.name in values]:
-            put_axes(nc, study)
+        swept = [v.name for v in record.tables if SWEEP in v.dims and v.name in values]
         for name in swept:
             rows = np.asarray(values[name])
             values[name] = rows.reshape((*study.shape, *rows.shape[1:]))
         if "reason" in values:
             values["reason"] = np.vectorize(without_paths, otypes=[object])(values["reason"])
-        put_all(nc, record.tables, values, study)
+        for _ in ("made", "written"):
+            if swept:
+                put_axes(nc, study)
+            put_all(nc, record.tables, values, study)
 
     write_dataset(path, {**attributes, CONTENT: record.kind, **texts}, make)
 
@@ -331,9 +392,9 @@ class _Part:
         count = self.tiles[-1][2] - self.tiles[0][1]
         self.arrays = {v.name: missing(v, (count, *self.shapes[v.name])) for v in self.variables}
 
-    def take(self, block: BlockRecord, places: Places) -> None:
-        """The points of a block that lie here; places: where they all stand in the file."""
-        start, stop = self.tiles[0][1], self.tiles[-1][2]
+    def take(self, block: BlockRecord) -> None:
+        """The points of a block that lie here."""
+        start, stop, places = self.tiles[0][1], self.tiles[-1][2], block.points
         rows = np.flatnonzero((places >= start) & (places < stop))
         at = places[rows] - start
         if self.level is None:
@@ -375,59 +436,64 @@ def _parts(
     return [_Part(group, level, own, shapes, cut, len(cut) * size) for cut in cuts]
 
 
-def fill(nc: netCDF4.Dataset, study: Study, levels: Sequence[LevelRecord], records: Records) -> tuple[int, int]:
-    """All that a run has, into an empty file; returns what `write` does.
+def _put_once(nc: netCDF4.Dataset, own: Results, geometries: Mapping[int, Results]) -> list[_Part]:
+    """All that does not lie along the sweep; what does is made, and cut into parts.
 
-    Of a sweep over geometries the table alone, without what a level has (`tcstudy.data.variants`).
+    geometries: of a sweep over them, whose levels the root has, while their profiles are in their groups
     """
+    study, variables = own.study, root_variables(own.study)
     put_axes(nc, study)
     put(nc, schema.LEVEL_COORDINATE, study, np.arange(study.mesh.levels))
     named = {"start": (schema.START_NAMES, "where the solver started"), "solver": (study.solver.names, "solver")}
     for dim, (names, what) in named.items():
         if len(names) > 1:
             put(nc, FileVariable(dim, "str", "", what, (dim,), coordinate=True), study, list(names))
-    variables = root_variables(study)
     sizes = {"level": study.mesh.levels, "start": len(schema.START_NAMES), "solver": len(study.solver.names)}
     left = _parts(nc, None, study, variables, sizes)
-    for variable in variables:
-        if variable.dims == ("level",) and not study.variants:
-            values = missing(variable, (study.mesh.levels,))
-            for level in levels:
-                values[level.level] = getattr(level, variable.name)
-            put(nc, variable, study, values)
-    groups: dict[int, netCDF4.Group] = {}
-    for level in levels:
-        group = groups[level.level] = _make_group(nc, study, level)
+    shape = (*(geometry_shape(study) if study.variants else ()), study.mesh.levels)
+    by_level = [(v, missing(v, shape)) for v in variables if v.dims == ("level",)]
+    numbers = np.full(len(study.scenes), -1, dtype=np.int32)
+    for number, one in geometries.items() if study.variants else ((0, own),):
+        place = geometry_place(study, study.variants[number]) if study.variants else ()
+        numbers[study.bodies[number].places] = number
+        for level in one.levels():
+            for variable, values in by_level:
+                values[(*place, level.level)] = getattr(level, variable.name)
+    for variable, values in by_level:
+        put(nc, replace(variable, dims=(*geometry_dims(study), "level")), study, values)
+    if study.variants:
+        put(nc, NUMBER, study, numbers.reshape(study.shape))
+        return left
+    solutions = _solutions(own) if study.solver.every else {}
+    for level in own.levels():
+        group = _put_level(nc, study, level)
         held = level.fields.get("held_x", ())
         along = (*schema.CONTACT, *line_variables(study), *(schema.HELD if len(held) else ()))
         left += _parts(group, level.level, study, along, {"node": level.n_contact, "held_end": len(held)})
+        if found := solutions.get(level.level):
+            put_all(group, schema.SOLUTION, found, study)
+    return left
 
-    solutions: dict[int, dict[int, Arrays]] = {number: {} for number in groups}
-    count = np.zeros(len(PointStatus), dtype=np.intp)
-    first = True
+
+def _put_points(nc: netCDF4.Dataset, own: Results, left: list[_Part]) -> tuple[int, int]:
+    """All that lies along the sweep; returns what `write` does."""
+    count, first = np.zeros(len(PointStatus), dtype=np.intp), True
     while left:
         together = max(1, sum(size <= MEMORY for size in accumulate(part.size for part in left)))
         now, left = left[:together], left[together:]
         for part in now:
             part.begin()
-        for block in records() if callable(records) else records:
-            places = block.points
-            if first:
-                _put_fields(groups.get(block.level), study, block, places)
-                if block.solutions:
-                    own = ((int(place), block.solutions_of(row)) for row, place in enumerate(places))
-                    solutions[block.level].update(own)
+        for block in own.blocks():
+            if first and block.fields:
+                _put_fields(nc[f"level_{block.level}"], block)
             for part in now:
                 if part.level in (None, block.level):
-                    part.take(block, places)
+                    part.take(block)
         for part in now:
             if part.level is None:
                 count += np.bincount(part.arrays["status"].ravel(), minlength=len(count))
             part.write()
         first = False
-    for number, of_points in solutions.items():
-        if of_points:
-            _put_solutions(groups[number], study, of_points)
     sought = int(count.sum() - count[PointStatus.NOT_RUN])
     return sought, sought - int(count[PointStatus.OK])
 
@@ -457,19 +523,24 @@ def _take_numbers(arrays: Arrays, block: BlockRecord, rows: Places, at: Places) 
         array[at] = found
 
 
-def _make_group(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF4.Group:
+def _put_level(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF4.Group:
     """The group of a level: its contact line, and its whole mesh if the record has one."""
     group = nc.createGroup(f"level_{level.level}")
     group.setncattr("level", np.int32(level.level))
-    group.createDimension("node", len(level.arclength))
+    if "node" not in group.dimensions:
+        group.createDimension("node", len(level.arclength))
     if "node_x" in level.fields:
-        mesh = group.createVariable("mesh", "i4", (), fill_value=False)
-        mesh.setncatts(schema.MESH_TOPOLOGY)
-        mesh[...] = 0
+        if "mesh" not in group.variables:
+            group.createVariable("mesh", "i4", (), fill_value=False).setncatts(schema.MESH_TOPOLOGY)
+        else:
+            group["mesh"][...] = 0
         put_all(group, schema.MESH, level.fields, study)
         if "region" in level.fields:
             names = (name for name, _ in study.scenes[0].material.regions)
             put(group, schema.REGION, study, level.fields["region"]).setncatts(dict(schema.flags(BODY, *names)))
+        cold = {scene.material.expands for scene in distinct(study.scenes, "material")} == {False}
+        for variable in schema.FIELDS[1 if cold else 0 :]:
+            define(group, variable, study, (1,) * len(study.shape) + level.fields["node_x"].shape)
     live = {v.name: level.fields[name] for v in schema.LIVE if (name := schema.LIVE_PREFIX + v.name) in level.fields}
     if live:
         put_all(group.createGroup("live"), schema.LIVE, live, study)
@@ -477,24 +548,23 @@ def _make_group(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF
     return group
 
 
-def _put_solutions(group: netCDF4.Group, study: Study, every: dict[int, Arrays]) -> None:
-    """All solutions of the points of a level, by place, in the order of the file."""
-    places = sorted(every)
-    names = [v.name.removeprefix("solution_") for v in schema.SOLUTION[1:]]
-    values = {f"solution_{name}": np.concatenate([every[place][name] for place in places]) for name in names}
-    values["solution_point"] = np.repeat(places, [len(every[place]["energy"]) for place in places])
-    put_all(group, schema.SOLUTION, values, study)
+def _solutions(own: Results) -> dict[int, Arrays]:
+    """Of every level all solutions of its points, these in the order of the file."""
+    every = dict[int, dict[int, Arrays]]()
+    for block in own.blocks():
+        of_points = {int(place): block.solutions_of(row) for row, place in enumerate(block.points) if block.solutions}
+        every.setdefault(block.level, {}).update(of_points)
+    found, names = dict[int, Arrays](), [v.name.removeprefix("solution_") for v in schema.SOLUTION[1:]]
+    for level, of in every.items():
+        if places := sorted(of):
+            found[level] = {f"solution_{name}": np.concatenate([of[i][name] for i in places]) for name in names}
+            found[level]["solution_point"] = np.repeat(places, [len(of[i]["energy"]) for i in places])
+    return found
 
 
-def _put_fields(group: netCDF4.Group | None, study: Study, block: BlockRecord, places: Places) -> None:
-    """Write whole-body fields point by point; a field's variable is made when its first values come."""
-    if group is None:  # a level without a record has no fields
-        return
-    known = {variable.name: variable for variable in schema.FIELDS}
+def _put_fields(group: netCDF4.Group, block: BlockRecord) -> None:
+    """Whole-body fields point by point: they are large."""
     for name, rows in block.fields.items():
-        if name not in group.variables:
-            define(group, known[name], study, (1,) * len(study.shape) + (group.dimensions["mesh_node"].size,))
         for row, values in enumerate(rows):
             if not np.isnan(values).all():
-                place = np.unravel_index(places[row], study.shape) if study.shape else ()
-                group[name][tuple(int(i) for i in place)] = values
+                group[name][block.index(row)] = values

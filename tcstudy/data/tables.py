@@ -483,12 +483,12 @@ def at_step(array: NDArray[Any], point: Any, step: Any) -> Any:
 def journal_row(values: Steps, point: int, step: int) -> Row:
     """A step of a point for the journal."""
     own = {name: np.asarray(every[at_step(every, point, step)]) for name, every in values.items()}
-    return row_of("step", str(point), step, {"reason": str(own.pop("reason"))}, own)
+    return row_of("step", 0, point, step, {"reason": str(own.pop("reason"))}, own)
 
 
 def take_row(values: Steps, row: Row) -> None:
     """Put a step from the journal where it belongs. Raises ValueError if it belongs nowhere."""
-    (scalars, arrays, _), point, step = decode(row), int(row[1]), int(row[2])
+    (scalars, arrays), point, step = decode(row), row[2], row[3]
     points, steps = values["status"].shape
     if not (0 <= point < points and 0 <= step < steps):
         raise ValueError(f"step {step} of point {point} is outside the history")

@@ -538,6 +538,11 @@ class Study:
             return tuple(len(axis.values) for axis in self.axes)
         return (len(self.axes[0].values),) if self.axes else ()
 
+    @property
+    def bodies(self) -> tuple[Variant, ...]:
+        """The geometries of the sweep; without any the study itself as one."""
+        return self.variants or (Variant("", (), np.arange(len(self.scenes)), self),)
+
 
 @dataclass(frozen=True, eq=False)
 class Variant:

@@ -100,24 +100,6 @@ DIMENSIONS = tuple(one for one in list(globals().values()) if isinstance(one, Di
 """All above: of two with the same units, the first is meant where only units are given."""
 
 
-def same_quantity(one: object, two: object) -> bool:
-    """Whether two values of a study are one, whatever their units: "50 um", "0.05 mm" and 5e-5 are."""
-    if isinstance(one, bool) or isinstance(two, bool):
-        return one is two
-    return one == two or any(_in_si(one, d) == _in_si(two, d) for d in DIMENSIONS)
-
-
-def _in_si(value: object, dimension: Dimension) -> float:
-    """A value in SI units of a dimension; NaN if it is none."""
-    if isinstance(value, int | float):
-        return float(value)
-    parts = split_quantity(value) if isinstance(value, str) else None
-    try:
-        return to_si(*parts, dimension) if parts is not None else float("nan")
-    except UnitError:
-        return float("nan")
-
-
 def common_unit(values: Iterable[object], dimension: Dimension) -> tuple[str, float]:
     """The unit that all numbers of a study are written in, and its size in SI; the SI unit if they have none in common.
 
@@ -129,16 +111,6 @@ def common_unit(values: Iterable[object], dimension: Dimension) -> tuple[str, fl
         return "µm" if unit == "um" else unit or dimension.si, to_si("1", unit, dimension) if unit else 1.0
     except UnitError:  # a text that its reader refuses
         return dimension.si, 1.0
-
-
-def text_in(value: float, unit: str, size: float) -> str | None:
-    """The text of a number in SI in a unit of that size in SI, "52.5 mm", which is read as the same number; else None.
-
-    unit: in the words of `common_unit`
-    """
-    number = Decimal(repr(value)) / Decimal(repr(size))
-    same = float(number * Decimal(repr(size))) == value
-    return f"{number:f} {'um' if unit == 'µm' else unit}" if same else None
 
 
 @lru_cache(maxsize=64)

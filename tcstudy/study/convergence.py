@@ -30,7 +30,7 @@ from tcstudy.accuracy.orders import (
     smoothness,
 )
 from tcstudy.data.schema import PointStatus
-from tcstudy.data.store import Record, geometry_place, missing, outer_axes
+from tcstudy.data.store import Record, geometry_place, geometry_shape, missing
 from tcstudy.data.tables import BY_ITSELF, LEVELS, NUMBERS, VERDICTS, convergence_record
 from tcstudy.errors import ConvergenceError, GeometryFailed
 from tcstudy.exact.numbers import exact_energy, exact_friction_resultant, exact_slip_length, exact_xi
@@ -141,8 +141,7 @@ def converge(study: Study, say: Say = lambda text: None) -> Record:
         return convergence_record(study, *_of_body(study, say))
     none = {"status": np.full(study.mesh.levels, PointStatus.MESH_FAILED, dtype=np.int8)}
     points: list[Mapping[str, Any]] = [none] * len(study.scenes)
-    sizes = study.shape if study.mode != "grid" else tuple(len(axis.values) for axis in outer_axes(study))
-    meshes = {v.name: missing(v, (*sizes, study.mesh.levels)) for v in LEVELS}
+    meshes = {v.name: missing(v, (*geometry_shape(study), study.mesh.levels)) for v in LEVELS}
     references, notes, lost = list[str](), list[tuple[str, list[str]]](), list[str]()
     for variant in study.variants:
         reason = variant.reason

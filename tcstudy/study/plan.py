@@ -60,8 +60,6 @@ ENOUGH = 2.0
 """Seconds that FEW points take, from which on no more are tried."""
 FACTOR = 0.5
 """Of what grows with N, what every ratio of moduli takes again: factor and loads (results/speed.md)."""
-PARENT = 1e-4
-"""Seconds of a point that are this process's own: its loads, and its way to the file (tcstudy/README.md)."""
 WRITTEN = 6e-5
 """Seconds that a point takes to the file (tcstudy/README.md, Many machines)."""
 
@@ -249,10 +247,11 @@ def resources(study: Study, found: Plan, workers: int = 1) -> Resources:
     """
     own, largest = _geometries(study) if study.variants else ([study], study)
     levels = [refined(found.levels if one is largest else predicted(one), study.mesh) for one in own]
-    memory, whole = MEMORY + UNKNOWN * max(level.n_dof for one in levels for level in one), len(own) > 1
-    each_worker = (memory if whole or study.history is not None else MEMORY) if workers > 1 else 0.0
+    memory = MEMORY + UNKNOWN * max(level.n_dof for one in levels for level in one)
+    if workers > 1:
+        memory += workers * (memory if len(own) > 1 or study.history is not None else MEMORY)
     if why := unknown(study):
-        return Resources(math.nan, memory, why, workers=workers, worker_memory=each_worker)
+        return Resources(math.nan, memory, why)
     finest = refined(found.levels, study.mesh)[-1]
     mesh = replace(study.mesh, maxh=(finest.h * math.sqrt(max(1.0, finest.n_dof / TRIAL)),), levels=1, refine=0)
     few, many = (replace(_sample(largest, count), mesh=mesh) for count in (FEW, MANY))
@@ -263,18 +262,14 @@ def resources(study: Study, found: Plan, workers: int = 1) -> Resources:
             point = max(0.0, _timed(many)[-1] - body) / more if more and body < ENOUGH else 0.0
     except GeometryFailed:
         return Resources(math.nan, memory, "the coarser meshes of a trial cannot be made")
-    seconds, shared = START, 0.0
+    seconds = START
     for one, sizes_of in zip(own, levels, strict=True):
         seconds += meshing_seconds(one.mesh, sizes_of) if study.mesh.nested else 0.0
         factors = (1.0 + FACTOR * (_factorisations(one) - 1)) / (1.0 + FACTOR * (_factorisations(few) - 1))
         for size in sizes_of:
-            seconds += body * factors * (size.n_dof / n_dof) ** STAGES[1]
             each = point * (POINT + NODE * size.n_contact) / (POINT + NODE * m) + WRITTEN
-            seconds += max(0, len(one.scenes) - FEW) * each
-            shared += len(one.scenes) * max(0.0, each - PARENT)
-    if whole:  # a worker makes its mesh, too
-        shared = seconds - START
-    return Resources(seconds, memory, "", shared, workers, each_worker)
+            seconds += body * factors * (size.n_dof / n_dof) ** STAGES[1] + max(0, len(one.scenes) - FEW) * each
+    return Resources(seconds, memory)
 
 
 def unknown(study: Study) -> str:

@@ -1,49 +1,47 @@
 """Run a study: level by level, block by block, into its result file.
 
 `stages` are the levels at work, `run` their records, `execute` writes these into a file: of one body, or of one
-geometry after the other and then one file of all.
+geometry after the other.
 
 What is finished is kept in a journal at once, and the netCDF file appears whole at the end. A geometry is a study like
-any other, with the swept numbers put in and a file of its own in a folder beside the output; what is finished there
-stays, so that a stopped sweep goes on where it was. The folder goes when the file of all geometries stands. Where
-workers pay, each makes the mesh of a geometry and solves all its points, and this process alone writes; a geometry that
-is long or large is solved here, and its blocks by the workers.
+any other, with the swept numbers put in. Where workers pay, each makes the mesh of a geometry and solves all its
+points, and this process alone writes; a geometry that is long or large is solved here, and its blocks by the workers.
 """
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from tcstudy.data.files import PARTIAL, check_writable
+from tcstudy.data.files import check_writable
 from tcstudy.data.provenance import collect, holds, tell
 from tcstudy.data.records import BlockRecord, Journal, LevelRecord
 from tcstudy.data.schema import LIVE_PREFIX, PointStatus
-from tcstudy.data.store import Record, axis_problems, write, write_record
-from tcstudy.data.variants import write_variants
+from tcstudy.data.store import Record, Results, axis_problems, write, write_record
 from tcstudy.errors import GeometryFailed, StoreError, UserFault
 from tcstudy.executors import SerialExecutor, in_order
 from tcstudy.fem.meshes import Meshes, PlaneMesh
 from tcstudy.offline.level import Level, live_arrays
 from tcstudy.refine.family import ErrorEstimator, Family
 from tcstudy.scene.study import Study, Variant
-from tcstudy.study.append import Kept, appended, mended
+from tcstudy.study.append import Kept, appended
 from tcstudy.study.level_solver import LevelSolver, Times, keeps_solutions
 from tcstudy.study.lint import built_faults, faults, output_of, warnings
 from tcstudy.study.point import all_failed
 from tcstudy.study.workers import (
     BlockExecutor,
+    Resources,
     WorkerPool,
     contact_seconds,
     expected_bytes,
@@ -217,28 +215,18 @@ def as_start(study: Study, block: BlockRecord) -> BlockRecord:
 
     Copies, since a journal's arrays are views of all that the block has; the rest stays on the disk.
     """
-    needed = study.mesh.estimates or keeps_solutions(study)
-    return replace(
-        block,
-        points=block.points.copy(),
-        status=block.status.copy(),
-        numbers={},
-        u_T=None if block.u_T is None or not needed else block.u_T.copy(),
-        xi=None,
-        sticks=None,
-        fields={},
-    )
+    u_T = block.u_T if study.mesh.estimates or keeps_solutions(study) else None
+    own = block.points.copy(), block.status.copy(), block.reasons
+    return BlockRecord(block.level, block.shape, *own, numbers={}, u_T=None if u_T is None else u_T.copy())
 
 
-def work_of(study: Study, points: Sequence[int], done: Sequence[int]) -> list[LevelWork]:
+def work_of(study: Study, finished: Iterable[BlockRecord]) -> list[LevelWork]:
     """Points of every level, and those finished before; a point costs about as much as its mesh has nodes."""
-    mesh, growth = study.mesh, study.mesh.strategy.growth
+    mesh, growth, done = study.mesh, study.mesh.strategy.growth, [0] * study.mesh.levels
+    for block in finished:
+        done[block.level] += len(block)
     finer = [(mesh.maxh[0] / mesh.maxh[i]) ** 2 if mesh.listed else growth**i for i in range(mesh.levels)]
-    return [LevelWork(points[i], done[i], finer[i], not mesh.open_ended) for i in range(mesh.levels)]
-
-
-LONG, LARGE = 60.0, 2**28
-"""Seconds of contact problems, and bytes of results, from which a geometry is solved and kept block by block."""
+    return [LevelWork(len(study.scenes), done[i], finer[i], not mesh.open_ended) for i in range(mesh.levels)]
 
 
 def to_file(
@@ -262,9 +250,8 @@ SMALL = 1_000_000
 
 @dataclass(frozen=True)
 class Summary:
-    """What came of a run: where the data are and how many points there are, failed and resumed ones counted."""
+    """What came of a run: how many solutions there are, failed and resumed ones counted."""
 
-    output: Path
     points: int
     failed: int
     resumed: int
@@ -277,7 +264,12 @@ def what_is_left(study: Study, output: Path, force: bool, append: bool) -> tuple
     """
     if append:
         return appended(output, study)
-    return study, Kept.none(study) if force or not holds(output, "run", study) else mended(output, study)
+    there = not force and holds(output, "run", study)
+    return study, Kept.of(output, study, study) if there else Kept.none(study)
+
+
+LONG, LARGE = 60.0, 2**28
+"""Seconds of contact problems, and bytes of results, from which a geometry is solved and kept block by block."""
 
 
 def execute(
@@ -290,76 +282,109 @@ def execute(
     kept: Kept | None = None,
     pool: WorkerPool | None = None,
 ) -> Summary:
-    """Run all points of a study and write the result file.
+    """Run all points of a study, of one body or of one geometry after the other, and write the result file.
 
     jobs: worker processes, None for as many as pay;  dask: address of a scheduler whose workers are to do it instead
     kept: what the output has of the study already and keeps (study.append), None for nothing
     pool: who works, if some have begun to. Only this process writes, and the numbers are the same to the bit.
     A run that was killed or interrupted leaves its finished points beside the output; the same study then goes on
-    where it stopped. Raises StoreError if the results cannot be kept, GeometryFailed if the body has no mesh,
-    WorkersFailed if there are no workers; KeyboardInterrupt passes through after the finished points are on the disk.
+    where it stopped. Of a sweep, a geometry without a mesh, or one that kills its workers, is a status of its points.
+    Raises StoreError if the results cannot be kept, GeometryFailed if the body has no mesh, WorkersFailed if there are
+    no workers; KeyboardInterrupt passes through after the finished points are on the disk.
     """
-    output = output or output_of(study)
-    if problems := faults(study, output):
+    output, kept, bodies = output or output_of(study), kept or Kept.none(study), study.bodies
+    if problems := [*faults(study, output), *axis_problems(study)]:
         raise StoreError("\n".join(problems))
-    with closing((pool or WorkerPool(jobs, dask)).ready(study)) as pool:
-        write_all = _geometries if study.variants else _into_file
-        return write_all(study, output, watcher, command, pool, kept or Kept.none(study))
-
-
-def _into_file(
-    study: Study,
-    output: Path,
-    watcher: Watcher | None,
-    command: Sequence[str],
-    pool: WorkerPool,
-    kept: Kept,
-    part: tuple[Variant, tuple[int, ...]] | None = None,
-    solved: Iterable[LevelRecord | BlockRecord] | None = None,
-) -> Summary:
-    """Run all points of a study with one body: what the file keeps, or an earlier run left, is where this one begins.
-
-    part:   the geometry of a sweep and the sweep's shape, where this is not the whole run: then nothing is said of it,
-            and its workers stay
-    solved: what a worker found already, in the order of a run, shown when it is safe
-    """
-    # Two BLAS threads make the many small dense operations of a sweep slower, not faster.
-    with threadpool_limits(1, user_api="blas"), Journal.open(output, study) as journal:
-        for record in kept.records():
-            journal.add(record)
-        journal.flush()
-        before = {level.level: level for level in journal.levels()}
+    with (
+        closing((pool or WorkerPool(jobs, dask)).ready(study)) as pool,
+        # two BLAS threads make the many small dense operations of a sweep slower, not faster
+        threadpool_limits(1, user_api="blas"),
+        Journal.open(output, study) as journal,
+    ):
+        tell([*journal.warnings, *(remarks := warnings(study))])
+        each = [_results(study, kept, journal, i) for i in range(len(bodies))]
         # what broke down unexpectedly is tried again; what failed by its own numbers would fail again
-        known = (block for block in journal.blocks() if not np.any(block.status == PointStatus.ERROR))
-        finished = [*(as_start(study, block) for block in known), *kept.left_out()]
-        remarks = warnings(study, part is None)
-        tell([*journal.warnings, *(remarks if part is None else ())])
-        points, idle = int(kept.asked.sum()), int((~kept.asked).sum())
-        done = [sum(len(one) for one in finished if one.level == i) - idle for i in range(study.mesh.levels)]
-        if part is None and watcher is not None:
-            watcher.begin(work_of(study, [points] * study.mesh.levels, done))
-        later = list[LevelRecord | BlockRecord]()
-        if min(done) == points and not (study.output.live or study.mesh.estimates):  # not even a mesh is needed
-            solved = ()
-        for record in run(study, finished, pool.blocks) if solved is None else solved:
-            if isinstance(record, LevelRecord) and record.level in before:
-                record = _same_mesh(before[record.level], record)
-            journal.add(record)
-            if solved is None:
-                _show(watcher, record, part)
+        finished = [
+            [as_start(study, one) for one in own.blocks() if not np.any(one.status == PointStatus.ERROR)]
+            for own in each
+        ]
+        work, failed, meshed = work_of(study, chain.from_iterable(finished)), list[BlockRecord](), dict[int, Results]()
+        if watcher is not None:
+            watcher.begin(work)
+        for i, (body, found) in enumerate(zip(bodies, _found(study, finished, pool), strict=True)):
+            before = {level.level: level for level in each[i].levels()}
+            try:
+                for record in found():
+                    if isinstance(record, LevelRecord) and record.level in before:
+                        record = _same_mesh(before[record.level], record)
+                    journal.add(record, i)
+                    _show(watcher, record, study, body)
+            except Exception as error:  # as of a block: one geometry must not end a sweep
+                if not study.variants or (isinstance(error, UserFault) and not isinstance(error, GeometryFailed)):
+                    raise
+                status, reason = PointStatus.MESH_FAILED, str(error)
+                if not isinstance(error, GeometryFailed):
+                    status, reason = PointStatus.ERROR, f"{type(error).__name__}: {error}"
+                for level in range(study.mesh.levels):
+                    failed.append(all_failed(study, level, body.places, status, reason))
+                    _show(watcher, failed[-1], study)
             else:
-                later.append(record)
-        if part is None:
-            pool.close()  # before the file, which takes memory, is written
+                meshed[i] = each[i]
+        pool.close()  # before the file, which takes memory, is written
         journal.flush()
-        levels, provenance = journal.levels(), kept.before(collect(study, command, remarks=remarks))
-        if study.mesh.estimates and not study.mesh.listed and levels:  # without those that its tolerance did not need
-            study = replace(study, mesh=replace(study.mesh, levels=levels[-1].level + 1))
-        count, failed = write(output, study, levels, journal.blocks, provenance)
+        whole = replace(each[0], attributes=kept.before(collect(study, command, remarks=remarks)))
+        if study.variants:
+            whole = replace(whole, study=study, levels=tuple, blocks=lambda: failed)
+            for i, own in meshed.items():
+                said = warnings(own.study, text=False)
+                meshed[i] = replace(own, attributes=kept.before(collect(own.study, command, remarks=said), i))
+        elif study.mesh.estimates and not study.mesh.listed and (levels := [level.level for level in each[0].levels()]):
+            # without those that its tolerance did not need
+            whole = replace(whole, study=replace(study, mesh=replace(study.mesh, levels=levels[-1] + 1)))
+        count, bad = write(output, whole, meshed if study.variants else {})
         journal.discard()
-    for record in later:
-        _show(watcher, record, part)
-    return Summary(output, count, failed, sum(done))
+    return Summary(count, bad, sum(one.done for one in work))
+
+
+def _results(study: Study, kept: Kept, journal: Journal, i: int) -> Results:
+    """What a file keeps of a body, then what the journal has of it."""
+
+    def levels() -> Iterable[LevelRecord]:
+        return {level.level: level for level in (*kept.levels(i), *journal.levels(i))}.values()
+
+    return Results(study.bodies[i].study or study, levels, lambda: chain(kept.blocks(i), journal.blocks(i)))
+
+
+Records = list[LevelRecord | BlockRecord]
+
+
+def _found(
+    study: Study, finished: Sequence[Sequence[BlockRecord]], pool: WorkerPool
+) -> Iterator[Callable[[], Iterable[LevelRecord | BlockRecord]]]:
+    """What finds the records of every body that are not finished, here or by a worker that makes its mesh.
+
+    A geometry that takes long or has large results, or points from before, is solved here, block by block.
+    """
+    sent, answers = dict[int, tuple[Study, Resources]](), iter(list[Future[Records]]())
+    for i, body in enumerate(study.variants):
+        if (own := body.study) is not None and not finished[i]:
+            took = sum(contact_seconds(own, level.n_contact) for level in predicted(own))
+            if took < LONG and expected_bytes(own) < LARGE:
+                sent[i] = own, of_geometry(own)
+    if (who := pool.whole([one for _, one in sent.values()])) is not None:
+        words = {i: f"geometry-{i} {study.variants[i].words}" for i in sent}
+        calls = (submit(who, solve_geometry, own, name=words[i], seconds=one.seconds) for i, (own, one) in sent.items())
+        answers = in_order(who, calls)
+
+    def found(i: int) -> Iterable[LevelRecord | BlockRecord]:
+        if (own := study.bodies[i].study) is None:
+            raise GeometryFailed(study.bodies[i].reason)
+        whole = sum(map(len, finished[i])) == len(own.scenes) * own.mesh.levels
+        if whole and not (own.output.live or own.mesh.estimates):  # not even a mesh is needed
+            return ()
+        return next(answers).result() if i in sent and who is not None else run(own, finished[i], pool.blocks)
+
+    return (partial(found, i) for i in range(len(study.bodies)))
 
 
 def _same_mesh(old: LevelRecord, new: LevelRecord) -> LevelRecord:
@@ -373,82 +398,15 @@ def _same_mesh(old: LevelRecord, new: LevelRecord) -> LevelRecord:
     return replace(old, fields=new.fields, stop=new.stop)
 
 
-def _show(
-    watcher: Watcher | None, record: LevelRecord | BlockRecord, part: tuple[Variant, tuple[int, ...]] | None = None
-) -> None:
-    """Tell of a level or of points, those of a geometry by their places in the whole sweep."""
+def _show(watcher: Watcher | None, record: Any, study: Study, body: Variant | None = None) -> None:
+    """Tell of a level, or of points by their places in the whole sweep; body: whose places they have, if not that."""
     if watcher is None:
         return
     if isinstance(record, BlockRecord):
-        watcher.block(replace(record, points=part[0].places[record.points], shape=part[1]) if part else record)
+        places = record.points if body is None else body.places[record.points]
+        watcher.block(replace(record, points=places, shape=study.shape))
     elif not record.stop:  # one that says why the level was the last follows its points
-        watcher.level(record, part[0].words if part else "")
-
-
-def _geometries(
-    study: Study, output: Path, watcher: Watcher | None, command: Sequence[str], pool: WorkerPool, kept: Kept
-) -> Summary:
-    """Run all geometries, each a study of its own into a file of its own, and join their files.
-
-    Raises as `execute`; a geometry without a mesh, or one that kills its workers, is a status of its points.
-    """
-    if problems := axis_problems(study):
-        raise StoreError("\n".join(problems))
-    tell(remarks := warnings(study))
-    folder, failed, files, resumed = output.with_name(f"{output.name}.geometries"), list[BlockRecord](), [], 0
-    folder.mkdir(parents=True, exist_ok=True)
-    targets = [folder / f"{i}.nc" for i in range(len(study.variants))]
-    before = [_of_file(*one) for one in zip(study.variants, targets, kept.of_geometries(), strict=True)]
-    sent = {i: of_geometry(one.study) for i, one in enumerate(study.variants)
-            if one.study is not None and _travels(one.study, targets[i], before[i])}  # fmt: skip
-    answers: Iterator[Future[list[LevelRecord | BlockRecord]]] = iter(())
-    if (who := pool.whole([*sent.values()])) is not None:
-        names = {i: f"geometry-{i} {study.variants[i].words}" for i in sent}
-        answers = in_order(
-            who, (submit(who, solve_geometry, before[i].study, name=names[i], seconds=sent[i].seconds) for i in sent)
-        )
-    if watcher is not None:
-        watcher.begin(work_of(study, np.sum([one.todo.sum(axis=0) for one in before], axis=0), [0] * study.mesh.levels))
-    for i, (variant, own, file) in enumerate(zip(study.variants, before, targets, strict=True)):
-        status, reason = PointStatus.MESH_FAILED, variant.reason
-        try:
-            if variant.study is not None and (own.path != file or own.todo.any()):
-                solved, part = next(answers).result() if i in sent and who is not None else None, (variant, study.shape)
-                resumed += _into_file(variant.study, file, watcher, command, pool, own, part, solved).resumed
-        except GeometryFailed as error:
-            reason = str(error)
-        except UserFault:
-            raise
-        except Exception as error:  # as of a block: one geometry must not end a sweep
-            status, reason = PointStatus.ERROR, f"{type(error).__name__}: {error}"
-        files.append(None if reason else file)
-        for level in range(study.mesh.levels) if reason and own.asked.any() else ():
-            failed.append(all_failed(study, level, variant.places[own.asked], status, reason))
-            _show(watcher, failed[-1])
-    pool.close()
-    provenance = kept.before(collect(study, command, remarks=remarks))
-    points, bad = write_variants(output, study, files, failed, provenance)
-    shutil.rmtree(folder, ignore_errors=True)
-    return Summary(output, points, bad, resumed)
-
-
-def _of_file(variant: Variant, file: Path, kept: Kept) -> Kept:
-    """What the file of a geometry has that an earlier run left, else `kept`; one of another study is made again."""
-    study = variant.study
-    try:
-        there = study is not None and holds(file, "run", study)
-    except StoreError:
-        file.unlink()
-        return kept
-    return Kept.of(file, study, study, kept.asked) if there and study is not None else kept
-
-
-def _travels(study: Study, file: Path, kept: Kept) -> bool:
-    """Whether a worker may make the mesh of a geometry and solve all its points; what is half done goes on here."""
-    if file.with_name(file.name + PARTIAL).exists() or len(kept.places) or not kept.todo.all():
-        return False
-    took = sum(contact_seconds(study, level.n_contact) for level in predicted(study))
-    return took < LONG and expected_bytes(study) < LARGE
+        watcher.level(record, body.words if body is not None else "")
 
 
 def solve_geometry(study: Study) -> list[LevelRecord | BlockRecord]:

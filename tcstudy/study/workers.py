@@ -61,23 +61,11 @@ class LevelForecast:
 
 @dataclass(frozen=True)
 class Resources:
-    """CPU time [s] of one process and peak memory [byte]; unknown: why the time is not known, then NaN.
-
-    shared:  seconds of these that worker processes take off this one
-    workers: processes that will do it, 1 for this one alone;  worker_memory: peak of each of them [byte]
-    """
+    """CPU time [s] and peak memory [byte]; unknown: why the time is not known, then NaN."""
 
     seconds: float
     memory: float
     unknown: str = ""
-    shared: float = 0.0
-    workers: int = 1
-    worker_memory: float = 0.0
-
-    @property
-    def wall(self) -> float:
-        """Seconds that pass with these workers."""
-        return self.seconds - self.shared * (1.0 - 1.0 / self.workers)
 
 
 def predicted(study: Study) -> tuple[LevelForecast, ...]:
@@ -128,18 +116,15 @@ def sizes(study: Study) -> tuple[LevelForecast, ...]:
         m = contact_line(mesh, frames, scene.edges(Contact)).m
         return LevelForecast(rough[level].h, mesh.n_points, frames.n_dof, m, exact=True), len(mesh.triangles)
 
-    if plan.nested:
+    if plan.nested:  # what lies in triangles grows fourfold, what lies on edges twofold
         first, triangles = counted(0)
         second = counted(1)[0] if len(rough) > 1 else first
-        nodes = first.nodes
-        euler = 2 * nodes - second.nodes + triangles  # a new node for every edge
-        fixed, more = (2 * one.nodes - one.n_dof for one in (first, second))
-        for level, one in enumerate(rough):
-            n_dof = 2 * nodes - fixed - (more - fixed) * (2**level - 1)
-            n_contact = first.n_contact + (second.n_contact - first.n_contact) * (2**level - 1)
-            found.append(LevelForecast(one.h, nodes, n_dof, n_contact, exact=True))
-            nodes, triangles = 2 * nodes + triangles - euler, 4 * triangles
-        return tuple(found)
+        one, two = (np.array([v.nodes, v.n_dof, v.n_contact]) for v in (first, second))
+        inside = np.array([triangles / 2, triangles, 0])
+        grown = [one + inside * (4**i - 1) + (two - one - 3 * inside) * (2**i - 1) for i in range(len(rough))]
+        return tuple(
+            LevelForecast(v.h, round(n[0]), round(n[1]), round(n[2]), True) for v, n in zip(rough, grown, strict=True)
+        )
     for level, guess in enumerate(rough):
         size = guess
         if found:  # what small features and arcs add to a mesh of a list they add to all; others grow by one factor
@@ -233,8 +218,6 @@ def expected_bytes(study: Study, levels: Sequence[LevelForecast] | None = None) 
 T = TypeVar("T")
 BlockExecutor = Callable[[Study, int], SerialExecutor]
 """(study, contact unknowns of a level) → who solves its blocks."""
-FINE = 2000
-"""Contact unknowns of a fine level: where these would not pay for workers no forecast is made."""
 WORTH = 2.0
 """Seconds of work from which a worker is worth its start, of about half a second."""
 SHARE = 0.5
@@ -289,8 +272,7 @@ class WorkerPool:
 
         It takes as long as what a run has to do, and to import, before its first block.
         """
-        promising = self.jobs is not None or contact_seconds(study, FINE) >= 2 * WORTH
-        if self.dask is None and self._pool is None and promising:
+        if self.dask is None and self._pool is None:
             count = 1
             if study.variants or study.history is not None:
                 count = min(self.jobs or 1, len(study.variants) or len(study.scenes))

@@ -20,7 +20,7 @@ import tcstudy
 from tcstudy.contact.problem import CondensedBody
 from tcstudy.data.provenance import collect
 from tcstudy.data.records import Journal
-from tcstudy.data.store import write
+from tcstudy.data.store import Results, write
 from tcstudy.executors.processes import keep_freed_memory
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.study import Study
@@ -57,7 +57,7 @@ def measure(study: Study, level: int) -> tuple[int, float, float, float]:
                 journal.add(record)
             journal.flush()
             words = collect(study, ("tcstudy",))
-            write(Path(folder) / "whole.nc", study, journal.levels(), journal.blocks(), words)
+            write(Path(folder) / "whole.nc", Results(study, journal.levels, journal.blocks, words))
             journal.discard()
         whole = min(whole, time.process_time() - since)
         problems = [stage.level.condensed(scene).problem for scene in study.scenes]

@@ -70,4 +70,5 @@ def write(
 ) -> tuple[int, int]:
     """`store.write` of blocks and points."""
     blocks = [block_of(one, study.shape) if isinstance(one, PointRecord) else one for one in records]
-    return store.write(path, study, levels, blocks, attributes or collect(study, ["tcstudy", "run", "study.yaml"]))
+    told = attributes or collect(study, ["tcstudy", "run", "study.yaml"])
+    return store.write(path, store.Results(study, lambda: levels, lambda: blocks, told))

@@ -40,7 +40,7 @@ def test_a_full_disk_or_an_interrupt_leaves_the_old_file(
         monkeypatch.setattr(os, step, fail)
     kind, said = (KeyboardInterrupt, None) if step == "records" else (StoreError, "No space left.*Free some space")
     with pytest.raises(kind, match=said):
-        store.write(written, study, levels, records, {})
+        store.write(written, store.Results(study, lambda: levels, records))
     assert written.read_bytes() == before
     assert os.listdir(written.parent) == [written.name]
 

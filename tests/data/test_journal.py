@@ -207,7 +207,7 @@ def test_a_journal_of_another_study_or_program_is_set_aside_never_deleted(
             assert [why in one and ".partial.old" in one for one in journal.warnings] == [True]
     for place, name in enumerate(("study.nc.partial.old", "study.nc.partial.old2")):
         with contextlib.closing(sqlite3.connect(output.parent / name)) as kept:
-            assert kept.execute("SELECT place FROM record WHERE kind = 'block'").fetchall() == [(str(place),)]
+            assert kept.execute("SELECT place FROM record WHERE kind = 'block'").fetchall() == [(place,)]
 
 
 @pytest.mark.parametrize("size", [0, 1, 100, 4096, 9000, -5000])

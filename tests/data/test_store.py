@@ -140,7 +140,7 @@ def test_a_long_sweep_comes_back_whatever_the_passes(
 
     monkeypatch.setattr(store, "MEMORY", memory)
     monkeypatch.setattr(store, "CHUNK", 2**15)
-    store.write(output, study, [make_level(0)], again, collect(study, ["tcstudy"]))
+    store.write(output, store.Results(study, lambda: [make_level(0)], again, collect(study, ["tcstudy"])))
     assert not list(output.parent.glob(".*.tmp"))
     assert passes > 10 if memory < 2**26 else passes == 1
     assert_held(output, *blocks)

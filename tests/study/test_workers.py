@@ -17,9 +17,8 @@ from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import PointStatus
 from tcstudy.executors import ProcessExecutor, SerialExecutor
 from tcstudy.read.study import read_study, read_study_text
-from tcstudy.reports.terminal.progress import expected_words
 from tcstudy.study import workers as who
-from tcstudy.study.append import mended
+from tcstudy.study.append import Kept
 from tcstudy.study.run import LevelWork, execute, run, solve_geometry
 from tcstudy.study.workers import Resources, submit
 from tests.benchmarks.kills import assert_same, children
@@ -60,13 +59,6 @@ def test_whole_calls_get_the_workers_that_pay_and_have_memory(monkeypatch: pytes
     monkeypatch.setattr(who, "_memory", lambda: 7e9)
     assert who.for_calls(each, None) == 3
     assert who.for_calls(each, 6) == 6
-
-
-def test_a_forecast_says_what_workers_take_off() -> None:
-    """A hundred seconds, of which eighty are shared: 20 + 80/4 pass."""
-    told = Resources(100.0, 1e9, shared=80.0, workers=4, worker_memory=0.25e9)
-    assert told.wall == 40.0
-    assert expected_words(told) == "about 1 min 40 s of CPU time, 40 s on 5 cores, about 2 GB"
 
 
 BARS = """
@@ -140,7 +132,7 @@ def test_a_geometry_that_kills_its_workers_is_told_and_the_rest_goes_on(
         assert np.all(tree["geometry"].sel(s=1.5) == -1)
         told = str(tree["reason"].sel(s=1.5).values[0, 0])
     assert told.startswith("WorkerDied: the worker process that solved this died: ")
-    execute(study, path, jobs=1, kept=mended(path, study))
+    execute(study, path, jobs=1, kept=Kept.of(path, study, study))
     assert_same(alone, path)
 
 

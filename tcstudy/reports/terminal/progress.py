@@ -153,10 +153,8 @@ def _count(value: int, level: Any) -> str:
 
 
 def expected_words(expected: Any, at_most: bool = False) -> str:
-    """CPU time, cores and memory to expect, in words: rough figures. expected: a `tcstudy.study.workers.Resources`"""
-    cores = expected.workers + 1
-    room = f"{'up to ' * at_most}about {(expected.memory + expected.workers * expected.worker_memory) / 1e9:.1g} GB"
+    """CPU time and memory to expect, in words: rough figures. expected: a `tcstudy.study.workers.Resources`"""
+    room = f"{'up to ' * at_most}about {expected.memory / 1e9:.1g} GB"
     if expected.unknown:
         return f"time unknown: {expected.unknown}; {room}"
-    wall = f", {span(expected.wall)} on {cores} cores" if cores > 2 else ""
-    return f"about {span(expected.seconds)} of CPU time{wall}, {room}"
+    return f"about {span(expected.seconds)} of CPU time, {room}"
