@@ -125,33 +125,18 @@ def _form(flag: str, help: str) -> shared.Option:
     _form("--vtu", "body and contact line of every point, and one PVD (ParaView)"),
     _form("--csv", "a row a point and level, columns `name [unit]`"),
     _form("--json", "the same rows as objects"),
-    _form("--geometry", "of a sweep over geometries the run of one, named by --at"),
     option("-o", "--output", type=shared.named, metavar="TARGET", help=_OUTPUT),
     at("only points with this value (may be repeated)"),
     option("--level", type=int, metavar="N", help="mesh level of --vtu (default: the finest)"),
 )
 def export(options: argparse.Namespace) -> int:
     """Write a result file in another form."""
-    if options.form == "geometry":
-        return _geometry(options)
     if options.form is None:
         fail("choose one form: --vtu for the fields of every point, --csv or --json for the table of points")
     if options.level is not None and options.form != "vtu":
         fail("--level: a table has all levels; leave it out")
     target, lines = exported(options.file, options.form, options.output, point_of(options), options.level)
     print("\n".join((f"{target}: {lines[0]}", *lines[1:])))
-    return OK
-
-
-def _geometry(options: argparse.Namespace) -> int:
-    """Write the run of one geometry of a sweep over several."""
-    from tcstudy.data.reading import extract
-    from tcstudy.reports.select_point import geometry_of
-
-    if options.output is None or options.output.exists():
-        fail(f"{options.output} exists; name another file" if options.output else "--geometry: name the file with -o")
-    extract(options.file, geometry_of(options.file, point_of(options)), options.output)
-    print(f"{options.output}: the run of one geometry")
     return OK
 
 

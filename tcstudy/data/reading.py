@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data import schema
-from tcstudy.data.files import attributes, reading, refuse_changed, replace_file
+from tcstudy.data.files import attributes, reading
 from tcstudy.data.provenance import Kind, kind_of
 from tcstudy.data.records import BlockRecord, LevelRecord
-from tcstudy.data.schema import MISSING_COUNT, POINT, PointStatus, line_variables
-from tcstudy.data.store import GEOMETRIES, OWN_POINT, Places, numbers, tile_shape, tiles
-from tcstudy.errors import StoreError, UsageError
+from tcstudy.data.schema import MISSING_COUNT, PointStatus, line_variables
+from tcstudy.data.store import GEOMETRIES, Places, numbers, tile_shape, tiles
+from tcstudy.errors import StoreError
 from tcstudy.scene.study import Study
 
 if TYPE_CHECKING:
@@ -60,27 +60,8 @@ def load_root(path: Path, kind: Kind | None = None) -> xarray.Dataset:
 def refuse_geometries(attributes: Mapping[Any, Any], what: str) -> None:
     """Raise StoreError for a file of several geometries where one is needed."""
     if GEOMETRIES in attributes:
-        how = "take one out with tcstudy export FILE.nc --geometry --at NAME=VALUE -o ONE.nc"
+        how = "run the study for one, with --set and that value in place of the swept ones"
         raise StoreError(f"the file has {attributes[GEOMETRIES]} geometries, and {what} is of one; {how}")
-
-
-def extract(path: Path, number: int, target: Path) -> None:
-    """Write the file of the run of one geometry. Raises StoreError; UsageError if it has no mesh."""
-    refuse_changed(path)
-    import xarray
-
-    with opened(path) as nc:
-        if f"geometry_{number}" not in nc.groups:
-            raise UsageError(f"{path} has no mesh of this geometry; tcstudy show says why")
-
-    def own(data: xarray.Dataset) -> xarray.Dataset:
-        for variable in data.variables.values():
-            if "_FillValue" not in variable.attrs:
-                variable.encoding["_FillValue"] = None
-        return data.rename({OWN_POINT: POINT} if OWN_POINT in data.dims else {})
-
-    with xarray.open_datatree(path, engine="netcdf4", group=f"geometry_{number}", decode_cf=False) as tree:
-        replace_file(target, tree.map_over_datasets(own).to_netcdf)
 
 
 def sweep_dims(data: Any) -> list[str]:

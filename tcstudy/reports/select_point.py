@@ -5,15 +5,14 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.reading import axis_names, open_results, sweep_dims
+from tcstudy.data.reading import axis_names, sweep_dims
 from tcstudy.data.schema import PointStatus
-from tcstudy.errors import DrawError, UsageError
+from tcstudy.errors import DrawError
 from tcstudy.reports.text import number, scaled_labels
 from tcstudy.scene import units as u
 
@@ -231,19 +230,3 @@ def _has(given: str, names: list[str], most: int = 8) -> str:
     near = difflib.get_close_matches(given, names, n=1)
     shown = ", ".join(names[:most]) + (", …" if len(names) > most else "")
     return (f"did you mean {near[0]!r}? " if near else "") + f"it has {shown}"
-
-
-def geometry_of(path: Path, point: Mapping[str, Value]) -> int:
-    """Number of the one geometry that the points with these labels have.
-
-    Raises StoreError, DrawError as `matching`, UsageError where there is none or are several.
-    """
-    with open_results(path) as tree:
-        data = tree.to_dataset()
-        if "geometry" not in data:
-            raise UsageError(f"{path} has one geometry, which the file is of")
-        found = sorted({int(one) for one in data["geometry"].values.ravel()[matching(data, point)]} - {-1})
-    if len(found) != 1:
-        what = f"{len(found)} geometries have" if found else "no geometry with a mesh has"
-        raise UsageError(f"{what} these values; name swept numbers of body and mesh by --at NAME=VALUE")
-    return found[0]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -162,7 +161,6 @@ _NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w.]*\w)")
 """A number that stands by itself: not the 1 of u_1 or "level_1"."""
 
 _REMEDIES = {
-    PointStatus.NOT_RUN: "run the study again to resume it",
     PointStatus.NOT_CONVERGED: "try the other solver",
     PointStatus.INCLUSION_VIOLATED: "raise solver.tolerance, check the units, or coarsen the mesh",
     PointStatus.SINGULAR: "check that the body is held and that the material is elastic",
@@ -170,15 +168,6 @@ _REMEDIES = {
     PointStatus.ERROR: "run the study again, which repeats these points; if it stays, it is a fault of the program",
 }
 """What to try where a reason names no remedy of its own."""
-
-
-@dataclass(frozen=True)
-class Failure:
-    """One failed point: its status and reason as stored, and in words which one it is."""
-
-    status: PointStatus
-    reason: str
-    point: str
 
 
 def kind(status: PointStatus, reason: str) -> tuple[PointStatus, str]:
@@ -191,36 +180,27 @@ def named(status: PointStatus) -> str:
     return status.name.lower().replace("_", " ")
 
 
-def failure_lines(failures: Iterable[Failure]) -> list[str]:
-    """One line for each kind of failure: count, status, reason with the ranges of its numbers, a point, a remedy."""
-    groups: dict[tuple[PointStatus, str], list[Failure]] = {}
-    for failure in failures:
-        groups.setdefault(kind(failure.status, failure.reason), []).append(failure)
-    return [_line(status, group) for (status, _), group in sorted(groups.items(), key=lambda item: -len(item[1]))]
+def failure_lines(failures: Iterable[tuple[PointStatus, str, str]]) -> list[str]:
+    """One line for each kind of failure: count, status, reason with the ranges of its numbers, a point, a remedy.
 
-
-def _line(status: PointStatus, group: list[Failure]) -> str:
-    what = _merged([without_paths(failure.reason) for failure in group]).rstrip(". ")
-    what = "" if what == named(status) else what
-    # reasons of the house end in their own remedy after a semicolon; an unexpected exception has none
-    if status in _REMEDIES and (";" not in what or status == PointStatus.ERROR):
-        what = "; ".join(filter(None, (what, _REMEDIES[status])))
-    count = counted(len(group), "solution")
-    example = group[0].point if len(group) == 1 else f"for example {group[0].point}"
-    return f"{count} failed: {named(status)}: {what} ({example})"
-
-
-def _merged(reasons: list[str]) -> str:
-    """The common text of reasons that differ in numbers; a number that differs is shown as its range."""
-    texts = _NUMBER.split(reasons[0])
-    columns = zip(*(_NUMBER.findall(reason) for reason in reasons), strict=True)
-    shown = [_range(column) for column in columns]
-    return "".join(text + number for text, number in zip(texts, [*shown, ""], strict=True))
-
-
-def _range(numbers: tuple[str, ...]) -> str:
-    low, high = min(numbers, key=float), max(numbers, key=float)
-    return low if float(low) == float(high) else f"{low} to {high}"
+    failures: (status, reason as stored, the point in words)
+    """
+    groups: dict[tuple[PointStatus, str], list[tuple[str, str]]] = {}
+    for status, reason, point in failures:
+        groups.setdefault(kind(status, reason), []).append((without_paths(reason), point))
+    lines = []
+    for (status, _), group in sorted(groups.items(), key=lambda item: -len(item[1])):
+        columns = zip(*(_NUMBER.findall(reason) for reason, _ in group), strict=True)
+        ends = [(min(column, key=float), max(column, key=float)) for column in columns]
+        shown = [low if float(low) == float(high) else f"{low} to {high}" for low, high in ends]
+        what = "".join(map("".join, zip(_NUMBER.split(group[0][0]), [*shown, ""], strict=True))).rstrip(". ")
+        what = "" if what == named(status) else what
+        # reasons of the house end in their own remedy after a semicolon; an unexpected exception has none
+        if status in _REMEDIES and (";" not in what or status == PointStatus.ERROR):
+            what = "; ".join(filter(None, (what, _REMEDIES[status])))
+        example = f"{'for example ' * (len(group) > 1)}{group[0][1]}"
+        lines.append(f"{counted(len(group), 'solution')} failed: {named(status)}: {what} ({example})")
+    return lines
 
 
 def axis_unit(values: Iterable[float], units: str) -> tuple[float, str]:

@@ -3,7 +3,7 @@
 import pytest
 
 from tcstudy.data.schema import PointStatus
-from tcstudy.reports.text import Failure, failure_lines, label, scaled_labels
+from tcstudy.reports.text import failure_lines, label, scaled_labels
 
 
 def test_a_label_is_short_unless_that_makes_a_rounder_number() -> None:
@@ -27,13 +27,13 @@ def test_powers_of_ten_become_a_prefix_where_one_suits_all(values, units, shown)
 BAD, ERROR = PointStatus.INCLUSION_VIOLATED, PointStatus.ERROR
 
 
-def missed(residual: str, point: str) -> Failure:
-    return Failure(BAD, f"residual {residual} after 30 steps; raise solver.tolerance", point)
+def missed(residual: str, point: str) -> tuple[PointStatus, str, str]:
+    return (BAD, f"residual {residual} after 30 steps; raise solver.tolerance", point)
 
 
 def test_other_words_and_other_statuses_are_other_lines_the_most_frequent_first() -> None:
-    failures = [Failure(BAD, f"the limit of {many} is reached; allow more", "b") for many in (300, 400)]
-    failures += [Failure(ERROR, "residual 1 after 30 steps; raise solver.tolerance", "a")]
+    failures = [(BAD, f"the limit of {many} is reached; allow more", "b") for many in (300, 400)]
+    failures += [(ERROR, "residual 1 after 30 steps; raise solver.tolerance", "a")]
     failures += [missed("2e-07", "d"), missed("3.0e-09", "e"), missed("4e-8", "f")]
     lines = failure_lines(failures)
     assert [line.split(":")[0] for line in lines] == ["3 solutions failed", "2 solutions failed", "1 solution failed"]
@@ -43,7 +43,7 @@ def test_other_words_and_other_statuses_are_other_lines_the_most_frequent_first(
 
 
 def test_a_reason_without_a_remedy_gets_one_and_nothing_of_the_machine_is_shown() -> None:
-    line = failure_lines([Failure(ERROR, "OSError: cannot read /srv/someone/deep/part.step; x", "alpha = 1")])[0]
+    line = failure_lines([(ERROR, "OSError: cannot read /srv/someone/deep/part.step; x", "alpha = 1")])[0]
     assert "someone" not in line
     assert all(words in line for words in ("part.step", "run the study again"))
-    assert "coarsen the mesh" in failure_lines([Failure(BAD, "", "a")])[0]
+    assert "coarsen the mesh" in failure_lines([(BAD, "", "a")])[0]

@@ -117,15 +117,7 @@ def test_what_is_refused(change: str, what: str) -> None:
     assert len(fault.value.problems) == 1
 
 
-def test_one_geometry_is_taken_out_as_the_run_that_it_was(
-    bar: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    one = tmp_path / "one.nc"
-    with pytest.raises(SystemExit):
-        main(["export", str(bar), "--geometry", "-o", str(one)])
-    assert "3 geometries have these values" in capsys.readouterr().err
-    assert main(["export", str(bar), "--geometry", "--at", "width=0.2", "-o", str(one)]) == 0
-    assert main(["show", str(one)]) == 0
+def test_a_map_shows_all_geometries(bar: Path, tmp_path: Path) -> None:
     assert main(["draw", str(bar), str(tmp_path / "map.png"), "--map", "width,E", "--of", "u_T_max"]) == 0
 
 

@@ -25,7 +25,7 @@ from tcstudy.reports.terminal.tables import (
     quantity,
     render,
 )
-from tcstudy.reports.text import PROOFS, Failure, counted, digits_lost, failure_lines, headed, number, proved
+from tcstudy.reports.text import PROOFS, counted, digits_lost, failure_lines, headed, number, proved
 
 NOT_SAID = ("start_energy", "start_used", "iterations", "evaluations", "omega", "uniqueness_margin")
 """Variables of which a summary says nothing: of a long sweep they need not be in memory."""
@@ -237,7 +237,7 @@ def _said(data: Any) -> Iterator[str]:
     status, total = data["status"].values, data["status"].size
     failed = [tuple(place) for place in np.argwhere((status != PointStatus.OK) & (status != PointStatus.NOT_RUN))]
     reasons = data["reason"].values if failed else {}
-    yield from failure_lines(Failure(PointStatus(int(status[p])), str(reasons[p]), _point(data, p)) for p in failed)
+    yield from failure_lines((PointStatus(int(status[p])), str(reasons[p]), _point(data, p)) for p in failed)
     if "sensitivity_status" in data:
         known = np.count_nonzero(data["sensitivity_status"].isel(level=-1).values == DIFFERENTIABLE)
         of = data["status"].isel(level=-1).size
