@@ -79,7 +79,12 @@ def _command(arguments: list[str]) -> int:
     try:
         return int(options.run(options))
     except UserFault as fault:
-        print(_said(options, fault), file=sys.stderr)
+        said = str(fault)
+        if options.read is not None:  # the study, in which it has its place
+            from tcstudy.study.lint import fault_in
+
+            said = fault_in(options.read, fault, str(options.study))
+        print(said, file=sys.stderr)
         raise SystemExit(BAD_INPUT) from None
     except KeyboardInterrupt:
         print(f"interrupted; {options.kept}", file=sys.stderr)
@@ -104,15 +109,6 @@ def _shown(otherwise: Callable[..., None]) -> Callable[..., None]:
             print(text, file=sys.stderr, flush=True)
 
     return show
-
-
-def _said(options: argparse.Namespace, fault: UserFault) -> str:
-    """A fault with its place in the study, where the command had read one."""
-    if options.read is None:
-        return str(fault)
-    from tcstudy.study.lint import fault_in
-
-    return fault_in(options.read, fault, str(options.study))
 
 
 def _memory_is_short(error: Exception) -> bool:

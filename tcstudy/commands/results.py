@@ -148,20 +148,17 @@ def exported(
     from tcstudy.reports.text import counted
 
     tell_stored(file)
+    target = target or file.with_suffix("" if form == "vtu" else f".{form}")
     if form in TABLES:
         from tcstudy.reports.export.table import write_table
 
-        table = target if target is not None else file.with_suffix(f".{form}")
-        if table.suffix != f".{form}":
-            fail(f"{table}: a table of this form has a name that ends in .{form}; what else is there stays")
-        return table, [counted(write_table(file, table, point), "row")]
+        if target.suffix != f".{form}":
+            fail(f"{target}: a table of this form has a name that ends in .{form}; what else is there stays")
+        return target, [counted(write_table(file, target, point), "row")]
     from tcstudy.data.files import check_writable
     from tcstudy.reports.export.fields import write_fields
 
-    folder = target if target is not None else file.with_suffix("")
-    if folder.exists() and not folder.is_dir():
-        fail(f"{folder} is a file; name a folder with -o")
-    if faults := check_writable(folder / file.name):
+    if faults := check_writable(target / file.name):
         fail("; ".join(faults))
-    written = write_fields(file, folder, point, -1 if level is None else level)
+    written = write_fields(file, target, point, -1 if level is None else level)
     return written.path, [counted(written.points, "point"), *written.lacks]

@@ -195,6 +195,8 @@ MOST_CYCLES, MOST_POINTS = 3, 20
 """Cycles of one point whose steps are listed, and points that have a line; the file has them all."""
 MOVES = ("rests", "slides along t", "slides back", "jumps")
 """What a node may do in a step."""
+MISSED = 0.01
+"""Part of the energy dissipated from which on it is said that finite steps miss so much of the energy."""
 ROUNDING = 1e-10
 """What is smaller than this part of what the history reaches is rounding, and reads 0."""
 
@@ -318,8 +320,15 @@ def sentences_of(part: Any) -> list[str]:
     if not len(done):
         return [f"no step was solved: {reason}"]
     worst, defect = (float(np.nanmax(part[name].values[done])) for name in ("inclusion_residual", "identity"))
+    missed, spent = (float(np.abs(part[name].values[done]).sum()) for name in ("closure", "dissipated"))
     jumps = int(part["jumps"].values[done].sum())
-    told = f"{counted(len(done) - 1, 'step')} solved, worst residual {number(worst, 2)}, energy identity to "
-    told += number(defect, 2) + (f", {counted(jumps, 'jump')}" if jumps else "")
-    ended = f"ended at step {len(done)}: {reason}" if reason else ""
-    return list(filter(None, [last_change(part).words, told, ended]))
+    told = [
+        last_change(part).words,
+        f"{counted(len(done) - 1, 'step')} solved, worst residual {number(worst, 2)}, energy identity to "
+        f"{number(defect, 2)}" + (f", {counted(jumps, 'jump')}" if jumps else ""),
+        f"finite steps miss {sentences.percent(missed / spent)} of the energy dissipated; take more steps"
+        if 0.0 < MISSED * spent < missed
+        else "",
+        f"ended at step {len(done)}: {reason}" if reason else "",
+    ]
+    return list(filter(None, told))

@@ -1,18 +1,16 @@
 """Standard output and error that stop no work: closed, without a reader, on a full disk, or without Greek letters.
 
-What cannot be written is dropped and remembered; a character that the encoding lacks is spelled in ASCII; control
-characters, which could come from a title or a stranger's file, are shown as escapes and never reach the terminal raw.
+What cannot be written is dropped and remembered; characters that the encoding lacks and control characters, which may
+come from a title or a stranger's file, are shown as escapes and never reach the terminal raw.
 """
 
 from __future__ import annotations
 
-import codecs
 import errno
 import io
 import os
 import re
 import sys
-import unicodedata
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
 from typing import Any, TextIO, cast
@@ -21,28 +19,10 @@ from tcstudy.errors import printable
 
 _KEPT = re.compile(r"([\n\t])")
 
-_SPELLED = {
-    "α": "alpha", "β": "beta", "θ": "theta", "λ": "lambda", "μ": "u", "ν": "nu", "ξ": "xi", "σ": "sigma", "ω": "omega",
-    "Γ": "Gamma", "Δ": "D", "∂": "d", "∫": "int ", "∞": "inf", "−": "-", "–": "-", "─": "-", "×": "x", "·": "*",
-    "≤": "<=", "≥": ">=", "→": "->", "√": "sqrt", "ρ": "rho", "“": '"', "”": '"', "’": "'", "̄": "_bar", "⁻": "-",
-}  # fmt: skip
-"""What the reports contain beyond ASCII and Unicode cannot decompose into it."""
-
 
 def visible(text: str) -> str:
     """The text with all but signs, tabs and newlines as escapes: an escape character becomes the characters \\x1b."""
     return "".join(part if part in ("\n", "\t") else printable(part) for part in _KEPT.split(text))
-
-
-def _spelled(error: UnicodeError) -> tuple[str, int]:
-    """What stands for characters that an encoding lacks: their names in ASCII, or a question mark for each."""
-    assert isinstance(error, UnicodeEncodeError)
-    lacking = unicodedata.normalize("NFKD", error.object[error.start])
-    plain = "".join(_SPELLED.get(c, c) for c in lacking).encode("ascii", "ignore").decode("ascii")
-    return plain or "?", error.start + 1
-
-
-codecs.register_error("spelled", _spelled)
 
 
 class Stream:
@@ -52,7 +32,7 @@ class Stream:
         self._stream, self._controls = stream, controls
         self.lost: Exception | None = None
         if isinstance(stream, io.TextIOWrapper) and not stream.closed:
-            stream.reconfigure(errors="spelled")
+            stream.reconfigure(errors="backslashreplace")
 
     def write(self, text: str) -> int:
         """Write the text, its control characters made visible."""

@@ -1,9 +1,11 @@
-"""What a person counts as a fold of a path."""
+"""What a person counts as a fold of a path, and what of its loop and of a history is said."""
 
 import numpy as np
 import xarray as xr
 
-from tcstudy.reports.terminal.paths import _loop, path_verdict, seen_folds
+from tcstudy.data.reading import load_root
+from tcstudy.reports.terminal.paths import _loop, path_verdict, seen_folds, sentences_of
+from tests.reports.conftest import Stored
 
 
 def path(*sizes: float) -> xr.Dataset:
@@ -43,3 +45,10 @@ def test_of_many_falls_of_a_loop_the_first_are_listed() -> None:
     assert (lost, first) == ("  hysteresis loop: 30 J m⁻¹ lost", "    falls at 1 K (rising), 1 J m⁻¹ lost")
     assert more == "    and 3 times more; show -v has all"
     assert [*_loop(data, full=True)][-1] == "    falls at 2.5 K (falling), 2.5 J m⁻¹ lost"
+
+
+def test_energy_that_finite_steps_miss_is_said_where_it_counts(stored: Stored) -> None:
+    part = load_root(stored("history")).isel(tau=0, E=0).copy(deep=True)
+    assert not any("finite steps" in one for one in sentences_of(part))
+    part["closure"].values[3] = -0.25 * part["dissipated"].values.sum()
+    assert "finite steps miss 25 % of the energy dissipated; take more steps" in sentences_of(part)
