@@ -58,7 +58,7 @@ class Vertex:
     at:       its place;  angle: opening angle inside the body [rad], 2π within it
     words:    conditions of the edges that meet in words, none within the body
     exponent: u ~ r^exponent, SMOOTH if the corner leaves u smooth;  heat: θ ~ r^heat, likewise
-    contact:  one of the edges is in contact;  steps: the shear stress has a step there, or may have
+    steps:    the shear stress has a step there, or may have, and Γ_C meets it
     meeting:  regions around it, counter-clockwise, where materials differ
     """
 
@@ -67,7 +67,6 @@ class Vertex:
     words: tuple[str, ...]
     exponent: float
     heat: float
-    contact: bool = False
     steps: bool = False
     meeting: tuple[str, ...] = ()
 
@@ -217,7 +216,7 @@ def vertex(at: Point, sides: Sequence[Side], wedges: Sequence[Wedge], scene: Sce
     laws = isinstance(scene.friction, EdgeLaws) and len({side.name for side in sides}) > 1
     steps = contact and (set(words) != {"slipping contact"} or bool(meeting) or laws)
     angle = math.fsum(w for w, _, _ in wedges)
-    return Vertex(at, angle, words, exponent, heat, contact, steps, meeting)
+    return Vertex(at, angle, words, exponent, heat, steps, meeting)
 
 
 def _condition(role: Role, side: Side, at: Point, sticks: Sticks) -> tuple[tuple[Direction, ...], str]:

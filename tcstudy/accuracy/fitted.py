@@ -152,14 +152,20 @@ class Box:
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """A local minimum: p (k,), residuals (n,), ∂r/∂p (n, k), ½Σρ whenever it was lower, evaluations."""
+    """A local minimum: p (k,), residuals (n,), ∂r/∂p (n, k), ½Σρ whenever it was lower, evaluations.
+
+    prior:   (d, k) by q, of what is minimised beside the data;  weight: of that, where the data choose it
+    numbers: how many numbers the data then decide, None where nothing is minimised beside them
+    """
 
     p: Array
     residual: Array
     jacobian: Array
     costs: tuple[float, ...]
     evaluations: int
-    message: str
+    prior: Array
+    weight: float = 0.0
+    numbers: float | None = None
 
     @property
     def cost(self) -> float:
@@ -202,7 +208,8 @@ def minimise(
         max_nfev=MOST,
     )
     residual, jacobian = at(low + found.x * span)
-    return Minimum(box.outer(low + found.x * span), residual, jacobian, tuple(costs), len(known), found.message)
+    p = box.outer(low + found.x * span)
+    return Minimum(p, residual, jacobian, tuple(costs), len(known), np.zeros((0, len(p))))
 
 
 def _rho(z: Array, loss: str, prior: int) -> Array:
@@ -243,20 +250,12 @@ def _same(one: Minimum, two: Minimum, box: Box, known_noise: bool) -> bool:
     return alike and bool(float(np.linalg.norm(J @ apart)) <= tolerance or sigma[-1] <= WEAK * sigma[0])
 
 
-def uncertainty(
-    minimum: Minimum,
-    box: Box,
-    groups: Sequence[NDArray[np.intp]],
-    known_noise: bool,
-    prior: Array | None = None,
-    numbers: float | None = None,
-) -> dict[str, Any]:
+def uncertainty(minimum: Minimum, box: Box, groups: Sequence[NDArray[np.intp]], known_noise: bool) -> dict[str, Any]:
     """Covariance, intervals, what is not determined, and whether the model has the shape of the data.
 
     groups: residuals of one curve each, in the order of the data, for the runs of their signs
     known_noise: whether residuals are in units of a noise that is known
-    prior: (d, k) P by q of what is minimised beside the data: the covariance is s²(JᵀJ + PᵀP)⁻¹, and the numbers that
-           the data decide are so many
+    With a prior P of the minimum the covariance is s²(JᵀJ + PᵀP)⁻¹.
 
     By name, as in the file of a fit:
     covariance:       (k, k) of q; NaN for parameters on a bound and where JᵀJ is singular
@@ -274,13 +273,13 @@ def uncertainty(
     low, high, q = box.inner(box.low), box.inner(box.high), box.inner(p)
     at_bound = np.minimum(q - low, high - q) <= AT_BOUND * (high - low)
     free = np.flatnonzero(~at_bound)
-    count = float(k) if numbers is None else numbers
-    freedom = n - (k if numbers is None else int(np.ceil(numbers)))
+    count = float(k) if minimum.numbers is None else minimum.numbers
+    freedom = n - int(np.ceil(count))
     square = float(r @ r)
     scale = 1.0 if known_noise else square / max(freedom, 1)
     _, sigma, rows = np.linalg.svd(by_q * np.where(box.log, 1.0, np.abs(p)), full_matrices=False)
     covariance = np.full((k, k), np.nan)
-    own = by_q[:, free] if prior is None else np.concatenate([by_q, prior])[:, free]
+    own = np.concatenate([by_q, minimum.prior])[:, free]
     if len(free):
         covariance[np.ix_(free, free)] = scale * _inverse(own)
     error = np.sqrt(np.diagonal(covariance))
@@ -300,7 +299,7 @@ def uncertainty(
         "at_bound": at_bound,
         "singular_value": sigma,
         "singular_vector": rows,
-        "weak": int(np.count_nonzero(vague)) if prior is None else 0,
+        "weak": int(np.count_nonzero(vague)) if minimum.numbers is None else 0,
         "chi_square": square,
         "degrees_of_freedom": np.int32(freedom),
         "fit_probability": float(stats.chi2.sf(square, max(freedom, 1))) if known_noise else float("nan"),

@@ -101,26 +101,25 @@ def fit(study: Study, progress: Progress = lambda text: None) -> Record:
         fits, failures = _fits(plan, tests, box, progress)
     except (NotPositiveDefinite, LawError, GrowthError) as error:
         raise FitError(str(error)) from error
-    smooth = min(fits, key=lambda one: one.minimum.cost)
-    best = smooth.minimum
+    best = min(fits, key=lambda one: one.cost)
     found = [replace(model, law_error=DRAWN).compared(best.p) for model in tests.models]
     if early := next((one.early for one in found if one.early), ""):
         raise FitError(f"the path that fits best ends early: {early}")
-    said = _uncertainty(plan, tests, box, smooth)
-    minima = different([one.minimum for one in fits], box, tests.known_noise)
+    said = uncertainty(best, box, tests.groups, tests.known_noise)
+    minima = different(fits, box, tests.known_noise)
     values, told = _found(plan, tests, minima, found), _told(plan, tests, said)
     values |= {variable.name: said[variable.name] for variable in FIT if variable.name in said}
     values |= _law(plan, tests.models[0], best, said["covariance"])
     told |= {name: value for name, value in said.items() if name not in values and name != "weak"}
     told |= {"starts_tried": np.int32(len(fits) + len(failures)), "starts_failed": np.int32(len(failures))}
-    told |= {"start_failure": failures[0] if failures else "", "message": best.message}
+    told |= {"start_failure": failures[0] if failures else ""}
     told |= {"evaluations": np.int32(best.evaluations), "solves": np.int32(sum(one.solves for one in tests.models))}
-    told |= {"smooth_weight": smooth.weight, "numbers_decided": smooth.numbers} if plan.smooth else {}
+    told |= {"smooth_weight": best.weight, "numbers_decided": best.numbers} if plan.smooth else {}
     progress("the same on a mesh of half the size")
-    return Record("fit", FIT, values | {"mesh_shift": mesh_shift(tests, best, box, said, smooth.prior)}, told)
+    return Record("fit", FIT, values | {"mesh_shift": mesh_shift(tests, best, box, said)}, told)
 
 
-def mesh_shift(tests: Tests, best: Minimum, box: Box, said: Mapping[str, Any], prior: Array) -> Array:
+def mesh_shift(tests: Tests, best: Minimum, box: Box, said: Mapping[str, Any]) -> Array:
     """(k,) how far meshes of half the size would move the estimates, in standard errors; NaN on bounds, and all of it
     where such a mesh gives no result."""
     free, shift, finer = np.flatnonzero(~said["at_bound"]), np.full(len(best.p), np.nan), list[Compared]()
@@ -130,10 +129,10 @@ def mesh_shift(tests: Tests, best: Minimum, box: Box, said: Mapping[str, Any], p
             finer.append(replace(model, level=level).compared(best.p))
     except (FitError, GeometryFailed, NotPositiveDefinite, MemoryError):
         return shift
-    own = np.concatenate([best.jacobian * box.rate(best.p), prior])[:, free]
+    own = np.concatenate([best.jacobian * box.rate(best.p), best.prior])[:, free]
     if not any(one.early for one in finer) and np.all(np.isfinite(said["standard_error"][free])):
         change = best.residual - np.concatenate([one.residual for one in finer])
-        step = np.linalg.lstsq(own, np.append(change, np.zeros(len(prior))))[0]
+        step = np.linalg.lstsq(own, np.append(change, np.zeros(len(best.prior))))[0]
         shift[free] = step * box.rate(best.p)[free] / said["standard_error"][free]
     return shift
 
@@ -163,19 +162,15 @@ def box_of(plan: FitPlan) -> Box:
     return Box(low, high, log)
 
 
-def _fits(plan: FitPlan, tests: Tests, box: Box, progress: Progress) -> tuple[list[Smoothed], list[str]]:
+def _fits(plan: FitPlan, tests: Tests, box: Box, progress: Progress) -> tuple[list[Minimum], list[str]]:
     """What the starts lead to, and why some lead nowhere."""
-    found, failures = list[Smoothed](), list[str]()
+    found, failures = list[Minimum](), list[str]()
     first = np.array([one.start for one in plan.parameters])
     for number, start in enumerate(box.starts(first, plan.starts, plan.seed)):
         try:
-            if plan.smooth:
-                one = smoothed(tests, start, box, plan)
-            else:
-                one = Smoothed(minimise(tests, start, box, plan.loss), np.zeros((0, len(start))), 0.0, len(start))
-            p = one.minimum.p
-            scale = np.where(box.log, p, np.maximum(np.abs(p), box.high - box.low))
-            size = np.linalg.norm(one.minimum.jacobian * scale, axis=0)
+            one = smoothed(tests, start, box, plan) if plan.smooth else minimise(tests, start, box, plan.loss)
+            scale = np.where(box.log, one.p, np.maximum(np.abs(one.p), box.high - box.low))
+            size = np.linalg.norm(one.jacobian * scale, axis=0)
             blind = [a.number.name for a, s in zip(plan.parameters, size, strict=True) if s <= BLIND * size.max()]
             if blind:
                 what = f"the data do not depend on {', '.join(blind)} there"
@@ -184,17 +179,12 @@ def _fits(plan: FitPlan, tests: Tests, box: Box, progress: Progress) -> tuple[li
             failures.append(str(error))
             continue
         found.append(one)
-        progress(f"start {number + 1} of {plan.starts}: {one.minimum.evaluations} evaluations")
-        if settled(_uncertainty(plan, tests, box, one)):
+        progress(f"start {number + 1} of {plan.starts}: {one.evaluations} evaluations")
+        if settled(uncertainty(one, box, tests.groups, tests.known_noise)):
             break
     if not found:
         raise FitError(failures[0] if plan.starts == 1 else f"no start led to a result: {failures[0]}")
     return found, failures
-
-
-def _uncertainty(plan: FitPlan, tests: Tests, box: Box, found: Smoothed) -> dict[str, Any]:
-    asked = (found.prior, found.numbers) if plan.smooth else (None, None)
-    return uncertainty(found.minimum, box, tests.groups, tests.known_noise, *asked)
 
 
 def _found(plan: FitPlan, tests: Tests, minima: list[list[Minimum]], found: list[Compared]) -> dict[str, Any]:
@@ -207,8 +197,6 @@ def _found(plan: FitPlan, tests: Tests, minima: list[list[Minimum]], found: list
         "parameter": np.array([one.number.name for one in plan.parameters], dtype=object),
         "parameter_units": np.array([one.number.units for one in plan.parameters], dtype=object),
         "estimate": best.p,
-        "parameter_start": np.array([one.start for one in plan.parameters]),
-        "parameter_within": np.stack([box.low, box.high], axis=1),
         "logarithmic": box.log,
         "measured_column": np.concatenate([np.full(len(own), i, np.int32) for i, own in enumerate(tests.groups)]),
         "datum": np.concatenate([column.values for _, column in columns]),
@@ -221,7 +209,6 @@ def _found(plan: FitPlan, tests: Tests, minima: list[list[Minimum]], found: list
         "cost": np.array(best.costs),
         "start_cost": np.array([same[0].cost for same in minima]),
         "start_estimate": np.array([same[0].p for same in minima]),
-        "start_evaluations": np.array([same[0].evaluations for same in minima], dtype=np.int32),
         "start_count": np.array([len(same) for same in minima], dtype=np.int32),
     }
     if paths := [one.path for one in found if one.path is not None]:
@@ -277,16 +264,6 @@ def _law(plan: FitPlan, model: FitModel, best: Minimum, covariance: Array) -> di
     return {"law_slip": slips, "law_traction": law.value(slips, piece), "law_error": error}
 
 
-@dataclass(frozen=True, eq=False)
-class Smoothed:
-    """A smooth law: its minimum, residuals being those of the data, (d, k) √w ∂D/∂q there, w, and tr A."""
-
-    minimum: Minimum
-    prior: Array
-    weight: float
-    numbers: float
-
-
 def roughness(plan: FitPlan) -> tuple[Array, Array]:
     """(d, k) and (d,): D = rows p + constant, of all laws of which points are fitted."""
     friction = plan.scene.friction
@@ -308,12 +285,12 @@ def roughness(plan: FitPlan) -> tuple[Array, Array]:
     return np.concatenate(rows), np.concatenate(constant)
 
 
-def smoothed(model: Callable[[Array], tuple[Array, Array]], start: Array, box: Box, plan: FitPlan) -> Smoothed:
+def smoothed(model: Callable[[Array], tuple[Array, Array]], start: Array, box: Box, plan: FitPlan) -> Minimum:
     """The minimum from a start, with the weight of least cross-validation, from straight laws to free ones."""
     rows, constant = roughness(plan)
     first, J = model(start)
     size = float(np.sum((J * box.rate(start)) ** 2) / np.sum((rows * box.rate(start)) ** 2))
-    found: list[tuple[float, Smoothed]] = []
+    found: list[tuple[float, Minimum]] = []
     p = start
     for weight in size * DECADES:
         root = np.sqrt(weight)
@@ -324,11 +301,10 @@ def smoothed(model: Callable[[Array], tuple[Array, Array]], start: Array, box: B
 
         best = minimise(penalised, p, box, plan.loss, len(rows))
         n, p = len(first), best.p
-        own = replace(best, residual=best.residual[:n], jacobian=best.jacobian[:n])
-        prior, by_q = root * rows * box.rate(p), own.jacobian * box.rate(p)
+        r, J, prior = best.residual[:n], best.jacobian[:n], root * rows * box.rate(p)
+        by_q = J * box.rate(p)
         numbers = float(np.trace(by_q @ np.linalg.lstsq(by_q.T @ by_q + prior.T @ prior, by_q.T)[0]))
-        square = misfit(own.residual, plan.loss)
-        found.append((n * square / max(n - numbers, 1e-300) ** 2, Smoothed(own, prior, weight, numbers)))
+        score = n * misfit(r, plan.loss) / max(n - numbers, 1e-300) ** 2
+        found.append((score, replace(best, residual=r, jacobian=J, prior=prior, weight=weight, numbers=numbers)))
     chosen = min(found, key=lambda item: item[0])[1]
-    evaluations = sum(one.minimum.evaluations for _, one in found)
-    return replace(chosen, minimum=replace(chosen.minimum, evaluations=evaluations))
+    return replace(chosen, evaluations=sum(one.evaluations for _, one in found))
