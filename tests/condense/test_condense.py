@@ -7,7 +7,7 @@ from scipy.sparse.csgraph import maximum_bipartite_matching
 from scipy.sparse.linalg import splu
 from scipy.spatial import Delaunay
 
-from tcstudy.condense import NotPositiveDefinite, condense
+from tcstudy.condense import NotPositiveDefinite, condense, symbolic
 from tcstudy.condense.symbolic import _separators
 
 
@@ -206,6 +206,17 @@ def test_a_plan_serves_other_matrices_of_the_same_pattern_alone():
         own = condense(matrix, points, keep, free, components, plan=first.plan)
         assert (own.plan is first.plan) == (matrix is other)
         assert np.array_equal(own.A_tilde, condense(matrix, points, keep, free, components).A_tilde)
+
+
+def test_fronts_times_unknowns_may_pass_32_bits(monkeypatch):
+    """A chain cut into pieces of two: every front of the plan touches later unknowns alone."""
+    monkeypatch.setattr(symbolic, "LEAF_UNKNOWNS", 2)
+    n = 50_000
+    chain = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(n, n)).tocsr()
+    points = np.column_stack([np.arange(n), np.zeros(n)])
+    plan = symbolic.plan_elimination(chain, points, 1, np.array([n - 1]), np.arange(n) < n - 1)
+    assert len(plan.stops) * n > 2**31
+    assert all(boundary[0] >= stop for boundary, stop in zip(plan.boundaries, plan.stops, strict=True))
 
 
 @pytest.mark.parametrize("seed", range(10))
