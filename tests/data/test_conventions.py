@@ -11,7 +11,7 @@ import pytest
 
 from tcstudy.data.provenance import collect
 from tcstudy.data.store import write_record
-from tcstudy.data.tables import Measured, convergence_record, convergence_table
+from tcstudy.data.tables import convergence_record, convergence_table
 from tcstudy.read.study import read_study_text
 from tests.commands import CONFIGS, tcstudy_command
 from tests.data.by_points import write
@@ -63,8 +63,8 @@ def convergence(file: Path) -> None:
     table = [v for v in convergence_table(study) if "*" in v.dims and v.name.endswith(FEW)]
     point = {v.name: h if "level" in v.dims else "smooth" if v.dtype == "str" else 1 for v in table}
     meshes = {"h_max": h, "n_dof": ones, "n_contact": ones, "compared": ones}
-    measured = Measured([point] * len(study.scenes), meshes, "the exact solution", ["Mind it."])
-    write_record(file, study, convergence_record(study, measured), collect(study, ("tcstudy", "converge")))
+    record = convergence_record(study, [point] * len(study.scenes), meshes, "the exact solution", ["Mind it."])
+    write_record(file, study, record, collect(study, ("tcstudy", "converge")))
 
 
 CASES = {
