@@ -24,7 +24,6 @@ import warnings
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from enum import Enum
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -46,14 +45,6 @@ _LENGTH = len(_MARK) + 64 + 1
 _BLOCK = 1 << 20
 
 
-class Seal(Enum):
-    """WHOLE: the file is as it was written; BROKEN: it has changed; NONE: changed, cut, or a stranger's."""
-
-    WHOLE = "whole"
-    BROKEN = "broken"
-    NONE = "none"
-
-
 def put_seal(file: Path) -> None:
     """Seal a finished file. Raises OSError."""
     with open(file, "rb+") as stream:
@@ -62,24 +53,22 @@ def put_seal(file: Path) -> None:
         stream.write(_MARK + digest + b"\n")
 
 
-def seal_of(file: Path) -> Seal:
-    """What the seal of a regular file says. Raises OSError."""
+def seal_of(file: Path) -> bool | None:
+    """Whether a file is as it was written; None if it has no seal: changed, cut, or a stranger's. Raises OSError."""
     now = file.stat()
     return _seal_of(os.path.realpath(file), now.st_size, now.st_ino, now.st_mtime_ns)
 
 
 @lru_cache(maxsize=16)
-def _seal_of(file: str, size: int, *_stamp: int) -> Seal:
+def _seal_of(file: str, size: int, *_stamp: int) -> bool | None:
     """Computed once while the file stays as it is: one command opens it several times."""
-    if size < _LENGTH:
-        return Seal.NONE
     with open(file, "rb") as stream:
-        stream.seek(size - _LENGTH)
+        stream.seek(max(0, size - _LENGTH))
         end = stream.read(_LENGTH)
         if not (end.startswith(_MARK) and end.endswith(b"\n")):
-            return Seal.NONE
+            return None
         stream.seek(0)
-        return Seal.WHOLE if _digest(stream, size - _LENGTH) == end[len(_MARK) : -1] else Seal.BROKEN
+        return _digest(stream, size - _LENGTH) == end[len(_MARK) : -1]
 
 
 def _digest(stream: BinaryIO, length: int) -> bytes:
@@ -104,7 +93,7 @@ _FAULTS = (LookupError, ValueError, TypeError, AttributeError, ArithmeticError, 
 
 def is_foreign(file: Path) -> bool:
     """Whether there is a file that does not say it is a result of tcstudy; an empty one is no loss. Raises OSError."""
-    if not file.is_file() or not file.stat().st_size or seal_of(file) != Seal.NONE:
+    if not file.is_file() or not file.stat().st_size or seal_of(file) is not None:
         return False
     try:
         return not _says_ours(_attributes(file))
@@ -114,8 +103,6 @@ def is_foreign(file: Path) -> bool:
 
 def attributes(path: Path) -> dict[str, Any]:
     """The global attributes of a complete result file. Raises StoreError if it is none, or damaged."""
-    if str(path).startswith("~"):  # which netCDF would look for elsewhere
-        raise StoreError(f"{path} begins with ~, which only a shell knows as a home directory; write the directory out")
     if path.is_dir():
         raise StoreError(f"{path} is a directory; name a file in it")
     if not path.exists():
@@ -138,17 +125,18 @@ def attributes(path: Path) -> dict[str, Any]:
 
 
 def _attributes(path: Path) -> dict[str, Any]:
-    if (seal := seal_of(path)) == Seal.BROKEN:
+    if (seal := seal_of(path)) is False:
         raise Unreadable("its checksum is wrong")
-    if seal == Seal.NONE and not _is_netcdf(path):
-        raise Unreadable("it does not begin like one")
+    with open(path, "rb") as stream:
+        if not stream.read(8).startswith(_MAGIC):
+            raise Unreadable("it does not begin like one")
     import netCDF4
 
     try:
         with netCDF4.Dataset(path) as nc:
             values = {name: nc.getncattr(name) for name in nc.ncattrs()}
     except (OSError, RuntimeError) as error:
-        if seal == Seal.WHOLE:
+        if seal:
             raise
         raise Unreadable(getattr(error, "strerror", None) or str(error)) from error
     return {name: value.tolist() if hasattr(value, "tolist") else value for name, value in values.items()}
@@ -160,7 +148,7 @@ def change_of(path: Path) -> str:
     Raises StoreError if it is no result file.
     """
     attributes(path)
-    return "" if seal_of(path) == Seal.WHOLE else f"{path} was changed since tcstudy wrote it"
+    return "" if seal_of(path) else f"{path} was changed since tcstudy wrote it"
 
 
 def refuse_changed(path: Path) -> None:
@@ -186,11 +174,6 @@ def reading(path: Path) -> Iterator[None]:
             raise StoreError(
                 f"{path} was changed after tcstudy wrote it and does not hold what it should ({cause}). {ANEW}"
             ) from error
-
-
-def _is_netcdf(file: Path) -> bool:
-    with open(file, "rb") as stream:
-        return stream.read(8).startswith(_MAGIC)
 
 
 def _says_ours(found: dict[str, Any]) -> bool:
@@ -230,7 +213,8 @@ def replace_file(path: Path, make: Callable[[Path], object], kept: str = "", sea
         os.replace(aside, target)
         sync_directory(target.parent)
     except (OSError, RuntimeError) as error:  # netCDF4 reports a full disk as RuntimeError
-        raise StoreError(f"cannot write {path}: {_cause(error)}. {_remedy(error, target.parent, kept)}") from error
+        remedy = f"Free some space, make the place writable or choose another output{'; ' * bool(kept)}{kept}"
+        raise StoreError(f"cannot write {path}: {_cause(error)}. {remedy}") from error
     finally:
         with suppress(OSError):
             aside.unlink(missing_ok=True)
@@ -249,60 +233,40 @@ def check_writable(path: Path, expected_bytes: int | None = None) -> list[str]:
     Leaves nothing behind.
     """
     try:
-        return [*_faults(path, expected_bytes)]
-    except OSError as error:
-        return [f"cannot look at {path}: {_cause(error)}; choose another output"]
+        fault = _fault(path, expected_bytes)
+    except (OSError, ValueError) as error:  # no UTF-8 text, as netCDF needs it, or a NUL character
+        fault = f"cannot look at {printable(str(path))}: {_cause(error)}; choose another output"
+    return [fault] if fault else []
 
 
-def _faults(path: Path, expected_bytes: int | None) -> Iterator[str]:
-    if fault := _name_fault(path):
-        yield fault
-        return
+def _fault(path: Path, expected_bytes: int | None) -> str:
+    if (longest := max(len(part.encode()) for part in (*path.parts, ""))) > LONGEST_NAME:  # names aside are longer
+        what = f"has a part of {longest} bytes; names of results may have {LONGEST_NAME}"
+        return f"{shortened(printable(str(path)))} {what}; choose a shorter output"
     target = Path(os.path.realpath(path))
     existing = next(p for p in target.parents if p.exists())
-    protected = _protected(path)
-    if protected:
-        yield f"{path}: {PROTECTED}; make it writable or choose another output"
-    if target.is_dir():
-        yield f"{path} is a directory; give the name of a file in it"
-    elif what := special_file(path):
-        yield f"{path} is {what}, no file; choose another output"
-    elif not existing.is_dir():
-        yield f"{existing} is a file, so {path} cannot be made; choose another output"
-    else:
-        try:
-            with tempfile.TemporaryFile(dir=existing):
-                pass
-        except OSError as error:
-            yield f"cannot write in the directory {existing}: {_cause(error)}; choose another output"
-            return
-        if protected or expected_bytes is None:
-            return
-        if is_foreign(target):
-            yield f"{path} exists and is no result file; it would be lost: remove it or choose another output"
-        if (free := shutil.disk_usage(existing).free) < ROOM * expected_bytes:
-            yield (
-                f"{existing} has {_size(free)} free, but the results need {_size(ROOM * expected_bytes)} while they "
-                "are written; free some space, choose another output or ask for less (fields: false, fewer levels)"
-            )
-
-
-def _name_fault(path: Path) -> str:
-    """Why no file can have this name, or why none beside it can have the longer names of what is written aside."""
-    shown = printable(str(path))
-    if path.name in ("", ".."):
-        return f"{shown} is a directory; give the name of a file in it"
-    if shown.startswith("~"):  # netCDF would write to the home directory, other libraries beside the study
-        return f"{shown} begins with ~, which only a shell knows as a home directory; write the directory out"
-    if "\0" in str(path):
-        return f"{shown} has a NUL character, as no file name can; choose another output"
+    if path.name in ("", "..") or target.is_dir():
+        return f"{path} is a directory; give the name of a file in it"
+    if str(path).startswith("~"):  # netCDF would write to the home directory, other libraries beside the study
+        return f"{path} begins with ~, which only a shell knows as a home directory; write the directory out"
+    if what := special_file(path):
+        return f"{path} is {what}, no file; choose another output"
+    if not existing.is_dir():
+        return f"{existing} is a file, so {path} cannot be made; choose another output"
+    if _protected(path):
+        return f"{path}: {PROTECTED}; make it writable or choose another output"
     try:
-        longest = max(len(part.encode()) for part in path.parts)
-    except UnicodeEncodeError:
-        return f"{shown} is no UTF-8 text, as netCDF needs it; choose another output"
-    if longest > LONGEST_NAME:
-        what = f"has a part of {longest} bytes; names of results may have {LONGEST_NAME}"
-        return f"{shortened(shown)} {what}; choose a shorter output"
+        tempfile.TemporaryFile(dir=existing).close()
+    except OSError as error:
+        return f"cannot write in the directory {existing}: {_cause(error)}; choose another output"
+    if expected_bytes is None:
+        return ""
+    if is_foreign(target):
+        return f"{path} exists and is no result file; it would be lost: remove it or choose another output"
+    free, needed = (f"{number / 1e6:.3g} MB" for number in (shutil.disk_usage(existing).free, ROOM * expected_bytes))
+    if shutil.disk_usage(existing).free < ROOM * expected_bytes:
+        remedy = "free some space, choose another output or ask for less (fields: false, fewer levels)"
+        return f"{existing} has {free} free, but the results need {needed} while they are written; {remedy}"
     return ""
 
 
@@ -345,17 +309,6 @@ def sync_directory(directory: Path) -> None:
         os.close(descriptor)
 
 
-def new_dataset(file: Path) -> netCDF4.Dataset:
-    """A new netCDF-4 file, open for writing; raises OSError."""
-    import netCDF4
-
-    file.touch()  # a directory without permission is told here; below, netCDF4 says "permission" of a full disk, too
-    try:
-        return netCDF4.Dataset(file, "w", format="NETCDF4")
-    except OSError as error:
-        raise OSError(errno.EIO, "the netCDF library cannot make the file") from error
-
-
 def write_dataset(
     path: Path, attributes: Mapping[str, Any], fill: Callable[[netCDF4.Dataset], None], kept: str = ""
 ) -> None:
@@ -365,8 +318,15 @@ def write_dataset(
     Raises StoreError if it cannot be written; the old one is then untouched.
     """
 
+    import netCDF4
+
     def make(aside: Path) -> None:
-        with new_dataset(aside) as nc:
+        aside.touch()  # which tells of a directory without permission; netCDF4 says that of a full disk, too
+        try:
+            nc = netCDF4.Dataset(aside, "w", format="NETCDF4")
+        except OSError as error:
+            raise OSError(errno.EIO, "the netCDF library cannot make the file") from error
+        with nc:
             nc.setncatts(attributes)
             fill(nc)
             nc.setncattr(FINISHED, np.int32(1))
@@ -382,23 +342,3 @@ def _protected(path: Path) -> bool:
 
 def _cause(error: Exception) -> str:
     return (error.strerror if isinstance(error, OSError) else None) or str(error)
-
-
-def _remedy(error: Exception, directory: Path, kept: str) -> str:
-    """What the user can do; a netCDF error has no errno, so the disk itself is asked."""
-    remedy = "Choose another output"
-    if isinstance(error, OSError) and error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
-        remedy = "Make the place writable or choose another output"
-    else:
-        with suppress(OSError):
-            free = _size(shutil.disk_usage(directory).free)
-            remedy = f"Free some space ({free} left; a quota may be lower) or choose another output"
-    return f"{remedy}; {kept}" if kept else remedy
-
-
-def _size(number: float) -> str:
-    for unit in ("B", "kB", "MB", "GB"):
-        if number < 1000:
-            return f"{number:.3g} {unit}"
-        number /= 1000
-    return f"{number:.3g} TB"

@@ -89,7 +89,7 @@ def test_check_writable_finds_what_is_wrong_and_leaves_nothing(
     assert check_writable(output, 1000) == []
     assert os.listdir(tmp_path) == []
     (tmp_path / "file").touch()
-    names = {"": "is a directory", "file/deep/study.nc": "is a file", "a\0b": "NUL", "b\udcff.nc": "no UTF-8 text"}
+    names = {"": "is a directory", "file/deep/study.nc": "is a file", "a\0b": "null", "b\udcff.nc": "utf-8"}
     for name, part in {**names, "x" * 245 + ".nc": "has a part of 248 bytes"}.items():
         [problem] = check_writable(tmp_path / name, 1)
         assert part in problem
