@@ -68,12 +68,6 @@ def _sentences(study: Study) -> Iterator[str]:
     if study.units == "SI":
         yield from _absolute(scenes)
         yield from _soft(scenes)
-    loops = {f"body.holes[{i}]": hole for i, hole in enumerate(body.holes)}
-    loops |= {f"body.regions.{region.name}": region.loop for region in body.regions}
-    loops |= {"body.outline": body.outline} if body.outline is not None else {}
-    for place, loop in loops.items():
-        if loop.turned:
-            yield f"{place} runs clockwise and is taken the other way round"
     for region in body.regions:
         if region.moved > 0.0:
             yield (

@@ -28,7 +28,7 @@ from tcstudy.data.files import check_writable
 from tcstudy.data.provenance import collect, holds, tell
 from tcstudy.data.records import BlockRecord, Journal, LevelRecord
 from tcstudy.data.schema import LIVE_PREFIX, PointStatus
-from tcstudy.data.store import Record, Results, axis_problems, write, write_record
+from tcstudy.data.store import Record, Results, write, write_record
 from tcstudy.errors import GeometryFailed, StoreError, UserFault
 from tcstudy.executors import SerialExecutor, in_order
 from tcstudy.fem.meshes import Meshes, PlaneMesh
@@ -293,7 +293,7 @@ def execute(
     no workers; KeyboardInterrupt passes through after the finished points are on the disk.
     """
     output, kept, bodies = output or output_of(study), kept or Kept.none(study), study.bodies
-    if problems := [*faults(study, output), *axis_problems(study)]:
+    if problems := faults(study, output):
         raise StoreError("\n".join(problems))
     with (
         closing((pool or WorkerPool(jobs, dask)).ready(study)) as pool,
