@@ -15,17 +15,9 @@ from tcstudy.commands.shared import BAD_INPUT, OK, file_name, named
 from tcstudy.errors import StudyWarning, UserFault, printable
 from tcstudy.reports.terminal.stream import guarded_streams, is_lost
 
-COMMANDS = {
-    "run": run.run,
-    "converge": run.converge,
-    "cost": run.cost,
-    "show": results.show,
-    "draw": results.draw,
-    "report": results.report,
-    "export": results.export,
-    "init": run.init,
-}
-"""In the order of the list."""
+LISTED = run.run, run.converge, run.cost, results.show, results.draw, results.report, results.export, run.init
+COMMANDS = {command.run.__name__: command for command in LISTED}
+"""By their words."""
 COMPLETED = {"bash": "_shtab_compgen_files", "zsh": "_files", "tcsh": "f"}
 """How shells complete the name of a file, for shtab."""
 FORMER = {

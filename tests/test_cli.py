@@ -160,20 +160,3 @@ def test_help_and_faults_load_nothing_heavy(folder: Path) -> None:
         done = subprocess.run([sys.executable, "-c", code, *words.split()], cwd=folder, text=True, capture_output=True)
         loaded = {*done.stdout.splitlines()[-1].split()}
         assert not loaded & (heavy if "bad" in words else heavy | light)
-
-
-EXACTLY, FADING = "solver={name: separable-newton, tolerance: 1e-19}", "{law: exponential, b: 0.004, delta: 0.05}"
-FAILING = (f"--set={EXACTLY}", f"--set=friction={FADING}", "--set=sweep={a: [0.006, 0.007]}")
-
-
-@pytest.mark.parametrize(
-    ("options", "told"),
-    [
-        ((), "how exact these are: tcstudy converge block.yaml --set=mesh.levels=4\n"),
-        (("--set=mesh.levels=4",), "how exact these are: tcstudy converge block.yaml --set=mesh.levels=4\n"),
-        (FAILING, "what failed, and why: tcstudy show results/block.nc -v\n"),
-    ],
-    ids=["too few levels", "levels", "failed"],
-)
-def test_a_run_ends_with_the_command_that_fits_it(folder: Path, options: tuple[str, ...], told: str) -> None:
-    assert told in tcstudy_command("run", "block.yaml", *options, cwd=folder).stdout

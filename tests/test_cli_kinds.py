@@ -4,9 +4,11 @@ import json
 from pathlib import Path
 
 import netCDF4
+import pytest
 import xarray
 
 from tcstudy.read.study import read_study
+from tcstudy.study import cost
 from tcstudy.study.history_run import execute_history
 from tcstudy.study.plan import plan
 from tests.commands import tcstudy_command
@@ -83,17 +85,20 @@ def test_a_sweep_gets_one_row_of_orders_a_point(tmp_path: Path) -> None:
     assert all(f"{slope:.2f}" in row for slope, row in zip(slopes, rows[1:], strict=True))
 
 
-def test_one_command_makes_the_chart_of_a_point_and_others_show_it_again(tmp_path: Path) -> None:
+def test_one_command_makes_the_chart_of_a_point_and_others_show_it_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cost, "RUNS", 2)
     made(tmp_path, STUDY.replace("maxh: 0.3", "maxh: 0.8"))
     result = tcstudy_command("cost", "block.yaml", "--plot", "a.png", "--at", "tau=0.01", cwd=tmp_path, code=0)
     assert "Scene: tau = 0.01. Errors of u in energy" in result.stdout
     assert "The study's own settings (uniform, level 1, separable-newton)" in result.stdout
-    assert "run 2 of 5, about" in result.stderr
+    assert "run 2 of 2, about" in result.stderr
     assert "\r" not in result.stderr
     assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
     file = tmp_path / "results" / "block.cost.nc"
     with xarray.open_dataset(file) as data:
-        assert (data.attrs["point"], data.sizes["run"]) == ("tau = 0.01", 5)
+        assert (data.attrs["point"], data.sizes["run"]) == ("tau = 0.01", 2)
     assert tcstudy_command("show", file, cwd=tmp_path).stdout.rstrip() in result.stdout
     drawn = tcstudy_command("draw", file, "b.svg", "--y", "u_L2", cwd=tmp_path, code=0)
     assert drawn.stdout == "b.svg: u in L², tau = 0.01\n"

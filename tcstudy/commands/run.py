@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import shlex
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
@@ -135,7 +134,7 @@ def _read(options: argparse.Namespace, swept: bool | None = None) -> Study:
 def _made(
     options: argparse.Namespace, kind: Kind, study: Study, drawn: Mapping[str, Any] | None = None, **how: Any
 ) -> int:
-    """Make the file, draw what --plot asks for, and say what the file says, where it is and what comes next."""
+    """Make the file, draw what --plot asks for, and say what the file says and where it is."""
     options.kept = KEPT.get(kind, options.kept)
     quiet = options.manner == "quiet"
     output, whole, there = do(kind, study, options.output, options.words, None if quiet else "", options.force, **how)
@@ -145,28 +144,12 @@ def _made(
     below = [f"data in {output}"]
     if kind == "run":
         below = [f"{asked - failed} of {asked} solutions found{' before' if whole else ''}; data in {output}"]
-        below += (f"{why}: {shlex.join(words)}" for why, words in _onward(options, study, output, failed))
     if options.plot is not None:
         from tcstudy.reports.figures.draw import Wanted, picture
 
         below.insert(0, picture(output, options.plot, Wanted(drawn)))
     shared.say(options, output, ["", *(f"  {line}" for line in below)])
     return SOME_FAILED if failed else OK
-
-
-def _onward(options: argparse.Namespace, study: Study, output: Path, failed: int) -> Iterator[tuple[str, list[str]]]:
-    """What fits a run as the next command, with the reason."""
-    from tcstudy.study.convergence import MIN_LEVELS
-
-    if failed:
-        yield "what failed, and why", ["tcstudy", "show", str(output), "-v"]
-        return
-    kept = [text for text in options.overrides if not (text.startswith("path=") and study.path is None)]
-    if study.mesh.levels < MIN_LEVELS and not study.mesh.listed and not (study.exact and study.mesh.levels > 1):
-        kept = [*(text for text in kept if not text.startswith("mesh.levels=")), f"mesh.levels={MIN_LEVELS}"]
-    if not study.mesh.listed or study.mesh.levels > 1:
-        yield "how exact these are", ["tcstudy", "converge", str(options.study), *(f"--set={text}" for text in kept)]
-    yield "all of it on one page", ["tcstudy", "report", str(output)]
 
 
 def _dry_run(options: argparse.Namespace, study: Study) -> int:

@@ -34,19 +34,20 @@ def draw_study(
 
     Raises StudyError for a file with faults, which are marked in the picture where they are of an edge.
     """
-    from tcstudy.reports.figures import style
+    from tcstudy.reports.figures import scene, style
 
     if target is not None:
         style.check_target(target)
-    look = style.Look(style.size_in_inches(size) if isinstance(size, str) else size)
+    look, fault = style.Look(style.size_in_inches(size) if isinstance(size, str) else size), None
     with style.styled(look):
-        fault: StudyError | None = None
         try:
-            figure = scene_figure(read_study(study, overrides, swept=None) if isinstance(study, Path) else study, look)
+            read = read_study(study, overrides, swept=None) if isinstance(study, Path) else study
+            figure = scene.scene_figure(read.title, read, _shape(read), look)
         except StudyError as error:
             if (body := body_as_given(study, overrides)) is None or body.outline is None:
                 raise
-            figure, fault = _of_faults(study.stem, body, error, look), error
+            fault = error
+            figure = scene.scene_figure(f"{study.stem}: cannot be run", None, _with_faults(body, error), look)
         if target is not None:
             style.save(figure, target, look.dpi)
         if fault is not None:
@@ -54,23 +55,19 @@ def draw_study(
         return style.shown(figure, look.dpi) if target is None else None
 
 
-def scene_figure(study: Study, look: Any) -> Figure:
-    """The figure of a study that was read."""
-    from tcstudy.reports.figures import scene
+def _shape(study: Study) -> SceneShape:
+    """The coarsest mesh of a study, of several geometries that of the first; its outline where it has none."""
+    from tcstudy.reports.figures.scene import SceneShape
 
-    first = study
-    if study.variants:
-        made = [one.study for one in study.variants if one.study is not None]
-        if not made:
-            raise DrawError(f"no geometry of the sweep can be made: {study.variants[0].reason}")
-        first = made[0]
+    made = [one.study for one in study.variants if one.study is not None] if study.variants else [study]
+    if not made:
+        raise DrawError(f"no geometry of the sweep can be made: {study.variants[0].reason}")
     try:
-        shape = _coarsest(first)
+        return _coarsest(made[0])
     except GeometryFailed as error:
-        if first.scenes[0].body.outline is None:
+        if (body := made[0].scenes[0].body).outline is None:
             raise
-        shape = scene.SceneShape(_outline(first.scenes[0].body), facts=(f"no mesh: {error}",))
-    return scene.scene_figure(study.title, study, shape, look)
+        return SceneShape(_outline(body), facts=(f"no mesh: {error}",))
 
 
 def _coarsest(study: Study) -> SceneShape:
@@ -113,9 +110,9 @@ def _outline(body: Body) -> dict[str, Any]:
     return {name: np.array(pieces) for name, pieces in found.items()}
 
 
-def _of_faults(title: str, body: Body, error: StudyError, look: Any) -> Figure:
+def _with_faults(body: Body, error: StudyError) -> SceneShape:
     """The outline of a study that cannot be run, with the faults of its edges."""
-    from tcstudy.reports.figures.scene import SceneShape, scene_figure
+    from tcstudy.reports.figures.scene import SceneShape
 
     assert body.outline is not None
     faults, others = dict[str, str](), list[str]()
@@ -130,6 +127,4 @@ def _of_faults(title: str, body: Body, error: StudyError, look: Any) -> Figure:
         if name in {one.name for one in body.edges}:
             faults.setdefault(name, f"{where}{problem.what}")
         others.append(f"{where}{problem.key}: {problem.what}; {problem.remedy}")
-    return scene_figure(
-        f"{title}: cannot be run", None, SceneShape(_outline(body), facts=tuple(others), faults=faults), look
-    )
+    return SceneShape(_outline(body), facts=tuple(others), faults=faults)

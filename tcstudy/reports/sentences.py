@@ -428,26 +428,25 @@ def cycle_change(
     last, before = v[-1] - v[-2], v[-2] - v[-3]
     largest, same = float(np.max(np.abs(last))), max(SAME * size, rounding)
     moved = with_unit(largest, units[0], 6)
+    if largest <= same and dissipated[-1] <= SAME * float(np.max(dissipated)):
+        words = "shakedown: the last cycle leaves the slips as they were and dissipates nothing"
+        return CycleChange("shakedown", words)
     if largest <= same:
-        if dissipated[-1] <= SAME * float(np.max(dissipated)):
-            words = "shakedown: the last cycle leaves the slips as they were and dissipates nothing"
-            return CycleChange("shakedown", words)
         one, two = dissipated[-2:]
+        spent = [with_unit(float(each), units[1], 6) for each in (two, one)]
+        words = f"the last cycle leaves no slip behind; it dissipates {spent[0]}, the one before {spent[1]}"
         if abs(two - one) <= SPENT * max(one, two) and float(np.max(np.abs(before))) <= same:
             words = "the last two cycles dissipate the same and leave no slip behind"
-        else:
-            spent = [with_unit(float(each), units[1], 6) for each in (two, one)]
-            words = f"the last cycle leaves no slip behind; it dissipates {spent[0]}, the one before {spent[1]}"
         return CycleChange("closed", f"a closed loop: {words}")
-    if np.max(np.abs(last - before)) > max(EQUAL * largest, rounding):
-        if largest <= EQUAL * size:
-            share = f"{largest / size:.0e}"
-            return CycleChange("settled", f"settled to {share} of the slip, by which the last cycle changed it at most")
-        words = f"not settled: the last cycle changed slips by up to {moved}, unlike the one before"
-        return CycleChange("settling", words)
-    if np.ptp(last) <= max(EQUAL * largest, rounding):
-        return CycleChange("walking", f"walking: the last two cycles each moved the whole contact line by {moved}")
-    return CycleChange("ratcheting", f"ratcheting: the last two cycles each added slips of up to {moved}")
+    if np.max(np.abs(last - before)) <= max(EQUAL * largest, rounding):
+        whole = np.ptp(last) <= max(EQUAL * largest, rounding)
+        kind = "walking" if whole else "ratcheting"
+        what = "moved the whole contact line by" if whole else "added slips of up to"
+        return CycleChange(kind, f"{kind}: the last two cycles each {what} {moved}")
+    if largest <= EQUAL * size:
+        share = f"{largest / size:.0e}"
+        return CycleChange("settled", f"settled to {share} of the slip, by which the last cycle changed it at most")
+    return CycleChange("settling", f"not settled: the last cycle changed slips by up to {moved}, unlike the one before")
 
 
 KINDS = {

@@ -84,14 +84,18 @@ def labels(values: Sequence[float | str], digits: int = 4) -> list[str]:
 PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 
 
+POWER_FIRST = re.compile(r"[A-Za-z]+-?\d")
+
+
 def prefix(values: ArrayLike, units: str) -> tuple[float, str]:
     """(divisor, units with an SI prefix) that bring the middle of the magnitudes of `values` to 1 … 1000.
 
-    Units that a prefix does not suit ("1", "K", "s" and dimensionless data) stay as they are.
+    Units that a prefix does not suit stay as they are: "1", "K", "s" and those that begin with a power (K-1), to which
+    it would be raised as well.
     """
     sizes = np.abs(np.asarray(values, dtype=float).ravel())  # of a long sweep no list of a million numbers
     sizes = sizes[np.isfinite(sizes) & (sizes != 0.0)]
-    if not len(sizes) or units in ("1", "K", "s"):
+    if not len(sizes) or units in ("1", "K", "s") or POWER_FIRST.match(units):
         return 1.0, units
     middle = np.partition(sizes, len(sizes) // 2)[len(sizes) // 2]
     divisor, letter = next((p for p in PREFIXES if middle >= p[0]), PREFIXES[-1])
@@ -100,7 +104,7 @@ def prefix(values: ArrayLike, units: str) -> tuple[float, str]:
 
 def with_unit(value: float, units: str, digits: int = 4) -> str:
     """A number with the prefix that suits it: 12.5 mm."""
-    divisor, unit = scaled_unit([value], units)
+    divisor, unit = prefix([value], units)
     return f"{number(float(value) / divisor, digits)} {pretty(unit)}".rstrip()
 
 
@@ -115,10 +119,6 @@ PROOFS = (("unique", "unique"), ("global_minimum", "global"), ("strict_minimum",
 def proved(at: Any, prefix: str = "", none: str = "nothing") -> str:
     """The strongest statement that is proved of a solution; prefix: of the names of its flags."""
     return next((word for name, word in PROOFS if int(at[prefix + name]) == 1), none)
-
-
-POWER_FIRST = re.compile(r"[A-Za-z]+-?\d")
-"""Units that begin with a power (K-1) take no prefix: it would be raised to the power as well."""
 
 
 DIGITS = 1e-6
@@ -150,7 +150,7 @@ def scaled_labels(values: Sequence[float | str], attrs: Mapping[str, Any], digit
         return labels([value / own[0] for value in numbers], digits), own[1]
     shown, units = labels(values, digits), str(attrs.get("units", "1"))
     texts = len(numbers) < len(values)  # expressions are in the unit without a prefix
-    if texts or POWER_FIRST.match(units) or not any("e" in one for one in shown):
+    if texts or not any("e" in one for one in shown):
         return shown, units
     divisor, unit = prefix(numbers, units)
     scaled = labels([value / divisor for value in numbers], digits)
@@ -204,16 +204,9 @@ def failure_lines(failures: Iterable[tuple[PointStatus, str, str]]) -> list[str]
 
 
 def axis_unit(values: Iterable[float], units: str) -> tuple[float, str]:
-    """As `scaled_unit`; plain numbers that are very large or small get a power of ten, "10⁻⁵"."""
+    """`prefix` of the largest magnitude; plain numbers that are very large or small get a power of ten, "10⁻⁵"."""
     largest = max((abs(float(v)) for v in values), default=0.0)
     if units != "1" or largest == 0.0 or 1e-2 <= largest < 1e4:
-        return scaled_unit([largest], units)
+        return prefix([largest], units)
     power = math.floor(math.log10(largest))
     return 10.0**power, f"10{str(power).translate(RAISED)}"
-
-
-def scaled_unit(values: Iterable[float], units: str) -> tuple[float, str]:
-    """(divisor, unit) that bring the largest magnitude to 1 … 1000, where a prefix suits the unit."""
-    if POWER_FIRST.match(units):
-        return 1.0, units
-    return prefix([max((abs(float(v)) for v in values), default=0.0)], units)
