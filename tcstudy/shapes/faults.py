@@ -17,7 +17,7 @@ import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice, pairwise
+from itertools import islice
 
 import numpy as np
 import shapely
@@ -34,6 +34,7 @@ from tcstudy.shapes.edges import (
     loop_area,
     loop_polygon,
     loop_size,
+    polygon_loop,
 )
 
 Array = NDArray[np.float64]
@@ -296,33 +297,20 @@ def _onto(loop: Loop, others: Sequence[Loop], near: float) -> tuple[Loop, float]
     targets = [edge for other in others for edge in other.edges]
     if not targets or any(edge.through for edge in loop.edges):
         return loop, 0.0
-    given = np.array([edge.start for edge in loop.edges])
-    corners = np.array([edge.start for edge in targets])
-    away = np.array([edge_distance(edge, given) for edge in targets])
-    placed, moved = list[Point](), 0.0
-    for i, point in enumerate(given):
-        distance = np.linalg.norm(corners - point, axis=1)
-        own: Point = (float(point[0]), float(point[1]))
-        if distance.min() <= near:
-            own = targets[int(distance.argmin())].start
-        elif away[:, i].min() <= near:
-            edge = targets[int(away[:, i].argmin())]
-            if (arc := edge_arc(edge)) is None:
-                begin, chord = np.array(edge.start), np.subtract(edge.end, edge.start)
-                x, y = begin + chord * float((point - begin) @ chord / (chord @ chord))
-            else:
-                radial = point - arc.center
-                x, y = arc.center + arc.radius * radial / np.linalg.norm(radial)
-            own = float(x), float(y)
-        moved = max(moved, math.dist(own, point))
-        placed.append(own)
-    edges: list[Edge] = []
-    for edge, start, end in zip(loop.edges, placed, [*placed[1:], placed[0]], strict=True):
-        straight = replace(edge, start=start, end=end)
-        distance = edge_distance(straight, corners)
-        passed = {targets[k].start for k in np.flatnonzero(distance <= near)} - {*placed}
-        inner = sorted(passed, key=lambda point: math.dist(point, start))
-        moved = max([moved, *(float(edge_distance(straight, [point])[0]) for point in inner)])
-        chain = [start, *inner, end]
-        edges += [replace(edge, start=a, end=b) for a, b in pairwise(chain)]
-    return replace(loop, edges=tuple(edges)), moved
+    placed, corners = [edge.start for edge in loop.edges], np.array([edge.start for edge in targets])
+    old, away = shapely.polygons(placed), np.array([edge_distance(edge, placed) for edge in targets])
+    for i, point in enumerate(placed):
+        edge = targets[int(away[:, i].argmin())]
+        if away[:, i].min() > near:
+            continue
+        if (arc := edge_arc(edge)) is None:
+            begin, chord = np.array(edge.start), np.subtract(edge.end, edge.start)
+            x, y = begin + chord * float((point - begin) @ chord / (chord @ chord))
+        else:
+            radial = np.subtract(point, arc.center)
+            x, y = arc.center + arc.radius * radial / np.linalg.norm(radial)
+        placed[i] = float(x), float(y)
+    new = shapely.snap(shapely.polygons(placed), shapely.multipoints(corners), near)
+    points = [(x, y) for x, y in shapely.get_coordinates(new)[:-1].tolist()]
+    made = polygon_loop(points, loop.edges[0].name)
+    return replace(loop, edges=made.edges), float(shapely.hausdorff_distance(old, new))
