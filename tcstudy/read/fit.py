@@ -23,7 +23,7 @@ from tcstudy.read.fields import Context, Fields, none_after_fault, out_of_bounds
 from tcstudy.read.loads import NO_DERIVATIVE, NOT_AFFINE, NOT_ALONE, check_fit, differentiable, level_of, named_number
 from tcstudy.read.node import Node
 from tcstudy.read.points import table_lines, table_value
-from tcstudy.read.scenes import SceneReader, Scenery
+from tcstudy.read.scenes import SceneReader
 from tcstudy.scene.histories import HistoryPlan, Memory, UnfitLaw
 from tcstudy.scene.keys import Key
 from tcstudy.scene.parameters import Number, affine_numbers
@@ -51,7 +51,7 @@ def read_fit(ctx: Context, reader: SceneReader, mesh: MeshPlan | None, history: 
     if root.at("sweep"):
         ctx.errors.at(node, "a fit is of one scene, but the study has a sweep", "remove the sweep")
     columns, file, sha256 = _columns(ctx, fields, scene, history) if fields["data"] else ([], "", "")
-    memory, scenery = history.memory if history else None, Scenery(reader)
+    memory = history.memory if history else None
     known = differentiable(root, scene, (scene,)) | {
         ("parameters", name): Number(Key(name, "quantity", "", one.dimension), one.value, _moves(root, name))
         for name, one in ctx.named.items()
@@ -60,7 +60,7 @@ def read_fit(ctx: Context, reader: SceneReader, mesh: MeshPlan | None, history: 
     for name, item in ctx.mapping(fields["parameters"], "numbers", remedy).items():
         if path := named_number(ctx, item, name, known, NO_DERIVATIVE, NOT_ALONE, on_key=True):
             number, row = Sensitivity(name, path, ctx.cf(known[path].row.dimension)), known[path].row
-            parameters.append(_parameter(ctx, item, number, row, scenery, memory))
+            parameters.append(_parameter(ctx, item, number, row, reader, memory))
     ctx.sound()
     loads, measured = (tuple(c for c in columns if bool(c.path) is is_given) for is_given in (True, False))
     options = fields.given(("compare", "starts", "seed", "loss", "smooth")) | level_of(ctx, fields, mesh, "a fit")
@@ -206,7 +206,7 @@ def _moves(root: Node, name: str) -> str:
 
 @none_after_fault
 def _parameter(
-    ctx: Context, node: Node, number: Sensitivity, row: Key, scenery: Scenery, memory: Memory | None
+    ctx: Context, node: Node, number: Sensitivity, row: Key, reader: SceneReader, memory: Memory | None
 ) -> FitParameter:
     """A number to find, which the scene can have at both ends of its bounds."""
     fields = Fields(ctx, node, "fit_parameter")
@@ -221,14 +221,14 @@ def _parameter(
     if scale == "log" and low <= 0.0:
         fields.fault("within", "begins at 0 or below, which has no logarithm; write scale: linear")
     ctx.sound()
-    scene = scenery.reader.base
+    scene = reader.base
     assert scene is not None
     for end in (low, high):
         why = f"must {must}" if (must := out_of_bounds(row, end)) else ""
         if not why and number.path[-1] == "alpha" and end <= 0.0:
             why = "must be greater than 0, or the heat of the body cannot be told"
         try:
-            moved = scene if why or number.path[0] == "history" else scenery.at(scene, {number.path: end})
+            moved = scene if why or number.path[0] == "history" else reader.at(scene, {number.path: end})
             if memory and not why:
                 stiffness = end if number.path[0] == "history" else memory.stiffness
                 replace(memory, stiffness=stiffness).fits(moved.friction)
@@ -241,7 +241,7 @@ def _parameter(
     ctx.sound()
     if number.path[0] == "parameters":
         try:
-            if not scenery.rates(scene, number.path[1], {number.path: start}):
+            if not reader.rates(scene, number.path[1], {number.path: start}):
                 fields.fault("start", f"no section uses {number.name}; remove it")
         except UserFault as error:
             fields.fault("start", f"{error}; fit a number that is the same everywhere, or give it a value")

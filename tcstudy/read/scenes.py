@@ -47,11 +47,15 @@ _FIELD = {"loads": "f"}
 
 
 class SceneReader:
-    """Reads the base study and the sweep points of one study."""
+    """Reads the base study and the sweep points of one study, and scenes with other numbers: the sections that a number
+    touches are read again."""
 
-    def __init__(self, ctx: Context, root: Node, sweep: Sweep, loose: bool = False) -> None:
-        """loose: whether the supports may leave rigid motions, which friction alone resists."""
-        self.ctx, self.root, self.sweep, self.loose, self.named = ctx, root, sweep, loose, ctx.named
+    def __init__(self, ctx: Context, root: Node, sweep: Sweep, loose: bool = False, study: Study | None = None) -> None:
+        """loose: whether the supports may leave rigid motions, which friction alone resists.
+
+        study: with whose sweep points scenes are asked for (`at`)
+        """
+        self.ctx, self.root, self.sweep, self.loose, self.named, self.study = ctx, root, sweep, loose, ctx.named, study
         self.body: Body | None
         self.body, self.names = read_body(ctx, node) if (node := root.at("body")) else (None, None)
         self.regions: tuple[str, ...] | None = None
@@ -195,24 +199,13 @@ class SceneReader:
         if all(values[s] is not None for s in THERMAL):
             check_heat(self.ctx, root, values["heat"], values["boundary"], values["material"])
 
-
-class Scenery:
-    """The scenes of a study as functions of its numbers: the sections that a number touches are read again.
-
-    reader: of the study outside the sweep, which is read
-    """
-
-    def __init__(self, reader: SceneReader, study: Study | None = None) -> None:
-        """study: with whose sweep points scenes are asked for."""
-        self.reader, self.study = reader, study
-
     @classmethod
-    def of(cls, study: Study) -> Scenery:
-        """That of a study."""
+    def of(cls, study: Study) -> SceneReader:
+        """That of a study that was read, for its scenes with other numbers."""
         ctx = Context(Collector(), study.units, study.source.parent if study.source else Path())
         root = tree_of(study, ctx.errors)
         ctx.named = read_parameters(ctx, root.at("parameters"))
-        return cls(SceneReader(ctx, root, Sweep(), loose=True), study)
+        return cls(ctx, root, Sweep(), loose=True, study=study)
 
     def at(self, scene: Scene, values: Mapping[Keys, float], point: int | None = None) -> Scene:
         """A scene with numbers [SI] at key paths: those of a section, of components (`loads.f_x`), of the points of a
@@ -221,7 +214,7 @@ class Scenery:
         scene: that outside the sweep, or of the point of this number
         Raises StudyError with what is wrong with the numbers.
         """
-        reader, root, study = self.reader, self.reader.root, self.study
+        ctx, root, study = self.ctx, self.root, self.study
         if study is not None and point is not None:
             grid = study.mode == "grid"
             places = [int(i) for i in np.unravel_index(point, study.shape)] if grid else [point] * len(study.axes)
@@ -230,11 +223,11 @@ class Scenery:
                 root = put_number(root, axis.path, Node.of(axis.values[at], axis.name))
         for path, value in values.items():
             root = put_number(root, path, Node.of(value, ".".join(path))) if path != ("load",) else root
-        ctx, outer = reader.ctx, (reader.ctx.errors, reader.ctx.named)
+        outer = ctx.errors, ctx.named
         ctx.errors = errors = Collector()
         ctx.named = read_parameters(ctx, root.at("parameters"))
-        touched = [s for s in SECTIONS if any(reader.touches(path, s) for path in values)]
-        found = {_FIELD.get(s, s): reader.section(s, root) for s in touched}
+        touched = [s for s in SECTIONS if any(self.touches(path, s) for path in values)]
+        found = {_FIELD.get(s, s): self.section(s, root) for s in touched}
         ctx.errors, ctx.named = outer
         if len(errors):
             raise StudyError(errors.problems)

@@ -1,7 +1,7 @@
 """What a sweep may vary, out of the table of keys: key paths with their kind and dimension, and the short names.
 
 The numbers of a scene that a path, a history, a fit or a derivative may change, and the scene with other loads; with
-another value of any number it is read again (`read.scenes.Scenery`).
+another value of any number it is read again (`read.scenes.SceneReader`).
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ from tcstudy.laws.composed import POINTS, EdgeLaws, law_slopes, number_of
 from tcstudy.laws.pieces import GrowthError
 from tcstudy.laws.shapes import LawError
 from tcstudy.offline.level import Level
-from tcstudy.read.scenes import Scenery
+from tcstudy.read.scenes import SceneReader
 from tcstudy.scene.study import FitColumn, FitPlan, Study
 from tcstudy.study.fit_models import Compared, FitModel
 
@@ -148,7 +148,7 @@ def model_of(study: Study, plan: FitPlan) -> FitModel:
     ]
     noise = np.repeat(sigma[: len(plan.measured)], len(plan.measured[0].values))
     level = Level(mesh, plan.scene, held=held(plan))
-    return FitModel(plan, Scenery.of(study), level, noise, sigma[-1] if plan.given else 1.0, study.solver.tolerance)
+    return FitModel(plan, SceneReader.of(study), level, noise, sigma[-1] if plan.given else 1.0, study.solver.tolerance)
 
 
 def held(plan: FitPlan) -> bool:

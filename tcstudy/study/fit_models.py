@@ -36,7 +36,7 @@ from tcstudy.errors import FitError, PathError, StudyError
 from tcstudy.laws.composed import LawSlopes, law_slopes, number_of
 from tcstudy.offline.level import Level
 from tcstudy.offline.slopes import WholeBody, change_of
-from tcstudy.read.scenes import Scenery
+from tcstudy.read.scenes import SceneReader
 from tcstudy.scene.histories import Keys, UnfitLaw
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene
@@ -80,7 +80,7 @@ class FitModel:
     """
 
     plan: FitPlan
-    scenery: Scenery
+    scenery: SceneReader
     level: Level
     noise: Array
     given_noise: float

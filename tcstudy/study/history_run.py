@@ -50,7 +50,7 @@ from tcstudy.offline.level import Level
 from tcstudy.offline.requested_outputs import debonded_front, region_lengths
 from tcstudy.offline.slopes import WholeBody, change_of, is_load
 from tcstudy.read.document import changes
-from tcstudy.read.scenes import Scenery
+from tcstudy.read.scenes import SceneReader
 from tcstudy.scene.histories import AT_REST, HistoryPlan, Keys, UnfitLaw
 from tcstudy.scene.parameters import loaded_scene, numbers
 from tcstudy.scene.records import Scene
@@ -308,7 +308,7 @@ def step_derivatives(study: Study, level: Level, scene: Scene, point: int) -> It
 
     They begin with step 0 wherever the history goes on. Histories of other numbers that end early have no more of them.
     """
-    scenery, tolerance, c = Scenery.of(study), study.solver.tolerance, level.line.c
+    scenery, tolerance, c = SceneReader.of(study), study.solver.tolerance, level.line.c
     assert study.history is not None
     plan: HistoryPlan = study.history
 

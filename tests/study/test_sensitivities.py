@@ -12,7 +12,7 @@ from tcstudy.data.schema import AT_EVENT, DIFFERENTIABLE, name_of, quotient
 from tcstudy.errors import StudyError
 from tcstudy.fem.meshes import Meshes
 from tcstudy.offline.level import Level
-from tcstudy.read.scenes import Scenery
+from tcstudy.read.scenes import SceneReader
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.terminal.summary import text_of
 from tcstudy.scene.records import Scene
@@ -110,7 +110,7 @@ def results(level: Level, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 def test_every_kind_of_number_against_differences(text: str, values: dict[str, float]) -> None:
     """Of points solved on the same mesh, whose nodes keep their pieces, by Richardson."""
     study, level = asking(text, *values)
-    scene, scenery = study.scenes[0], Scenery.of(study)
+    scene, scenery = study.scenes[0], SceneReader.of(study)
     v = results(level, scene)[1]
     found = derivatives_of(level, scene, v, study.output.sensitivity)
     assert found["sensitivity_status"] == DIFFERENTIABLE
