@@ -142,25 +142,16 @@ class Distribution:
     @property
     def fault(self) -> tuple[str, str]:
         """What is wrong with the numbers, and what to do; empty texts if nothing is."""
-        has = dict(self.numbers)
-        low, high, sigma = has.get("from", -math.inf), has.get("to", math.inf), has.get("sigma", 1.0)
-        if not low < high:
-            return f"ends at {high:g}, but begins at {low:g}", "give two ends, the lower one first"
-        if not sigma > 0.0:
-            return f"has the standard deviation {sigma:g}", "give sigma > 0, or leave the parameter out of the sweep"
-        if self.kind == "log-uniform" and not low > 0.0:
-            return f"begins at {low:g}, which has no logarithm", "give two positive ends, or use uniform"
-        if self.kind == "lognormal" and not has["median"] > 0.0:
-            return f"has the median {has['median']:g}", "give a positive median, or use normal"
-        if self.kind == "triangular" and not low <= has["mode"] <= high:
-            return f"has its mode {has['mode']:g} outside its ends", "give from ≤ mode ≤ to"
-        return "", ""
+        with np.errstate(all="ignore"):
+            sound = bool(np.isfinite(self.at(np.array([0.5]))[0]))
+        remedy = "its ends grow, those of a logarithm, sigma and a median are above 0, and a mode is between the ends"
+        return ("", "") if sound else (f"{self} is no distribution", remedy)
 
     def at(self, u: Cube) -> Cube:
         """Values at which the distribution function is u; to 15 digits, which all machines agree about."""
         from scipy import stats
 
-        has = dict(self.numbers)
+        has = {name: np.float64(number) for name, number in self.numbers}  # of which none divides by zero
         low, high, sigma = has.get("from", 0.0), has.get("to", 0.0), has.get("sigma", 1.0)
         mean = has.get("mean", 0.0)
         laws: dict[str, Callable[[], Any]] = {

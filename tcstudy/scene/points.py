@@ -145,28 +145,28 @@ FELT = ("boundary", *THERMAL)
 """Sections that decide what a scene needs of heat."""
 
 
-def needs_heat_solve(scene: Scene) -> bool:
-    """True if the temperature must be computed and is not simply known."""
-    heat = scene.heat
-    if not scene.material.expands or heat.theta is not None or not scene.conducts:
-        return False
-    given = {theta_bar for _, _, theta_bar in scene.exchange} | {theta for _, theta in scene.held_theta}
-    varies = len(given) > 1 or any(isinstance(theta, Expression) for theta in given)
-    return varies or isinstance(heat.q, Expression) or heat.q != 0.0 or bool(scene.flux)
-
-
-def why_no_heat(scenes: Sequence[Scene]) -> str:
-    """Why the first scene without a heat problem has none; if all have one, why one of its numbers changes nothing."""
-    scene = next((s for s in distinct(scenes, *FELT) if not needs_heat_solve(s)), None)
-    if scene is None:
-        return "every edge that exchanges heat has its own"
+def no_heat(scene: Scene) -> str:
+    """Why the temperature need not be computed; empty if it must."""
     if not scene.material.expands:
         return "beta is 0, so temperature does not load the body"
     if scene.heat.theta is not None:
         return "theta is known"
     if not scene.conducts:
         return "the study has no heat"
-    return "q is 0 and theta_bar is constant, so theta = theta_bar exactly"
+    given = {theta_bar for _, _, theta_bar in scene.exchange} | {theta for _, theta in scene.held_theta}
+    varies = len(given) > 1 or any(isinstance(theta, Expression) for theta in given)
+    heated = isinstance(scene.heat.q, Expression) or scene.heat.q != 0.0 or scene.flux
+    return "" if varies or heated else "q is 0 and theta_bar is constant, so theta = theta_bar exactly"
+
+
+def needs_heat_solve(scene: Scene) -> bool:
+    """True if the temperature must be computed and is not simply known."""
+    return not no_heat(scene)
+
+
+def why_no_heat(scenes: Sequence[Scene]) -> str:
+    """Why the first scene without a heat problem has none; if all have one, why one of its numbers changes nothing."""
+    return next(filter(None, map(no_heat, distinct(scenes, *FELT))), "every edge that exchanges heat has its own")
 
 
 def idle_notes(study: Study) -> list[str]:
