@@ -6,6 +6,7 @@ expressions, which must have a finite value where they are used, at sample point
 from __future__ import annotations
 
 import math
+import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import is_dataclass, replace
@@ -149,13 +150,9 @@ def _file(ctx: Context, node: Node) -> BrepFace:
     fields = Fields(ctx, node, "file")
     path, unit = fields.value("path"), fields.value("unit") or ""
     target, suffix = ctx.folder / path, ("." + path.rpartition(".")[2].lower())
-    try:  # no system has a file whose name it refuses, or that it does not let be seen
-        there = "\0" not in str(target) and target.is_file()
-    except OSError:
-        there = False
     if path and suffix not in FORMATS:
         fields.fault("path", f"{path!r} is not a geometry file", f"give a file ending in {', '.join(FORMATS)}")
-    elif path and not there:
+    elif path and not os.path.isfile(target):  # False of one whose name a system refuses, too
         fields.fault("path", f"there is no file {path!r}", "give its path relative to the folder of the study")
     try:
         scale = to_si("1", unit or FORMATS.get(suffix, "m"), LENGTH) if unit or ctx.units == "SI" else 1.0

@@ -206,16 +206,13 @@ def _geometries(
     """The geometries of a sweep in order: each without its study, the text with its numbers put in, what of the sweep
     is left, and the options with which the text of the whole study is that of this geometry."""
     axes, inner = [sweep.axes[i] for i in outer], tuple(axis for i, axis in enumerate(sweep.axes) if i not in outer)
-    if sweep.mode == "grid":
-        sizes = [len(axis.values) for axis in sweep.axes]
-        points = np.arange(math.prod(sizes), dtype=np.intp).reshape(sizes)
-        points = np.moveaxis(points, outer, range(len(outer)))
-        groups = {index: points[index].ravel() for index in np.ndindex(points.shape[: len(outer)])}
-    else:
-        found: dict[tuple[float | str, ...], list[int]] = {}
-        for k in range(len(sweep.axes[0].values)):
-            found.setdefault(tuple(axis.labels[k] for axis in axes), []).append(k)
-        groups = {(at[0],) * len(axes): np.array(at, dtype=np.intp) for at in found.values()}
+    sizes = [len(axis.values) for axis in sweep.axes]
+    total = math.prod(sizes) if sweep.mode == "grid" else sizes[0]
+    each = np.unravel_index(np.arange(total), sizes) if sweep.mode == "grid" else [np.arange(total)] * len(sizes)
+    found: dict[tuple[float | str, ...], list[int]] = {}
+    for k, at in enumerate(zip(*(each[i].tolist() for i in outer), strict=True)):
+        found.setdefault(tuple(axis.labels[j] for axis, j in zip(axes, at, strict=True)), []).append(k)
+    groups = {tuple(int(each[i][at[0]]) for i in outer): np.array(at, dtype=np.intp) for at in found.values()}
     rest = replace(sweep, axes=inner)
     said = with_sweep(overrides, rest.written())
     for index, places in groups.items():
