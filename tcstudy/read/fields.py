@@ -336,8 +336,8 @@ class Fields:
         self.values: Mapping[str, Node] = node.children
         if not isinstance(node.value, Mapping):
             top = rows("").get(section) if isinstance(section, str) else None
-            first = known[0]
-            example = ctx.example(top.example if top and top.example else f"{{{first}: {self.rows[first].suggestion}}}")
+            pairs = ", ".join(f"{key}: {self.rows[key].suggestion}" for key in self.required or known[:1])
+            example = ctx.example(top.example if top and top.example else f"{{{pairs}}}")
             remedy = f"write a mapping with the keys {', '.join(known)}, for example {example}"
             ctx.errors.at(node, f"must be a mapping, but is {node.kind()}", remedy)
             return

@@ -231,7 +231,7 @@ def _parameter(ctx: Context, key: str, item: Node, known: Mapping[Keys, Paramete
     if (found := known.get(("parameters", key)) or known.get(path)) is not None:  # what a study names goes first
         return found
     what = f"the study has no parameter {key!r} to sweep"
-    same = [".".join(keys) for keys, p in known.items() if keys[-1] == path[-1] and not p.idle]
+    same = [".".join(keys) for keys in known if keys[-1] == path[-1]]
     if path[0] in FIXED:
         what, remedy = f"{path[0]} cannot be swept", FIXED[path[0]]
     elif key in OF_DESIGNS:

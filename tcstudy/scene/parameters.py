@@ -29,14 +29,10 @@ WHOLE: dict[str, tuple[str, ...]] = {"law": ("law",), "material": tuple(rows("ma
 
 @dataclass(frozen=True)
 class Parameter:
-    """A key that can be swept, and where.
-
-    idle: whether the role of its edge has no use for it, so that it is none to propose
-    """
+    """A key that can be swept, and where."""
 
     path: Keys
     row: Key
-    idle: bool = False
 
     @property
     def is_whole(self) -> bool:
@@ -94,11 +90,9 @@ def sweepable(
             of_all = (PLAIN["friction", key] for key in OF_ALL_LAWS)
             for one in (*law_rows(name), *of_all) if name in SHAPES else ():
                 found.setdefault((*place, one.name), one)
-    found |= {("boundary", edge, *inner): one for edge in edges for inner, one in EDGE.items()}
-    return {
-        path: Parameter(path, one, path[0] == "boundary" and path[2] not in edges[path[1]])
-        for path, one in found.items()
-    }
+    for edge, own_keys in edges.items():
+        found |= {("boundary", edge, *inner): one for inner, one in EDGE.items() if inner[0] in own_keys}
+    return {path: Parameter(path, one) for path, one in found.items()}
 
 
 SHORT = {
