@@ -56,8 +56,8 @@ def moreau_envelopes(laws: Laws, kappa: float) -> Laws:
     """b_κ of the laws in use; κ > 0 [Pa/m]. Those that nowhere fall faster than κ stay as they are."""
     tables = laws.tables
     law, ends = _tangents(tables, np.intersect1d(np.flatnonzero(tables.falls > kappa), laws.index), kappa)
-    right, settled = np.array([[False], [True]]), False
-    for _ in range(_TOUCHES):
+    right, settled, steps = np.array([[False], [True]]), False, 0
+    while True:
         law, ends = law[ends[0] < ends[1]], ends[:, ends[0] < ends[1]]
         own, (s, t) = tables.at(law), ends
         sigma = own.integral(s, t) / (t - s) + 0.5 * kappa * (s + t)
@@ -65,7 +65,7 @@ def moreau_envelopes(laws: Laws, kappa: float) -> Laws:
         if not np.all(apart):
             first, last = np.append(True, apart), np.append(apart, True)
             law, ends = law[first], np.stack([s[first], t[last]])
-        elif settled:
+        elif settled or steps == _TOUCHES:
             break
         else:  # a Newton step towards h′ = σ, across no down-jump; a kink where h′ rises across σ is kept
             at = own.locate(ends)
@@ -76,7 +76,7 @@ def moreau_envelopes(laws: Laws, kappa: float) -> Laws:
             piece = at.toward(onward)
             bend = own.slope(ends, piece) + kappa
             ends = np.clip(ends - excess / np.where(bend > 0.0, bend, np.inf), *own.ends(piece))
-            settled = bool(np.all(np.abs(ends - (s, t)) <= _SETTLED * (t - s)))
+            steps, settled = steps + 1, bool(np.all(np.abs(ends - (s, t)) <= _SETTLED * (t - s)))
     return _assembled(tables, kappa, law, s, t, sigma).at(laws.index)
 
 
