@@ -5,10 +5,9 @@
   2. solves Newton's equations on the pieces of all others (newton.py),
   3. goes along that direction, each node stopping on the first up-jump it would cross, and accepts by Armijo's
      rule on the exact energy difference; if the path gives no decrease within a few halvings,
-  4. minimises node by node along the descending one-sided slopes, which always lowers the energy,
-  5. after several steps that were shortened or node by node goes to the minimum of a convex model (convex_step), by
-     interior points: under thin layers, and where Ã is dense and badly conditioned, steps 3 and 4 settle few nodes at a
-     time.
+  4. goes along the step that each node would take by itself, which lowers the energy once it is short enough,
+  5. after several such or shortened steps goes to the minimum of a convex model (convex_step), by interior points:
+     under thin layers, and where Ã is dense and badly conditioned, steps 3 and 4 settle few nodes at a time.
 Every accepted step lowers L̃, so no iterate returns and cycles are impossible. Where energies can no longer tell two
 points apart the residual judges, and a row ends with the best point that it has seen. A point at which no node descends
 is first-order stationary in every direction, because L̃′(v; d) is the sum of the nodes' one-sided slopes; one that fails
@@ -32,7 +31,6 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.newton import ROUNDINGS, Slopes, convex_step, directions, leave_saddles, slopes
 from tcstudy.contact.problem import ContactProblem
-from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import Place
 
 Array = NDArray[np.float64]
@@ -43,9 +41,9 @@ TOLERANCE = 1e-12
 """Residual that descent aims at; what is accepted as a solution is up to tcstudy/scene/study.py."""
 _COARSE_TOLERANCE = 1e-6
 """Of the coarse problem of nested iteration; and from where on Newton's method converges, if rounding lets it."""
-_STEPS, _SADDLES, _HALVINGS, _ARMIJO = 300, 20, 4, 1e-4
-"""Steps at most, saddles that are left at most, step lengths 1, ½, ¼ … tried, and the share of the first-order decrease
-that a step must realise."""
+_STEPS, _SADDLES, _HALVINGS, _SHORTEST, _ARMIJO = 300, 20, 4, 40, 1e-4
+"""Steps at most, saddles that are left at most, halvings of Newton's step and of the other one, and the share of the
+first-order decrease that a step must realise."""
 _ROUNDING = 1e-13
 """Changes of energy below this part of the work of ξ are rounding."""
 _FLAT, _IDLE = 1e-11, 10
@@ -55,12 +53,10 @@ steps that do not lower the residual count once it is small, and whole ones in a
 _POLISHED = 3
 """Steps at rounding level that may follow each other as long as they lower the residual."""
 _PATIENCE, _PUT_OFF = 6, 20
-"""Slow steps (shortened, node by node) before the minimum of a convex model is gone to, and more of them where that was
-of no use."""
+"""Slow steps (shortened, or not Newton's) before the minimum of a convex model is gone to, and more of them where that
+was of no use."""
 _CREEPS, _LONGER = 20, 4
 """Steps of a descent over no barrier after which it is helped out of flat places, and how much longer it may take."""
-_MAJORANT_STEPS = 8
-"""With a curvature majorant inside an exponential piece, where each descends."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,13 +151,14 @@ def descend_nested(
 
 def _step(rows: ContactProblem, v: Array, xi: Array, s: Slopes, careful: bool) -> tuple[Array, Flags, Flags, Flags]:
     """Of every row: next v, whether its residual is rounding, the step was whole, the step changed nothing."""
-    d = _newton(rows, v, s, careful)
-    first_order = np.where(d > 0.0, s.right, s.left)
-    stop = rows.law.next_up_jump(s.at, d)
-    new, (level, whole, flat) = v.copy(), np.zeros((3, len(v)), dtype=bool)
-    todo = np.arange(len(v))
-    for halving in range(_HALVINGS + 1):
-        x, direction, end = v[todo], 0.5**halving * d[todo], stop[todo]
+    d, length = _newton(rows, v, s, careful), 1.0
+    new, (level, whole, flat), todo = v.copy(), np.zeros((3, len(v)), dtype=bool), np.arange(len(v))
+    for halving in range(_HALVINGS + _SHORTEST):
+        if halving == _HALVINGS + 1:
+            d, length = _relaxed(rows, s.descent), 1.0
+        if halving in (0, _HALVINGS + 1):
+            first_order, stop = np.where(d > 0.0, s.right, s.left), rows.law.next_up_jump(s.at, d)
+        x, direction, end = v[todo], length * d[todo], stop[todo]
         target = x + direction
         reached = np.where(direction > 0.0, target >= end, target <= end) & (direction != 0.0)
         target = np.where(reached, end, target)
@@ -177,12 +174,16 @@ def _step(rows: ContactProblem, v: Array, xi: Array, s: Slopes, careful: bool) -
         taken = accepted | within
         new[todo[taken]], level[todo[within]], whole[todo[taken]] = target[taken], True, halving == 0
         flat[todo[taken]] = (np.abs(change) <= _FLAT * work)[taken] & (halving == 0)
-        todo = todo[~taken]
+        todo, length = todo[~taken], 0.5 * length
         if not len(todo):
             break
-    for i in todo:
-        new[i] = descend_nodes(rows.single(int(i)), v[i], xi[i], s.descent[i])
+    flat[todo] = True
     return new, level, whole, flat
+
+
+def _relaxed(rows: ContactProblem, descent: Array) -> Array:
+    """The step that each node would take by itself: it descends, where Newton's may not, once it is short enough."""
+    return np.asarray(-descent / np.diagonal(rows.body.A_tilde))
 
 
 def _newton(rows: ContactProblem, v: Array, s: Slopes, careful: bool) -> Array:
@@ -220,8 +221,10 @@ def _out_of_flat(row: ContactProblem, v: Array, xi: Array, s: Slopes) -> Array:
     return _first_rest(row.single(0), v[0], xi[0], s.descent[0], v[0] + _newton(row, v, s, careful=True)[0])
 
 
-def _first_rest(problem: ContactProblem, v: Array, xi: Array, descent: Array, target: Array) -> Array:
-    """Where on the straight way to `target` the energy first stops falling (m,); node by node if it rises at once.
+def _first_rest(problem: ContactProblem, v: Array, xi: Array, descent: Array | None, target: Array) -> Array:
+    """Where on the straight way to `target` the energy first stops falling (m,).
+
+    On that of `_relaxed` if it rises at once.
 
     Where it bends down along the way, as beside a fold where Newton's steps on a convex model creep, the way goes on to
     the end of the pieces.
@@ -261,58 +264,7 @@ def _first_rest(problem: ContactProblem, v: Array, xi: Array, descent: Array, ta
     if first[k] < 0.0:
         return np.asarray(v + (begins[k] - first[k] / curvature[k]) * step)
     if k == 0:
-        return descend_nodes(problem, v, xi, descent)
+        return v if descent is None else _first_rest(problem, v, xi, None, v + _relaxed(problem, descent))
     found = v + at[k - 1] * step
     found[node[k - 1]] = s[k - 1]
     return np.asarray(found)
-
-
-def descend_nodes(problem: ContactProblem, v: Array, xi: Array, descent: Array) -> Array:
-    """v after one Gauss–Seidel pass over the descending nodes, largest expected gain first (m,).
-
-    descent: the descending one-sided slopes at v (0 at rest) [N/m]
-    """
-    A_tilde, c, law = problem.A_tilde, problem.c, problem.law
-    diagonal = np.diagonal(A_tilde)
-    gain = descent**2 / diagonal
-    v, xi = v.copy(), xi.copy()
-    for node in map(int, np.argsort(-gain, kind="stable")[: np.count_nonzero(gain)]):
-        target = node_rest(law.single(node), float(v[node]), float(xi[node] / c[node]), float(diagonal[node] / c[node]))
-        xi -= A_tilde[node] * (target - v[node])
-        v[node] = target
-    return v
-
-
-def node_rest(law: Laws, s_0: float, traction: float, stiffness: float) -> float:
-    """Where ½ k (s − s₀)² − traction (s − s₀) + j(s), one node with all others held, first rests downhill from s₀.
-
-    A zero of its slope, or a jump behind which it climbs; exponential pieces stop short of the zero: the curvature
-    k + b′ is monotone on a piece, so that its larger end bounds it and no step passes a zero.
-
-    traction: ξ/c at s₀ [Pa];  stiffness: k = Ã_ii/c_i [Pa/m]
-    """
-
-    def climb(s: float, piece: int) -> float:
-        return float(law.value(s, piece)) + stiffness * (s - s_0) - traction
-
-    s, before, behind = s_0, int(law.piece(s_0, -1)), int(law.piece(s_0, +1))
-    left, right = climb(s, before), climb(s, behind)
-    if max(-right, left) <= 0.0:
-        return s
-    sign, piece = (1, behind) if -right >= left else (-1, before)
-    while True:
-        end = float(law.ends(np.asarray(piece))[sign > 0])
-        far = float(law.slope(end, piece)) if np.isfinite(end) else float(law.q[piece])
-        for _ in range(_MAJORANT_STEPS if law.bent[piece] else 1):
-            bound, downhill = stiffness + max(float(law.slope(s, piece)), far), -sign * climb(s, piece)
-            if downhill <= 0.0:
-                return s
-            if bound <= 0.0 or abs(end - s) * bound <= downhill:
-                s = end
-                break
-            s += sign * downhill / bound
-        if not np.isfinite(s):  # nothing holds the node
-            return s_0
-        if s != end or sign * climb(s, piece + sign) >= 0.0:
-            return s
-        piece += sign

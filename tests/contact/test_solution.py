@@ -87,14 +87,17 @@ def test_written_tolerance_is_met_or_refused() -> None:
 
 
 def test_what_rounding_limits_is_a_solution_by_default_only() -> None:
-    """A body of condition 1e16 leaves refinement no factor to work with; that is said; a written tolerance refuses."""
-    rng = np.random.default_rng(5)
-    A = ill_conditioned(rng, 20, 1e16)
-    problem = ContactProblem(A, A @ rng.normal(size=20), np.ones(20), tresca(1e-4))
-    answer = solve_contact(problem)
+    """From a solution rounded to doubles; a body of condition 1e17 leaves refinement no factor to work with.
+
+    That is said; a written tolerance refuses.
+    """
+    rng, film = np.random.default_rng(7), tresca(1e-4)
+    A, v = ill_conditioned(rng, 20, 1e17), rng.normal(size=20)
+    problem = ContactProblem(A, A @ v + film.b(v), np.ones(20), film)
+    answer = solve_contact(problem, branch="continued", neighbour=v)
     assert (answer.status, bool(answer.limited)) == (Status.CONVERGED, True)
     assert TOLERANCE < answer.inclusion_residual <= answer.rounding
-    strict = solve_contact(problem, tolerance=TOLERANCE)
+    strict = solve_contact(problem, tolerance=TOLERANCE, branch="continued", neighbour=v)
     assert strict.status == Status.INCLUSION_VIOLATED
     assert "rounding alone leaves" in strict.reason
 
