@@ -209,14 +209,15 @@ def test_a_plan_serves_other_matrices_of_the_same_pattern_alone():
 
 
 def test_fronts_times_unknowns_may_pass_32_bits(monkeypatch):
-    """A chain cut into pieces of two: every front of the plan touches later unknowns alone."""
+    """A chain cut into pieces of two: every front of the plan touches a later unknown."""
     monkeypatch.setattr(symbolic, "LEAF_UNKNOWNS", 2)
     n = 50_000
     chain = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(n, n)).tocsr()
     points = np.column_stack([np.arange(n), np.zeros(n)])
     plan = symbolic.plan_elimination(chain, points, 1, np.array([n - 1]), np.arange(n) < n - 1)
     assert len(plan.stops) * n > 2**31
-    assert all(boundary[0] >= stop for boundary, stop in zip(plan.boundaries, plan.stops, strict=True))
+    own = np.diff(plan.stops, prepend=0) > 0
+    assert all(plan.stops[f] <= plan.boundaries[f][0] < n for f in np.flatnonzero(own)[:-1])
 
 
 @pytest.mark.parametrize("seed", range(10))
