@@ -104,16 +104,9 @@ def acting(mesh: PlaneMesh, name: str, role: Role, at: Array, normal: Array) -> 
     return found
 
 
-@dataclass(frozen=True)
-class ContactTraction:
-    """ξ_h on the boundary segments: linear between contact nodes, zero off Γ_C.
-
-    xi:     (s, 2) ξ_h at the Gauss points [Pa]
-    defect: (s, 2) dist(ξ_h, b̂(u_h,T)) there [Pa]
-    """
-
-    xi: Array
-    defect: Array
+ContactTraction = tuple[Array, Array]
+"""(s, 2) ξ_h at the Gauss points of the boundary segments, linear between contact nodes and zero off Γ_C, and
+dist(ξ_h, b̂(u_h,T)) there [Pa]."""
 
 
 def contact_traction(
@@ -134,7 +127,7 @@ def contact_traction(
     result[on] = traction
     off = np.maximum(low.reshape(-1, 2) - traction, traction - high.reshape(-1, 2))
     defect[on] = np.maximum(0.0, off)
-    return ContactTraction(result, defect)
+    return result, defect
 
 
 Indices = NDArray[np.intp]
@@ -204,15 +197,15 @@ def edge_residual(mesh: PlaneMesh, u: Array, sigma: Array, scene: Scene, frictio
 
     u: (2n,) the displacement;  sigma: (n, 3) σ* at the nodes
     """
-    edges, curves, roles = mesh.boundary, mesh.geometry.curves, dict(scene.boundary)
+    edges, curves, roles, (xi, defect) = mesh.boundary, mesh.geometry.curves, dict(scene.boundary), friction
     traction = traction_of(on_segments(sigma, mesh.segments), edges.normal)
-    moved, square, gap = on_segments(u.reshape(2, -1).T, mesh.segments), friction.defect**2, np.zeros_like(friction.xi)
+    moved, square, gap = on_segments(u.reshape(2, -1).T, mesh.segments), defect**2, np.zeros_like(xi)
     for index, curve in enumerate(curves):
         here, role = mesh.segment_curve == index, roles[curve.name]
         at, axes = edges.at[here], (edges.normal[here], tangent(edges.normal[here]))
         # what σn should be where it is free: what acts on the edge, −ξ_h t, and what springs take
         target = acting(mesh, curve.name, replace(role, moment=None) if role.moment else role, at, axes[0])
-        target = target - friction.xi[here][..., None] * axes[1][:, None]
+        target = target - xi[here][..., None] * axes[1][:, None]
         for k, d in zip(role.spring, axes, strict=True):
             target = target - k * np.einsum("sqd,sd->sq", moved[here], d)[..., None] * d[:, None]
         if role.frame != "nt":

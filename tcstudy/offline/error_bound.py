@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.contact.path.piecewise_linear_approximation import piecewise_linear
-from tcstudy.contact.problem import CondensedBody
 from tcstudy.contact.solve import solve_block
 from tcstudy.fem.boundary import values_at
 from tcstudy.fem.energy_error import acting, own_strain, stress_of
@@ -61,7 +60,6 @@ class ErrorBounds:
 
     level: Level
     _loads: Recent[_Load] = field(default_factory=lambda: Recent(8, lambda _: 1))
-    _bodies: Recent[CondensedBody] = field(default_factory=lambda: Recent(1, lambda _: 1))
     _polygons: Recent[Laws] = field(default_factory=lambda: Recent(64, lambda _: 1))
 
     def look(self, scene: Scene, v: Array) -> dict[str, float]:
@@ -90,13 +88,11 @@ class ErrorBounds:
     def equilibrated(self, scene: Scene, law: Laws, u: Array) -> tuple[float, Array]:
         """η [√(J/m)] of a displacement u (n, 2), and (s, 2) ξ* at the ends of the segments of Γ_C [Pa]."""
         (dual, factor), load = self.level.dual(scene), self._load(scene)
-        key = scene.material.mu / factor, self.level.ratio(scene)
-        body = self._bodies.get(key, lambda: CondensedBody.of(dual.A_hat, dual.c))
         law = law if factor == 1.0 else law.placed(1.0 / factor)
         at_gauss = law.tables.at(np.repeat(np.broadcast_to(law.index, len(dual.c) // 2), 2)[None])
         rows = load.rows / factor
         l_tilde = dual.condensation.condensed(rows)
-        found = solve_block(body, l_tilde[None], at_gauss, "from-zero", prove=False)
+        found = solve_block(dual.contact, l_tilde[None], at_gauss, "from-zero", prove=False)
         w = dual.condensation.expand(found.v[0], rows)
         apart = dual.rows(u) - load.given - (w if dual.ties is None else dual.ties @ w)
         eta2 = factor * float(apart @ (dual.K @ apart)) + load.rest / factor

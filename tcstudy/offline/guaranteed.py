@@ -40,10 +40,9 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.sparse.linalg import LinearOperator, eigsh
 
 from tcstudy.condense import Condensation, condense
-from tcstudy.contact.problem import least_eigenpair
+from tcstudy.contact.problem import CondensedBody, least_eigenpair
 from tcstudy.errors import GeometryFailed
 from tcstudy.fem.boundary import ContactLine, edge_arms, unknown
 from tcstudy.fem.meshes import PlaneMesh
@@ -87,10 +86,10 @@ class EquilibriumBody:
     c: Array
     condensation: Condensation
 
-    @property
-    def A_hat(self) -> Array:
-        """(2k, 2k) stiffness of the tangential displacements at the Gauss points of Γ_C, in order [Pa]."""
-        return self.condensation.A_tilde
+    @cached_property
+    def contact(self) -> CondensedBody:
+        """That of the tangential displacements at the Gauss points of Γ_C, in order."""
+        return CondensedBody.of(self.condensation.A_tilde, self.c)
 
     @cached_property
     def gauss_points(self) -> Array:
@@ -216,10 +215,6 @@ class Elements:
 
 ROUNDINGS = 4.0
 """Of K̂, by which the error of λ̂ is estimated."""
-LEAST_ERROR, STEPS = 1e-9, 300
-"""Relative error of λ̂ that is tried to prove, and most steps of inverse iteration."""
-DENSE = 500
-"""Points of Γ_C up to which all eigenvalues are as cheap."""
 REFINED = 3
 """Times that a triangle is refined for its constant."""
 SHAPES = 16
@@ -290,35 +285,14 @@ def dual_body(mesh: PlaneMesh, scene: Scene, line: ContactLine) -> EquilibriumBo
 
 def lambda_1_band(body: EquilibriumBody, mesh: PlaneMesh, line: ContactLine, A_tilde: Array) -> Band:
     """λ₁ of the body from both sides. A_tilde: (m, m) that of P1 on the mesh with the moduli of `body` [Pa]"""
-    hat, x, error = _proved_least(body.A_hat, body.c)
+    hat, x, error = least_eigenpair(body.condensation.A_tilde, body.c)
     whole = body.condensation.expand(x)
     error += ROUNDINGS * float(np.finfo(float).eps) * float(body.diagonal @ whole**2) / hat
     lam, mu = body.elements.lam, body.elements.mu
     C2, M = neglected(mesh, line, np.minimum(mu, lam + mu)), segment_mass(line.unknowns, line.lengths, line.m)
-    # inverse iteration for the least vᵀÃv/vᵀMv, which is no less than the eigenvalue whatever v is
-    factor, v, high, before = scipy.linalg.cho_factor(A_tilde, lower=True), np.ones(line.m), np.inf, np.inf
-    for _ in range(STEPS):
-        v = scipy.linalg.cho_solve(factor, M @ v)
-        before, high = high, float(v @ A_tilde @ v) / float(v @ M @ v)
-        v /= np.linalg.norm(v)
-        if not high < before * (1.0 - 1e-13):
-            break
-    return Band(hat * (1.0 - error) / (1.0 + C2 * hat), hat, min(high, before) * (1.0 + error))
-
-
-def _proved_least(A: Array, c: Array) -> tuple[float, Array, float]:
-    """(λ, x, error) of the least λ with Ax = λCx: no eigenvalue is below λ(1 − error), by a Cholesky factorisation."""
-    if len(c) <= DENSE:
-        return least_eigenpair(A, c)
-    root = 1.0 / np.sqrt(c)
-    scaled = A * root[:, None] * root
-    factor = scipy.linalg.cho_factor(scaled, lower=True)
-    inverse = LinearOperator(A.shape, matvec=lambda x: scipy.linalg.cho_solve(factor, x), dtype=float)
-    values, vectors = eigsh(inverse, k=1, which="LA", v0=np.ones(len(c)), tol=LEAST_ERROR)
-    value, error = 1.0 / float(values[0]), LEAST_ERROR
-    while scipy.linalg.lapack.dpotrf(scaled - (1.0 - error) * value * np.eye(len(c)), lower=1)[1] and error < 1.0:
-        error *= 10.0
-    return value, root * vectors[:, 0], error
+    v = scipy.linalg.eigh(A_tilde, M, subset_by_index=[0, 0])[1][:, 0]
+    high = float(v @ A_tilde @ v) / float(v @ M @ v)  # no less than the eigenvalue whatever v is
+    return Band(hat * (1.0 - error) / (1.0 + C2 * hat), hat, high * (1.0 + error))
 
 
 def require_straight(mesh: PlaneMesh) -> None:

@@ -148,20 +148,14 @@ class Halved:
     @cached_property
     def middles(self) -> NDArray[np.intp]:
         """(s,) the new node in the middle of each segment of Γ_C of the level."""
-        n = self.coarse.mesh.n_points
-        ends = _sorted_pairs(self._prolong[n:].indices.reshape(-1, 2), n)
-        order = np.argsort(ends)
-        return n + order[np.searchsorted(ends[order], _sorted_pairs(self.coarse.line.segments, n))]
+        after, (first, second) = np.empty(self.level.mesh.n_points, dtype=np.intp), self.level.line.segments.T
+        after[first] = second
+        return after[self.coarse.line.segments[:, 0]]
 
     def on_segments(self, values: Array) -> Array:
         """(s,) sums of (s_f,) values on the segments of Γ_C over the two parts of each of the level."""
         at_new = np.bincount(self.level.line.segments.max(axis=1), values, minlength=self.level.mesh.n_points)
         return np.asarray(at_new[self.middles])
-
-
-def _sorted_pairs(pairs: NDArray[np.intp], n: int) -> NDArray[np.intp]:
-    """One number for each unordered pair of nodes."""
-    return pairs.min(axis=1) * n + pairs.max(axis=1)
 
 
 Both = tuple[Array, Array]
