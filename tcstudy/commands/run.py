@@ -224,7 +224,8 @@ def do(
     if dask is not None and kind in ("path", "fit"):
         fail(f"--dask: a {kind} has no work for others; leave it out")
     pool = WorkerPool(jobs, dask)
-    with closing(pool.early(study) if kind == "run" else pool):  # which takes as long as what is imported from here on
+    at_once = kind == "run" and dask is None  # which takes as long as what is imported from here on
+    with closing(pool.ready(study) if at_once else pool):
         output = usable(kind, study, output)
         point, index = place_of(study, at) if at or kind == "cost" else ("", ())
         there, swept = "holds these results already; --force computes them again", [axis.name for axis in study.axes]

@@ -150,10 +150,6 @@ def _left_out(study: Study, heat_solved: bool) -> Iterator[str]:
     cold = count_points(scenes, FELT, lambda s: not needs_heat_solve(s))
     if cold:
         yield f"heat problem{f' at {cold} of {len(scenes)} points' if heat_solved else ''}: {why_no_heat(scenes)}"
-    if not any(s.f != (0.0, 0.0) for s in distinct(scenes, "f")):
-        yield "body force: f is zero or not given"
-    if not mesh.estimates and study.history is None:
-        yield "error estimates: not asked for (mesh.estimate: true, a tolerance or family: adaptive adds them)"
     if mesh.tolerance is not None:
         yield (
             f"meshes finer than needed: {mesh.strategy.how} from maxh = {mesh.maxh[0]:g}"
@@ -161,8 +157,6 @@ def _left_out(study: Study, heat_solved: bool) -> Iterator[str]:
             f"{mesh.goal.quantity} is at most {mesh.tolerance:g} at every point, {mesh.max_dofs} dofs are passed or "
             f"there are {mesh.levels} levels"
         )
-    if not study.output.fields and study.history is None:
-        yield "whole-body fields u₂ and θ in the data: not asked for (output.fields: true keeps them)"
 
 
 WORTH_SAYING = 2.0

@@ -267,12 +267,15 @@ class WorkerPool:
         self._cluster: DaskExecutor | None = None
         self._pool: ProcessExecutor | None = None
 
-    def early(self, study: Study) -> WorkerPool:
-        """Start workers of this machine at once where the levels promise to pay for them.
+    def ready(self, study: Study) -> WorkerPool:
+        """The same, connected to the scheduler, or with workers of this machine where the levels promise to pay.
 
-        It takes as long as what a run has to do, and to import, before its first block.
+        These take as long to start as what a run has to do, and to import, before its first block. Raises WorkersFailed
+        if the scheduler does not answer.
         """
-        if self.dask is None and self._pool is None:
+        if self.dask is not None:
+            self._cluster = self._cluster or DaskExecutor(self.dask, self.jobs)
+        elif self._pool is None:
             count = 1
             if study.variants or study.history is not None:
                 count = min(self.jobs or 1, len(study.variants) or len(study.scenes))
@@ -281,12 +284,6 @@ class WorkerPool:
             if count > 1:
                 self._pool = ProcessExecutor(count).warm()
         return self
-
-    def ready(self, study: Study) -> WorkerPool:
-        """The same, and connected to the scheduler. Raises WorkersFailed if it does not answer."""
-        if self.dask is not None and self._cluster is None:
-            self._cluster = DaskExecutor(self.dask, self.jobs)
-        return self.early(study)
 
     def blocks(self, study: Study, m: int) -> SerialExecutor:
         """Who solves the blocks of a level with m contact unknowns."""
