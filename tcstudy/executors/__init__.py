@@ -6,29 +6,3 @@ writes nothing and knows no study; a worker imports tcstudy.contact and what the
 
 Not here: which points form a block, what is recorded of them (study); how to solve them (contact).
 """
-
-from tcstudy.executors.cluster import DaskExecutor
-from tcstudy.executors.processes import (
-    TIMEOUT,
-    Job,
-    ProcessExecutor,
-    SerialExecutor,
-    WorkerDied,
-    WorkersFailed,
-    available,
-    in_order,
-    timed,
-)
-
-__all__ = [
-    "TIMEOUT",
-    "DaskExecutor",
-    "Job",
-    "ProcessExecutor",
-    "SerialExecutor",
-    "WorkerDied",
-    "WorkersFailed",
-    "available",
-    "in_order",
-    "timed",
-]

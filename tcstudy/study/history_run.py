@@ -43,7 +43,7 @@ from tcstudy.data.tables import (
     take_row,
 )
 from tcstudy.errors import HistoryError, StoreError, StudyError, UserFault
-from tcstudy.executors import in_order
+from tcstudy.executors.processes import in_order
 from tcstudy.fem.meshes import Meshes
 from tcstudy.laws.composed import row_laws
 from tcstudy.offline.level import Level

@@ -31,7 +31,7 @@ from tcstudy.contact.solve import solve_block
 from tcstudy.data.records import BlockRecord
 from tcstudy.data.schema import PointStatus, requested_variables
 from tcstudy.exact.numbers import exact_u_T
-from tcstudy.executors import TIMEOUT, Job, SerialExecutor, WorkersFailed, timed
+from tcstudy.executors.processes import TIMEOUT, Job, SerialExecutor, WorkersFailed, timed
 from tcstudy.fem.boundary import ContactLine
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.laws.composed import row_laws

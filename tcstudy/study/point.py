@@ -37,7 +37,7 @@ from tcstudy.data.schema import (
     PointStatus,
     name_of,
 )
-from tcstudy.executors import timed
+from tcstudy.executors.processes import timed
 from tcstudy.laws.composed import row_laws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP

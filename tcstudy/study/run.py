@@ -30,7 +30,7 @@ from tcstudy.data.records import BlockRecord, Journal, LevelRecord
 from tcstudy.data.schema import LIVE_PREFIX, PointStatus
 from tcstudy.data.store import Record, Results, write, write_record
 from tcstudy.errors import GeometryFailed, StoreError, UserFault
-from tcstudy.executors import SerialExecutor, in_order
+from tcstudy.executors.processes import SerialExecutor, in_order
 from tcstudy.fem.meshes import Meshes, PlaneMesh
 from tcstudy.offline.level import Level, live_arrays
 from tcstudy.refine.family import ErrorEstimator, Family

@@ -25,7 +25,8 @@ import numpy as np
 
 from tcstudy.data import schema
 from tcstudy.errors import GeometryFailed
-from tcstudy.executors import TIMEOUT, DaskExecutor, Job, ProcessExecutor, SerialExecutor, available
+from tcstudy.executors.cluster import DaskExecutor
+from tcstudy.executors.processes import TIMEOUT, Job, ProcessExecutor, SerialExecutor, available
 from tcstudy.scene.points import Scenes
 from tcstudy.scene.records import Clamped, Contact
 from tcstudy.scene.study import MeshPlan, Study

@@ -16,8 +16,8 @@ import pytest
 
 from tcstudy.data.records import BlockRecord
 from tcstudy.data.schema import PointStatus
-from tcstudy.executors import DaskExecutor, SerialExecutor, WorkersFailed
-from tcstudy.executors.cluster import CLOSE, CONNECT
+from tcstudy.executors.cluster import CLOSE, CONNECT, DaskExecutor
+from tcstudy.executors.processes import SerialExecutor, WorkersFailed
 from tcstudy.study import level_solver
 from tcstudy.study.run import run
 from tests.executors.test_processes import CRUEL, SWEPT, TAU, assert_same, solved

@@ -14,7 +14,7 @@ import pytest
 from tcstudy.data.records import COMMIT_SECONDS, BlockRecord
 from tcstudy.data.schema import PointStatus
 from tcstudy.errors import GeometryFailed
-from tcstudy.executors import Job, ProcessExecutor, SerialExecutor, WorkerDied, WorkersFailed, in_order
+from tcstudy.executors.processes import Job, ProcessExecutor, SerialExecutor, WorkerDied, WorkersFailed, in_order
 from tcstudy.scene.study import Study
 from tcstudy.study import level_solver
 from tcstudy.study.run import execute, run

@@ -12,7 +12,7 @@ import xarray as xr
 from tcstudy.contact.history.problem import HistoryStep
 from tcstudy.data.schema import DIFFERENTIABLE, PointStatus, name_of
 from tcstudy.errors import StoreError
-from tcstudy.executors import ProcessExecutor
+from tcstudy.executors.processes import ProcessExecutor
 from tcstudy.read.study import read_study_text
 from tcstudy.study import history_run, workers
 from tcstudy.study.history_run import execute_history

@@ -15,7 +15,7 @@ from netgen import occ
 
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import PointStatus
-from tcstudy.executors import ProcessExecutor, SerialExecutor
+from tcstudy.executors.processes import ProcessExecutor, SerialExecutor
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.study import workers as who
 from tcstudy.study.append import Kept
