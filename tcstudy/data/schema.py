@@ -17,6 +17,7 @@ indices, as `tcstudy show` has them, are something else.)
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
@@ -358,20 +359,26 @@ BESIDE = 500
 """Bytes that HDF5 spends on a variable beside its values, at least."""
 
 
+def bytes_of(study: Study, variables: Iterable[FileVariable], sizes: Mapping[str, int]) -> int:
+    """Size of variables [byte] without compression. sizes: of their dimensions beside those of the sweep"""
+    extent = {SWEEP: math.prod(study.shape), **sizes}
+    widths = ((v, 8 if v.dtype == "str" else np.dtype(v.dtype).itemsize) for v in variables)
+    return sum(BESIDE + width * math.prod(extent.get(dim, 1) for dim in v.dims) for v, width in widths)
+
+
 def expected_bytes(study: Study, levels: Sequence[tuple[int, int]]) -> int:
     """Size of the result file [byte] without compression, for a look at the disk before the work.
 
     levels: contact nodes and mesh nodes of each
     """
-    points = int(np.prod(study.shape, dtype=np.int64))
-    total = 60_000 + len(study.text.encode()) + 8 * (len(ROOT) + 2) * points * study.mesh.levels
-    total += BESIDE * (len(ROOT) + len(CONTACT) * len(levels))
-    for contact, nodes in levels:
-        total += (17 * points + 48) * contact
+    total = 60_000 + len(study.text.encode())
+    total += bytes_of(study, ROOT, {"level": study.mesh.levels, "start": len(START_NAMES)})
+    for m, n in levels:
+        total += bytes_of(study, CONTACT, {"node": m})
         if study.output.fields:
-            total += 8 * (len(FIELDS) * points + 5) * nodes
-        if study.output.live:
-            total += 8 * (contact + 2 * points) * contact if contact <= 250 else 0
+            total += bytes_of(study, (*MESH, *FIELDS), {"mesh_node": n, "mesh_face": 2 * n, "corner": 3})
+        if study.output.live and m <= 250:
+            total += bytes_of(study, LIVE, {"node": m, "node_column": m})
     return total
 
 

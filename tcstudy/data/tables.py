@@ -36,7 +36,6 @@ from tcstudy.data.provenance import OTHER_OUTPUT, holds
 from tcstudy.data.reading import load_root
 from tcstudy.data.records import LevelRecord, Row, decode, row_of
 from tcstudy.data.schema import (
-    BESIDE,
     CERTIFIED,
     CONTACT,
     DIFFERENCE,
@@ -447,14 +446,6 @@ def history_variables(study: Study) -> tuple[FileVariable, ...]:
     without |= {"debonded_from", "debonded_to"} if "debonded_length" in without else set()
     without |= {"jumped"} if study.history.branch != "continued" else set()
     return (*(v for v in HISTORY if v.name not in without), *step_variables(study))
-
-
-def history_bytes(study: Study, m: int) -> int:
-    """Size of the file [byte] without compression, with m contact unknowns."""
-    assert study.history is not None
-    steps, row, own = len(study.scenes) * (study.history.steps + 1), {"step": 1, "node": m}, history_variables(study)
-    numbers = sum(np.dtype(v.dtype).itemsize * row.get(v.dims[-1], 0) for v in own if v.dtype != "str")
-    return 60_000 + len(study.text.encode()) + BESIDE * len(own) + steps * numbers
 
 
 def empty_steps(study: Study, m: int, points: int) -> Steps:

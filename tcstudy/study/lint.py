@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from tcstudy.data.files import check_writable
 from tcstudy.data.provenance import Kind, Remark, measured_path
-from tcstudy.errors import GeometryFailed, StoreError, UsageError, UserFault
+from tcstudy.errors import GeometryFailed, UsageError, UserFault
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.geometry import Geometry, build
 from tcstudy.read.body import BoundaryPiece, edge_names, mesh_faults, support_fault, supports
@@ -327,11 +327,8 @@ def check_kind(study: Study, kind: str, name: str) -> None:
 def faults(study: Study, output: Path) -> list[str]:
     """What would stop a run of this study into `output`, one line each, as the user sees it; empty if nothing would."""
     file = str(study.source) if study.source is not None else "<text>"
-    try:
-        found = check_writable(output, expected_bytes(study))
-    except StoreError as error:
-        found = [str(error)]
-    return [*map(str, located(study, built_faults(study))), *(f"{file}: {text}" for text in found)]
+    found = (f"{file}: {text}" for text in check_writable(output, expected_bytes(study)))
+    return [*map(str, located(study, built_faults(study))), *found]
 
 
 def fault_in(study: Study, fault: UserFault, name: str) -> str:

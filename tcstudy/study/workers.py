@@ -208,9 +208,10 @@ def expected_bytes(study: Study, levels: Sequence[LevelForecast] | None = None) 
     except GeometryFailed:  # which is said elsewhere
         levels = ()
     if study.history is not None:
-        from tcstudy.data.tables import history_bytes
+        from tcstudy.data.tables import history_variables
 
-        return history_bytes(study, study.history.of(levels).n_contact)
+        sizes = {"step": study.history.steps + 1, "node": study.history.of(levels).n_contact}
+        return schema.expected_bytes(study, ()) + schema.bytes_of(study, history_variables(study), sizes)
     return schema.expected_bytes(study, [(level.n_contact, level.nodes) for level in refined(levels, study.mesh)])
 
 
