@@ -358,12 +358,10 @@ def convergence_table(study: Study) -> tuple[FileVariable, ...]:
     found = [LEVEL_COORDINATE, *(replace(one, dims=by_geometry) for one in LEVELS)]
     found.append(FileVariable("status", "i1", "1", "status of the solution", coordinate=True, extra=STATUS))
     for measure in (*ERRORS, *NUMBERS):
-        for part, dtype, meaning in _ERROR_PARTS if measure in ERRORS else _NUMBER_PARTS:
-            dims = POINT_LEVEL if part in _BY_LEVEL else (SWEEP,)
-            units = measure.units if part in _IN_UNITS else "1"
-            extra = flags(*VERDICTS) if part == "verdict" else {}
+        for part, dtype, units, dims, meaning in _ERROR_PARTS if measure in ERRORS else _NUMBER_PARTS:
             name, what = f"{part}_{measure.name}", meaning.format(measure.long_name)
-            found.append(FileVariable(name, dtype, units, what, dims, extra=extra))
+            extra = flags(*VERDICTS) if part == "verdict" else {}
+            found.append(FileVariable(name, dtype, units.format(measure.units), what, dims, extra=extra))
     if study.mesh.guarantee:
         words = ("estimated relative", "proved bound of the relative")
         found += [
@@ -379,28 +377,27 @@ LEVELS = (
     FileVariable("compared", "i1", "1", "1 if the level is compared with the reference", ("level",)),
 )
 """What a level of a geometry has."""
-_ERROR_PARTS: tuple[tuple[str, Dtype, str], ...] = (
-    ("error", "f8", "relative {}"),
-    ("rate", "f8", "rate from the level before: {}"),
-    ("size_squared", "f8", "square of the norm of the reference, for the {}"),
-    ("slope", "f8", "least-squares order: {}"),
-    ("slope_error", "f8", "standard error of the order: {}"),
-    ("first_level", "i4", "first asymptotic level, -1 for none: {}"),
-    ("expected", "f8", "expected order: {}"),
-    ("reason", "str", "reason of the expected order: {}"),
-    ("verdict", "i1", "what the rates say: {}"),
+_ONCE = (SWEEP,)
+_ERROR_PARTS: tuple[tuple[str, Dtype, str, Dims, str], ...] = (
+    ("error", "f8", "1", POINT_LEVEL, "relative {}"),
+    ("rate", "f8", "1", POINT_LEVEL, "rate from the level before: {}"),
+    ("size_squared", "f8", "{}", _ONCE, "square of the norm of the reference, for the {}"),
+    ("slope", "f8", "1", _ONCE, "least-squares order: {}"),
+    ("slope_error", "f8", "1", _ONCE, "standard error of the order: {}"),
+    ("first_level", "i4", "1", _ONCE, "first asymptotic level, -1 for none: {}"),
+    ("expected", "f8", "1", _ONCE, "expected order: {}"),
+    ("reason", "str", "1", _ONCE, "reason of the expected order: {}"),
+    ("verdict", "i1", "1", _ONCE, "what the rates say: {}"),
 )
-"""What is kept of an error: name before that of the measure, type, meaning."""
-_NUMBER_PARTS: tuple[tuple[str, Dtype, str], ...] = (
-    ("value", "f8", "{}"),
-    ("limit", "f8", "extrapolated: {}"),
-    ("uncertainty", "f8", "uncertainty of the extrapolated value: {}"),
-    ("limit_order", "f8", "order of the extrapolation: {}"),
-    ("exact", "f8", "exact value where known: {}"),
+"""What is kept of an error: name before that of the measure, type, units, dimensions, meaning."""
+_NUMBER_PARTS: tuple[tuple[str, Dtype, str, Dims, str], ...] = (
+    ("value", "f8", "{}", POINT_LEVEL, "{}"),
+    ("limit", "f8", "{}", _ONCE, "extrapolated: {}"),
+    ("uncertainty", "f8", "{}", _ONCE, "uncertainty of the extrapolated value: {}"),
+    ("limit_order", "f8", "1", _ONCE, "order of the extrapolation: {}"),
+    ("exact", "f8", "{}", _ONCE, "exact value where known: {}"),
 )
 """The same of a number."""
-_IN_UNITS = ("size_squared", "value", "limit", "uncertainty", "exact")
-_BY_LEVEL = ("error", "rate", "value")
 OWN = "study"
 """Name of the study's own meshes where they belong to none of the families, in a file of cost."""
 BOUND = Measure("u_bound", "u in energy, proved", "1", "proved bound of the error of the displacement, energy norm")

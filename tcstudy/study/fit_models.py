@@ -17,7 +17,7 @@ the curve itself (`contact.path.smooth`). Literature: Keller, in Rabinowitz (ed.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -116,10 +116,10 @@ class FitModel:
         """The study with the numbers p against the data. Raises FitError where it has no solution."""
         scene = self.scene(p)
         if self.plan.history is not None:
-            return self._vertical(self._steps(p))
+            return self._vertical(*self._steps(p))
         numbers, chain = self.chain(p)
         if self.plan.compare == "vertical":
-            found = self._vertical(self._points(scene, numbers))
+            found = self._vertical(*map(np.array, zip(*self._points(scene, numbers), strict=True)))
         else:
             found = self._orthogonal(scene, numbers)
         found = replace(found, jacobian=found.jacobian @ chain)
@@ -127,20 +127,19 @@ class FitModel:
             raise FitError("the results have no derivative at a datum: it lies on a fold; use compare: orthogonal")
         return found
 
-    # -- at each datum: (3 + m,) the SCALARS and u_T, and (3 + m, k) their derivatives -------------------
+    # -- at all n data: (n, 3 + m) the SCALARS and u_T, and (n, 3 + m, k) their derivatives -------------------
 
-    def _steps(self, p: Array) -> Iterator[tuple[Array, Array]]:
+    def _steps(self, p: Array) -> tuple[Array, Array]:
         """Of the measured steps of the history; derivatives are differences inside the bounds."""
-        middle, columns = self._followed(p), list[dict[int, Array]]()
+        middle, columns = self._followed(p), list[Array]()
         for j, one in enumerate(self.plan.parameters):
             h = DIFFERENCE * (p[j] if one.log else max(abs(p[j]), 1e-3 * (one.high - one.low)))
             q = p.copy()
             q[j] += h if p[j] + h <= one.high else -h
-            columns.append({n: (x - middle[n]) / (q[j] - p[j]) for n, x in self._followed(q).items()})
-        for n in self.plan.at_steps:
-            yield middle[n], np.stack([column[n] for column in columns], axis=1)
+            columns.append((self._followed(q) - middle) / (q[j] - p[j]))
+        return middle, np.stack(columns, axis=2)
 
-    def _followed(self, p: Array) -> dict[int, Array]:
+    def _followed(self, p: Array) -> Array:
         """What is compared at the measured steps of the history; the rest of it is not followed."""
         wanted, found, scene, history = set(self.plan.at_steps), dict[int, Array](), self.scene(p), self.plan.history
         assert history is not None
@@ -157,7 +156,7 @@ class FitModel:
                     break
         except (NotPositiveDefinite, UnfitLaw) as error:
             raise FitError(str(error)) from error
-        return found
+        return np.array([found[n] for n in self.plan.at_steps])
 
     def _points(self, scene: Scene, numbers: list[Sensitivity]) -> Iterator[tuple[Array, Array]]:
         """Of solutions, each continued from that before; the data of a profile have one load."""
@@ -184,21 +183,20 @@ class FitModel:
                 result = np.array([problem.xi(v).sum(), np.max(np.abs(v)), mean, *v]), np.array(rates).T
             yield result
 
-    def _vertical(self, results: Iterable[tuple[Array, Array]]) -> Compared:
+    def _vertical(self, values: Array, rates: Array) -> Compared:
         """The results at every datum against the data."""
-        found, predicted, slopes = list(results), [], []
+        found = []
         for column in self.plan.measured:
-            for i, (values, rates) in enumerate(found):
-                if column.name == "u_T":
-                    value, rate = self._weights[i] @ values[3:], self._weights[i] @ rates[3:]
-                else:
-                    at = SCALARS.index(column.name)
-                    value, rate = values[at], rates[at]
-                predicted.append(value)
-                slopes.append(rate)
+            if column.name == "u_T":
+                along = np.einsum("im,im->i", self._weights, values[:, 3:])
+                found.append((along, np.einsum("im,imk->ik", self._weights, rates[:, 3:])))
+            else:
+                at = SCALARS.index(column.name)
+                found.append((values[:, at], rates[:, at]))
+        predicted, slopes = (np.concatenate(part) for part in zip(*found, strict=True))
         data = np.concatenate([column.values for column in self.plan.measured])
         sigma = self.noise[: data.size]
-        return Compared((predicted - data) / sigma, np.array(slopes) / sigma[:, None], np.array(predicted))
+        return Compared((predicted - data) / sigma, slopes / sigma[:, None], predicted)
 
     @cached_property
     def _weights(self) -> Array:

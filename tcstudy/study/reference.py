@@ -116,9 +116,8 @@ class SolvedLevel:
         return np.isin(self.line.nodes, self.line.segments[(self.line.unknowns < 0).any(axis=1)])
 
     def tangential(self, u: Array) -> Array:
-        """(s, 2) u·t at both ends of every segment, t = (−n₂, n₁), of (2, n) u."""
-        x, y = u[:, self.line.segments]
-        return np.asarray(self.normals[..., 0] * y - self.normals[..., 1] * x)
+        """(s, 2) u·t at both ends of every segment, t = (−n₂, n₁), of (2, s, 2) u there."""
+        return np.asarray(self.normals[..., 0] * u[1] - self.normals[..., 1] * u[0])
 
     def halves(self, xi: Array) -> Array:
         """(s, 2) ξ on both halves of every segment from its values at the contact nodes (m,)."""
@@ -210,7 +209,7 @@ class ExactReference:
         sizes = mesh.norms(given, *moduli)
         found = {name: (error, sizes[name]) for name, error in mesh.norms(off, *moduli).items()}
         found |= {
-            "u_T_L2": one.distance(linear(one.tangential(own.u)), u_T),
+            "u_T_L2": one.distance(linear(one.tangential(own.u[:, one.line.segments])), u_T),
             "xi_L2": one.distance(steps(one.halves(own.xi)), xi),
         }
         v, at = (at_contact_nodes(of, one.mesh, one.line) for of in (u_T, xi))
@@ -231,13 +230,12 @@ class ExactReference:
 @dataclass(frozen=True)
 class _Places:
     """Where a fine mesh lies in a coarse one: of every fine triangle's centre the triangle and the weights of its
-    nodes; fine line nodes, and P1 functions at them; the contact node of every half of the fine segments (s, 2); the
-    fine contact node at each contact node, None where there may be none."""
+    nodes; P1 functions at both ends of the fine segments, one after the other; the contact node of every half of them
+    (s, 2); the fine contact node at each contact node, None where there may be none."""
 
     triangle: NDArray[np.intp]
     weights: Array
-    nodes: NDArray[np.intp]
-    at_nodes: csr_array
+    ends: csr_array
     halves: NDArray[np.intp]
     same: NDArray[np.intp] | None
 
@@ -266,9 +264,8 @@ class FineReference:
         coarse = [mesh.linear(c, one.mesh.gradient(v)[at.triangle]) for c, (v, _) in zip(centres, pairs, strict=True)]
         off = mesh.norms([less(a, mesh.p1(w)) for a, (_, w) in zip(coarse, pairs, strict=True)], *moduli)
         found = {name: (error, self._sizes[key][name]) for name, error in off.items()}
-        u = np.zeros_like(best.u)
-        u[:, at.nodes] = [at.at_nodes @ component for component in own.u]
-        ends, best_ends, best_halves = fine.tangential(u), fine.tangential(best.u), fine.halves(best.xi)
+        ends = fine.tangential(np.array([at.ends @ component for component in own.u]).reshape(2, -1, 2))
+        best_ends, best_halves = fine.tangential(best.u[:, fine.line.segments]), fine.halves(best.xi)
         found |= {
             "u_T_L2": (fine.distance(linear(ends - best_ends))[0], fine.distance(linear(best_ends))[0]),
             "xi_L2": (fine.distance(steps(own.xi[at.halves] - best_halves))[0], fine.distance(steps(best_halves))[0]),
@@ -283,7 +280,7 @@ class FineReference:
     def _located(self, one: SolvedLevel) -> _Places:
         """Segments are looked up by curve and not by edge, which may be both sides of a slot thinner than a cell."""
         if (key := id(one.mesh)) not in self._places:
-            fine, line, nodes = self._fine, self._fine.line, np.unique(self._fine.line.segments)
+            fine, line = self._fine, self._fine.line
             a, b = np.moveaxis(line.ends, 1, 0)
             middles = np.stack([0.75 * a + 0.25 * b, 0.25 * a + 0.75 * b], axis=1)
             halves, curves, coarse = np.empty(middles.shape[:2], dtype=np.intp), *(x.curves for x in (fine, one))
@@ -292,8 +289,8 @@ class FineReference:
                 rows = curves == curve
                 halves[rows] = own[cKDTree(one.line.xy[own]).query(middles[rows])[1]]
             same = cKDTree(line.xy).query(one.line.xy)[1] if self._nested else None
-            at_nodes, centres = interpolation(one.mesh, fine.mesh.points[nodes]), located(one.mesh, fine.mesh.centres)
-            self._places[key] = one.mesh, _Places(*centres, nodes, at_nodes, halves, same)  # so the mesh keeps its id
+            ends, centres = interpolation(one.mesh, line.ends.reshape(-1, 2)), located(one.mesh, fine.mesh.centres)
+            self._places[key] = one.mesh, _Places(*centres, ends, halves, same)  # so the mesh keeps its id
         return self._places[key][1]
 
 
