@@ -219,18 +219,10 @@ def _turn(A: Array, graph: NodeGraph, frames: Frames) -> None:
 
 def _component_blocked(A: Array, graph: NodeGraph) -> sp.csr_array:
     """The matrix of blocks A (2, 2, nnz) in the numbering x of all nodes, then y; every row has x, then y columns."""
-    first, own = graph
-    n, nnz, degree = len(first) - 1, len(own), np.diff(first)
-    at_x = np.arange(nnz, dtype=np.int32) + np.repeat(first[:-1], degree)
-    at_y = at_x + np.repeat(degree, degree)
-    data = np.empty((2, 2 * nnz))
-    for c in (0, 1):
-        data[c, at_x], data[c, at_y] = A[c]
-    columns = np.empty(4 * nnz, dtype=np.int32)
-    columns[at_x], columns[at_y] = own, own + np.int32(n)
-    columns[2 * nnz :] = columns[: 2 * nnz]
-    starts = np.concatenate([2 * first, 2 * nnz + 2 * first[1:]])
-    return sp.csr_array((data.ravel(), columns, starts), shape=(2 * n, 2 * n))
+    starts, columns = graph
+    n = len(starts) - 1
+    blocks = [[sp.csr_array((A[c, d], columns, starts), shape=(n, n)) for d in (0, 1)] for c in (0, 1)]
+    return sp.csr_array(sp.block_array(blocks, format="csr"))
 
 
 @dataclass(frozen=True)
@@ -238,24 +230,17 @@ class HeatForms:
     """The matrices and loads of the heat problem on one mesh (n nodes).
 
     gradients: products of gradients on the mesh;  convection: study names of the edges that make up Γ_θ
-    k: conductivities over that of the material of the body, where they differ by region
     held:      study names of the edges whose temperature is given
     """
 
     gradients: ElasticForms
     convection: tuple[str, ...]
-    k: Conductivity = ()
     held: tuple[str, ...] = ()
 
     @property
     def mesh(self) -> PlaneMesh:
         """The mesh."""
         return self.gradients.mesh
-
-    @cached_property
-    def conduction(self) -> sp.csr_array:
-        """K = ∫∇φ_i·∇φ_j, (n, n), dimensionless: the matrix for k = 1 of the body."""
-        return self.gradients.conduction(self.k)
 
     @cached_property
     def kept_nodes(self) -> NDArray[np.intp]:

@@ -145,10 +145,6 @@ class Geometry:
     size: float
     unit: float
 
-    def tags(self, name: str) -> tuple[str, ...]:
-        """Mesh boundary names of all curves of the study edge `name`."""
-        return tuple(curve.tag for curve in self.curves if curve.name == name)
-
     def face_areas(self) -> dict[str, float]:
         """Area of every region by name, and of the rest of the body as "body" [m²]."""
         areas: dict[str, float] = {}

@@ -31,7 +31,7 @@ nothing.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -77,12 +77,13 @@ class HeatLoad(NamedTuple):
 class HeatFactor:
     """K for k = 1 factorised with the nodes of Γ_θ kept; solves that keep their digits on slivers."""
 
-    def __init__(self, forms: HeatForms) -> None:
+    def __init__(self, forms: HeatForms, k: Conductivity = ()) -> None:
         n = forms.mesh.n_points
-        self._mesh, self._kept, self._k = forms.mesh, forms.kept_nodes, forms.k
+        self._mesh, self._kept, self._k = forms.mesh, forms.kept_nodes, k
         inner = np.ones(n, dtype=bool)
         inner[self._kept] = False
-        self._factor: Condensation = condense(forms.conduction, forms.mesh.points, self._kept, inner, components=1)
+        K = forms.gradients.conduction(k)
+        self._factor: Condensation = condense(K, forms.mesh.points, self._kept, inner, components=1)
 
     @property
     def A_tilde(self) -> Array:
@@ -382,8 +383,7 @@ class Temperatures:
 
     def __init__(self, forms: HeatForms, points: Array, scenes: Sequence[Scene], memory: float) -> None:
         """points: (n, 2) nodes;  scenes: all to come, if known;  memory: bytes of fields kept."""
-        self._forms: dict[Conductivity, HeatForms] = {(): forms}
-        self._points, self._wanted = points, _wanted(scenes)
+        self._forms, self._points, self._wanted = forms, points, _wanted(scenes)
         self._memory = memory / max(1, len({k for k, _ in self._wanted}))
         self._conductions: dict[tuple[Conductivity, Ratios], Conduction] = {}
         self._factors: dict[Conductivity, HeatFactor] = {}
@@ -395,15 +395,14 @@ class Temperatures:
     def conduction(self, k: Conductivity = (), ratios: Ratios = ()) -> Conduction:
         """The heat problem with these relative conductivities of the regions and ratios between the α of the edges."""
         if (k, ratios) not in self._conductions:
-            forms = self._forms.setdefault(k, replace(self._forms[()], k=k))
-            wanted = self._wanted.get((k, ratios))
-            self._conductions[k, ratios] = Conduction(forms, lambda: self._factor(k), self._fields, ratios, wanted)
+            own = ratios, self._wanted.get((k, ratios))
+            self._conductions[k, ratios] = Conduction(self._forms, lambda: self._factor(k), self._fields, *own)
         return self._conductions[k, ratios]
 
     def _factor(self, k: Conductivity) -> HeatFactor:
         """K factorised, until what it serves is computed."""
         if k not in self._factors:
-            self._factors[k] = HeatFactor(self._forms[k])
+            self._factors[k] = HeatFactor(self._forms, k)
         return self._factors[k]
 
     def of(self, scene: Scene) -> Temperature:
@@ -457,7 +456,7 @@ class Temperatures:
 
     def mean_of(self, theta: Array) -> float:
         """Mean over the body of a temperature at the nodes (n,)."""
-        mesh = self._forms[()].mesh
+        mesh = self._forms.mesh
         return float(mesh.area @ theta[mesh.triangles].mean(axis=1)) / float(mesh.area.sum())
 
     def response(self, scene: Scene, source: Array) -> Array:
@@ -468,7 +467,7 @@ class Temperatures:
 
     def exchanged(self, scene: Scene, edges: tuple[str, ...]) -> Array:
         """(n,) −∫(θ − θ̄)φ_i over edges: what one more of their α puts in [K m]."""
-        forms, theta = self._forms[()], self.of(scene).theta
+        forms, theta = self._forms, self.of(scene).theta
         found, kept = np.zeros(len(theta)), forms.kept_nodes
         for edge, _, theta_bar in scene.exchange:
             if edge in edges:

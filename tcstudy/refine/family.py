@@ -23,7 +23,7 @@ from tcstudy.fem.energy_error import Pieces, contact_traction, energy_squares, p
 from tcstudy.fem.meshes import Meshes, PlaneMesh, refine_marked
 from tcstudy.offline.level import Level
 from tcstudy.refine.goal_error import Halved, goal_error
-from tcstudy.refine.goals import Hidden, goal_value, hidden_on
+from tcstudy.refine.goals import Hidden, goal_value, hidden_on, hidden_shares
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Exact, MeshPlan, Study
 
@@ -239,7 +239,7 @@ ROUNDS = 12
 """Bisections of one place from level to level at most."""
 
 
-def bisected(mesh: PlaneMesh, shares: Array, aim: float, marking: float, hidden: Hidden | None = None) -> PlaneMesh:
+def bisected(mesh: PlaneMesh, shares: Array, aim: float, marking: float, hidden: Hidden) -> PlaneMesh:
     """The mesh, one level on, bisected where the shares (t,) are large until their sum should be `aim` times as much.
 
     Each round marks triangles for the fraction `marking` of the sum, or for as much as is still needed. A part gets
@@ -248,7 +248,7 @@ def bisected(mesh: PlaneMesh, shares: Array, aim: float, marking: float, hidden:
     """
     total, level, elapsed = math.nan, mesh.level + 1, 0.0
     for _ in range(ROUNDS):
-        both = shares + hidden.on(mesh) if hidden is not None else shares
+        both = shares + hidden_shares(mesh, hidden)
         own = float(both.sum())
         if math.isnan(total):
             total = own

@@ -312,32 +312,23 @@ def hidden_effects(goal: Goal, line: ContactLine, problem: ContactProblem, v: Ar
     return found
 
 
-@dataclass(frozen=True)
-class Hidden:
-    """Parts of an error that end cells hide, for marking: they shrink with the length of their cell.
-
-    nodes: (k,) held mesh nodes;  curves: (k,) curves of the boundary on which their cells lie
-    parts: (k,) of the error;  lengths: (k,) of the cells [m]
-    """
-
-    nodes: NDArray[np.intp]
-    curves: NDArray[np.intp]
-    parts: Array
-    lengths: Array
-
-    def on(self, mesh: PlaneMesh) -> Array:
-        """(t,) the parts at the triangles that have the cells now, on a mesh refined since."""
-        shares = np.zeros(len(mesh.triangles))
-        for node, curve, part, length in zip(self.nodes, self.curves, self.parts, self.lengths, strict=True):
-            i = np.flatnonzero((mesh.segments == node).any(axis=1) & (mesh.segment_curve == curve))[0]
-            a, b = mesh.segments[i]
-            own = np.isin(mesh.triangles, (a, b)).sum(axis=1) == 2
-            shares[own] += part * float(np.linalg.norm(mesh.points[b] - mesh.points[a])) / length
-        return shares
+Hidden = list[tuple[int, int, float]]
+"""Parts of an error that end cells hide, for marking, as they shrink with the length of their cell: held mesh nodes,
+curves of the boundary on which their cells lie, and parts over the lengths of the cells [1/m]."""
 
 
 def hidden_on(mesh: PlaneMesh, line: ContactLine, parts: Array) -> Hidden:
     """What (s,) parts on the segments of Γ_C say of the mesh, those at held nodes only."""
     cells = np.flatnonzero(parts)
     nodes = line.segments[cells, np.argmin(line.unknowns[cells], axis=1)]
-    return Hidden(nodes, mesh.segment_curve[line.which[cells]], parts[cells], line.lengths[cells])
+    curves, density = mesh.segment_curve[line.which[cells]], parts[cells] / line.lengths[cells]
+    return list(zip(nodes.tolist(), curves.tolist(), density.tolist(), strict=True))
+
+
+def hidden_shares(mesh: PlaneMesh, hidden: Hidden) -> Array:
+    """(t,) the parts at the triangles that have the cells now, on a mesh refined since."""
+    found = np.zeros(len(mesh.segments))
+    for node, curve, density in hidden:
+        cell = np.flatnonzero((mesh.segments == node).any(axis=1) & (mesh.segment_curve == curve))[0]
+        found[cell] += density * mesh.boundary.length[cell]
+    return mesh.from_segments(found)

@@ -10,7 +10,7 @@ import tcstudy
 from tcstudy.data.records import BlockRecord, Journal, LevelRecord
 from tcstudy.refine import family as error_estimator
 from tcstudy.refine.family import Family, bisected
-from tcstudy.refine.goals import Hidden
+from tcstudy.refine.goals import hidden_shares
 from tcstudy.reports.terminal.summary import text_of
 from tcstudy.shapes.edges import doubled_areas
 from tcstudy.study import level_solver
@@ -89,15 +89,15 @@ def test_parts_with_much_of_the_error_are_cut_several_times_and_what_an_end_cell
     shares = np.full(len(mesh.triangles), 1e-6)
     shares[7] = 1.0
     at, own = mesh.points[mesh.triangles[7]].mean(axis=0), doubled_areas(mesh.points[mesh.triangles])[7]
-    finer = bisected(mesh, shares, 0.1, 0.5)
+    finer = bisected(mesh, shares, 0.1, 0.5, [])
     parts = finer.points[finer.triangles]
     inside = np.linalg.norm(parts.mean(axis=1) - at, axis=1) < 0.2 * np.sqrt(own)
     assert finer.level == 1
     assert np.all(doubled_areas(parts)[inside] < own / 6.0)  # four halvings of its share, so of the area at least three
     assert len(finer.triangles) < 1.5 * len(mesh.triangles)
     node, curve = mesh.segments[0, 0], mesh.segment_curve[0]
-    hidden = Hidden(np.array([node]), np.array([curve]), np.array([1.0]), mesh.boundary.length[:1])
+    hidden = [(int(node), int(curve), 1.0 / float(mesh.boundary.length[0]))]
     finer = bisected(mesh, np.full(len(mesh.triangles), 1e-6), 0.2, 0.5, hidden)
-    assert 0.1 < hidden.on(finer).sum() <= 0.25
-    assert np.count_nonzero(hidden.on(finer)) == 1
+    assert 0.1 < hidden_shares(finer, hidden).sum() <= 0.25
+    assert np.count_nonzero(hidden_shares(finer, hidden)) == 1
     assert len(finer.triangles) < len(mesh.triangles) + 40

@@ -11,7 +11,7 @@ import tcstudy
 from tcstudy.contact.solve import solve_contact
 from tcstudy.data.schema import PointStatus
 from tcstudy.errors import StudyError
-from tcstudy.fem import forms as heat
+from tcstudy.offline import heat
 from tcstudy.offline import level as level_module
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
@@ -70,7 +70,7 @@ KNOWN = ("boundary.right={role: traction, g: [0.01, 0.02*y], pressure: 0.03}", "
 def test_no_heat_problem_where_none_is_needed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changes: tuple[str, ...]
 ) -> None:
-    monkeypatch.setattr(heat.HeatForms, "conduction", property())  # which nothing can read
+    monkeypatch.setattr(heat, "HeatFactor", None)  # which nothing can call
     tree = run(tmp_path, HEATED_BRACKET, *changes)
     assert np.all(tree["status"] == int(PointStatus.OK)), tree["reason"].values
 
