@@ -54,10 +54,9 @@ def path_verdict(data: Any) -> tuple[str, str, bool]:
     whole, mean = with_unit(force[k], "1" if stress == "1" else "N m-1"), with_unit(force[k] / c.sum(), stress)
     at = f"at {symbol(str(data.attrs['parameter']))} = {with_unit(t[k], units)}"
     peak = [f"peak ∫ξ {whole}, {mean} in the mean, {at}" if force[k] > 0.0 else "no friction"]
-    turning, maxima = data["fold_vertex"].values.tolist() if "fold_vertex" in data else [], data.get("fold_maximum")
-    limit = dict(zip(turning, maxima.values.tolist(), strict=True)) if maxima is not None else {}
-    snaps = [(a, b) for a, b in pairwise(v for v in seen_folds(data)[0].tolist() if inside[v])
-             if limit[a] and not limit[b]]  # fmt: skip
+    folds, _ = seen_folds(data)
+    tops = data["fold_vertex"].values[data["fold_maximum"].values == 1] if len(folds) else folds
+    snaps = [(a, b) for a, b in pairwise(v for v in folds if inside[v]) if a in tops and b not in tops]
     peak += [f"snap-back from {with_unit(t[a], units)} to {with_unit(t[b], units)}" for a, b in snaps[:2]]
     peak += [f"and {len(snaps) - 2} more"] if len(snaps) > 2 else []
     many, falls = _most(t, low, high, units), int(data.sizes.get("jump", 0))

@@ -13,7 +13,7 @@ import numpy as np
 
 from tcstudy.data.provenance import kind_of
 from tcstudy.data.reading import GEOMETRIES, asked, axis_names, by_point, load_root, of_largest, open_root, sweep_dims
-from tcstudy.data.schema import DIFFERENTIABLE, LIMITED, OF_POLYGON, UNBALANCED, PointStatus
+from tcstudy.data.schema import DIFFERENTIABLE, LIMITED, UNBALANCED, PointStatus
 from tcstudy.reports import sentences
 from tcstudy.reports.select_point import Value, axis_labels, describe, matching
 from tcstudy.reports.terminal import accuracy, fit, paths
@@ -139,11 +139,7 @@ _COLUMNS = (
 )
 """Numbers of a point, their titles, and their importance where there is no room for all."""
 CERTIFIED = "certified: what is proved of the solution on its mesh (unique, global or local minimum of the energy)"
-EVERY_LEGEND = (
-    'proved to be all, but "at least" where a limit was met or rounding leaves some open',
-    'proved to be all, but "at least" where not; of exponential laws those of their polygon, within 1e-3 of b',
-)
-"""Without and with exponential laws."""
+EVERY = 'proved to be all, but "at least" where not; of exponential laws those of their polygon, within 1e-3 of b'
 
 
 def _points(data: Any, most: int | None, point: Mapping[str, Value]) -> Iterator[Part]:
@@ -177,7 +173,7 @@ def _points(data: Any, most: int | None, point: Mapping[str, Value]) -> Iterator
         told = zip(*(first(name).tolist() for name in ("solutions", "stable_solutions", "complete")), strict=True)
         words = [sentences.equilibria(*one) if good else "–" for one, good in zip(told, solved, strict=True)]
         columns.append(TextColumn("equilibria", words, 1))
-        legend.append(f"equilibria: {EVERY_LEGEND[bool((fine['complete'] == OF_POLYGON).any())]}")
+        legend.append(f"equilibria: {EVERY}")
     flags = {name: first(name) for name, _ in PROOFS}
     proofs = [proved({name: flag[i] for name, flag in flags.items()}) for i in range(len(shown))]
     proofs = [p if good else "failed" if was else "not run" for p, good, was in zip(proofs, solved, run, strict=True)]
@@ -216,18 +212,19 @@ def _solvers(data: Any) -> Iterator[Part]:
 
     known: Any = slice(None)
     known = np.isfinite(by_solver("energy")).any(axis=0)
-    energy, steps = by_solver("energy"), by_solver("iterations")
+    energy, steps, time = by_solver("energy"), by_solver("iterations"), np.nansum(by_solver("time"), axis=1)
     size = np.max(np.abs(np.nan_to_num(energy)), axis=0)
     lowest = np.count_nonzero(energy <= np.nanmin(energy, axis=0) + SAME * size, axis=1)
+    worst, apart = (np.fmax.reduce(by_solver(name), axis=1) for name in ("residual", "difference"))
     names = data["solver"].values.tolist()
     yield f"  Solvers compared on all points and levels; the solutions stored are those of {names[0]}:"
     columns = [
         TextColumn("solver", names),
-        quantity("worst residual", np.fmax.reduce(by_solver("residual"), axis=1), digits=2, rank=1),
+        quantity("worst residual", worst, digits=2, rank=1),
         TextColumn("steps", [f"{one[one > 0].sum():.0f}" for one in steps], 2),
-        quantity("solve [s]", np.nansum(by_solver("time"), axis=1), digits=2, rank=3),
+        quantity("solve [s]", time, digits=2, rank=3),
         TextColumn("lowest found", [f"{n}/{energy.shape[1]}" for n in lowest], 4),
-        quantity("largest difference of u_T", np.fmax.reduce(by_solver("difference"), axis=1), digits=2, rank=5),
+        quantity("largest difference of u_T", apart, digits=2, rank=5),
     ]
     yield Table("", columns)
 
