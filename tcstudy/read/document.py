@@ -218,11 +218,7 @@ def apply_overrides(root: Node, overrides: Sequence[str], short: Mapping[str, st
         try:
             before, new = len(errors), compose(text, file, errors, key, option=True)
             if new.value is not None or len(errors) == before:
-                words = tuple(key for key in keys if isinstance(key, str))
-                if new.value is not None and len(words) == len(keys):
-                    root = put_number(root, words, new)
-                else:
-                    root = put(root, keys, None if new.value is None else new)
+                root = put(root, keys, None) if new.value is None else put_number(root, keys, new)
         except StudyError as error:
             errors.problems.extend(error.problems)
         except KeyError as error:

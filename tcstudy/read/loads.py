@@ -116,10 +116,8 @@ def named_number(
     elif path not in sweepable({}, None):
         same = [name for name in names if name.split(".")[-1] == word]
         shorter = [short for short, full in SHORT.items() if full in names]
-        why, remedy = (
-            "it is none that is known here",
-            hint(same[0] if same else word, [*names, *shorter, *more], remedy),
-        )
+        why, words = "it is none that is known here", [*names, *shorter, *more]
+        remedy = hint(same[0] if same else word, words, remedy)
     ctx.errors.at(node, f"{none} {word}: {why}", remedy, on_key=on_key)
     return None
 

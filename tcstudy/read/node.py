@@ -226,26 +226,26 @@ def split_path(path: str) -> Keys | None:
     return tuple(int(token[1:-1]) if token[0] == "[" else token for token in tokens)
 
 
-def place_of(root: Node, path: tuple[str, ...]) -> Keys:
+def place_of(root: Node, path: Keys) -> Keys:
     """Where the number of a key path stands in the study: a component in its pair, b or s of a law's point in its list,
     everything else at the path itself."""
     *inner, name = path
     for n, column in (2, 1), (3, 0):
-        if len(path) > n and path[-n] == "points" and path[1 - n].isdecimal() and (n == 2 or name == "s"):
+        if len(path) > n and path[-n] == "points" and str(path[1 - n]).isdecimal() and (n == 2 or name == "s"):
             return (*path[: 1 - n], int(path[1 - n]), column)
-    stem, _, part = name.rpartition("_")
+    stem, _, part = str(name).rpartition("_")
     if part in ("x", "y") and (stem in ("f", "g", "force") or (stem == "u" and root.at(*inner, "u"))):
         return (*inner, stem, "xy".index(part))
     return path
 
 
-def put_number(root: Node, path: tuple[str, ...], new: Node) -> Node:
+def put_number(root: Node, path: Keys, new: Node) -> Node:
     """A copy of the tree with a number put where it stands (`place_of`); of a pair that is not given the other is 0.
 
     Raises KeyError as `put` does.
     """
     keys = place_of(root, path)
-    if isinstance(keys[-1], int) and keys[-2] != "points" and root.at(*keys[:-1]) is None:
+    if keys != path and keys[-2] != "points" and root.at(*keys[:-1]) is None:
         root = put(root, keys[:-1], replace(new, value=(replace(new, value=0),) * 2))
     return put(root, keys, new)
 

@@ -352,11 +352,8 @@ def check_heat(ctx: Context, root: Node, heat: Heat, boundary: Boundary, materia
         said = f"add {key}: {ctx.example(row('heat', key).suggestion)}"
         if section is None:
             for edge in lacking:
-                where, what = (
-                    root.nearest("boundary", edge, "heat"),
-                    "is missing, and there is no section heat to take it from",
-                )
-                ctx.errors.once(where, what, said, key=f"boundary.{edge}.heat.{key}")
+                what, where = "is missing, and there is no section heat to take it from", ("boundary", edge, "heat")
+                ctx.errors.once(root.nearest(*where), what, said, key=".".join((*where, key)))
         elif not root.at("heat", key) and (lacking or not own) and isinstance(section.value, Mapping):
             ctx.errors.at(section, "is missing", said, key=f"heat.{key}")
     if not (passing or held or own) and heat.q == 0.0:  # no heat comes or goes: an alpha then is a doubt, no fault

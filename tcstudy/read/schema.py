@@ -160,16 +160,13 @@ def _sizes_or_tolerance(one: Key) -> Schema:
 
 LAW_BY_EDGE = _by_path(_ref("friction")) | {"not": {"required": ["law"]}}
 FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
-    "number": _number,
-    "integer": _number,
+    **dict.fromkeys(NUMBERS, _number),
     "flag": lambda one: {"type": "boolean"},
     "text": lambda one: SOME_TEXT,
     "name": lambda one: {"type": "string", "pattern": NAME},
     "choice": lambda one: {"enum": list(one.words)},
     "choice by edge": lambda one: {"anyOf": [{"enum": list(one.words)}, _named({"enum": list(one.words)})]},
     "quantity": lambda one: VALUE,
-    "field": _number,
-    "component": _number,
     "named places": lambda one: _named(_list(VALUE, 2, 2), minProperties=1),
     "named points": lambda one: _named(_list(_list(VALUE, 2, 2), 1)),
     "section": _sub_section,

@@ -260,10 +260,8 @@ def without_loads(ctx: Context, root: Node, sweep: Sweep) -> Node:
 
     boundary, zero = root.at("boundary"), replace(word, value=0)
     roles = {name: edge.nearest("role").value for name, edge in boundary.children.items()} if boundary else {}
-    zeros: dict[tuple[str, ...], Node] = {
-        ("loads", "f"): replace(word, value=(zero, zero)),
-        ("heat", "theta_bar"): zero,
-    }
+    zeros: dict[tuple[str, ...], Node] = {("heat", "theta_bar"): zero}
+    zeros["loads", "f"] = replace(word, value=(zero, zero))
     zeros |= {("boundary", name, "pressure"): zero for name, role in roles.items() if role == "traction"}
     if root.at("heat", "theta"):  # that it is given is the fault, not that alpha is not
         zeros["heat", "alpha"] = replace(word, value=1)

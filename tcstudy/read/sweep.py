@@ -180,25 +180,22 @@ def _check_names(ctx: Context, root: Node, sweep: Sweep) -> None:
 
 def _check_options(ctx: Context, root: Node, sweep: Sweep, overrides: Sequence[str]) -> None:
     """A value of an option that the sweep replaces would be lost without a word."""
-    names = short_names([axis.parameter.path for axis in sweep.axes])
-    swept = [(a.key, name, a.parameter.path, a.parameter.is_whole) for a, name in zip(sweep.axes, names, strict=True)]
+    swept = [(a.key, split_path(".".join(a.parameter.path)) or (), a.parameter.is_whole) for a in sweep.axes]
     if sweep.h is not None and isinstance(sweep.h.value, tuple):
-        swept.append(("h", "maxh", ("mesh", "maxh"), False))
+        swept.append(("h", ("mesh", "maxh"), False))
     for option in (text for text in overrides if "=" in text):
         key, _, value = (part.strip() for part in option.partition("="))
         keys, place = split_path(whole_key(root, key)) or (), f"--set {option}"
-        for name, short, words, whole in swept:
-            path = split_path(".".join(words)) or ()
-            same, there = keys == path or (key == short and key not in rows("")), root.at(*path)
+        for name, path, whole in swept:
+            there = root.at(*path)
             above = path[: len(keys)] == keys and there is not None and there.mark.file == place  # its value is of it
-            if same or above or keys[: len(path)] == path:
-                section = above and not same
-                listed = f', --set "sweep.{name}=[{value}]"' if same and sweep.mode == "grid" and not whole else ""
-                others = "set the others here by keys of their own, " if section else ""
-                remedy = f"{others}give the sweep other values{listed}, or remove it by --set sweep=null"
-                where = ".".join(map(str, path if same or above else keys))
-                what = f"{name} is swept, so {'its value here' if section else 'this value'} would not be used"
-                ctx.errors.at_mark(Mark(place, 0, 0), where, what, remedy)
+            if above or keys[: len(path)] == path:
+                listed = (
+                    f', --set "sweep.{name}=[{value}]"' if keys == path and sweep.mode == "grid" and not whole else ""
+                )
+                remedy = f"leave it out here, give the sweep other values{listed}, or remove it by --set sweep=null"
+                what = f"{name} is swept, so what this option says of it would not be used"
+                ctx.errors.at_mark(Mark(place, 0, 0), ".".join(map(str, path if above else keys)), what, remedy)
 
 
 def with_swept_keys(root: Node, sweep: Sweep) -> Node:

@@ -199,10 +199,8 @@ def numbers(scene: Scene) -> Found:
                 yield (*path, *inner), Number(row("edge_heat", "alpha"), role.heat.alpha)
     for path, role in roles:
         for one, k in zip(rows("spring").values(), role.spring, strict=True) if role.word in LOADED else ():
-            yield (
-                (*path, "spring", one.name),
-                Number(one, k, "" if any(role.spring) else "the edge rests on no springs"),
-            )
+            idle = "" if any(role.spring) else "the edge rests on no springs"
+            yield (*path, "spring", one.name), Number(one, k, idle)
     alone = scene.friction.laws if isinstance(scene.friction, EdgeLaws) else (("", scene.friction, 1.0),)
     for edge, law, strength in alone:
         path = ("friction", edge) if edge else ("friction",)
