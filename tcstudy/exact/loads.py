@@ -274,13 +274,8 @@ JUMP = 1e-4
 """Jump of a gradient across a kink, relative to its largest value, that is no rounding of the place of the kink."""
 
 
-@dataclass(frozen=True)
-class SolutionFault:
-    """What is wrong, in which key of `exact` or at which edge, and what to do."""
-
-    keys: tuple[str | int, ...]
-    what: str
-    remedy: str
+SolutionFault = tuple[tuple["str | int", ...], str, str]
+"""In which key of `exact` or at which edge something is wrong, what is, and what to do."""
 
 
 @dataclass(frozen=True)
@@ -342,7 +337,7 @@ class Checks:
                     at = spot(before[int(np.argmax(jump.max(axis=0)))])
                     what = f"bends at {at}, where its gradient jumps by {np.max(jump):.3g}"
                     remedy = "no load of a scene balances that; use a smooth expression, like max(0, s)^2 for max(0, s)"
-                    yield SolutionFault(keys, what, remedy)
+                    yield keys, what, remedy
                     break
 
     def scene(self, scene: Scene) -> Iterator[SolutionFault]:
@@ -364,7 +359,7 @@ class Checks:
             size = np.nan_to_num(np.abs(values))
             worst = int(np.argmax(size))
             if size[worst] > TOLERANCE * scale:
-                yield SolutionFault(keys, f"{what.format(f'{values[worst]:.3g}')}, at {spot(at.points[worst])}", remedy)
+                yield keys, f"{what.format(f'{values[worst]:.3g}')}, at {spot(at.points[worst])}", remedy
 
         if isinstance(role, Contact):
             u_N, u_T = (np.einsum("cn,nc->n", at.u, axis) for axis in (at.normals, at.tangents))
@@ -385,7 +380,7 @@ class Checks:
                 where = f"{name}: at {spot(at.points[i])}, where u_T = {u_T[i]:.6g}"
                 what = f"the friction law does not hold on {where}, -S_T is {xi[i]:.6g}, but b(u_T) is {law}"
                 remedy = f"change u or friction, so that -S_T of u lies in b(u_T) everywhere on {name}"
-                yield SolutionFault(u, what, remedy)
+                yield u, what, remedy
         elif isinstance(role, Free):
             for c, axis in enumerate("xy"):
                 what = f"the {axis} component of sigma n is {{}} on the free edge {name}"
@@ -427,7 +422,7 @@ class Checks:
                 if len(bad):
                     what = f"{symbol}, derived from it, has no finite value at {spot(points[bad[0]])}"
                     remedy = "give an expression that has its derivatives there, or give the loads"
-                    yield SolutionFault((key,), what, remedy)
+                    yield (key,), what, remedy
                     return
 
 

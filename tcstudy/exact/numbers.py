@@ -196,8 +196,7 @@ def exact_xi(exact: Exact, scene: Scene) -> LineFunction:
         gx, gy = (value_and_gradient(component, x, y)[1] for component in exact.u)
         shear = 0.5 * (gx[1] + gy[0])
         n1, n2 = n[..., 0], n[..., 1]
-        tangential: Array = -n2 * (gx[0] * n1 + shear * n2) + n1 * (shear * n1 + gy[1] * n2)
-        return -2 * mu * tangential
+        return np.asarray(-2 * mu * (-n2 * (gx[0] * n1 + shear * n2) + n1 * (shear * n1 + gy[1] * n2)))
 
     return traction
 

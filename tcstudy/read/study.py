@@ -289,8 +289,8 @@ def derived_scenes(ctx: Context, reader: SceneReader, exact: Exact, body: Body) 
     root, sweep, scenes = reader.root, reader.sweep, reader.scenes
 
     def sound(faults: Iterable[SolutionFault]) -> bool:
-        for fault in faults:
-            ctx.errors.at(root.nearest("exact", *fault.keys), fault.what, fault.remedy)
+        for keys, what, remedy in faults:
+            ctx.errors.at(root.nearest("exact", *keys), what, remedy)
         return len(ctx.errors) == before
 
     if not sound((*_missing(exact, scenes), *checks.kinks())):
@@ -312,10 +312,10 @@ def _missing(exact: Exact, scenes: Sequence[Scene]) -> Iterator[SolutionFault]:
         beta = any(scene.material.expands for scene in scenes)
         if beta or scenes[0].edges(Convection):
             why = "beta makes it load the body" if beta else "there are convection edges"
-            yield SolutionFault((), f"theta is missing: {why}", 'add theta: "...", or theta: 0')
+            yield (), f"theta is missing: {why}", 'add theta: "...", or theta: 0'
     elif scenes[0].edges(Convection) and any(scene.heat.alpha == 0.0 for scene in scenes):
         what = "with alpha = 0 no theta_bar can be derived: no heat passes convection edges"
-        yield SolutionFault(("theta",), what, "give alpha > 0, or make the edges free or traction")
+        yield ("theta",), what, "give alpha > 0, or make the edges free or traction"
 
 
 @none_after_fault

@@ -94,8 +94,7 @@ def _sobol(n: int, d: int, rng: np.random.Generator) -> Cube:
     """The first n points of a scrambled sequence; drawn up to a power of two, which the library has no doubts about."""
     from scipy.stats import qmc
 
-    points: Cube = qmc.Sobol(d, scramble=True, seed=rng).random_base2(math.ceil(math.log2(n)))[:n]
-    return points
+    return np.asarray(qmc.Sobol(d, scramble=True, seed=rng).random_base2(math.ceil(math.log2(n)))[:n])
 
 
 def _latin_hypercube(n: int, d: int, seed: int) -> Cube:

@@ -125,26 +125,22 @@ def edge_normal(edge: Edge, points: ArrayLike) -> Array:
         dx, dy = _minus(edge.end, edge.start)
         return np.broadcast_to(np.array([dy, -dx]) / math.hypot(dx, dy), points.shape).copy()
     radial = (points - np.array(arc.center)) * math.copysign(1.0, arc.sweep)
-    normal: Array = radial / np.linalg.norm(radial, axis=1, keepdims=True)
-    return normal
+    return np.asarray(radial / np.linalg.norm(radial, axis=1, keepdims=True))
 
 
 def edge_distance(edge: Edge, points: ArrayLike) -> Array:
     """(n,) exact distances of (n, 2) points from the line or arc, its ends included."""
     points, start, end = np.asarray(points, dtype=float), np.array(edge.start), np.array(edge.end)
     arc = edge_arc(edge)
-    distance: Array
     if arc is None:
         chord = end - start
         t = np.clip((points - start) @ chord / (chord @ chord), 0.0, 1.0)
-        distance = np.linalg.norm(points - start - t[:, None] * chord, axis=1)
-        return distance
+        return np.asarray(np.linalg.norm(points - start - t[:, None] * chord, axis=1))
     radial = points - np.array(arc.center)
     swept = math.copysign(1.0, arc.sweep) * (np.arctan2(radial[:, 1], radial[:, 0]) - arc.start) % (2.0 * math.pi)
     ends = np.minimum(np.linalg.norm(points - start, axis=1), np.linalg.norm(points - end, axis=1))
     off = np.abs(np.linalg.norm(radial, axis=1) - arc.radius)
-    distance = np.where(swept <= abs(arc.sweep), off, ends)
-    return distance
+    return np.where(swept <= abs(arc.sweep), off, ends)
 
 
 def loop_area(loop: Loop) -> float:
