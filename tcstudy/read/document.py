@@ -56,19 +56,17 @@ class _Composer(Composer):
 
 def load_text(path: Path) -> str:
     """The text of a study file; raises StudyError if it cannot be had."""
-    line, column, what, remedy = 0, 0, "this is a device or a pipe, no file", "save the text in a file and name it"
+    line, column, what, remedy = 0, 0, "there is no such file", "check the path; see configs/ for examples"
     try:
-        if not path.exists() or path.is_file() or path.is_dir():
-            with open(path, "rb") as stream:
-                content = stream.read(MAX_BYTES + 1)
-            if len(content) <= MAX_BYTES:
-                return content.decode("utf-8")
+        if path.is_file() and path.stat().st_size <= MAX_BYTES:
+            return path.read_bytes().decode("utf-8")
+        if path.is_file():
             what = f"the file has more than {MAX_BYTES // 10**6} MB"
             remedy = "check the name; a sweep of many points can be several studies"
-    except FileNotFoundError:
-        what, remedy = "there is no such file", "check the path; see configs/ for examples"
-    except IsADirectoryError:
-        what, remedy = "this is a folder", "name the study file in it"
+        elif path.is_dir():
+            what, remedy = "this is a folder", "name the study file in it"
+        elif path.exists():
+            what, remedy = "this is a device or a pipe, no file", "save the text in a file and name it"
     except UnicodeDecodeError as error:
         what, remedy = "this is a result file", "name its study, or use tcstudy show"
         if path.suffix != ".nc":

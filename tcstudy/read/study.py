@@ -141,13 +141,12 @@ def _one_body(header: dict[str, Any], ctx: Context, root: Node, sweep: Sweep, sa
 def geometric(root: Node, sweep: Sweep) -> list[int]:
     """The axes that change the body or its meshes: numbers of these sections, and names that they use."""
     sections = [node for name in GEOMETRIC if (node := root.at(name)) is not None]
-    found = []
-    for i, axis in enumerate(sweep.axes):
-        path = axis.parameter.path
+
+    def moves(path: tuple[str, ...]) -> bool:
         names = users(root, path[-1]) if path[0] == "parameters" else ()
-        if path[0] in GEOMETRIC or any(words_in(node, names) for node in sections if names):
-            found.append(i)
-    return found
+        return path[0] in GEOMETRIC or any(words_in(node, names) for node in sections)
+
+    return [i for i, axis in enumerate(sweep.axes) if moves(axis.parameter.path)]
 
 
 def read_variants(
