@@ -65,13 +65,7 @@ def cost_parts(data: Any, box: Container) -> list[Json]:
     held = [m for m in MEASURES if f"error_{m.name}" in data]
     for m in sorted(held, key=lambda m: m.name != accuracy.DEFAULT):
         panels = [panel_part(one, box, high=330) for one in cost_panels(data, m.name).values()]
-        found = accuracy.settings(data, m.name)
-        names = ("family", "solver", "level", "n_dof", "n_contact", "error", "time", "upper")
-        columns = [
-            column(n, n.replace("_", " "), "s" if n in ("time", "upper") else "1", [getattr(s, n) for s in found], box)
-            for n in names
-        ]
-        shown[m.symbol] = [beside(*panels), *text_parts(accuracy.cost_parts(data, m.name)), sheet_part(columns, "cost")]
+        shown[m.symbol] = [beside(*panels), *text_parts(accuracy.cost_of(data, m.name))]
     return [choice("error of", "error", shown)] if shown else [{"part": "text", "lines": ["Nothing was measured."]}]
 
 

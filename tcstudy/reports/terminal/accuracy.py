@@ -309,7 +309,11 @@ def cost_verdict(data: Any) -> tuple[str, str, bool]:
 
 def cost_parts(data: Any, *_: Any) -> Iterator[Part]:
     """Everything the report says, in order. Raises DrawError where there is no error."""
-    measure = measure_of(data, None)
+    yield from cost_of(data, measure_of(data, None))
+
+
+def cost_of(data: Any, measure: str) -> Iterator[Part]:
+    """The same of one of the errors."""
     found = settings(data, measure)
     yield Heading(f"Accuracy against cost: {data.attrs['title']}", 1)
     yield from advice(found)

@@ -12,6 +12,8 @@ from tcstudy.data.schema import PointStatus
 from tcstudy.data.store import Record, write_record
 from tcstudy.data.tables import COST_TABLE
 from tcstudy.reports.figures.draw import picture
+from tcstudy.reports.page.kinds import cost_parts
+from tcstudy.reports.page.parts import Container
 from tcstudy.reports.terminal.accuracy import advice, front, settings
 from tcstudy.reports.terminal.summary import text_of
 from tests.verification.scenes import RECTANGLE, study_of
@@ -84,6 +86,14 @@ def test_advice_names_what_is_faster_and_more_accurate(file: Path) -> None:
     write(file, time=made().values["time"] * np.array([1.0, 0.5])[:, None, None, None])
     text = " ".join(advice(settings(load_root(file, "cost"), "u_energy")))
     assert "Faster and more accurate: graded, level 3, separable-newton: 0.25 of the error in 0.50 of the time" in text
+
+
+def test_the_page_says_of_every_error_what_is_measured_of_it(file: Path) -> None:
+    [chosen] = cost_parts(load_root(file, "cost"), Container())
+    told = {name: str(parts) for name, parts in zip(chosen["options"], chosen["parts"], strict=True)}
+    assert "from 8 % to 4 %" in told["u in energy"]
+    assert "from 16 % to 8 %" in told["ξ in L²(Γ_C)"]
+    assert ("1.000e-02" in told["u in energy"], "1.000e-02" in told["ξ in L²(Γ_C)"]) == (True, False)
 
 
 def test_one_mesh_of_two_families_is_once_on_the_front(file: Path) -> None:
