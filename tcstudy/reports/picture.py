@@ -132,7 +132,6 @@ class BodyFields:
     region: NDArray[np.int8]
 
 
-Held = tuple[float | None, float | None]
 ARC_POINTS, BESIDE = 24, 0.3
 """Points of a drawn arc; part of its length that a side of the mesh may lie beside its edge, which bends."""
 
@@ -158,7 +157,7 @@ class Picture:
     at:    the numbers of the point, a dataset;  point: its labels in words
     edges: those of the body with their roles, of contact alone where the study does not say them
     sources: outlines (n, 2) of heated regions [length units]
-    held:  u_T at both ends of every part of the line, None where no node is held or the file does not say it
+    held:  (parts, 2) u_T at both ends of every part of the line, NaN where no node is held or the file does not say it
     scene: what was solved, None if the study in the file cannot be read
     """
 
@@ -169,7 +168,7 @@ class Picture:
     body: BodyFields | None
     edges: tuple[NamedEdge, ...] = ()
     sources: tuple[Array, ...] = ()
-    held: tuple[Held, ...] = ()
+    held: Any = ()
     scene: Scene | None = None
 
     @property
@@ -202,7 +201,7 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
             body=body_fields(group),
             edges=tuple(outline(study)) or tuple(contact_edges(line, group)),
             sources=tuple(sources(study)),
-            held=_held_slip(line, group),
+            held=np.append(group["held_u_T"].values if "held_u_T" in group else [], np.nan)[ends_held(line, group)],
             scene=study.scenes[_place(root, where)] if study is not None else None,
         )
 
@@ -250,15 +249,6 @@ def ends_held(line: LineFields, group: Any) -> list[tuple[int, int]]:
     return found
 
 
-def _held_slip(line: LineFields, group: Any) -> tuple[Held, ...]:
-    """u_T at both ends of every part of the line of one point."""
-    if "held_u_T" not in group:
-        return ()
-    values = group["held_u_T"].values
-    slip = lambda end: float(values[end]) if end >= 0 and np.isfinite(values[end]) else None  # noqa: E731
-    return tuple((slip(first), slip(last)) for first, last in ends_held(line, group))
-
-
 def contact_line(group: Any) -> LineFields:
     """The contact line of a level or a path, with slip and traction of all points that the group is of."""
     N = group.get("section_force")
@@ -291,6 +281,11 @@ def body_fields(group: Any) -> BodyFields | None:
         theta_units=str(theta.attrs["units"]) if theta is not None else "1",
         region=group["region"].values if "region" in group else np.zeros(len(triangles), dtype=np.int8),
     )
+
+
+def edge_laws(friction: Laws | EdgeLaws) -> tuple[tuple[str, Laws, Any], ...]:
+    """The laws with their edges and strengths, "" for the edge where friction is the same along the contact line."""
+    return friction.laws if isinstance(friction, EdgeLaws) else (("", friction, 1.0),)
 
 
 def law_of_nodes(friction: Laws | EdgeLaws, group: Any) -> Laws:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -86,48 +85,28 @@ def quantity(data: Any, given: str) -> str:
 
 def _by_name(data: Any, point: Mapping[str, Value], holder: str) -> dict[str, Value]:
     """The wanted values by the names that the axes have in the data."""
-    wanted: dict[str, Value] = {}
     said: dict[str, str] = {}
-    for given, value in point.items():
-        name = parameter(data, given, holder)
-        if name in wanted:
+    for given in point:
+        if (name := parameter(data, given, holder)) in said:
             raise DrawError(f"{said[name]} and {given} are one parameter; give it once")
-        wanted[name], said[name] = value, given
-    return wanted
+        said[name] = given
+    return {name: point[given] for name, given in said.items()}
 
 
-@dataclass(frozen=True)
-class Fixed:
-    """A swept parameter that has one value in a picture; first: the first one, because none was named."""
-
-    name: str
-    label: str
-    unit: str
-    first: bool
-
-    @property
-    def words(self) -> str:
-        """For messages, "alpha = 100 W m-2 K-1"."""
-        return f"{self.name} = {self.label}" + (f" {self.unit}" if self.unit != "1" else "")
-
-
-def fitting(
-    data: Any, point: Mapping[str, Value] | None, free: tuple[str, ...]
-) -> tuple[NDArray[np.bool_], list[Fixed]]:
-    """(which points of the sweep, in C order, have the given labels; the parameters that have one value).
+def fitting(data: Any, point: Mapping[str, Value] | None, free: tuple[str, ...]) -> tuple[NDArray[np.bool_], list[str]]:
+    """(which points of the sweep, in C order, have the given labels; the parameters that have one value, in words).
 
     Parameters in `free` may have any value. In a grid all others have one, the first unless given; the points of a
     list keep those that they have. Raises DrawError as `locate` does, and for a label given to a free parameter.
     """
-    wanted = _by_name(data, point or {}, "file")
+    wanted, fixed = _by_name(data, point or {}, "file"), []
     if twice := [name for name in wanted if name in free]:
         raise DrawError(f"{twice[0]} is drawn with all its values; leave it out of the point")
-    fixed = []
     for name in axis_names(data):
         if name not in free and (name in wanted or data.attrs["sweep_mode"] == "grid"):
             place = int(np.argmax(_fits(name, data[name], wanted[name], "file"))) if name in wanted else 0
-            shown, unit = axis_labels(data, name, 6)
-            fixed.append(Fixed(name, shown[place], unit, name not in wanted and len(shown) > 1))
+            first = name not in wanted and data[name].size > 1
+            fixed.append(_stated(data, name, place) + " (its first value)" * first)
             wanted[name] = data[name].values[place].item()
     return matching(data, wanted), fixed
 
@@ -168,27 +147,20 @@ def axis_labels(data: Any, name: str, digits: int = 4) -> tuple[list[str], str]:
     return scaled_labels(data[name].values.tolist(), data[name].attrs, digits)
 
 
+def _stated(data: Any, name: str, place: int) -> str:
+    """A value of a swept parameter, "alpha = 100 W m-2 K-1"."""
+    shown, unit = axis_labels(data, name, 6)
+    return f"{name} = {shown[place]}" + (f" {unit}" if unit != "1" else "")
+
+
 def describe(data: Any, where: Mapping[str, int]) -> str:
     """The labels of a point in words, "alpha = 100 W m-2 K-1, friction = tresca"."""
-    parts = []
-    for name in axis_names(data):
-        shown, unit = axis_labels(data, name, 6)
-        parts.append(f"{name} = {shown[where[str(data[name].dims[0])]]}" + (f" {unit}" if unit != "1" else ""))
-    return ", ".join(parts)
+    return ", ".join(_stated(data, name, where[str(data[name].dims[0])]) for name in axis_names(data))
 
 
 def naming(data: Any) -> Callable[[tuple[int, ...]], str]:
     """`describe` by the index of a point along the sweep dimensions."""
     return lambda index: describe(data, dict(zip(sweep_dims(data), index, strict=True)))
-
-
-def labels(data: Any, where: Mapping[str, int]) -> list[tuple[str, float | str, str]]:
-    """(name, label, units) of each swept parameter at a point."""
-    found = []
-    for name in axis_names(data):
-        value = data[name].isel(where, missing_dims="ignore").item()
-        found.append((name, value if isinstance(value, str) else float(value), str(data[name].attrs.get("units", "1"))))
-    return found
 
 
 def _fits(name: str, axis: Any, value: Value, holder: str) -> NDArray[np.bool_]:

@@ -36,7 +36,7 @@ from tcstudy.data.reading import by_point, each_point, open_results, refuse_geom
 from tcstudy.data.schema import LAYER, SECTION, STICKS, PointStatus
 from tcstudy.errors import UsageError
 from tcstudy.reports.picture import body_fields, contact_line, law_of_nodes, stored_study
-from tcstudy.reports.select_point import Value, labels, level_number, matching
+from tcstudy.reports.select_point import Value, labels_by_point, level_number, matching
 from tcstudy.reports.stresses import stresses, von_mises
 from tcstudy.scene.histories import ContactState, node_states
 from tcstudy.scene.records import Scene
@@ -73,12 +73,13 @@ def write_fields(path: Path, folder: Path, point: Mapping[str, Value] | None = N
         if f"level_{n}" not in tree.children:
             raise UsageError(f"--vtu: {path} has no mesh of level {n}; see the reasons with: tcstudy show")
         group, study = tree[f"level_{n}"].to_dataset(), stored_study(root)
-        points, wanted = each_point(root), matching(root, point or {})
+        points, wanted, labels = each_point(root), matching(root, point or {}), labels_by_point(root)
+        units = {name: str(root[name].attrs.get("units", "1")) for name in labels}
         solved = by_point(root["status"], root)[:, n] == PointStatus.OK
         files: list[tuple[int, int, str, str]] = []
         for i in np.flatnonzero(wanted & solved):
             scene = None if study is None else study.scenes[int(i)]
-            labelled = labels(root, points[i])
+            labelled = [(name, values[i].item(), units[name]) for name, values in labels.items()]
             files += _write_point(path.stem, folder, int(i), labelled, group.isel(points[i]), scene)
         pvd = folder / f"{path.stem}.pvd"
         write_collection(pvd, files)

@@ -40,6 +40,7 @@ class Drawn:
     moved, still: (n, 2) coordinates of the nodes, deformed and not, as they are drawn;  axis: what is drawn as 1
     factor:       exaggeration of the displacement
     box:          left, right, bottom and top of the panel;  per_inch: what is one inch of it
+    rim:          (e, 2) sides of triangles at its boundary
     """
 
     moved: Array
@@ -48,6 +49,7 @@ class Drawn:
     factor: float
     box: tuple[float, float, float, float]
     per_inch: float
+    rim: Indices
 
     @property
     def height(self) -> float:
@@ -73,7 +75,8 @@ def drawn(body: BodyFields, length_units: str, widest: float, highest: float, fa
     low, high = (end(np.concatenate([still, moved]), axis=0) for end in (np.min, np.max))
     per_inch = float(np.max((high - low) / (np.array([widest, highest]) - 2 * MARGIN)))
     low, high = low - MARGIN * per_inch, high + MARGIN * per_inch
-    return Drawn(moved, still, axis, factor, (low[0], high[0], low[1], high[1]), per_inch)
+    box = low[0], high[0], low[1], high[1]
+    return Drawn(moved, still, axis, factor, box, per_inch, boundary_edges(body.xy, body.triangles))
 
 
 @dataclass(frozen=True)
@@ -117,8 +120,12 @@ def field_of(picture: Picture, name: str | None) -> Field | None:
     return Field(label, picture.line.traction_units, parts, told)
 
 
-def draw_body(sheet: Sheet, axes: Axes, picture: Picture, shape: Drawn, field: Field | None) -> None:
-    """Fill the panel and put the colour bar of the field to its right."""
+Named = Sequence[tuple[list[Array], NamedEdge]]
+"""Edges and the lines that they are drawn as."""
+
+
+def draw_body(sheet: Sheet, axes: Axes, picture: Picture, shape: Drawn, field: Field | None) -> Named:
+    """Fill the panel and put the colour bar of the field to its right; returns the edges that are not free."""
     body = picture.body
     assert body is not None
     axes.set(xlabel=f"x{shape.axis.label}", ylabel=f"y{shape.axis.label}")
@@ -127,14 +134,14 @@ def draw_body(sheet: Sheet, axes: Axes, picture: Picture, shape: Drawn, field: F
     axes.set_title(style.math(f"Deformed body (deformation × {shape.factor:g}; dashed: undeformed){said}"), loc="left")
     if len(body.triangles) <= FINE:
         axes.triplot(*shape.moved.T, body.triangles, color=style.INK, linewidth=0.4, alpha=0.25)
-    rim = boundary_edges(body.xy, body.triangles)
     dashes: dict[str, Any] = {"alpha": 0.6, "linewidth": 0.9, "linestyle": (0, (5, 3))}
-    draw_lines(axes, polylines(shape.still[rim]), color=style.INK, **dashes)
-    draw_lines(axes, polylines(shape.moved[rim]), color=style.INK, linewidth=1.0)
+    draw_lines(axes, polylines(shape.still[shape.rim]), color=style.INK, **dashes)
+    draw_lines(axes, polylines(shape.moved[shape.rim]), color=style.INK, linewidth=1.0)
     for k in np.unique(body.region)[1:]:
         own = body.triangles[body.region == k]
         draw_lines(axes, polylines(shape.moved[boundary_edges(body.xy, own)]), color=style.INK, linewidth=0.7)
-    for lines, edge in edge_lines(picture, shape):
+    edges = [*edge_lines(picture, shape)]
+    for lines, edge in edges:
         draw_edge(axes, lines, ROLES[edge.role], edge.role == "clamped", shape.per_inch)
         if edge.role == "contact":  # an arrow in the direction of the arclength
             (at,), (along,) = evenly(max(lines, key=length_of), 1)
@@ -144,25 +151,25 @@ def draw_body(sheet: Sheet, axes: Axes, picture: Picture, shape: Drawn, field: F
         axes.plot(*places.T, color=style.INK, linewidth=1.1, linestyle=(0, (4, 2)), zorder=4)
     axes.set_xlim(*shape.box[:2], auto=True)  # at least: they grow to the shape of the panel
     axes.set_ylim(*shape.box[2:], auto=True)
+    return edges
 
 
 def edge_lines(picture: Picture, shape: Drawn) -> Iterator[tuple[list[Array], NamedEdge]]:
     """The edges of the deformed body that are not free as lines, all of one name together."""
     assert picture.body is not None
-    rim = boundary_edges(picture.body.xy, picture.body.triangles)
-    of = nearest(picture.body.xy[rim], picture.edges)
+    of = nearest(picture.body.xy[shape.rim], picture.edges)
     for edge in {edge.name: edge for edge in picture.edges if edge.role != "free"}.values():
         own = np.isin(of, [k for k, one in enumerate(picture.edges) if one.name == edge.name])
         if own.any():
-            yield polylines(shape.moved[rim[own]]), edge
+            yield polylines(shape.moved[shape.rim[own]]), edge
 
 
-def name_body(axes: Axes, picture: Picture, shape: Drawn) -> None:
+def name_body(axes: Axes, picture: Picture, shape: Drawn, edges: Named) -> None:
     """Names of edges, regions and heated regions, when the axes have their place."""
     body = picture.body
     assert body is not None
-    labels = Labels(axes, [shape.moved[boundary_edges(body.xy, body.triangles)].mean(axis=1)])
-    for lines, edge in edge_lines(picture, shape):
+    labels = Labels(axes, [shape.moved[shape.rim].mean(axis=1)])
+    for lines, edge in edges:
         line, contact = max(lines, key=length_of), edge.role == "contact"
         words = edge.name if contact else edge_words(edge)
         text = words if style.LETTER * len(words) <= length_of(line) / shape.per_inch else edge.name

@@ -96,9 +96,11 @@ class Panel:
 
     def shade(self, low: float, high: float, upright: bool = True) -> None:
         """All that lies between two values of x, or of y."""
-        ends = (low, high), (0.0, 0.0)
-        x, y = ends if upright else ends[::-1]
-        self._add("columns" if upright else "rows", x, y, {"color": style.SHADE})
+        look = {"color": style.SHADE, "linewidth": 0, "zorder": 0}
+        if upright:
+            self._add("columns", (low, high), 0.0, look)
+        else:
+            self._add("rows", 0.0, (low, high), look | {"alpha": 0.5})
 
     def note(self, text: str, at: Sequence[float], shift: tuple[float, float] = (0.0, 0.0), **how: Any) -> None:
         """A text beside a place, or above it at the upper edge (`top`), shifted by (x, y) points.
@@ -137,18 +139,12 @@ class Panel:
         for kind, x, y, look in self.items:
             how = look | {"label": style.math(look["label"])} if "label" in look else look
             match kind:
-                case "line":
-                    axes.plot(x, y, **how)
-                case "fill":
-                    axes.fill(x, y, **how)
-                case "across":
-                    axes.axhline(y[0], **how)
-                case "up":
-                    axes.axvline(x[0], **how)
-                case "columns":
-                    axes.axvspan(*x, linewidth=0, zorder=0, **how)
-                case "rows":
-                    axes.axhspan(*y, linewidth=0, zorder=0, alpha=0.5, **how)
+                case "line" | "fill":
+                    (axes.plot if kind == "line" else axes.fill)(x, y, **how)
+                case "across" | "rows":
+                    (axes.axhline if kind == "across" else axes.axhspan)(*y, **how)
+                case "up" | "columns":
+                    (axes.axvline if kind == "up" else axes.axvspan)(*x, **how)
                 case "note":
                     rest = {key: value for key, value in how.items() if key not in ("text", "shift", "top")}
                     rest["fontsize"] = style.pt(how.get("fontsize", style.USUAL))

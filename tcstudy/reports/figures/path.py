@@ -245,8 +245,6 @@ def history_panels(data: Any, x: str, y: str) -> dict[str, Panel]:
         for name, sign in (("debonded_from", "v"), ("debonded_to", "^")):
             how: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 1.2, "marker": sign, "markersize": 4}
             front.line(data[x].values, data[name].values, **how)
-        front.window(data[x].values, np.zeros(1), ROOM)
-        front.limits[1] = 0.0, 1.04 * float(arclength(cuts[-1]))
 
     if "section_force" in data:  # after the last steps with names, or after the last
         N = data["section_force"]
@@ -271,8 +269,7 @@ def history_panels(data: Any, x: str, y: str) -> dict[str, Panel]:
         up = scale(title, values, str(data[of].attrs["units"]))
         found[name] = Panel(Scale("cycle"), up, ticks=(few, [str(one) for one in few]))
         found[name].line(numbers, values, color=style.VERMILLION, marker="o", markersize=4, linewidth=1.0)
-        high = 1.12 * float(up(values.max())) or 1.0
-        found[name].limits[1] = -0.06 * high, high  # a mark at 0 is whole
+        found[name].across(0.0)
     return found
 
 

@@ -17,7 +17,7 @@ from tcstudy.laws.pieces import DOWN, UP
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.body import Field, draw_body, drawn, field_of, name_body
 from tcstudy.reports.figures.panels import Array, Panel, Scale, Sheet, scale
-from tcstudy.reports.picture import LineFields, Picture
+from tcstudy.reports.picture import LineFields, Picture, edge_laws
 from tcstudy.reports.text import DIGITS, counted, number, pretty, with_unit
 from tcstudy.scene.units import LENGTH, UnitError, split_quantity, to_si
 
@@ -58,12 +58,12 @@ def point_figure(picture: Picture, look: style.Look, of: str | None = None, fact
         if not any(np.any(y) for kind, _, y, _ in panel.items if kind == "line"):
             sheet.panels[name].set_yticks([0.0])  # a scale around nothing but zero would mean nothing
     if shape:
-        draw_body(sheet, sheet.panels["body"], picture, shape, field)
+        edges = draw_body(sheet, sheet.panels["body"], picture, shape, field)
         for name in panels if below and look.into is None else ():
             sheet.panels[name].sharex(sheet.panels["body"])
     figure = sheet.finish()
     if shape:
-        name_body(sheet.panels["body"], picture, shape)
+        name_body(sheet.panels["body"], picture, shape, edges)
     return figure
 
 
@@ -91,8 +91,8 @@ def line_panels(picture: Picture, below: Scale | None) -> dict[str, Panel]:
     for k, part in enumerate(line.parts):
         ends, nodes = line.steps(part)
         at = np.append(line.arclength[part], ends[-1])[: len(nodes)]  # a ring ends with its first node
-        first, last = picture.held[k] if picture.held else (None, None)
-        held = np.array([(x, u) for x, u in ((ends[0], first), (ends[-1], last)) if u is not None]).reshape(-1, 2)
+        slips = picture.held[k] if len(picture.held) else (np.nan, np.nan)
+        held = np.array([one for one in zip(ends[[0, -1]], slips, strict=True) if np.isfinite(one[1])]).reshape(-1, 2)
         x, u = np.array(sorted([*held, *np.column_stack([at, line.u_T[nodes]])], key=lambda one: float(one[0]))).T
         upper.line(start + sign * x, u, color=style.BLUE, linewidth=1.5, **dots)
         steps = start + sign * np.repeat(ends, 2)[1:-1], np.repeat(line.xi[nodes], 2)
@@ -243,9 +243,7 @@ def laws_of(point: Picture) -> Operating:
     """The laws of a stored point; raises DrawError where the study in its file cannot be read."""
     if point.scene is None:
         raise DrawError("the study in the file cannot be read any more, so its friction laws are not known")
-    friction, line = point.scene.friction, point.line
-    if isinstance(friction, Laws):
-        friction = EdgeLaws((("", friction, 1.0),))
+    friction, line = EdgeLaws(edge_laws(point.scene.friction)), point.line
     xy = np.stack([line.x, line.y], axis=1)
     laws, index, strength = laws_along(friction, line.edge_names, line.edge, xy, line.joints)
     return list(laws), index, strength

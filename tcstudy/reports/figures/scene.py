@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from tcstudy.data.store import axis_attributes
 from tcstudy.errors import shortened
-from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.body import (
@@ -32,6 +31,7 @@ from tcstudy.reports.figures.body import (
 )
 from tcstudy.reports.figures.panels import ROUND, Array, Labels, Panel, Sheet, scale
 from tcstudy.reports.figures.point import draw_law, slip_range
+from tcstudy.reports.picture import edge_laws
 from tcstudy.reports.text import counted, number, pretty, scaled_labels, with_unit
 from tcstudy.scene.keys import symbol
 from tcstudy.scene.parameters import Number, numbers
@@ -267,9 +267,8 @@ def varied(study: Study) -> str:
 def laws_drawn(study: Study) -> list[tuple[str, Laws]]:
     """Laws of a study under the names that its sweep or its edges give them; of many some, the first says how many."""
     axis = next((axis for axis in study.axes if axis.path == ("friction",)), None)
-    frictions = [scene.friction for scene in distinct(study.scenes, "friction")]
-    of_edges = [one.laws if isinstance(one, EdgeLaws) else (("", one, 1.0),) for one in frictions]
-    every = [(f"{edge} {law.name}".strip(), law) for laws in of_edges for edge, law, _ in laws]
+    of_edges = [one for scene in distinct(study.scenes, "friction") for one in edge_laws(scene.friction)]
+    every = [(f"{edge} {law.name}".strip(), law) for edge, law, _ in of_edges]
     if axis is not None and len(every) == len(axis.labels):
         every = [(str(label), law) for label, (_, law) in zip(axis.labels, every, strict=True)]
     if len(every) > MOST_LAWS:

@@ -141,7 +141,7 @@ def read_sweep(
         quantity=name,
         axis=scale(spelled(str(about["long_name"])), values[good].astype(float), str(about["units"])),
         parameters=tuple(_along(data[one], one, labelled[one][keep]) for one in names),
-        fixed=(*(one.words + (" (its first value)" if one.first else "") for one in fixed), f"level {n}"),
+        fixed=(*fixed, f"level {n}"),
         left_out=left_out,
         values=np.where(good, values.astype(float), np.nan),
         proved=unique,

@@ -89,7 +89,7 @@ def path_sections(stored: Stored, box: Container) -> list[Json]:
     texts = [f"{symbol(name)} = {value:.4g} {scaled.label.strip(' []')}".rstrip() for value in scaled(t[keep])]
     laws, state = law_part(stored), data["state"].values[np.minimum(keep, pieces - 1)]
     line = _line(data, keep, state, False, box)
-    line["law"] = laws["laws"][0] if laws is not None and "edges" not in laws else None  # the one that all nodes have
+    line["law"] = laws["laws"][0] if laws is not None and len(laws["edges"]) == 1 else None  # that all nodes have
     title = "1  All equilibria of the range" if int(data.get("complete", 0)) else "1  Equilibria on this path"
     slider = states("along the path", texts, int(np.argmin(np.abs(keep - first))))
     told = text_parts(paths.path_parts(data))
@@ -127,20 +127,14 @@ def history_parts(stored: Stored, part: Any, without: tuple[str, ...], box: Cont
         point.append(beside(line, panel_part(motion, box, (steps, middle), 250)))
     else:
         point.append({"part": "text", "lines": ["The page was made without contact lines; the file has them."]})
-    for title, of in (
-        ("Body and loads", ("work", "energy")),
-        ("Energies of the bond", ("dissipated", "released", "stored")),
-    ):
-        sums = {name: np.cumsum(data[name].values) for name in of if name in ("dissipated", "released", "work")}
+    sums = {name: np.cumsum(data[name].values) for name in ("work", "dissipated", "released")}
+    units = str(data["dissipated"].attrs["units"])
+    for title, of in {"Body and loads": ("work", "energy"), "Bond": ("dissipated", "released", "stored")}.items():
         curves = {name: sums.get(name, data[name].values) for name in of}
-        curves = {name: v for name, v in curves.items() if np.nanmax(np.abs(v), initial=0.0) > 0.0}
-        if curves:
-            up = scale("energy", list(curves.values()), str(data["dissipated"].attrs["units"]))
-            panel = Panel(Scale("step"), up, title)
-            panel.across(0.0)
-            for (name, values), colour in zip(curves.items(), style.SERIES, strict=False):
-                panel.line(steps, values, color=colour, linewidth=1.3, label=name + ", sum" * (name in sums))
-            panels = {title: panel} | panels
+        panel = Panel(Scale("step"), scale("energy", list(curves.values()), units), title)
+        for (name, values), colour in zip(curves.items(), style.SERIES, strict=False):
+            panel.line(steps, values, color=colour, linewidth=1.3, label=name + ", sum" * (name in sums))
+        panels = {title: panel} | panels
     energies = [panel_part(one, box, high=220) for one in panels.values()]
     sheet = sheet_part(columns, "steps", states=True, chart=(names[0], "friction_resultant"))
     return {"point": point, "accuracy": [beside(*energies)], "table": [sheet]}
@@ -164,12 +158,13 @@ def fit_sections(data: Any, box: Container) -> list[Json]:
     residuals = panel_part(panels.pop("residuals"), box, (number, data["residual"].values), 240)
     one = {str(i): measured[i] for i in np.unique(of)}
     units = measured[0][1] if len(one) == 1 else "1"
-    columns = [column("datum", "datum", "1", rows + 1, box)]
-    columns += [column("measured", "measured", "1", [measured[i][0] for i in of], box)] if len(one) > 1 else []
-    columns += [column(given[0][0], symbol(given[0][0]), given[0][1], places, box)] if given else []
+    told: list[Any] = [("datum", "datum", "1", rows + 1)]
+    told += [("measured", "measured", "1", [measured[i][0] for i in of])] if len(one) > 1 else []
+    told += [(given[0][0], symbol(given[0][0]), given[0][1], places)] if given else []
     kinds = (("value", "value", "datum"), ("predicted", "of the study", "predicted"), ("noise", "noise", "noise"))
-    columns += [column(key, title, units, data[variable].values, box) for key, title, variable in kinds]
-    columns.append(column("residual", "residual / noise", "1", data["residual"].values, box))
+    told += [(key, title, units, data[variable].values) for key, title, variable in kinds]
+    told.append(("residual", "residual / noise", "1", data["residual"].values))
+    columns = [column(name, title, unit, values, box) for name, title, unit, values in told]
     rest = [panel_part(panel, box, high=260) for panel in panels.values()]
     facts = {"part": "facts", "columns": columns}
     worst = int(np.nanargmax(np.abs(data["residual"].values)))

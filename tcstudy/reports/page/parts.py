@@ -108,10 +108,11 @@ def flag_words(one: Any, values: Any) -> Any:
 
 def columns_of(data: Any, dim: str, box: Container) -> list[Json]:
     """A column of every variable that has a value for each place of a dimension, by its long name."""
-    found = ((str(name), data[name]) for name in (*data.coords, *data.data_vars) if data[name].dims == (dim,))
+    every = ((str(name), data.variables[name]) for name in (*data.coords, *data.data_vars))
     return [
         column(name, str(one.attrs["long_name"]), str(one.attrs.get("units", "1")), flag_words(one, one.values), box)
-        for name, one in found
+        for name, one in every
+        if one.dims == (dim,)
     ]
 
 

@@ -24,6 +24,7 @@ from tcstudy.reports.picture import (
     LineFields,
     at_rest,
     contact_line,
+    edge_laws,
     ends_held,
     law_of_nodes,
     nearest,
@@ -56,70 +57,57 @@ ALONG = {"u_T": "u_T", "xi": "xi", "N": "section_force"}
 
 
 def run_part(stored: Stored, box: Container) -> Json:
-    """Axes, numbers and flags, with points flattened in C order of the sweep; of a history as of one level."""
-    data, dims, history = stored.data, sweep_dims(stored.data), stored.kind == "history"
+    """Axes, numbers and flags, with points flattened in C order of the sweep; of a history its totals."""
+    data, dims = totals(stored.data) if stored.kind == "history" else stored.data, sweep_dims(stored.data)
 
     def flat(name: str) -> Any:
         return by_point(data[name], data)
 
-    if history:
-        numbers, flags = _totals(data)
-        first, kind = list[str](), "f8"
-    else:
-        held = {name: flat(name) for name in numbers_of(data) if name != "inclusion_rounding"}
-        held = {name: values for name, values in held.items() if np.isfinite(values).any()}
-        first = [name for name in ("u_T_max", *asked(data)) if name in held]
-        rest = sorted((name for name in held if name not in first), key=lambda name: name.startswith(DIAGNOSTIC))
-        kind = "f8" if data["status"].size * len(held) * 8 <= ROOM_FOR_DOUBLES else "f4"
-        numbers = {name: (data[name].attrs, held[name]) for name in (*first, *rest)}
-        flags = {name: flat(name) for name in FLAGS if name in data}
-        flags["several"] = several(flat("start_energy"), flags["unique"] == 1)
-    told = flat("reason")[:, None] if history else flat("reason")
-    texts = ["", *sorted({str(one) for one in told.ravel()} - {""})]
-    place = {text: i for i, text in enumerate(texts)}
-    levels = level_numbers(data)
+    held = {name: flat(name) for name in numbers_of(data) if name != "inclusion_rounding"}
+    held = {name: values for name, values in held.items() if np.isfinite(values).any()}
+    first = [name for name in ("u_T_max", *asked(data)) if name in held]
+    rest = sorted((name for name in held if name not in first), key=lambda name: name.startswith(DIAGNOSTIC))
+    kind = "f8" if data["status"].size * len(held) * 8 <= ROOM_FOR_DOUBLES else "f4"
+    flags, starts = {name: flat(name) for name in FLAGS if name in data}, "start_energy" in data
+    flags |= {"several": several(flat("start_energy"), flags["unique"] == 1)} if starts else {}
+    texts, reason = np.unique(flat("reason").astype(str), return_inverse=True)
     return {
         "mode": str(data.attrs["sweep_mode"]),
         "dims": dims,
         "shape": [int(data.sizes[d]) for d in dims],
         "axes": axes(data),
         "units": {name: str(data[name].attrs["units"]) for name in LEVEL_NUMBERS if name in data},
-        "levels": {name: [values] for name, values in levels.items()} if history else levels,
+        "levels": level_numbers(data),
         "numbers": {
             name: {
-                "long_name": ": ".join(attrs.get(key, "") for key in ("long_name", "comment")).rstrip(": "),
-                "units": str(attrs["units"]),
-                "v": box.array(values, "f8" if name == "energy" else kind),
+                "long_name": ": ".join(data[name].attrs.get(key, "") for key in ("long_name", "comment")).rstrip(": "),
+                "units": str(data[name].attrs["units"]),
+                "v": box.array(held[name], "f8" if name == "energy" else kind),
             }
-            for name, (attrs, values) in numbers.items()
+            for name in (*first, *rest)
         },
         "asked": [name for name in asked(data) if name in first],
         "flags": {name: box.array(values, "i1") for name, values in flags.items()},
         "statuses": [named(status) for status in PointStatus],
-        "reasons": texts,
-        "reason": box.array([[place[str(one)] for one in row] for row in told], "u2"),
-        "starts": [] if history else [str(one) for one in data["start"].values],
-        "start_energy": None if history else box.array(flat("start_energy")),
+        "reasons": texts.tolist(),
+        "reason": box.array(reason.reshape(flat("reason").shape), "u2"),
+        "starts": [str(one) for one in data["start"].values] if starts else [],
+        "start_energy": box.array(flat("start_energy")) if starts else None,
     }
 
 
-def _totals(data: Any) -> tuple[dict[str, tuple[Any, Any]], dict[str, Any]]:
-    """Of every point of a history the sums over its solved steps with their attributes, and what holds in all."""
-    solved = by_point(data["status"], data) == int(PointStatus.OK)
-    done, judged = solved.any(axis=1), solved[:, 1:]  # nothing is proved of step 0, from which the others go on
-
-    def total(name: str, ufunc: Any) -> Any:
-        values = ufunc.reduce(np.where(solved, by_point(data[name], data), 0), axis=1)
-        return {"long_name": data[name].attrs["long_name"], "units": data[name].attrs["units"]}, np.where(
-            done, values, np.nan
-        )
-
-    found = {name: total(name, np.add) for name in SUMS} | {"u_T_max": total("u_T_max", np.maximum)}
-    found["steps"] = {"long_name": "steps solved", "units": "1"}, np.count_nonzero(solved, axis=1) - 1.0
-    flags = {
-        name: np.where(judged, by_point(data[name], data)[:, 1:], 1).min(axis=1) for name in FLAGS[1:] if name in data
-    }
-    return found, flags | {"status": np.where(solved.all(axis=1), PointStatus.OK, PointStatus.NOT_CONVERGED)}
+def totals(data: Any) -> Any:
+    """A history as a run of one level: sums over its solved steps, and what holds in all of them."""
+    solved = data["status"] == int(PointStatus.OK)
+    numbers = data[list(SUMS)].where(solved).sum("step", min_count=1, keep_attrs=True)
+    numbers["u_T_max"] = data["u_T_max"].where(solved).max("step", keep_attrs=True)
+    numbers["steps"] = (solved.sum("step") - 1.0).assign_attrs(long_name="steps solved", units="1")
+    flags = data[[name for name in FLAGS if name in data and name != "status"]]
+    judged = flags.where(solved, 1).isel(step=slice(1, None))  # nothing is proved of step 0, from which all go on
+    found = numbers.assign(judged.min("step", keep_attrs=True).astype("i1").data_vars).assign(reason=data["reason"])
+    found["status"] = solved.all("step").astype("i1") + int(PointStatus.NOT_CONVERGED) * ~solved.all("step")
+    sizes = {name: data[name].expand_dims("level") for name in LEVEL_NUMBERS if name in data}
+    return found.expand_dims(level=1, axis=-1).assign(sizes).assign_attrs(data.attrs)
 
 
 def level_numbers(data: Any) -> Json:
@@ -134,23 +122,13 @@ def time_of_levels(geometries: Sequence[Any]) -> Json:
 
 
 def axes(data: Any) -> list[Json]:
-    """Swept parameters: name, key path, units, labels, and the dimension each lies along."""
+    """Swept parameters: name, units, labels, and the dimension each lies along."""
     found = []
     for name in axis_names(data):
         values, attrs = data[name].values, data[name].attrs
-        number = values.dtype.kind not in "OUS"
-        found.append(
-            {
-                "name": name,
-                "path": str(attrs.get("long_name", "")).removeprefix("swept parameter "),
-                "units": str(attrs.get("units", "1")),
-                "numeric": number,
-                "written": study_unit(attrs),
-                "drawn": "distribution" in attrs,
-                "values": [float(v) if number else str(v) for v in values],
-                "dim": str(data[name].dims[0]),
-            }
-        )
+        about: Json = {"name": name, "units": str(attrs.get("units", "1"))}
+        about |= {"numeric": values.dtype.kind not in "OUS", "values": values.tolist(), "dim": str(data[name].dims[0])}
+        found.append(about | {"written": study_unit(attrs), "drawn": "distribution" in attrs})
     return found
 
 
@@ -287,21 +265,15 @@ def frictions_of(stored: Stored) -> tuple[list[Laws | EdgeLaws], NDArray[np.intp
 def law_part(stored: Stored) -> Json | None:
     """The different laws of a study and which one every point has; None if the study does not say.
 
-    Where friction differs along the contact line a point has a law of every edge, in the order of `edges`.
+    A point has a law of every edge, in the order of `edges`, of "" where friction is the same along the line.
     """
     frictions, of = frictions_of(stored)
     if not frictions:
         return None
-    numbers: dict[Laws, int] = {}
-    index: list[Json] = []
-    edges: Json = {}
-    for friction in frictions:
-        if isinstance(friction, EdgeLaws):
-            index.append([numbers.setdefault(law, len(numbers)) for _, law, _ in friction.laws])
-            edges = {"edges": [edge for edge, _, _ in friction.laws]}
-        else:
-            index.append(numbers.setdefault(friction, len(numbers)))
-    return {"laws": [drawn_law(law) for law in numbers], "index": [index[k] for k in of], **edges}
+    numbers, laws_of = dict[Laws, int](), [edge_laws(friction) for friction in frictions]
+    index = [[numbers.setdefault(law, len(numbers)) for _, law, _ in laws] for laws in laws_of]
+    edges = [edge for edge, _, _ in max(laws_of, key=len)]
+    return {"laws": [drawn_law(law) for law in numbers], "index": [index[k] for k in of], "edges": edges}
 
 
 def _nodes(stored: Stored, line: LineFields, box: Container) -> Json:
