@@ -10,10 +10,9 @@ Literature: Lukšan & Vlček, A bundle-Newton method for nonsmooth unconstrained
 
 Steps, after evaluating y = x + d with predicted decrease w:
   serious   f(y) ≤ f(x) − m_L w: y becomes the centre
-  null      x stays and the piece of y joins the bundle, because its model value at d is above −m_R w or because
-            another branch of f is active there
-  short     f is smooth between x and y and y is no better: the step was too long. x and the bundle stay, the next
-            step is shortened by quadratic interpolation (the publication's backtracking within one line search)
+  null      x stays and the piece of y joins the bundle; where its model value at d is below −m_R w the next step is
+            shorter, too
+  short     f is not finite at y: x and the bundle stay, the next step is shorter
   reset     the model is stationary, but by pieces from too far away: they are dropped and looked for again nearby
 
 Left out: the publication's line search over t with m_L, m_R, t_0 (every iteration tries t = 1 within a radius that
@@ -181,26 +180,6 @@ class Step:
         return float(np.linalg.norm(self.d))
 
 
-def smoothly_joined(pieces: Bundle, q: Bundle) -> NDArray[np.bool_]:
-    """(N,) True where f looks smooth between a piece's point and q's: then the nearer Taylor expansion is enough.
-
-    f(q) − f(p) is compared with its fifth-order quadrature ½(g_p+g_q)ᵀd + (1/12)dᵀ(G_p−G_q)d and the change
-    of g with its trapezoidal rule; a kink between the points leaves an error as large as a Taylor expansion's.
-    """
-    g, f, d = pieces.g, pieces.f, q.y - pieces.y
-    Gp, Gq = pieces.times(d), q.times(d)
-    change, mean = q.f - f, 0.5 * _rowwise(g + q.g, d)
-    hermite = np.abs(change - mean - _rowwise(Gp - Gq, d) / 12.0)
-    forward = np.abs(change - _rowwise(g, d) - 0.5 * _rowwise(Gp, d))
-    backward = np.abs(change - _rowwise(q.g, d) + 0.5 * _rowwise(Gq, d))
-    eps = np.finfo(float).eps
-    values = hermite <= 0.1 * np.maximum(forward, backward) + 50 * eps * (np.abs(f) + np.abs(q.f))
-    turn = q.g - g
-    taylor = np.maximum(np.linalg.norm(turn - Gp, axis=1), np.linalg.norm(turn - Gq, axis=1))
-    noise = 500 * eps * np.maximum(np.linalg.norm(g, axis=1), np.linalg.norm(q.g))
-    return values & (np.linalg.norm(turn - 0.5 * (Gp + Gq), axis=1) <= 0.5 * taylor + noise)
-
-
 def _rowwise(a: Array, b: Array) -> Array:
     """(N,) a_jᵀb_j of the rows."""
     return np.asarray(np.sum(a * b, axis=1))
@@ -308,7 +287,7 @@ class BundleNewton:
     base:           (n, n) B where the oracle returns the diagonals h of G = B + diag(h)
 
     A run has its centre x with f there, the bundle `pieces`, of which one lies at x, with multipliers lam (N,), the
-    radius that bounds the next step, the model about x and its minimiser `step`; null steps and resets since the last
+    radius that bounds the next step, the model about x and its minimiser `step`; resets since the last
     serious step; evaluations and quadratic programmes so far.
     """
 
@@ -334,14 +313,7 @@ class BundleNewton:
         if not first.finite:
             reason = "f, g or G is not finite at the start; start from another point"
             return Outcome(x0, float(first.f[0]), Status.NOT_FINITE, reason, 0, 1)
-        self.x, self.f, self.f0, self.nulls, self.resets, self.shift = (
-            first.y[0],
-            float(first.f[0]),
-            first.f[0],
-            0,
-            0,
-            0.0,
-        )
+        self.x, self.f, self.f0, self.resets, self.shift = first.y[0], float(first.f[0]), float(first.f[0]), 0, 0.0
         self.unit = self.x_unit or first_unit(first)
         self.redirect("start", first, np.ones(1), self.unit)
         self.promised = max(self.step.promise, self.step.decrease)
@@ -395,48 +367,34 @@ class BundleNewton:
         if self.accuracy <= self.tolerance:
             return self.reset()
         pieces, lam, radius, step, length = self.pieces, self.lam, self.radius, self.step, self.step.length
-        centre, new = pieces.take(np.argmin(self.model.s, keepdims=True)), self.evaluated(self.x + step.d)
+        new = self.evaluated(self.x + step.d)
         if not new.finite:
             return self.redirect("short", pieces, lam, 0.25 * length)
-        f, slope = float(new.f[0]), float(centre.g[0] @ step.d)
+        f = float(new.f[0])
         ratio = (self.f - f) / step.decrease
-        if ratio < M_L and smoothly_joined(centre, new)[0]:
-            bend = 2.0 * (f - self.f - slope)  # of the parabola through f(x), its slope along d, and f(y)
-            share = float(np.clip(-slope / bend, 0.1, 0.5)) if bend > 0.0 else 0.5
-            return self.redirect("short", pieces, lam, share * length)
         if ratio < M_L:
-            # shorter if the new piece hardly changes the model at d, or if null steps repeat at the bound
+            # shorter if the new piece hardly changes the model at d
             alone = Model.about(self.x, self.f, new, self.gamma, self.model.curvature)
             if alone.value(step.d) < -M_R * step.decrease:
                 radius = 0.5 * min(radius, length)
-            elif step.shift > 0.0 and self.nulls > 0:
-                radius = float(0.7 ** (1.0 / np.sum(lam > ACTIVE))) * min(
-                    radius, length
-                )  # k kinks need some k null steps
-            self.nulls += 1
-            return self.redirect("null", *self.selected(new, self.x), radius)
+            return self.redirect("null", *self.selected(new), radius)
         radius = 0.5 * min(radius, length) if ratio < 0.1 else radius
         radius = max(radius, 4.0 * length if ratio > 0.9 else 2.0 * length if ratio > 0.5 else 0.0)
-        chosen = self.selected(new, new.y[0])
-        self.x, self.f, self.nulls, self.resets = new.y[0], f, 0, 0
+        chosen = self.selected(new)
+        self.x, self.f, self.resets = new.y[0], f, 0
         return self.redirect("serious", *chosen, radius)
 
-    def selected(self, new: Bundle, x: Array) -> tuple[Bundle, Array]:
-        """The next bundle about x with `new` last, and multipliers for it to start from.
+    def selected(self, new: Bundle) -> tuple[Bundle, Array]:
+        """The next bundle with `new` last, and multipliers for it to start from.
 
-        A piece that is smoothly joined to the new one and farther from the centre is obsolete; beyond 2n + 5 pieces the
-        oldest inactive ones leave.
+        Beyond 2n + 5 pieces the oldest inactive ones leave.
         """
         pieces, lam = self.pieces, self.lam
-        farther = np.linalg.norm(pieces.y - x, axis=1) >= np.linalg.norm(new.y[0] - x)
-        obsolete = farther & smoothly_joined(pieces, new)
-        idle = np.flatnonzero(~obsolete & (lam <= ACTIVE) & (self.model.s > 0.0))
-        most = 2 * len(x) + 4
-        leaving = idle[: max(0, np.count_nonzero(~obsolete) - most)]
-        kept = np.setdiff1d(np.flatnonzero(~obsolete), leaving)
-        lam = np.append(lam[kept], float(lam[obsolete].sum()) if len(kept) else 1.0)
-        lam = lam / lam.sum() if lam.sum() > 0.0 else np.full(len(lam), 1.0 / len(lam))
-        return pieces.take(kept).with_one(new), lam
+        idle = np.flatnonzero((lam <= ACTIVE) & (self.model.s > 0.0))
+        leaving = idle[: max(0, len(pieces) - 2 * len(self.x) - 4)]
+        kept = np.setdiff1d(np.arange(len(pieces)), leaving)
+        lam = np.append(lam[kept], 0.0)
+        return pieces.take(kept).with_one(new), lam / lam.sum()
 
     def remote(self) -> NDArray[np.bool_]:
         """(N,) active pieces whose origin is too far away to prove stationarity."""
