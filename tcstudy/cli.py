@@ -132,7 +132,7 @@ def parser_of() -> argparse.ArgumentParser:
     parsers = parser.add_subparsers(title="commands", required=True, metavar="COMMAND", dest="command")
     for name, one in COMMANDS.items():
         own = parsers.add_parser(name, help=one.help, epilog=_EPILOG)
-        own.set_defaults(read=None, kept=one.kept, run=one.run)
+        own.set_defaults(read=None, kept="nothing was written", run=one.run)
         for flags, told in one.options:
             action = own.add_argument(*flags, **told)
             if told.get("type") in (named, file_name):

@@ -24,21 +24,18 @@ Option = tuple[tuple[str, ...], dict[str, Any]]
 class Command(NamedTuple):
     """One command: its line in the list of commands, what it takes, what it does.
 
-    run:  gets the options (with `words`, the whole command line) and returns the exit code
-    kept: what becomes of the work of a command that is stopped
+    run: gets the options and returns the exit code; they have `words`, the whole command line, `read`, the study once
+         it is known, and `kept`, what becomes of the work of a command that is stopped
     """
 
     help: str
     options: tuple[Option, ...]
     run: Callable[[argparse.Namespace], int]
-    kept: str
 
 
-def command(
-    help: str, *options: Option, kept: str = "nothing was written"
-) -> Callable[[Callable[[argparse.Namespace], int]], Command]:
+def command(help: str, *options: Option) -> Callable[[Callable[[argparse.Namespace], int]], Command]:
     """Make a command of the function below it."""
-    return lambda run: Command(help, options, run, kept)
+    return lambda run: Command(help, options, run)
 
 
 def option(*flags: str, **told: Any) -> Option:
