@@ -222,17 +222,12 @@ class ContinuedStep:
         self.reason = path.end.reason
         if not path.t[last] > self.t:
             return None
-        steps = [2**k for k in range(20) if 2**k < last and path.t[last - 2**k] > self.t and not self.straight]
-        for back in (0, *steps):
-            at = last - back
-            answer = self._answer(path.u[at], float(path.t[at]))
-            way, off = np.max(np.abs(path.u[at] - path.u[0])), np.max(np.abs(answer.v - path.u[at]))
-            near = self.straight or off <= ASIDE * way + 30.0 * LAW_ERROR * slip
-            if near and answer.status == Status.CONVERGED:
-                break
-        self.fold = float(path.t[last]) if falls or back else 0.0
+        answer = self._answer(path.u[last], float(path.t[last]))
+        way, off = (np.max(np.abs(v - path.u[last])) for v in (path.u[0], answer.v))
+        near = self.straight or off <= ASIDE * way + 30.0 * LAW_ERROR * slip
+        self.fold = float(path.t[last]) if falls else 0.0
         if near and answer.status == Status.CONVERGED:
-            return np.array([self.t, *path.t[1 : at + 1]]), np.array([self.w, *path.u[1:at], answer.v]), answer
+            return np.array([self.t, *path.t[1 : last + 1]]), np.array([self.w, *path.u[1:last], answer.v]), answer
         self.reason = answer.reason if near else self.reason if self.fold else HIDDEN
         return None
 
