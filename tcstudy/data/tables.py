@@ -186,7 +186,6 @@ LEVEL: tuple[FileVariable, ...] = (
     _number("lambda_1_error", "1", "relative error of lambda_1 by rounding; proofs take the body softer by it"),
     _number("omega", "Pa m-1", "steepest fall of the friction law; infinite if it jumps down"),
     _number("law_error", "1", "error of the law's piecewise-linear stand-in over its scale; 0 where it is exact"),
-    _number("affine_defect", "1", "relative deviation of the load from a straight line in the parameter"),
 )
 """What there is once."""
 PATH = (*LINE, *LEVEL, *CURVE, *SOLUTIONS, *LOOP, *BRANCHES, *JOINTS)

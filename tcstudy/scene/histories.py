@@ -270,9 +270,7 @@ class ContactState(IntEnum):
 def contact_states(law: Laws) -> NDArray[np.int8]:
     """(2K+1,) ContactState by code of the law's parts; a piece with an exponential part falls where it decays."""
     states = np.full(2 * len(law.kinks) + 1, ContactState.STICK, dtype=np.int8)
-    inner = np.concatenate([law.kinks[:1], 0.5 * (law.kinks[1:] + law.kinks[:-1]), law.kinks[-1:]])
-    slope = law.slope(inner if len(inner) else np.zeros(1), np.arange(len(law.q)))  # of one sign where it decays
-    states[0::2] = np.where(slope < 0.0, ContactState.SOFTEN, ContactState.SLIP)
+    states[0::2] = np.where(law.end_slopes.sum(axis=0) < 0.0, ContactState.SOFTEN, ContactState.SLIP)
     states[1::2][law.kinds == DOWN] = ContactState.DROP
     for side, outward in ((1, 1), (-1, -1)):
         way = states[2 * int(law.piece(0.0, side)) :: outward]  # a view: the pieces from s = 0 outwards

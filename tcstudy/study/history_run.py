@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from tcstudy.condense import NotPositiveDefinite
+from tcstudy.contact.history.memory import MemoryModel
 from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
 from tcstudy.contact.history.steps import HALFWAY, STEPS, derivative, history
 from tcstudy.contact.problem import CondensedBody
@@ -231,7 +232,7 @@ def _follow(study: Study, level: Level, scene: Scene, row: Steps, point: int) ->
     assert plan is not None
     try:
         problem, loads = problem_of(plan, level, scene, study.solver.tolerance)
-        body, laws = problem.body, row_laws([problem.law], np.ones(1))
+        body, laws = problem.body, row_laws([problem.model.law], np.ones(1))
         row["lambda_1"][0], row["lambda_1_error"][0], row["margin"][0] = body.lambda_1, body.A_error, problem.margin
         beside = np.full((1, np.count_nonzero(level.line.unknowns < 0)), np.nan)
         if output.probes or output.quantities:
@@ -251,7 +252,7 @@ def _follow(study: Study, level: Level, scene: Scene, row: Steps, point: int) ->
             found |= {"friction_resultant": body.c @ step.xi, "slip_length": body.c[moved].sum()}
             lengths = region_lengths(level, laws, step.kappa[None], beside)
             found |= {name: length for name, (length,) in lengths.items()}
-            found |= debonded_front(level.line, problem.law, step.kappa)
+            found |= debonded_front(level.line, problem.model.law, step.kappa)
             if step.solved:
                 found |= requested.of(loaded_scene(scene, at[n]), step.v) if requested is not None else {}
                 found |= next(slopes, {})
@@ -281,7 +282,7 @@ def problem_of(
     body = CondensedBody.known(first.A_tilde, first.c, first.A_error, lambda_1=lambda_1, loose=plan.loose)
     line = level.line
     names = plan.memory.by_node(first.law, line.edge_names, line.edge, line.joints)
-    problem = HistoryProblem(body, first.law, plan.memory, plan.branch, tolerance, names)
+    problem = HistoryProblem(body, MemoryModel(plan.memory, first.law, body.m, names), plan.branch, tolerance)
     return problem, plan.along([one.problem.l_tilde for one in at])
 
 

@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.all_solutions import Limits
@@ -29,8 +28,8 @@ from tcstudy.contact.path.query import PathSolution, folds, lowest, proved_minim
 from tcstudy.contact.path.walk import NoSolutionError
 from tcstudy.contact.problem import Status
 from tcstudy.contact.solve import TIE, solve_contact
-from tcstudy.data.provenance import SHORTFALLS, Remark, collect, tell
-from tcstudy.data.store import Record, write_record
+from tcstudy.data.provenance import SHORTFALLS, Remark, tell
+from tcstudy.data.store import Record
 from tcstudy.data.tables import PATH
 from tcstudy.errors import GeometryFailed, PathError
 from tcstudy.offline.level import Level
@@ -38,8 +37,8 @@ from tcstudy.scene.histories import ContactState, contact_states
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Acceptance, Branch, Direction, PathPlan, Study
-from tcstudy.study.lint import loaded, warnings
-from tcstudy.study.run import stages
+from tcstudy.study.lint import loaded
+from tcstudy.study.run import stages, to_file
 
 Array = NDArray[np.float64]
 Values = dict[str, Any]
@@ -55,12 +54,10 @@ class AffineLoad(NamedTuple):
     """The contact problem of a level along t.
 
     problem:  Ã, l̃₀, l̃₁, c and the law
-    defect:   largest |l̃ − l̃₀ − t l̃₁| at the values that were checked, relative to the largest |l̃|
     constant: what the total potential energy has beside L̃(u₁), eq. (20), a parabola of t [J/m]
     """
 
     problem: ParametricProblem
-    defect: float
     constant: Polynomial
 
 
@@ -95,7 +92,7 @@ def affine_load(level: Level, scene_of: Callable[[float], Scene], begin: float, 
     at_1, at_04 = (one.constant - solved[0].constant for one in solved[1:3])  # of a parabola
     k_2 = (at_1 - at_04 / 0.4) / 0.6
     constant = Polynomial([solved[0].constant, at_1 - k_2, k_2], domain=span, window=(0.0, 1.0))
-    return AffineLoad(problem, off / size, constant)
+    return AffineLoad(problem, constant)
 
 
 def straightened(
@@ -183,7 +180,6 @@ def follow_path(study: Study, progress: Progress | None = None) -> Record:
         "lambda_1_error": load.problem.A_error,
         "omega": load.problem.law.omega,
         "law_error": 0.0 if load.problem.law.piecewise_linear else plan.law_error,
-        "affine_defect": load.defect,
         **_curve(setting, path),
         **_solutions(setting, path, every),
     }
@@ -317,27 +313,23 @@ def execute_path(
     progress: Progress | None = None,
     command: Sequence[str] = ("tcstudy",),
     swept: Sequence[str] = (),
-) -> list[str]:
-    """Follow the path, write its file and return what is not as it was asked for, in words.
+) -> None:
+    """Follow the path and write its file, with what is not as it was asked for in words.
 
     swept: names of the sweep, whose values a path does not have. Raises PathError, StoreError or GeometryFailed.
     """
-    remarks = []
-    if swept:
-        unused = f"a path is of one scene, that outside the sweep; the values of {', '.join(swept)} are not used"
-        remarks.append(Remark(unused))
-    if (plan := study.path) is not None:  # of the scene as it is written, without load at the end farther from zero
+    unused = f"a path is of one scene, that outside the sweep; the values of {', '.join(swept)} are not used"
+    alone, plan = replace(study, axes=(), variants=()), study.path
+    if plan is not None:  # of the scene as it is written, without load at the end farther from zero
         farther = path_scene(plan.scene, plan.parameter, max(plan.begin, plan.end, key=abs))
-        scene = plan.scene if loaded([plan.scene]).all() else farther
-        remarks += warnings(replace(study, scenes=(scene,), axes=(), variants=()))
-    tell(remarks)
-    with threadpool_limits(1, user_api="blas"):
+        alone = replace(alone, scenes=(plan.scene if loaded([plan.scene]).all() else farther,))
+
+    def find() -> Record:
         record = follow_path(study, progress)
-    found = shortfalls(study, record)
-    tell(found)
-    record = replace(record, attributes={**record.attributes, SHORTFALLS: "\n".join(found)})
-    write_record(output, study, record, collect(study, command, remarks=remarks))
-    return found
+        tell(found := shortfalls(study, record))
+        return replace(record, attributes={**record.attributes, SHORTFALLS: "\n".join(found)})
+
+    to_file(output, study, command, find, alone, [Remark(unused)] if swept else [])
 
 
 def shortfalls(study: Study, record: Record) -> list[str]:

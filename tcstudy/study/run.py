@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from tcstudy.data.files import check_writable
-from tcstudy.data.provenance import collect, holds, tell
+from tcstudy.data.provenance import Remark, collect, holds, tell
 from tcstudy.data.records import BlockRecord, Journal, LevelRecord
 from tcstudy.data.schema import LIVE_PREFIX, PointStatus
 from tcstudy.data.store import Record, Results, write, write_record
@@ -230,15 +230,21 @@ def work_of(study: Study, finished: Iterable[BlockRecord]) -> list[LevelWork]:
 
 
 def to_file(
-    path: Path, study: Study, command: Sequence[str], find: Callable[[], Record], alone: Study | None = None
+    path: Path,
+    study: Study,
+    command: Sequence[str],
+    find: Callable[[], Record],
+    alone: Study | None = None,
+    said: Sequence[Remark] = (),
 ) -> None:
-    """Write the file of what `find` finds of a study, or of a part of it alone; its warnings are said before.
+    """Write the file of what `find` finds of a study, or of a part of it alone; its warnings are said before, behind
+    others.
 
     Raises StoreError if the file cannot be written, before any work as far as that is known.
     """
     if problems := check_writable(path, SMALL):
         raise StoreError("; ".join(problems))
-    tell(remarks := warnings(alone or study))
+    tell(remarks := [*said, *warnings(alone or study)])
     with threadpool_limits(1, user_api="blas"):
         record = find()
     write_record(path, study, record, collect(study, command, remarks=remarks))

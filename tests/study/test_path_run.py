@@ -72,7 +72,6 @@ def test_all_kinds_of_parameters_on_the_heated_bracket(section: str) -> None:
     assert plan
     values = record.values
     assert values["solution_count"] != [0]
-    assert values["affine_defect"] <= 1e-12
     level = Level(list(mesh_family(build(plan.scene.body), study.mesh))[values["level"]], plan.scene)
     found = [(plan.at[0], v, e) for v, e in zip(values["solution_u_T"], values["solution_energy"], strict=True)]
     vertices = zip(values["parameter"], values["u_T"], values["energy"], strict=True)

@@ -20,8 +20,10 @@ REQUESTED = "path: {parameter: boundary.top.u_x, from: 0, to: 1.5, at: [0.8, 0.5
 
 
 def path_of(text: str, folder: Path, *overrides: str) -> xr.Dataset:
-    assert execute_path(read_study_text(text, "test", overrides), folder / "path.nc") == []
-    return load_root(folder / "path.nc", "path")
+    execute_path(read_study_text(text, "test", overrides), folder / "path.nc")
+    data = load_root(folder / "path.nc", "path")
+    assert data.attrs["shortfalls"] == ""
+    return data
 
 
 def patch_text(maxh: float, law: str = SOFTENING) -> str:

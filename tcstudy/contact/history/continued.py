@@ -94,7 +94,7 @@ class ContinuedStep:
     problem: ParametricProblem
 
     def __init__(self, history: HistoryProblem, last: HistoryStep, load: Array) -> None:
-        self.history, self.body, self.straight = history, history.body, history.law.piecewise_linear
+        self.history, self.body, self.straight = history, history.body, history.model.law.piecewise_linear
         self.last, self.load, self.change = last, load, load - last.load
         self.now, self.t = last.unchanged(), 0.0
         self.ways, self.jumps = list[Way](), list[Jump]()
@@ -194,7 +194,7 @@ class ContinuedStep:
         work, friction = -float(np.diff(t) @ (middle @ self.change)), 0.5 * float(np.sum((xi[1:] + xi[:-1]) * slips))
         if not self.straight:
             missed = float(c @ self.law.integral(w[0], answer.v)) - friction
-            if abs(missed) > 4.0 * LAW_ERROR * self.history.law.b_scale * float(np.sum(np.abs(slips) @ c)):
+            if abs(missed) > 4.0 * LAW_ERROR * self.history.model.law.b_scale * float(np.sum(np.abs(slips) @ c)):
                 self.reason = HIDDEN
                 return False
             work, friction = work + missed, friction + missed
@@ -211,7 +211,7 @@ class ContinuedStep:
         it does: short of that the part ends.
         """
         falls = path.end == PathStatus.UNSTABLE
-        last, law = path.pieces - falls, self.history.law
+        last, law = path.pieces - falls, self.history.model.law
         slip = law.b_scale * float(np.max(self.body.c / np.diagonal(self.body.A_tilde)))
         fold = fold_beside(path, self.law, law.s_scale) if falls and not self.straight else None
         if fold is not None:

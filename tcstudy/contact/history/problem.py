@@ -17,15 +17,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.certificates import certify, far, least_slopes, positive_definite
+from tcstudy.contact.certificates import certify, far, least_slopes, positive_definite, strict_minimum
 from tcstudy.contact.history.memory import MemoryModel, NodeState
-from tcstudy.contact.newton import slopes
 from tcstudy.contact.path.problem import ScaledBody
 from tcstudy.contact.problem import CondensedBody, ContactProblem, Status, kept, least_lowered
 from tcstudy.contact.solve import Answer
 from tcstudy.laws.laws import Laws
-from tcstudy.scene.histories import HistoryBranch, Memory
-from tcstudy.scene.study import Acceptance
+from tcstudy.scene.histories import HistoryBranch
 
 Array = NDArray[np.float64]
 
@@ -102,26 +100,17 @@ class HistoryProblem:
     """What all steps share.
 
     body:       Ã and c; a body that nothing but friction holds is a loose one, with Ã only semidefinite
-    law, memory, names: the scene's law and what is remembered of it, as in `MemoryModel`
+    model:      the scene's law and what is remembered of it
     branch:     "lowest": lowest found of the step from all starts; "continued": along its path (continued.py)
     tolerance:  of the inclusion residual, as in `solve_contact`
     max_pieces: of a path that is followed at once
-
-    Raises UnfitLaw if the memory cannot be made of the law.
     """
 
     body: CondensedBody
-    law: Laws
-    memory: Memory
+    model: MemoryModel
     branch: HistoryBranch = "continued"
     tolerance: float | None = None
-    names: NDArray[np.str_] | None = None
     max_pieces: int = 20_000
-
-    @cached_property
-    def model(self) -> MemoryModel:
-        """The memory of the contact line."""
-        return MemoryModel(self.memory, self.law, self.body.m, self.names)
 
     @cached_property
     def margin(self) -> float:
@@ -206,20 +195,10 @@ def proved(p: HistoryProblem, problem: ContactProblem, answer: Answer, step: His
     if p.convex:
         return replace(step, unique=True, strict_minimum=True, global_minimum=True)
     if p.monotone or p.body.loose:
-        strict = _strict(p, problem, answer.v)
+        strict = bool(strict_minimum(problem.rows, answer.v[None])[0])
         if p.body.loose and not strict:
             return replace(step, status=Status.NOT_POSITIVE_DEFINITE, reason=UNDETERMINED)
         return replace(step, unique=strict and p.monotone, strict_minimum=strict, global_minimum=p.monotone)
     body, residual = p.body, answer.inclusion_residual
     proof = certify(problem, answer.v, body.lambda_1, p.tolerance, inverse=body.inverse, residual=residual)
     return replace(step, unique=proof.unique, strict_minimum=proof.strict_minimum, global_minimum=proof.global_minimum)
-
-
-def _strict(p: HistoryProblem, problem: ContactProblem, w: Array) -> bool:
-    """Whether A_FF + C b′ is definite on the nodes F that do not rest with slack; where no law falls: one solution."""
-    s = slopes(problem, w, problem.xi(w))
-    slack = Acceptance(p.tolerance).aim * problem.traction_scale * problem.c
-    free = np.flatnonzero(~(s.at_rest & (s.left < -slack) & (s.right > slack)))
-    own, at = problem.law.of_nodes(free), w[free]
-    slope = np.minimum(own.slope(at, own.piece(at, -1)), own.slope(at, own.piece(at, +1)))
-    return positive_definite(problem, slope, p.body.lambda_1, free)

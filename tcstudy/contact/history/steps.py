@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.contact.history.continued import ContinuedStep, Jump, Way, continued
+from tcstudy.contact.history.memory import MemoryModel
 from tcstudy.contact.history.problem import HistoryProblem, HistoryStep, booked, proved
 from tcstudy.contact.newton import convex_step
 from tcstudy.contact.path.problem import ParametricProblem
@@ -61,7 +62,9 @@ def next_step(history: HistoryProblem, last: HistoryStep, load: Array) -> Histor
     """The step from `last` to a load; loads that do not change change nothing, to the bit."""
     if np.array_equal(load, last.load):
         return last.unchanged()
-    if history.branch == "continued" and not history.law.vanishes:  # else nothing is remembered, no path has a scale
+    if (
+        history.branch == "continued" and not history.model.law.vanishes
+    ):  # else nothing is remembered, no path has a scale
         return continued(history, last, load)
     return lowest(history, last, load)
 
@@ -125,7 +128,9 @@ def hysteresis(
     if begin == end:
         raise ValueError(f"the loop begins and ends at t = {begin:g}; give it a range")
     body = CondensedBody.known(problem.A_tilde, problem.c, problem.A_error)
-    history = HistoryProblem(body, problem.law, Memory("none"), tolerance=tolerance, max_pieces=max_pieces)
+    history = HistoryProblem(
+        body, MemoryModel(Memory("none"), problem.law, problem.m), tolerance=tolerance, max_pieces=max_pieces
+    )
     load = problem.load(begin)
     last = replace(HistoryStep.virgin(problem.m), v=v, load=load, xi=problem.at(begin).xi(v) / problem.c,
                    stored=float(problem.c @ problem.law.j(v)), energy=history.energy(v, load))  # fmt: skip

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tcstudy.contact.history.memory import MemoryModel
 from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
 from tcstudy.contact.history.steps import history
 from tcstudy.contact.problem import CondensedBody
@@ -38,7 +39,7 @@ def remembering(
     A: Array, c: Array, film: Laws, memory: Memory, branch: HistoryBranch = "continued", loose: bool = False
 ) -> HistoryProblem:
     """A body under a film that remembers."""
-    return HistoryProblem(CondensedBody.known(A, c, loose=loose), film, memory, branch)
+    return HistoryProblem(CondensedBody.known(A, c, loose=loose), MemoryModel(memory, film, len(c)), branch)
 
 
 def coupled_line(m: int) -> tuple[Array, Array, Array]:

@@ -49,7 +49,7 @@ CURVED = [1, 3, 5, 183]  # a far vertex; folds of the curve before those of its 
 def test_every_step_reaches_its_load_with_its_energies_in_order(seed: int, curved: bool) -> None:
     """The same load again changes no bit."""
     body, loads = random_history(seed, curved)
-    steps, scale = followed(body, loads, 1e-10), body.law.b_scale * body.body.c.max()
+    steps, scale = followed(body, loads, 1e-10), body.model.law.b_scale * body.body.c.max()
     for load, step in zip(loads, steps, strict=True):
         assert body.body.c * step.xi == pytest.approx(load - body.body.A_tilde @ step.v, abs=1e-10 * scale)
         again = next_step(body, step, load)
