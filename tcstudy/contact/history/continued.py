@@ -211,7 +211,7 @@ class ContinuedStep:
         it does: short of that the part ends.
         """
         falls = path.end == PathStatus.UNSTABLE
-        last, law = path.pieces - falls, self.history.model.law
+        last, law = len(path.t) - 1 - falls, self.history.model.law
         slip = law.b_scale * float(np.max(self.body.c / np.diagonal(self.body.A_tilde)))
         fold = fold_beside(path, self.law, law.s_scale) if falls and not self.straight else None
         if fold is not None:
@@ -222,12 +222,18 @@ class ContinuedStep:
         self.reason = path.end.reason
         if not path.t[last] > self.t:
             return None
-        answer = self._answer(path.u[last], float(path.t[last]))
-        way, off = (np.max(np.abs(v - path.u[last])) for v in (path.u[0], answer.v))
-        near = self.straight or off <= ASIDE * way + 30.0 * LAW_ERROR * slip
-        self.fold = float(path.t[last]) if falls else 0.0
+        whole = self.straight or path.end == PathStatus.START  # a way back from ahead, turned round
+        steps = [2**k for k in range(20) if 2**k < last and path.t[last - 2**k] > self.t and not whole]
+        for back in (0, *steps):
+            at = last - back
+            answer = self._answer(path.u[at], float(path.t[at]))
+            way, off = np.max(np.abs(path.u[at] - path.u[0])), np.max(np.abs(answer.v - path.u[at]))
+            near = self.straight or off <= ASIDE * way + 30.0 * LAW_ERROR * slip
+            if near and answer.status == Status.CONVERGED:
+                break
+        self.fold = float(path.t[last]) if falls or back else 0.0
         if near and answer.status == Status.CONVERGED:
-            return np.array([self.t, *path.t[1 : last + 1]]), np.array([self.w, *path.u[1:last], answer.v]), answer
+            return np.array([self.t, *path.t[1 : at + 1]]), np.array([self.w, *path.u[1:at], answer.v]), answer
         self.reason = answer.reason if near else self.reason if self.fold else HIDDEN
         return None
 
@@ -246,6 +252,8 @@ class ContinuedStep:
         except ValueError as error:
             self.reason = str(error).partition("; ")[0]
             return False
+        stable = slice(back.pieces + (back.end != PathStatus.UNSTABLE))  # vertices
+        back = replace(back, t=back.t[stable], u=back.u[stable])
         allowed = max(BACK * float(np.max(np.abs(found - w))), ROUNDING * float(np.max(np.abs(back.u))))
         if np.max(np.abs(back.u[-1] - w)) > allowed:
             return self._jump(back)
@@ -271,9 +279,10 @@ class ContinuedStep:
             change = self.load_at(t) - now.load  # at rest until then: at the fold, but for straight pieces
             drop = 0.5 * float((landed.xi + c * now.xi + change) @ (self.origin + landed.v - now.v))
             part = booked(self.history, now, self.load_at(t), landed, (-float(now.v @ change), drop))
-            if part.closure > 0.0:
+            moved = np.abs(part.v - now.v)
+            if part.closure > 0.0 and np.max(moved) > ROUNDING * np.max(np.abs(part.v)):  # not the state itself
                 break
-        moved, size = np.abs(part.v - now.v), np.abs(part.load) + np.abs(A) @ np.abs(part.v)
+        size = np.abs(part.load) + np.abs(A) @ np.abs(part.v)
         rounding = np.sqrt(self.body.m) * np.finfo(float).eps * float(size @ moved)
         if part.closure < -rounding:
             self.reason = UPHILL.format(gain=-part.closure)

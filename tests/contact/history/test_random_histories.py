@@ -55,6 +55,8 @@ def test_every_step_reaches_its_load_with_its_energies_in_order(seed: int, curve
         again = next_step(body, step, load)
         assert np.array_equal(again.v, step.v)
         assert again.work == 0.0
+    if seed == 183:  # a state is no place to jump to from itself; as forty steps release it
+        assert steps[0].released / steps[0].dissipated == pytest.approx(0.0862088, rel=1e-5)
 
 
 @pytest.mark.parametrize("seed", [2, 13, 15])
