@@ -177,8 +177,10 @@ class ContinuedStep:
         self.beyond = self.origin + over
         return path
 
-    def _along(self, path: Path) -> bool:
+    def _along(self, path: Path, lead: Path | None = None) -> bool:
         """Forward to the end of the path.
+
+        lead: the path back from its beginning to the state
 
         Along the graph of b ∫ξᵀdv = Σ c (j(w₁) − j(w₀)) whatever the curve, and what straight pieces miss of that they
         miss of the work as well: between the same ends each balances ΔE. Where they miss much the law goes elsewhere.
@@ -187,9 +189,11 @@ class ContinuedStep:
         if reached is None:
             return False
         t, w, answer = reached
+        end, parts = float(t[-1]), len(t) - 1
+        if lead is not None:
+            t, w = (np.concatenate([x[:1], y[::-1], x[1:]]) for x, y in ((t, lead.t), (w, lead.u)))
         balance = p.l_0 + t[1:-1, None] * p.l_1 - w[1:-1] @ p.A_tilde
         xi = np.array([c * self.now.xi, *balance, answer.xi])
-        end, last = float(t[-1]), len(t) - 1
         slips, middle = np.diff(w, axis=0), 0.5 * (w[1:] + w[:-1]) + self.origin
         work, friction = -float(np.diff(t) @ (middle @ self.change)), 0.5 * float(np.sum((xi[1:] + xi[:-1]) * slips))
         if not self.straight:
@@ -199,7 +203,7 @@ class ContinuedStep:
                 return False
             work, friction = work + missed, friction + missed
         part = booked(self.history, self.now, self.load_at(end), answer, (work, friction))
-        self.now, self.t = self.now.then(replace(part, parts=last)), end
+        self.now, self.t = self.now.then(replace(part, parts=parts)), end
         self.ways.append(Way(t, self.origin + w, xi / c))
         return True
 
@@ -222,8 +226,7 @@ class ContinuedStep:
         self.reason = path.end.reason
         if not path.t[last] > self.t:
             return None
-        whole = self.straight or path.end == PathStatus.START  # a way back from ahead, turned round
-        steps = [2**k for k in range(20) if 2**k < last and path.t[last - 2**k] > self.t and not whole]
+        steps = [2**k for k in range(20) if 2**k < last and path.t[last - 2**k] > self.t and not self.straight]
         for back in (0, *steps):
             at = last - back
             answer = self._answer(path.u[at], float(path.t[at]))
@@ -233,7 +236,7 @@ class ContinuedStep:
                 break
         self.fold = float(path.t[last]) if falls or back else 0.0
         if near and answer.status == Status.CONVERGED:
-            return np.array([self.t, *path.t[1 : at + 1]]), np.array([self.w, *path.u[1:at], answer.v]), answer
+            return np.array([self.t, *path.t[1:at], path.t[at]]), np.array([self.w, *path.u[1:at], answer.v]), answer
         self.reason = answer.reason if near else self.reason if self.fold else HIDDEN
         return None
 
@@ -257,7 +260,7 @@ class ContinuedStep:
         allowed = max(BACK * float(np.max(np.abs(found - w))), ROUNDING * float(np.max(np.abs(back.u))))
         if np.max(np.abs(back.u[-1] - w)) > allowed:
             return self._jump(back)
-        if self._along(replace(back, t=back.t[::-1], u=back.u[::-1], end=back.begin)):
+        if self._along(self._follower.follow(self.problem, found, ahead, "forward"), back):
             self.beyond = self.now.v
             return True
         if self.reason == HIDDEN:
