@@ -49,7 +49,8 @@ def span(seconds: float) -> str:
 
 
 def spelled(text: str) -> str:
-    """Words of a file in which Greek letters stand for their names: λ_1 of lambda_1."""
+    """Words of a file in which Greek letters stand for their names: λ₁ of lambda_1."""
+    text = text.replace("lambda_1", "λ₁")
     return re.sub(r"\b(lambda|omega|theta|xi)(?![A-Za-z])", lambda name: (GREEK | {"xi": "ξ"})[name[0]], text)
 
 
