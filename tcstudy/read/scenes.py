@@ -23,6 +23,7 @@ from tcstudy.read.body import (
     check_laws,
     check_shape,
     read_body,
+    supports,
     supports_fault,
 )
 from tcstudy.read.document import tree_of
@@ -65,6 +66,7 @@ class SceneReader:
             self.body = body if check_shape(ctx, body, root) else None
         self.order = sorted(range(len(sweep.axes)), key=lambda i: len(sweep.axes[i].parameter.path))
         self.touching = {s: [i for i in self.order if self.touches(sweep.axes[i].parameter.path, s)] for s in SECTIONS}
+        self.supports: set[tuple[object, ...]] = set()
         self.finite: set[int] = set()
         self.base: Scene | None = None
         self.scenes: Sequence[Scene] = ()
@@ -174,8 +176,10 @@ class SceneReader:
             return read_friction(self.ctx, node, self._contact_lines())
         boundary = read_boundary(self.ctx, node, self.names)
         if boundary and self.body:
-            if not self.loose and (fault := supports_fault(self.body, boundary)):
-                self.ctx.errors.at(node, *fault)
+            if not self.loose and (held := supports(boundary)) not in self.supports:
+                self.supports.add(held)
+                if fault := supports_fault(self.body, boundary):
+                    self.ctx.errors.at(node, *fault)
             check_boundary(self.ctx, node, self.body, boundary)
         return boundary
 
