@@ -114,9 +114,7 @@ class ElasticBody:
         """Raises NotPositiveDefinite if the body is not held."""
         self._level, (moduli, springs), frames, line = level, ratio, level.frames, level.line
         A = level.elastic.stiffness_of(moduli, frames)
-        if springs or frames.ties is not None:
-            added = level.elastic.springs(springs, frames) if springs else 0.0 * A
-            A = frames.tied(sp.csr_array(A + added))
+        A = frames.tied(sp.csr_array(A + level.elastic.springs(springs, frames)) if springs else A)
         eliminate = ~frames.fixed
         eliminate[line.nodes] = False
         at = level.mesh.points, line.nodes, eliminate, 2
