@@ -47,7 +47,7 @@ _CONTINUOUS = 1e-8
 """Jumps of an envelope below this part of the scale of b come from unfinished tangents."""
 
 
-_SAMPLES, _TOUCHES, _SETTLED = 12, 60, 1e-11
+_SAMPLES, _TOUCHES, _SETTLED = 6, 60, 1e-11
 """Samples of every piece for the convex hull, Newton steps at most by which the tangents found are made exact, and the
 part of its length by which none moves any more."""
 
@@ -99,7 +99,8 @@ def _tangents(tables: Laws, rows: Index, kappa: float) -> tuple[Index, Array]:
             break
         kept = kept[~np.concatenate([[False], above, [False]])]
     i, j = kept[:-1][same], kept[1:][same]
-    falls = np.minimum(tables.slope(s[i], piece[i]), tables.slope(s[j], piece[i])) < -kappa
+    ends = s[i], np.minimum(s[j], tables.upper.take(piece[i]))
+    falls = np.minimum(*(tables.slope(end, piece[i]) for end in ends)) < -kappa
     bridged = falls | (number[j] > number[i] + 1)
     return law[i[bridged]], np.stack([s[i[bridged]], s[j[bridged]]])
 
@@ -219,12 +220,13 @@ def best_places(laws: Laws, v: Array, force: Array, k: Array, push: Array) -> tu
     reach = 2.0 * np.abs(v) + (np.abs(force) + np.reshape(push, (-1, 1))) / k  # friction opposes slip, but for its push
     kinks = laws.upper.take(piece)
     low, high = (np.clip(end, v - reach, v + reach) for end in (laws.lower.take(piece), kinks))
-    found = [np.where(np.isfinite(kinks), kinks, v)]
+    real, found = low < high, [np.where(np.isfinite(kinks), kinks, v)]
+    low, high = (np.where(real, end, laws.s_0.take(piece)) for end in (low, high))
     for s in (low, high):
         for _ in range(8 if laws.exponentials else 1):
             climb, bend = laws.value(s, piece) + k * (s - v) - force, laws.slope(s, piece) + k
             s = np.clip(s - climb / np.where(bend > 0.0, bend, np.inf), low, high)
-        found.append(s)
+        found.append(np.where(real, s, v))
     s = np.concatenate(found, axis=1)
     parts = np.stack([0.5 * k * (s - v) ** 2, -force * (s - v), laws.at(law).integral(v, s)])
     phi = parts.sum(axis=0)

@@ -50,6 +50,14 @@ def test_one_node_leaves_a_well_along_an_exponential() -> None:
         assert 0.5 + 0.5 * np.exp(-10.0 * abs(s)) + abs(s) == pytest.approx(0.95, abs=1e-14)
 
 
+def test_pieces_out_of_reach_are_not_asked() -> None:
+    """b = 1 up to 3, 1 + exp(−1e4 (s − 3)) behind it, which at 0 is no double: no move, no overflow."""
+    a, none = np.array([-1.0, 0.0, 0.0, 1.0]), np.zeros(4)
+    law = Laws("far", np.array([-3.0, 0.0, 3.0]), 3.0 * a, np.array([-1.0, -1.0, 1.0, 1.0]), none, a, 1e4 * a)
+    rows = ContactProblem(np.eye(1), np.array([0.5]), np.ones(1), law).rows
+    assert len(search.move_starts(rows, np.zeros((1, 1)))[0]) == 0
+
+
 @pytest.mark.parametrize("smooth", [False, True])
 def test_the_same_every_time_and_in_other_units(smooth: bool) -> None:
     gains = 0
