@@ -206,7 +206,8 @@ def _material(ctx: Context, node: Node, plane: Literal["strain", "stress"] | Non
 @none_after_fault
 def read_loads(ctx: Context, node: Node | None) -> tuple[Scalar, Scalar]:
     """The body force f, zero without the section; None after a fault."""
-    return (0.0, 0.0) if node is None else tuple(Fields(ctx, node, "loads").value("f"))
+    f: tuple[Scalar, Scalar] = (0.0, 0.0) if node is None else Fields(ctx, node, "loads").value("f")
+    return f
 
 
 def laws_by_edge(node: Node | None) -> dict[str, Node]:
