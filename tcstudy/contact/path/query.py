@@ -182,22 +182,24 @@ def lowest(path: Path) -> Lowest:
 
 
 def _envelope(e: Array, f: Array, g: Array) -> list[tuple[float, float, int]]:
-    """(from, to, which) of the lower envelope of e + f s + g s² on 0 ≤ s ≤ 1, in parts between all crossings."""
-    noise = 1e-13 * float(np.max(np.abs(e) + np.abs(f) + np.abs(g)))  # who only touches is not lower
-    d, h, q = (x[:, None] - x for x in (e, f, g))
-    root = np.sqrt(np.maximum(h * h - 4.0 * d * q, 0.0))
-    half = -0.5 * (h + np.where(h >= 0.0, root, -root))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        s = np.array([half / q, d / half])
-    cuts = np.unique([0.0, *s[(s > 1e-9) & (s < 1.0)], 1.0])
-    middle = 0.5 * (cuts[1:] + cuts[:-1])
-    energies, parts = (e[:, None] + f[:, None] * middle + g[:, None] * middle**2).T, list[tuple[float, float, int]]()
-    now = int(np.argmin(energies[0]))
-    for begin, end, energy in zip(cuts.tolist(), cuts[1:].tolist(), energies, strict=False):
-        least = int(np.argmin(energy))
-        now = least if energy[least] < energy[now] - noise else now
-        parts.append((begin, end, now))
-    return parts
+    """(from, to, which) of the lower envelope of e + f s + g s² on 0 ≤ s ≤ 1."""
+    noise = 1e-13 * float(np.max(np.abs(e) + np.abs(f) + np.abs(g)))
+    s, parts, now = 0.0, [], int(np.argmin(e - np.min(e) + f * 1e-6 + g * 1e-12))
+    for _ in range(2 * len(e) + 1):
+        d, h, q = e - e[now], f - f[now], g - g[now]  # which others fall through zero first beyond s?
+        root = np.sqrt(np.maximum(h * h - 4.0 * d * q, 0.0))
+        half = -0.5 * (h + np.where(h >= 0.0, root, -root))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x = np.stack([half / q, d / half])
+            falls = (h + 2.0 * q * x < 0.0) & (h * h > 4.0 * d * q) & (x > s + 1e-9) & (x < 1.0)
+        falls &= np.minimum(d + h + q, 0.0) < -noise  # a branch that only touches is no change
+        x = np.where(falls, x, np.inf).min(axis=0)
+        which = int(np.argmin(x))
+        if not x[which] < 1.0:
+            break
+        parts.append((s, float(x[which]), now))
+        s, now = float(x[which]), which
+    return [*parts, (s, 1.0, now)]
 
 
 AT_ONCE = 2**20
