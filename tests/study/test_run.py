@@ -9,6 +9,7 @@ import xarray as xr
 
 import tcstudy
 from tcstudy.contact.solve import solve_contact
+from tcstudy.data.reading import asked
 from tcstudy.data.schema import PointStatus
 from tcstudy.errors import StudyError
 from tcstudy.offline import heat
@@ -17,6 +18,7 @@ from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.picture import read_picture
 from tcstudy.reports.terminal.summary import text_of
+from tcstudy.reports.terminal.tables import fitting
 from tcstudy.scene.records import Scene
 from tcstudy.study import level_solver
 from tcstudy.study.level_solver import blocks_of
@@ -184,6 +186,9 @@ def test_linear_fields_are_exact(tmp_path: Path, plane: str) -> None:
     for edge, mean in {"left": 40.0, "right": 20.0, "top": 30.0, "bottom": 30.0}.items():
         assert float(warm[f"theta_mean_{edge}"]) == pytest.approx(mean, rel=1e-12)
     assert float(warm["probe_core_theta"]) == pytest.approx(33.0, rel=1e-12)
+    with fitting(80):  # what was asked for pushes no proof out of the table
+        text = text_of(tmp_path / "out.nc")
+    assert all(title in text for title in ("∫ξ [", " certified\n", *asked(tree)))
 
 
 def test_a_number_that_breaks_down_ends_its_point_and_no_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -22,8 +22,10 @@ from tcstudy.reports.terminal.tables import (
     Part,
     Table,
     TextColumn,
+    fits,
     quantity,
     render,
+    split_table,
 )
 from tcstudy.reports.text import PROOFS, counted, digits_lost, failure_lines, headed, number, proved
 
@@ -161,27 +163,27 @@ def _points(data: Any, most: int | None, point: Mapping[str, Value]) -> Iterator
         cells = [c if good or c == "–" else f"({c})" for c, good in zip(found.cells, solved, strict=True)]
         return TextColumn(found.title, cells, rank)
 
-    columns, legend = list[TextColumn](), [CERTIFIED]
+    labels, rest, legend = list[TextColumn](), list[TextColumn](), [CERTIFIED]
     for axis in axis_names(data):
         texts, unit = axis_labels(near, axis)
-        columns.append(TextColumn(headed(axis, unit), [texts[i] for i in place[str(data[axis].dims[0])]]))
+        labels.append(TextColumn(headed(axis, unit), [texts[i] for i in place[str(data[axis].dims[0])]]))
     usual = [one for one in _COLUMNS if one[0] in fine and np.isfinite(fine[one[0]].values).any()]
     # a reaction is the force of a held edge: once is enough
     more = [n for n in asked(data) if not (n.startswith("reaction_") and n.replace("reaction_", "force_", 1) in fine)]
-    columns += [column(*one) for one in (*usual, *((name, name, 1) for name in more))]
+    columns, wanted = [*labels, *(column(*one) for one in usual)], [column(name, name, 0) for name in more]
     if "solutions" in fine:
         told = zip(*(first(name).tolist() for name in ("solutions", "stable_solutions", "complete")), strict=True)
         words = [sentences.equilibria(*one) if good else "–" for one, good in zip(told, solved, strict=True)]
-        columns.append(TextColumn("equilibria", words, 1))
+        rest.append(TextColumn("equilibria", words, 1))
         legend.append(f"equilibria: {EVERY}")
     flags = {name: first(name) for name, _ in PROOFS}
     proofs = [proved({name: flag[i] for name, flag in flags.items()}) for i in range(len(shown))]
     proofs = [p if good else "failed" if was else "not run" for p, good, was in zip(proofs, solved, run, strict=True)]
-    columns.append(TextColumn("certified", proofs, 1))
+    rest.append(TextColumn("certified", proofs, 1))
     if data.sizes["level"] > 1:
         change = np.abs(first("friction_resultant") - first("friction_resultant", -2))
         change, like = np.where(solved, change, np.nan), fine["friction_resultant"]
-        columns.append(quantity("Δ∫ξ to last level", change, like.attrs["units"], 2, 4, like.values))
+        rest.append(quantity("Δ∫ξ to last level", change, like.attrs["units"], 2, 4, like.values))
     lengths = [name for name, *_ in usual if name.endswith("_length")]
     if "slip_length" not in lengths or any(np.isnan(first(name)[solved]).any() for name in lengths):
         legend.append("–: of a law without such a part (slip length: that sticks nowhere)")
@@ -193,7 +195,12 @@ def _points(data: Any, most: int | None, point: Mapping[str, Value]) -> Iterator
         legend.append("failed: no solution; the numbers in (parentheses) are those of the last step")
     few = f" first {len(shown)} of {len(own)} points" if len(shown) < len(own) else ""
     yield f"  Level {int(fine['level'])}, the finest:{few}"
-    yield Table("", columns)
+    if wanted and not fits([*columns, *wanted, *rest]):
+        yield Table("", [*columns, *rest])
+        yield "  Asked for by output:"
+        yield split_table(labels, wanted)
+    else:
+        yield Table("", [*columns, *wanted, *rest])
     yield "\n".join(f"  {line}" for line in legend)
 
 
