@@ -202,7 +202,7 @@ def differences(old: Study, new: Study) -> list[str]:
         before, now = (", ".join(sorted(names)) or "nothing" for names in swept)
         return [f"swept parameters were {before}, are {now}"]
     said = changes(old.text, old.overrides, new)
-    lines = [line for line in said if line.startswith("sweep.h") or not line.startswith(FREE)]
+    lines = [line for line in said if line.startswith(("sweep.h was", "sweep.h.")) or not line.startswith(FREE)]
     for axis in old.axes:  # texts may name other values in the two studies, such as laws
         key, values = ".".join(axis.path), dict(_labelled(_axis(new, axis.path)))
         if {type(label) for label in axis.labels} != {type(label) for label in values}:

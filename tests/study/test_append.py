@@ -149,6 +149,7 @@ def test_what_does_not_fit_is_refused_in_one_line(file: Path, capsys: pytest.Cap
 
 SI = RECTANGLE.replace("units: none", "units: SI").replace("tau: 0.01", "tau: 50 kPa")
 SI_1 = "sweep={E: [1 GPa, 2 GPa]}"
+HALF = SI.replace("50 kPa", "half") + "parameters: {half: 50 kPa}\n"
 HARD = "sweep={friction: {soft: {law: tresca, tau: 0.01}, hard: {law: tresca, tau: 0.02}}}"
 
 
@@ -158,6 +159,7 @@ HARD = "sweep={friction: {soft: {law: tresca, tau: 0.01}, hard: {law: tresca, ta
         (SI, [SI_1], ["sweep={E: [3 GPa]}", "title=Another", "output=elsewhere.nc"], []),
         (SI, [SI_1], [SI_1, "friction.tau=60 kPa", "mesh.levels=2"],
          ["friction.tau was 50 kPa, is 60 kPa", "mesh.levels was 3, is 2"]),
+        (HALF, ["sweep={half: [1 Pa, 2 Pa]}"], ["sweep={half: [3 Pa]}"], []),
         (SI, [SI_1], ["sweep={nu: [0.1]}"], ["swept parameters were material.E, are material.nu"]),
         (SI, [SI_1], [SI_1, "solver.tolerance=1e-9"], ["solver.tolerance was absent, is 1e-09"]),
         (RECTANGLE, [HARD], [HARD.replace("0.02", "0.03")],
