@@ -33,7 +33,7 @@ from tcstudy.reports.figures.panels import ROUND, Array, Labels, Panel, Sheet, s
 from tcstudy.reports.figures.point import draw_law, slip_range
 from tcstudy.reports.picture import edge_laws
 from tcstudy.reports.text import counted, number, pretty, scaled_labels, with_unit
-from tcstudy.scene.keys import symbol
+from tcstudy.scene.keys import law_rows, symbol
 from tcstudy.scene.parameters import Number, numbers
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import BODY, Clamped, Role, Scalar
@@ -265,16 +265,26 @@ def varied(study: Study) -> str:
 
 
 def laws_drawn(study: Study) -> list[tuple[str, Laws]]:
-    """Laws of a study under the names that its sweep or its edges give them; of many some, the first says how many."""
+    """Laws of a study under the names of sweep and edges and what differs; of many some, the name says how many."""
     axis = next((axis for axis in study.axes if axis.path == ("friction",)), None)
     of_edges = [one for scene in distinct(study.scenes, "friction") for one in edge_laws(scene.friction)]
-    every = [(f"{edge} {law.name}".strip(), law) for edge, law, _ in of_edges]
-    if axis is not None and len(every) == len(axis.labels):
-        every = [(str(label), law) for label, (_, law) in zip(axis.labels, every, strict=True)]
-    if len(every) > MOST_LAWS:
-        some = np.unique(np.linspace(0, len(every) - 1, MOST_LAWS).round().astype(int))
-        every = [(f"{len(some)} of {len(every)} laws", every[k][1]) for k in some]
-    return [(name, law) for name, law in every if not law.vanishes]
+    every = dict[str, Laws]()
+    for k, (edge, law, _) in enumerate(of_edges):
+        same = [one.made.values for at, one, _ in of_edges if (at, one.name) == (edge, law.name) and one.made]
+        rows = {row.name: row for row in law_rows(law.made.shape)} if law.made else {}
+        differ = [
+            f"{symbol(name)} = {_value(Number(rows[name], value), study.units == 'SI')}"
+            for name, value in (law.made.values if law.made else {}).items()
+            if isinstance(value, float) and any(other.get(name) != value for other in same)
+        ]
+        given = axis is not None and len(of_edges) == len(axis.labels)
+        name = str(axis.labels[k]) if axis and given else " ".join(filter(None, [edge, law.name, ", ".join(differ)]))
+        every.setdefault(name, law)
+    shown = [(name, law) for name, law in every.items() if not law.vanishes]
+    if len(shown) > MOST_LAWS:
+        some = np.unique(np.linspace(0, len(shown) - 1, MOST_LAWS).round().astype(int))
+        return [(f"{len(some)} of {len(shown)} laws", shown[k][1]) for k in some]
+    return shown
 
 
 def _draw_laws(sheet: Sheet, laws: Sequence[tuple[str, Laws]], si: bool, size: float) -> None:

@@ -37,6 +37,9 @@ def test_values_are_said_where_they_act() -> None:
     assert "$g_{x}$ = 2 MPa" in edges["end"]
     assert "q = 500 kW" in edges["heater"]
     assert "q =" not in " ".join(text.get_text() for text in figure.texts)
+    swept = {"friction": {"law": "tresca"}, "sweep": {"tau": [1e6, 2e6]}, "path": None}
+    legend = draw_study(tcstudy.load(CONFIGS / "isola.yaml").with_(swept), None).axes[1].get_legend()
+    assert [text.get_text() for text in legend.get_texts()] == ["tresca τ = 1 MPa", "tresca τ = 2 MPa"]
 
 
 CROSSED = """
