@@ -76,8 +76,10 @@ TC.Plot = class {
     g.append(TC.svgNode("path", { d: `M${this.left},${this.top}V${this.bottom}H${this.right}`, class: "axis" }));
     if (this.xlabel) text((this.left + this.right) / 2, this.bottom + 36, this.xlabel, "middle");
     if (this.ylabel) {
-      const y = (this.top + this.bottom) / 2;
-      text(11, y, this.ylabel, "middle", { transform: `rotate(-90 11 ${y})` });
+      // a name longer than the axis stands whole in the title above
+      const y = (this.top + this.bottom) / 2, unit = / \[[^\]]*\]$/.exec(this.ylabel)?.[0] ?? "";
+      const fits = Math.floor((this.bottom - this.top) / 6), cut = this.ylabel.slice(0, fits - unit.length - 1).trimEnd();
+      text(11, y, this.ylabel.length > fits ? `${cut}…${unit}` : this.ylabel, "middle", { transform: `rotate(-90 11 ${y})` });
     }
   }
   line(xs, ys, attrs = {}) {
