@@ -162,7 +162,12 @@ def _file(ctx: Context, node: Node) -> BrepFace:
     remedy = "write {NAME: [[x, y], ...]}: the edge nearest to each point gets the name"
     named = ctx.mapping(fields["edges"], "names to points", remedy, least=0, named=True)
     points = replace(rows("file")["edges"], kind="points")
-    edges = {name: ctx.value(item, points) for name, item in named.items()}
+    edges = dict[str, Any]()
+    for name, item in named.items():
+        single = isinstance(item.value, tuple) and not any(isinstance(one.value, tuple) for one in item.value)
+        if single and item.value:
+            ctx.errors.at(item, "is one point, but must be a list of points", f"write [{item.brief()}]")
+        edges[name] = () if single and item.value else ctx.value(item, points)
     return BrepFace(target, fields.value("face"), scale, tuple(edges.items()), fields.value("other"))
 
 

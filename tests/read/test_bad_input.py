@@ -95,6 +95,8 @@ def test_a_geometry_file_must_exist(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match=r"study\.yaml:2:16: body\.file\.path: there is no file 'part\.step'"):
         read_study(study)
     (tmp_path / "part.step").touch()
+    one = text.replace("bottom: [[0, 0]]", "bottom: [0 m, 0 m]")
+    assert "one point, but must be a list of points; write [[0 m, 0 m]]" in problems(one)[1]
     brep = read_study(study).scenes[0].body.brep
     assert (brep.path, brep.face, brep.scale, brep.other) == (tmp_path / "part.step", 0, 1e-3, "right")
     assert brep.edges == (("bottom", ((0.0, 0.0),)), ("left", ((0.0, 1.0),)))
