@@ -133,8 +133,9 @@ def parser_of() -> argparse.ArgumentParser:
     for name, one in COMMANDS.items():
         own = parsers.add_parser(name, help=one.help, epilog=_EPILOG)
         own.set_defaults(read=None, kept="nothing was written", run=one.run)
+        choice = own.add_mutually_exclusive_group()  # how a command prints, or which form it writes
         for flags, told in one.options:
-            action = own.add_argument(*flags, **told)
+            action = (choice if told.get("action") == "store_const" else own).add_argument(*flags, **told)
             if told.get("type") in (named, file_name):
                 action.complete = COMPLETED  # type: ignore[attr-defined]  # where shtab looks for it
     return parser

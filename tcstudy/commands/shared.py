@@ -78,7 +78,7 @@ MANNER = (
     _manner("-v", "--verbose", help="print all columns and rows, whatever the width of the terminal"),
     _manner("--json", help="print one JSON object instead of tables: the same numbers, not rounded, in SI units"),
 )
-"""How a command prints what it has to say; the last one given counts."""
+"""How a command prints what it has to say: one of these."""
 _SET = "replace a value of the study, e.g. --set heat.alpha=50 (may be repeated)"
 STUDY = (
     option("study", type=named, metavar="STUDY.yaml"),

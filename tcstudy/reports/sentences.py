@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 SAME = 1e-9
-"""Relative difference of two energies that are one, and change of slips, relative to the largest, that is none."""
+"""Relative difference of two energies that are one; part of the largest change of slips, or ∫ξ, that is none."""
 EQUAL = 1e-6
 """Relative difference of the changes of two cycles that are equal; part of the slips below which they are settled."""
 SPENT = 1e-5
@@ -270,7 +270,7 @@ def _share(error: float, words: str) -> str:
 
 
 def _change(run: RunSeen) -> float | None:
-    """Largest change of ∫ξ between the last two levels, relative to ∫|ξ|; None where there is no friction.
+    """Largest change of ∫ξ between the last two levels, relative to ∫|ξ|; None where there is no friction but rounding.
 
     |∫ξ| ≤ ∫|ξ|, so that no point whose change relative to the first is less than what was found need be read.
     """
@@ -279,14 +279,14 @@ def _change(run: RunSeen) -> float | None:
         return None
     both = run.ok & (run.take("status", -2) == int(PointStatus.OK))
     both &= np.isfinite(last) & np.isfinite(before)
-    change = np.abs(last - before)
+    change, none = np.abs(last - before), SAME * np.abs(last[both]).max(initial=0.0)
     most = np.divide(change, np.abs(last), out=np.where(change > 0.0, np.inf, 0.0), where=last != 0.0)
     largest: float | None = None
     for k in np.argsort(-np.where(both, most, -1.0), axis=None)[: both.sum()]:
         place = tuple(int(i) for i in np.unravel_index(k, most.shape))
         if largest is not None and most[place] <= largest:
             break
-        if (size := run.friction(place)) > 0.0:
+        if (size := run.friction(place)) > none:
             largest = max(largest or 0.0, float(change[place] / size))
     return largest
 

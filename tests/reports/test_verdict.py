@@ -90,3 +90,9 @@ def test_a_mesh_error_is_relative_to_what_there_is(
 ) -> None:
     """Two levels of one point."""
     assert mesh_error(seen({}, 2, friction, **numbers)) == (error, HOW[how])
+
+
+def test_rounding_where_all_is_debonded_is_no_mesh_error() -> None:
+    run = seen({"theta_bar": [0, 1]}, 2, friction_resultant=[[90.0, 100.0], [1e-13, 3e-13]])
+    run.friction = lambda place: [100.0, 4e-13][place[0]]  # type: ignore[method-assign]
+    assert mesh_error(run)[0] == "∫ξ changed by 10 % with the last level"

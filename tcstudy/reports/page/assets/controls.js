@@ -53,7 +53,7 @@ TC.table = function ({ columns, rows, sort, down, onsort, chosen, pick }) {
     order.sort((a, b) => { const u = rank(key(a)), v = rank(key(b)); return (u < v ? -1 : u > v ? 1 : 0) * (down ? -1 : 1); });
   }
   const head = columns.map((c, i) => TC.el("th", { class: cls(c), "aria-sort": i === sort ? (down ? "descending" : "ascending") : undefined },
-    TC.el("button", { title: "sort", "aria-label": `sort by ${c.title}`, onclick: () => onsort(i) }, c.title + (i === sort ? (down ? " ▼" : " ▲") : ""))));
+    TC.el("button", { title: c.long || "sort", "aria-label": `sort by ${c.title}`, onclick: () => onsort(i) }, c.title + (i === sort ? (down ? " ▼" : " ▲") : ""))));
   const body = order.slice(0, TC.MOST_ROWS).map((row) => TC.el("tr", { "data-row": typeof row === "number" ? row : undefined, class: [chosen && chosen(row) ? "chosen" : "", pick ? "link" : ""].join(" "), onclick: pick ? () => pick(row) : undefined },
     columns.map((c) => TC.el("td", { class: cls(c) }, c.text ? c.text(row) : TC.number(c.get(row))))));
   return { node: TC.el("table", {}, TC.el("thead", {}, TC.el("tr", {}, head)), TC.el("tbody", {}, body)), order };

@@ -61,7 +61,7 @@ TC.part = {
     const s = TC.state, rows = [...p.columns[0].v.keys()], numeric = p.columns.filter((c) => typeof c.v[0] === "number");
     const columns = p.columns.map((c, k) => { // more than seven do not fit on paper
       const number = numeric.includes(c), scale = number ? TC.scale(c.v, c.units) : { by: 1, unit: "" };
-      return { minor: k > 6, title: TC.titled(c.title, scale), csv: c.name + (c.units !== "1" ? ` [${c.units}]` : ""), left: !number, get: (i) => c.v[i], text: (i) => (number ? TC.number(c.v[i] / scale.by, 5) : c.v[i]), name: c.name, scale };
+      return { minor: k > 6, title: TC.titled(c.name.replaceAll("_", " "), scale), long: c.title, csv: c.name + (c.units !== "1" ? ` [${c.units}]` : ""), left: !number, get: (i) => c.v[i], text: (i) => (number ? TC.number(c.v[i] / scale.by, 5) : c.v[i]), name: c.name, scale };
     });
     const states = p.states ? { chosen: (i) => i === s.step, pick: (step) => TC.set({ step }) } : {}, t = TC.table({ columns, rows, ...TC.sorting(`${p.file}_by`, `${p.file}_down`), ...states });
     const button = TC.el("button", { "aria-label": "csv", onclick: () => TC.saveTable(`${TC.fileName()}-${p.file}.csv`, columns, t.order) }, "Download as CSV");
