@@ -59,10 +59,10 @@ def point_figure(picture: Picture, look: style.Look, of: str | None = None, fact
             sheet.panels[name].set_yticks([0.0])  # a scale around nothing but zero would mean nothing
     if shape:
         edges = draw_body(sheet, sheet.panels["body"], picture, shape, field)
-        for name in panels if below and look.into is None else ():
-            sheet.panels[name].sharex(sheet.panels["body"])
     figure = sheet.finish()
     if shape:
+        for name in panels if below and look.into is None else ():  # axes that share x would cut off a high body
+            sheet.panels[name].set_xlim(sheet.panels["body"].get_xlim())
         name_body(sheet.panels["body"], picture, shape, edges)
     return figure
 

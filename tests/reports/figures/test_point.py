@@ -52,6 +52,9 @@ def test_the_deformed_body_is_the_mesh_moved_by_the_stated_factor(stored: Stored
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
     box, (left, right), (bottom, top) = body.get_window_extent(), body.get_xlim(), body.get_ylim()
     assert (right - left) / box.width == pytest.approx((top - bottom) / box.height, rel=1e-9)
+    high, *below = figure_of(replace(shown, body=replace(shown.body, xy=shown.body.xy * [1.0, 4.0]))).axes[:3]
+    assert high.get_ylim()[0] < 0.0 < 4e3 * HEIGHT < high.get_ylim()[1]
+    assert {one.get_xlim() for one in below} == {high.get_xlim()}
 
 
 def test_no_text_overlaps_another_and_roles_and_the_heater_are_named(stored: Stored) -> None:
