@@ -179,7 +179,7 @@ def test_a_history_shows_sweep_loop_steps_and_energies(browser: Browser, stored:
     _, head, *rows = saved(page, "#steps [aria-label='csv']")
     assert (head[:27], len(rows)) == ("step,cycle,step_name,theta,", 17)
     page.open(stored("history").with_suffix(".html"), "#yof=dissipated&xof=step&step=3&at=2,1&theme=dark")
-    assert "energy dissipated in the step over step" in text_of(page, "#steps")
+    assert "\ndissipated over step\n" in text_of(page, "#steps")
     assert page.complaints() == []
 
 

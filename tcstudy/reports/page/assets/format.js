@@ -93,6 +93,7 @@ TC.axisLabel = function (axis, i) {
   return TC.number(axis.values[i] / TC.axisScale(axis).by, axis.digits);
 };
 TC.axisText = (axis, i) => `${TC.axisLabel(axis, i)} ${TC.axisScale(axis).unit}`.trim();
+TC.short = (column) => column.name.replaceAll("_", " ");
 TC.axisTitle = (axis) => TC.titled(TC.symbol(axis.name), TC.axisScale(axis));
 TC.range = (values, none = [0, 1]) => {
   let lo = Infinity, hi = -Infinity;

@@ -58,10 +58,10 @@ TC.part = {
   },
 
   sheet(p, width) {
-    const s = TC.state, rows = [...p.columns[0].v.keys()], numeric = p.columns.filter((c) => typeof c.v[0] === "number");
+    const s = TC.state, short = TC.short, rows = [...p.columns[0].v.keys()], numeric = p.columns.filter((c) => typeof c.v[0] === "number");
     const columns = p.columns.map((c, k) => { // more than seven do not fit on paper
       const number = numeric.includes(c), scale = number ? TC.scale(c.v, c.units) : { by: 1, unit: "" };
-      return { minor: k > 6, title: TC.titled(c.name.replaceAll("_", " "), scale), long: c.title, csv: c.name + (c.units !== "1" ? ` [${c.units}]` : ""), left: !number, get: (i) => c.v[i], text: (i) => (number ? TC.number(c.v[i] / scale.by, 5) : c.v[i]), name: c.name, scale };
+      return { minor: k > 6, title: TC.titled(short(c), scale), long: c.title, csv: c.name + (c.units !== "1" ? ` [${c.units}]` : ""), left: !number, get: (i) => c.v[i], text: (i) => (number ? TC.number(c.v[i] / scale.by, 5) : c.v[i]), name: c.name, scale };
     });
     const states = p.states ? { chosen: (i) => i === s.step, pick: (step) => TC.set({ step }) } : {}, t = TC.table({ columns, rows, ...TC.sorting(`${p.file}_by`, `${p.file}_down`), ...states });
     const button = TC.el("button", { "aria-label": "csv", onclick: () => TC.saveTable(`${TC.fileName()}-${p.file}.csv`, columns, t.order) }, "Download as CSV");
@@ -69,11 +69,11 @@ TC.part = {
   },
   // Any column of a sheet over any other.
   chart(p, numeric, columns, width) {
-    const [x, y] = [0, 1].map((k) => numeric.find((c) => c.name === TC.state["xy"[k] + "of"]) || numeric.find((c) => c.name === p.chart[k]));
+    const short = TC.short, [x, y] = [0, 1].map((k) => numeric.find((c) => c.name === TC.state["xy"[k] + "of"]) || numeric.find((c) => c.name === p.chart[k]));
     const scales = [x, y].map((c) => columns.find((o) => o.name === c.name).scale), drawn = [x, y].map((c, k) => Array.from(c.v, (v) => v / scales[k].by)), options = numeric.map((c) => [c.name, c.title]);
-    const items = [{ kind: "line", x: drawn[0], y: drawn[1], colour: "var(--c1)", width: 1.8 }], labels = [x, y].map((c, k) => TC.titled(c.title, scales[k]));
+    const items = [{ kind: "line", x: drawn[0], y: drawn[1], colour: "var(--c1)", width: 1.8 }], labels = [x, y].map((c, k) => TC.titled(short(c), scales[k]));
     return TC.el("div", {}, TC.el("div", { class: "controls noprint" }, TC.choice("draw", options, y.name, (yof) => TC.set({ yof })), TC.choice("over", options, x.name, (xof) => TC.set({ xof }))),
-      TC.part.panel({ title: `${y.title} over ${x.title}`, labels, log: [false, false], limits: [null, null], items, high: 260, at: p.states ? drawn : null }, Math.min(width, 760)));
+      TC.part.panel({ title: `${short(y)} over ${short(x)}`, labels, log: [false, false], limits: [null, null], items, high: 260, at: p.states ? drawn : null }, Math.min(width, 760)));
   },
 
   line(p, width) {
