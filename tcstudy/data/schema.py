@@ -156,8 +156,8 @@ ROOT: tuple[FileVariable, ...] = (
     result(
         "u_T_max",
         "m",
-        "largest |u_T| of nodes that no edge holds along the line",
-        "tangential displacement on the contact line",
+        "largest |u_T|",
+        "tangential displacement on the contact line, of nodes that no edge holds along it",
     ),
     result("friction_resultant", "N m-1", "friction resultant", _INTEGRAL),
     result("slip_length", "m", "slip length", f"{_SLIPPING}; missing for laws that stick nowhere"),
@@ -388,7 +388,7 @@ SENSITIVITY_STATUS, SENSITIVITY_EVENTS = f"{SENSITIVITY}status", f"{SENSITIVITY}
 NOT_JUDGED, DIFFERENTIABLE, AT_EVENT, AT_FOLD = range(4)
 _VERDICTS = ("not_judged", "differentiable", "at_event", "at_fold")
 QUANTITIES = {
-    "u_T_max": ("m", "largest |u_T| of nodes that no edge holds along the line"),
+    "u_T_max": ("m", "largest |u_T|"),
     "friction_resultant": ("N m-1", "friction resultant"),
     "theta_mean": ("K", "mean temperature"),
     "lambda_1": ("Pa m-1", "tangential stiffness lambda_1"),
