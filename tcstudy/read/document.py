@@ -285,7 +285,5 @@ def located(study: Study, faults: Sequence[Found]) -> list[Problem]:
     errors = Collector()
     root = tree_of(study, errors)
     for keys, what, remedy in faults:
-        if keys[:2] == ("mesh", "maxh") and root.at("sweep", "h"):
-            keys = ("sweep", "h", *keys[2:])  # where the sizes may stand as well
         errors.at(root.nearest(*keys), what, remedy)
     return sorted(errors.problems, key=lambda problem: (problem.line, problem.column))

@@ -1,4 +1,4 @@
-"""Reads the sections that say how a study is run: `mesh` (or `h` of a sweep), `solver`, `output`, `path`."""
+"""Reads the sections that say how a study is run: `mesh`, `solver`, `output`, `path`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from tcstudy.read.body import check_goal, check_guarantee, check_mesh
 from tcstudy.read.fields import Context, Fields, none_after_fault
-from tcstudy.read.node import Node, put
+from tcstudy.read.node import Node
 from tcstudy.read.scenes import SceneReader
 from tcstudy.scene.keys import rows
 from tcstudy.scene.records import Contact
@@ -36,8 +36,6 @@ from tcstudy.scene.units import LENGTH, LINE_FORCE
 from tcstudy.shapes.edges import body_polygon, body_size, edge_distance
 
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
-IN_SWEEP = ("tolerance", "of", "max_levels", "known")
-"""Keys that h: {tolerance: …} of a sweep may hold."""
 NEAR = 1e-6
 """Distance from an edge that counts as on it, over the size of the body."""
 STRAIGHT = 1e-9
@@ -46,25 +44,6 @@ SINGLE = ("levels", "family", "tolerance", "max_levels", "grading", "marking", "
 """Keys of `mesh` that a list of sizes has no use for."""
 OF_MESH = ("maxh", "levels", "max_levels", "family", "goal", "of", "known")
 """Keys that depend on each other; every other one of `mesh` is a field of the plan."""
-
-
-def with_sizes(ctx: Context, root: Node) -> Node:
-    """The study with what `h` of the sweep says put into `mesh`: sizes as its maxh, a tolerance among its keys."""
-    h, mesh = root.at("sweep", "h"), root.at("mesh")
-    if h is None:
-        return root
-    if isinstance(h.value, tuple):
-        return put(root, ("mesh", "maxh"), h) if mesh is None or isinstance(mesh.value, Mapping) else root
-    if not isinstance(h.value, Mapping):
-        remedy = "write [20 mm, 10 mm] or {tolerance: 1e-3, of: friction_resultant}"
-        ctx.errors.at(h, f"must be a list of sizes or a tolerance, but is {h.kind()}", remedy)
-        return root
-    own = Fields(ctx, h, "mesh", ("tolerance",), IN_SWEEP[1:])
-    if mesh is None or not isinstance(mesh.value, Mapping):
-        return root
-    for key in sorted(own.values.keys() & mesh.value.keys()):
-        own.fault(key, f"mesh.{key} is given, too; give it once", on_key=True)
-    return put(root, ("mesh",), replace(mesh, value={**mesh.value, **own.values}))
 
 
 def read_mesh(ctx: Context, reader: SceneReader) -> MeshPlan | None:

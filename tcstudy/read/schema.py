@@ -13,7 +13,6 @@ from typing import Any, get_args
 
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.fields import LISTS, PAIRS, SOME
-from tcstudy.read.plans import IN_SWEEP
 from tcstudy.scene.keys import OF_ALL_LAWS, Key, law_rows, of_role, row, rows
 from tcstudy.scene.parameters import NUMBERS, SHORT, WHOLE, sweepable
 from tcstudy.scene.study import PROVED, Quantity
@@ -151,13 +150,6 @@ def _fragment(one: Key) -> Schema:
     return FRAGMENTS[kind](one)
 
 
-def _sizes_or_tolerance(one: Key) -> Schema:
-    """h of a sweep."""
-    made = {name: _described(row("mesh", name)) for name in IN_SWEEP}
-    tolerance = {"type": "object", "properties": made, "required": ["tolerance"], "additionalProperties": False}
-    return {"anyOf": [_list(_number(one), 1), tolerance]}
-
-
 LAW_BY_EDGE = _by_path(_ref("friction")) | {"not": {"required": ["law"]}}
 FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     **dict.fromkeys(NUMBERS, _number),
@@ -173,7 +165,6 @@ FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     "sections": lambda one: _list(_sub_section(one), int(one.least or 0)),
     "named sections": lambda one: _named(_sub_section(one)),
     "names": lambda one: {"anyOf": [SOME_TEXT, _list(SOME_TEXT, 1)]},
-    "sizes or tolerance": _sizes_or_tolerance,
     "goal": lambda one: {
         "anyOf": [{"enum": [*(word for word in get_args(Quantity) if word != "u_T"), PROVED]}, _ref("goal")]
     },

@@ -32,7 +32,7 @@ from tcstudy.read.fields import Context, Fields, none_after_fault, read_paramete
 from tcstudy.read.fit import read_fit, read_tests
 from tcstudy.read.loads import check_together, read_history, read_path, read_sensitivity
 from tcstudy.read.node import COMPONENTS, Collector, Node, put, split_path
-from tcstudy.read.plans import read_mesh, read_output, read_solver, with_sizes
+from tcstudy.read.plans import read_mesh, read_output, read_solver
 from tcstudy.read.scenes import SceneReader
 from tcstudy.read.sweep import Sweep, read_sweep, records, with_swept_keys
 from tcstudy.scene.keys import of_role, row, rows
@@ -96,7 +96,6 @@ def read_study_text(
     ctx.named = read_parameters(ctx, root.at("parameters"))
     if len(ctx.errors) > before:  # every use of a name without a value would be one fault more
         raise StudyError(ctx.errors.problems)
-    root = with_sizes(ctx, root)
     if swept is None:
         swept = not root.at("path") or bool(root.at("history") or root.at("fit"))
     sweep = read_sweep(ctx, root, overrides if swept else ())

@@ -66,14 +66,12 @@ class Sweep:
     """The sweep of a study.
 
     mode: "grid" for the product of the axes, "list" for axes that are read together
-    h:    the list of element sizes, if the sweep has one
     design: how the points were drawn, if they were
     tabled: whether the points stand in a table
     """
 
     mode: Literal["grid", "list"] = "grid"
     axes: tuple[SweptAxis, ...] = ()
-    h: Node | None = None
     design: Design | None = None
     tabled: bool = False
 
@@ -88,7 +86,7 @@ class Sweep:
         if self.mode == "list":
             points = [dict(zip(written, point, strict=True)) for point in zip(*written.values(), strict=True)]
             written = {"mode": "list", "points": points}
-        return written | ({"h": self.h.plain()} if self.h else {})
+        return written
 
 
 def read_sweep(ctx: Context, root: Node, overrides: Sequence[str]) -> Sweep:
@@ -106,7 +104,7 @@ def read_sweep(ctx: Context, root: Node, overrides: Sequence[str]) -> Sweep:
     points, known, design = node.at("points"), may_vary(ctx, root, node), None
     tabled = points is not None and isinstance(points.value, str)
     mode = ctx.choice(item, MODES) if (item := node.at("mode")) else "list" if tabled else "grid"
-    given = {key: item for key, item in node.value.items() if key not in ("mode", "h")}
+    given = {key: item for key, item in node.value.items() if key != "mode"}
     if mode == "list":
         axes = _point_list(ctx, node, given, known)
     else:
@@ -128,7 +126,7 @@ def read_sweep(ctx: Context, root: Node, overrides: Sequence[str]) -> Sweep:
     lost = {section for section in ("boundary", "friction") if root.at(section) is None}
     axes = [a for a in axes if a.parameter.path[0] not in lost or a.parameter.is_whole]
     axes = [axis.ascending() for axis in axes] if mode == "grid" else axes
-    sweep = Sweep("grid" if mode == "grid" else "list", tuple(axes), node.at("h"), design, tabled)
+    sweep = Sweep("grid" if mode == "grid" else "list", tuple(axes), design, tabled)
     if ctx.named:
         _check_names(ctx, root, sweep)
     _check_options(ctx, root, sweep, overrides)
@@ -181,8 +179,6 @@ def _check_names(ctx: Context, root: Node, sweep: Sweep) -> None:
 def _check_options(ctx: Context, root: Node, sweep: Sweep, overrides: Sequence[str]) -> None:
     """A value of an option that the sweep replaces would be lost without a word."""
     swept = [(a.key, split_path(".".join(a.parameter.path)) or (), a.parameter.is_whole) for a in sweep.axes]
-    if sweep.h is not None and isinstance(sweep.h.value, tuple):
-        swept.append(("h", ("mesh", "maxh"), False))
     for option in (text for text in overrides if "=" in text):
         key, _, value = (part.strip() for part in option.partition("="))
         keys, place = split_path(whole_key(root, key)) or (), f"--set {option}"

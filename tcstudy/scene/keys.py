@@ -286,7 +286,6 @@ ROWS: tuple[Key, ...] = (
     key("sweep.points", "sweep points", "listed, a table, or how many are drawn", example="[...]", of=("point",)),
     key("sweep.seed", "integer", "of the drawn points", example="7", default=0, least=0),
     key("sweep.correlation", "named quantities", "of drawn parameters, by pairs", example='{"E, tau_s": 0.6}'),
-    key("sweep.h", "sizes or tolerance", "element sizes, or `{tolerance, of, max_levels, known}`", u.LENGTH, above=0.0),
     key("values.linspace", "span", "`[a, b, n]`: n values from a to b, equally spaced", example="[a, b, n]"),
     key("values.geomspace", "span", "the same with equal ratios", example="[a, b, n]"),
     *(

@@ -61,7 +61,8 @@ _ALONE = ("title", "institution", "units", "solver", "exact", "history", "output
 FIXED = dict.fromkeys(_ALONE, "write one study for each, or use --set") | {
     "body": "sweep a number that it gives, such as body.rectangle.height, or a name of parameters that it uses",
     "load": "sweep a load by its path, or follow it: path: {parameter: load, from: 0, to: 1}",
-    "mesh": "sweep mesh.maxh, mesh.grading or mesh.marking; sizes as levels are h: [20 mm, 10 mm] in the sweep",
+    "mesh": "sweep mesh.maxh, mesh.grading or mesh.marking",
+    "h": "sweep mesh.maxh, or give the sizes as levels: mesh: {maxh: [20 mm, 10 mm]}",
 }
 """Sections that cannot be swept, and what to do instead."""
 

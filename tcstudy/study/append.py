@@ -29,7 +29,7 @@ from tcstudy.data.reading import opened, read_blocks, read_geometries, read_leve
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import PointStatus
 from tcstudy.errors import StoreError, StudyError, shortened
-from tcstudy.read.document import changes, tree_of, with_sweep
+from tcstudy.read.document import changes, with_sweep
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Axis, Study
 
@@ -171,8 +171,6 @@ def merge_studies(old: Study, new: Study) -> Study:
                 named = ({label: v} if _is_whole(axis) else v for axis, (label, v) in zip(old.axes, point, strict=True))
                 points[tuple(label for label, _ in point)] = dict(zip(map(".".join, paths), named, strict=True))
         sweep = {"mode": "list", "points": [*points.values()]}
-    if (h := tree_of(new).at("sweep", "h")) is not None:
-        sweep["h"] = h.plain()
     name = str(new.source) if new.source is not None else "<text>"
     return read_study_text(new.text, name, with_sweep(new.overrides, sweep), new.source)
 
@@ -201,8 +199,7 @@ def differences(old: Study, new: Study) -> list[str]:
     if swept[0] != swept[1]:
         before, now = (", ".join(sorted(names)) or "nothing" for names in swept)
         return [f"swept parameters were {before}, are {now}"]
-    said = changes(old.text, old.overrides, new)
-    lines = [line for line in said if line.startswith(("sweep.h was", "sweep.h.")) or not line.startswith(FREE)]
+    lines = [line for line in changes(old.text, old.overrides, new) if not line.startswith(FREE)]
     for axis in old.axes:  # texts may name other values in the two studies, such as laws
         key, values = ".".join(axis.path), dict(_labelled(_axis(new, axis.path)))
         if {type(label) for label in axis.labels} != {type(label) for label in values}:

@@ -25,7 +25,7 @@ friction: {law: tresca, tau: 0.01}
          MeshPlan((0.5,), 30, "adaptive", goal=Goal("u_T", (1.0, 0.0)), tolerance=1e-3)),
         ("{maxh: 0.5, tolerance: 1e-3, of: slip_length, max_levels: 12, known: 0.7, family: uniform}",
          MeshPlan((0.5,), 12, "uniform", goal=Goal("slip_length", None, 0.7), tolerance=1e-3)),
-        ("{maxh: 0.5, marking: 0.4}\nsweep: {h: {tolerance: 1e-3, of: energy}, tau: [0.01, 0.02]}",
+        ("{maxh: 0.5, marking: 0.4, tolerance: 1e-3, of: energy}\nsweep: {tau: [0.01, 0.02]}",
          MeshPlan((0.5,), 30, "adaptive", marking=0.4, tolerance=1e-3)),
     ],
 )  # fmt: skip

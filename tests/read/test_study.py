@@ -146,8 +146,8 @@ def test_swept_keys_need_not_be_given_twice() -> None:
     assert found == [("tresca", 1.0), ("tresca", 2.0), ("linear", 1.0), ("linear", 2.0)]
 
 
-def test_h_is_no_axis_but_the_meshes() -> None:
-    study = plain(("mesh: {maxh: 0.5}\n", ""), more="sweep: {h: [0.5, 0.2, 100 mm]}\n")
+def test_a_list_of_sizes_is_no_axis_but_the_meshes() -> None:
+    study = plain(("maxh: 0.5", "maxh: [0.5, 0.2, 100 mm]"))
     assert (study.axes, study.mesh, study.mesh.nested) == ((), MeshPlan((0.5, 0.2, 0.1), 3), False)
 
 

@@ -173,14 +173,6 @@ def test_what_differs_is_said_by_key_in_the_words_of_both(
     assert differences(study_of(text, *first), study_of(text, *second)) == lines
 
 
-def test_the_sizes_in_a_sweep_are_compared() -> None:
-    text = RECTANGLE.replace("mesh: {maxh: 0.1, levels: 3}\n", "")
-    one, two = (study_of(text, f"sweep={{E: [1], h: [0.5, {h}]}}") for h in (0.25, 0.2))
-    assert differences(one, two) == ["sweep.h was [0.5, 0.25], is [0.5, 0.2]"]
-    both = merge_studies(one, study_of(text, "sweep={E: [2], h: [0.5, 0.25]}"))
-    assert both.mesh.maxh == (0.5, 0.25)
-
-
 def test_the_union_of_grids_is_the_grid_of_all_values() -> None:
     old = study_of(RECTANGLE, "sweep={E: [1, 2], tau: [0.01, 0.02]}")
     new = study_of(RECTANGLE, "sweep={tau: [0.03], E: [2, 1.5]}")

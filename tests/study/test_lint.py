@@ -146,8 +146,7 @@ def found(tmp_path: Path, text: str, *overrides: str) -> list[str]:
          "study.yaml:3:5: body.file: plate.step: the point (0, 0) of edges.bottom is as near to two edges; give the"),
         ("    path: plate.step", "    face: 3\n    path: plate.step",
          "study.yaml:3:5: body.file: plate.step: has 1 faces"),
-        ("mesh: {maxh: 2 mm, levels: 2}\n", "sweep: {h: [2 mm, 1 um]}\n",
-         "study.yaml:15:19: sweep.h[1]: about 10^8.7 triangles"),
+        ("{maxh: 2 mm, levels: 2}", "{maxh: [2 mm, 1 um]}", "study.yaml:15:21: mesh.maxh[1]: about 10^8.7 triangles"),
     ],
 )  # fmt: skip
 def test_a_fault_has_its_line_and_remedy(tmp_path: Path, old: str, new: str, line: str) -> None:
