@@ -42,20 +42,22 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.expressions.derivative import (
+from tcstudy.expressions.expression import (
     ONE,
     ZERO,
+    Expression,
     Term,
     call,
     derivative,
     gradient,
     number,
+    of_tree,
     scalar,
     term,
     value_and_gradient,
+    value_of,
     variable,
 )
-from tcstudy.expressions.expression import Expression, of_tree, ordered, value_of
 from tcstudy.laws.composed import law_along
 from tcstudy.scene.records import (
     Body,
@@ -163,10 +165,9 @@ def kinks(of: Scalar) -> tuple[Expression, ...]:
     if not isinstance(of, Expression):
         return ()
     found = dict[Term, None]()
-    for node in ordered((term(of),)):
-        if isinstance(node, Term) and node.kind == "Call" and node.name in ("abs", "min", "max"):
-            first, *other = node.parts
-            found |= {first - b: None for b in other or [ZERO]}
+    for node in of.order:
+        if node.kind == "Call" and node.name in ("abs", "min", "max"):
+            found[node.parts[0] - (ZERO if node.name == "abs" else node.parts[1])] = None
     return tuple(of_tree(node) for node in found if node.kind != "Number")
 
 

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from tcstudy.accuracy.norms import LineFunction, Triangles
 from tcstudy.exact.loads import body_edges, outward
-from tcstudy.expressions.derivative import value_and_gradient
-from tcstudy.expressions.expression import value_of
+from tcstudy.expressions.expression import value_and_gradient, value_of
 from tcstudy.laws.composed import law_along
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP

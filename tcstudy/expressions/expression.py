@@ -1,18 +1,16 @@
-"""Expressions in x and y: their trees, their texts, and random ones.
-
-The tree of an expression in x and y: its nodes, its value in any arithmetic, its text.
-
-A tree may share nodes (derivatives do): every node is visited once, so the cost is the number of
-different nodes, not the length of the expression written out. Nothing here recurses, so that depth does not matter.
-
-Expressions in x and y, such as "0.3*sin(pi*x)": read from text, never executed as code.
+"""Expressions in x and y, such as "0.3*sin(pi*x)": their texts, trees, values in any arithmetic, and derivatives.
 
 Grammar: numbers, x, y, pi, e, the operators + - * / ** (or ^) and parentheses, and the functions of FUNCTIONS.
-The text is split into these tokens; Python's parser makes a tree of them, of which the nodes named here are taken, and
-that is folded over NumPy arrays or any other arithmetic.
+The text is split into these tokens and never executed as code; Python's parser makes a tree of them, of which the nodes
+named here are taken, and that is folded over NumPy arrays or any other arithmetic.
 Left out on purpose: comparisons, names of the user's own, attribute access, complex numbers.
 
-A random field along a line, as an expression in x and y: the same at every point of every mesh.
+Trees are made of terms that are computed with like numbers: derivatives, derived loads and random fields read as their
+formulas. Equal terms are one object as long as one of them is in use, and every term is visited once, so that cost is
+the number of different terms, not the length of the expression written out. Nothing here recurses over terms.
+
+Derivatives follow the rules of calculus; abs, min and max are differentiated almost everywhere, and at a kink s = 0 the
+derivative is that of the side s > 0.
 """
 
 from __future__ import annotations
@@ -23,46 +21,136 @@ import hashlib
 import math
 import operator
 import re
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
-from functools import cached_property, reduce
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache, reduce
 from typing import Any, Literal, TypeVar
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+Array = NDArray[np.float64]
+
 MAX_INTEGER_POWER = 64
 ARITHMETIC = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv}
+_NAMES = ["sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "sqrt", "abs", "sinh", "cosh", "tanh"]
+FUNCTIONS: dict[str, Callable[..., Any]] = {name: getattr(np, name) for name in _NAMES}
+FUNCTIONS |= {"min": np.minimum, "max": np.maximum}
 
 
 @dataclass(frozen=True, eq=False)
-class TreeNode:
-    """A part of an expression.
+class Term:
+    """A part of an expression. Made by `number`, `variable`, `call` and arithmetic, numbers beside it being terms, too.
 
     kind:  "Number", "Coordinate", "Negative" (−part), "Binary" (left operator right) or "Call" (function(parts))
     name:  of the coordinate, the operator (one of + - * / **) or the function
-    parts: the nodes that it is made of;  value: of a number
+    parts: the terms that it is made of;  value: of a number
+
+    Arithmetic simplifies: a + 0, a − a, 1·a, 0·a, a/1, a^0, a^1 and −(−a) vanish, numbers in a product come first.
+    0·a = 0 also where a has no value.
     """
 
     kind: Literal["Number", "Coordinate", "Negative", "Binary", "Call"]
     name: str = ""
-    parts: tuple[TreeNode, ...] = ()
+    parts: tuple[Term, ...] = ()
     value: float = 0.0
+    __array_ufunc__ = None  # a NumPy number beside a term leaves the operation to it
 
     @property
     def label(self) -> str:
         """The name, or the number as text."""
-        return repr(float(self.value)) if self.kind == "Number" else self.name
+        return repr(self.value) if self.kind == "Number" else self.name
+
+    def __neg__(self) -> Term:
+        return self.parts[0] if self.kind == "Negative" else made("Negative", "", self)
+
+    def __add__(self, other: Term | float) -> Term:
+        a, b = self, term(other)
+        if a is ZERO or b is ZERO:
+            return b if a is ZERO else a
+        return a - b.parts[0] if b.kind == "Negative" else made("Binary", "+", a, b)
+
+    def __sub__(self, other: Term | float) -> Term:
+        a, b = self, term(other)
+        if a is b:
+            return ZERO
+        if a is ZERO or b is ZERO:
+            return a if b is ZERO else -b
+        return a + b.parts[0] if b.kind == "Negative" else made("Binary", "-", a, b)
+
+    def __mul__(self, other: Term | float) -> Term:
+        a, b = (term(other), self) if term(other).kind == "Number" else (self, term(other))
+        if a is ZERO or b is ZERO:
+            return ZERO
+        if a is ONE:
+            return b
+        if a.kind == "Number" and b.kind == "Binary" and b.name == "*" and b.parts[0].kind == "Number":
+            a, b = number(a.value * b.parts[0].value), b.parts[1]
+        return made("Binary", "*", a, b)
+
+    def __truediv__(self, other: Term | float) -> Term:
+        a, b = self, term(other)
+        return a if b is ONE or a is ZERO else made("Binary", "/", a, b)
+
+    def __pow__(self, other: Term | float) -> Term:
+        b = term(other)
+        if b is ZERO:
+            return ONE
+        return self if b is ONE else made("Binary", "**", self, b)
+
+    def __rsub__(self, other: float) -> Term:
+        return term(other) - self
+
+    def __rtruediv__(self, other: float) -> Term:
+        return term(other) / self
+
+    __radd__, __rmul__ = __add__, __mul__
 
 
-Order = tuple[TreeNode, ...]
-"""The nodes of a tree, each once, every node after its parts; the root is the last."""
+_TERMS: WeakValueDictionary[tuple[object, ...], Term] = WeakValueDictionary()
 
 
-def ordered(roots: Iterable[TreeNode]) -> Order:
-    """The nodes of one or more trees, each once, every node after its parts."""
-    done: dict[TreeNode, None] = {}
-    stack = [(root, False) for root in reversed(list(roots))]
+def made(kind: Any, name: str, *parts: Term, value: float = 0.0) -> Term:
+    """The one term like this; the number that it is, if all its parts are numbers."""
+    new = Term(kind, name, parts, value)
+    if parts and all(part.kind == "Number" for part in parts):
+        with np.errstate(all="ignore"):  # floats, as no power of integers would ever end
+            return number(float(applied(new, [np.float64(part.value) for part in parts], FUNCTIONS)))
+    return _TERMS.setdefault((kind, name, parts, value), new)
+
+
+def number(value: float) -> Term:
+    """A constant."""
+    return made("Number", "", value=float(value) + 0.0)  # −0 and 0 are one constant
+
+
+def variable(name: str) -> Term:
+    """x or y."""
+    return made("Coordinate", name)
+
+
+def call(function: str, first: Term | float, *others: Term | float) -> Term:
+    """function(arguments); min and max of several are those of the first ones and the last."""
+    if function in ("min", "max"):
+        return reduce(lambda a, b: made("Call", function, a, term(b)), others, term(first))
+    return made("Call", function, term(first), *map(term, others))
+
+
+def term(of: Scalar | Term) -> Term:
+    """A number or an expression as a term."""
+    return of if isinstance(of, Term) else of.root if isinstance(of, Expression) else number(of)
+
+
+ZERO, ONE = number(0.0), number(1.0)
+Order = tuple[Term, ...]
+"""The terms of a tree, each once, every one after its parts; the root is the last."""
+
+
+def ordered(root: Term) -> Order:
+    """The terms of a tree, each once, every one after its parts."""
+    done: dict[Term, None] = {}
+    stack = [(root, False)]
     while stack:
         node, ready = stack.pop()
         if node in done:
@@ -75,17 +163,14 @@ def ordered(roots: Iterable[TreeNode]) -> Order:
     return tuple(done)
 
 
-def applied(node: TreeNode, values: list[Any], functions: Mapping[str, Callable[..., Any]]) -> Any:
-    """One node applied to the values of its parts."""
-    match node.kind, node.name:
-        case "Number", _:
-            return np.float64(node.value)
-        case "Negative", _:
-            return -values[0]
-        case "Call", "min" | "max":
-            return reduce(functions[node.name], sorted(values, key=lambda value: type(value) is float))
-        case "Call", _:
-            return functions[node.name](*values)
+def applied(node: Term, values: list[Any], functions: Mapping[str, Callable[..., Any]]) -> Any:
+    """One term applied to the values of its parts."""
+    if node.kind == "Negative":
+        return -values[0]
+    if node.kind == "Call":  # of min and max a number comes last
+        return functions[node.name](
+            *(values[::-1] if node.name in ("min", "max") and type(values[0]) is float else values)
+        )
     if node.name != "**":
         return ARITHMETIC[node.name](*values)
     left, right = values
@@ -96,7 +181,7 @@ def applied(node: TreeNode, values: list[Any], functions: Mapping[str, Callable[
 def to_text(order: Order, longest: int) -> str:
     """The tree as text that `parse` reads back. What has more than `longest` characters ends in a hash of all nodes, so
     that trees of one text are one function."""
-    done: dict[TreeNode, str] = {}
+    done: dict[Term, str] = {}
     for node in order:
         parts = [done[part] for part in node.parts]
         if node.kind != "Call":
@@ -127,10 +212,6 @@ MAX_DEPTH = 120
 
 VARIABLES = ("x", "y")
 CONSTANTS = {"pi": math.pi, "e": math.e}
-_NAMES = ["sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "sqrt", "abs", "sinh", "cosh", "tanh"]
-FUNCTIONS: dict[str, Callable[..., Any]] = {name: getattr(np, name) for name in _NAMES}
-FUNCTIONS |= {"min": np.minimum, "max": np.maximum}
-
 TOKEN = re.compile(
     r"(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
     r"|(?P<name>[A-Za-z_][A-Za-z_0-9]*)|(?P<power>\*\*|\^)|(?P<mark>[-+*/(),])|(?P<space>\s+)"
@@ -157,30 +238,32 @@ class Expression:
     """A function of x and y; equal and hashed by its text. Made by `parse`, or by `of_tree` from a tree."""
 
     text: str
-    root: TreeNode = field(compare=False, repr=False)
+    root: Term = field(compare=False, repr=False)
 
     def __str__(self) -> str:
         return self.text
 
     def __reduce__(self) -> tuple[Callable[..., Expression], tuple[str, Any]]:
-        return _unpacked, (self.text, self.order)  # every node after its parts, so that nothing recurses
+        place = {node: i for i, node in enumerate(self.order)}  # so that nothing recurses
+        nodes = [(one.kind, one.name, [place[part] for part in one.parts], one.value) for one in self.order]
+        return _unpacked, (self.text, nodes)
 
     @cached_property
     def order(self) -> Order:
-        """The nodes, each once, every node after its parts."""
-        return ordered((self.root,))
+        """The terms, each once, every one after its parts."""
+        return ordered(self.root)
 
     @cached_property
     def variables(self) -> frozenset[str]:
         """The variables that occur: a subset of {"x", "y"}."""
         return frozenset(node.name for node in self.order if node.kind == "Coordinate")
 
-    @cached_property
+    @property
     def constant(self) -> float | None:
         """The value if no variable occurs (possibly not finite), else None."""
-        return None if self.variables else float(self.fold({}, {}))
+        return self.root.value if self.root.kind == "Number" else None
 
-    def evaluate(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+    def evaluate(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Values at the points (x, y), broadcast against each other; not finite where the expression is not."""
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
         with np.errstate(all="ignore"):
@@ -189,12 +272,12 @@ class Expression:
 
     def bound(self, values: Mapping[str, float]) -> Expression:
         """The expression with numbers in place of names."""
-        made: dict[TreeNode, TreeNode] = {}
+        new: dict[Term, Term] = {}
         for node in self.order:
             named = node.kind == "Coordinate" and node.name in values
-            other = replace(node, parts=tuple(made[part] for part in node.parts))
-            made[node] = TreeNode("Number", value=values[node.name]) if named else other
-        return of_tree(made[self.root])
+            parts = (new[part] for part in node.parts)
+            new[node] = number(values[node.name]) if named else made(node.kind, node.name, *parts, value=node.value)
+        return of_tree(new[self.root])
 
     def fold(self, variables: Mapping[str, T], functions: Mapping[str, Callable[..., T]]) -> T | float:
         """The expression in another arithmetic: Python's operators on the variables, functions by name.
@@ -203,38 +286,42 @@ class Expression:
         min and max are called with two arguments, the first a T. A power with a constant whole exponent of at most
         MAX_INTEGER_POWER in size gets an int as exponent.
         """
-        values: dict[TreeNode, Any] = {}
+        values: dict[Term, Any] = {}
         for node in self.order:
-            parts = [values[part] for part in node.parts]
-            if node.kind == "Coordinate":
-                values[node] = variables[node.name]
-            elif all(type(part) is float for part in parts):  # floats, as no power of integers would ever end
-                with np.errstate(all="ignore"):
-                    values[node] = float(applied(node, [np.float64(part) for part in parts], FUNCTIONS))
+            if node.kind in ("Number", "Coordinate"):
+                values[node] = node.value if node.kind == "Number" else variables[node.name]
             else:
-                values[node] = applied(node, parts, functions)
-        made: T | float = values[self.root]
-        return made
+                values[node] = applied(node, [values[part] for part in node.parts], functions)
+        found: T | float = values[self.root]
+        return found
+
+
+def _unpacked(text: str, nodes: list[tuple[str, str, list[int], float]]) -> Expression:
+    terms = list[Term]()
+    for kind, name, parts, value in nodes:
+        terms.append(made(kind, name, *(terms[part] for part in parts), value=value))
+    return Expression(text, terms[-1])
 
 
 Scalar = float | Expression
 """A quantity that is one number or an expression in x and y."""
 
 
-def value_of(scalar: Scalar, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+def value_of(scalar: Scalar, x: ArrayLike, y: ArrayLike) -> Array:
     """Values of a number or an expression at the points (x, y), broadcast against each other."""
     if isinstance(scalar, Expression):
         return scalar.evaluate(x, y)
     return np.full(np.broadcast_shapes(np.shape(x), np.shape(y)), float(scalar))
 
 
-def of_tree(root: TreeNode) -> Expression:
+def of_tree(root: Term) -> Expression:
     """The expression of a tree, with a text that `parse` reads back unless it is longer than MAX_LENGTH."""
-    return Expression(to_text(ordered((root,)), MAX_LENGTH), root)
+    return Expression(to_text(ordered(root), MAX_LENGTH), root)
 
 
-def _unpacked(text: str, order: Order) -> Expression:
-    return Expression(text, order[-1])
+def scalar(of: Term) -> Scalar:
+    """A number if the term is one, else an expression."""
+    return of.value if of.kind == "Number" else of_tree(of)
 
 
 def parse(text: str, names: tuple[str, ...] = ()) -> Expression:
@@ -288,31 +375,31 @@ def _tokens(text: str, names: tuple[str, ...]) -> list[str]:
     return found
 
 
-def _node(node: ast.AST, depth: int) -> TreeNode:
-    """Our node for one of Python's."""
+def _node(node: ast.AST, depth: int) -> Term:
+    """Our term for one of Python's nodes, as it is written: what parts have no value is not to vanish."""
     if depth > MAX_DEPTH:
         raise ExpressionError(f"the expression is nested too deeply (limit {MAX_DEPTH} levels); split or shorten it")
     match node:
         case ast.Constant(value=float(value)):
-            return TreeNode("Number", value=value)
+            return number(value)
         case ast.Name(id=name) if name[1:] in CONSTANTS:
-            return TreeNode("Number", value=CONSTANTS[name[1:]])
+            return number(CONSTANTS[name[1:]])
         case ast.Name(id=name) if name[1:] in FUNCTIONS:
             raise ExpressionError(f"{name[1:]} is a function: write {name[1:]}(...)")
         case ast.Name(id=name):
-            return TreeNode("Coordinate", name[1:])
+            return variable(name[1:])
         case ast.UnaryOp(operand=operand):
             inner = _node(operand, depth + 1)
-            return TreeNode("Negative", parts=(inner,)) if isinstance(node.op, ast.USub) else inner
+            return made("Negative", "", inner) if isinstance(node.op, ast.USub) else inner
         case ast.BinOp(left=left, right=right) if type(node.op) in OPERATORS:
-            return TreeNode("Binary", OPERATORS[type(node.op)], (_node(left, depth + 1), _node(right, depth + 1)))
+            return made("Binary", OPERATORS[type(node.op)], _node(left, depth + 1), _node(right, depth + 1))
         case ast.Call(func=ast.Name(id=name), args=args) if name[1:] in FUNCTIONS:
             count, words = (2, "two arguments, atan2(y, x)") if name == "_atan2" else (1, "one argument")
             if name in ("_min", "_max"):
                 count, words = max(2, len(args)), "two or more arguments"
             if len(args) != count:
                 raise ExpressionError(f"{name[1:]} takes {words}, not {len(args)}")
-            return TreeNode("Call", name[1:], tuple(_node(one, depth + 1) for one in args))
+            return call(name[1:], *(_node(one, depth + 1) for one in args))
     raise _unreadable("a list")
 
 
@@ -340,13 +427,98 @@ def random_field(points: NDArray[np.float64], scatter: float, length: float, see
     drawn = vectors[:, kept].T @ np.random.default_rng(seed).standard_normal(len(points))
     weights = vectors[:, kept] @ (drawn / np.sqrt(values[kept]))
     zeta = math.sqrt(math.log1p(scatter**2))
-    terms = [TreeNode("Number", value=-0.5 * zeta**2)]
-    for (x, y), weight in zip(points.tolist(), (zeta * weights).tolist(), strict=True):
-        terms.append(parse(f"{weight!r}*exp(-((x - {x!r})^2 + (y - {y!r})^2)/{length**2!r})".replace("- -", "+ ")).root)
-    return of_tree(TreeNode("Call", "exp", (reduce(lambda a, b: TreeNode("Binary", "+", (a, b)), terms),)))
+    total, x, y = number(-0.5 * zeta**2), variable("x"), variable("y")
+    for (x_j, y_j), weight in zip(points.tolist(), (zeta * weights).tolist(), strict=True):
+        total = total + weight * call("exp", -((x - x_j) ** 2 + (y - y_j) ** 2) / length**2)
+    return of_tree(call("exp", total))
 
 
-def product(one: Scalar, field: Expression) -> Expression:
-    """A number or an expression times a field."""
-    factor = one.root if isinstance(one, Expression) else TreeNode("Number", value=one)
-    return of_tree(TreeNode("Binary", "*", (factor, field.root)))
+def product(one: Scalar, other: Scalar) -> Scalar:
+    """A number or an expression times another."""
+    return scalar(term(one) * term(other))
+
+
+# -- derivatives -------------------------------------------------------------------------------------
+
+
+def step(s: Term) -> Term:
+    """1 where s ≥ 0, 0 elsewhere: 1 − atan2(0, s + 0)/π, which is never 0/0; atan2(0, −0) alone would be π."""
+    return 1.0 - call("atan2", ZERO, made("Binary", "+", s, ZERO)) / math.pi
+
+
+@lru_cache(maxsize=512)  # scenes of a sweep ask for the same ones
+def derivative(of: Term, by: str) -> Term:
+    """∂/∂x or ∂/∂y."""
+    slopes: dict[Term, Term] = {}
+    for node in ordered(of):
+        slopes[node] = _slope(node, [slopes[part] for part in node.parts], by)
+    return slopes[of]
+
+
+def gradient(of: Term) -> tuple[Term, Term]:
+    """(∂/∂x, ∂/∂y)."""
+    return derivative(of, "x"), derivative(of, "y")
+
+
+def _slope(node: Term, slopes: list[Term], by: str) -> Term:
+    """The derivative of a node from those of its parts."""
+    if not slopes:
+        return ONE if node.name == by else ZERO
+    if all(slope is ZERO for slope in slopes):
+        return ZERO
+    a, b, da, db = node.parts[0], node.parts[-1], slopes[0], slopes[-1]
+    match node.kind, node.name:
+        case "Negative", _:
+            return -da
+        case _, "+":
+            return da + db
+        case _, "-":
+            return da - db
+        case _, "*":
+            return da * b + a * db
+        case _, "/":
+            return (da - node * db) / b
+        case _, "**":
+            return b * a ** (b - 1.0) * da + node * call("log", a) * db
+        case _, "atan2":
+            return (da * b - a * db) / (a**2 + b**2)
+        case _, "min":
+            return db + step(-(a - b)) * (da - db)
+        case _, "max":
+            return db + step(a - b) * (da - db)
+    return OUTER[node.name](a, node) * da
+
+
+OUTER: dict[str, Callable[[Term, Term], Term]] = {
+    "sin": lambda a, _: call("cos", a),
+    "cos": lambda a, _: -call("sin", a),
+    "tan": lambda _, f: 1.0 + f**2,
+    "asin": lambda a, _: 1.0 / call("sqrt", 1.0 - a**2),
+    "acos": lambda a, _: -(1.0 / call("sqrt", 1.0 - a**2)),
+    "atan": lambda a, _: 1.0 / (1.0 + a**2),
+    "exp": lambda _, f: f,
+    "log": lambda a, _: 1.0 / a,
+    "sqrt": lambda _, f: 0.5 / f,
+    "abs": lambda a, _: 2.0 * step(a) - 1.0,
+    "sinh": lambda a, _: call("cosh", a),
+    "cosh": lambda a, _: call("sinh", a),
+    "tanh": lambda _, f: 1.0 - f**2,
+}
+"""f′(a) of the functions of one argument: by the argument a and f(a)."""
+
+
+def value_and_gradient(of: Scalar, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+    """Values (…) and gradient (2, …) of a number or an expression at points; not finite where it has none."""
+    slopes = _gradient(of) if isinstance(of, Expression) else (0.0, 0.0)
+    return value_of(of, x, y), np.array([value_of(slope, x, y) for slope in slopes])
+
+
+@lru_cache(maxsize=64)
+def _gradient(expression: Expression) -> tuple[Scalar, Scalar]:
+    by_x, by_y = gradient(term(expression))
+    return scalar(by_x), scalar(by_y)
+
+
+def is_linear(scalar: Scalar) -> bool:
+    """Whether a scalar is known to be a polynomial of degree 1 at most."""
+    return not isinstance(scalar, Expression) or all(isinstance(slope, float) for slope in _gradient(scalar))

@@ -257,7 +257,7 @@ def _scaled_by(scene: Scene, factor: float) -> Scene:
         if isinstance(value, tuple):
             return tuple(map(scaled, value))
         if isinstance(value, Expression):
-            return product(factor, value) if factor else 0.0
+            return product(factor, value)
         return None if value is None else factor * value
 
     loads = [{name: scaled(getattr(role, name)) for name in MECHANICAL} for _, role in scene.boundary]

@@ -13,8 +13,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.expressions.derivative import is_linear
-from tcstudy.expressions.expression import Expression
+from tcstudy.expressions.expression import Expression, is_linear
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import REGIONS, UP

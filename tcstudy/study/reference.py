@@ -31,7 +31,7 @@ from tcstudy.data.records import BlockRecord
 from tcstudy.data.schema import PointStatus
 from tcstudy.errors import GeometryFailed
 from tcstudy.exact.numbers import exact_friction_resultant, exact_u_T, exact_xi
-from tcstudy.expressions.derivative import value_and_gradient
+from tcstudy.expressions.expression import value_and_gradient
 from tcstudy.fem.boundary import ContactLine
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.laws.composed import law_along

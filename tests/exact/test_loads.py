@@ -8,8 +8,7 @@ import pytest
 
 from tcstudy.errors import StudyError
 from tcstudy.exact.loads import body_edges, edge_samples, normal_field
-from tcstudy.expressions.derivative import scalar, value_and_gradient
-from tcstudy.expressions.expression import Expression, parse, value_of
+from tcstudy.expressions.expression import Expression, parse, scalar, value_and_gradient, value_of
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.records import Body, Scene
 from tcstudy.shapes.edges import polygon_loop

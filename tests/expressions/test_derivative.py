@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from tcstudy.exact.loads import kinks
-from tcstudy.expressions.derivative import derivative, term, value_and_gradient
-from tcstudy.expressions.expression import MAX_LENGTH, Expression, of_tree, parse
+from tcstudy.expressions.expression import MAX_LENGTH, Expression, derivative, of_tree, parse, term, value_and_gradient
 
 X, Y = np.array([0.3, 0.8, 1.7]), np.array([0.6, 0.25, 1.1])
 
