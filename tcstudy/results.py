@@ -209,21 +209,13 @@ def draw(
     Parameters that are not drawn have the value that `at` gives them, the first unless named. Raises StoreError,
     DrawError, UsageError.
     """
-    from tcstudy.reports.figures.draw import Wanted, figure_of, picture
+    from tcstudy.commands.draw import picture
 
-    asked = Wanted(**wanted)
-    if not isinstance(file, Result | str | FilePath) or str(file).lower().endswith((".yaml", ".yml")):
-        from tcstudy.commands.scene import draw_study
-
-        path = None if target is None else FilePath(target)
-        study = FilePath(file) if isinstance(file, str) else file
-        return draw_study(study, path, size=asked.size) or FilePath(str(target))
-    if asked.ax is not None and target is not None:
+    if wanted.get("ax") is not None and target is not None:
         raise UsageError("ax: your own figure saves itself; leave the file name out")
-    if target is None:
-        return figure_of(_file(file), asked)
-    picture(_file(file), FilePath(target), asked)
-    return FilePath(target)
+    what = _file(file) if isinstance(file, Result | str | FilePath) else file
+    found: Figure = picture(what, None if target is None else FilePath(target), **wanted)
+    return found if target is None else FilePath(target)
 
 
 def report(file: Result | str | FilePath, target: str | FilePath | None = None) -> FilePath:

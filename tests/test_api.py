@@ -38,7 +38,7 @@ def test_run_path_converge_draw_and_report(study: tcstudy.Study, tmp_path: Path)
     assert any(np.allclose(row, slips, rtol=1e-9, atol=1e-12) for row in at.reshape(-1, len(slips)))
     assert "status" in tcstudy.converge(study, tmp_path / "errors.nc")
     assert tcstudy.draw(file, tmp_path / "law.png", law=True, size="8x10cm").stat().st_size > 1000
-    with pytest.raises(tcstudy.UserFault, match="x: law is another picture"):
+    with pytest.raises(tcstudy.UserFault, match="law: the picture of a run file by x does not"):
         tcstudy.draw(file, tmp_path / "law.png", law=True, x="a", y="b")
     assert tcstudy.report(file) == tmp_path / "run.html"
     with pytest.raises(tcstudy.StoreError, match="another study"):

@@ -145,9 +145,9 @@ def _made(
     if kind == "run":
         below = [f"{asked - failed} of {asked} solutions found{' before' if whole else ''}; data in {output}"]
     if options.plot is not None:
-        from tcstudy.reports.figures.draw import Wanted, picture
+        from tcstudy.commands.draw import picture
 
-        below.insert(0, picture(output, options.plot, Wanted(drawn)))
+        below.insert(0, str(picture(output, options.plot, at=drawn)))
     shared.say(options, output, ["", *(f"  {line}" for line in below)])
     return SOME_FAILED if failed else OK
 

@@ -176,6 +176,11 @@ class Picture:
         """That of the study."""
         return str(self.at.attrs["title"])
 
+    @property
+    def words(self) -> str:
+        """The point and its level."""
+        return f"{self.point or self.title}, level {self.level}"
+
 
 def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: int = -1) -> Picture:
     """Read what a picture of one point shows.

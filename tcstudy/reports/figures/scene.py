@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,7 +33,7 @@ from tcstudy.reports.figures.panels import ROUND, Array, Labels, Panel, Sheet, s
 from tcstudy.reports.figures.point import draw_law, slip_range
 from tcstudy.reports.picture import edge_laws
 from tcstudy.reports.text import counted, number, pretty, scaled_labels, with_unit
-from tcstudy.scene.keys import law_rows, symbol
+from tcstudy.scene.keys import symbol
 from tcstudy.scene.parameters import Number, numbers
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import BODY, Clamped, Role, Scalar
@@ -59,71 +59,61 @@ FINE = 0.04
 
 @dataclass(frozen=True)
 class SceneShape:
-    """The shape of a scene as far as it is known.
+    """The coarsest mesh of a scene.
 
     segments: (k, 2, 2) of every named edge, the body on their left [m]
-    mesh:     points, triangles and which of `regions` each is in, 0 for none, of the coarsest mesh, if there is one
-    lambda_1: of that mesh [Pa/m], None if it is not known;  facts: what there is to say of mesh and sizes
-    faults:   what is wrong with an edge, or with the whole
+    points, triangles, region: the mesh, and which of `regions` each triangle is in, 0 for none
+    lambda_1: of that mesh [Pa/m], None if it is not known;  sizes: in words
     """
 
     segments: Mapping[str, Array]
-    mesh: tuple[Array, NDArray[np.intp], NDArray[np.intp]] | None = None
-    regions: tuple[str, ...] = ()
-    lambda_1: float | None = None
-    facts: tuple[str, ...] = ()
-    faults: Mapping[str, str] = field(default_factory=dict)
+    points: Array
+    triangles: NDArray[np.intp]
+    region: NDArray[np.intp]
+    regions: tuple[str, ...]
+    lambda_1: float | None
+    sizes: str
 
 
-def scene_figure(title: str, study: Study | None, shape: SceneShape, look: style.Look) -> Figure:
-    """The figure; of a study with faults, which is None, the outline with those that are of its edges."""
-    scene, si = study and study.scenes[0], study is None or study.units == "SI"
+def scene_figure(study: Study, shape: SceneShape, look: style.Look) -> Figure:
+    """The figure of a study."""
+    scene, si, unit = study.scenes[0], study.units == "SI", "m" if study.units == "SI" else "1"
     edges = {name: polylines(pieces) for name, pieces in shape.segments.items()}
-    ends = np.concatenate([line for lines in edges.values() for line in lines])
-    low, size = ends.min(axis=0), np.ptp(ends, axis=0)
+    low, size = shape.points.min(axis=0), np.ptp(shape.points, axis=0)
     one, slender = min(WIDTH / size[0], HIGHEST / size[1]), size[0] > SLENDER * size[1]
     scales = np.array([one, LEAST / size[1] if slender else one])
-    roles, told = (dict(scene.boundary), dict(numbers(scene))) if scene else ({}, {})
-    labels = {
-        name: [name, *(role_words(name, roles[name], told, si) if name in roles else ())]
-        + ([shape.faults[name]] if name in shape.faults else [])
-        for name in edges
-    }
+    roles, told = dict(scene.boundary), dict(numbers(scene))
+    labels = {name: [name, *(role_words(name, roles[name], told, si) if name in roles else ())] for name in edges}
     above = 0.3 + LINE * max(map(len, labels.values()))
     above += ARROW * any(any((*role.g, role.pressure, *role.force)) for role in roles.values())
-    unit = "m" if si else "1"
     body = f"Body {with_unit(size[0], unit)} × {with_unit(size[1], unit)}"
     body += f", drawn {number(scales[1] / scales[0], 2)} times as high as it is" if slender else ""
-    facts, laws = [";  ".join([body, *shape.facts])], laws_drawn(study) if study is not None else []
-    facts += scene_facts(study, told, shape.lambda_1) if study is not None else []
+    facts, laws = [f"{body};  {shape.sizes}", *scene_facts(study, told, shape.lambda_1)], laws_drawn(study)
     width, height = size * scales + [2 * SIDE, 2 * above]
     rows, heights = [["scene"], *([["law"]] if laws else [])], [height, *([1.5] if laws else [])]
-    sheet = Sheet(look, title, facts, rows, heights)
+    sheet = Sheet(look, study.title, facts, rows, heights)
     axes = sheet.panels["scene"]
     axes.set(xlim=(-SIDE, width - SIDE), ylim=(-above, height - above), aspect="equal")
     axes.axis("off")
-    if shape.mesh is not None:
-        points, triangles, region = (shape.mesh[0] - low) * scales, *shape.mesh[1:]
-        _draw_mesh(axes, points, triangles, region)
+    points, triangles = (shape.points - low) * scales, shape.triangles
+    _draw_mesh(axes, points, triangles, shape.region)
     placed, taken = {name: [(line - low) * scales for line in lines] for name, lines in edges.items()}, list[Array]()
     for name, lines in placed.items():
-        taken += _draw_role(axes, lines, edges[name], roles.get(name), name in shape.faults)
+        taken += _draw_role(axes, lines, edges[name], roles.get(name))
     if laws:
         _draw_laws(sheet, laws, si, float(size[0]))
     sheet.key("scene")
     figure, texts = sheet.finish(), Labels(axes, taken, LETTERS)
     for name, lines in placed.items():
-        colour = style.VERMILLION if name in shape.faults else style.INK
-        beside_line(texts, max(lines, key=length_of), _wrapped(labels[name]), color=colour)
-    if scene and shape.mesh is not None:
-        inside = [(points, words(told, ("loads",), si))]
-        for k, name in enumerate(shape.regions, 1):
-            heat = words(told, ("heat", "q"), si) if name in scene.heat.omega else []
-            own = points[triangles[region == k]].reshape(-1, 2)
-            inside.append((own, [name, *words(told, ("materials", name), si), *heat]))
-        for own, lines in (one for one in inside if one[1]):
-            at = np.tile(0.5 * (own.min(axis=0) + own.max(axis=0)), (1 + len(ROUND), 1))
-            texts.put(_wrapped(lines), at, [(0, 0), *ROUND], (0.0, 18.0, 36.0, 72.0))
+        beside_line(texts, max(lines, key=length_of), _wrapped(labels[name]), color=style.INK)
+    inside = [(points, words(told, ("loads",), si))]
+    for k, name in enumerate(shape.regions, 1):
+        heat = words(told, ("heat", "q"), si) if name in scene.heat.omega else []
+        own = points[triangles[shape.region == k]].reshape(-1, 2)
+        inside.append((own, [name, *words(told, ("materials", name), si), *heat]))
+    for own, lines in (one for one in inside if one[1]):
+        at = np.tile(0.5 * (own.min(axis=0) + own.max(axis=0)), (1 + len(ROUND), 1))
+        texts.put(_wrapped(lines), at, [(0, 0), *ROUND], (0.0, 18.0, 36.0, 72.0))
     return figure
 
 
@@ -141,15 +131,15 @@ def _draw_mesh(axes: Axes, points: Array, triangles: NDArray[np.intp], region: N
         axes.triplot(*points.T, triangles, color=style.INK, linewidth=0.4, alpha=0.25)
 
 
-def _draw_role(axes: Axes, lines: list[Array], true: list[Array], role: Role | None, wrong: bool) -> list[Array]:
+def _draw_role(axes: Axes, lines: list[Array], true: list[Array], role: Role | None) -> list[Array]:
     """An edge, as it is drawn and as it is [m], with arrows of what it carries or prescribes; returns places of all."""
     word, fixed = role.word if role is not None else "free", type(role) is Clamped and None not in role.u
-    how: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 4.0} if wrong else ROLES[word]
+    how = ROLES[word]
     taken = [
         *draw_edge(axes, lines, how, fixed),
         *(evenly(one, max(2, int(length_of(one) / 0.04)))[0] for one in lines),
     ]
-    axes.plot([], [], label="fault" if wrong else word if role is not None else "edge", **how)
+    axes.plot([], [], label=word, **how)
 
     def arrow(at: Array, way: Array, normal: Array, colour: str, width: float) -> None:
         """Outside the body: away from it, towards it, or beside it."""
@@ -265,22 +255,12 @@ def varied(study: Study) -> str:
 
 
 def laws_drawn(study: Study) -> list[tuple[str, Laws]]:
-    """Laws of a study under the names of sweep and edges and what differs; of many some, the name says how many."""
+    """Laws of a study under the names that the sweep gives them, or their edges and kinds; of many some."""
     axis = next((axis for axis in study.axes if axis.path == ("friction",)), None)
-    of_edges = [one for scene in distinct(study.scenes, "friction") for one in edge_laws(scene.friction)]
-    every = dict[str, Laws]()
-    for k, (edge, law, _) in enumerate(of_edges):
-        same = [one.made.values for at, one, _ in of_edges if (at, one.name) == (edge, law.name) and one.made]
-        rows = {row.name: row for row in law_rows(law.made.shape)} if law.made else {}
-        differ = [
-            f"{symbol(name)} = {_value(Number(rows[name], value), study.units == 'SI')}"
-            for name, value in (law.made.values if law.made else {}).items()
-            if isinstance(value, float) and any(other.get(name) != value for other in same)
-        ]
-        given = axis is not None and len(of_edges) == len(axis.labels)
-        name = str(axis.labels[k]) if axis and given else " ".join(filter(None, [edge, law.name, ", ".join(differ)]))
-        every.setdefault(name, law)
-    shown = [(name, law) for name, law in every.items() if not law.vanishes]
+    found = [one for scene in distinct(study.scenes, "friction") for one in edge_laws(scene.friction)]
+    named = axis is not None and len(found) == len(axis.labels)
+    names = map(str, axis.labels) if axis and named else (f"{edge} {law.name}".strip() for edge, law, _ in found)
+    shown = [(name, law) for name, (_, law, _) in zip(names, found, strict=True) if not law.vanishes]
     if len(shown) > MOST_LAWS:
         some = np.unique(np.linspace(0, len(shown) - 1, MOST_LAWS).round().astype(int))
         return [(f"{len(some)} of {len(shown)} laws", shown[k][1]) for k in some]

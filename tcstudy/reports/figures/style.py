@@ -98,6 +98,19 @@ class Look:
         return max(12, int(width * 72.0 / (0.54 * self.letters)))
 
 
+Size = str | tuple[float, float]
+"""Width and height: a text such as "8x10cm", or [inch]."""
+
+
+def look_of(
+    size: Size | None, remarks: tuple[str, ...] = (), into: Axes | None = None, panel: str | None = None
+) -> Look:
+    """The looks that are asked for. Raises UsageError for a size that no picture has."""
+    if panel is not None and into is None:
+        raise UsageError("panel: give ax, too, the axes of your figure that it is drawn into")
+    return Look(size_in_inches(size) if isinstance(size, str) else size, remarks, into, panel)
+
+
 def size_in_inches(text: str) -> tuple[float, float]:
     """Width and height [inch] of a text such as "8x10cm"; raises UsageError if it is no size of a picture."""
     match = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*(cm|mm|in)?\s*[x×]\s*(\d+\.?\d*|\.\d+)\s*(cm|mm|in)\s*", text)

@@ -103,8 +103,9 @@ class SweepPicture:
 
     @property
     def words(self) -> str:
-        """What the points have in common, for messages."""
-        return ", ".join(filter(None, [*self.fixed, self.left_out]))
+        """What it shows, and what the points have in common."""
+        over = " and ".join(one.name for one in self.parameters)
+        return ", ".join(filter(None, [f"{self.quantity} over {over}", *self.fixed, self.left_out]))
 
 
 def read_sweep(

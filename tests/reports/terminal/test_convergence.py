@@ -4,6 +4,7 @@ import netCDF4
 import numpy as np
 import pytest
 
+from tcstudy.commands.draw import picture
 from tcstudy.data.provenance import collect
 from tcstudy.data.schema import PointStatus
 from tcstudy.data.store import write_record
@@ -11,7 +12,6 @@ from tcstudy.data.tables import VERDICTS, convergence_record
 from tcstudy.errors import DrawError
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures import style
-from tcstudy.reports.figures.draw import Wanted, picture
 from tcstudy.reports.terminal.accuracy import _uncertain
 from tcstudy.reports.terminal.summary import text_of
 
@@ -73,9 +73,9 @@ def test_the_plot(file, tmp_path, monkeypatch):
     """Failed levels are hollow and joined to nothing; the rate of two levels is pale and dashed."""
     drawn = []
     monkeypatch.setattr(style, "save", lambda figure, *_: drawn.append(figure))
-    assert "tau = 2" in picture(file, tmp_path / "a.svg", Wanted({"tau": "2 MPa"}))
+    assert "tau = 2" in picture(file, tmp_path / "a.svg", at={"tau": "2 MPa"})
     with pytest.raises(DrawError, match="no point"):
-        picture(file, tmp_path / "b.svg", Wanted({"tau": "3 MPa"}))
+        picture(file, tmp_path / "b.svg", at={"tau": "3 MPa"})
     axes = next(axes for axes in drawn[0].axes if axes.get_title(loc="left").startswith("u:"))
     solid, hollow, *_ = axes.get_lines()
     assert (hollow.get_fillstyle(), hollow.get_xdata().tolist()) == ("none", [0.5])
