@@ -234,7 +234,8 @@ def place_of(root: Node, path: Keys) -> Keys:
         if len(path) > n and path[-n] == "points" and str(path[1 - n]).isdecimal() and (n == 2 or name == "s"):
             return (*path[: 1 - n], int(path[1 - n]), column)
     stem, _, part = str(name).rpartition("_")
-    if part in ("x", "y") and (stem in ("f", "g", "force") or (stem == "u" and root.at(*inner, "u"))):
+    paired = stem in ("f", "g", "force") or (stem == "u" and root.at(*inner, "u"))
+    if paired and part in ("x", "y") and path[0] in ("loads", "boundary"):
         return (*inner, stem, "xy".index(part))
     return path
 

@@ -237,3 +237,5 @@ def test_a_name_of_the_study_goes_before_a_short_name_of_the_program() -> None:
     studies = [named(points, more, text=text) for more in ("s1=0.3 m", "sweep={s1: [1 m, 2 m]}")]
     kinks = [[float(scene.one_law.kinks[-1]) for scene in study.scenes] for study in studies]
     assert kinks == [[0.3], [1.0, 2.0]]
+    pulled = [named(more, text=NAMED.replace("load", "f_x")) for more in ("f_x=3 MPa", "sweep={f_x: [1 MPa, 2 MPa]}")]
+    assert [[scene.material.E for scene in study.scenes] for study in pulled] == [[3e9], [1e9, 2e9]]  # no component
