@@ -22,18 +22,18 @@ Left out: exponents at which u is a polynomial (0, 1), and logarithms at double 
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, reduce
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.laws.composed import EdgeLaws
-from tcstudy.scene.records import BODY, Clamped, Contact, Edge, Material, Point, Rigid, Role, Scene
-from tcstudy.shapes.edges import body_size, edge_arc, edge_at, edge_distance, edge_length, edge_normal
+from tcstudy.scene.records import BODY, Clamped, Contact, Point, Rigid, Role, Scene
+from tcstudy.shapes.edges import Junction, Side
 
 Array = NDArray[np.float64]
 Sticks = Callable[[str, Point], bool]
@@ -57,7 +57,7 @@ class Vertex:
 
     at:       its place;  angle: opening angle inside the body [rad], 2π within it
     words:    conditions of the edges that meet in words, none within the body
-    exponent: u ~ r^exponent, SMOOTH if the corner leaves u smooth;  heat: θ ~ r^heat, likewise
+    exponent: u ~ r^exponent, SMOOTH if the corner leaves u smooth, NaN in a cusp;  heat: θ ~ r^heat, likewise
     steps:    the shear stress has a step there, or may have, and Γ_C meets it
     meeting:  regions around it, counter-clockwise, where materials differ
     """
@@ -71,152 +71,49 @@ class Vertex:
     meeting: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Side:
-    """One side of a corner: the name of its edge, and its unit tangent there, away from the corner."""
-
-    name: str
-    away: Point
+THINNEST = 1e-3
+"""Angle [rad] below which two edges meet in a cusp, and by which two make a corner."""
 
 
-@dataclass
-class _Ray:
-    """What leaves a place in one direction: an edge of the body, by name, or an interface.
-
-    ahead:       a point on it a little further on;  after, before: regions counter-clockwise and clockwise of it
-    opens, ends: the body begins, or ends, counter-clockwise of it
-    """
-
-    side: Side
-    ahead: Array
-    after: str = BODY
-    before: str = BODY
-    opens: bool = False
-    ends: bool = False
-
-    @property
-    def angle(self) -> float:
-        return math.atan2(self.side.away[1], self.side.away[0])
+def vertices(corners: Iterable[Junction], scene: Scene, sticks: Sticks) -> list[Vertex]:
+    """The corners of the body, and the places where interfaces of materials end, turn or meet."""
+    found = (_vertex(corner, scene, sticks) for corner in corners)
+    return [one for one in found if one is not None]
 
 
-Wedge = tuple[float, str, Material]
-"""Opening angle [rad], region, material."""
-NEAR, AHEAD, THINNEST = 1e-8, 1e-2, 1e-3
-"""Distance in sizes of the body that is none, a little further on in lengths of the shortest edge, and an angle [rad]
-below which two edges meet in a cusp."""
-
-
-def vertices(scene: Scene, sticks: Sticks) -> list[Vertex] | None:
-    """All corners of a body given by edges, and all places where an interface ends, turns or meets another one; None
-    where they are not analysed: for a body from a file, and where edges meet without an angle.
-    """
-    if scene.body.outline is None:
+def _vertex(corner: Junction, scene: Scene, sticks: Sticks) -> Vertex | None:
+    """None where nothing but an interface of one material ends or goes straight on."""
+    own, rest, roles = dict(scene.material.regions), replace(scene.material, regions=()), dict(scene.boundary)
+    parts = [(region if region in own else BODY, angle) for angle, region in corner.wedges]
+    if corner.within:  # from an interface on
+        first = next((i for i, (name, _) in enumerate(parts) if name != parts[i - 1][0]), 0)
+        parts = [*parts[first:], *parts[:first]]
+    of = [(name, math.fsum(angle for _, angle in group)) for name, group in groupby(parts, lambda part: part[0])]
+    wedges = [(angle, own.get(name, rest)) for name, angle in of]
+    one_material = len({material for _, material in wedges}) == 1
+    if corner.within and (one_material or (len(wedges) == 2 and abs(wedges[0][0] - math.pi) < THINNEST)):
         return None
-    own, rest, found = dict(scene.material.regions), replace(scene.material, regions=()), []
-    edges = [
-        (edge, hole, "") for loop in scene.body.loops for edge in loop.edges for hole in [loop in scene.body.holes]
-    ]
-    edges += [(edge, False, r.name) for r in scene.body.regions if r.name in own for edge in r.loop.edges]
-    gap = NEAR * body_size(scene.body)
-    if any(_touches(a, b, gap) for a, _, _ in edges for b, _, name in edges if name and a is not b):
+    if corner.cut and not corner.within and len(wedges) == 1:
         return None
-    ahead = AHEAD * min(edge_length(edge) for edge, _, _ in edges)
-    places: list[Point] = []
-    for edge, _, _ in edges:
-        if all(math.dist(edge.start, other) > gap for other in places):
-            places.append(edge.start)
-    for at in places:
-        rays = sorted(_rays(at, edges, gap, ahead), key=lambda ray: ray.angle)
-        first = next((i for i, ray in enumerate(rays) if ray.opens), 0)
-        rays = [*rays[first:], *rays[:first]]
-        within, last = not rays[0].opens, next((i for i, ray in enumerate(rays) if ray.ends), len(rays))
-        around = [*rays, rays[0]][: last + 1]
-        wedges = []
-        for ray, other in itertools.pairwise(around):
-            region = ray.after if ray.after != BODY else other.before
-            wedges.append((opening(ray.side, other.side), region, own.get(region, rest)))
-        if min(angle for angle, _, _ in wedges) < THINNEST:
-            return None
-        straight = len(wedges) == 2 and abs(wedges[0][0] - math.pi) < THINNEST
-        if within and (straight or len({material for _, _, material in wedges}) == 1):
-            continue
-        sides = () if within else (around[0].side, around[-1].side)
-        found.append(vertex(at, sides, wedges, scene, sticks))
-    return found
-
-
-def _touches(edge: Edge, other: Edge, gap: float) -> bool:
-    """Whether an arc comes as close to an interface, away from its ends, as where they touch in a cusp."""
-    distance = edge_distance(other, edge_at(edge, np.linspace(0.0, 1.0, 257)[1:-1]))
-    curved = edge.through is not None or other.through is not None
-    return bool(curved and distance.min() < 1e-4 * edge_length(edge) and np.count_nonzero(distance <= gap) < 3)
-
-
-def _rays(at: Point, edges: Sequence[tuple[Edge, bool, str]], gap: float, ahead: float) -> list[_Ray]:
-    """What leaves a place. Edges (edge, whether of a hole, region whose border it is) have their loop on their left; of
-    edges that run together there is one ray."""
-    rays: list[_Ray] = []
-    for edge, hole, region in edges:
-        if edge_distance(edge, [at])[0] > gap:
-            continue
-        n, length = edge_normal(edge, [at])[0], edge_length(edge)
-        here = _share(edge, at)
-        for forward, there in ((True, edge.end), (False, edge.start)):
-            if math.dist(at, there) <= gap:
-                continue
-            way = 1.0 if forward else -1.0
-            point = edge_at(edge, np.array([here + way * ahead / length]))[0]
-            ray = next((one for one in rays if np.linalg.norm(one.ahead - point) <= 10.0 * gap), None)
-            if ray is None:
-                ray = _Ray(Side("" if region else edge.name, (-way * float(n[1]), way * float(n[0]))), point)
-                rays.append(ray)
-            if not region:
-                ray.side = Side(edge.name, ray.side.away)
-                ray.opens, ray.ends = forward != hole, forward == hole
-            elif forward:
-                ray.after = region
-            else:
-                ray.before = region
-    return rays
-
-
-def _share(edge: Edge, at: Point) -> float:
-    """The share of the length of an edge at which a point on it lies."""
-    arc = edge_arc(edge)
-    if arc is None:
-        return math.dist(edge.start, at) / math.dist(edge.start, edge.end)
-    turned = math.atan2(at[1] - arc.center[1], at[0] - arc.center[0]) - arc.start
-    return (math.copysign(1.0, arc.sweep) * turned + 1e-6) % (2.0 * math.pi) / abs(arc.sweep)
-
-
-def opening(zero: Side, far: Side) -> float:
-    """The angle between two sides, counter-clockwise from the first; a full turn where they are one."""
-    (a, b), (c, d) = zero.away, far.away
-    angle = (math.atan2(d, c) - math.atan2(b, a)) % (2.0 * math.pi)
-    return 2.0 * math.pi if angle < 1e-9 or (zero.name and angle > 2.0 * math.pi - 1e-9) else angle
-
-
-def vertex(at: Point, sides: Sequence[Side], wedges: Sequence[Wedge], scene: Scene, sticks: Sticks) -> Vertex:
-    """The place where wedges meet, counter-clockwise from the first side to the last; no sides within the body."""
-    roles = dict(scene.boundary)
-    held = [_condition(roles[side.name], side, at, sticks) for side in sides]
-    words = tuple(said for _, said in held)
-    unit = wedges[0][2].mu
-    elastic = tuple((round(w, 12), m.mu / unit, (m.lam + 3 * m.mu) / (m.lam + m.mu)) for w, _, m in wedges)
-    exponent = corner_exponent(elastic, *(directions for directions, _ in held))
-    heat = SMOOTH
-    if scene.conducts and scene.heat.theta is None:
+    bound = [side for side in corner.sides if side.name]
+    sides = () if corner.within else (bound[0], bound[-1])
+    held = [_condition(roles[side.name], side, corner.at, sticks) for side in sides]
+    words, unit = tuple(said for _, said in held), wedges[0][1].mu
+    cusp, exponent, heat = min(angle for angle, _ in wedges) < THINNEST, math.nan, SMOOTH
+    if not cusp:
+        elastic = tuple((round(w, 12), m.mu / unit, (m.lam + 3 * m.mu) / (m.lam + m.mu)) for w, m in wedges)
+        exponent = corner_exponent(elastic, *(directions for directions, _ in held))
+    if not cusp and scene.conducts and scene.heat.theta is None:
         given = [(edge := roles[side.name].heat) is not None and edge.theta is not None for side in sides]
-        heat = heat_exponent(tuple((round(w, 12), m.k or 1.0) for w, _, m in wedges), *given)
-    meeting = tuple(region for _, region, _ in wedges) if len({m for _, _, m in wedges}) > 1 else ()
-    free = [m.beta / (m.lam + m.mu) for _, _, m in wedges]  # expansion, over θ/2
+        heat = heat_exponent(tuple((round(w, 12), m.k or 1.0) for w, m in wedges), *given)
+    free = [m.beta / (m.lam + m.mu) for _, m in wedges]  # expansion, over θ/2
     if (scene.conducts or scene.heat.theta) and max(free) - min(free) > 1e-12 * max(map(abs, free)):
         exponent = min(exponent, 1.0)  # u ~ r log r
     contact = any(isinstance(roles[side.name], Contact) for side in sides)
     laws = isinstance(scene.friction, EdgeLaws) and len({side.name for side in sides}) > 1
-    steps = contact and (set(words) != {"slipping contact"} or bool(meeting) or laws)
-    angle = math.fsum(w for w, _, _ in wedges)
-    return Vertex(at, angle, words, exponent, heat, steps, meeting)
+    steps = contact and (set(words) != {"slipping contact"} or not one_material or laws)
+    meeting = () if one_material else tuple(name for name, _ in of)
+    return Vertex(corner.at, math.fsum(angle for angle, _ in wedges), words, exponent, heat, steps, meeting)
 
 
 def _condition(role: Role, side: Side, at: Point, sticks: Sticks) -> tuple[tuple[Direction, ...], str]:

@@ -37,6 +37,7 @@ of order h² |log h| and no better (R. Haverkamp, SIAM J. Numer. Anal. 21 (1984)
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -258,6 +259,8 @@ def smoothness(
     """
     found: Smoothness = {name: [] for name in ("body", "theta", "u_T", "xi")}
     for v, mu in zip(corners, grading or [1.0] * len(corners), strict=True):
+        if math.isnan(v.exponent):
+            continue
         where = corner_words(v)
         own = [Singularity(v.exponent, f"{where}: u ~ r^{v.exponent:.3f}", mu)]
         if v.heat < 1.0:

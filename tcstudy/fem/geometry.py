@@ -24,17 +24,18 @@ import sys
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from netgen import occ
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from tcstudy.errors import GeometryFailed
 from tcstudy.scene.records import BODY, Body, BrepFace, Edge, Loop, Point
-from tcstudy.shapes.edges import body_size, edge_distance, edge_length, edge_normal
+from tcstudy.shapes.edges import Junction, Side, body_size, edge_distance, edge_length, edge_normal
 
 SECONDS, SECONDS_A_MEGABYTE = 5.0, 10.0
 """Processor time that the kernel may take; it reads 10 MB in about 5 s."""
@@ -111,6 +112,9 @@ SHORTEST = 1e-3
 """Length of the shortest edge, in the kernel's unit, from which on the body is given to it with a size of about 1."""
 HARMLESS = 0.1, 10.0
 """Units [m] in place of which 1 serves as well: against such a body the tolerances are small, too."""
+AHEAD, NEAREST = 0.02, 1e-4
+"""How far from a corner it is looked which region lies there, over the length of the shortest edge, and in the kernel's
+unit at least: nearer to an edge it calls nothing inside."""
 
 
 @dataclass(frozen=True)
@@ -151,6 +155,41 @@ class Geometry:
         for face in self.shape.faces:
             areas[face.name] = areas.get(face.name, 0.0) + float(face.mass) * self.unit**2
         return areas
+
+    @cached_property
+    def corners(self) -> tuple[Junction, ...]:
+        """Where pieces of the boundary and interfaces end: first those of the boundary, in the order of its curves."""
+        names, points, sides = {curve.tag: curve.name for curve in self.curves}, list[Array](), list[Side]()
+        edges = list(dict.fromkeys(self.shape.edges))  # an interface is an edge of two faces
+        for edge in edges:
+            for t, way in zip(edge.parameter_interval, (1.0, -1.0), strict=True):
+                value, tangent = edge.Value(t), edge.Tangent(t)
+                x, y = way * np.array([tangent.x, tangent.y]) / math.hypot(tangent.x, tangent.y)
+                points.append(np.array([value[0], value[1]]))
+                sides.append(Side(names.get(edge.name, ""), (float(x), float(y)), edge.name))
+        together: dict[int, list[Side]] = {}
+        for side, near in zip(
+            sides, cKDTree(points).query_ball_point(points, 1e-6 * self.size / self.unit), strict=True
+        ):
+            together.setdefault(min(near), []).append(side)
+        reach = max(AHEAD * min(edge.mass for edge in edges), NEAREST)
+        corners = [self._corner(points[place], around, reach) for place, around in together.items()]
+        return tuple(sorted(corners, key=lambda c: (c.cut, int(c.sides[0].tag[1:]) if c.sides[0].name else 0)))
+
+    def _corner(self, at: Array, sides: list[Side], reach: float) -> Junction:
+        """The corner at a point of the shape, a cusp where no region is found. reach: how far from it to look."""
+        sides = sorted(sides, key=lambda side: math.atan2(*side.away[::-1]))
+        turns = [math.atan2(*side.away[::-1]) for side in sides]
+        wedges = []
+        for turn, angle in zip(turns, np.diff([*turns, turns[0] + 2.0 * math.pi]).tolist(), strict=True):
+            x, y = at + reach * np.array([math.cos(turn + 0.5 * angle), math.sin(turn + 0.5 * angle)])
+            there = occ.Vertex(occ.Pnt(x, y, 0))
+            wedges.append((angle, next((f.name for f in self.shape.faces if f.Distance(there) < 1e-3 * reach), "")))
+        first = next((i for i, (_, region) in enumerate(wedges) if region and not wedges[i - 1][1]), 0)
+        sides, wedges = [*sides[first:], *sides[:first]], [*wedges[first:], *wedges[:first]]
+        last = next((i for i, (_, region) in enumerate(wedges) if not region), len(wedges))
+        x, y = self.unit * at
+        return Junction((float(x), float(y)), tuple(sides[: last + 1]), tuple(wedges[:last]) or ((0.0, BODY),))
 
     def samples(self, count: int = 17) -> list[tuple[str, Array, Array]]:
         """(study name, points (count, 2), unit normals (count, 2)) of every piece of the boundary."""

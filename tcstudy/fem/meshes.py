@@ -30,6 +30,7 @@ Left out:   patches do not stop at edges where the data jump; where materials do
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -329,30 +330,6 @@ def _extract(kernel: Any, geometry: Geometry, level: int, start: float) -> Plane
     return PlaneMesh(points, triangles, mesh, geometry, level, segments, curve, time.perf_counter() - start, kernel)
 
 
-@dataclass(frozen=True)
-class CurveEnd:
-    """A node where one curve of the boundary ends and the next begins, the body on the left of both.
-
-    curves: index of the one that ends and of the one that begins;  normals: outward unit normals of both there
-    """
-
-    node: int
-    curves: tuple[int, int]
-    normals: tuple[Point, Point]
-
-
-def curve_ends(mesh: PlaneMesh) -> list[CurveEnd]:
-    """All of them, in the order of the curves that begin there."""
-    ending, found = {int(b): i for i, (_, b) in enumerate(mesh.segments)}, []
-    for after, (node, _) in enumerate(mesh.segments.tolist()):
-        before = ending[node]
-        curves = int(mesh.segment_curve[before]), int(mesh.segment_curve[after])
-        if curves[0] != curves[1]:
-            normals = mesh.end_normals[before, 1].tolist(), mesh.end_normals[after, 0].tolist()
-            found.append(CurveEnd(node, curves, normals))
-    return sorted(found, key=lambda end: end.curves[1])
-
-
 REACH = 0.25
 """R over the size of the body."""
 WEAK = 0.5
@@ -363,20 +340,19 @@ SLACK = 1e-3
 Boundary = tuple[tuple[str, Role], ...]
 
 
-def singular_points(mesh: PlaneMesh, boundary: Boundary, grading: float) -> tuple[Array, Array]:
-    """Corners of the body where stresses may be infinite (p, 2) [m], and μ of meshes with this exponent there (p,)."""
-    roles, found = dict(boundary), dict[int, float]()
-    for corner in curve_ends(mesh):
-        (a, b), (c, d) = corner.normals
-        angle = np.pi - np.arctan2(a * d - b * c, a * c + b * d)
-        pair = {_support(roles[mesh.geometry.curves[i].name]) for i in corner.curves}
+def singular_points(geometry: Geometry, boundary: Boundary, grading: float) -> dict[Point, float]:
+    """Corners of the body where stresses may be infinite [m], each with μ of meshes with this exponent there."""
+    roles, found = dict(boundary), dict[Point, float]()
+    for corner in (one for one in geometry.corners if not one.cut):
+        angle = math.fsum(angle for angle, _ in corner.wedges)
+        pair = {_support(roles[side.name]) for side in (corner.sides[0], corner.sides[-1])}
         # the interior angle above which stresses between such edges may be infinite
         critical = np.pi / 2 if pair & {"sliding", "contact"} else np.pi if len(pair) == 1 else 0.0
         if angle > critical + SLACK:
-            found[corner.node] = grading
+            found[corner.at] = grading
         elif pair == {"contact", "free"}:
-            found[corner.node] = max(WEAK, grading)
-    return mesh.points[list(found)].reshape(-1, 2), np.array(list(found.values()))
+            found[corner.at] = max(WEAK, grading)
+    return found
 
 
 def _support(role: Role) -> str:
@@ -397,7 +373,8 @@ def graded_mesh(
     """
     start = time.perf_counter()
     mesh = first if coarser is None else refine_uniformly(coarser)
-    points, mu = singular_points(first, boundary, plan.grading)
+    singular = singular_points(first.geometry, boundary, plan.grading)
+    points, mu = np.array(list(singular)).reshape(-1, 2), np.array(list(singular.values()))
     h, reach = first.h_max / 2**level, REACH * first.geometry.size
     while True:
         r = np.linalg.norm(mesh.centres[:, None] - points[None], axis=2)
@@ -408,13 +385,11 @@ def graded_mesh(
         mesh = refine_marked(mesh, large)
 
 
-def graded_points(study: Study) -> list[tuple[Point, float]]:
+def graded_points(study: Study) -> dict[Point, float]:
     """Places that the meshes of a graded study are graded towards, each with its μ. Raises GeometryFailed."""
-    if study.mesh.strategy is not GRADED:
-        return []
-    scene, plan = study.scenes[0], study.mesh
-    points, mus = singular_points(mesh_at(build(scene.body), plan, 0, None), scene.boundary, plan.grading)
-    return [((float(x), float(y)), float(mu)) for (x, y), mu in zip(points, mus, strict=True)]
+    scene = study.scenes[0]
+    graded = study.mesh.strategy is GRADED
+    return singular_points(build(scene.body), scene.boundary, study.mesh.grading) if graded else {}
 
 
 class Meshes:

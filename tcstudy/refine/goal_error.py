@@ -59,9 +59,8 @@ Why not the dual weighted residual itself: products of recovered gradients gave 
             jumps there
 Materials:  moduli, β and k are those of each triangle, and interfaces are edges of both meshes, so that the products of
             strains need no recovery; where interfaces end, turn or meet, λ is that of the wedges there
-Left out:   these places in bodies from files and where edges meet in a cusp, whose corners count with λ = 1/2;
-            data that oscillate within half an element, and sticking zones shorter than that away from held nodes,
-            escape both meshes
+Left out:   cusps, which count with λ = 1/2; data that oscillate within half an element, and sticking zones shorter
+            than that away from held nodes, escape both meshes
 
 By how much the change from h to h/2 is smaller than the error, corner by corner.
 
@@ -82,12 +81,12 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from tcstudy.accuracy.corners import Side, Sticks, opening, sticking_near, vertex, vertices
+from tcstudy.accuracy.corners import sticking_near, vertices
 from tcstudy.accuracy.norms import located, prolongation
 from tcstudy.contact.problem import ContactProblem, Status
 from tcstudy.contact.solve import solve_contact
 from tcstudy.fem.energy_error import own_strain, stress_of
-from tcstudy.fem.meshes import CurveEnd, PlaneMesh, curve_ends, refine_uniformly
+from tcstudy.fem.meshes import refine_uniformly
 from tcstudy.offline.level import Level
 from tcstudy.refine.goals import (
     dual,
@@ -101,7 +100,7 @@ from tcstudy.refine.goals import (
     weight_of_friction,
 )
 from tcstudy.scene.points import needs_heat_solve
-from tcstudy.scene.records import BODY, Scene
+from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Goal
 
 Array = NDArray[np.float64]
@@ -317,14 +316,11 @@ def regions(
     coarse, fine, line = halved.coarse.mesh, halved.level.mesh, halved.coarse.line
     factors = np.full(fine.n_points, SMOOTH)
     near = sticking_near([line.edge_names[i] for i in line.edge], line.xy, sticks)
-    ends = curve_ends(coarse)  # with λ of u ~ r^λ, as places where materials meet; 1/2 where it is not analysed
-    if not scene.material.regions:
-        at = {corner.node: _exponent(coarse, corner, scene, near) for corner in ends}
-    elif (known := vertices(scene, near)) is None:
-        at = {corner.node: 0.5 for corner in ends}
-    else:
-        at = {corner.node: 1.0 for corner in ends}
-        at |= {int(np.argmin(np.linalg.norm(coarse.points - one.at, axis=1))): one.exponent for one in known}
+    known = vertices(coarse.geometry.corners, scene, near)  # with λ of u ~ r^λ; 1/2 in a cusp
+    at = {
+        int(np.argmin(np.linalg.norm(coarse.points - one.at, axis=1))): float(np.nan_to_num(one.exponent, nan=0.5))
+        for one in known
+    }
     places = np.concatenate([coarse.points[list(at)], more])
     region = np.argmin(np.linalg.norm(fine.points[:, None] - places[None], axis=2), axis=1)
     for node, exponent in at.items():
@@ -337,14 +333,3 @@ def regions(
         factors[around] = np.maximum(factors[around], FIRST)
         region[around] = region.max() + 1
     return factors, region
-
-
-def _exponent(mesh: PlaneMesh, corner: CurveEnd, scene: Scene, sticks: Sticks) -> float:
-    """λ of u ~ r^λ in a corner; with the body on the left of its edges it lies between the next one and the last."""
-    (a, b), (c, d) = corner.normals
-    before, after = (mesh.geometry.curves[i].name for i in corner.curves)
-    x, y = mesh.points[corner.node]
-    zero, far = Side(after, (-d, c)), Side(before, (b, -a))
-    return vertex(
-        (float(x), float(y)), (zero, far), [(opening(zero, far), BODY, scene.material)], scene, sticks
-    ).exponent

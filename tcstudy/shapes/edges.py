@@ -46,6 +46,38 @@ class Arc:
     sweep: float
 
 
+@dataclass(frozen=True)
+class Side:
+    """What leaves a corner: name of an edge and tag of its piece, no name of an interface; its unit tangent there."""
+
+    name: str
+    away: Point
+    tag: str = ""
+
+
+@dataclass(frozen=True)
+class Junction:
+    """Where pieces of the boundary, or interfaces of regions, end.
+
+    sides:  what leaves it, counter-clockwise, the body counter-clockwise of the first and clockwise of the last
+    wedges: opening angle [rad] and region between each side and the next one; within the body also behind the last
+    """
+
+    at: Point
+    sides: tuple[Side, ...]
+    wedges: tuple[tuple[float, str], ...]
+
+    @property
+    def within(self) -> bool:
+        """Whether the body is all around."""
+        return len(self.wedges) == len(self.sides)
+
+    @property
+    def cut(self) -> bool:
+        """Whether it is a corner of interfaces alone, which may end at one piece of the boundary."""
+        return self.within or self.sides[0].tag == self.sides[-1].tag
+
+
 def circle_loop(center: Point, radius: float, name: str) -> Loop:
     """A full circle of positive radius as two half circles of one name."""
     x, y = center

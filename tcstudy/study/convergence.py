@@ -75,12 +75,12 @@ def orders_to_expect(study: Study, finest: SolvedLevel, solution: Solution, scen
         slip, stick = (bool(held.any() and (held & own).any()) for own in (~sticks, sticks))
         return expected_orders(smooth_up_to(study.exact.exponent, slip, stick, mixed))
     edges = [line.edge_names[e] for e in line.edge] if solution.ok else ()
-    corners = vertices(scene, sticking_near(edges, line.xy, sticks))
-    graded = graded_points(study)
-    apart = 1e-6 * max((math.hypot(*point) for point, _ in graded), default=0.0)
-    mus = [next((mu for point, mu in graded if math.dist(point, one.at) <= apart), 1.0) for one in corners or ()]
-    found = smoothness(corners or (), mixed, mus, scene.material.expands)
-    return expected_orders(found, analysed=corners is not None)
+    corners, graded = (
+        vertices(finest.mesh.geometry.corners, scene, sticking_near(edges, line.xy, sticks)),
+        graded_points(study),
+    )
+    found = smoothness(corners, mixed, [graded.get(one.at, 1.0) for one in corners], scene.material.expands)
+    return expected_orders(found, analysed=not any(math.isnan(one.exponent) for one in corners))
 
 
 def own_error(order: float) -> float:
@@ -294,10 +294,11 @@ def _notes(
                 f"The exact solution misses the friction law by {worst:.2g} of its scale: it does not solve this "
                 "problem, so errors will level off; check exact, friction and the loads."
             )
-    if study.exact is None and vertices(study.scenes[0], lambda edge, at: False) is None:
+    known = vertices(levels[-1].mesh.geometry.corners, study.scenes[0], lambda edge, at: False)
+    if study.exact is None and any(math.isnan(one.exponent) for one in known):
         yield (
-            "Corners are not analysed (the body comes from a file, or edges meet without an angle): expected orders "
-            "are those of a smooth solution, and lower ones are not called slow."
+            "Corners where edges meet without an angle are not analysed: expected orders are those of a solution that "
+            "is smooth there, and lower ones are not called slow."
         )
     if isinstance(reference, FineReference):
         seen = ", ".join(f"{p:g} as {p + own_error(p):.2f}" for p in (0.5, 1.0, 2.0))

@@ -58,6 +58,14 @@ def test_a_face_of_a_step_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     lengths = {c.name: c.length for c in geometry.curves}
     known = {"inner": np.pi / 2 * 0.01, "foot": 0.01, "outer": np.pi / 2 * 0.02, "head": 0.01}
     assert lengths == pytest.approx(known, rel=1e-9)
+    corners = {tuple(np.round(c.at, 9)): (c.sides[0].name, *c.wedges) for c in geometry.corners}
+    right = (pytest.approx(np.pi / 2), "body")
+    assert corners == {
+        (0.01, 0.0): ("foot", right),
+        (0.02, 0.0): ("outer", right),
+        (0.0, 0.02): ("head", right),
+        (0.0, 0.01): ("inner", right),
+    }
     (inner,) = (c for c in geometry.curves if c.name == "inner")
     for mesh in mesh_family(geometry, study.mesh):
         points = mesh.points[curve_nodes(mesh, "inner")]
@@ -145,10 +153,12 @@ def points_of(text: str) -> tuple[set[tuple[float, float]], set[tuple[float, flo
     """Strong and weak singular points."""
     study = study_of(text)
     scene = study.scenes[0]
-    at, mu = singular_points(mesh_at(build(scene.body), study.mesh, 0, None), scene.boundary, 0.3)
-    points = [(round(float(x), 12), round(float(y), 12)) for x, y in at]
-    weak = {p for p, own in zip(points, mu, strict=True) if own == WEAK}
-    return set(points) - weak, weak
+    found = {
+        (round(x, 12), round(y, 12)): mu
+        for (x, y), mu in singular_points(build(scene.body), scene.boundary, 0.3).items()
+    }
+    weak = {p for p, mu in found.items() if mu == WEAK}
+    return found.keys() - weak, weak
 
 
 def test_re_entrant_corners_and_ends_of_clamps_are_singular() -> None:
