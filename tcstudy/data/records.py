@@ -1,35 +1,37 @@
 """What a run hands to the store: blocks of solved points of a level, and what a level knows of its contact line.
 
 A block is a few arrays, because a point of a long sweep costs less to solve than a record of its own costs to keep.
-As a row of the journal a record is its scalars as JSON, its arrays as their bytes, and a checksum over both.
 
-The journal keeps finished points on the disk while a run goes on: an SQLite file `<output>.partial` beside the output.
-A record is safe at most COMMIT_SECONDS after `add`: SQLite with synchronous=FULL survives a crash, kill -9 and a
-power cut. The file is locked for as long as its process lives (SQLite's exclusive mode), so two runs cannot share
-an output. A journal of another study, of other versions of the numerics, or a damaged one is set aside, never
-deleted.
+The journal keeps finished points while a run goes on, in a file `<output>.partial` beside the output: a line that says
+of which study and program it is, then one record after the other, each with its length and checksum. A record is in
+the file when `add` returns, so that a crash or kill -9 leaves at most a torn end, which is cut off; it is brought to
+the disk at once unless others were less than SYNC_SECONDS before, so that a power cut takes no more than those that
+the system had not yet written by itself. The file is locked for as long as its process lives: two runs cannot share an
+output. A journal of another study or of other versions of the numerics is set aside, never deleted; of a damaged one a
+copy is, and the run goes on from what stands before the damage.
 """
 
 from __future__ import annotations
 
 import json
 import os
-import re
-import sqlite3
-import threading
+import shutil
+import struct
+import sys
+import time
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.files import PARTIAL, remove_stale, special_file, sync_directory
 from tcstudy.data.provenance import program, study_sha256
-from tcstudy.errors import StoreError, shortened
+from tcstudy.errors import StoreError
 from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
@@ -105,83 +107,89 @@ class BlockRecord:
         return {name: values[own] for name, values in self.solutions.items() if name != "row"}
 
 
-Row = tuple[str, int, int, int, str, bytes, int]
-"""(kind, body, place, level, scalars and layout of the arrays, arrays, checksum)"""
-
-
-def checksum(row: Row) -> int:
-    """Of everything in a row but its last entry."""
-    return zlib.crc32(row[5], zlib.crc32(f"{row[:4]}{row[4]}".encode()))
-
-
+Key = tuple[str, int, int, int]
+"""(kind, body of a sweep over geometries, first place, level); the last record with a key counts."""
 GROUPS = ("numbers", "fields", "solutions")
 """Of named arrays in a record."""
+_HEAD = struct.Struct("<QQLL")
+"""Before a record: bytes of its text and of its arrays, the CRC-32 of both, and that of the three before it."""
 
 
-def encode(record: BlockRecord | LevelRecord, body: int = 0) -> Row:
-    """A record as a row. body: of a sweep over geometries, which it is of"""
+def encode(record: BlockRecord | LevelRecord, body: int = 0) -> tuple[Key, bytes]:
+    """A record as it stands in the journal: its key, scalars and the layout of its arrays as JSON (exact for floats),
+    then the arrays as their bytes. body: of a sweep over geometries, which it is of"""
     values = vars(record)
     groups = {name: values[name] for name in GROUPS if name in values}
     arrays = {name: v for name, v in values.items() if isinstance(v, np.ndarray)}
     arrays |= {f"{group}.{name}": array for group, named in groups.items() for name, array in named.items()}
     scalars = {name: v for name, v in values.items() if name not in arrays and name not in groups and v is not None}
     kind, place = ("level", 0) if isinstance(record, LevelRecord) else ("block", int(record.points[0]))
-    return row_of(kind, body, place, record.level, scalars, arrays)
-
-
-def row_of(
-    kind: str, body: int, place: int, level: int, scalars: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]
-) -> Row:
-    """A row: scalars as JSON (exact for floats), arrays as their bytes one after the other."""
+    key = (kind, body, place, int(record.level))
     layout = [(name, array.dtype.str, array.shape) for name, array in arrays.items()]
-    text = json.dumps([dict(scalars), layout], default=lambda numpy_scalar: numpy_scalar.item())
-    row = (kind, body, place, int(level), text, b"".join(map(np.ndarray.tobytes, arrays.values())))
-    return (*row, checksum((*row, 0)))
+    text = json.dumps([key, scalars, layout], default=lambda numpy_scalar: numpy_scalar.item()).encode()
+    data = text + b"".join(map(np.ndarray.tobytes, arrays.values()))
+    head = struct.pack("<QQL", len(text), len(data) - len(text), zlib.crc32(data))
+    return key, head + struct.pack("<L", zlib.crc32(head)) + data
 
 
-def decode(row: Row) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """The scalars and the arrays of a row."""
-    scalars, layout = json.loads(row[4])
-    arrays, start = dict[str, NDArray[Any]](), 0
-    for name, dtype, shape in layout:
-        count = int(np.prod(shape, dtype=np.int64))
-        found = np.frombuffer(row[5], dtype, count, start) if count else np.empty(0, dtype)
-        arrays[name] = found.reshape(shape)  # a view: nobody writes into a record
-        start += found.nbytes
-    return scalars, arrays
+Row = tuple[list[Any], bytes, int, int]
+"""([key, scalars, layout of the arrays], bytes in which the arrays stand, from where, where the next record begins)"""
+
+
+def row_at(stream: BinaryIO, at: int) -> Row | None:
+    """The record at a place of the file; None at the end, and where it is torn. Raises ValueError if it is damaged."""
+    stream.seek(at)
+    if len(head := stream.read(_HEAD.size)) < _HEAD.size:
+        return None
+    text, arrays, of_data, of_head = _HEAD.unpack(head)
+    if zlib.crc32(head[:-4]) != of_head:
+        raise ValueError("wrong checksum")
+    if len(data := stream.read(text + arrays)) < text + arrays:
+        return None
+    if zlib.crc32(data) != of_data:
+        raise ValueError("wrong checksum")
+    return json.loads(data[:text]), data, text, at + _HEAD.size + len(data)
 
 
 def record_of(row: Row) -> Any:
     """The BlockRecord or LevelRecord that a row was made of."""
-    (scalars, arrays), own = decode(row), dict[str, Any]()
-    for name, array in arrays.items():
+    ((kind, *_), scalars, layout), data, start, _ = row
+    own = dict[str, Any]()
+    for name, dtype, shape in layout:
         group, _, key = name.rpartition(".")
+        array = np.ndarray(tuple(shape), dtype, data, start)  # a view: nobody writes into a record
         (own.setdefault(group, {}) if group else own)[key] = array
-    if row[0] == "level":
+        start += array.nbytes
+    if kind == "level":
         return LevelRecord(**scalars | {"edge_names": tuple(scalars["edge_names"])}, **own)
     reasons = {int(i): words for i, words in scalars["reasons"].items()}
     return BlockRecord(**{"numbers": {}} | scalars | {"shape": tuple(scalars["shape"]), "reasons": reasons} | own)
 
 
-COMMIT_SECONDS = 0.25
-"""Longest time that a finished record waits for its commit; one commit costs some 15 ms of disk."""
-_INSERT = "INSERT OR REPLACE INTO record VALUES (?, ?, ?, ?, ?, ?, ?)"
+SYNC_SECONDS = 0.25
+"""Time after which records are brought to the disk again, which costs some 10 ms."""
+_OTHER = "choose another output"
 
 
 class Journal:
-    """The open journal of one run. Make it with `Journal.open`; safe to use from several threads.
+    """The open journal of one run. Make it with `Journal.open`.
 
     warnings: sentences for the user, for example that an old journal was set aside
     """
 
-    def __init__(self, path: Path, connection: sqlite3.Connection, warnings: tuple[str, ...]) -> None:
-        self.path, self.warnings = path, warnings
-        self._connection = connection
-        self._pending: list[Row] = []
-        self._lock = threading.RLock()
-        self._timer: threading.Timer | None = None
-        self._error: StoreError | None = None
-        self._closed = False
+    def __init__(self, path: Path, stream: BinaryIO, start: int) -> None:
+        """start: where the first record stands. Raises OSError."""
+        self.path, self.warnings = path, list[str]()
+        self._stream, self._end, self._synced = stream, start, -SYNC_SECONDS
+        self._at = dict[tuple[str, int], dict[tuple[int, int], int]]()
+        try:
+            while (row := row_at(stream, self._end)) is not None:
+                self._keep(tuple(row[0][0]), row[-1])
+        except ValueError:
+            shutil.copyfile(path, kept := free_name(path))
+            what = f"{path.name} is damaged; it is kept as {kept.name} and the run goes on from what stands before that"
+            self.warnings.append(what)
+        stream.truncate(self._end)
 
     @classmethod
     def open(cls, output: Path, study: Study) -> Journal:
@@ -191,95 +199,87 @@ class Journal:
         """
         path = Path(os.path.realpath(output))
         path = Path(os.path.realpath(path.with_name(path.name + PARTIAL)))
+        header = json.dumps({"study_sha256": study_sha256(study), "program": program()}).encode() + b"\n"
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
+            stream, kept = _locked(path), None
+            if stream.read(len(header)) not in (b"", header):
+                if os.name == "nt":  # an open file cannot be renamed there
+                    stream.close()
+                os.rename(path, kept := free_name(path))  # before the lock goes: no other run can resume it in between
+                stream.close()
+                stream = _locked(path)
+            if not os.fstat(stream.fileno()).st_size:
+                stream.write(header)
+            journal = cls(path, stream, len(header))
+            remove_stale(output, alone=True)
+            sync_directory(path.parent)
         except OSError as error:
-            raise StoreError(f"cannot make {path.parent}: {error.strerror}. choose another output") from error
-        header = {"study_sha256": study_sha256(study), "program": program()}
-        warnings: tuple[str, ...] = ()
-        connection, why = connect(path, header)
-        if why:
-            kept = set_aside(path, connection)
-            warnings = (f"{path.name} {why}; it is kept as {kept.name} and the run starts anew",)
-            connection, why = connect(path, header)
-        if connection is None or why:
-            raise StoreError(f"cannot start the journal {path}: {why}. Choose another output")
-        remove_stale(output, alone=True)
-        sync_directory(path.parent)
-        return cls(path, connection, warnings)
+            raise StoreError(f"cannot use the journal {path}: {error.strerror}. Make room there or {_OTHER}") from error
+        if kept is not None:
+            why = "is of another study, other overrides or another version of the program"
+            journal.warnings.append(f"{path.name} {why}; it is kept as {kept.name} and the run starts anew")
+        return journal
 
-    def add(self, record: BlockRecord | LevelRecord | Row, body: int = 0) -> None:
-        """Keep a record of a body, or a row; it is on the disk within COMMIT_SECONDS. A second one of the same place
-        replaces it.
-
-        Raises StoreError if an earlier record could not be brought to the disk; it is tried again.
-        """
-        row = record if isinstance(record, tuple) else encode(record, body)
-        with self._lock:
-            if self._closed:
-                raise StoreError(f"the journal {self.path} is closed")
-            self._pending.append(row)
-            if self._error is not None:
-                self.flush()
-            elif self._timer is None:
-                self._timer = threading.Timer(COMMIT_SECONDS, self._flush_quietly)
-                self._timer.daemon = True
-                self._timer.start()
+    def add(self, record: BlockRecord | LevelRecord, body: int = 0) -> None:
+        """Keep a record of a body; a second one of the same place replaces it. Raises StoreError if it cannot."""
+        key, data = encode(record, body)
+        left = memoryview(data)
+        try:
+            while left:
+                left = left[self._stream.write(left) :]
+        except OSError as error:
+            with suppress(OSError):
+                self._stream.truncate(self._end)
+            raise self._fault(error) from error
+        self._keep(key, self._end + len(data))
+        if time.monotonic() - self._synced > SYNC_SECONDS:
+            self.flush()
 
     def flush(self) -> None:
-        """Bring every record to the disk. Raises StoreError if it cannot; the records stay for another try."""
-        with self._lock:
-            if self._timer is not None:
-                self._timer.cancel()
-                self._timer = None
-            if not self._pending or self._closed:
-                return
-            try:
-                with self._connection:
-                    self._connection.execute("BEGIN IMMEDIATE")
-                    self._connection.executemany(_INSERT, self._pending)
-            except (sqlite3.Error, OSError) as error:
-                self._error = StoreError(
-                    f"cannot keep finished points in {self.path}: {error}. Free some space; the run can then be resumed"
-                )
-                raise self._error from error
-            self._pending.clear()
-            self._error = None
+        """Bring every record to the disk. Raises StoreError if it cannot."""
+        try:
+            os.fsync(self._stream.fileno())
+        except OSError as error:
+            raise self._fault(error) from error
+        self._synced = time.monotonic()
+
+    def _fault(self, error: OSError) -> StoreError:
+        what = f"cannot keep finished points in {self.path}: {error.strerror}"
+        return StoreError(f"{what}. Free some space; the run can then be resumed")
+
+    def _keep(self, key: Key, end: int) -> None:
+        """Remember where the next record stands."""
+        of_body = self._at.setdefault(key[:2], {})
+        of_body.pop(key[2:], None)  # their order is that of the file
+        of_body[key[2:]], self._end = self._end, end
 
     def levels(self, body: int = 0) -> tuple[LevelRecord, ...]:
         """All level records of a body, coarse to fine."""
-        return tuple(sorted(map(record_of, self._rows("level", body)), key=lambda level: level.level))
+        return tuple(sorted(self._records("level", body), key=lambda level: level.level))
 
     def blocks(self, body: int = 0) -> Iterator[BlockRecord]:
         """All its blocks as they finished, read one by one: whole-body fields need not fit into memory."""
-        return map(record_of, self._rows("block", body))
+        return self._records("block", body)
 
-    def steps(self) -> Iterator[Row]:
-        """All steps of histories, as they were done."""
-        return self._rows("step", 0)
+    def _records(self, kind: str, body: int) -> Iterator[Any]:
+        for at in [*self._at.get((kind, body), {}).values()]:
+            row = row_at(self._stream, at)
+            assert row is not None
+            yield record_of(row)
 
     def close(self) -> None:
-        """Flush and give up the lock; the journal stays for a later run. Closing twice does no harm."""
-        with self._lock:
-            try:
+        """Bring all to the disk and give up the lock; the journal stays for a later run. Twice does no harm."""
+        if not self._stream.closed:
+            with self._stream:
                 self.flush()
-            finally:
-                self._closed = True
-                self._connection.close()
 
     def discard(self) -> None:
         """Remove the journal. Only when the netCDF file is in place."""
-        with self._lock:
-            if self._timer is not None:
-                self._timer.cancel()
-            self._pending.clear()
-            self._closed = True
-            if os.name == "nt":  # an open file cannot be removed there
-                self._connection.close()
-            # removed before the lock goes, so that no other run can get hold of the dying file
-            self.path.unlink(missing_ok=True)
-            self._connection.close()
-            rollback_file(self.path).unlink(missing_ok=True)
+        if os.name == "nt":  # an open file cannot be removed there
+            self._stream.close()
+        self.path.unlink(missing_ok=True)  # before the lock goes, so that no other run can get hold of the dying file
+        self._stream.close()
 
     def __enter__(self) -> Journal:
         return self
@@ -287,133 +287,35 @@ class Journal:
     def __exit__(self, *exc: object) -> None:
         self.close()
 
-    def _rows(self, kind: str, body: int) -> Iterator[Row]:
-        with self._lock:
-            self.flush()
-            where = "INDEXED BY bodies WHERE body = ? AND kind = ? ORDER BY rowid"
-            cursor = self._connection.execute(f"{SELECT} {where}", (body, kind))
-        while True:
-            with self._lock:
-                row = cursor.fetchone()
-            if row is None:
-                return
-            yield row
 
-    def _flush_quietly(self) -> None:
-        """The timer's flush: its error is kept for the next `add`, `flush` or `close`."""
-        with suppress(StoreError):
-            self.flush()
-
-
-SMALLEST_PAGE = 512
-"""Bytes of the smallest SQLite file that holds anything."""
-_TABLES = (
-    "CREATE TABLE header (key TEXT PRIMARY KEY, value TEXT NOT NULL)",
-    "CREATE TABLE record (kind TEXT, body INTEGER, place INTEGER, level INTEGER, scalars TEXT NOT NULL, "
-    "arrays BLOB NOT NULL, crc INTEGER NOT NULL, PRIMARY KEY (kind, body, place, level))",
-    "CREATE INDEX bodies ON record (body)",  # in which the rows of a body stand in the order of rowid: none are sorted
-)
-SELECT = "SELECT kind, body, place, level, scalars, arrays, crc FROM record"
-
-
-class _Damaged(Exception):
-    """The journal cannot be trusted; the text says why."""
-
-
-_FAULTS = (sqlite3.DatabaseError, _Damaged, ValueError, TypeError, LookupError, AttributeError, OverflowError)
-"""What a journal with damaged or foreign content may raise."""
-
-
-def connect(path: Path, header: dict[str, str]) -> tuple[sqlite3.Connection | None, str]:
-    """An open, locked journal with this header, and why it cannot be used ("" if it can)."""
-    connection: sqlite3.Connection | None = None
+def _locked(path: Path) -> BinaryIO:
+    """The file, locked before anything is judged: what another run is writing must not be set aside. Raises OSError."""
     if what := special_file(path):
-        raise StoreError(f"{path} is {what}, no file. Remove it or choose another output")
-    # SQLite takes a file shorter than a page for an empty one and writes over it. Only its size is looked at: to open
-    # and close it here would drop the locks that this process has on it
-    if path.is_file() and 0 < path.stat().st_size < SMALLEST_PAGE:
-        return None, "is cut short"
-    try:
-        connection = sqlite3.connect(path, timeout=0.2, isolation_level=None, check_same_thread=False)
-        # locked before anything is judged: what another run is writing must not be set aside
-        connection.execute("PRAGMA locking_mode=EXCLUSIVE")
-        connection.execute("PRAGMA synchronous=FULL")
-        connection.execute("BEGIN EXCLUSIVE")
-        connection.execute("COMMIT")
-        return connection, _look_into(connection, header)
-    except _FAULTS as error:
-        obstacle = _obstacle(path, error)
-        if connection is not None and not obstacle:
-            line = (str(error).splitlines() or [type(error).__name__])[0]
-            return connection, f"is damaged ({shortened(line, 100)})"
-        if connection is not None:
-            connection.close()
-        raise StoreError(obstacle) from error
+        raise StoreError(f"{path} is {what}, no file. Remove it or {_OTHER}")
+    while True:
+        stream = path.open("a+b", buffering=0)
+        stream.seek(0)
+        try:
+            if sys.platform == "win32":
+                import msvcrt
+
+                msvcrt.locking(stream.fileno(), msvcrt.LK_NBLCK, 1)
+            else:
+                import fcntl
+
+                fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except (BlockingIOError, PermissionError) as error:
+            stream.close()
+            what = f"another run is writing to the same output ({path} is locked)"
+            raise StoreError(f"{what}. Wait for it or {_OTHER}") from error
+        if path.exists() and os.path.samestat(os.fstat(stream.fileno()), path.stat()):
+            return stream
+        stream.close()  # the run that had it has removed it meanwhile
 
 
-def _obstacle(path: Path, error: Exception) -> str:
-    """What keeps a sound journal from being used; empty if the error speaks of damage."""
-    if not isinstance(error, sqlite3.Error):
-        return ""
-    text = str(error)
-    if "locked" in text:
-        return f"another run is writing to the same output ({path} is locked). Wait for it or choose another output"
-    # SQLite also calls a file with a damaged header read-only
-    if "readonly" in text and os.access(path, os.W_OK):
-        return ""
-    if isinstance(error, sqlite3.OperationalError) and re.search("unable to open|readonly|full|I/O", text):
-        return f"cannot use the journal {path}: {text}. Make room there or choose another output"
-    return ""
-
-
-def _look_into(connection: sqlite3.Connection, header: dict[str, str]) -> str:
-    """Make the tables of an empty journal; say why a filled one does not belong to this run."""
-    tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-    if not tables:
-        with connection:
-            connection.execute("BEGIN IMMEDIATE")
-            for statement in _TABLES:
-                connection.execute(statement)
-            connection.executemany("INSERT INTO header VALUES (?, ?)", header.items())
-        return ""
-    if tables != {"header", "record"}:
-        return "is not a journal of tcstudy"
-    verdict = connection.execute("PRAGMA quick_check").fetchone()[0]
-    if verdict != "ok":
-        raise _Damaged(verdict)
-    found = dict(connection.execute("SELECT key, value FROM header").fetchall())
-    if found.get("study_sha256") != header["study_sha256"]:
-        return "is of another study or other overrides"
-    if found != header:
-        return "was made by other versions of the program"
-    for row in connection.execute(f"{SELECT} ORDER BY rowid"):
-        if checksum(row) != row[-1]:
-            raise _Damaged(f"wrong checksum of {row[0]} {row[2]} on level {row[3]}")
-    # a write, because SQLite opens a file that it must not write without a word, locking or not
-    connection.execute("PRAGMA user_version = 1")
-    return ""
-
-
-def set_aside(path: Path, connection: sqlite3.Connection | None) -> Path:
-    """Rename a journal to the first free name .partial.old, .partial.old2, …"""
+def free_name(path: Path) -> Path:
+    """The first of .partial.old, .partial.old2, … that is free."""
     number = 1
     while (kept := path.with_name(f"{path.name}.old{number if number > 1 else ''}")).exists():
         number += 1
-    if connection is not None and os.name == "nt":  # an open file cannot be renamed there
-        connection.close()
-    # renamed before the lock goes, so that no other run can resume it in between
-    try:
-        os.rename(path, kept)
-    except OSError as error:
-        raise StoreError(f"cannot set {path} aside: {error.strerror}. Remove it or choose another output") from error
-    finally:
-        if connection is not None:
-            connection.close()
-    with suppress(FileNotFoundError):
-        os.rename(rollback_file(path), rollback_file(kept))
     return kept
-
-
-def rollback_file(path: Path) -> Path:
-    """SQLite's own journal: it belongs to its database and must go wherever that goes."""
-    return path.with_name(path.name + "-journal")

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from tcstudy.data.files import StoreError
 from tcstudy.data.provenance import OTHER_OUTPUT, holds
 from tcstudy.data.reading import load_root
-from tcstudy.data.records import LevelRecord, Row, decode, row_of
+from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import (
     CERTIFIED,
     CONTACT,
@@ -464,20 +464,18 @@ def at_step(array: NDArray[Any], point: Any, step: Any) -> Any:
     return point if array.ndim == 1 else (point, step)
 
 
-def journal_row(values: Steps, point: int, step: int) -> Row:
-    """A step of a point for the journal."""
-    own = {name: np.asarray(every[at_step(every, point, step)]) for name, every in values.items()}
-    return row_of("step", 0, point, step, {"reason": str(own.pop("reason"))}, own)
+def step_block(values: Steps, point: int, step: int) -> BlockRecord:
+    """A step of a point for the journal, as a block of one point on the level of this number."""
+    own = {name: np.array([every[at_step(every, point, step)]]) for name, every in values.items()}
+    status, reason = own.pop("status"), str(own.pop("reason")[0])
+    return BlockRecord(step, values["reason"].shape, np.array([point]), status, {0: reason}, own)
 
 
-def take_row(values: Steps, row: Row) -> None:
-    """Put a step from the journal where it belongs. Raises ValueError if it belongs nowhere."""
-    (scalars, arrays), point, step = decode(row), row[2], row[3]
-    points, steps = values["status"].shape
-    if not (0 <= point < points and 0 <= step < steps):
-        raise ValueError(f"step {step} of point {point} is outside the history")
-    for name, value in {**arrays, **scalars}.items():
-        values[name][at_step(values[name], point, step)] = value
+def take_step(values: Steps, block: BlockRecord) -> None:
+    """Put a step from the journal where it belongs."""
+    own: Mapping[str, Any] = {**block.numbers, "status": block.status, "reason": [*block.reasons.values()]}
+    for name, (value,) in own.items():
+        values[name][at_step(values[name], int(block.points[0]), block.level)] = value
 
 
 def load_variables(study: Study) -> list[tuple[FileVariable, NDArray[Any]]]:

@@ -38,10 +38,10 @@ from tcstudy.data.tables import (
     at_step,
     empty_steps,
     history_record,
-    journal_row,
     read_known,
+    step_block,
     steps_done,
-    take_row,
+    take_step,
 )
 from tcstudy.errors import HistoryError, StoreError, StudyError, UserFault
 from tcstudy.executors.processes import in_order
@@ -118,15 +118,15 @@ def execute_history(
         line, values = level_record(study, level.mesh, level), known or empty_steps(study, level.line.m, points)
         with Journal.open(output, study) as journal:
             tell(journal.warnings)
-            for row in journal.steps():
-                take_row(values, row)
+            for block in journal.blocks():
+                take_step(values, block)
             _again(values)
             kept = steps_done(values)
             found = int(kept.sum())
             try:
                 for point, step in _steps(study, level, values, staff, built):
                     for n in range(int(kept[point]), step + 1):
-                        journal.add(journal_row(values, point, n))
+                        journal.add(step_block(values, point, n))
                     kept[point] = step + 1
                     if watcher is not None:
                         watcher(point, points, step, plan.steps)

@@ -1,11 +1,9 @@
 """The journal: what was committed survives whatever happens; what is damaged or another's is set aside."""
 
-import contextlib
 import os
 import random
 import re
 import signal
-import sqlite3
 import subprocess
 import sys
 import time
@@ -67,7 +65,7 @@ def test_records_come_back_exactly_the_last_of_a_place(output: Path, study: Stud
     ]
     fill(output, study, failed(5, 1, "crashed"), *blocks)
     with Journal.open(output, study) as journal:
-        assert journal.warnings == ()
+        assert journal.warnings == []
         levels = [make_level(n, fields=True) for n in range(2)]
         for record, again in zip((*levels, *blocks), (*journal.levels(), *journal.blocks()), strict=True):
             assert_same(record, again)
@@ -82,35 +80,28 @@ from tests.data.conftest import make_level, make_study
 from tests.data.test_journal import long
 journal, mode = Journal.open(Path(sys.argv[1]), make_study()), sys.argv[2]
 journal.add(make_level(0))
-if mode in ("flush", "wait"):
+if mode in ("add", "wait"):
     for place in range(12):
         journal.add(long(place))
-        if mode == "flush":
-            journal.flush()
+        if mode == "add":
             print(place, flush=True)
-    deadline = time.monotonic() + 20
-    while mode == "wait" and journal._pending and time.monotonic() < deadline:
-        time.sleep(0.01)  # nobody flushes: the journal does so by itself
-    print("pending" if journal._pending else "committed", flush=True)
+    print("added", flush=True)
     while True:  # until it is killed
-        if mode == "flush":
+        if mode == "add":
             journal.add(long(0, 1))
-            journal.flush()
         else:
             time.sleep(0.1)
 journal.add(long(0, m=1))
-journal.flush()
 soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
 resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, hard))
-journal.add(long(1, m=10_000))
 for _ in range(2):
     try:
-        journal.flush()
+        journal.add(long(1, m=10_000))
     except StoreError as error:
         print(error)
 if mode == "mended":
     resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    journal.close()
+    journal.add(long(1, m=10_000))
 """
 
 
@@ -133,17 +124,17 @@ def start(output: Path) -> Iterator[Callable[[str], subprocess.Popen[str]]]:
 
 @posix
 @pytest.mark.parametrize("seen", [1, 12])
-def test_committed_points_survive_kill_9_in_the_middle_of_adding(
+def test_points_survive_kill_9_in_the_middle_of_adding(
     output: Path, study: Study, start: Callable[[str], subprocess.Popen[str]], seen: int
 ) -> None:
-    process = start("flush")
+    process = start("add")
     assert process.stdout is not None
     assert all(process.stdout.readline() for _ in range(seen))
-    time.sleep(random.random() * 0.02)  # somewhere inside a commit
+    time.sleep(random.random() * 0.02)  # somewhere within a record
     process.send_signal(signal.SIGKILL)
     process.wait()
     with Journal.open(output, study) as journal:
-        assert journal.warnings == ()
+        assert journal.warnings == []
         on_level_0 = [block for block in journal.blocks() if block.level == 0]
         assert len(on_level_0) >= seen
         for place, block in enumerate(on_level_0):
@@ -153,12 +144,12 @@ def test_committed_points_survive_kill_9_in_the_middle_of_adding(
 
 
 @posix
-def test_a_second_run_is_refused_until_the_first_dies_whose_points_are_on_the_disk_although_nobody_flushed(
+def test_a_second_run_is_refused_until_the_first_dies_whose_points_stay(
     output: Path, study: Study, start: Callable[[str], subprocess.Popen[str]], tmp_path: Path
 ) -> None:
     process = start("wait")
     assert process.stdout is not None
-    assert process.stdout.readline() == "committed\n"
+    assert process.stdout.readline() == "added\n"
     alias = tmp_path / "alias"
     alias.symlink_to(output.parent)
     for name, candidate in ((output, study), (output, replace(study, text="other")), (alias / output.name, study)):
@@ -173,13 +164,13 @@ def test_a_second_run_is_refused_until_the_first_dies_whose_points_are_on_the_di
 
 @posix
 @pytest.mark.parametrize(("end", "kept"), [("mended", 2), ("dead", 1)])
-def test_a_full_disk_is_reported_and_costs_no_committed_point(
+def test_a_full_disk_is_reported_and_costs_no_point_before_it(
     output: Path, study: Study, start: Callable[[str], subprocess.Popen[str]], end: str, kept: int
 ) -> None:
     said, _ = start(end).communicate(timeout=60)
     assert len(re.findall("cannot keep finished points.*Free some space", said)) == 2
     with Journal.open(output, study) as journal:
-        assert (len([*journal.blocks()]), journal.warnings) == (kept, ())
+        assert (len([*journal.blocks()]), journal.warnings) == (kept, [])
 
 
 def test_a_place_that_cannot_be_written_is_one_clear_error(tmp_path: Path, study: Study) -> None:
@@ -192,7 +183,7 @@ def test_a_place_that_cannot_be_written_is_one_clear_error(tmp_path: Path, study
 
 @pytest.mark.parametrize(
     ("change", "why"),
-    [({"text": ""}, "another study"), ({"overrides": ("mesh.levels=3",)}, "another study"), ({}, "other versions")],
+    [({"text": ""}, "another study"), ({"overrides": ("mesh.levels=3",)}, "other overrides"), ({}, "another version")],
 )
 def test_a_journal_of_another_study_or_program_is_set_aside_never_deleted(
     output: Path, study: Study, change: dict[str, Any], why: str, monkeypatch: pytest.MonkeyPatch
@@ -206,23 +197,23 @@ def test_a_journal_of_another_study_or_program_is_set_aside_never_deleted(
             assert not [*journal.blocks()]
             assert [why in one and ".partial.old" in one for one in journal.warnings] == [True]
     for place, name in enumerate(("study.nc.partial.old", "study.nc.partial.old2")):
-        with contextlib.closing(sqlite3.connect(output.parent / name)) as kept:
-            assert kept.execute("SELECT place FROM record WHERE kind = 'block'").fetchall() == [(place,)]
+        assert f'["block", 0, {place}, 0]'.encode() in (output.parent / name).read_bytes()
 
 
-@pytest.mark.parametrize("size", [0, 1, 100, 4096, 9000, -5000])
-def test_a_torn_journal_is_set_aside_and_an_empty_one_used(output: Path, study: Study, size: int) -> None:
+@pytest.mark.parametrize(("size", "kept"), [(0, 0), (1, 0), (100, 0), (2000, 0), (-5000, 1), (-1, 1)])
+def test_of_a_torn_journal_the_whole_records_stay(output: Path, study: Study, size: int, kept: int) -> None:
+    """Without a word, as a run that is killed leaves one; what is no journal is set aside."""
     fill(output, study, long(0, m=1000), long(1, m=1000))
     torn = partial(output).read_bytes()[:size]
     partial(output).write_bytes(torn)
     with Journal.open(output, study) as journal:
-        assert not [*journal.blocks()]
-        assert bool(journal.warnings) == (size != 0)
-        journal.add(make_block(0, 0))
-    if size:
+        assert len([*journal.blocks()]) == kept
+        assert bool(journal.warnings) == (size in (1, 100))
+        journal.add(make_block(0, 2))
+    if size in (1, 100):
         assert partial(output).with_name("study.nc.partial.old").read_bytes() == torn
     with Journal.open(output, study) as journal:
-        assert (len([*journal.blocks()]), journal.warnings) == (1, ())
+        assert (len([*journal.blocks()]), journal.warnings) == (kept + 1, [])
 
 
 def test_no_flipped_byte_is_taken_for_a_result(output: Path, study: Study) -> None:
@@ -236,24 +227,17 @@ def test_no_flipped_byte_is_taken_for_a_result(output: Path, study: Study) -> No
         damaged[place] ^= 1 + generator.randrange(255)
         partial(output).write_bytes(damaged)
         with Journal.open(output, study) as journal:
-            if journal.warnings:
-                noticed += 1
-                assert not [*journal.blocks()]
-            else:
-                for block, again in zip(blocks, journal.blocks(), strict=True):
-                    assert_same(block, again)
-    assert noticed > 30
+            found = [*journal.blocks()]
+            noticed += bool(journal.warnings)
+            assert len(found) == len(blocks) or journal.warnings
+            for block, again in zip(blocks, found, strict=False):
+                assert_same(block, again)
+    assert noticed > 120
 
 
 def test_any_other_file_at_its_place_is_set_aside(output: Path, study: Study) -> None:
     Journal.open(output, study).close()
-    future = bytearray(partial(output).read_bytes())
-    future[18] = 3  # a write version of the future: SQLite opens such a file for reading only
-    for content in (bytes(future), b"my notes, far from a database\n" * 100):
+    for content in (b"SQLite format 3\0" * 1000, b"my notes, far from a journal\n" * 100):
         partial(output).write_bytes(content)
         with Journal.open(output, study) as journal:
-            assert "damaged" in journal.warnings[0]
-    with contextlib.closing(sqlite3.connect(partial(output))) as foreign:
-        foreign.executescript("DROP TABLE record; CREATE TABLE cats (name TEXT);")
-    with Journal.open(output, study) as journal:
-        assert "not a journal" in journal.warnings[0]
+            assert ".partial.old" in journal.warnings[0]
