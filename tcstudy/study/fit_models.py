@@ -232,7 +232,7 @@ class FitModel:
         else:
             try:
                 curve = SmoothPath(path, law)
-                points = [curve.least(*side, _distance(datum, sigma)) for side, datum in zip(sides, data, strict=True)]
+                points = [curve.least(*side, _pull(datum, sigma)) for side, datum in zip(sides, data, strict=True)]
             except ValueError as error:
                 raise FitError(str(error)) from error
             moved = np.stack([moving.rates(p.codes, p.v, p.t, (p.row, p.time, p.kink)) for p in points])
@@ -340,14 +340,9 @@ class MovingPath:
         return np.stack([step[-1], dR])
 
 
-def _distance(datum: Array, sigma: Array) -> Goal:
-    """½ of the squared distance of a point from a datum, in units of sigma."""
-
-    def goal(x: Array) -> tuple[float, Array, Array]:
-        apart = (x - datum) / sigma
-        return 0.5 * float(apart @ apart), apart / sigma, np.diag(sigma**-2.0)
-
-    return goal
+def _pull(datum: Array, sigma: Array) -> Goal:
+    """Gradient of half the squared distance from a datum, in units of sigma."""
+    return lambda x: (x - datum) / sigma**2
 
 
 def _on_curve(foot: Feet, points: Sequence[CurvePoint], data: Array, sigma: Array) -> Feet:

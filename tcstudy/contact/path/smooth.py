@@ -5,9 +5,9 @@ curve (v, t)(s), s = row·v + time·t; a side of the polygon beside it says whic
 
     [H −l̃₁; row time] [dv; dt] = [l̃ − Ãv − c b(v); s − row·v − time·t],   H = A_FF + diag(c b′),
 
-Newton's method, regular at a simple fold of t too. The same matrix gives both derivatives by s, and with them the point
-of the curve where a number of t and R = Σξ is least: Newton's method again, one step after the other shortened until
-it gains. Where it leaves the smooth piece, the corner decides: it is the point, or the next piece goes down from it.
+Newton's method, regular at a simple fold of t too. The same matrix gives the derivative by s, and with it the slope of
+a number of t and R = Σξ: side after side down it, to the zero between two vertices or to a corner from which both ways
+go up.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from tcstudy.contact.newton import with_diagonal
 from tcstudy.contact.path.problem import ParametricProblem, Path
@@ -28,15 +29,13 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Coordinate = tuple[Array, float]
 """(row, time) of s = row·v + time·t."""
-Goal = Callable[[Array], tuple[float, Array, Array]]
-"""From (t, R) to a number, its gradient (2,) and its second derivatives (2, 2)."""
+Goal = Callable[[Array], Array]
+"""From (t, R) to the gradient (2,) of a number."""
 
 EPS = float(np.finfo(float).eps)
-NEWTON, HALVINGS, CORNERS = 40, 40, 12
-BEYOND = 1e-12
-"""Part of the largest slip, or of the scale of b, by which rounding may take a node off its piece."""
-ARRIVED = 1e-5
-"""Steps below this part of the largest slip need not gain, which rounding hides, and end when they get no shorter."""
+NEWTON, SIDES = 40, 200
+PLACE = 1e-12
+"""How exactly a place on the curve is sought where a goal is least: it moves by the square of that."""
 NEAR = 0.1
 """The law folds beside straight pieces if it does within this part of the slips over which b changes."""
 BESIDE = "the curve was not found beside the path of straight pieces; begin elsewhere, or use compare: vertical"
@@ -48,9 +47,8 @@ class CurvePoint:
 
     codes:     (m,) 2k where a node slides on the piece of address k, 2k + 1 on the jump at its right end
     v, t:      (m,) slips, and the parameter;  x: (2,) t and R
-    row, time: the coordinate s = row·v + time·t;  first, second: (2,) derivatives of x by s
-    side:      of the polygon beside it
-    node, kink: at a corner the node that passes a kink there, and the kink; −1 elsewhere
+    row, time: the coordinate s = row·v + time·t;  first: (2,) derivative of x by s
+    side:      of the polygon beside it;  kink: at a corner the one that a node passes there, −1 elsewhere
     """
 
     codes: Index
@@ -60,19 +58,12 @@ class CurvePoint:
     row: Array
     time: float
     first: Array
-    second: Array
     side: int = -1
-    node: int = -1
     kink: int = -1
 
     @property
     def s(self) -> float:
         return float(self.row @ self.v + self.time * self.t)
-
-    @property
-    def size(self) -> float:
-        """Of the coordinate."""
-        return float(np.max(np.abs(self.v)) or 1.0) if self.time == 0.0 else abs(self.t) or 1.0
 
 
 @np.errstate(over="ignore", invalid="ignore")  # far off an exponential passes all numbers; such a step ends it
@@ -105,13 +96,9 @@ def on_curve(
         before = size
     else:
         return None
-    one = scipy.linalg.lapack.dgetrs(lu, pivots, np.append(np.zeros(n), unit))[0]
-    bend = -c * own.bend(v[free], piece) * one[:-1] ** 2
-    two = scipy.linalg.lapack.dgetrs(lu, pivots, np.append(bend, 0.0))[0]
-    weight, growth = p.A_tilde[free].sum(axis=1), float(p.l_1.sum())
-    x = np.array([t, (p.load(t) - p.A_tilde @ v).sum()])
-    first, second = (np.array([d[-1], d[-1] * growth - weight @ d[:-1]]) for d in (one, two))
-    return CurvePoint(codes, v, t, x, row, time, first, second)
+    d = scipy.linalg.lapack.dgetrs(lu, pivots, np.append(np.zeros(n), unit))[0]
+    R, dR = (p.load(t) - p.A_tilde @ v).sum(), p.l_1.sum() * d[-1] - p.A_tilde[free].sum(axis=1) @ d[:-1]
+    return CurvePoint(codes, v, t, np.array([t, R]), row, time, np.array([d[-1], dR]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,12 +116,6 @@ class SmoothPath:
             self.path.slipping, 2 * self.law.piece(0.5 * (u[1:] + u[:-1])), 2 * self.law.nearest_kink(u[1:]) + 1
         )
 
-    @cached_property
-    def corners(self) -> Index:
-        """Vertices at which a node changes its piece of the law itself, the ends of the path among them."""
-        changes = np.flatnonzero(np.any(self.codes[1:] != self.codes[:-1], axis=1)) + 1
-        return np.concatenate([[0], changes, [self.path.pieces]])
-
     def at(self, side: int, coordinate: Coordinate, s: float, v: Array, t: float) -> CurvePoint | None:
         """The point of a coordinate s beside a side; None if Newton's method from (v, t) ends nowhere."""
         found = on_curve(self.path.problem, self.law, self.codes[side], coordinate, s, v, t)
@@ -142,87 +123,63 @@ class SmoothPath:
 
     def least(self, side: int, share: float, goal: Goal) -> CurvePoint:
         """Where the goal is least near a place of the polygon. Raises ValueError if the curve is not found there."""
+
+        def slope(point: CurvePoint) -> float:
+            return float(goal(point.x) @ point.first)
+
         v, t = (x[side] + share * (x[side + 1] - x[side]) for x in (self.path.u, self.path.t))
-        point, seen = self._beside(side, v, float(t)), set[int]()
-        for _ in range(CORNERS):
-            point, vertex = self._down(point, goal)
-            if vertex is None:
-                return point
-            corner, ways = self._corner(vertex)
-            both = zip(ways, (-1.0, 1.0), strict=True)
-            down = [way for way, out in both if way and out * float(goal(way.x)[1] @ way.first) < 0.0]
-            if not down or vertex in seen:
+        point = self._beside(side, v, float(t))
+        for _ in range(SIDES):
+            sense = -int(np.sign(slope(point)))
+            corner = self._vertex(point.side + (sense > 0), point.side)
+            end, after = self._beside(point.side, corner.v, corner.t), point.side + sense
+            if sense * (end.s - point.s) < 0.0:  # the curve has its corner before the polygon has it
+                point = end
+                continue
+            if sense * slope(end) >= 0.0:
+                return self._zero(slope, point, end)
+            if not 0 <= after < self.path.pieces:
                 return corner
-            seen.add(vertex)
-            point = down[0]
+            point = self._beside(after, corner.v, corner.t)
+            if sense * slope(point) >= 0.0:
+                return corner
         return point
 
     def _beside(self, side: int, v: Array, t: float) -> CurvePoint:
         row, time = self.path.along(side)
-        found = self.at(side, (row, time), float(row @ v + time * t), v, t)
-        if found is None:
+        return self._found(self.at(side, (row, time), float(row @ v + time * t), v, t))
+
+    def _found(self, point: CurvePoint | None) -> CurvePoint:
+        if point is None:
             raise ValueError(BESIDE)
-        return found
+        return point
 
-    def _down(self, point: CurvePoint, goal: Goal) -> tuple[CurvePoint, int | None]:
-        """(the least point of the smooth piece, None), or (a point, the corner beyond which the goal is less)."""
-        last = np.inf
-        for _ in range(NEWTON):
-            value, gradient, bend = goal(point.x)
-            slope, straight = float(gradient @ point.first), float(point.first @ bend @ point.first)
-            curvature = straight + float(gradient @ point.second)
-            if curvature <= 0.0:
-                curvature = straight or abs(slope) / (1e-2 * point.size)
-            step = -slope / curvature
-            if abs(step) <= ARRIVED * point.size and abs(step) >= 0.5 * last:
-                return point, None
-            last = abs(step)
-            for _ in range(HALVINGS):
-                new = self.at(point.side, (point.row, point.time), point.s + step, point.v, point.t)
-                if new is not None and (abs(step) <= ARRIVED * point.size or goal(new.x)[0] <= value):
-                    break
-                step *= 0.5
-            else:
-                return point, None
-            if self._left(new):
-                after = int(np.searchsorted(self.corners, point.side, side="right"))
-                return point, int(self.corners[after if step > 0.0 else after - 1])
-            point = new
-            if abs(step) <= EPS * point.size:
-                break
-        return point, None
-
-    def _left(self, point: CurvePoint) -> bool:
-        """Whether a node is not on its piece, or the point before the path's beginning or beyond its end."""
-        p, law, v, codes, path = self.path.problem, self.law, point.v, point.codes, self.path
-        free, slack = codes % 2 == 0, BEYOND * float(np.max(np.abs(v), initial=0.0))
-        (low, high), limits = law.ends(codes // 2), law.limits(codes // 2)
-        off = free & ((v < low - slack) | (v > high + slack))
-        xi, slack = (p.load(point.t) - p.A_tilde @ v) / p.c, BEYOND * law.b_scale
-        off |= ~free & ((xi < np.minimum(*limits) - slack) | (xi > np.maximum(*limits) + slack))
-        row, time = path.along(point.side)
-        first, last = (row @ (v - path.u[k]) + time * (point.t - path.t[k]) for k in (0, -1))
-        before, beyond = point.side == 0 and first < 0.0, point.side == path.pieces - 1 and last > 0.0
-        return bool(np.any(off) or before or beyond)
-
-    def _corner(self, vertex: int) -> tuple[CurvePoint, list[CurvePoint | None]]:
-        """The corner beside a vertex, and the same as the end of one smooth piece and the beginning of the next."""
+    def _vertex(self, vertex: int, side: int) -> CurvePoint:
+        """The point of the curve beside a vertex at an end of a side."""
         path, law, m = self.path, self.law, self.path.problem.m
-        u, t, sides = path.u[vertex], float(path.t[vertex]), range(max(vertex - 1, 0), min(vertex + 1, path.pieces))
-        if len(sides) == 1:  # of the path: there t is held
-            end = self.at(sides[0], (np.zeros(m), 1.0), t, u, t)
-            if end is None:
-                raise ValueError(BESIDE)
-            inner = self._beside(sides[0], end.v, end.t)
-            return end, [None, inner] if vertex == 0 else [inner, None]
-        changed, kinks = self.codes[vertex - 1] != self.codes[vertex], np.asarray(law.nearest_kink(u))
-        for side in sides:
-            for node in np.flatnonzero(changed & (self.codes[side] % 2 == 0)):
-                found = self.at(side, (np.eye(m)[node], 0.0), float(law.kink(kinks)[node]), u, t)
+        u, t, kinks = path.u[vertex], float(path.t[vertex]), law.nearest_kink(path.u[vertex])
+        if vertex in (0, path.pieces):  # there t is held
+            return self._found(self.at(side, (np.zeros(m), 1.0), t, u, t))
+        changed = self.codes[vertex - 1] != self.codes[vertex]
+        for own in (vertex - 1, vertex):
+            for node in np.flatnonzero(changed & (self.codes[own] % 2 == 0)):
+                found = self.at(own, (np.eye(m)[node], 0.0), float(law.kink(kinks)[node]), u, t)
                 if found is not None:
-                    corner = replace(found, node=int(node), kink=int(kinks[node]))
-                    return corner, [self._beside(one, corner.v, corner.t) for one in sides]
-        raise ValueError(BESIDE)
+                    return replace(found, kink=int(kinks[node]))
+        return self._found(None if np.any(changed) else self._beside(side, u, t))
+
+    def _zero(self, slope: Callable[[CurvePoint], float], one: CurvePoint, other: CurvePoint) -> CurvePoint:
+        """Where a slope changes its sign between two points of a side."""
+        known = {point.s: point for point in (one, other)}
+
+        def at(s: float) -> CurvePoint:
+            if s not in known:
+                share = (s - one.s) / (other.s - one.s)
+                v, t = one.v + share * (other.v - one.v), one.t + share * (other.t - one.t)
+                known[s] = self._found(self.at(one.side, (one.row, one.time), s, v, t))
+            return known[s]
+
+        return at(brentq(lambda s: slope(at(s)), one.s, other.s, xtol=np.finfo(float).tiny, rtol=PLACE))
 
 
 def fold_beside(path: Path, law: Laws, slip: float) -> tuple[float, Array] | None:
@@ -233,10 +190,10 @@ def fold_beside(path: Path, law: Laws, slip: float) -> tuple[float, Array] | Non
     stable side. What is found is a fold only if it is a solution, all nodes considered.
     slip: over which b changes [m]
     """
-    p, curve, last, bend = path.problem, SmoothPath(path, law), path.pieces - 1, np.zeros((2, 2))
+    p, curve, last = path.problem, SmoothPath(path, law), path.pieces - 1
     before = max(last - 1, 0)
     try:
-        point = curve.least(before, float(last > 0), lambda x: (-float(x[0]), np.array([-1.0, 0.0]), bend))
+        point = curve.least(before, float(last > 0), lambda x: np.array([-1.0, 0.0]))
     except ValueError:
         return None
     if point.t > 1.0:  # the step ends before
