@@ -22,7 +22,7 @@ Row step:  y_i = Ã_ii v + c_i ζ along the polygon of node i lies in l̃_i − 
 Strip step: the part of a polygon in the box lies about its chord, (v, ζ) ∈ p + Dτ + W [middle ± radius], so that
            (ÃD_v + CD_ζ) τ = l̃ + s l̃₁ − … − Kδ, |δ| ≤ radius: one inverse bounds v and ζ. Falling sides are part of
            the matrix; only bends count
-Cell:      what is left when every node is on one side of its polygon
+Cell:      what is left when every node is on one side of its polygon: one segment of solutions, a point for one load
 Rounding:  every bound is widened by what rounding may do to it, places by `SLACK`; an inverse Y of M is used only where
            ‖I − YM‖_∞ is proved small, and what it leaves out is added (S. M. Rump, Acta Numerica 19 (2010) 287–449)
 """
@@ -120,19 +120,19 @@ def of_rows(
         laws = laws.mapped(lambda law: piecewise_linear(law, law_error, far))
     problems = PolygonProblems(A_tilde, c, laws, loads, lambda_1)
     cells = problems.search(limits)
-    v, inside, outside = problems.solutions(cells.problem, cells.sides)
+    at = problems.segments(cells.problem, cells.sides, loads[cells.problem], problems.change)
     body, found = CondensedBody.known(A_tilde, c, lambda_1=lambda_1), []
     for i in range(len(loads)):
         own = cells.problem == i
-        sure, undecided = own & inside, cells.sides[own & ~inside & ~outside]
+        sure, undecided = own & at.one, cells.sides[own & ~at.one & ~at.none]
         row = np.full(np.count_nonzero(sure), i)
         solved = ContactProblem.on(body, loads[row], laws.at(index[row]))
-        energy, stable = solved.energy(v[sure]), strict_minimum(solved, v[sure])
+        v = at.u[sure, 0]
+        energy, stable = solved.energy(v), strict_minimum(solved, v)
         reason = _reason(int(cells.boxes[i]), bool(cells.stopped[i]), len(undecided), len(row), limits)
         k = np.argsort(energy, kind="stable")
-        own_v, sides = v[sure][k], cells.sides[sure][k]
-        told = (not reason, reason, undecided, int(cells.boxes[i]), float(errors[i]))
-        found.append(Equilibria(own_v, solved.xi(own_v), energy[k], stable[k], sides, *told))
+        v, told = v[k], (not reason, reason, undecided, int(cells.boxes[i]), float(errors[i]))
+        found.append(Equilibria(v, solved.xi(v), energy[k], stable[k], cells.sides[sure][k], *told))
     return found
 
 
@@ -223,6 +223,21 @@ class Cells(NamedTuple):
     sides: Index
     boxes: Index
     stopped: Flags
+
+
+class Segments(NamedTuple):
+    """The solutions of n cells.
+
+    one, none: (n,) proved to have one segment, or no solution; else a corner is within rounding, or rank is lost
+    u:     (n, 2, m) displacements at both ends [m];  s: (n, 2) share of the interval there; without `one` these and
+    open_end: (n, 2), whether s reaches an end of the interval there, which it then is to the bit, mean nothing
+    """
+
+    one: Flags
+    none: Flags
+    u: Array
+    s: Array
+    open_end: Flags
 
 
 def inverse_of(M: Array, size: Callable[[Array], Array], scale: Array) -> tuple[Array, Array]:
@@ -474,19 +489,69 @@ class PolygonProblems:
         cells = np.unique(np.concatenate(found), axis=0)
         return Cells(cells[:, 0], cells[:, 1:], boxes, stopped)
 
-    def solutions(self, problem: Index, sides: Index) -> tuple[Array, Flags, Flags]:
-        """(v (n, m), whether it is proved inside its cell, whether the cell is proved to have none) of cells (n, m)."""
-        parts = [(np.empty((0, self.m)), np.empty(0, dtype=bool), np.empty(0, dtype=bool))]
-        step = max(1, _MEMORY // (2 * self.m**2))
-        for first in range(0, len(problem), step):
-            own, low = problem[first : first + step], sides[first : first + step].astype(float)
-            strip = self.strips(Boxes(own, low, low + 1.0))
-            good, tau, error, *_ = self.lines(own, strip)
-            outside = good & ((tau < -error) | (tau > 1.0 + error)).any(-1)
-            inside = good & ((tau > error) & (tau < 1.0 - error)).all(-1)
-            parts.append((strip.p[..., 0] + tau * strip.D[..., 0], inside, outside))
-        v, inside, outside = (np.concatenate(x) for x in zip(*parts, strict=True))
-        return v, inside, outside
+    def segments(self, problem: Index, sides: Index, load: Array, per_s: Array) -> Segments:
+        """The exact segment of every cell, of which the nodes are on these sides (n, m), for loads (n or 1, m) from
+        s = 0 to 1.
+
+        Places τ_i on the sides and s, in units of the columns, are x with m equations N x = r: one line x = α + γ σ, σ
+        along the direction of the line, about, which the last row of B = [N; γᵀ] adds; it is cut by the ends 0 and 1.
+        Where the load stands still it is the solution of the cell, from s = 0 to 1. Proof: with Y the inverse of B,
+        ‖I − YB‖ < 0.01 bounds the error of every coordinate; `one` and `none` hold whatever rounding does within that.
+        Sources: Cottle, Pang & Stone, The Linear Complementarity Problem (1992), §2.3 (principal pivots); Rump, Acta
+        Numer. 19 (2010) 287–449, §10 (verified linear systems).
+        """
+        step = max(1, _MEMORY // (8 * self.m**2))
+        cuts = (slice(first, first + step) for first in range(0, max(len(sides), 1), step))
+        parts = [self._segments(problem[i], sides[i], load[i] if len(load) > 1 else load, per_s) for i in cuts]
+        return Segments(*map(np.concatenate, zip(*parts, strict=True)))
+
+    def _segments(self, problem: Index, sides: Index, load: Array, per_s: Array) -> Segments:
+        (n, m), c, rows = sides.shape, self.c, np.arange(len(sides))
+        p = self.at(problem, sides.astype(float))
+        D = self.at(problem, sides.astype(float) + 1.0) - p
+        M, size, scale = self.matrix(D)
+        l_1, largest = np.abs(per_s), np.abs(p) + np.abs(D)
+        widest = np.full((n, 1), l_1.max()) if np.any(l_1) else scale.max(axis=-1, keepdims=True)
+        scale = np.concatenate([scale, widest], axis=-1)
+        N = np.concatenate([M, np.broadcast_to(-per_s[:, None], (n, m, 1))], axis=-1)
+        unit = np.abs(N / scale[:, None]).max(axis=-1)
+        unit[unit == 0.0] = 1.0
+        N /= unit[..., None]
+        line = np.linalg.qr((N / scale[:, None]).swapaxes(1, 2), mode="complete")[0][..., m] * scale
+
+        def products(w: Array) -> Array:
+            return np.column_stack([(size(w[:, :m]) + l_1 * w[:, m:]) / unit, np.sum(np.abs(line * w), axis=-1)])
+
+        Y, share = inverse_of(np.concatenate([N, line[:, None]], axis=1), products, scale)
+        r = (load - p[..., 0] @ self.A - c * p[..., 1]) / unit
+        off = 4.0 * (m + 8) * EPS * (np.abs(load) + largest[..., 0] @ self.size_of_A + c * largest[..., 1]) / unit
+        alpha, gamma = (Y[..., :m] @ r[..., None])[..., 0], Y[..., m]
+        noise, far = (np.abs(Y[..., :m]) @ off[..., None])[..., 0], np.sqrt(m + 1.0) * scale.max(axis=-1, keepdims=True)
+        terms = np.abs(alpha) + noise + far * np.abs(gamma)
+        proved = np.isfinite(share)
+        noise += np.where(proved, share, 0.0)[:, None] * terms.max(axis=-1, keepdims=True)
+        flat, rising = far * np.abs(gamma) <= noise, gamma > 0.0
+        alpha, gamma, noise = alpha / scale, gamma / scale, noise / scale
+        with np.errstate(divide="ignore", invalid="ignore"):
+            to_0, to_1, error = -alpha / gamma, (1.0 - alpha) / gamma, np.where(flat, 0.0, noise / np.abs(gamma))
+        enter = np.where(flat, -np.inf, np.where(rising, to_0, to_1))
+        leave = np.where(flat, np.inf, np.where(rising, to_1, to_0))
+        out = (flat & ((alpha < -2.0 * noise) | (alpha > 1.0 + 2.0 * noise))).any(axis=-1)
+        doubt = (flat & ~((alpha > 2.0 * noise) & (alpha < 1.0 - 2.0 * noise))).any(axis=-1)
+        out |= (enter - error).max(axis=-1) > (leave + error).min(axis=-1)
+        sure = (enter + error).max(axis=-1) < (leave - error).min(axis=-1)
+        node = np.stack([np.argmax(enter, axis=-1), np.argmin(leave, axis=-1)], axis=1)
+        ends = np.stack([enter[rows, node[:, 0]], leave[rows, node[:, 1]]], axis=1)
+        later, sooner = enter + error, leave - error  # which facet comes first has to be sure as well
+        later[rows, node[:, 0]], sooner[rows, node[:, 1]] = -np.inf, np.inf
+        sure &= later.max(axis=-1) < ends[:, 0] - error[rows, node[:, 0]]
+        sure &= sooner.min(axis=-1) > ends[:, 1] + error[rows, node[:, 1]]
+        none, one = out & proved, sure & ~doubt & ~out & proved
+        x = alpha[:, None] + gamma[:, None] * np.where(np.isfinite(ends), ends, 0.0)[..., None]
+        facets = np.stack([~rising, rising], axis=1).astype(float)
+        x = np.where(np.arange(m + 1) == node[..., None], facets, x)
+        u = p[:, None, :, 0] + x[..., :m] * D[:, None, :, 0]
+        return Segments(one, none, u, x[..., m], node == m)
 
 
 def polygons(laws: Laws, index: Index, reach: Array) -> tuple[Array, Index]:

@@ -315,11 +315,19 @@ def certify(
     error = problem.lambda_1_error if lambda_1 is None else problem.A_error
     known = problem.lambda_1 if lambda_1 is None else lambda_1
     body = CondensedBody.known(problem.A_tilde, problem.c, error, lambda_1=known, inverse=inverse)
-    proofs = Proofs(ContactProblem.on(body, problem.l_tilde, problem.law).rows)
     residual = extended(problem, v).residual if residual is None else residual
-    solved = np.array([Acceptance(tolerance).accepts(residual, problem.xi_rounding(v))])
-    proofs.prove_lowest(np.flatnonzero(solved), v[None])
-    return row_of(proofs.certificate(v[None], np.array([residual]), solved), 0)
+    rows = ContactProblem.on(body, problem.l_tilde, problem.law).rows
+    return row_of(certify_rows(rows, v[None], tolerance, np.array([residual])), 0)
+
+
+def certify_rows(
+    rows: ContactProblem, v: Array, tolerance: float | None = None, residual: Array | None = None
+) -> Certificate:
+    """The same of a row each (R, m); residuals (R,) are those in double precision if none are given."""
+    proofs, residual = Proofs(rows), rows.inclusion_residual(v) if residual is None else residual
+    solved = Acceptance(tolerance).accepts(residual, rows.xi_rounding(v))
+    proofs.prove_lowest(np.flatnonzero(solved), v)
+    return proofs.certificate(v, residual, solved)
 
 
 class Proofs:

@@ -1,8 +1,8 @@
 """The files of paths, histories, fits, convergence and cost (CF-1.11): one group each, complete or not there at all.
 
 Path: `parameter`, `u_T` and `xi` hold the vertices of one polygon exactly, so that every point between two vertices is
-their linear combination; piece i lies between the vertices i and i + 1. Flags are bytes with flag_meanings; nothing is
-missing.
+their linear combination, and `energy` a parabola; piece i lies between the vertices i and i + 1. Flags are bytes with
+flag_meanings; nothing is missing.
 
 History: a row a sweep point and step, written again as steps are done. Step 0 puts the loads of the study as it is
 written on the virgin body; after the step in which a history ends early all is missing, and `reason` says why. `u_T`,
@@ -63,7 +63,7 @@ from tcstudy.data.store import Record, axis_name, geometry_dims, missing
 from tcstudy.scene.histories import START, ContactState
 from tcstudy.scene.study import Study
 
-_VERTEX, _PIECE, _FOLD, _EVENT, _INTERVAL = ("vertex",), ("piece",), ("fold",), ("event",), ("interval",)
+_VERTEX, _PIECE, _FOLD, _INTERVAL = ("vertex",), ("piece",), ("fold",), ("interval",)
 _AT, _SOLUTION, _LOOP, _JUMP, _BRANCH, _ON_BRANCH = (
     ("at",), ("solution",), ("loop_vertex",), ("jump",), ("branch",), ("branch_vertex",)
 )  # fmt: skip
@@ -87,21 +87,20 @@ def _flag(name: str, long_name: str, dims: Dims, meanings: Sequence[str] = ()) -
     return FileVariable(name, "i1", "1", long_name, dims, extra=flags(*meanings) if meanings else {}, coordinate=True)
 
 
-def _on_line(prefix: str, dim: str, along: str) -> tuple[FileVariable, FileVariable]:
-    """Displacement and traction of the contact nodes."""
-    dims, where = (dim, "node"), f"{along} arclength x y"
+def _states(prefix: str, dim: str, parameter: str) -> tuple[FileVariable, ...]:
+    """Solutions: the parameter, energy, displacement and traction of the contact nodes."""
+    along, dims = f"{prefix}parameter", (dim, "node")
+    where = f"{along} arclength x y"
     return (
+        _number(along, T, parameter, (dim,)),
+        _number(f"{prefix}energy", "J m-1", "total potential energy, per unit thickness", (dim,), along),
         _number(f"{prefix}u_T", "m", "tangential displacement", dims, where),
         _number(f"{prefix}xi", "Pa", "tangential traction -S_T", dims, where),
     )
 
 
 CURVE: tuple[FileVariable, ...] = (
-    _number("parameter", T, "parameter of the path", _VERTEX),
-    *_on_line("", "vertex", "parameter"),
-    _number(
-        "energy", "J m-1", "total potential energy, per unit thickness; a parabola in between", _VERTEX, "parameter"
-    ),
+    *_states("", "vertex", "parameter of the path"),
     _number("energy_rate", RATE, "derivative of the energy by the parameter along the path", _VERTEX, "parameter"),
     _number("residual", "1", "largest distance of -S_T from balance over the scale of friction", _VERTEX, "parameter"),
     _flag("stable", "strict local minimum of the energy inside the piece", _PIECE, _STABLE),
@@ -113,12 +112,6 @@ CURVE: tuple[FileVariable, ...] = (
     _index("fold_vertex", "vertex at which the parameter turns", _FOLD),
     _number("fold_size", T, "how far the parameter steps back at the fold", _FOLD),
     _flag("fold_maximum", "whether the parameter has a maximum at the fold", _FOLD, ("minimum", "maximum")),
-    _flag("fold_stable_before", "stability of the piece before the fold", _FOLD, _STABLE),
-    _flag("fold_stable_after", "stability of the piece after the fold", _FOLD, _STABLE),
-    _index("event_vertex", "vertex at which a contact node changes its state", _EVENT),
-    _index("event_node", "contact node that changes its state", _EVENT),
-    _flag("event_before", "state before the vertex", _EVENT, _STATES),
-    _flag("event_after", "state after the vertex", _EVENT, _STATES),
     _number("lowest_begin", T, "lower end of a range in which one piece has the least energy", _INTERVAL),
     _number("lowest_end", T, "upper end of a range in which one piece has the least energy", _INTERVAL),
     _index("lowest_piece", "piece with the least energy on the path in the range", _INTERVAL),
@@ -129,9 +122,8 @@ SOLUTIONS: tuple[FileVariable, ...] = (
     _number("at", T, "value at which solutions were asked for", _AT),
     _index("solution_count", "number of solutions on the path at the value", _AT),
     _index("solution_at", "index of the value that the solution belongs to", _SOLUTION),
-    _number("solution_parameter", T, "parameter of the solution", _SOLUTION),
+    *_states("solution_", "solution", "parameter of the solution"),
     _index("solution_piece", "piece of the path that holds the solution, -1 for none", _SOLUTION),
-    _number("solution_energy", "J m-1", "total potential energy, per unit thickness", _SOLUTION, "solution_parameter"),
     _number("solution_residual", "1", "inclusion residual over the scale of friction", _SOLUTION, "solution_parameter"),
     _number(
         "solution_rounding", "1", "what rounding allows of the inclusion residual", _SOLUTION, "solution_parameter"
@@ -141,14 +133,11 @@ SOLUTIONS: tuple[FileVariable, ...] = (
     _flag("solution_unique", "certified to be the only solution", _SOLUTION, CERTIFIED),
     _flag("solution_strict_minimum", "certified to be a strict local minimum of the energy", _SOLUTION, CERTIFIED),
     _flag("solution_global_minimum", "certified to have the least energy of all states", _SOLUTION, CERTIFIED),
-    *_on_line("solution_", "solution", "solution_parameter"),
 )
 """All solutions at the requested values, in the order of `at` and along the path."""
 LOOP: tuple[FileVariable, ...] = (
-    _number("loop_parameter", T, "parameter along the hysteresis loop", _LOOP),
+    *_states("loop_", "loop_vertex", "parameter along the hysteresis loop"),
     _index("loop_branch", "stable branch, counted along the loop", _LOOP),
-    _number("loop_energy", "J m-1", "total potential energy, per unit thickness", _LOOP, "loop_parameter"),
-    *_on_line("loop_", "loop_vertex", "loop_parameter"),
     _number("jump_parameter", T, "parameter at which the body falls to another branch", _JUMP),
     _index("jump_vertex", "last vertex of the loop before the fall", _JUMP),
     _flag("jump_rising", "whether the parameter was growing", _JUMP, ("falling", "rising")),
@@ -165,10 +154,8 @@ BRANCHES: tuple[FileVariable, ...] = (
     _flag("branch_loop", "whether the branch is closed", _BRANCH, ("open", "closed")),
     _flag("branch_on_path", "whether the path goes along it", _BRANCH, ("apart", "on_path")),
     _index("branch_of", "branch that the vertex is on, its vertices in their order", _ON_BRANCH),
-    _number("branch_parameter", T, "parameter at the vertex", _ON_BRANCH),
-    _number("branch_energy", "J m-1", "total potential energy, per unit thickness", _ON_BRANCH, "branch_parameter"),
+    *_states("branch_", "branch_vertex", "parameter at the vertex"),
     _flag("branch_stable", "stability of the piece after the vertex, if there is one", _ON_BRANCH, _STABLE),
-    *_on_line("branch_", "branch_vertex", "branch_parameter"),
 )
 """Every branch of the range, if they are asked for; a closed one has its first vertex again at its end."""
 LINE = tuple(replace(v, coordinate=True) for v in CONTACT if v.dims == ("node",))

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -224,16 +224,16 @@ class Acceptance:
         """What is worked for: the tolerance as if there were no rounding."""
         return TOLERANCE if self.tolerance is None else self.tolerance
 
-    def limit(self, rounding: float) -> float:
-        """Largest residual of a solution.
+    def limit(self, rounding: Any) -> Any:
+        """Largest residual of a solution, or of each of many.
 
         rounding: what rounding of the problem allows, `problem.xi_rounding(v)`
         """
         if self.tolerance is not None:
             return self.tolerance
-        return max(TOLERANCE, min(rounding, LOST))
+        return np.maximum(TOLERANCE, np.minimum(rounding, LOST))
 
-    def accepts(self, residual: float, rounding: float) -> bool:
+    def accepts(self, residual: Any, rounding: Any) -> Any:
         """Whether a point with this residual is a solution (nan is none)."""
         return residual <= self.limit(rounding)
 

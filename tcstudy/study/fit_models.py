@@ -300,10 +300,10 @@ class MovingPath:
         vertex = side + int(share == 1.0)
         if share in (0.0, 1.0) and vertex in (0, path.pieces):
             return side, share, -1, (np.zeros(m), 1.0, -1)
-        for k in np.flatnonzero(path.events.vertex == vertex) if share in (0.0, 1.0) else ():
-            node = int(path.events.node[k])
-            for own, code in ((vertex - 1, path.events.before[k]), (vertex, path.events.after[k])):
-                if 0 <= own < path.pieces and path.problem.graph.free[code] and path.codes[own, node] == code:
+        changed = path.codes[vertex - 1] != path.codes[vertex] if share in (0.0, 1.0) else np.zeros(m, dtype=bool)
+        for node in np.flatnonzero(changed).tolist():
+            for own in (vertex - 1, vertex):
+                if path.slipping[own, node]:
                     kink = int(path.problem.law.nearest_kink(np.full(m, path.u[vertex, node]))[node])
                     return own, float(vertex - own), node, (np.eye(m)[node], 0.0, kink)
         return side, share, -1, (*path.along(side), -1)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.all_solutions import Limits
-from tcstudy.contact.certificates import certify, solution_boxes
+from tcstudy.contact.certificates import certify_rows, solution_boxes
 from tcstudy.contact.history.steps import hysteresis
 from tcstudy.contact.path.complete import Branches, all_branches
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path
@@ -32,6 +32,7 @@ from tcstudy.data.provenance import SHORTFALLS, Remark, tell
 from tcstudy.data.store import Record
 from tcstudy.data.tables import PATH
 from tcstudy.errors import GeometryFailed, PathError
+from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level
 from tcstudy.scene.histories import ContactState, contact_states
 from tcstudy.scene.parameters import path_scene
@@ -59,6 +60,12 @@ class AffineLoad(NamedTuple):
 
     problem: ParametricProblem
     constant: Polynomial
+
+    def states(self, of: str, t: Array, u: Array, traction: Array, law: Laws | None = None) -> Values:
+        """What the file has of solutions at t (n,), (n, m) each, by the prefix of their kind."""
+        problem = self.problem if law is None else self.problem.with_law(law)
+        energy = problem.energy(t, u, traction) + self.constant(t)
+        return {f"{of}parameter": t, f"{of}u_T": u, f"{of}xi": traction, f"{of}energy": energy}
 
 
 SHARES = np.array([0.0, 1.0, 0.4, 0.75])
@@ -128,15 +135,6 @@ def followed(
         raise PathError(str(error)) from error
 
 
-class _Setting(NamedTuple):
-    """What a path is followed for."""
-
-    plan: PathPlan
-    load: AffineLoad
-    lambda_1: float
-    tolerance: float | None
-
-
 def follow_path(study: Study, progress: Progress | None = None) -> Record:
     """The path that the study asks for.
 
@@ -156,82 +154,70 @@ def follow_path(study: Study, progress: Progress | None = None) -> Record:
     try:
         load = affine_load(level, lambda t: path_scene(plan.scene, plan.parameter, t), plan.begin, plan.end, plan.name)
         straight = straightened(level, plan.scene, load.problem, plan.law_error, plan.within)
-        setting = _Setting(plan, load, level.lambda_1(plan.scene), study.solver.tolerance)
+        lambda_1, tolerance = level.lambda_1(plan.scene), study.solver.tolerance
     except NotPositiveDefinite as error:
         raise PathError(str(error)) from error
     direction = plan.direction
     if direction != "both" and plan.begin > plan.end:  # the follower's forward is growing t
         direction = "backward" if direction == "forward" else "forward"
-    follower = Follower(*plan.within, plan.max_pieces, setting.tolerance)
+    follower = Follower(*plan.within, plan.max_pieces, tolerance)
     branch: Branch = "from-zero" if plan.start == "zero" else "lowest"
     path, v = followed(straight, follower, branch, plan.begin, direction, plan.name, progress)
     every = None
     if plan.complete:
-        every = all_branches(straight, plan.begin, plan.end, setting.lambda_1, LIMITS, plan.at)
+        every = all_branches(straight, plan.begin, plan.end, lambda_1, LIMITS, plan.at)
     told: Values = {"parameter": plan.name, "parameter_range": np.array([plan.begin, plan.end])}
     told["parameter_within"] = np.array(plan.within)
     for name, status in (("begin", path.begin), ("end", path.end)):
         told |= {f"{name}_status": status.name.lower(), f"{name}_reason": status.reason}
+    low = lowest(path)
     values = {
         **vars(line),
         **line.fields,
         "start": path.start,
-        "lambda_1": setting.lambda_1,
+        "lambda_1": lambda_1,
         "lambda_1_error": load.problem.A_error,
         "omega": load.problem.law.omega,
         "law_error": 0.0 if load.problem.law.piecewise_linear else plan.law_error,
-        **_curve(setting, path),
-        **_solutions(setting, path, every),
+        **_curve(load, path),
+        **{f"lowest_{name}": column for name, column in low._asdict().items()},
+        "lowest_certified": proved_minima(path, low, lambda_1, Acceptance(tolerance)),
+        **_solutions(plan, load, path, every, lambda_1, tolerance),
     }
     if plan.hysteresis:
-        found, told["loop_reason"] = _loop(setting, straight, v)
+        found, told["loop_reason"] = _loop(plan, load, straight, v, tolerance)
         values |= found
     if every is not None:
-        values |= _branches(setting, path, every)
+        values |= _branches(plan, load, path, every)
         told["complete_reason"] = every.reason
     return Record("path", PATH, values, told)
 
 
-def _curve(setting: _Setting, path: Path) -> Values:
-    load, states = setting.load, by_code(path.problem.law, contact_states)
-    state, low, events = states[path.codes], lowest(path), path.events
-    before, after = states[events.before], states[events.after]
-    changed = before != after
+def _curve(load: AffineLoad, path: Path) -> Values:
+    state = by_code(path.problem.law, contact_states)[path.codes]
     return {
-        "parameter": path.t,
-        "u_T": path.u,
-        "xi": path.traction,
-        "energy": path.energy + load.constant(path.t),
+        **load.states("", path.t, path.u, path.traction, path.problem.law),
         "energy_rate": load.constant.deriv()(path.t) - path.conjugate,
         "residual": path.residual,
         "stable": path.stable,
         "state": state,
         "slip_length": np.asarray((state != ContactState.STICK) @ path.problem.c),
         **{f"fold_{name}": column for name, column in folds(path)._asdict().items()},
-        "event_vertex": events.vertex[changed],
-        "event_node": events.node[changed],
-        "event_before": before[changed],
-        "event_after": after[changed],
-        **{f"lowest_{name}": column for name, column in low._asdict().items()},
-        "lowest_certified": proved_minima(path, low, setting.lambda_1, Acceptance(setting.tolerance)),
     }
 
 
-def _branches(setting: _Setting, path: Path, every: Branches) -> Values:
+def _branches(plan: PathPlan, load: AffineLoad, path: Path, every: Branches) -> Values:
     """All branches one after the other."""
     branches, known = every.branches, {code.tobytes() for code in path.codes}
-
-    def of_all(name: str) -> Array:
-        return np.concatenate([getattr(path, name)[:0], *(getattr(b, name) for b in branches)])
-
+    t, u, traction = (
+        np.concatenate([getattr(path, name)[:0], *(getattr(b, name) for b in branches)])
+        for name in ("t", "u", "traction")
+    )
     return {
         "complete": int(every.complete),
-        "at_complete": np.array([every.complete_at(t) for t in setting.plan.at], dtype=bool),
+        "at_complete": np.array([every.complete_at(t) for t in plan.at], dtype=bool),
         "branch_of": np.repeat(np.arange(len(branches)), [len(b.t) for b in branches]),
-        "branch_parameter": of_all("t"),
-        "branch_energy": of_all("energy") + setting.load.constant(of_all("t")),
-        "branch_u_T": of_all("u"),
-        "branch_xi": of_all("traction"),
+        **load.states("branch_", t, u, traction, path.problem.law),
         "branch_stable": np.concatenate([path.stable[:0], *(np.append(b.stable, False) for b in branches)]),
         "branch_loop": [int(b.end == PathStatus.CLOSED_LOOP) for b in branches],
         "branch_on_path": [any(code.tobytes() in known for code in b.codes) for b in branches],
@@ -242,60 +228,59 @@ SAME = 1e-7
 """Of the largest slip, by which the same solution may differ on the path and on its branch."""
 
 
-def _solutions(setting: _Setting, path: Path, every: Branches | None) -> Values:
+def _solutions(
+    plan: PathPlan, load: AffineLoad, path: Path, every: Branches | None, lambda_1: float, tolerance: float | None
+) -> Values:
     """Solutions on the path at the requested values; those of a smooth law by Newton's method from its stand-in's.
 
     every: all branches, whose solutions are added; of a smooth law they are those of another problem
     """
-    at, law, known = np.array(setting.plan.at), setting.load.problem.law, np.zeros(len(setting.plan.at), dtype=bool)
+    at, law, known = np.array(plan.at), load.problem.law, np.zeros(len(plan.at), dtype=bool)
     found = list[list[PathSolution]]()
-    for n, t in enumerate(at.tolist()):
+    for n, t in enumerate(plan.at):
         found.append(solutions_at(path, t) if law.piecewise_linear else solutions_of(law, path, t))
         if every is not None and law.piecewise_linear:
-            problem, known[n] = path.problem.at(t), every.complete_at(t)
+            known[n] = every.complete_at(t)
             for v, stable in every.solutions(t):
                 size = SAME * float(np.max(np.abs(v), initial=0.0))
                 if all(np.max(np.abs(v - one.v)) > size for one in found[n]):
-                    found[n].append(PathSolution(v, problem.energy(v), stable, -1, problem.inclusion_residual(v)))
+                    found[n].append(PathSolution(v, stable, -1))
     count = np.array([len(group) for group in found], dtype=np.intp)
-    i, rows = np.repeat(np.arange(len(at)), count), [solution for group in found for solution in group]
-    problems = [setting.load.problem.at(float(t)) for t in at[i]]
-    pairs = list(zip(problems, (s.v for s in rows), strict=True))
-    proofs = [certify(problem, v, setting.lambda_1, setting.tolerance) for problem, v in pairs]
-    v, energy = np.array([s.v for s in rows]).reshape(-1, path.problem.m), np.array([s.energy for s in rows])
-    least = np.full(len(at), np.inf)
+    i, solutions = np.repeat(np.arange(len(at)), count), [solution for group in found for solution in group]
+    u, rows = np.array([one.v for one in solutions]).reshape(-1, path.problem.m), load.problem.rows(at[i], lambda_1)
+    proofs, rounding = certify_rows(rows, u, tolerance), rows.xi_rounding(u)
+    states = load.states("solution_", at[i], u, rows.xi(u) / rows.c)
+    energy, least = states["solution_energy"], np.full(len(at), np.inf)
     np.minimum.at(least, i, energy)
     least_one = energy <= least[i] + TIE * float(np.max(np.abs(energy), initial=0.0))
     sure = least_one & known[i]
-    proved = (("unique", sure & (count[i] == 1)), ("strict_minimum", sure), ("global_minimum", sure))
     return {
         "at": at,
         "solution_count": count.tolist(),
         "solution_at": i,
-        "solution_parameter": at[i],
-        **{f"solution_{name}": [getattr(s, name) for s in rows] for name in ("piece", "residual", "stable")},
-        "solution_energy": energy + setting.load.constant(at[i]),
-        "solution_rounding": [problem.xi_rounding(v) for problem, v in pairs],
+        **states,
+        "solution_piece": [one.piece for one in solutions],
+        "solution_stable": [one.stable for one in solutions],
+        "solution_residual": proofs.residual,
+        "solution_rounding": rounding,
         "solution_lowest": least_one,
-        **{f"solution_{name}": np.array([getattr(p, name) for p in proofs], dtype=bool) | it for name, it in proved},
-        "solution_u_T": v,
-        "solution_xi": np.array([problem.xi(v) / path.problem.c for problem, v in pairs]).reshape(v.shape),
+        "solution_unique": proofs.unique | (sure & (count[i] == 1)),
+        "solution_strict_minimum": proofs.strict_minimum | sure,
+        "solution_global_minimum": proofs.global_minimum | sure,
     }
 
 
-def _loop(setting: _Setting, problem: ParametricProblem, v: Array) -> tuple[Values, str]:
+def _loop(
+    plan: PathPlan, load: AffineLoad, problem: ParametricProblem, v: Array, tolerance: float | None
+) -> tuple[Values, str]:
     """The loop between begin and end, and why it is not whole."""
-    plan = setting.plan
-    loop = hysteresis(problem, v, plan.begin, plan.end, plan.max_pieces, setting.tolerance)
+    loop = hysteresis(problem, v, plan.begin, plan.end, plan.max_pieces, tolerance)
     ways, jumps = loop.ways, loop.jumps
     counts = np.array([len(way.t) for way in ways], dtype=np.int32)
     t, u, traction = (np.concatenate(x) for x in zip(*ways, strict=True))
     return {
-        "loop_parameter": t,
+        **load.states("loop_", t, u, traction, problem.law),
         "loop_branch": np.repeat(np.arange(len(ways), dtype=np.int32), counts),
-        "loop_energy": problem.energy(t, u, traction) + setting.load.constant(t),
-        "loop_u_T": u,
-        "loop_xi": traction,
         "jump_parameter": np.array([jump.t for jump in jumps]),
         "jump_vertex": np.array([counts[: jump.ways].sum() - 1 for jump in jumps], dtype=np.int32),
         "jump_rising": [(n < loop.there) == (plan.begin < plan.end) for n in range(len(jumps))],
@@ -343,10 +328,9 @@ def shortfalls(study: Study, record: Record) -> list[str]:
     for t, count in zip(values["at"], values["solution_count"], strict=True):
         if not count:
             found.append(f"the path has no solution at {study.path.name} = {t:g}")
-    judged = zip(values["solution_residual"], values["solution_rounding"], strict=True)
     acceptance = Acceptance(study.solver.tolerance)
-    inexact = sum(not acceptance.accepts(float(residual), float(rounding)) for residual, rounding in judged)
-    if inexact:
+    solved = acceptance.accepts(values["solution_residual"], values["solution_rounding"])
+    if inexact := int(np.count_nonzero(~solved)):
         found.append(f"{inexact} solutions miss the tolerance {acceptance.aim:g}; see solution_residual")
     if told.get("complete_reason"):
         found.append(f"the branches are not proved to be all: {told['complete_reason']}")

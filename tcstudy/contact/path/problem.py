@@ -15,13 +15,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from tcstudy.contact.problem import ContactProblem
+from tcstudy.contact.problem import CondensedBody, ContactProblem
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import BEND, DOWN
 
@@ -74,6 +74,13 @@ class ParametricProblem:
     def at(self, t: float) -> ContactProblem:
         """The problem of one t."""
         return ContactProblem(self.A_tilde, self.load(t), self.c, self.law, self.A_error)
+
+    def rows(self, t: Array, lambda_1: float) -> ContactProblem:
+        """The problems of many t (n,), with λ₁ known [Pa/m]."""
+        body = CondensedBody.known(self.A_tilde, self.c, self.A_error, lambda_1=lambda_1)
+        index = np.atleast_2d(self.law.index)
+        laws = self.law.tables.at(np.broadcast_to(index, (len(t), index.shape[1])))
+        return ContactProblem.on(body, self.l_0 + t[:, None] * self.l_1, laws)
 
     def energy(self, t: Array, u: Array, traction: Array) -> Array:
         """(k,) L̃ of solutions u (k, m) with tractions ξ/c (k, m) at t (k,) [J/m]."""
@@ -237,18 +244,6 @@ WHOLE = (PathStatus.RANGE_END, PathStatus.UNBOUNDED, PathStatus.CLOSED_LOOP, Pat
 """Ends at which there is nothing more to follow."""
 
 
-class Events(NamedTuple):
-    """Changes of piece in the order of the path, all (e,): vertex, node, code before and code after.
-
-    Codes: 2k a segment (slip), 2k+1 the vertical side at kink k (stick), counted on from law to law.
-    """
-
-    vertex: Index
-    node: Index
-    before: Codes
-    after: Codes
-
-
 @dataclass(frozen=True)
 class Path:
     """A piecewise-linear path of solutions of Ãu + ξ = l̃₀ + t l̃₁, vertices in the order of travel.
@@ -288,12 +283,6 @@ class Path:
     def pieces(self) -> int:
         """Number of pieces."""
         return len(self.stable)
-
-    @cached_property
-    def events(self) -> Events:
-        """All changes of code."""
-        before, node = np.nonzero(self.codes[1:] != self.codes[:-1])
-        return Events(before + 1, node, self.codes[before, node], self.codes[before + 1, node])
 
     @cached_property
     def slipping(self) -> NDArray[np.bool_]:

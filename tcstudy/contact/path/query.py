@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from tcstudy.contact.certificates import Proofs
 from tcstudy.contact.path.problem import Path
 from tcstudy.contact.path.smooth import SmoothPath
-from tcstudy.contact.problem import CondensedBody, ContactProblem
 from tcstudy.contact.solution import polished
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.study import Acceptance
@@ -55,16 +54,11 @@ def turn_sizes(t: Array, turns: Index) -> tuple[Array, Index]:
 
 
 class Folds(NamedTuple):
-    """Turns of t, all (f,): vertices of the path, how far t steps back (`turn_sizes`), whether t is largest there.
-
-    stable_before, stable_after: whether the pieces beside it are
-    """
+    """Turns of t, all (f,): vertices of the path, how far t steps back (`turn_sizes`), whether t is largest there."""
 
     vertex: Index
     size: Array
     maximum: NDArray[np.bool_]
-    stable_before: NDArray[np.bool_]
-    stable_after: NDArray[np.bool_]
 
 
 def folds(path: Path) -> Folds:
@@ -77,7 +71,7 @@ def folds(path: Path) -> Folds:
         real[i] = size[i] > _rounding(path, int(turns[i]), int(turns[partner[i]]))
     at = turns[real]
     maximum = (t[at] > t[at - 1]) | (t[at] > t[np.minimum(at + 1, path.pieces)])
-    return Folds(at, size[real], maximum, path.stable[at - 1], path.stable[at])
+    return Folds(at, size[real], maximum)
 
 
 def _rounding(path: Path, one: int, other: int) -> float:
@@ -96,18 +90,14 @@ def _rounding(path: Path, one: int, other: int) -> float:
 class PathSolution(NamedTuple):
     """One solution on a path.
 
-    v:        (m,) displacements [m]
-    energy:   L̃(v) at this t [J/m]
-    stable:   strict local minimum of L̃ (at a vertex: on both sides)
-    piece:    index of the piece of the path that holds it
-    residual: inclusion residual relative to the scale of b
+    v:      (m,) displacements [m]
+    stable: strict local minimum of L̃ (at a vertex: on both sides)
+    piece:  index of the piece of the path that holds it
     """
 
     v: Array
-    energy: float
     stable: bool
     piece: int
-    residual: float
 
 
 def solutions_at(path: Path, t: float) -> list[PathSolution]:
@@ -116,15 +106,13 @@ def solutions_at(path: Path, t: float) -> list[PathSolution]:
     Along a piece on which t stands still all points are solutions of the same t: its two ends are returned.
     """
     low, high = np.minimum(path.t[:-1], path.t[1:]), np.maximum(path.t[:-1], path.t[1:])
-    found: list[PathSolution] = []
-    problem, last = path.problem.at(t), -1.0
+    found, last = list[PathSolution](), -1.0
     for piece in np.flatnonzero((low <= t) & (t <= high)).tolist():
         (t_0, t_1), (begin, end) = path.t[piece : piece + 2], path.u[piece : piece + 2]
         for s in (0.0, 1.0) if t_0 == t_1 else (float((t - t_0) / (t_1 - t_0)),):
             before = found.pop().stable if piece + s == last else True  # the vertex between two pieces
             v, last = end if s == 1.0 else begin + s * (end - begin), piece + s
-            stable = before and bool(path.stable[piece])
-            found.append(PathSolution(v, problem.energy(v), stable, piece, problem.inclusion_residual(v)))
+            found.append(PathSolution(v, before and bool(path.stable[piece]), piece))
     return found
 
 
@@ -134,17 +122,14 @@ def solutions_of(law: Laws, path: Path, t: float) -> list[PathSolution]:
     Each node keeps its place: on the same jump, or on the piece of `law` in which it lies. A solution that does not
     carry over (its residual says so) is handed to active_set.polished; judge every answer by its residual.
     """
-    problem, curve = path.problem.with_law(law).at(t), SmoothPath(path, law)
-    found: list[PathSolution] = []
+    problem, curve, found = path.problem.with_law(law).at(t), SmoothPath(path, law), list[PathSolution]()
     for solution in solutions_at(path, t):
         point = curve.at(solution.piece, (np.zeros(problem.m), 1.0), t, solution.v, t)
-        v = solution.v if point is None else point.v
-        residual = np.inf if point is None else problem.inclusion_residual(v)
-        if not residual <= CARRIED:
-            other = polished(problem, solution.v, exact=False)
-            if point is None or other.residual < residual:
-                v, residual = other.v, other.residual
-        found.append(solution._replace(v=v, energy=problem.energy(v), residual=residual))
+        residual = np.inf if point is None else problem.inclusion_residual(point.v)
+        other = polished(problem, solution.v, exact=False) if not residual <= CARRIED else None
+        carried = point is not None and (other is None or residual <= other.residual)
+        v = point.v if carried and point is not None else other.v if other is not None else solution.v
+        found.append(solution._replace(v=v))
     return found
 
 
@@ -211,19 +196,13 @@ def proved_minima(path: Path, low: Lowest, lambda_1: float, acceptance: Acceptan
 
     lambda_1: λ_min(C^{−½}ÃC^{−½}) [Pa/m];  acceptance: which residual makes a solution
     """
-    along, proved = path.problem, np.zeros(len(low.piece), dtype=bool)
-    problem, law = along.at(0.0), along.law
-    body = CondensedBody.known(along.A_tilde, along.c, problem.A_error, lambda_1=lambda_1)
-    index = np.atleast_2d(law.index)
-    for own in np.array_split(np.arange(len(proved)), 1 + len(proved) * along.m // AT_ONCE):
+    proved = np.zeros(len(low.piece), dtype=bool)
+    for own in np.array_split(np.arange(len(proved)), 1 + len(proved) * path.problem.m // AT_ONCE):
         t, k = 0.5 * (low.begin + low.end)[own], low.piece[own]
         share = (t - path.t[k]) / (path.t[k + 1] - path.t[k])
         v = path.u[k] + share[:, None] * (path.u[k + 1] - path.u[k])
-        laws = law.tables.at(np.broadcast_to(index, (len(own), index.shape[1])))
-        rows = ContactProblem.on(body, along.l_0 + t[:, None] * along.l_1, laws)
-        residuals = zip(rows.inclusion_residual(v).tolist(), rows.xi_rounding(v).tolist(), strict=True)
-        solved = np.array([acceptance.accepts(*pair) for pair in residuals], dtype=bool)
-        proofs = Proofs(rows)
+        rows = path.problem.rows(t, lambda_1)
+        solved, proofs = acceptance.accepts(rows.inclusion_residual(v), rows.xi_rounding(v)), Proofs(rows)
         proofs.prove_lowest(np.flatnonzero(solved), v)
         proved[own] = solved & (proofs.unique | proofs.lowest)
     return proved
