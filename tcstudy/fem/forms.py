@@ -26,7 +26,6 @@ Literature:     Šestak & Jovanović, Appl. Math. Mech. 31 (2010)
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -38,8 +37,7 @@ from numpy.typing import NDArray
 
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.meshes import Frames, PlaneMesh
-from tcstudy.scene.records import Convection, Scalar, Traction, Where
-from tcstudy.shapes.edges import segment_mass
+from tcstudy.scene.records import Scalar, Where
 
 Array = NDArray[np.float64]
 
@@ -140,9 +138,7 @@ class ElasticForms:
                 part[c, d] = lam * G[c, d] + mu * G[d, c]
             if number:
                 A += part
-        if frames is not None:
-            _turn(A, graph, frames)
-        return _component_blocked(A, graph)
+        return _matrix(graph, A, frames)
 
     def expansion(self, theta: Array, where: Where = ()) -> Array:
         """∫θ div φ_i over some regions for nodal values θ (n,): (2n,) [K m]; the load is β times that."""
@@ -151,18 +147,8 @@ class ElasticForms:
         corners = mesh.triangles.ravel()
         return np.concatenate([np.bincount(corners, pulled[..., c].ravel(), mesh.n_points) for c in (0, 1)])
 
-    def body_force(self, f: tuple[Scalar, Scalar]) -> Array:
-        """∫f·φ_i, (2n,) [N/m] for f in N/m³."""
-        return np.concatenate([source_load(self.mesh, component, ()) for component in f])
-
-    def force(self, name: str, axis: int) -> Array:
-        """A resultant of 1 along an axis, spread evenly over the study edge `name`, (2n,): its sum is 1."""
-        spread = np.zeros((2, self.mesh.n_points))
-        spread[axis] = edge_load(self.mesh, 1.0, (name,))
-        return spread.ravel() / spread.sum()
-
-    def springs(self, springs: Springs, frames: Frames) -> sp.csr_array:
-        """Σ_Γ ∫k_N u_N v_N + k_T u_T v_T over study edges, (2n, 2n) in local rows [Pa]."""
+    def springs(self, springs: Springs, frames: Frames | None = None) -> sp.csr_array:
+        """Σ_Γ ∫k_N u_N v_N + k_T u_T v_T over study edges, (2n, 2n) [Pa], in x and y or in local rows."""
         u, v = self._space.TnT()
         n = ngs.specialcf.normal(2)
         t = ngs.CF((-n[1], n[0]))
@@ -171,14 +157,7 @@ class ElasticForms:
             energy = normal * (u * n) * (v * n) + tangential * (u * t) * (v * t)
             form += energy * ngs.ds(self.mesh.region(name))
         form.Assemble()
-        graph, S = _blocks(form)
-        _turn(S, graph, frames)
-        return _component_blocked(S, graph)
-
-    def traction(self, name: str, role: Traction | Convection) -> Array:
-        """∫_{Γ}(g − p n)·φ_i over the study edge `name`, (2n,) [N/m]."""
-        push = [edge_load(self.mesh, role.pressure, (name,), axis) for axis in (0, 1)]
-        return np.concatenate([edge_load(self.mesh, g, (name,)) for g in role.g]) - np.concatenate(push)
+        return _matrix(*_blocks(form), frames)
 
 
 def edge_load(mesh: PlaneMesh, density: Scalar, names: tuple[str, ...], normal: int | None = None) -> Array:
@@ -208,54 +187,17 @@ def _blocks(form: Any) -> tuple[NodeGraph, Array]:
     return graph, np.array(np.asarray(values).reshape(-1, 2, 2).transpose(1, 2, 0), order="C")
 
 
-def _turn(A: Array, graph: NodeGraph, frames: Frames) -> None:
-    """A_ij ← R_iᵀ A_ij R_j, in place, on the entries that a turned node has part in."""
-    (starts, columns), axes = graph, frames.axes
-    rows, turned = np.repeat(np.arange(len(axes)), np.diff(starts)), (axes != np.eye(2)).any(axis=(1, 2))
-    entries = np.flatnonzero(turned[rows] | turned[columns])
-    left, right = axes[rows[entries]], axes[columns[entries]]
-    A[:, :, entries] = np.einsum("eac,abe,ebd->cde", left, A[:, :, entries], right)
+def _matrix(graph: NodeGraph, A: Array, frames: Frames | None) -> sp.csr_array:
+    """The matrix of blocks A (2, 2, nnz) in the numbering x of all nodes, then y; every row has x, then y columns.
 
-
-def _component_blocked(A: Array, graph: NodeGraph) -> sp.csr_array:
-    """The matrix of blocks A (2, 2, nnz) in the numbering x of all nodes, then y; every row has x, then y columns."""
-    starts, columns = graph
-    n = len(starts) - 1
+    With frames A_ij ← R_iᵀ A_ij R_j, in place, on the entries that a turned node has part in.
+    """
+    (starts, columns), n = graph, len(graph[0]) - 1
+    if frames is not None:
+        axes, rows = frames.axes, np.repeat(np.arange(n), np.diff(starts))
+        turned = (axes != np.eye(2)).any(axis=(1, 2))
+        entries = np.flatnonzero(turned[rows] | turned[columns])
+        left, right = axes[rows[entries]], axes[columns[entries]]
+        A[:, :, entries] = np.einsum("eac,abe,ebd->cde", left, A[:, :, entries], right)
     blocks = [[sp.csr_array((A[c, d], columns, starts), shape=(n, n)) for d in (0, 1)] for c in (0, 1)]
     return sp.csr_array(sp.block_array(blocks, format="csr"))
-
-
-@dataclass(frozen=True)
-class HeatForms:
-    """The matrices and loads of the heat problem on one mesh (n nodes).
-
-    gradients: products of gradients on the mesh;  convection: study names of the edges that make up Γ_θ
-    held:      study names of the edges whose temperature is given
-    """
-
-    gradients: ElasticForms
-    convection: tuple[str, ...]
-    held: tuple[str, ...] = ()
-
-    @property
-    def mesh(self) -> PlaneMesh:
-        """The mesh."""
-        return self.gradients.mesh
-
-    @cached_property
-    def kept_nodes(self) -> NDArray[np.intp]:
-        """Mesh nodes on the closure of Γ_θ and of the edges whose temperature is given, ascending (r,)."""
-        return self.mesh.nodes_on(*self.convection, *self.held)
-
-    def exchange(self, weights: Mapping[str, float]) -> Array:
-        """Σ w ∫φ_iφ_j over study edges by name, over Γ_θ if none are, restricted to kept_nodes, dense (r, r) [m]."""
-        mesh, nodes, weight = self.mesh, self.kept_nodes, np.zeros(len(self.mesh.segments))
-        for name, own in (weights or dict.fromkeys(self.convection, 1.0)).items():
-            weight[mesh.on(name)] = own
-        on = np.flatnonzero(weight)
-        ends = np.searchsorted(nodes, mesh.segments[on])
-        return segment_mass(ends, weight[on] * mesh.boundary.length[on], len(nodes))
-
-    def surroundings(self, theta_bar: Scalar, names: tuple[str, ...] = ()) -> Array:
-        """∫ θ̄ φ_i over study edges, over Γ_θ if none are named, on kept_nodes (r,) [K m]."""
-        return edge_load(self.mesh, theta_bar, names or self.convection)[self.kept_nodes]

@@ -223,15 +223,8 @@ class Frames:
 
     def cartesian(self, w: Array) -> Array:
         """R w, or R T w: local displacements in x and y."""
-        return self.unturned(w if self.ties is None else self.ties @ w)
-
-    def unturned(self, w: Array) -> Array:
-        """R w, whatever is tied."""
-        return np.einsum("ncd,dn->cn", self.axes, w.reshape(2, -1)).ravel()
-
-    def tied(self, A: sp.csr_array) -> sp.csr_array:
-        """TᵀAT of a matrix in local rows (2n, 2n)."""
-        return A if self.ties is None else sp.csr_array(self.ties.T @ A @ self.ties)
+        rows = w if self.ties is None else self.ties @ w
+        return np.einsum("ncd,dn->cn", self.axes, rows.reshape(2, -1)).ravel()
 
 
 def mesh_at(geometry: Geometry, plan: MeshPlan, level: int, coarser: PlaneMesh | None) -> PlaneMesh:

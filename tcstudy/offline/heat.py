@@ -11,10 +11,10 @@ Edges that differ in α by fixed ratios ρ have M = Σ ρ M_e and g̃ = Σ ρ g�
 α. A heat flux is a source on an edge. Where edges hold temperatures θ_D, S_K and M are those of the other nodes of
 Γ_θ, θ_D acts by −(S_K + aM)θ_D, and no mode is constant.
 
-The variations that one q, θ̄, flux or θ_D gives for all α are a *family*, rational functions of a with poles at −μ_k: to
-rounding they span few dimensions (15 to 30), however many values of α there are. So a family is stored as a few
-*columns*, fields on the body, and α enters through their factors only: the field of the load, or of θ_D, that vanishes
-elsewhere on Γ_θ, which belongs to every a, and fields of orthonormal variations.
+What q, θ̄, fluxes and θ_D give for all α are rational functions of a with poles at −μ_k: to rounding they span few
+dimensions (15 to 30), however many values of α there are. So they are stored as a few *columns*, fields on the body,
+and α enters through their factors only: the field of each load, or of each θ_D, that vanishes elsewhere on Γ_θ, which
+belongs to every a, and fields of orthonormal variations, which all data share.
 
 A uniform temperature makes no heat flow: K·1 = 0. Entries of K grow with the flatness of the triangles, and their
 rounding is heat that comes from nowhere: the factor's harmonic extension of 1 is not 1. Where it is off by more than
@@ -30,7 +30,7 @@ nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -42,11 +42,11 @@ from numpy.typing import NDArray
 from tcstudy.condense import Condensation, condense
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.boundary import values_at
-from tcstudy.fem.forms import Conductivity, HeatForms, edge_load, source_load
+from tcstudy.fem.forms import Conductivity, ElasticForms, edge_load, source_load
 from tcstudy.offline.loads import (
     BasisLoad,
     Column,
-    FamilyKey,
+    Datum,
     Field,
     LoadTerm,
     Ratios,
@@ -56,7 +56,8 @@ from tcstudy.offline.loads import (
     relative_k,
 )
 from tcstudy.scene.points import FELT, distinct
-from tcstudy.scene.records import Scene
+from tcstudy.scene.records import Scalar, Scene
+from tcstudy.shapes.edges import segment_mass
 
 Array = NDArray[np.float64]
 
@@ -66,24 +67,14 @@ MOST_STEPS = 5
 """Steps of refinement; one gains as many digits as the factor has right."""
 
 
-class HeatLoad(NamedTuple):
-    """A source on the nodes: as given (n,), condensed onto Γ_θ (r,), and after forward elimination (N,)."""
-
-    nodal: Array
-    l_tilde: Array
-    rows: Array
-
-
 class HeatFactor:
     """K for k = 1 factorised with the nodes of Γ_θ kept; solves that keep their digits on slivers."""
 
-    def __init__(self, forms: HeatForms, k: Conductivity = ()) -> None:
-        n = forms.mesh.n_points
-        self._mesh, self._kept, self._k = forms.mesh, forms.kept_nodes, k
-        inner = np.ones(n, dtype=bool)
-        inner[self._kept] = False
-        K = forms.gradients.conduction(k)
-        self._factor: Condensation = condense(K, forms.mesh.points, self._kept, inner, components=1)
+    def __init__(self, forms: ElasticForms, kept: NDArray[np.intp], k: Conductivity) -> None:
+        self._mesh, self._kept, self._k = forms.mesh, kept, k
+        inner = np.ones(forms.mesh.n_points, dtype=bool)
+        inner[kept] = False
+        self._factor: Condensation = condense(forms.conduction(k), forms.mesh.points, kept, inner, components=1)
 
     @property
     def A_tilde(self) -> Array:
@@ -95,23 +86,19 @@ class HeatFactor:
         """Whether the factor alone is accurate enough: the harmonic extension of θ = 1 is 1 but for UNSOUND."""
         return float(np.max(np.abs(self._factor.expand(np.ones(len(self._kept))) - 1.0))) <= UNSOUND
 
-    def load(self, source: Array) -> HeatLoad:
-        """The source condensed onto Γ_θ, (r,) [W/m]; Σ l̃ is the whole heat of the source."""
+    def load(self, source: Array) -> tuple[Array, Array]:
+        """A source (n,) condensed onto Γ_θ (r,) [W/m], whose sum is its whole heat, and its field (n,), 0 on Γ_θ."""
         rows = self._factor.forward(source)
-        if self.sound:
-            return HeatLoad(source, self._factor.condensed(rows), rows)
         theta = self._factor.expand(np.zeros(len(self._kept)), rows)
-        rest = self._rest(source, theta, self._correction(theta, source))
-        return HeatLoad(source, self._factor.condensed(self._factor.forward(rest)), rows)
+        if not self.sound:
+            correction = self._correction(theta, source)
+            rows, theta = self._factor.forward(self._rest(source, theta, correction)), theta + correction
+        return self._factor.condensed(rows), theta
 
-    def expand(self, on_line: Array, load: HeatLoad | None, carries: Array) -> Array:
-        """Fields (n, s) with the values on_line (r, s) on Γ_θ; carries: (s,) how much of the load is in each."""
-        rows, nodal = (None, 0.0) if load is None else (np.outer(load.rows, carries), load.nodal)
-        fields = self._factor.expand(on_line, rows)
-        if self.sound:
-            return fields
-        pairs = zip(fields.T, carries, strict=True)
-        return np.column_stack([theta + self._correction(theta, share * nodal) for theta, share in pairs])
+    def extended(self, on_line: Array) -> Array:
+        """Fields (n, s) without a source that have the values on_line (r, s) on Γ_θ."""
+        fields = self._factor.expand(on_line)
+        return fields if self.sound else np.column_stack([theta + self._correction(theta, 0.0) for theta in fields.T])
 
     # -- refinement --------------------------------------------------------------------------------
 
@@ -167,158 +154,139 @@ def modes(A_tilde: Array, M: Array, held: bool = False) -> tuple[Array, Array]:
 
 
 ROUNDING = 1e-14
-"""Part of a variation that the columns of its family may miss, relative to the variation (norm of L²(Γ_θ))."""
+"""Part of a variation that the columns may miss, relative to the variation (norm of L²(Γ_θ))."""
 
 
-# -- parts and families ----------------------------------------------------------------------------
+# -- parts -----------------------------------------------------------------------------------------
+
+
+class Part(NamedTuple):
+    """One linear contribution to the temperature.
+
+    fields: factors by field [K];  heat: [W/m] α∫_{Γ_θ}(θ − θ̄) of this part; ∫_ω q, or the integral of the flux; and a
+    bound of the heat that it moves, either way
+    """
+
+    fields: Mapping[Field, float]
+    heat: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class Part:
-    """One linear contribution to the temperature: θ = constant + Σ factor × field, and its heat through Γ_θ.
+class _Heated:
+    """What a datum puts in: its right-hand side r₀ + a r₁, and its column.
 
-    constant: a uniform temperature [K];  fields: (field, factor) of the variation on top of it [K]
-    heat_out: α∫_{Γ_θ}(θ − θ̄) of this part [W/m];  heat_in: ∫_ω q, or the integral of the flux [W/m]
-    through:  a bound of the heat that it moves, either way [W/m]
-    """
-
-    constant: float
-    fields: tuple[tuple[Field, float], ...] = ()
-    heat_out: float = 0.0
-    heat_in: float = 0.0
-    through: float = 0.0
-
-
-@dataclass
-class _Family:
-    """Modal data of a family: its right-hand side r₀ + a r₁, and its columns.
-
-    load:    the source or flux, None without;  held: (r,) θ_D, None without; one of them is the first column, if any
     right:   (2, r) r₀ and r₁: l̃ and 0 of a load, 0 and g̃ of surroundings, −S_K θ_D and −M θ_D of what is held
     moments: (2, f) of both in the w_k
     heat:    that is put in [W/m];  moved: Σ_i |∫ q φ_i| [W/m]
-    basis:   (f, s) the variations of the other columns in the w_k, orthonormal
-    listed:  number of columns made at the start, which are computed together
+    own:     the number of the column of the load, or of θ_D; () of surroundings, which have none
     """
 
-    load: HeatLoad | None
-    held: Array | None
     right: Array
     moments: Array
     heat: float
     moved: float
-    basis: Array
-    listed: int = 0
-
-    @property
-    def carries(self) -> int:
-        """1 if its fields have a part that does not depend on a: that of the load, or of θ_D."""
-        return int(self.load is not None or self.held is not None)
+    own: tuple[int, ...]
 
 
 class Conduction:
     """Parts of θ for given α, k and data, with one set of ratios between the α of the edges."""
 
     def __init__(
-        self,
-        forms: HeatForms,
-        factor: Callable[[], HeatFactor],
-        fields: Recent[Array],
-        ratios: Ratios = (),
-        wanted: Mapping[FamilyKey, Mapping[float, None]] | None = None,
+        self, body: Temperatures, k: Conductivity, ratios: Ratios, wanted: Mapping[Datum, Mapping[float, None]]
     ) -> None:
-        """factor: the heat matrix factorised, of all ratios;  fields: those that are kept, likewise.
+        """ratios: (edge, α of the edge over the level α); none if they have one α
 
-        ratios: (edge, α of the edge over the level α); none if they have one α
-        wanted: values of α/k that are to come, if known: from them a family knows what columns it needs
+        wanted: values of α/k that are to come, if known: they say what columns are needed
         """
-        self._forms, self._factor, self._fields = forms, factor, fields
-        self._ratios, self._wanted = dict(ratios), wanted or {}
-        self._families: dict[FamilyKey, _Family] = {}
-        self._free = ~np.isin(forms.kept_nodes, forms.mesh.nodes_on(*forms.held))  # (r,) temperature is not given
+        self._body, self._key, self._ratios = body, (k, ratios), dict(ratios)
+        self._free = ~np.isin(body.nodes, body.mesh.nodes_on(*body.held))  # (r,) temperature is not given
+        S, M, free = body.factor(k).A_tilde, body.exchange(self._ratios), np.ix_(self._free, self._free)
+        self._modes = S, M, *modes(S[free], M[free], not self._free.all())
+        """S_K and M (r, r), M weighted by the ratios; μ (f,) and W, WᵀMW = I."""
+        self._data: dict[Datum, _Heated] = {}
+        self._columns: list[tuple[Array, Array | float]] = []  # values on Γ_θ (r,), and the field of a load (n,)
+        self._basis: Array = np.zeros((len(self._modes[2]), 0))  # (f, s) variations in the w_k, orthonormal
+        self._numbers: list[int] = []  # (s,) of their columns
+        pairs = [(self._heated(datum), a) for datum, values in wanted.items() for a in sorted(values) if a > 0.0]
+        if pairs and len(self._basis):  # the variation that is worst represented comes next
+            rows = [self._variation(heated, a) for heated, a in pairs]
+            norms = np.linalg.norm(rows, axis=1)
+            apart = np.transpose(rows) / np.where(norms > 0.0, norms, 1.0)
+            Q, R, _ = scipy.linalg.qr(apart, mode="economic", pivoting=True)
+            for variation in Q.T[np.abs(R.diagonal()) > ROUNDING]:
+                self._add(variation)
+        self._listed = len(self._columns)
 
-    @cached_property
-    def _modes(self) -> tuple[Array, Array, Array, Array]:
-        """S_K and M (r, r), M weighted by the ratios; μ (f,) and W, WᵀMW = I, the first mode exactly 0 and constant
-        where no temperature is given."""
-        S, free = self._factor().A_tilde, np.ix_(self._free, self._free)
-        M = self._forms.exchange(self._ratios)
-        return S, M, *modes(S[free], M[free], not self._free.all())
+    @property
+    def listed(self) -> list[Column]:
+        """The columns that the scenes to come need."""
+        return [Column(*self._key, i, self._listed) for i in range(self._listed)]
 
-    # -- parts -------------------------------------------------------------------------------------
-
-    def part(self, key: FamilyKey, alpha: float, k: float, strength: float) -> Part:
-        """θ of one family so many times as strong, all other data being 0: α is that of the edges with ratio 1.
+    def part(self, datum: Datum, alpha: float, k: float, strength: float) -> Part:
+        """θ of one datum so many times as strong, all others being 0: α is that of the edges with ratio 1.
 
         α = 0 gives the limit of surroundings, the mean of θ̄. Where edges hold temperatures, the heat that leaves is
         counted on Γ_θ and at the nodes that are held.
         """
-        family, a, (S, M, mu, W), free = self._family(key), alpha / k, self._modes, self._free
-        theta, heat = (1.0 / k, 1.0) if key.heats else (1.0, k)
-        shares = self._shares(key, family, a) if a > 0.0 or not free.all() else []
+        heated, a, (S, M, mu, W), free = self._heated(datum), alpha / k, self._modes, self._free
+        theta, heat = (1.0 / k, 1.0) if datum.heats else (1.0, k)
+        solved = a > 0.0 or not free.all()
+        values = self._variation(heated, a) if solved else np.zeros(len(mu))
+        shares = self._shares(heated, values) if solved else []
         if free.all():
-            m_0, m_1 = family.moments
-            constant = theta * float(m_0[0] / a if key.heats else m_1[0]) * float(W[0, 0])
+            m_0, m_1 = heated.moments
+            constant = theta * float(m_0[0] / a if datum.heats else m_1[0]) * float(W[0, 0])
             # a(θ − θ̄) mode by mode, so that a large α does not multiply the rounding of a difference
             flows = np.append(m_0[0], a * (m_0 - mu * m_1)[1:] / (mu[1:] + a))
             heat_out = heat * float(M.sum(axis=0) @ W @ flows)  # zero but for the first, up to the rounding it shows
             most = heat * float(np.linalg.norm(flows) / W[0, 0])  # ∫|·| ≤ |Γ_θ|^½ ‖·‖
-            through = family.moved if key.heats else most
+            through = heated.moved if datum.heats else most
         else:
-            (r_0, r_1), x, constant = family.right, np.zeros(len(free)), 0.0
-            x[free] = W @ (family.basis @ [f for _, f in shares[family.carries :]])
+            (r_0, r_1), x, constant = heated.right, np.zeros(len(free)), 0.0
+            x[free] = W @ values
             flows = heat * np.where(free, a * (M @ x - r_1), r_0 - S @ x)
             heat_out, through = float(flows.sum()), float(np.abs(flows).sum())
-        fields = tuple((column, strength * (theta * share)) for column, share in shares)
-        heats = (strength * heat_out, strength * family.heat, abs(strength) * through)
-        return Part(strength * constant, fields, *heats)
+        fields: dict[Field, float] = {column: strength * (theta * share) for column, share in shares}
+        heat_moved = strength * heat_out, strength * heated.heat, abs(strength) * through
+        return Part(fields | {None: strength * constant}, heat_moved)
 
     def response(self, source: Array, a: float) -> Array:
         """(n,) θ for k = 1 that a source at the nodes (n,) makes, surroundings and held edges being at 0."""
-        factor, (S, M, _, _), free = self._factor(), self._modes, self._free
-        load, on_line, own = factor.load(source), np.zeros((len(free), 1)), np.ix_(free, free)
-        on_line[free, 0] = np.linalg.solve((S + a * M)[own], load.l_tilde[free])
-        return factor.expand(on_line, load, np.ones(1))[:, 0]
+        factor, (S, M, _, _), free = self._body.factor(self._key[0]), self._modes, self._free
+        (l_tilde, theta), on_line, own = factor.load(source), np.zeros((len(free), 1)), np.ix_(free, free)
+        on_line[free, 0] = np.linalg.solve((S + a * M)[own], l_tilde[free])
+        return theta + factor.extended(on_line)[:, 0]
 
-    # -- families ----------------------------------------------------------------------------------
-
-    def _family(self, key: FamilyKey) -> _Family:
-        """The family with its first columns: one for each a of the sweep, or a basis if that has fewer."""
-        if key in self._families:
-            return self._families[key]
-        forms, (S, M, _, W), zero = self._forms, self._modes, np.zeros(len(self._free))
-        load, held, source = None, None, np.zeros(1)
-        if key.heats:
-            source = (source_load if key.kind == "source" else edge_load)(forms.mesh, key.data, key.where)
-            load = self._factor().load(source)
-            right = load.l_tilde, zero
-        elif key.kind == "surroundings":
-            ratio = self._ratios[key.where[0]] if self._ratios else 1.0
-            right = zero, ratio * forms.surroundings(key.data, key.where)
+    def _heated(self, datum: Datum) -> _Heated:
+        if datum in self._data:
+            return self._data[datum]
+        body, (S, M, _, W), zero = self._body, self._modes, np.zeros(len(self._free))
+        column: tuple[Array, Array | float] | None = None
+        source = np.zeros(1)
+        if datum.heats:
+            source = (source_load if datum.kind == "source" else edge_load)(body.mesh, datum.data, datum.where)
+            l_tilde, field = body.factor(self._key[0]).load(source)
+            right, column = (l_tilde, zero), (zero, field)
+        elif datum.kind == "surroundings":
+            ratio = self._ratios[datum.where[0]] if self._ratios else 1.0
+            right = zero, ratio * body.surroundings(datum.data, datum.where)
         else:  # a corner of two edges that hold temperatures belongs to the first
-            before, held = forms.held[: forms.held.index(key.where[0])], zero.copy()
-            own = np.setdiff1d(forms.mesh.nodes_on(*key.where), forms.mesh.nodes_on(*before))
-            held[np.searchsorted(forms.kept_nodes, own)] = values_at(key.data, forms.mesh.points[own])
-            right = -(S @ held), -(M @ held)
+            before, held = body.held[: body.held.index(datum.where[0])], zero.copy()
+            own = np.setdiff1d(body.mesh.nodes_on(*datum.where), body.mesh.nodes_on(*before))
+            held[np.searchsorted(body.nodes, own)] = values_at(datum.data, body.mesh.points[own])
+            right, column = (-(S @ held), -(M @ held)), (held, 0.0)
         moments = np.array([W.T @ part[self._free] for part in right])
-        heats = float(source.sum()), float(np.abs(source).sum())
-        family = _Family(load, held, np.array(right), moments, *heats, np.zeros((W.shape[1], 0)))
-        rows = [self._variation(family, a) for a in sorted(self._wanted.get(key, ())) if a > 0.0]
-        if rows and W.size:  # the variation that is worst represented comes next
-            norms = np.linalg.norm(rows, axis=1)
-            apart = np.transpose(rows) / np.where(norms > 0.0, norms, 1.0)
-            Q, R, _ = scipy.linalg.qr(apart, mode="economic", pivoting=True)
-            family.basis = np.asarray(Q[:, np.abs(R.diagonal()) > ROUNDING])
-        family.listed = family.carries + family.basis.shape[1]
-        self._families[key] = family
-        return family
+        numbers = () if column is None else (len(self._columns),)
+        self._columns += [] if column is None else [column]
+        heated = _Heated(np.array(right), moments, float(source.sum()), float(np.abs(source).sum()), numbers)
+        return self._data.setdefault(datum, heated)
 
-    def _variation(self, family: _Family, a: float) -> Array:
+    def _variation(self, heated: _Heated, a: float) -> Array:
         """(f,) the variation on Γ_θ in the w_k, for k = 1; the constant part, where there is one, is zero.
 
         After a step of refinement where modes lack digits: of edges whose α differ by decades, or that hold θ_D.
         """
-        (S, M, mu, W), free, (r_0, r_1), (m_0, m_1) = self._modes, self._free, family.right, family.moments
+        (S, M, mu, W), free, (r_0, r_1), (m_0, m_1) = self._modes, self._free, heated.right, heated.moments
         first, values = int(free.all()), np.zeros(len(mu))
         values[first:] = (m_0 + a * m_1)[first:] / (mu[first:] + a)
         if self._ratios or not first:
@@ -328,105 +296,124 @@ class Conduction:
             values[first:] += step[first:]
         return values
 
-    def _shares(self, key: FamilyKey, family: _Family, a: float) -> list[tuple[Column, float]]:
-        """The variation for a as a combination of columns, exact to rounding; one that they miss adds a column."""
-        wanted = self._variation(family, a)
-        missed = wanted - family.basis @ (family.basis.T @ wanted)
+    def _shares(self, heated: _Heated, wanted: Array) -> list[tuple[Column, float]]:
+        """A variation as a combination of columns, exact to rounding; one that they miss adds a column."""
+        missed = wanted - self._basis @ (self._basis.T @ wanted)
         if np.linalg.norm(missed) > 2.0 * ROUNDING * np.linalg.norm(wanted):
-            missed -= family.basis @ (family.basis.T @ missed)
-            family.basis = np.column_stack([family.basis, missed / np.linalg.norm(missed)])
-        factors = [*family.carries * [1.0], *(family.basis.T @ wanted).tolist()]
-        return [(Column(key, i, family.listed), factor) for i, factor in enumerate(factors)]
+            missed -= self._basis @ (self._basis.T @ missed)
+            self._add(missed / np.linalg.norm(missed))
+        numbers, factors = (*heated.own, *self._numbers), (*(1.0 for _ in heated.own), *self._basis.T @ wanted)
+        return [(Column(*self._key, i, self._listed), float(f)) for i, f in zip(numbers, factors, strict=True)]
 
-    # -- columns on the body -----------------------------------------------------------------------
+    def _add(self, variation: Array) -> None:
+        """One more column, of a unit variation (f,) orthogonal to all."""
+        on_line = np.zeros(len(self._free))
+        on_line[self._free] = self._modes[3] @ variation
+        self._basis = np.column_stack([self._basis, variation])
+        self._numbers.append(len(self._columns))
+        self._columns.append((on_line, 0.0))
 
-    def listed(self) -> list[Column]:
-        """The columns that the scenes to come need."""
-        sizes = ((key, self._family(key).listed) for key in self._wanted)
-        return [Column(key, i, listed) for key, listed in sizes for i in range(listed)]
-
-    def field(self, column: Column) -> Array:
-        """Nodal values of a column (n,)."""
-        if (found := self._fields.find(column)) is not None:
-            return found
-        batch, family = column.together, self._family(column.family)
-        numbers = np.array([c.number for c in batch])
-        carries = np.where(numbers < family.carries, 1.0, 0.0)
-        on_line = np.zeros((len(self._free), len(batch)))
-        every = np.hstack([np.zeros((len(family.basis), family.carries)), family.basis])
-        on_line[self._free] = self._modes[3] @ every[:, numbers]
-        if family.held is not None:
-            on_line += np.outer(family.held, carries)
-        values = self._factor().expand(on_line, family.load, carries)
-        for c, one in zip(batch, values.T, strict=True):
-            if self._fields.find(c) is None:
-                self._fields.put(c, one.copy())
-        return values[:, batch.index(column)].copy()
+    def fields(self, columns: Sequence[Column]) -> list[Array]:
+        """Nodal values (n,) of some columns."""
+        on_line, loads = zip(*(self._columns[column.number] for column in columns), strict=True)
+        extended = self._body.factor(self._key[0]).extended(np.column_stack(on_line))
+        return [values + load for values, load in zip(extended.T, loads, strict=True)]
 
 
 @dataclass(frozen=True)
 class Temperature:
-    """θ of one scene: its mean [K], and the defect of α∫(θ−θ̄) = ∫q relative to the heat that moves (NaN if unused)."""
+    """θ of one scene, Σ factor × field [K], and the defect of α∫(θ−θ̄) = ∫q relative to the heat that moves (NaN if
+    unused)."""
 
-    mean: float
+    fields: Mapping[Field, float]
     heat_balance: float
-    _nodal: Callable[[], Array] = field(repr=False)
+    _of: Temperatures = field(repr=False)
 
     @cached_property
     def theta(self) -> Array:
         """Nodal values (n,) [K], computed when asked for."""
-        return self._nodal()
+        parts = (factor * self._of.field(name) for name, factor in self.fields.items())
+        return np.asarray(sum(parts, np.zeros(self._of.mesh.n_points)))
+
+    @cached_property
+    def mean(self) -> float:
+        """Over the body [K]."""
+        return float(sum(factor * self._of.mean(name) for name, factor in self.fields.items()))
 
 
 class Temperatures:
-    """θ of every scene of a study on one mesh, and the load β∫θ tr ε(v) that it makes, as basis terms."""
+    """θ of every scene of a study on one mesh, and the load β∫θ tr ε(v) that it makes, as basis terms.
 
-    def __init__(self, forms: HeatForms, points: Array, scenes: Sequence[Scene], memory: float) -> None:
-        """points: (n, 2) nodes;  scenes: all to come, if known;  memory: bytes of fields kept."""
-        self._forms, self._points, self._wanted = forms, points, _wanted(scenes)
+    nodes: (r,) those on the closure of Γ_θ and of the edges `held` whose temperature is given, ascending
+    """
+
+    def __init__(self, forms: ElasticForms, scene: Scene, scenes: Sequence[Scene], memory: float) -> None:
+        """scene: any scene of the study;  scenes: all to come, if known;  memory: bytes of fields kept."""
+        self.mesh, self._forms, self._wanted = forms.mesh, forms, _wanted(scenes)
+        self.held = tuple(edge for edge, _ in scene.held_theta)
+        self._convection = tuple(edge for edge, _, _ in scene.exchange)
+        self.nodes = self.mesh.nodes_on(*self._convection, *self.held)
         self._memory = memory / max(1, len({k for k, _ in self._wanted}))
         self._conductions: dict[tuple[Conductivity, Ratios], Conduction] = {}
         self._factors: dict[Conductivity, HeatFactor] = {}
         self._fields: Recent[Array] = Recent(memory, lambda field: field.nbytes)
-        self._means: dict[Field, float] = {}
-        self._last: tuple[Scene, Part, bool] | None = None
+        self._means: dict[Field, float] = {None: 1.0}
+        self._last: tuple[Scene, Temperature] | None = None
         self._prepared: set[Conductivity] = set()
 
-    def conduction(self, k: Conductivity = (), ratios: Ratios = ()) -> Conduction:
+    def exchange(self, weights: Mapping[str, float]) -> Array:
+        """Σ w ∫φ_iφ_j over edges by name, over Γ_θ if none are, on `nodes`, dense (r, r) [m]."""
+        weight = np.zeros(len(self.mesh.segments))
+        for name, own in (weights or dict.fromkeys(self._convection, 1.0)).items():
+            weight[self.mesh.on(name)] = own
+        on = np.flatnonzero(weight)
+        ends = np.searchsorted(self.nodes, self.mesh.segments[on])
+        return segment_mass(ends, weight[on] * self.mesh.boundary.length[on], len(self.nodes))
+
+    def surroundings(self, theta_bar: Scalar, names: tuple[str, ...] = ()) -> Array:
+        """∫ θ̄ φ_i over edges, over Γ_θ if none are named, on `nodes` (r,) [K m]."""
+        return edge_load(self.mesh, theta_bar, names or self._convection)[self.nodes]
+
+    def conduction(self, k: Conductivity, ratios: Ratios) -> Conduction:
         """The heat problem with these relative conductivities of the regions and ratios between the α of the edges."""
         if (k, ratios) not in self._conductions:
-            own = ratios, self._wanted.get((k, ratios))
-            self._conductions[k, ratios] = Conduction(self._forms, lambda: self._factor(k), self._fields, *own)
+            self._conductions[k, ratios] = Conduction(self, k, ratios, self._wanted.get((k, ratios), {}))
         return self._conductions[k, ratios]
 
-    def _factor(self, k: Conductivity) -> HeatFactor:
+    def factor(self, k: Conductivity) -> HeatFactor:
         """K factorised, until what it serves is computed."""
         if k not in self._factors:
-            self._factors[k] = HeatFactor(self._forms, k)
+            self._factors[k] = HeatFactor(self._forms, self.nodes, k)
         return self._factors[k]
 
     def of(self, scene: Scene) -> Temperature:
-        """θ of a scene with its mean and heat balance; zero where the scene has no heat."""
-        whole, judged = self._whole(scene)
-
-        def nodal() -> Array:
-            theta = np.full(len(self._points), whole.constant)
-            for name, factor in whole.fields:
-                theta += factor * self.field(name)
-            return theta
-
-        mean = whole.constant + sum(factor * self.mean(name) for name, factor in whole.fields)
+        """θ of a scene; zero where the scene has no heat. Nothing is solved for what is constant or unused."""
+        if self._last is not None and self._last[0] is scene:
+            return self._last[1]
+        parts, judged, given = list[Part](), False, scene.heat.theta
+        if given is not None:
+            parts = [Part({given: 1.0} if isinstance(given, Expression) else {None: float(given)})]
+        elif scene.conducts:
+            (uniform, shares), (alpha, ratios) = heat_shares(scene), exchange_level(scene)
+            k = scene.material.k or 1.0
+            own = ((self.conduction(relative_k(scene), ratios), datum, factor) for datum, factor in shares)
+            parts = [Part({None: uniform}), *(c.part(datum, alpha, k, factor) for c, datum, factor in own)]
+            judged = bool(shares) and (scene.heat_by_edge or any(datum.heats for datum, _ in shares))
+        fields = dict[Field, float]()
+        for name, factor in (pair for part in parts for pair in part.fields.items()):
+            fields[name] = fields.get(name, 0.0) + factor
         # relative to all heat that moves, because sources and sinks may cancel, and little q pass much heat by
-        balance = abs(whole.heat_out - whole.heat_in) / whole.through if whole.through else 0.0
-        return Temperature(mean, balance if judged else float("nan"), nodal)
+        out, given_heat, through = np.sum([(0.0, 0.0, 0.0), *(part.heat for part in parts)], axis=0)
+        balance = float(abs(out - given_heat) / through) if through else 0.0
+        self._last = scene, Temperature(fields, balance if judged else float("nan"), self)
+        return self._last[1]
 
     def terms(self, scene: Scene) -> list[LoadTerm]:
         """β∫θ tr ε(v): the uniform part through one vector, the rest through one for each temperature field."""
         if not scene.material.expands:
             return []
         self._prepare(relative_k(scene))
-        whole = self._whole(scene)[0]
-        fields = [*whole.fields, *([(None, whole.constant)] if whole.constant != 0.0 else [])]
+        fields = [(name, factor) for name, factor in self.of(scene).fields.items() if factor != 0.0]
         materials = ((where, own.beta) for where, own in scene.pieces if own.beta != 0.0)
         return [(BasisLoad("temperature", name, at), beta * f) for at, beta in materials for name, f in fields]
 
@@ -436,17 +423,25 @@ class Temperatures:
         if k in self._prepared or not sets:
             return
         self._prepared.add(k)
-        columns = [column for ratios in sets for column in self.conduction(k, ratios).listed()]
-        if len(columns) * 8 * len(self._points) <= self._memory:
+        columns = [column for ratios in sets for column in self.conduction(k, ratios).listed]
+        if len(columns) * 8 * self.mesh.n_points <= self._memory:
             for column in columns:
                 self.field(column)
             self._factors.pop(k, None)
 
     def field(self, name: Field) -> Array:
         """Nodal values (n,) of a field."""
-        if isinstance(name, Column):
-            return self.conduction(name.family.k, name.family.ratios).field(name)
-        return self._fields.get(name, lambda: values_at(name, self._points))
+        if name is None:
+            return np.ones(self.mesh.n_points)
+        if not isinstance(name, Column):
+            return self._fields.get(name, lambda: values_at(name, self.mesh.points))
+        if (found := self._fields.find(name)) is not None:
+            return found
+        columns = name.together
+        fields = dict(zip(columns, self.conduction(name.k, name.ratios).fields(columns), strict=True))
+        for column, values in fields.items():
+            self._fields.get(column, lambda values=values: values)  # type: ignore[misc]
+        return fields[name]
 
     def mean(self, name: Field) -> float:
         """Mean of a field over the body."""
@@ -456,8 +451,8 @@ class Temperatures:
 
     def mean_of(self, theta: Array) -> float:
         """Mean over the body of a temperature at the nodes (n,)."""
-        mesh = self._forms.mesh
-        return float(mesh.area @ theta[mesh.triangles].mean(axis=1)) / float(mesh.area.sum())
+        area = self.mesh.area
+        return float(area @ theta[self.mesh.triangles].mean(axis=1)) / float(area.sum())
 
     def response(self, scene: Scene, source: Array) -> Array:
         """(n,) θ [K] that heat put in at the nodes (n,) [W/m] makes, surroundings and held edges being at 0."""
@@ -467,37 +462,16 @@ class Temperatures:
 
     def exchanged(self, scene: Scene, edges: tuple[str, ...]) -> Array:
         """(n,) −∫(θ − θ̄)φ_i over edges: what one more of their α puts in [K m]."""
-        forms, theta = self._forms, self.of(scene).theta
-        found, kept = np.zeros(len(theta)), forms.kept_nodes
-        for edge, _, theta_bar in scene.exchange:
+        theta, found = self.of(scene).theta, np.zeros(self.mesh.n_points)
+        for edge, _, bar in scene.exchange:
             if edge in edges:
-                found[kept] += forms.surroundings(theta_bar, (edge,)) - forms.exchange({edge: 1.0}) @ theta[kept]
+                found[self.nodes] += self.surroundings(bar, (edge,)) - self.exchange({edge: 1.0}) @ theta[self.nodes]
         return found
 
-    def _whole(self, scene: Scene) -> tuple[Part, bool]:
-        """All parts of θ together, and whether heat judges them; once where the same scene is asked for again.
 
-        Nothing is solved for what is constant or unused.
-        """
-        if self._last is not None and self._last[0] is scene:
-            return self._last[1:]
-        parts, judged, given = list[Part](), False, scene.heat.theta
-        if given is not None:
-            parts = [Part(0.0, ((given, 1.0),)) if isinstance(given, Expression) else Part(float(given))]
-        elif scene.conducts:
-            (uniform, shares), (alpha, ratios) = heat_shares(scene), exchange_level(scene)
-            k, conduction = scene.material.k or 1.0, self.conduction(relative_k(scene), ratios)
-            parts = [Part(uniform), *(conduction.part(key, alpha, k, factor) for key, factor in shares)]
-            judged = bool(shares) and (scene.heat_by_edge or any(key.heats for key, _ in shares))
-        fields = tuple(field for part in parts for field in part.fields)
-        sums = (sum(getattr(part, name) for part in parts) for name in ("heat_out", "heat_in", "through"))
-        self._last = scene, Part(sum(part.constant for part in parts), fields, *sums), judged
-        return self._last[1:]
-
-
-def _wanted(scenes: Sequence[Scene]) -> dict[tuple[Conductivity, Ratios], dict[FamilyKey, dict[float, None]]]:
-    """Values of α/k by family of the scenes to come, by conductivities and ratios."""
-    found: dict[tuple[Conductivity, Ratios], dict[FamilyKey, dict[float, None]]] = {}
+def _wanted(scenes: Sequence[Scene]) -> dict[tuple[Conductivity, Ratios], dict[Datum, dict[float, None]]]:
+    """Values of α/k by datum of the scenes to come, by conductivities and ratios."""
+    found: dict[tuple[Conductivity, Ratios], dict[Datum, dict[float, None]]] = {}
     for scene in distinct(scenes, *FELT):
         k = scene.material.k
         if scene.material.expands and scene.conducts and scene.heat.theta is None and k:

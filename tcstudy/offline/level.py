@@ -20,7 +20,7 @@ from tcstudy.condense import Condensation, condense
 from tcstudy.condense.symbolic import EliminationPlan
 from tcstudy.contact.problem import ContactProblem, least_eigenpair
 from tcstudy.fem.boundary import constrain, contact_line, couple
-from tcstudy.fem.forms import ElasticForms, HeatForms, Moduli, Springs
+from tcstudy.fem.forms import ElasticForms, Moduli, Springs, edge_load, source_load
 from tcstudy.fem.meshes import Frames, PlaneMesh
 from tcstudy.laws.composed import EdgeLaws, law_along
 from tcstudy.laws.laws import Laws
@@ -114,7 +114,8 @@ class ElasticBody:
         """Raises NotPositiveDefinite if the body is not held."""
         self._level, (moduli, springs), frames, line = level, ratio, level.frames, level.line
         A = level.elastic.stiffness_of(moduli, frames)
-        A = frames.tied(sp.csr_array(A + level.elastic.springs(springs, frames)) if springs else A)
+        A = sp.csr_array(A + level.elastic.springs(springs, frames)) if springs else A
+        A = A if frames.ties is None else sp.csr_array(frames.ties.T @ A @ frames.ties)
         eliminate = ~frames.fixed
         eliminate[line.nodes] = False
         at = level.mesh.points, line.nodes, eliminate, 2
@@ -218,9 +219,7 @@ class Level:
         self._bands: dict[Ratio, Band] = {}
         self._duals: dict[Ratio, tuple[EquilibriumBody, float]] = {}
         self.elastic = ElasticForms(mesh)
-        given = tuple(edge for edge, _ in scene.held_theta)
-        self.heat = HeatForms(self.elastic, tuple(edge for edge, _, _ in scene.exchange), held=given)
-        self.temperatures = Temperatures(self.heat, mesh.points, scenes, MEMORY)
+        self.temperatures = Temperatures(self.elastic, scene, scenes, MEMORY)
         self._frames: dict[Hashable, Frames] = {}
         self._laws: dict[EdgeLaws, Laws] = {}
         self.elimination: EliminationPlan | None = None
@@ -376,9 +375,7 @@ class Level:
     def forces(self, u: Array, moduli: Moduli, springs: Springs) -> Array:
         """(A + S)u of a displacement u, both (2n,) in x and y [N/m]."""
         found = self.elastic.stiffness_of(moduli) @ u if moduli else np.zeros(len(u))
-        if springs:
-            found += self.frames.unturned(self.elastic.springs(springs, self.frames) @ self.frames.rows(u))
-        return found
+        return found + self.elastic.springs(springs) @ u if springs else found
 
     def stiffness_times(self, scene: Scene, u: Array) -> Array:
         """(A + S)u of a scene's body, as `forces`."""
@@ -395,20 +392,20 @@ class Level:
 
     def vector(self, load: BasisLoad) -> Array:
         """A basis load in x and y (2n,); of what is prescribed there is none without a body."""
+        if load.kind == "temperature":
+            return self.elastic.expansion(self.temperatures.field(load.data), load.where)
+        mesh, (shape, axis), F = self.mesh, load.data, np.zeros((2, self.mesh.n_points))
         match load.kind:
             case "body":
-                return self.elastic.body_force(load.data)
-            case "edge":
-                return self.elastic.traction(load.where[0], load.data)
-            case "force":
-                return self.elastic.force(load.where[0], load.data)
+                F[axis] = source_load(mesh, shape, ())
+            case "edge" | "force":
+                F[axis] = edge_load(mesh, shape, load.where)
+                F /= F.sum() if load.kind == "force" else 1.0
+            case "pressure":
+                F -= [edge_load(mesh, shape, load.where, normal) for normal in (0, 1)]
             case "moment":
-                return couple(self.mesh, load.where[0])
-            case "temperature":
-                uniform = load.data is None
-                theta = np.ones(self.mesh.n_points) if uniform else self.temperatures.field(load.data)
-                return self.elastic.expansion(theta, load.where)
-        raise ValueError(load.kind)
+                return couple(mesh, load.where[0])
+        return F.ravel()
 
 
 MOST_NODES = 250

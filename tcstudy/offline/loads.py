@@ -14,28 +14,25 @@ from typing import Any, Generic, Literal, TypeVar
 
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.forms import Conductivity
-from tcstudy.scene.records import EdgeHeat, Role, Scalar, Scene, Traction
+from tcstudy.scene.records import EdgeHeat, Role, Scalar, Scene
 
 Roles = tuple[tuple[str, Role], ...]
+Mechanical = Literal["body", "edge", "pressure", "force", "moment"]
 Ratios = tuple[tuple[str, float], ...]
 
 
 @dataclass(frozen=True)
-class FamilyKey:
-    """What a family of temperatures belongs to.
+class Datum:
+    """What of a heat problem is given.
 
-    kind:   "source", density of shape `data` in regions; "flux", the same into edges; "surroundings" at `data`, of
-            edges or of all of Γ_θ; "held", `data` being the temperature of an edge
-    where:  names of the regions or edges
-    k:      relative conductivities where they differ by region
-    ratios: between the α of the edges, none if they are equal
+    kind:  "source", density of shape `data` in regions; "flux", the same into edges; "surroundings" at `data`, of
+           edges or of all of Γ_θ; "held", `data` being the temperature of an edge
+    where: names of the regions or edges
     """
 
     kind: Literal["source", "flux", "surroundings", "held"]
     data: Scalar
     where: tuple[str, ...] = ()
-    k: Conductivity = ()
-    ratios: Ratios = ()
 
     @property
     def heats(self) -> bool:
@@ -49,9 +46,14 @@ BATCH = 16
 
 @dataclass(frozen=True)
 class Column:
-    """Names one column of a family; listed: how many of the family were made at the start."""
+    """Names one of the temperature fields of a heat problem, of which so many are listed at the start.
 
-    family: FamilyKey
+    k:      relative conductivities where they differ by region
+    ratios: between the α of the edges, none if they are equal
+    """
+
+    k: Conductivity
+    ratios: Ratios
     number: int
     listed: int
 
@@ -64,23 +66,23 @@ class Column:
         return tuple(replace(self, number=i) for i in range(first, min(first + BATCH, self.listed)))
 
 
-Field = Expression | Column
-"""A temperature field on the body: given, or a column of a heat problem."""
+Field = Expression | Column | None
+"""A temperature field on the body: given, a column of a heat problem, or θ = 1."""
 
 
 @dataclass(frozen=True)
 class BasisLoad:
     """A load of no number but its shape.
 
-    kind: "body":        ∫f·v, f = `data` (x, y)
-          "edge":        ∫(g − p n)·v over the study edge `where`, in the role `data` in a scene without other loads
-          "force":       a resultant of 1 along the axis `data`, 0 for x, spread evenly over an edge
-          "moment":      a moment of 1 about the middle of an edge
-          "temperature": ∫ θ tr ε(v) over regions (all without `where`) of the field `data`, of θ = 1 without one
-          "prescribed":  −a(w_D, v) for μ = 1, w_D what the roles `data` prescribe; it scales with μ
+    kind: "body", "edge": ∫f·v and, over the study edge `where`, ∫g·v; f or g of shape s along the axis a, data = (s, a)
+          "pressure":     −∫ s n·v over an edge
+          "force":        a resultant of 1 along the axis a, spread evenly over an edge
+          "moment":       a moment of 1 about the middle of an edge
+          "temperature":  ∫ θ tr ε(v) over regions (all without `where`) of the field `data`
+          "prescribed":   −a(w_D, v) for μ = 1, w_D what the roles `data` prescribe; it scales with μ
     """
 
-    kind: Literal["body", "edge", "force", "moment", "temperature", "prescribed"]
+    kind: Mechanical | Literal["temperature", "prescribed"]
     data: Any = None
     where: tuple[str, ...] = ()
 
@@ -95,23 +97,17 @@ def split(scalar: Scalar) -> tuple[Scalar, float]:
 
 
 def mechanical_terms(f: tuple[Scalar, Scalar], boundary: Roles) -> Iterator[LoadTerm]:
-    """Terms of ∫f·v and of the tractions and pressures on all edges."""
-    yield from ((BasisLoad("body", shape), factor) for shape, factor in _by_axis(f))
+    """Terms of ∫f·v and of what loads all edges."""
+    given: list[tuple[Mechanical, int | None, Scalar, str]] = [("body", axis, f[axis], "") for axis in (0, 1)]
     for name, role in boundary:
-        yield from ((BasisLoad("force", axis, (name,)), force) for axis, force in enumerate(role.force) if force)
-        if role.moment:
-            yield BasisLoad("moment", None, (name,)), role.moment
-        yield from ((BasisLoad("edge", Traction(g=shape), (name,)), factor) for shape, factor in _by_axis(role.g))
-        pressure, factor = split(role.pressure)
+        given += [("force", axis, role.force[axis], name) for axis in (0, 1)]
+        given += [("moment", None, role.moment or 0.0, name)]
+        given += [("edge", axis, role.g[axis], name) for axis in (0, 1)]
+        given += [("pressure", None, role.pressure, name)]
+    for kind, axis, value, name in given:
+        shape, factor = split(value)
         if factor != 0.0:
-            yield BasisLoad("edge", Traction(pressure=pressure), (name,)), factor
-
-
-def _by_axis(density: tuple[Scalar, Scalar]) -> Iterator[tuple[tuple[Scalar, Scalar], float]]:
-    """(unit shape, factor) of each component of a density that is not 0."""
-    for axis, (shape, factor) in enumerate(map(split, density)):
-        if factor != 0.0:
-            yield ((shape, 0.0), (0.0, shape))[axis], factor
+            yield BasisLoad(kind, (shape, axis), (name,)), factor
 
 
 def loaded_by(scene: Scene, *, loads: bool = False) -> Scene:
@@ -147,27 +143,27 @@ def exchange_level(scene: Scene) -> tuple[float, Ratios]:
     return alpha, ratios if any(ratio != 1.0 for _, ratio in ratios) else ()
 
 
-def heat_shares(scene: Scene) -> tuple[float, list[tuple[FamilyKey, float]]]:
-    """θ of a scene without known temperature: a uniform part [K], and (family, factor) of what is added to it.
+def heat_shares(scene: Scene) -> tuple[float, list[tuple[Datum, float]]]:
+    """θ of a scene without known temperature: a uniform part [K], and (datum, factor) of what is added to it.
 
     What is constant on all edges is the uniform part: then nothing is solved for it.
     """
-    heat, shared = scene.heat, (relative_k(scene), exchange_level(scene)[1])
-    given: list[tuple[FamilyKey, Scalar]] = [(FamilyKey("surroundings", 1.0, (), shared[0]), heat.theta_bar)]
+    heat = scene.heat
+    given: list[tuple[Datum, Scalar]] = [(Datum("surroundings", 1.0), heat.theta_bar)]
     if scene.heat_by_edge:
-        given = [(FamilyKey("surroundings", 1.0, (edge,), *shared), bar) for edge, _, bar in scene.exchange]
-        given += [(FamilyKey("held", 1.0, (edge,), *shared), theta) for edge, theta in scene.held_theta]
+        given = [(Datum("surroundings", 1.0, (edge,)), bar) for edge, _, bar in scene.exchange]
+        given += [(Datum("held", 1.0, (edge,)), theta) for edge, theta in scene.held_theta]
     numbers = [value for _, value in given if not isinstance(value, Expression)]
     uniform = float(numbers[0]) if len(numbers) == len(given) else 0.0
-    given += [(FamilyKey("source", 1.0, heat.omega, *shared), heat.q)]
-    given += [(FamilyKey("flux", 1.0, (edge,), *shared), flux) for edge, flux in scene.flux]
+    given += [(Datum("source", 1.0, heat.omega), heat.q)]
+    given += [(Datum("flux", 1.0, (edge,)), flux) for edge, flux in scene.flux]
     found = []
-    for key, value in given:
+    for datum, value in given:
         shape, factor = split(value)
-        if not key.heats and shape == 1.0:
+        if not datum.heats and shape == 1.0:
             factor -= uniform
         if factor != 0.0:
-            found.append((replace(key, data=shape), factor))
+            found.append((replace(datum, data=shape), factor))
     return uniform, found
 
 

@@ -105,7 +105,7 @@ def _stages(level: Level, scene: Scene) -> Iterator[float]:
     least_eigenvalue(body.A_tilde(mu), level.line.c)
     lowest = clock()
     yield elastic - lowest
-    level.temperatures._whole(scene)  # the heat factor, its spectrum and the condensed source
+    level.temperatures.of(scene)  # the heat factor, its spectrum and the condensed source
     yield clock()
     condensed = level.condensed(scene)
     yield clock()
