@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from tcstudy.condense import Condensation, condense
-from tcstudy.condense.symbolic import EliminationPlan
+from tcstudy.condense.condensation import EliminationPlan
 from tcstudy.contact.problem import ContactProblem, least_eigenpair
 from tcstudy.fem.boundary import constrain, contact_line, couple
 from tcstudy.fem.forms import ElasticForms, Moduli, Springs, edge_load, source_load

@@ -30,7 +30,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -43,8 +42,7 @@ from tcstudy.laws.pieces import BARE, DEBONDED, REGIONS, UP
 from tcstudy.offline.level import Level
 from tcstudy.offline.loads import mechanical_terms
 from tcstudy.scene.records import Clamped, Contact, Free, Scene
-from tcstudy.scene.study import OutputPlan, Probe
-from tcstudy.shapes.edges import TriangleGeometry
+from tcstudy.scene.study import OutputPlan
 
 Array = NDArray[np.float64]
 EQUAL = 1e-9
@@ -76,36 +74,30 @@ def region_lengths(level: Level, laws: Laws, v: Array, held: Array) -> dict[str,
     held: (P, h) slips of the held ends of segments, NaN for that of the node beside it
     """
     line, index, by_node = level.line, laws.index, laws.index.shape[1] > 1
-    own, length, ends = line.own_law, line.lengths, v[:, line.own_law]
-    ends = np.where(line.unknowns < 0, ends, v[:, line.unknowns])
-    ends[:, line.unknowns < 0] = np.where(np.isnan(held), ends[:, line.unknowns < 0], held)
+    length, loose = line.lengths, line.unknowns < 0
+    ends = v[:, np.where(loose, line.own_law, line.unknowns)]
+    ends[:, loose] = np.where(np.isnan(held), ends[:, loose], held)
     first, second = ends[..., 0], ends[..., 1]
     if by_node:
         middle = 0.5 * (first + second)
         first, second = np.hstack([first, middle]), np.hstack([middle, second])
-        length, index = np.tile(0.5 * length, 2), index[:, own.T.ravel()]
+        length, index = np.tile(0.5 * length, 2), index[:, line.own_law.T.ravel()]
     low, high = np.minimum(first, second), np.maximum(first, second)
     resting = low == high
-    width = np.where(resting, 1.0, high - low)
     # what rests on an up-jump is in no region
-    moving = ~(resting & (laws.kind(laws.locate(low, index)) == UP))
-    regions, found = laws.regions, dict[str, Array]()
-    parts = {k: np.where(regions[index, -1] == k, 1.0, 0.0) for k in np.unique(regions)}
-    for j in range(laws.kinks.shape[1]):
-        if not np.any(regions[:, j] != regions[:, j + 1]):
-            continue
-        kink = laws.kinks[index, j]
-        below = np.where(resting, kink >= high, np.clip((kink - low) / width, 0.0, 1.0))
-        for k, part in parts.items():
-            sign = (regions[:, j] == k).astype(float) - (regions[:, j + 1] == k)
-            parts[k] = part + sign[index] * below if np.any(sign) else part
-    known = (
-        laws.index if not by_node else np.delete(laws.index, line.joints.node, axis=1)
-    )  # a joint has its edges' laws
-    for k, part in parts.items():
-        has = np.any(regions == k, axis=1)[known].any(axis=1)
+    size = length * ~(resting & (laws.kind(laws.locate(low, index)) == UP))
+    change = np.any(np.diff(laws.regions, axis=1) != 0, axis=0)  # breakpoints between regions
+    kinks, regions = laws.kinks[:, change][index], laws.regions[:, np.append(change, True)][index]
+    width = np.where(resting, 1.0, high - low)[..., None]
+    below = np.where(resting[..., None], kinks >= high[..., None], np.clip((kinks - low[..., None]) / width, 0.0, 1.0))
+    parts = size[..., None] * np.diff(below, axis=-1, prepend=0.0, append=1.0)  # (P, s, pieces) of every segment
+    # a joint has its edges' laws
+    known, found = laws.index if not by_node else np.delete(laws.index, line.joints.node, axis=1), dict[str, Array]()
+    for k in np.unique(laws.regions):
+        has = np.any(laws.regions == k, axis=1)[known].any(axis=1)
         if k != BARE and np.any(has):
-            found[f"{REGIONS[k]}_length"] = np.where(has, (part * moving) @ length, np.nan)
+            total = np.sum(parts, axis=(1, 2), where=regions == k)
+            found[f"{REGIONS[k]}_length"] = np.where(has, total, np.nan)
     sticks = np.any(laws.kinds == UP, axis=1)[known].any(axis=1)
     if np.any(sticks):
         slips = ((first != 0.0) | (second != 0.0)) @ length
@@ -154,14 +146,13 @@ def support_forces(level: Level, scene: Scene, u: Array) -> dict[str, Array]:
 
 
 def edge_forces(level: Level, scene: Scene, u: Array) -> dict[str, Array]:
-    """(2n,) force of every edge on the nodes in x and y, without those of free edges [N/m]; u (2n,) [m]"""
-    found = {name: force.ravel() for name, force in support_forces(level, scene, u).items()}
+    """(2, n) force of every edge on the nodes, without those of free edges [N/m]; u (2n,) [m]"""
+    found = support_forces(level, scene, u)
     for name, role in scene.boundary:
         if not isinstance(role, Free):
-            terms = mechanical_terms((0.0, 0.0), ((name, role),))
-            own = sum((factor * level.vector(load) for load, factor in terms), np.zeros(2 * level.mesh.n_points))
-            own -= level.forces(u, (), ((name, *role.spring),) if any(role.spring) else ())
-            found[name] = found[name] + own if name in found else own
+            own = -level.forces(u, (), ((name, *role.spring),) if any(role.spring) else ())
+            own += sum(factor * level.vector(load) for load, factor in mechanical_terms((0.0, 0.0), ((name, role),)))
+            found[name] = found.get(name, 0.0) + own.reshape(2, -1)
     return found
 
 
@@ -216,11 +207,6 @@ class RequestedOutputs:
     level: Level
     output: OutputPlan
 
-    @cached_property
-    def _places(self) -> dict[Probe, tuple[int, Array]]:
-        """The triangle of every probe, and the barycentric coordinates in it."""
-        return {probe: _place(self.level.mesh, np.array(probe.at)) for probe in self.output.probes}
-
     def of(self, scene: Scene, u_T: Array) -> dict[str, Any]:
         """The numbers by variable name (data.schema) at a solution u_T (m,) of a scene; N is (m,)."""
         level, wanted, mesh, found = self.level, self.output.quantities, self.level.mesh, dict[str, Any]()
@@ -235,14 +221,11 @@ class RequestedOutputs:
                 size = np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * xy**2)
                 x, y = mesh.corners[worst := int(np.argmax(size))].mean(axis=0)
                 found |= {"von_mises_max": float(size[worst]), "von_mises_x": float(x), "von_mises_y": float(y)}
-        if "reactions" in wanted:
-            for name, force in support_forces(level, scene, u).items():
+        for kind, forces in (("reaction", support_forces), ("force", edge_forces)):
+            for name, force in forces(level, scene, u).items() if f"{kind}s" in wanted else ():
                 x, y = force.sum(axis=1)
-                found |= {f"reaction_{name}_x": float(x), f"reaction_{name}_y": float(y)}
-        if "forces" in wanted:
-            for name, force in edge_forces(level, scene, u).items():
-                x, y = force.reshape(2, -1).sum(axis=1)
-                found |= {f"force_{name}_x": float(x), f"force_{name}_y": float(y), f"work_{name}": float(force @ u)}
+                found |= {f"{kind}_{name}_x": float(x), f"{kind}_{name}_y": float(y)}
+                found |= {f"work_{name}": float(force.ravel() @ u)} if kind == "force" else {}
         if "section_force" in wanted and sigma is not None and (section := section_force(level, scene, u_T, sigma)):
             N, layers, at = section
             most = int(np.argmax(np.abs(N) >= (1.0 - EQUAL) * np.abs(N).max()))
@@ -271,9 +254,11 @@ class RequestedOutputs:
 
     def _probes(self, u: Array, theta: Array, sigma: Array) -> dict[str, float]:
         line, components, found = self.level.line, u.reshape(2, -1), dict[str, float]()
-        for probe, (triangle, weights) in self._places.items():
-            nodes, start = self.level.mesh.triangles[triangle], f"probe_{probe.name}"
-            if triangle < 0:
+        for probe in self.output.probes:
+            inside = self.level.mesh.barycentric(np.array(probe.at))
+            triangle, start = int(np.argmax(inside.min(axis=1))), f"probe_{probe.name}"
+            nodes, weights = self.level.mesh.triangles[triangle], inside[triangle]
+            if weights.min() <= -OUTSIDE:
                 continue
             at = components[:, nodes] @ weights
             found |= {f"{start}_u_x": at[0], f"{start}_u_y": at[1], f"{start}_theta": theta[nodes] @ weights}
@@ -286,10 +271,3 @@ class RequestedOutputs:
                 value: Array = (1.0 - share) * first + share * second
                 found[f"{start}_u_T"] = float(value @ along) / float(np.hypot(*along))
         return {name: float(value) for name, value in found.items()}
-
-
-def _place(mesh: TriangleGeometry, at: Array) -> tuple[int, Array]:
-    """(triangle, barycentric coordinates) of a point; −1 outside the body."""
-    weights = mesh.barycentric(at)
-    best = int(np.argmax(weights.min(axis=1)))
-    return (best if weights[best].min() > -OUTSIDE else -1), weights[best]

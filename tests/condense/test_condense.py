@@ -7,8 +7,8 @@ from scipy.sparse.csgraph import maximum_bipartite_matching
 from scipy.sparse.linalg import splu
 from scipy.spatial import Delaunay
 
-from tcstudy.condense import NotPositiveDefinite, condense, symbolic
-from tcstudy.condense.symbolic import _separators
+from tcstudy.condense import NotPositiveDefinite, condensation, condense
+from tcstudy.condense.condensation import _separators
 
 
 def plate(n, grading=1.0, seed=None, length=2):
@@ -210,11 +210,11 @@ def test_a_plan_serves_other_matrices_of_the_same_pattern_alone():
 
 def test_fronts_times_unknowns_may_pass_32_bits(monkeypatch):
     """A chain cut into pieces of two: every front of the plan touches a later unknown."""
-    monkeypatch.setattr(symbolic, "LEAF_UNKNOWNS", 2)
+    monkeypatch.setattr(condensation, "LEAF_UNKNOWNS", 2)
     n = 50_000
     chain = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(n, n)).tocsr()
     points = np.column_stack([np.arange(n), np.zeros(n)])
-    plan = symbolic.plan_elimination(chain, points, 1, np.array([n - 1]), np.arange(n) < n - 1)
+    plan = condensation.plan_elimination(chain, points, 1, np.array([n - 1]), np.arange(n) < n - 1)
     assert len(plan.stops) * n > 2**31
     own = np.diff(plan.stops, prepend=0) > 0
     assert all(plan.stops[f] <= plan.boundaries[f][0] < n for f in np.flatnonzero(own)[:-1])

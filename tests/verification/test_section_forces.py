@@ -113,7 +113,7 @@ def test_forces_of_edges_balance_on_any_body() -> None:
     level, scene = levels_of(study)[-1], study.scenes[0]
     v = solve_contact(level.condensed(scene).problem).v
     u = level.displacement(scene, v)
-    force = np.sum([one.reshape(2, -1).sum(axis=1) for one in edge_forces(level, scene, u).values()], axis=0)
+    force = np.sum([one.sum(axis=1) for one in edge_forces(level, scene, u).values()], axis=0)
     body = level.load(replace(loaded_by(scene, loads=True), boundary=())).reshape(2, -1).sum(axis=1)
     assert force + body == pytest.approx(np.zeros(2), abs=1e-12)
     assert np.abs(body).min() > 1e-3
