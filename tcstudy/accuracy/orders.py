@@ -64,18 +64,18 @@ NAN = float("nan")
 class Fit:
     """The convergence of one error.
 
-    rates:          (levels,) rate from the level before; NaN where there is none
-    slope:          least-squares order from level `first` on; NaN with fewer than two levels
-    standard_error: of the slope; NaN with fewer than three levels
-    first:          the first asymptotic level, the first level at all if not settled; −1 if there is none
-    settled:        at least two rates agree; otherwise the levels are pre-asymptotic or too few
-    exact:          the error is rounding on all levels
+    rate:        (levels,) from the level before; NaN where there is none
+    slope:       least-squares order from `first_level` on; NaN with fewer than two levels
+    slope_error: its standard error; NaN with fewer than three levels
+    first_level: the first asymptotic level, the first level at all if not settled; −1 if there is none
+    settled:     at least two rates agree; otherwise the levels are pre-asymptotic or too few
+    exact:       the error is rounding on all levels
     """
 
-    rates: Array
+    rate: Array
     slope: float
-    standard_error: float
-    first: int
+    slope_error: float
+    first_level: int
     settled: bool
     exact: bool
 

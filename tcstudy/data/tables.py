@@ -309,7 +309,6 @@ NUMBERS = (
     Measure("energy", "energy", "J m-1", "energy of the solution"),
     Measure("friction_resultant", "∫ξ", "N m-1", "integral of -S_T over the contact line"),
     Measure("slip_length", "slip length", "m", "length of the contact line that does not stick"),
-    Measure("heat_balance", "heat balance", "1", "relative defect of heat convected away against heat put in"),
 )
 
 

@@ -1,8 +1,7 @@
 """Numbers of an exact solution, by quadrature that uses no discrete field; u_T and ξ as functions of place and normal.
 
-L_θ(u) = ½a(u,u) − ∫f·u − β∫θ div u − ∫g·u + ∫_{Γ_C} j(u_T), over the exact body: the triangles of a mesh and the
-slivers between its boundary and the arcs; ∫ξ over Γ_C; the length of Γ_C that slips; with these the value of a goal, so
-that estimates can be compared with true errors.
+L_θ(u) = ½a(u,u) − ∫f·u − β∫θ div u − ∫g·u + ∫_{Γ_C} j(u_T) of a body with straight edges; ∫ξ over Γ_C; the length of
+Γ_C that slips; with these the value of a goal, so that estimates can be compared with true errors.
 """
 
 from __future__ import annotations
@@ -20,28 +19,24 @@ from tcstudy.expressions.expression import value_and_gradient, value_of
 from tcstudy.laws.composed import law_along
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
-from tcstudy.scene.records import Body, Contact, Edge, Loaded, Scene
+from tcstudy.scene.records import Contact, Edge, Loaded, Scene
 from tcstudy.scene.study import Exact, Goal
-from tcstudy.shapes.edges import Arc, body_size, edge_arc, edge_at, edge_distance, edge_length
+from tcstudy.shapes.edges import edge_at, edge_distance, edge_length
 
 Array = NDArray[np.float64]
 
 PANELS = 200
 STICKS = 64 * np.finfo(float).eps
 """Distance from an up-jump, relative to the largest displacement on Γ_C, that is rounding."""
-ON_ARC = 1e-6
-"""Distance of a mesh node from its arc, relative to the body."""
 _GAUSS, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 
 def exact_energy(exact: Exact, scene: Scene, mesh: Triangles) -> float:
-    """L_θ(u) [J/m]; NaN for a body from a file and where the study gives no θ, but it loads the body.
-
-    Where the body is not convex the mesh overlaps it: u and the loads are then also evaluated a little outside.
-    """
+    """L_θ(u) [J/m]; NaN for a body that no mesh fills (with arcs, from a file), and without the θ that loads it."""
     theta = exact.theta if exact.theta is not None else scene.heat.theta
-    if scene.body.outline is None or (scene.material.expands and theta is None):
-        return float("nan")
+    straight = scene.body.outline is not None and all(edge.through is None for edge in scene.body.edges)
+    if not straight or (scene.material.expands and theta is None):
+        return math.nan
 
     def density(x: Array, y: Array) -> Array:
         (ux, gx), (uy, gy) = (value_and_gradient(component, x, y) for component in exact.u)
@@ -50,19 +45,15 @@ def exact_energy(exact: Exact, scene: Scene, mesh: Triangles) -> float:
         divergence, strain = gx[0] + gy[1], gx[0] ** 2 + gy[1] ** 2 + 0.5 * (gx[1] + gy[0]) ** 2
         return np.asarray(0.5 * lam * divergence**2 + mu * strain - f_x * ux - f_y * uy - beta * heat * divergence)
 
-    inside = mesh.integral(density) + sliver_integral(scene.body, mesh, density)
-    return inside + sum(_on_edge(exact, scene, *edge) for edge in body_edges(scene.body))
+    return mesh.integral(density) + sum(_on_edge(exact, scene, *edge) for edge in body_edges(scene.body))
 
 
 def exact_friction_resultant(scene: Scene, xi: LineFunction) -> float:
     """∫ξ over the exact Γ_C [N/m]; NaN for a body from a file."""
     if scene.body.outline is None:
-        return float("nan")
-    total = 0.0
-    for edge, hole in body_edges(scene.body, scene.edges(Contact)):
-        points, weights = _samples(edge)
-        total += float(weights @ xi(points[:, 0], points[:, 1], outward(edge, hole, points)))
-    return total
+        return math.nan
+    pieces = (_samples(*edge) for edge in body_edges(scene.body, scene.edges(Contact)))
+    return sum(float(weights @ xi(points[:, 0], points[:, 1], n)) for points, n, weights in pieces)
 
 
 def exact_slip_length(exact: Exact, scene: Scene) -> float:
@@ -73,7 +64,7 @@ def exact_slip_length(exact: Exact, scene: Scene) -> float:
     like r^p the change lies off by (rounding / amplitude)^(1/p).
     """
     if scene.body.outline is None:
-        return float("nan")
+        return math.nan
     edges = body_edges(scene.body, scene.edges(Contact))
     at = [edge_at(edge, _places()) for edge, _ in edges]
     size = max((float(np.max(np.abs(value_of(u, *points.T)))) for points in at for u in exact.u), default=0.0)
@@ -109,53 +100,13 @@ def _share(slips: Callable[[Array], NDArray[np.bool_]]) -> float:
     return float(np.diff(borders)[0 if holds[0] else 1 :: 2].sum())
 
 
-def sliver_integral(body: Body, mesh: Triangles, density: Callable[[Array, Array], Array]) -> float:
-    """∫ over the exact body less ∫ over the mesh, whose boundary nodes lie on the body's arcs.
-
-    Between a chord and its arc points are (1 − t) chord(s) + t arc(s), by 5 × 5 Gauss points; slivers that the mesh has
-    too much count negative.
-    """
-    assert body.outline is not None
-    edges, size = body.edges, body_size(body)
-    if all(edge.through is None for edge in edges):
-        return 0.0
-    ends = mesh.points[mesh.sides[mesh.sides_at(mesh.sides[:, ::-1]) < 0]]
-    middles = ends.mean(axis=1)
-    on = [np.all(edge_distance(edge, ends.reshape(-1, 2)).reshape(-1, 2) <= ON_ARC * size, axis=1) for edge in edges]
-    off = [np.where(both, edge_distance(edge, middles), np.inf) for edge, both in zip(edges, on, strict=True)]
-    own = np.argmin(off, axis=0)
-    arcs = [(i, arc) for i, edge in enumerate(edges) if (arc := edge_arc(edge)) is not None]
-    return sum(_slivers(arc, ends[own == i], density) for i, arc in arcs)
-
-
-def _slivers(arc: Arc, ends: Array, density: Callable[[Array, Array], Array]) -> float:
-    """∫ between chords (b, 2, 2) and their arc; positive where the arc is on the right of the chord, outside."""
-    s, weight = 0.5 * (1 + _GAUSS), 0.5 * _WEIGHTS
-    a, b = ends[:, 0] - arc.center, ends[:, 1] - arc.center
-    start = np.arctan2(a[:, 1], a[:, 0])
-    turn = np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], (a * b).sum(axis=1))
-    angle = start[:, None] + turn[:, None] * s
-    radial = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    on_arc = arc.radius * radial
-    along_arc = arc.radius * turn[:, None, None] * np.stack([-radial[..., 1], radial[..., 0]], axis=-1)
-    chord = a[:, None] + s[:, None] * (b - a)[:, None]
-    step = on_arc - chord
-    total = 0.0
-    for t, t_weight in zip(s, weight, strict=True):
-        along = (1 - t) * (b - a)[:, None] + t * along_arc
-        area = step[..., 0] * along[..., 1] - step[..., 1] * along[..., 0]  # > 0: from the chord outwards
-        x, y = np.moveaxis(np.array(arc.center) + chord + t * step, -1, 0)
-        total += t_weight * float((weight * area * density(x, y)).sum())
-    return total
-
-
 def _on_edge(exact: Exact, scene: Scene, edge: Edge, hole: bool) -> float:
     """What an edge adds: −∫g·u + ∫p u_N, or ∫j(u_T) on Γ_C."""
     role = dict(scene.boundary)[edge.name]
     if not isinstance(role, Contact | Loaded):
         return 0.0
-    points, weights = _samples(edge)
-    (x, y), n = points.T, outward(edge, hole, points)
+    points, n, weights = _samples(edge, hole)
+    x, y = points.T
     if isinstance(role, Contact):
         return float(weights @ _law(scene, edge, points).j(exact_u_T(exact)(x, y, n)))
     ux, uy = (value_of(component, x, y) for component in exact.u)
@@ -169,10 +120,10 @@ def _places() -> Array:
     return np.asarray(((np.arange(PANELS)[:, None] + 0.5 * (1 + _GAUSS)) / PANELS).ravel())
 
 
-def _samples(edge: Edge) -> tuple[Array, Array]:
-    """Gauss points (q, 2) and weights (q,) on a line or an arc, in PANELS equal parts."""
-    weights = np.tile(0.5 * _WEIGHTS / PANELS, PANELS) * edge_length(edge)
-    return edge_at(edge, _places()), weights
+def _samples(edge: Edge, hole: bool) -> tuple[Array, Array, Array]:
+    """Gauss points (q, 2) on a line or an arc in PANELS equal parts, outward normals (q, 2) and weights (q,)."""
+    points, weights = edge_at(edge, _places()), np.tile(0.5 * _WEIGHTS / PANELS, PANELS) * edge_length(edge)
+    return points, outward(edge, hole, points), weights
 
 
 def exact_u_T(exact: Exact) -> LineFunction:

@@ -75,10 +75,8 @@ def orders_to_expect(study: Study, finest: SolvedLevel, solution: Solution, scen
         slip, stick = (bool(held.any() and (held & own).any()) for own in (~sticks, sticks))
         return expected_orders(smooth_up_to(study.exact.exponent, slip, stick, mixed))
     edges = [line.edge_names[e] for e in line.edge] if solution.ok else ()
-    corners, graded = (
-        vertices(finest.mesh.geometry.corners, scene, sticking_near(edges, line.xy, sticks)),
-        graded_points(study),
-    )
+    corners = vertices(finest.mesh.geometry.corners, scene, sticking_near(edges, line.xy, sticks))
+    graded = graded_points(study)
     found = smoothness(corners, mixed, [graded.get(one.at, 1.0) for one in corners], scene.material.expands)
     return expected_orders(found, analysed=not any(math.isnan(one.exponent) for one in corners))
 
@@ -100,11 +98,11 @@ def verdict(fitted: Fit, expected: float, nested: bool, log: float = 0.0, analys
     """
     if fitted.exact:
         return "exact"
-    if np.count_nonzero(np.isfinite(fitted.rates)) < 2:
+    if np.count_nonzero(np.isfinite(fitted.rate)) < 2:
         return "too_few_levels"
     if not fitted.settled:
         return "pre_asymptotic"
-    margin = max(NEAR, 2 * fitted.standard_error if math.isfinite(fitted.standard_error) else 0.0)
+    margin = max(NEAR, 2 * fitted.slope_error if math.isfinite(fitted.slope_error) else 0.0)
     if -margin - log <= fitted.slope - expected <= margin + (own_error(expected) if nested else 0.0):
         return "as_expected"
     return "faster" if fitted.slope > expected else "slower" if analysed else "unknown"
@@ -229,71 +227,44 @@ def _point(
     solutions = [level.solutions[index] for level in levels]
     h, ok = np.array([level.mesh.h_max for level in levels]), np.array([s.ok for s in solutions])
     point: dict[str, Any] = {"status": np.array([s.status for s in solutions], dtype=np.int8)}
-    expected = orders_to_expect(study, levels[-1], solutions[-1], scene)
-    found: list[Errors] = [reference.errors(one, index, scene) if reference is not None and used else {}
-                           for one, used in zip(levels, compared, strict=True)]  # fmt: skip
+    found = [reference.errors(one, index, scene) if reference is not None and used else Errors()
+             for one, used in zip(levels, compared, strict=True)]  # fmt: skip
     size = float(np.linalg.norm(np.ptp(levels[-1].mesh.points, axis=0)))
-    nested, aim = study.exact is None, Acceptance(study.solver.tolerance).aim
-    for name, order in expected.items():
-        pairs = [one.get(name) for one in found]
-        series = _error_series(h / size, pairs, ok & compared, order, aim, nested)
-        point |= {f"{part}_{name}": value for part, value in series.items()}
+    rounding = rounding_level(h / size, Acceptance(study.solver.tolerance).aim)
+    for name, expected in orders_to_expect(study, levels[-1], solutions[-1], scene).items():
+        error, norms = np.array([one.get(name, (np.nan, 0.0)) for one in found]).T
+        norm = norms[norms > 0.0][-1:]
+        if not len(norm):  # nowhere measured, or its reference vanishes
+            continue
+        fitted = fit(h / size, error / norm, ok & compared, rounding)
+        log = log_share((h / size)[ok & compared & (np.arange(len(h)) >= fitted.first_level)]) if expected.log else 0.0
+        parts: dict[str, Any] = {
+            part: getattr(fitted, part) for part in ("rate", "slope", "slope_error", "first_level")
+        }
+        parts |= {"error": error / norm, "size_squared": norm[0] ** 2}
+        parts |= {"expected": expected.order, "reason": expected.reason}
+        said = verdict(fitted, expected.order, study.exact is None, log, expected.analysed)
+        point |= {f"{part}_{name}": value for part, value in (parts | {"verdict": VERDICTS.index(said)}).items()}
     for name, stored in BY_ITSELF.items():
         point[name] = np.array([s.numbers.get(stored, np.nan) for s in solutions])
-    exact = {"heat_balance": 0.0}
+    exact = dict[str, float]()
     if study.exact is not None:
-        exact |= {
+        exact = {
             "friction_resultant": exact_friction_resultant(scene, exact_xi(study.exact, scene)),
             "energy": exact_energy(study.exact, scene, levels[-1].triangles),
             "slip_length": exact_slip_length(study.exact, scene),
         }
     for name in (measure.name for measure in NUMBERS):
         values = np.array([s.numbers.get(name, np.nan) for s in solutions])
-        if not np.isfinite(values).any():
-            continue
-        # the heat balance is rounding on every level: nothing to extrapolate
-        parts = {
-            "value": values,
-            "exact": exact.get(name, np.nan),
-            **richardson(h, values, ok & (name != "heat_balance")),
-        }
-        point |= {f"{part}_{name}": value for part, value in parts.items()}
+        if np.isfinite(values).any():
+            parts = {"value": values, "exact": exact.get(name, np.nan), **richardson(h, values, ok)}
+            point |= {f"{part}_{name}": value for part, value in parts.items()}
     return point
-
-
-def _error_series(
-    h: Array, found: list[tuple[float, float] | None], usable: Mask, expected: Expected, tolerance: float, nested: bool
-) -> dict[str, Any]:
-    """One error over the levels, h over the size of the body; {} if nowhere measured or if its reference vanishes."""
-    size = next((pair[1] for pair in reversed(found) if pair is not None), 0.0)
-    if size == 0.0:
-        return {}
-    error = np.array([pair[0] / size if pair is not None else np.nan for pair in found])
-    fitted = fit(h, error, usable, rounding_level(h, tolerance))
-    log = log_share(h[usable & (np.arange(len(h)) >= fitted.first)]) if expected.log else 0.0
-    return {
-        "error": error,
-        "size_squared": size**2,
-        "rate": fitted.rates,
-        "slope": fitted.slope,
-        "slope_error": fitted.standard_error,
-        "first_level": fitted.first,
-        "verdict": VERDICTS.index(verdict(fitted, expected.order, nested, log, expected.analysed)),
-        "expected": expected.order,
-        "reason": expected.reason,
-    }
 
 
 def _notes(
     study: Study, levels: list[SolvedLevel], reference: Reference | None, points: list[dict[str, Any]]
 ) -> Iterator[str]:
-    if isinstance(reference, ExactReference):
-        worst = max(reference.inclusion(levels[-1], scene) for scene in study.scenes)
-        if worst > 1e-8:
-            yield (
-                f"The exact solution misses the friction law by {worst:.2g} of its scale: it does not solve this "
-                "problem, so errors will level off; check exact, friction and the loads."
-            )
     known = vertices(levels[-1].mesh.geometry.corners, study.scenes[0], lambda edge, at: False)
     if study.exact is None and any(math.isnan(one.exponent) for one in known):
         yield (

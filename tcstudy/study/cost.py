@@ -43,8 +43,6 @@ Progress = Callable[[str, float | None], None]
 """(what is being done, seconds left if known)."""
 Times = dict[str, float]
 """Wall time of one solution, from the body to its displacements, by solver [s]."""
-Relative = dict[tuple[str, int, str], dict[str, float]]
-"""Relative errors by (family, level, solver)."""
 
 RUNS = 5
 """How often everything is timed."""
@@ -99,21 +97,36 @@ def measure(study: Study, runs: int, progress: Progress, told: dict[str, Any] | 
     what = "materials differ by region" if scene.material.regions else "friction differs along the contact line"
     if (scene.material.regions or isinstance(scene.friction, EdgeLaws)) and study.mesh.goal.quantity != "energy":
         raise CostError(f"{what}, and errors of goals are not estimated then; set mesh.goal=energy")
-    study = replace(study, solver=replace(study.solver, names=tuple(dict.fromkeys((*study.solver.names, *SOLVERS)))))
+    solvers = tuple(dict.fromkeys((*study.solver.names, *SOLVERS)))
+    study = replace(study, solver=replace(study.solver, names=solvers))
     clock, notes = time.perf_counter(), list[str]()
     curves = first_run(study, progress, notes)
     first = time.perf_counter() - clock
     reference, words, own_error = reference_of(study, curves, progress)
-    errors = errors_of(study, curves, reference, progress)
-    for run in range(1, runs):
-        progress(f"run {run + 1} of {runs}", first * (runs - run))
+    values = errors_of(study, curves, reference, runs, progress)
+    for run in range(runs):
+        if run:
+            progress(f"run {run + 1} of {runs}", first * (runs - run))
         turn = run % len(curves)
-        for curve in curves[turn:] + curves[:turn]:
+        for f, curve in [*enumerate(curves)][turn:] + [*enumerate(curves)][:turn]:
             known, plan = curve.levels, curve.plan if curve.family == OWN else replace(curve.plan, guarantee=False)
             steps = walk(study, plan, lambda name, level, known=known: name in known[level].solutions)  # type: ignore[misc]
-            curve.times.append([times for _, times in islice(steps, len(known))])
-    told = {"reference": words, "reference_error": own_error, "runs": np.int32(runs), **(told or {})}
-    return _record(study, curves, errors, notes, told)
+            for i, times in enumerate([times for _, times in islice(steps, len(known))] if run else curve.times):
+                for name, taken in times.items():
+                    values["time"][f, solvers.index(name), i, run] = taken
+    if any(curve.levels[-1].solutions[solvers[0]].numbers.get("unique") == 0 for curve in curves):
+        notes.append(
+            "The solution is not certified to be the only one: meshes and solvers may have found different ones, "
+            "which shows as an error that does not fall."
+        )
+    fastest = np.where(values["status"] == PointStatus.OK, np.min(values["time"], axis=-1), np.nan)
+    for name in [m.name for m in MEASURES if f"error_{m.name}" in values]:
+        error = values[f"error_{name}"]
+        values[f"dominated_{name}"] = dominated(fastest.ravel(), error.ravel()).reshape(error.shape)
+    chosen = next(curve for curve in curves if curve.own is not None)
+    said = {"reference": words, "reference_error": own_error, "runs": np.int32(runs), **(told or {})}
+    said |= {"own_family": chosen.family, "own_solver": solvers[0], "own_level": np.int32(chosen.own or 0)}
+    return Record("cost", COST_TABLE, values, said | {"notes": "\n".join(notes)})
 
 
 @dataclass
@@ -121,14 +134,14 @@ class CostCurve:
     """The measured levels of one family.
 
     own:    level of the study's own settings, None if the family is not the study's
-    levels: what the solvers found on them, by name;  times: by run and level, of each solver
+    levels: what the solvers found on them, by name;  times: of each solver in the first run
     """
 
     family: str
     plan: MeshPlan
     own: int | None = None
     levels: list[SolvedLevel] = field(default_factory=list)
-    times: list[list[Times]] = field(default_factory=lambda: [[]])
+    times: list[Times] = field(default_factory=list)
 
     @property
     def next(self) -> float:
@@ -139,27 +152,24 @@ class CostCurve:
 
 def first_run(study: Study, progress: Progress, notes: list[str]) -> list[CostCurve]:
     """Solve everything once; the study's own meshes come first, since they say how far the others go."""
-    mesh, limit = study.mesh, math.inf
-    own = CostCurve(OWN, mesh)
+    mesh, own = study.mesh, CostCurve(OWN, study.mesh)
     if mesh.tolerance is None and not mesh.listed and not mesh.estimate:  # their finest is a point of a family's curve
         own = CostCurve(mesh.family, family_plan(mesh, mesh.family))
     twin = ""
     if not graded_points(replace(study, mesh=family_plan(mesh, "graded"))):
         twin = "uniform" if own.family == "graded" else "graded"
         notes.append("Graded and uniform meshes are the same here, as nothing is singular; they are shown once.")
-    others = [CostCurve(name, family_plan(mesh, name)) for name in FAMILIES if name not in (own.family, twin)]
-    for curve in (own, *others):
-        for n_dof in follow(curve, study, progress, notes):
-            if own.own is None and (len(own.levels) == mesh.levels or (mesh.strategy.adapts and n_dof > mesh.max_dofs)):
-                own.own, limit = len(own.levels) - 1, max(n_dof, min(BEYOND * n_dof, MOST))
-            if curve.next > limit:
-                break
-        if own.own is None:
-            own.own, limit = (
-                len(own.levels) - 1,
-                max(curve.levels[-1].n_dof, min(BEYOND * curve.levels[-1].n_dof, MOST)),
-            )
-    return sorted((own, *others), key=lambda curve: (*FAMILIES, OWN).index(curve.family))
+    curves = [own, *(CostCurve(name, family_plan(mesh, name)) for name in FAMILIES if name not in (own.family, twin))]
+    steps = [follow(curve, study, progress, notes) for curve in curves]
+    for n_dof in steps[0]:
+        if len(own.levels) == mesh.levels or (mesh.strategy.adapts and n_dof > mesh.max_dofs):
+            break
+    own.own, finest = len(own.levels) - 1, own.levels[-1].n_dof
+    limit = max(finest, min(BEYOND * finest, MOST))
+    for curve, step in zip(curves, steps, strict=True):
+        while (not curve.levels or curve.next <= limit) and next(step, None) is not None:
+            pass
+    return sorted(curves, key=lambda curve: (*FAMILIES, OWN).index(curve.family))
 
 
 def follow(curve: CostCurve, study: Study, progress: Progress, notes: list[str]) -> Iterator[int]:
@@ -168,7 +178,7 @@ def follow(curve: CostCurve, study: Study, progress: Progress, notes: list[str])
     dropped: set[str] = set()
     try:
         for level, times in walk(study, curve.plan, lambda name, _: name not in dropped):
-            curve.times[0].append(times)
+            curve.times.append(times)
             curve.levels.append(level)
             i = len(curve.levels) - 1
             progress(f"{curve.family}, level {i}: {level.n_dof} dofs", None)
@@ -260,76 +270,50 @@ def reference_of(study: Study, curves: list[CostCurve], progress: Progress) -> t
     return FineReference(replace(best, solutions=dict.fromkeys(study.solver.names, found))), words, error
 
 
-def errors_of(study: Study, curves: list[CostCurve], reference: Reference, progress: Progress) -> Relative:
-    """Relative errors of all curves, over the norms on the finest mesh.
+def errors_of(
+    study: Study, curves: list[CostCurve], reference: Reference, runs: int, progress: Progress
+) -> dict[str, Any]:
+    """The variables of the file but times and what is dominated: sizes, states and errors of all curves, padded to the
+    longest; errors relative to the norms on the finest mesh.
 
     Raises CostError if there is no solution to compare with.
     """
-    (scene,) = study.scenes
-    found, sizes, finest = dict[tuple[str, int, str], Errors](), {BOUND.name: 1.0}, 0
-    for curve in curves:
-        for i, level in enumerate(curve.levels):
-            progress(f"errors of {curve.family}, level {i}", None)
-            first = next(iter(level.solutions.values()))
-            for name, one in level.solutions.items():
-                same = (found[curve.family, i, n] for n, other in level.solutions.items()
-                        if (curve.family, i, n) in found and _same(one, other))  # fmt: skip
-                if (errors := next(same, None)) is None:
-                    errors = reference.errors(level, name, scene)
-                bound = first.numbers.get("error_bound_relative", math.nan)
-                if math.isfinite(bound) and _same(one, first):
-                    errors[BOUND.name] = bound, 1.0
-                found[curve.family, i, name] = errors
-                if level.n_dof > finest and errors:
-                    finest = level.n_dof
-                    sizes |= {measure: size for measure, (_, size) in errors.items()}
-    relative = {
-        key: {measure: e / sizes[measure] for measure, (e, _) in errors.items() if sizes.get(measure, 0.0) > 0.0}
-        for key, errors in found.items()
-    }
-    if not any(relative.values()):
+    solvers, levels = study.solver.names, max(len(curve.levels) for curve in curves)
+    sizes = {"family": len(curves), "solver": len(solvers), "level": levels, "run": runs}
+    values: dict[str, Any] = {v.name: missing(v, tuple(sizes[dim] for dim in v.dims)) for v in COST_TABLE}
+    values |= {"family": [curve.family for curve in curves], "solver": solvers}
+    values |= {"level": np.arange(levels), "run": np.arange(runs)}
+    values["reason"][:] = ""
+    norms, finest = {BOUND.name: 1.0}, 0
+    for (f, curve), i in ((one, i) for one in enumerate(curves) for i in range(len(one[1].levels))):
+        level, errors = curve.levels[i], Errors()
+        progress(f"errors of {curve.family}, level {i}", None)
+        for name, size in (("h_max", level.mesh.h_max), ("n_dof", level.n_dof), ("n_contact", level.line.m)):
+            values[name][f, i] = size
+        first = level.solutions[solvers[0]]
+        bound = first.numbers.get("error_bound_relative", math.nan)
+        for name, one in level.solutions.items():
+            at, same = (f, solvers.index(name), i), one is first or _same(one, first)
+            if one is first or not same:
+                errors = reference.errors(level, name, study.scenes[0])
+            if level.n_dof > finest and errors:
+                finest, norms = level.n_dof, norms | {measure: size for measure, (_, size) in errors.items()}
+            own = errors | ({BOUND.name: (bound, 1.0)} if same else {})
+            values["status"][at], values["reason"][at] = one.status, one.reason
+            for measure, (error, _) in own.items():
+                values[f"error_{measure}"][at] = error
+    for m in MEASURES:
+        values[f"error_{m.name}"] /= norms.get(m.name, 0.0) or math.nan
+        if not np.isfinite(values[f"error_{m.name}"]).any():
+            del values[f"error_{m.name}"], values[f"dominated_{m.name}"]
+    if not any(f"error_{m.name}" in values for m in MEASURES):
         remedy = "give it a load, for example by --set, or name a sweep point that has one by --at"
         raise CostError(f"nothing loads this scene: its solution is zero, and errors have no size; {remedy}")
-    return relative
+    return values
 
 
 def _same(a: Solution, b: Solution) -> bool:
     """Whether two solvers found the same solution on one mesh."""
-    if a.u is None or b.u is None:
+    if not a.parts or not b.parts:
         return False
     return float(np.max(np.abs(a.v - b.v), initial=0.0)) <= SAME * float(np.max(np.abs(a.v), initial=0.0))
-
-
-def _record(study: Study, curves: list[CostCurve], errors: Relative, notes: list[str], told: dict[str, Any]) -> Record:
-    """All curves as arrays, padded to the longest. told: attributes of the reference."""
-    solvers, levels = study.solver.names, max(len(curve.levels) for curve in curves)
-    sizes = {"family": len(curves), "solver": len(solvers), "level": levels, "run": len(curves[0].times)}
-    measured = [m.name for m in MEASURES if any(m.name in one for one in errors.values())]
-    wanted = {f"{what}_{name}" for what in ("error", "dominated") for name in measured}
-    table = [v for v in COST_TABLE if v.name in wanted or not v.name.startswith(("error_", "dominated_"))]
-    values: dict[str, Any] = {v.name: missing(v, tuple(sizes[dim] for dim in v.dims)) for v in table}
-    values |= {"family": [curve.family for curve in curves], "solver": solvers}
-    values |= {"level": np.arange(levels), "run": np.arange(sizes["run"])}
-    values["reason"][:] = ""
-    for f, curve in enumerate(curves):
-        for i, level in enumerate(curve.levels):
-            for name, size in (("h_max", level.mesh.h_max), ("n_dof", level.n_dof), ("n_contact", level.line.m)):
-                values[name][f, i] = size
-            for solver, one in level.solutions.items():
-                own = [run[i][solver] for run in curve.times]
-                row = {"status": one.status, "reason": one.reason, "time": own}
-                row |= {f"error_{name}": error for name, error in errors[curve.family, i, solver].items()}
-                for name in row.keys() & values.keys():
-                    values[name][f, solvers.index(solver), i] = row[name]
-    if any(curve.levels[-1].solutions[solvers[0]].numbers.get("unique") == 0 for curve in curves):
-        notes.append(
-            "The solution is not certified to be the only one: meshes and solvers may have found different ones, "
-            "which shows as an error that does not fall."
-        )
-    fastest = np.where(values["status"] == PointStatus.OK, np.min(values["time"], axis=-1), np.nan)
-    for name in measured:
-        error = values[f"error_{name}"]
-        values[f"dominated_{name}"] = dominated(fastest.ravel(), error.ravel()).reshape(error.shape)
-    chosen = next(curve for curve in curves if curve.own is not None)
-    own_level = {"own_family": chosen.family, "own_solver": solvers[0], "own_level": np.int32(chosen.own or 0)}
-    return Record("cost", COST_TABLE, values, told | own_level | {"notes": "\n".join(notes)})

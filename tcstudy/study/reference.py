@@ -34,7 +34,6 @@ from tcstudy.exact.numbers import exact_friction_resultant, exact_u_T, exact_xi
 from tcstudy.expressions.expression import value_and_gradient
 from tcstudy.fem.boundary import ContactLine
 from tcstudy.fem.meshes import PlaneMesh
-from tcstudy.laws.composed import law_along
 from tcstudy.offline.level import Level
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Exact, Study
@@ -57,8 +56,7 @@ class Solution:
     """One scene on one level.
 
     status, reason: what came of it
-    u:       (2, n) displacement [m], None if there is none
-    theta:   (n,) temperature [K], None if the scene has none
+    parts:   (n,) each: u_x, u_y [m] and, if the scene has one, θ [K]; none without a solution
     v, xi:   (m,) u_T [m] and −S_T [Pa] at the contact nodes
     sticks:  (m,) nodes that rest on an up-jump of the law
     numbers: results by name, as in the result file
@@ -66,8 +64,7 @@ class Solution:
 
     status: PointStatus
     reason: str
-    u: Array | None
-    theta: Array | None
+    parts: tuple[Array, ...]
     v: Array
     xi: Array
     sticks: NDArray[np.bool_]
@@ -78,7 +75,7 @@ class Solution:
     @property
     def ok(self) -> bool:
         """True if it passed its acceptance test."""
-        return self.status == PointStatus.OK and self.u is not None
+        return self.status == PointStatus.OK and bool(self.parts)
 
 
 @dataclass(frozen=True)
@@ -115,9 +112,9 @@ class SolvedLevel:
         """(m,) contact nodes with a neighbour on the line that carries no unknown."""
         return np.isin(self.line.nodes, self.line.segments[(self.line.unknowns < 0).any(axis=1)])
 
-    def tangential(self, u: Array) -> Array:
-        """(s, 2) u·t at both ends of every segment, t = (−n₂, n₁), of (2, s, 2) u there."""
-        return np.asarray(self.normals[..., 0] * u[1] - self.normals[..., 1] * u[0])
+    def tangential(self, x: Array, y: Array, *_: Array) -> Array:
+        """(s, 2) u·t at both ends of every segment, t = (−n₂, n₁), of u_x and u_y there."""
+        return np.asarray(self.normals[..., 0] * y - self.normals[..., 1] * x)
 
     def halves(self, xi: Array) -> Array:
         """(s, 2) ξ on both halves of every segment from its values at the contact nodes (m,)."""
@@ -180,13 +177,12 @@ def _recorded(study: Study, level: Level, block: BlockRecord, row: int) -> Solut
     if block.u_T is not None and block.xi is not None and not np.isnan(block.u_T[row]).any():
         v, xi = block.u_T[row], block.xi[row]
     fields = {name: values[row] for name, values in block.fields.items() if not np.isnan(values[row]).all()}
-    u = np.array([fields["u_x"], fields["u_y"]]) if fields else None
-    theta = fields.get("theta")
-    if study.exact is not None and study.exact.theta is not None:  # also where it does not load the body
-        theta = level.temperature(scene).theta
+    if fields and study.exact is not None and study.exact.theta is not None:  # also where it does not load the body
+        fields["theta"] = level.temperature(scene).theta
+    parts = tuple(fields[name] for name in ("u_x", "u_y", "theta") if name in fields)
     numbers = {name: float(values[row]) for name, values in block.numbers.items() if values.ndim == 1}
     status, reason = PointStatus(int(block.status[row])), block.reasons.get(row, "")
-    return Solution(status, reason, u, theta, v, xi, level.law(scene).sticking(v), numbers)
+    return Solution(status, reason, parts, v, xi, level.law(scene).sticking(v), numbers)
 
 
 class ExactReference:
@@ -194,37 +190,25 @@ class ExactReference:
 
     def __init__(self, exact: Exact) -> None:
         self._exact = exact
+        self._parts = [partial(value_and_gradient, of) for of in (*exact.u, exact.theta) if of is not None]
 
     def errors(self, one: SolvedLevel, key: Key, scene: Scene) -> Errors:
         """Absolute errors of a solution and norms of the reference; empty if there is none."""
         own, exact, mesh = one.solutions[key], self._exact, one.triangles
-        if own.u is None:
+        if not own.parts:
             return {}
-        pairs = list(zip(own.u, exact.u, strict=True))
-        if exact.theta is not None and own.theta is not None:
-            pairs.append((own.theta, exact.theta))
-        given = [mesh.given(partial(value_and_gradient, of)) for _, of in pairs]
-        off = [less(mesh.p1(v, 7), f) for (v, _), f in zip(pairs, given, strict=True)]
+        given = [mesh.given(of) for of in self._parts]
+        off = [less(mesh.p1(v, 7), f) for v, f in zip(own.parts, given, strict=False)]
         moduli, u_T, xi = (scene.material.lam, scene.material.mu), exact_u_T(exact), exact_xi(exact, scene)
         sizes = mesh.norms(given, *moduli)
         found = {name: (error, sizes[name]) for name, error in mesh.norms(off, *moduli).items()}
         found |= {
-            "u_T_L2": one.distance(linear(one.tangential(own.u[:, one.line.segments])), u_T),
+            "u_T_L2": one.distance(linear(one.tangential(*(w[one.line.segments] for w in own.parts))), u_T),
             "xi_L2": one.distance(steps(one.halves(own.xi)), xi),
         }
         v, at = (at_contact_nodes(of, one.mesh, one.line) for of in (u_T, xi))
         found |= _at_nodes(one, own, (v, at), (v, at))
         return _with_numbers(found, own, {"friction_resultant": exact_friction_resultant(scene, xi)}, scene)
-
-    def inclusion(self, one: SolvedLevel, scene: Scene) -> float:
-        """max dist(ξ, b̂(u_T)) over the contact nodes of a level, over the scale of b: whether the solution is one."""
-        line, of = one.line, (exact_u_T(self._exact), exact_xi(self._exact, scene))
-        slip, xi = (at_contact_nodes(function, one.mesh, line) for function in of)
-        law = law_along(scene.friction, line.edge_names, line.edge.astype(np.intp), line.xy)
-        low, high = law.interval(slip, 1e-9 * _largest(slip))
-        worst = float(np.max(np.maximum(low - xi, xi - high), initial=0.0))
-        scale = max(law.b_scale, _largest(xi))
-        return worst / scale if scale > 0.0 else worst
 
 
 @dataclass(frozen=True)
@@ -252,20 +236,19 @@ class FineReference:
     def errors(self, one: SolvedLevel, key: Key, scene: Scene) -> Errors:
         """Absolute errors of a solution and norms of the reference; empty if there is none."""
         fine, own, best = self._fine, one.solutions[key], self._fine.solutions[key]
-        if own.u is None or best.u is None or not best.ok:
+        if not own.parts or not best.ok:
             return {}
-        mesh, at, pairs = fine.triangles, self._located(one), list(zip(own.u, best.u, strict=True))
-        if own.theta is not None and best.theta is not None:
-            pairs.append((own.theta, best.theta))
+        mesh, at, exact = fine.triangles, self._located(one), [fine.triangles.p1(w) for w in best.parts]
         moduli = [fine.mesh.of_material(scene, name) for name in ("lam", "mu")]
         if key not in self._sizes:
-            self._sizes[key] = mesh.norms([mesh.p1(w) for _, w in pairs], *moduli)
-        centres = (np.einsum("qk,qk->q", at.weights, v[one.mesh.triangles[at.triangle]]) for v, _ in pairs)
-        coarse = [mesh.linear(c, one.mesh.gradient(v)[at.triangle]) for c, (v, _) in zip(centres, pairs, strict=True)]
-        off = mesh.norms([less(a, mesh.p1(w)) for a, (_, w) in zip(coarse, pairs, strict=True)], *moduli)
+            self._sizes[key] = mesh.norms(exact, *moduli)
+        centres = (np.einsum("qk,qk->q", at.weights, v[one.mesh.triangles[at.triangle]]) for v in own.parts)
+        coarse = [mesh.linear(c, one.mesh.gradient(v)[at.triangle]) for c, v in zip(centres, own.parts, strict=True)]
+        off = mesh.norms([less(a, b) for a, b in zip(coarse, exact, strict=True)], *moduli)
         found = {name: (error, self._sizes[key][name]) for name, error in off.items()}
-        ends = fine.tangential(np.array([at.ends @ component for component in own.u]).reshape(2, -1, 2))
-        best_ends, best_halves = fine.tangential(best.u[:, fine.line.segments]), fine.halves(best.xi)
+        ends = fine.tangential(*((at.ends @ component).reshape(-1, 2) for component in own.parts))
+        best_ends = fine.tangential(*(component[fine.line.segments] for component in best.parts))
+        best_halves = fine.halves(best.xi)
         found |= {
             "u_T_L2": (fine.distance(linear(ends - best_ends))[0], fine.distance(linear(best_ends))[0]),
             "xi_L2": (fine.distance(steps(own.xi[at.halves] - best_halves))[0], fine.distance(steps(best_halves))[0]),

@@ -14,12 +14,12 @@ def test_only_asymptotic_levels_are_fitted_and_unsettled_ones_whole():
     scattered = H**2 * np.exp([0.02, -0.03, 0.01, 0.02, -0.01, 0.03])
     found, expected = fit(H, scattered, ALL), linregress(np.log(H), np.log(scattered))
     assert found.slope == pytest.approx(expected.slope, rel=1e-12)
-    assert found.standard_error == pytest.approx(expected.stderr, rel=1e-10)
+    assert found.slope_error == pytest.approx(expected.stderr, rel=1e-10)
     swinging = fit(H, H * np.array([1, 2, 1, 2, 1, 2]), ALL)
-    assert (swinging.first, swinging.settled) == (0, False)
+    assert (swinging.first_level, swinging.settled) == (0, False)
     error = H**2 + np.array([5, 0.5, 0, 0, 0, 0])
     found = fit(H, error, ALL)
-    assert (found.first, found.settled, found.slope) == (2, True, pytest.approx(2.0, rel=1e-12))
+    assert (found.first_level, found.settled, found.slope) == (2, True, pytest.approx(2.0, rel=1e-12))
 
 
 def test_errors_that_grow_like_rounding_are_rounding():
@@ -60,7 +60,7 @@ def test_numbers_without_a_limit():
     assert np.isnan(swinging["limit_order"])
     assert np.isnan(richardson(H[:2], np.array([1.0, 2.0]), ALL[:2])["limit_order"])
     found = fit(H, H**2 * (1 + np.log(3 / H)), ALL)  # a logarithm in the error is told by its share
-    assert found.slope == pytest.approx(2 - log_share(H[found.first :] / 3), rel=1e-12)
+    assert found.slope == pytest.approx(2 - log_share(H[found.first_level :] / 3), rel=1e-12)
 
 
 def test_what_another_run_beats_is_dominated() -> None:

@@ -1,49 +1,9 @@
-"""Exact numbers on curved bodies against closed forms, and where stick turns into slip."""
-
-import math
+"""Where stick turns into slip on a chosen solution."""
 
 import pytest
 
-from tcstudy.accuracy.norms import Triangles
-from tcstudy.exact.numbers import exact_energy, exact_slip_length
-from tcstudy.fem.geometry import build
+from tcstudy.exact.numbers import exact_slip_length
 from tcstudy.read.study import read_study_text
-from tcstudy.scene.study import Study
-from tests.verification import closed_forms
-from tests.verification.scenes import mesh_family
-
-MU, A, B = closed_forms.MU, closed_forms.A, closed_forms.B
-
-ANNULUS = f"""
-units: none
-body:
-  outline:
-    - {{from: [1, 0], edge: rim, through: [0, 1]}}
-    - {{from: [-1, 0], edge: rim, through: [0, -1]}}
-  holes: [{{circle: {{center: [0, 0], radius: 0.5, edge: bore}}}}]
-boundary: {{rim: contact, bore: clamped}}
-material: {{lambda: {closed_forms.LAM}, mu: {MU}}}
-friction: {{law: tresca, tau: {2 * MU * B}}}
-mesh: {{maxh: 0.25, levels: 3}}
-exact: {{u: ["-({A} + {B}/(x^2 + y^2))*y", "({A} + {B}/(x^2 + y^2))*x"], loads: derived}}
-"""
-
-
-def meshes(study: Study) -> list[Triangles]:
-    found = mesh_family(build(study.scenes[0].body), study.mesh)
-    return [Triangles(mesh.points, mesh.triangles) for mesh in found]
-
-
-@pytest.mark.parametrize(
-    ("study", "angle"), [(closed_forms.ring(3), math.radians(70)), (read_study_text(ANNULUS), 2 * math.pi)]
-)
-def test_energy_of_turning_rings(study: Study, angle: float) -> None:
-    """½a(u, u) = ∫2μB²/r⁴ = 3μB² per radian, ∫j = 2μB (A + B) per radian; quadrature of degree 5 on the triangles."""
-    assert study.exact is not None
-    expected = (3 * MU * B**2 + 2 * MU * B * (A + B)) * angle
-    off = [abs(exact_energy(study.exact, study.scenes[0], mesh) / expected - 1) for mesh in meshes(study)]
-    assert off[-1] < 2e-8
-    assert off[0] / off[-1] > 16**2  # two refinements at order four at least: no error of the geometry is left
 
 
 @pytest.mark.parametrize(

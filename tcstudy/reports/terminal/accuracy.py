@@ -180,17 +180,16 @@ def _errors(at: Any, names: Sequence[str], reference: str) -> Table:
 
 
 def _numbers(at: Any, measures: Sequence[Measure]) -> Table:
-    """A row for each number: by level, extrapolated to h = 0; the heat balance tends to nothing and has two digits."""
+    """A row for each number: by level, extrapolated to h = 0."""
     ok = at["status"].values == int(PointStatus.OK)
     rows, levels = [], len(ok)
     for m in measures:
         divisor, unit = prefix(at[f"value_{m.name}"].values, at[f"value_{m.name}"].attrs["units"])
-        tends = m.name != "heat_balance"
-        values = [number(value / divisor, 7 if tends else 2) for value in at[f"value_{m.name}"].values]
+        values = [number(value / divisor, 7) for value in at[f"value_{m.name}"].values]
         values = [value if good else f"({value})" for value, good in zip(values, ok, strict=True)]
         limit, unsure, known = (float(at[f"{p}_{m.name}"]) / divisor for p in ("limit", "uncertainty", "exact"))
         ends = [_uncertain(limit, unsure), _fixed(float(at[f"limit_order_{m.name}"])), number(known, 7)]
-        rows.append((headed(m.symbol, unit), *values, *(ends if tends else 3 * ["–"])))
+        rows.append((headed(m.symbol, unit), *values, *ends))
     header = ("number", *(f"level {i}" for i in range(levels)), "h → 0", "order", "exact")
     ranks = (0, *(levels - i if i < levels - 1 else 0 for i in range(levels)), 0, 1, 0)
     table = Table.of_rows("Numbers, extrapolated by Richardson's rule", header, rows, ranks)
