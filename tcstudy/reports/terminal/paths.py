@@ -23,8 +23,6 @@ Array = NDArray[np.float64]
 
 MOST_ROWS = 60
 """Solutions that are listed; the file has them all."""
-MOST_FALLS = 12
-"""Falls of a hysteresis loop that have a line each."""
 STATES = ("sticks", "slips", "slips and softens", "on a drop of b", "slips, weakened")
 """What a contact node does, by ContactState."""
 VISIBLE = 0.005
@@ -81,21 +79,18 @@ def _most(t: Array, low: float, high: float, units: str) -> str:
     return f"{count.max()} equilibria on it {where}"
 
 
-def path_parts(data: Any, full: bool = False, *_: Any) -> Iterator[Part]:
-    """What a path's file holds: its extent and ends, the branches, the requested solutions, the loop."""
+def path_parts(data: Any, *_: Any) -> Iterator[Part]:
+    """What a path's file holds: its extent and ends, the branches, the loop, the requested solutions."""
     divisor, unit = prefix([float(x) for x in data.attrs["parameter_range"]], data["parameter"].attrs["units"])
 
     def at(value: Any, *more: Any) -> str:
         return f"{' to '.join(number(one / divisor) for one in (value, *more))} {unit}".removesuffix(" 1")
 
     yield Heading(str(data.attrs["title"]), 1)
-    yield "\n".join(_path(data, at))
-    if "complete" in data:
-        yield "\n".join(_branches(data, at))
+    told = [*_path(data, at), *(_branches(data, at) if "complete" in data else ())]
+    yield "\n".join([*told, _loop(data, at)] if "energy_lost" in data else told)
     if data.sizes.get("at", 0):
         yield _solutions(data, at)
-    if "energy_lost" in data:
-        yield "\n".join(_loop(data, full))
 
 
 def _path(data: Any, at: Callable[..., str]) -> Iterator[str]:
@@ -137,11 +132,11 @@ def _branches(data: Any, at: Callable[..., str]) -> Iterator[str]:
         yield f"  a closed loop from {at(t[of == k].min(), t[of == k].max())} that the path does not meet"
     if polygon or not data.sizes.get("at", 0):
         return
-    known = data["at_complete"].values if "at_complete" in data else [data["complete"]] * data.sizes["at"]
-    for i, value in enumerate(data["at"].values):
-        on = data["solution_piece"].values[data["solution_at"].values == i]
-        off = f", {(on < 0).sum()} of them not on the path from the start" if np.any(on < 0) else ""
-        yield f"  {f'{len(on)} of' if known[i] else 'at least'} {len(on)} equilibria at {at(value)}{off}"
+    off_path = np.bincount(data["solution_at"].values[data["solution_piece"].values < 0], minlength=data.sizes["at"])
+    values, known, counts = (data[name].values for name in ("at", "at_complete", "solution_count"))
+    for value, sure, count, off in zip(values, known, counts, off_path, strict=True):
+        told = f"{sentences.equilibria(count, complete=sure)} equilibria at {at(value)}"
+        yield f"  {told}" + (f", {off} of them not on the path from the start" if off else "")
 
 
 def _solutions(data: Any, at: Callable[..., str]) -> Part:
@@ -170,22 +165,18 @@ def _solutions(data: Any, at: Callable[..., str]) -> Part:
     return Table("", columns, tuple(notes)) if every else f"  {notes[0]}"
 
 
-def _loop(data: Any, full: bool) -> Iterator[str]:
-    """The energy lost in the loop and where the body falls; full: a line for every fall."""
-    units, t_units = data["energy_lost"].attrs["units"], data["parameter"].attrs["units"]
+def _loop(data: Any, at: Callable[..., str]) -> str:
+    """The energy lost in the loop, and where most of it."""
+    units, falls = str(data["energy_lost"].attrs["units"]), int(data.sizes.get("jump", 0))
     if not int(data["loop_complete"]):
-        yield f"  hysteresis loop not completed: {data.attrs['loop_reason']}"
-        return
-    falls = int(data.sizes.get("jump", 0))
-    lost = f"  hysteresis loop: {with_unit(float(data['energy_lost']), units)} lost"
-    yield lost if falls else f"{lost}, the body never falls to another branch"
-    for k in range(falls if full else min(falls, MOST_FALLS)):
-        t, drop = with_unit(data["jump_parameter"][k], t_units), with_unit(data["jump_drop"][k], units)
-        yield f"    falls at {t} ({'rising' if data['jump_rising'][k] else 'falling'}), {drop} lost"
-    if falls > MOST_FALLS and not full:
-        yield f"    and {falls - MOST_FALLS} times more; show -v has all"
-    if falls and not int(data["loop_closed"]):
-        yield "    the loop does not close"
+        return f"  hysteresis loop not completed: {data.attrs['loop_reason']}"
+    told = f"  hysteresis loop: {with_unit(float(data['energy_lost']), units)} lost"
+    if not falls:
+        return f"{told}, the body never falls to another branch"
+    most = data.isel(jump=int(np.argmax(data["jump_drop"].values)))
+    told += f" in {counted(falls, 'fall')}, at most {with_unit(float(most['jump_drop']), units)} at "
+    told += f"{at(float(most['jump_parameter']))} ({'rising' if int(most['jump_rising']) else 'falling'})"
+    return told if int(data["loop_closed"]) else f"{told}; it does not close"
 
 
 # -- histories ---------------------------------------------------------------------------------------------------------
