@@ -50,7 +50,7 @@ def test_run_writes_the_file_and_a_table(ran: tuple[Path, Said], monkeypatch: py
     assert re.match(r"results/block\.nc: Largest slip.*2 of 2 solved", quiet.stdout)
     found = json.loads(tcstudy_command("show", "results/block.nc", "--json", cwd=folder).stdout)
     with tcstudy.open_results(folder / "results" / "block.nc") as tree:
-        assert [point["u_T_max"] for point in found["points"]] == tree["u_T_max"].values.tolist()
+        assert found["values"]["u_T_max"] == tree["u_T_max"].values.tolist()
     monkeypatch.setenv("COLUMNS", "80")
     assert max(map(len, wide.splitlines())) > 80
     assert max(map(len, tcstudy_command("show", "results/block.nc", cwd=folder).stdout.splitlines())) <= 80

@@ -79,7 +79,7 @@ def test_a_sweep_gets_one_row_of_orders_a_point(tmp_path: Path) -> None:
     assert "\ntau = 0.005\n" not in said["--at", "tau=0.01"]
     assert said["-v",].count("Relative errors") == 2
     assert said["--quiet",].count("\n") == 1
-    slopes = [point["slope_u_H1"] for point in json.loads(said["--json",])["points"]]
+    slopes = json.loads(said["--json",])["values"]["slope_u_H1"]
     with xarray.open_dataset(tmp_path / "results" / "block.convergence.nc") as data:
         assert slopes == data["slope_u_H1"].values.tolist()
     assert all(f"{slope:.2f}" in row for slope, row in zip(slopes, rows[1:], strict=True))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import re
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,13 +12,14 @@ from typing import TYPE_CHECKING, Any
 
 from tcstudy.commands import shared
 from tcstudy.commands.shared import OK, at, command, fail, option, point_of
-from tcstudy.errors import UsageError
+from tcstudy.errors import StudyError, UsageError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tcstudy.reports.figures.scene import SceneShape
     from tcstudy.reports.figures.style import Look, Size
+    from tcstudy.scene.records import Body
     from tcstudy.scene.study import Study
 
 SUFFIXES = (".yaml", ".yml")
@@ -61,6 +64,10 @@ def draw(options: argparse.Namespace) -> int:
         print(picture(options.file, target, options.overrides, at=point_of(options) or None, **asked))
     except UsageError as fault:
         fail(f"--{fault}")
+    except StudyError:
+        if target.exists():
+            print(f"{target}: what could be read; what is wrong stands on it", file=sys.stderr)
+        raise
     return OK
 
 
@@ -85,16 +92,43 @@ def picture(what: Study | Path, target: Path | None, overrides: Sequence[str] = 
 def _scene(
     study: Study | Path, overrides: Sequence[str], size: Size | None = None, **asked: Any
 ) -> Iterator[tuple[Figure, str, Look]]:
-    """The figure of a study's scene, what it shows, and its looks. Raises StudyError, GeometryFailed."""
-    from tcstudy.read.study import read_study
+    """The figure of a study's scene, what it shows, and its looks. Raises StudyError, GeometryFailed: for a file with
+    faults when the figure of its outline was used, on which edges at fault are marked.
+    """
+    from tcstudy.read.study import body_as_given, read_study
     from tcstudy.reports.figures import style
-    from tcstudy.reports.figures.scene import scene_figure
+    from tcstudy.reports.figures.scene import faulty_figure, scene_figure
 
     for name in (name for name, one in asked.items() if one not in (None, False)):
         fail(f"{name}: a study that was not run has no results to draw; leave it out")
-    read = read_study(study, overrides, swept=None) if isinstance(study, Path) else study
-    with style.styled(look := style.look_of(size)):
+    look = style.look_of(size)
+    try:
+        read = read_study(study, overrides, swept=None) if isinstance(study, Path) else study
+    except StudyError as error:
+        if not isinstance(study, Path) or (body := body_as_given(study, overrides)) is None or body.outline is None:
+            raise
+        with style.styled(look):
+            yield faulty_figure(f"{study.stem}: cannot be run", body, *_told(body, error), look), "", look
+        raise
+    with style.styled(look):
         yield scene_figure(read, _shape(read), look), f"the scene of {study if study is not read else read.title}", look
+
+
+def _told(body: Body, error: StudyError) -> tuple[dict[str, str], list[str]]:
+    """What is wrong with an edge, by its name, and with the whole."""
+    faults, every, names = dict[str, str](), list[str](), {one.name for one in body.edges}
+    for problem in error.problems:
+        edge = re.match(r"boundary\.(\w+)", problem.key)
+        number = re.match(r"body\.outline\[(\d+)\]", problem.key)
+        meant = re.match(r"did you mean '(\w+)'", problem.remedy) if problem.key.count(".") == 1 else None
+        name = meant[1] if edge and meant else edge[1] if edge else ""
+        if number and body.outline and int(number[1]) < len(edges := body.outline.edges):
+            name = edges[-1 - int(number[1]) if body.outline.turned else int(number[1])].name
+        where = f"line {problem.line}: " if problem.line else ""
+        if name in names:
+            faults.setdefault(name, f"{where}{problem.what}")
+        every.append(f"{where}{problem.key}: {problem.what}; {problem.remedy}")
+    return faults, every
 
 
 def _shape(study: Study) -> SceneShape:

@@ -26,7 +26,7 @@ import numpy as np
 
 from tcstudy.errors import Problem, StudyError
 from tcstudy.exact.loads import Checks, Derivation, SolutionFault
-from tcstudy.read.body import check_finite
+from tcstudy.read.body import check_finite, read_body
 from tcstudy.read.document import apply_overrides, compose, load_text, with_sweep
 from tcstudy.read.fields import Context, Fields, none_after_fault, read_parameters, users, words_in
 from tcstudy.read.fit import read_fit, read_tests
@@ -53,6 +53,15 @@ def read_study(path: str | Path, overrides: Sequence[str] = (), *, swept: bool |
     """
     path = Path(path)
     return read_study_text(load_text(path), str(path), overrides, path, swept=swept)
+
+
+def body_as_given(path: Path, overrides: Sequence[str] = ()) -> Body | None:
+    """The body of a study that has faults, unjudged; None where it cannot be read either."""
+    ctx, root = _begun(load_text(path), str(path), overrides, path)
+    if not isinstance(root.value, Mapping) or (node := root.at("body")) is None:
+        return None
+    ctx.named = read_parameters(ctx, root.at("parameters"))
+    return read_body(ctx, node)[0]
 
 
 def _begun(text: str, name: str, overrides: Sequence[str], source: Path | None) -> tuple[Context, Node]:

@@ -2,23 +2,19 @@
 where, what is proved and how exact it is, how much is solved.
 
 A sentence whose condition does not hold is "" or a weaker one. Reports of all kinds take their words from here. That of
-a run reads the few variables that it speaks of and, of a file, only their last levels, without the libraries of tables
-and pictures: the sentence of a file of a million points takes no longer than its bytes.
+a run reads the few variables that it speaks of, and of them only the last levels.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from contextlib import closing
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.schema import OF_POLYGON, UNBALANCED, PointStatus
-from tcstudy.errors import StoreError
 from tcstudy.reports.text import number, pretty, scaled_labels, with_unit
 from tcstudy.scene.keys import symbol
 
@@ -104,12 +100,12 @@ HOW = {
 class RunSeen:
     """A run's file as the sentence sees it: a few variables, of their last levels only.
 
-    dims: sweep dimensions;  mode: "grid" or "list";  units: of the slip;  ok: (*dims) points solved on the last level
+    dims: sweep dimensions;  units: of the slip;  ok: (*dims) points solved on the last level
     """
 
     def __init__(self, nc: Any) -> None:
         nc.set_auto_maskandscale(False)
-        self.nc, self.mode, self.levels = nc, str(nc.sweep_mode), int(nc.dimensions["level"].size)
+        self.nc, self.grid, self.levels = nc, nc.sweep_mode == "grid", int(nc.dimensions["level"].size)
         self.dims = tuple(dim for dim in nc["status"].dimensions if dim != "level")
         self.units = str(nc["u_T_max"].units) if "u_T_max" in nc.variables else "1"
         self.ok: Flags = np.asarray(self.take("status") == int(PointStatus.OK))
@@ -127,11 +123,8 @@ class RunSeen:
 
     def friction(self, place: tuple[int, ...]) -> float:
         """∫|ξ| on the last level at a point."""
-        where, home = dict(zip(self.dims, place, strict=True)), self.nc
-        if "geometry" in home.variables:
-            number = home["geometry"][tuple(where[dim] for dim in home["geometry"].dimensions)]
-            home = home[f"geometry_{int(number)}"]
-        group = home[f"level_{self.levels - 1}"]
+        home = f"geometry_{int(self.nc['geometry'][place])}/" if "geometry" in self.nc.variables else ""
+        group, where = self.nc[f"{home}level_{self.levels - 1}"], dict(zip(self.dims, place, strict=True))
         xi = group["xi"][tuple(where[dim] for dim in group["xi"].dimensions[:-1])]
         return float(np.abs(xi) @ group["c"][...])
 
@@ -140,48 +133,39 @@ class RunSeen:
         shown, unit = scaled_labels(self.nc[name][...].tolist(), self.nc[name].__dict__)
         return shown, pretty(unit)
 
-    def labelled(self, place: dict[str, int]) -> list[str]:
+    def labelled(self, place: Mapping[str, int]) -> list[str]:
         """The labels of a point along axes with several values, "θ̄ = 12 K", "friction: brittle"."""
         found = []
-        for name, i in place.items():
-            labels, unit = self.shown(name)
-            mark = ": " if self.nc[name].dtype is str else " = "
-            found += [f"{symbol(name)}{mark}{labels[i]} {unit}".rstrip()] if len(labels) > 1 else []
+        for name, i in ((name, i) for name, i in place.items() if self.nc[name].size > 1):
+            (labels, unit), mark = self.shown(name), ": " if self.nc[name].dtype is str else " = "
+            found.append(f"{symbol(name)}{mark}{labels[i]} {unit}".rstrip())
         return found
 
 
-def verdict(path: Path) -> tuple[str, str, bool]:
-    """Of a file of tcstudy run, which must be readable (`tcstudy.data.reading`): the sentence, how the mesh
-    error in it is known, and whether all points are solved. Raises StoreError.
-    """
-    import netCDF4
-
-    with closing(netCDF4.Dataset(path)) as nc:
-        if not {"status", "level"} <= {*nc.variables}:
-            raise StoreError(f"{path} is no file of tcstudy run, converge, cost or path")
-        run = RunSeen(nc)
-        ok, total, solved = run.ok, int(run.ok.size), int(run.ok.sum())
-        unique, least = run.flag("unique"), int(run.flag("global_minimum").sum())
-        trust = [f"{unique.sum()} proved unique" if unique.any() else "none proved unique"]
-        trust += [f"{least} proved to have the least energy"] if least > unique.sum() else []
-        if (body := run.take("proved_unique")) is not None:
-            trust.append(f"{int((ok & (body == 1)).sum())} of them for the body itself")
-        if (bound := run.take("error_bound_relative")) is not None:
-            most = float(np.max(bound[ok], initial=0.0))  # NaN where that of one point is not known
-            trust += [f"error of u proved to be at most {percent(most)}"] if 0.0 < most < 1.0 else []
-        count, complete = run.take("solutions"), run.take("complete")
-        trust += [all_equilibria(count[ok], complete[ok])] if count is not None and complete is not None else []
-        ambiguous = several_found(run, unique)
-        trust += [f"{int(ambiguous.sum())} with more than one solution found"] if ambiguous.any() else []
-        error, how = mesh_error(run)
-        stop = str(nc["stop"][-1]) if "stop" in nc.variables else ""
-        trust += [error, stop.partition(":")[0] if " not met:" in stop else ""]
-        heat = [run.take("heat_status", i - run.levels) for i in range(run.levels)]
-        bad = sum(int(np.count_nonzero(one == UNBALANCED)) for one in heat if one is not None)
-        trust += [f"heat balance missed at {bad}"] if bad else []
-        answer = [_answer(run), *abrupt(run, ambiguous)[:2]]
-        known = [", ".join(filter(None, trust))] if solved else []
-        return answered(answer, known, [f"{solved} of {total} solved"]), how, solved == total
+def run_verdict(nc: Any) -> tuple[str, str, bool]:
+    """The sentence of a run's open file, how the mesh error in it is known, and whether all points are solved."""
+    run = RunSeen(nc)
+    ok, total, solved = run.ok, int(run.ok.size), int(run.ok.sum())
+    unique, least = run.flag("unique"), int(run.flag("global_minimum").sum())
+    trust = [f"{unique.sum()} proved unique" if unique.any() else "none proved unique"]
+    trust += [f"{least} proved to have the least energy"] if least > unique.sum() else []
+    if (body := run.take("proved_unique")) is not None:
+        trust.append(f"{int((ok & (body == 1)).sum())} of them for the body itself")
+    if (bound := run.take("error_bound_relative")) is not None:
+        most = float(np.max(bound[ok], initial=0.0))  # NaN where that of one point is not known
+        trust += [f"error of u proved to be at most {percent(most)}"] if 0.0 < most < 1.0 else []
+    count, complete = run.take("solutions"), run.take("complete")
+    trust += [all_equilibria(count[ok], complete[ok])] if count is not None and complete is not None else []
+    ambiguous = several_found(run, unique)
+    trust += [f"{int(ambiguous.sum())} with more than one solution found"] if ambiguous.any() else []
+    error, how = mesh_error(run)
+    stop = str(nc["stop"][-1]) if "stop" in nc.variables else ""
+    trust += [error, stop.partition(":")[0] if " not met:" in stop else ""]
+    bad = np.count_nonzero(nc["heat_status"][...] == UNBALANCED) if "heat_status" in nc.variables else 0
+    trust += [f"heat balance missed at {bad}"] if bad else []
+    answer = [_answer(run), *abrupt(run, ambiguous)[:2]]
+    known = [", ".join(filter(None, trust))] if solved else []
+    return answered(answer, known, [f"{solved} of {total} solved"]), how, solved == total
 
 
 def _answer(run: RunSeen) -> str:
@@ -200,7 +184,7 @@ def _answer(run: RunSeen) -> str:
         if own is not None and (known := own[ok & np.isfinite(own)]).size and known.max() > 0.0:
             low, high = (with_unit(float(x), run.units, 3) for x in (known.min(), known.max()))
             lengths[what] = (low if known.min() > 0.0 else "", high)
-    place = dict(zip(run.dims, (int(i) for i in most), strict=True)) if run.mode == "grid" else {}
+    place = dict(zip(run.dims, (int(i) for i in most), strict=True)) if run.grid else {}
     words = ", ".join(run.labelled(place))
     told = slipped(with_unit(float(slip[most]), run.units), f" at {words}" if words else "", lengths)
     shear, at = run.take("shear_max"), run.take("shear_max_at")
@@ -299,7 +283,7 @@ def abrupt(run: RunSeen, several: Flags) -> list[str]:
     changes steeply, but continuously, and two points do not tell a steep change from a jump.
     """
     slip = run.take("u_T_max")
-    if run.mode != "grid" or slip is None:
+    if not run.grid or slip is None:
         return []
     values, found = np.where(run.ok, slip, np.nan), list[tuple[float, str]]()
     for axis, name in enumerate(run.dims):

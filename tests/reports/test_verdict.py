@@ -7,12 +7,13 @@ import netCDF4
 import numpy as np
 import pytest
 
-from tcstudy.reports.sentences import HOW, RunSeen, abrupt, mesh_error, verdict
+from tcstudy.reports.sentences import HOW, RunSeen, abrupt, mesh_error
+from tcstudy.reports.terminal.summary import verdict_of
 from tests.reports.conftest import Stored
 
 
 def test_a_file_says_what_slips_and_last_how_many_points_are_solved(stored: Stored) -> None:
-    text, _, ok = verdict(stored("failed"))
+    text, _, ok = verdict_of(stored("failed"))
     assert text.startswith("Largest slip")
     assert text.endswith("5 of 6 solved.")
     assert not ok

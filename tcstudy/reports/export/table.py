@@ -7,8 +7,7 @@ one, `start_energy.zero [J m-1]`. Numbers are written so that reading gives them
 what is missing is an empty field, or null. The table goes through memory some thousand rows at a time. Left out: what
 lies along the contact line and in the body (`fields`), and of a path what is no number of a vertex.
 
-The object has every variable by its name; what a run and a convergence have by point is a list of points in the order
-of the file (the last axis runs fastest), in which lists go over the levels.
+The object has every variable by its name, lists within lists along its dimensions.
 """
 
 from __future__ import annotations
@@ -24,9 +23,7 @@ import numpy as np
 
 from tcstudy.data.files import check_writable, reading, replace_file
 from tcstudy.data.provenance import WARNINGS, kind_of, remarks_of
-from tcstudy.data.reading import load_root, open_root, sweep_dims
-from tcstudy.data.schema import ESTIMATES, ROOT
-from tcstudy.data.tables import LEVELS
+from tcstudy.data.reading import load_root, open_root
 from tcstudy.errors import StoreError, UsageError
 from tcstudy.reports.page.parts import Json, flag_words, plain
 from tcstudy.reports.select_point import Value, matching
@@ -41,8 +38,6 @@ ROWS = {"path": "vertex", "fit": "row"}
 """Dimension of the rows where there is no status, by the kind of the file."""
 LABELLED = ("start", "solver", "run")
 """Dimensions after those of the rows whose every label makes a column of its own."""
-OF_LEVELS = {"level", *(v.name for v in (*ROOT, *ESTIMATES, *LEVELS) if v.dims == ("level",))}
-"""What a level has once."""
 
 
 def write_table(path: Path, target: Path, point: Mapping[str, Value] | None = None) -> int:
@@ -124,39 +119,21 @@ def brief(path: Path) -> dict[str, Json]:
     """The object that --json prints; its `verdict` is the sentence of --quiet. Raises StoreError."""
     kind, data = kind_of(path), load_root(path)
     told = {name: plain(value) for name, value in data.attrs.items() if name not in ("title", WARNINGS)}
-    named = ((str(name), data.variables[name]) for name in (*data.coords, *data.data_vars))
-    every = {name: one for name, one in named if "node" not in one.dims}
-    found = {
+    every = ((str(name), data.variables[name]) for name in (*data.coords, *data.data_vars))
+    values = {name: one for name, one in every if "node" not in one.dims}
+    return {
         "kind": kind,
         "file": str(path),
         "title": str(data.attrs["title"]),
         "warnings": [*map(asdict, remarks_of(data.attrs))],
         "verdict": verdict_of(path)[0],
         "attributes": told,
-        "units": {name: str(one.attrs["units"]) for name, one in every.items() if "units" in one.attrs},
+        "units": {name: str(one.attrs["units"]) for name, one in values.items() if "units" in one.attrs},
+        "dimensions": {name: one.dims for name, one in values.items()},
+        "values": {name: flag_words(one, one.values).tolist() for name, one in values.items()},
     }
-    if kind not in ("run", "convergence"):
-        return found | {"values": {name: _listed(one) for name, one in every.items()}}
-    sweep = {dim: data.sizes[dim] for dim in sweep_dims(data)}
-    swept = {name for name, one in every.items() if {*one.dims} & {*sweep}}  # sizes too, of several geometries
-    swept |= set() if sweep else {name for name, one in every.items() if "level" in one.dims} - OF_LEVELS
-    columns = {name: _by_point(one, sweep) for name, one in every.items() if name in swept}
-    points = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
-    levels = {name: _listed(one) for name, one in every.items() if name not in swept}
-    return found | {"levels": levels, "points": points}
 
 
 def json_text(value: Json) -> str:
     """One line of JSON; numbers that there are not are null."""
     return json.dumps(plain(value), ensure_ascii=False, allow_nan=False)
-
-
-def _by_point(one: Any, sweep: dict[str, int]) -> list[Json]:
-    """What each point has of a variable, a number or a list over the dimensions beside the sweep."""
-    whole = one.set_dims({**sweep, **dict(one.sizes)}).transpose(*sweep, ...)
-    return list(_listed(one, whole.data.reshape(-1, *whole.shape[len(sweep) :])))
-
-
-def _listed(one: Any, values: Any = None) -> Json:
-    """The values of a variable, or some of them, as lists, flags as words."""
-    return flag_words(one, one.values if values is None else values).tolist()

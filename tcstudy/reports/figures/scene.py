@@ -36,8 +36,9 @@ from tcstudy.reports.text import counted, number, pretty, scaled_labels, with_un
 from tcstudy.scene.keys import symbol
 from tcstudy.scene.parameters import Number, numbers
 from tcstudy.scene.points import distinct
-from tcstudy.scene.records import BODY, Clamped, Role, Scalar
+from tcstudy.scene.records import BODY, Body, Clamped, Role, Scalar
 from tcstudy.scene.study import Study
+from tcstudy.shapes.edges import edge_points
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,6 +54,7 @@ LETTERS, LINE = 8.0, 0.15
 WIDEST, LONGEST = 21, 24
 """Letters of a line of a label, and of an expression."""
 MOST_LAWS, MOST_VALUES = 6, 5
+FAULT, ARC_PIECES = {"color": style.VERMILLION, "linewidth": 4.0}, 64
 FINE = 0.04
 """Width and height of triangles below which their sides would only darken the picture [inch]."""
 
@@ -114,6 +116,26 @@ def scene_figure(study: Study, shape: SceneShape, look: style.Look) -> Figure:
     for own, lines in (one for one in inside if one[1]):
         at = np.tile(0.5 * (own.min(axis=0) + own.max(axis=0)), (1 + len(ROUND), 1))
         texts.put(_wrapped(lines), at, [(0, 0), *ROUND], (0.0, 18.0, 36.0, 72.0))
+    return figure
+
+
+def faulty_figure(title: str, body: Body, faults: Mapping[str, str], told: Sequence[str], look: style.Look) -> Figure:
+    """The outline of a study that cannot be run, with what is wrong; faults: by the name of the edge."""
+    edges = [(edge.name, edge_points(edge, 1 if edge.through is None else ARC_PIECES)) for edge in body.edges]
+    every = np.concatenate([line for _, line in edges])
+    low, size = every.min(axis=0), np.ptp(every, axis=0)
+    one, above = min(WIDTH / size[0], HIGHEST / size[1]), 0.3 + LINE * len(_wrapped([*faults.values()]).split("\n"))
+    sheet = Sheet(look, title, told, [["scene"]], [size[1] * one + 2.0 * above])
+    axes = sheet.panels["scene"]
+    axes.set(xlim=(-SIDE, size[0] * one + SIDE), ylim=(-above, size[1] * one + above), aspect="equal")
+    axes.axis("off")
+    placed = [(name, (line - low) * one) for name, line in edges]
+    for name, line in placed:
+        draw_edge(axes, [line], FAULT if name in faults else ROLES["free"], False)
+    figure, texts = sheet.finish(), Labels(axes, [line for _, line in placed], LETTERS)
+    for name, line in placed:
+        said = [name, faults[name]] if name in faults else [name]
+        beside_line(texts, line, _wrapped(said), color=style.VERMILLION if name in faults else style.INK)
     return figure
 
 

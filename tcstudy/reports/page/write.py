@@ -118,7 +118,7 @@ def _has(stored: Stored, part: str) -> bool:
 def page(stored: Stored, without: tuple[str, ...] = ()) -> str:
     """The whole page as text."""
     box = Container()
-    verdict, how, ok = verdict_of(stored.path, stored.data)
+    verdict, how, ok = verdict_of(stored.path)
     verdict = f"{len(stored.homes)} geometries: {verdict}" if stored.homes else verdict
     header = {**_about(stored), **_content(stored, without, box), "without": list(without)}
     header["verdict"] = {"text": verdict, "how": "; ".join(filter(None, [how, stored.words])), "ok": ok}

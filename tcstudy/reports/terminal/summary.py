@@ -1,7 +1,4 @@
-"""What the terminal says of any result file; of a run one table of levels, one of the finest level's points.
-
-What a study that names several solvers says of them: one row per solver over all points and levels.
-"""
+"""What the terminal says of any result file; of a run one table of levels, one of the finest level's points."""
 
 from __future__ import annotations
 
@@ -12,7 +9,17 @@ from typing import Any
 import numpy as np
 
 from tcstudy.data.provenance import kind_of
-from tcstudy.data.reading import GEOMETRIES, asked, axis_names, by_point, load_root, of_largest, open_root, sweep_dims
+from tcstudy.data.reading import (
+    GEOMETRIES,
+    asked,
+    axis_names,
+    by_point,
+    load_root,
+    of_largest,
+    open_root,
+    opened,
+    sweep_dims,
+)
 from tcstudy.data.schema import DIFFERENTIABLE, LIMITED, UNBALANCED, PointStatus
 from tcstudy.reports import sentences
 from tcstudy.reports.select_point import Value, axis_labels, describe, matching
@@ -22,10 +29,8 @@ from tcstudy.reports.terminal.tables import (
     Part,
     Table,
     TextColumn,
-    fits,
     quantity,
     render,
-    split_table,
 )
 from tcstudy.reports.text import PROOFS, counted, digits_lost, failure_lines, headed, number, proved
 
@@ -33,14 +38,6 @@ NOT_SAID = ("start_energy", "start_used", "iterations", "evaluations", "omega", 
 """Variables of which a summary says nothing: of a long sweep they need not be in memory."""
 MOST_ROWS = 48
 """Points shown; the file has them all."""
-KINDS = {
-    "convergence": (accuracy.convergence_verdict, accuracy.convergence_parts),
-    "cost": (accuracy.cost_verdict, accuracy.cost_parts),
-    "path": (paths.path_verdict, paths.path_parts),
-    "history": (paths.history_verdict, paths.history_parts),
-    "fit": (fit.verdict, fit.parts),
-}
-"""What says the sentence and the parts of a file of another kind than a run."""
 
 
 def text_of(file: Path, full: bool = False, point: Mapping[str, Value] | None = None, of: str | None = None) -> str:
@@ -50,17 +47,12 @@ def text_of(file: Path, full: bool = False, point: Mapping[str, Value] | None = 
     point: labels of the points of a run to list, or of that of a convergence to show
     of:    of a design, the number whose indices to show
     """
-    kind = kind_of(file)
-    if kind == "run":
-        with open_root(file) as root:
-            data = of_largest(root.drop_vars(NOT_SAID, errors="ignore").load())
-        heading, *rest = _parts(data, None if full else MOST_ROWS, point or {})
-        said = f"  {sentences.verdict(file)[0]}"
-    else:
-        data = load_root(file)
-        heading, *rest = KINDS[kind][1](data, full, point)
-        text, how, _ = KINDS[kind][0](data)
-        said = f"{text} {how[:1].upper()}{how[1:]}{'.' * bool(how)}".rstrip() if kind != "cost" else ""
+    kind, (text, how, _) = kind_of(file), verdict_of(file)
+    with open_root(file) as root:
+        data = root.drop_vars(NOT_SAID if kind == "run" else [], errors="ignore").load()
+    heading, *rest = KINDS[kind][1](data, full, point)
+    told = f"{text} {how[:1].upper()}{how[1:]}{'.' * bool(how)}".rstrip()
+    said = {"run": f"  {text}", "cost": ""}.get(kind, told)  # what there is to say of costs stands in their parts
     text = render([heading, *filter(None, [said]), *rest]).rstrip("\n")
     if of:
         from tcstudy.reports.terminal.indices import indices_text
@@ -69,17 +61,23 @@ def text_of(file: Path, full: bool = False, point: Mapping[str, Value] | None = 
     return text
 
 
-def verdict_of(path: Path, data: Any = None) -> tuple[str, str, bool]:
-    """The sentence of a file of any kind, how what it says is known, and whether all is well.
+def verdict_of(path: Path) -> tuple[str, str, bool]:
+    """The sentence of a file of any kind, how what it says is known, and whether all is well. Raises StoreError.
 
-    data: its root dataset where it is read already; that of a run is not needed
+    A run may have a million points: of it a few variables are read, without the import of xarray.
     """
-    kind = kind_of(path)
-    return sentences.verdict(path) if kind == "run" else KINDS[kind][0](load_root(path) if data is None else data)
+    if (kind := kind_of(path)) != "run":
+        return KINDS[kind][0](load_root(path))
+    with opened(path) as nc:
+        return sentences.run_verdict(nc)
 
 
-def _parts(data: Any, most: int | None, point: Mapping[str, Value]) -> Iterator[Part]:
-    """What a run's file holds. most: points that are listed, None for all;  point: labels that these have"""
+def run_parts(data: Any, full: bool = False, point: Mapping[str, Value] | None = None) -> Iterator[Part]:
+    """What a run's file holds.
+
+    full: all points are listed;  point: labels that those have which are
+    """
+    data = of_largest(data)
     yield Heading(data.attrs["title"], 1)
     yield _levels(data)
     yield f"  {SIZES}"
@@ -87,8 +85,7 @@ def _parts(data: Any, most: int | None, point: Mapping[str, Value]) -> Iterator[
         yield f"  {data.attrs[GEOMETRIES]} geometries: the largest h_max, dofs and contact, the least λ₁"
     if "stop" in data and data["stop"].values[-1]:
         yield f"  stopped: {data['stop'].values[-1]}"
-    yield from _points(data, most, point)
-    yield from _solvers(data)
+    yield from _points(data, None if full else MOST_ROWS, point or {})
     for line in _said(data):
         yield f"  {line}"
 
@@ -170,7 +167,7 @@ def _points(data: Any, most: int | None, point: Mapping[str, Value]) -> Iterator
     usual = [one for one in _COLUMNS if one[0] in fine and np.isfinite(fine[one[0]].values).any()]
     # a reaction is the force of a held edge: once is enough
     more = [n for n in asked(data) if not (n.startswith("reaction_") and n.replace("reaction_", "force_", 1) in fine)]
-    columns, wanted = [*labels, *(column(*one) for one in usual)], [column(name, name, 0) for name in more]
+    columns = [*labels, *(column(*one) for one in usual), *(column(name, name, 1) for name in more)]
     if "solutions" in fine:
         told = zip(*(first(name).tolist() for name in ("solutions", "stable_solutions", "complete")), strict=True)
         words = [sentences.equilibria(*one) if good else "–" for one, good in zip(told, solved, strict=True)]
@@ -195,45 +192,8 @@ def _points(data: Any, most: int | None, point: Mapping[str, Value]) -> Iterator
         legend.append("failed: no solution; the numbers in (parentheses) are those of the last step")
     few = f" first {len(shown)} of {len(own)} points" if len(shown) < len(own) else ""
     yield f"  Level {int(fine['level'])}, the finest:{few}"
-    if wanted and not fits([*columns, *wanted, *rest]):
-        yield Table("", [*columns, *rest])
-        yield "  Asked for by output:"
-        yield split_table(labels, wanted)
-    else:
-        yield Table("", [*columns, *wanted, *rest])
+    yield Table("", [*columns, *rest])
     yield "\n".join(f"  {line}" for line in legend)
-
-
-SAME = 1e-9
-"""Difference of energies, relative to the largest of a point, that is rounding."""
-
-
-def _solvers(data: Any) -> Iterator[Part]:
-    """Solvers compared where a run kept them side by side."""
-    if "solver" not in data.dims:
-        return
-
-    def by_solver(name: str) -> Any:
-        values = data[f"solver_{name}"].transpose("solver", ...).values.astype(float)
-        return values.reshape(values.shape[0], -1)[:, known]
-
-    known: Any = slice(None)
-    known = np.isfinite(by_solver("energy")).any(axis=0)
-    energy, steps, time = by_solver("energy"), by_solver("iterations"), np.nansum(by_solver("time"), axis=1)
-    size = np.max(np.abs(np.nan_to_num(energy)), axis=0)
-    lowest = np.count_nonzero(energy <= np.nanmin(energy, axis=0) + SAME * size, axis=1)
-    worst, apart = (np.fmax.reduce(by_solver(name), axis=1) for name in ("residual", "difference"))
-    names = data["solver"].values.tolist()
-    yield f"  Solvers compared on all points and levels; the solutions stored are those of {names[0]}:"
-    columns = [
-        TextColumn("solver", names),
-        quantity("worst residual", worst, digits=2, rank=1),
-        TextColumn("steps", [f"{one[one > 0].sum():.0f}" for one in steps], 2),
-        quantity("solve [s]", time, digits=2, rank=3),
-        TextColumn("lowest found", [f"{n}/{energy.shape[1]}" for n in lowest], 4),
-        quantity("largest difference of u_T", apart, digits=2, rank=5),
-    ]
-    yield Table("", columns)
 
 
 def _said(data: Any) -> Iterator[str]:
@@ -278,3 +238,14 @@ def _point(data: Any, place: Any) -> str:
     level = f"level {int(data['level'][where.pop('level')])}"
     name = describe(data, where)
     return f"{name} on {level}" if name else level
+
+
+KINDS = {
+    "run": (sentences.run_verdict, run_parts),
+    "convergence": (accuracy.convergence_verdict, accuracy.convergence_parts),
+    "cost": (accuracy.cost_verdict, accuracy.cost_parts),
+    "path": (paths.path_verdict, paths.path_parts),
+    "history": (paths.history_verdict, paths.history_parts),
+    "fit": (fit.verdict, fit.parts),
+}
+"""What says the sentence and the parts of a file of each kind, from its root dataset (the sentence of a run: file)."""

@@ -66,12 +66,11 @@ def test_one_object_has_the_numbers_of_the_file(stored: Stored) -> None:
     assert (found["kind"], found["title"]) == ("run", "A block <on> a film for $5 and $6")
     assert found["verdict"].endswith("5 of 6 solved.")
     assert found["units"]["slip_length"] == "m"
+    values = found["values"]
     with open_results(stored("failed")) as tree:
-        slip = tree["slip_length"].values
-        assert found["levels"]["n_dof"] == tree["n_dof"].values.tolist()
-    for point, index in zip(found["points"], np.ndindex(3, 2), strict=True):
-        failed = index == (2, 1)
-        assert (point["theta_bar"], point["friction"]) == (10.0 * index[0], ("plain", "weak")[index[1]])
-        assert point["status"] == ["ok", "singular" if failed else "ok"]
-        assert point["reason"] == ["", REASON if failed else ""]
-        np.testing.assert_array_equal(np.array(point["slip_length"], dtype=float), slip[index])
+        np.testing.assert_array_equal(np.array(values["slip_length"], dtype=float), tree["slip_length"].values)
+        assert values["n_dof"] == tree["n_dof"].values.tolist()
+        assert found["dimensions"]["slip_length"] == ["theta_bar", "friction", "level"]
+    assert (values["theta_bar"], values["friction"]) == ([0.0, 10.0, 20.0], ["plain", "weak"])
+    assert values["status"] == [[["ok", "ok"], ["ok", "singular" if i == 4 else "ok"]] for i in range(2, 5)]
+    assert values["reason"][2] == [["", ""], ["", REASON]]

@@ -1,11 +1,14 @@
-"""The picture of a scene before any work: everything has its label, no label lies on another."""
+"""The picture of a scene before any work: everything has its label, no label lies on another, faults are marked."""
 
+import re
 from itertools import combinations
+from pathlib import Path
 
 import pytest
 
 import tcstudy
 from tcstudy.commands.draw import picture
+from tcstudy.errors import StudyError
 from tests.commands import CONFIGS
 
 pytest.importorskip("matplotlib")
@@ -37,3 +40,34 @@ def test_values_are_said_where_they_act() -> None:
     swept = {"friction": {"law": "tresca"}, "sweep": {"tau": [1e6, 2e6]}, "path": None}
     legend = picture(tcstudy.load(CONFIGS / "isola.yaml").with_(swept), None).axes[1].get_legend()
     assert [text.get_text() for text in legend.get_texts()] == ["tresca"]
+
+
+CROSSED = """
+body: {outline: [
+  {from: [0 mm, 0 mm], edge: bottom},
+  {from: [200 mm, 0 mm], edge: end}, {from: [200 mm, 60 mm], edge: top}, {from: [-20 mm, -30 mm], edge: left}]}
+boundary: {bottom: contact, end: free, top: free, left: clampd}
+material: {E: 1 GPa, nu: 0.3}
+friction: {law: tresca, tau: 1 MPa}
+mesh: {maxh: 20 mm}
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "message", "marks"),
+    [
+        (CROSSED, "cross or touch", ["line 3: edge 1", "did you mean"]),
+        (
+            CROSSED.replace("[-20 mm, -30 mm]", "[0 mm, 60 mm]").replace("left: clampd", "lfet: clamped"),
+            "no edge 'lfet'; did you mean 'left'",
+            ["line 5: boundary.lfet: the body has", "line 5: the body has"],  # above, and at the edge that may be meant
+        ),
+    ],
+)
+def test_edges_with_faults_are_marked(tmp_path: Path, text: str, message: str, marks: list[str]) -> None:
+    file, target = tmp_path / "faulty.yaml", tmp_path / "faulty.svg"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(StudyError, match=message):
+        picture(file, target)
+    drawn = re.sub(r"\s+", " ", re.sub(r"<[^>]*>", "", target.read_text(encoding="utf-8")))
+    assert all(mark in drawn for mark in marks)

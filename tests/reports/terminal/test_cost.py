@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from tcstudy.accuracy.orders import dominated
+from tcstudy.commands.draw import picture
 from tcstudy.data.provenance import collect
 from tcstudy.data.reading import load_root
 from tcstudy.data.schema import PointStatus
 from tcstudy.data.store import Record, write_record
 from tcstudy.data.tables import COST_TABLE
-from tcstudy.reports.figures.draw import picture
 from tcstudy.reports.page.kinds import cost_parts
 from tcstudy.reports.page.parts import Container
 from tcstudy.reports.terminal.accuracy import advice, front, settings
