@@ -23,7 +23,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import Any
@@ -119,16 +119,14 @@ unit at least: nearer to an edge it calls nothing inside."""
 
 @dataclass(frozen=True)
 class Curve:
-    """One boundary curve.
+    """One boundary curve; number i is named "c<i>" in the mesh.
 
-    tag:      its boundary name in the mesh
     name:     the study's name of the edge it belongs to
     length:   exact length [m]
     straight: whether it is a straight line
     normal:   points (n, 2) on the curve → unit normals (n, 2), of either sign
     """
 
-    tag: str
     name: str
     length: float
     straight: bool
@@ -159,7 +157,7 @@ class Geometry:
     @cached_property
     def corners(self) -> tuple[Junction, ...]:
         """Where pieces of the boundary and interfaces end: first those of the boundary, in the order of its curves."""
-        names, points, sides = {curve.tag: curve.name for curve in self.curves}, list[Array](), list[Side]()
+        names, points, sides = {f"c{i}": curve.name for i, curve in enumerate(self.curves)}, list[Array](), list[Side]()
         edges = list(dict.fromkeys(self.shape.edges))  # an interface is an edge of two faces
         for edge in edges:
             for t, way in zip(edge.parameter_interval, (1.0, -1.0), strict=True):
@@ -193,13 +191,12 @@ class Geometry:
 
     def samples(self, count: int = 17) -> list[tuple[str, Array, Array]]:
         """(study name, points (count, 2), unit normals (count, 2)) of every piece of the boundary."""
-        curves = {curve.tag: curve for curve in self.curves}
         found = []
         for edge in self.shape.edges:
-            if edge.name in curves:
-                values = [edge.Value(t) for t in _parameters(edge, count)]
+            if edge.name != INTERFACE:
+                curve, values = self.curves[int(edge.name[1:])], [edge.Value(t) for t in _parameters(edge, count)]
                 points = self.unit * np.array([[value[0], value[1]] for value in values])
-                found.append((curves[edge.name].name, points, curves[edge.name].normal(points)))
+                found.append((curve.name, points, curve.normal(points)))
         return found
 
 
@@ -219,13 +216,11 @@ def build(body: Body) -> Geometry:
         for hole in body.holes:
             face = face - _face(hole, unit)
         curves = tuple(
-            Curve(f"c{i}", edge.name, edge_length(edge), edge.through is None, partial(edge_normal, edge))
-            for i, edge in enumerate(body.edges)
+            Curve(edge.name, edge_length(edge), edge.through is None, partial(edge_normal, edge)) for edge in body.edges
         )
     size, finders = _size(face), [_occ_distance(edge) for edge in face.edges]
     if body.brep is None:
-        records = [_in_units(edge, unit) for edge in body.edges]
-        finders = [lambda point, edge=edge: float(edge_distance(edge, point[None])[0]) for edge in records]  # type: ignore[misc]
+        finders = [_edge_distance(edge, unit) for edge in body.edges]
     face.faces.name = BODY
     parts, rest = [], face
     for region in body.regions:  # cut out and glued back, so that the mesh follows their outlines
@@ -246,19 +241,12 @@ def _unit(size: float, shortest: float) -> float:
     return 1.0 if low <= unit <= high else 2.0 ** math.floor(math.log2(unit))
 
 
-def _in_units(edge: Edge, unit: float) -> Edge:
-    def point(at: Point) -> Point:
-        return at[0] / unit, at[1] / unit
-
-    return replace(edge, start=point(edge.start), end=point(edge.end), through=edge.through and point(edge.through))
-
-
 def _face(loop: Loop, unit: float) -> Any:
-    made = []
-    for edge in (_in_units(edge, unit) for edge in loop.edges):
-        a, b = occ.Pnt(*edge.start, 0), occ.Pnt(*edge.end, 0)
-        made.append(occ.ArcOfCircle(a, occ.Pnt(*edge.through, 0), b) if edge.through else occ.Segment(a, b))
-    return occ.Face(occ.Wire(made))
+    def at(point: Point) -> Any:
+        return occ.Pnt(point[0] / unit, point[1] / unit, 0)
+
+    arcs = ((at(edge.start), edge.through and at(edge.through), at(edge.end)) for edge in loop.edges)
+    return occ.Face(occ.Wire([occ.ArcOfCircle(a, c, b) if c else occ.Segment(a, b) for a, c, b in arcs]))
 
 
 def _size(face: Any) -> float:
@@ -269,6 +257,10 @@ def _size(face: Any) -> float:
 def _occ_distance(edge: Any) -> Callable[[Array], float]:
     """Distance through the kernel; the edge is named before regions are glued in, so it still exists."""
     return lambda point: float(edge.Distance(occ.Vertex(occ.Pnt(float(point[0]), float(point[1]), 0))))
+
+
+def _edge_distance(edge: Edge, unit: float) -> Callable[[Array], float]:
+    return lambda point: float(edge_distance(edge, unit * point[None])[0]) / unit
 
 
 def _name_edges(shape: Any, finders: list[Callable[[Array], float]], tolerance: float) -> None:
@@ -294,20 +286,9 @@ def _name_edges(shape: Any, finders: list[Callable[[Array], float]], tolerance: 
 
 def _read_face(record: BrepFace) -> tuple[Any, list[Curve], float]:
     """One plane face of a file, its edges named by the points that the study gives, and the unit it is in [m]."""
-    if record.path.suffix.lower() in (".step", ".stp"):
-        with open(record.path, "rb") as stream:
-            begins = stream.read(4096)
-        if b"ISO-10303-21" not in begins:  # the kernel would rattle
-            raise GeometryFailed(
-                f"{record.path.name}: is no STEP file, as ISO-10303-21 is missing; export the face again"
-            )
     if (fault := file_fault(record.path)) is not None:
         raise GeometryFailed(f"{record.path.name}: {fault}; export the face again", ("body", "file"))
-    try:
-        shape = occ.OCCGeometry(str(record.path), dim=2).shape
-    except Exception as error:
-        raise GeometryFailed(f"{record.path.name}: cannot be read as STEP or BREP ({error})") from error
-    faces = list(shape.faces)
+    faces = list(occ.OCCGeometry(str(record.path), dim=2).shape.faces)
     if record.face >= len(faces):
         raise GeometryFailed(f"{record.path.name}: has {len(faces)} faces, face {record.face} does not exist")
     face = faces[record.face]
@@ -330,7 +311,7 @@ def _read_face(record: BrepFace) -> tuple[Any, list[Curve], float]:
             f"{record.path.name}: the edge around ({where[0]:g}, {where[1]:g}) has no name; "
             "name it by a point under edges, or give `other`"
         )
-    return face, [_file_curve(edge, f"c{i}", str(names[i]), unit) for i, edge in enumerate(edges)], unit
+    return face, [_file_curve(edge, str(name), unit) for edge, name in zip(edges, names, strict=True)], unit
 
 
 def _edge_near(record: BrepFace, edges: list[Any], name: str, point: Array, size: float, unit: float) -> int:
@@ -349,9 +330,9 @@ def _edge_near(record: BrepFace, edges: list[Any], name: str, point: Array, size
     return int(best)
 
 
-def _file_curve(edge: Any, tag: str, name: str, unit: float) -> Curve:
+def _file_curve(edge: Any, name: str, unit: float) -> Curve:
     """A curve of a file: normals from the kernel's tangents at the nearest parameter."""
-    grid = _parameters(edge, 257)
+    grid = _parameters(edge, POINTS)
     points = np.array([[edge.Value(t)[0], edge.Value(t)[1]] for t in grid])
     chord = float(np.linalg.norm(points[-1] - points[0]))
     straight = abs(edge.mass - chord) <= 1e-12 * edge.mass
@@ -372,7 +353,7 @@ def _file_curve(edge: Any, tag: str, name: str, unit: float) -> Curve:
             found.append(np.array([-tangent.y, tangent.x]) / np.hypot(tangent.x, tangent.y))
         return np.array(found)
 
-    return Curve(tag, name, float(edge.mass) * unit, straight, normal)
+    return Curve(name, float(edge.mass) * unit, straight, normal)
 
 
 def _parameters(edge: Any, count: int) -> Array:

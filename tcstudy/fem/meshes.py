@@ -96,7 +96,7 @@ class PlaneMesh(TriangleGeometry):
 
     def region(self, *names: str) -> str:
         """NGSolve pattern of the boundary curves that the study edges `names` consist of."""
-        return "|".join(curve.tag for curve in self.geometry.curves if curve.name in names)
+        return "|".join(f"c{i}" for i, curve in enumerate(self.geometry.curves) if curve.name in names)
 
     def on(self, *names: str) -> NDArray[np.bool_]:
         """(s,) boundary segments on the study edges of these names."""

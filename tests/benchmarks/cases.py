@@ -269,7 +269,7 @@ def layered(geometry: Geometry, width: float, thinner: float) -> PlaneMesh:
         return width * (column + shift) / COLUMNS, float(levels[row])
 
     mesh = ngsolve.meshes.MakeStructured2DMesh(quads=False, nx=COLUMNS, ny=LAYERS, mapping=place)
-    names = {curve.name: curve.tag for curve in geometry.curves}
+    names = {curve.name: f"c{i}" for i, curve in enumerate(geometry.curves)}
     for number, name in enumerate(mesh.GetBoundaries()):
         mesh.ngmesh.SetBCName(number, names[name])
     return _extract(ngsolve.Mesh(mesh.ngmesh), replace(geometry, unit=1.0), 0, time.perf_counter())
