@@ -1,26 +1,18 @@
-"""Norms of P1 functions on a triangle mesh, and their distance from functions given by value and gradient.
+"""Norms of P1 functions on a triangle mesh and on the contact line, and their distance from given functions.
 
     ‖v‖² = ∫v²,   |v|₁² = ∫|∇v|²,   ‖v‖_a² = a(v, v) = ∫λ(div v)² + 2μ ε(v):ε(v)
 
-Differences of P1 functions on one mesh are integrated exactly; against a given function with the seven-point rule of
-degree five on every triangle. H¹ stands for the seminorm |·|₁: it has one physical dimension, the full norm has not.
+Differences of P1 functions on one mesh are integrated exactly; against a function given by value and gradient with the
+seven-point rule of degree five. H¹ stands for the seminorm: it has one physical dimension, the full norm has not.
 
-Norms on the contact line Γ_C: u_T is piecewise linear on its segments, ξ constant on the S_i around its nodes.
+On Γ_C u_T is piecewise linear on segments, and ξ constant on the S_i around its nodes: an array (s, 2) of values on
+half segments. Where one end of a segment carries no unknown, both halves belong to the other (method §2).
 
-A segment's two halves belong to the S_i of its two ends; where one end carries no unknown, both belong to the other
-(method §2). So ξ is an array (s, 2) of values on half segments, and a refinement of the line halves every segment.
-
-Exact prolongation between the P1 spaces of uniformly refined meshes.
-
-A uniform refinement keeps the coarse nodes with their numbers and adds one node per coarse edge. Every edge of the
-fine mesh from a new node to an old one is half of the coarse edge, so the topology alone names the two parents of a
-new node. On straight boundaries the new node is the midpoint, the coarse space is a subspace of the fine one and the
-prolongation is exact. On a curved boundary the new node moves to the arc: the spaces are then not nested, and the
-prolongation is the coarse function carried along with the moved nodes.
-
-P1 functions carried from one mesh of a body to the nodes of another, nested or not.
-
-Points outside the mesh (beside an arc that it cuts short) get the linear function of the triangle nearest to them.
+P1 functions are carried to the nodes of other meshes of a body by `interpolation`; points outside the mesh (beside an
+arc that it cuts short) get the linear function of the triangle nearest to them. `prolongation` is that to a uniform
+refinement: it keeps the coarse nodes with their numbers, and every edge of the fine mesh from a new node to an old one
+is half of a coarse edge, so that the topology alone names the two parents of a new node. On a curved boundary the new
+node moves to the arc, and the coarse function is carried along.
 """
 
 from __future__ import annotations
@@ -49,47 +41,42 @@ _RULES = {3: (INNER, np.full(3, 1 / 3)), 7: (_RADON, _WEIGHTS)}
 """Barycentric points (q, 3) and weights (q,) of q points: exact for squares of linear functions, or degree five."""
 
 
-class Triangles(TriangleGeometry):
-    """A mesh for integration."""
+def _at(mesh: TriangleGeometry, q: int) -> Array:
+    """(2, t, q) x and y of the points."""
+    return np.einsum("qk,tkd->dtq", _RULES[q][0], mesh.corners)
 
-    def _at(self, q: int) -> Array:
-        """(2, t, q) x and y of the points."""
-        return np.einsum("qk,tkd->dtq", _RULES[q][0], self.corners)
 
-    # -- functions, and their norms ----------------------------------------------------------------
+def nodal(mesh: TriangleGeometry, v: Array, q: int = 3) -> Sample:
+    """A P1 function (n,)."""
+    return v[mesh.triangles] @ _RULES[q][0].T, mesh.gradient(v).T[:, :, None]
 
-    def p1(self, v: Array, q: int = 3) -> Sample:
-        """A P1 function (n,)."""
-        return v[self.triangles] @ _RULES[q][0].T, self.gradient(v).T[:, :, None]
 
-    def linear(self, value: Array, gradient: Array) -> Sample:
-        """A function that is linear on every triangle, from its values at the centres (t,) and gradients (t, 2)."""
-        apart = self._at(3) - self.centres.T[:, :, None]
-        return value[:, None] + np.einsum("td,dtq->tq", gradient, apart), gradient.T[:, :, None]
+def affine(mesh: TriangleGeometry, value: Array, gradient: Array) -> Sample:
+    """A function that is linear on every triangle, from its values at the centres (t,) and gradients (t, 2)."""
+    apart = _at(mesh, 3) - mesh.centres.T[:, :, None]
+    return value[:, None] + np.einsum("td,dtq->tq", gradient, apart), gradient.T[:, :, None]
 
-    def given(self, function: Function) -> Sample:
-        """A function given by value and gradient, at seven points."""
-        return function(*self._at(7))
 
-    def norms(self, parts: Sequence[Sample], lam: Modulus, mu: Modulus) -> dict[str, float]:
-        """‖·‖_a, |·|₁ and ‖·‖ of a displacement, as u_energy, u_H1 and u_L2; of a third part theta_L2 and theta_H1."""
-        weight = self.area[:, None] * _RULES[parts[0][0].shape[1]][1]
-        (u, du), (v, dv), *theta = parts
+def given(mesh: TriangleGeometry, function: Function) -> Sample:
+    """A function given by value and gradient, at seven points."""
+    return function(*_at(mesh, 7))
 
-        def norm(square: Array) -> float:
-            return float(np.sqrt((weight * square).sum()))
 
-        lam, mu = (np.reshape(modulus, (-1, 1)) for modulus in (lam, mu))
-        energy = lam * (du[0] + dv[1]) ** 2 + 2 * mu * (du[0] ** 2 + dv[1] ** 2 + 0.5 * (du[1] + dv[0]) ** 2)
-        slopes = (du**2).sum(axis=0) + (dv**2).sum(axis=0)
-        found = {"u_energy": norm(energy), "u_H1": norm(slopes), "u_L2": norm(u**2 + v**2)}
-        for value, slope in theta:
-            found |= {"theta_L2": norm(value**2), "theta_H1": norm((slope**2).sum(axis=0))}
-        return found
+def norms(mesh: TriangleGeometry, parts: Sequence[Sample], lam: Modulus, mu: Modulus) -> dict[str, float]:
+    """‖·‖_a, |·|₁ and ‖·‖ of a displacement, as u_energy, u_H1 and u_L2; of a third part theta_L2 and theta_H1."""
+    weight = mesh.area[:, None] * _RULES[parts[0][0].shape[1]][1]
+    (u, du), (v, dv), *theta = parts
+    lam, mu = (np.reshape(modulus, (-1, 1)) for modulus in (lam, mu))
+    energy = lam * (du[0] + dv[1]) ** 2 + 2 * mu * (du[0] ** 2 + dv[1] ** 2 + 0.5 * (du[1] + dv[0]) ** 2)
+    squares = {"u_energy": energy, "u_H1": (du**2).sum(axis=0) + (dv**2).sum(axis=0), "u_L2": u**2 + v**2}
+    for value, slope in theta:
+        squares |= {"theta_L2": value**2, "theta_H1": (slope**2).sum(axis=0)}
+    return {name: float(np.sqrt((weight * square).sum())) for name, square in squares.items()}
 
-    def integral(self, density: Callable[[Array, Array], Array]) -> float:
-        """∫ of a function of x and y, by the seven-point rule."""
-        return float((self.area[:, None] * _WEIGHTS * density(*self._at(7))).sum())
+
+def integral(mesh: TriangleGeometry, density: Callable[[Array, Array], Array]) -> float:
+    """∫ of a function of x and y, by the seven-point rule."""
+    return float((mesh.area[:, None] * _WEIGHTS * density(*_at(mesh, 7))).sum())
 
 
 def less(a: Sample, b: Sample) -> Sample:

@@ -1,17 +1,15 @@
-"""Rates of convergence with their uncertainty, and Richardson's extrapolation of numbers.
+"""Rates of convergence with their uncertainty, Richardson's extrapolation of numbers, what is worth its cost (the
+points that no other beats in cost and error together), and the order to expect of each error from how smooth the
+solution is.
 
 Rate between levels:  r_i = log(e_{i−1}/e_i) / log(h_{i−1}/h_i)
-Asymptotic levels:    the longest run of levels up to the finest over which the rates differ by at most SETTLED
-Slope:                least squares of log e over log h on the asymptotic levels, with its standard error; on all
-                      levels if no two rates agree, and then marked as not settled
+Slope:                least squares of log e over log h, with its standard error, on the asymptotic levels: the longest
+                      run up to the finest over which rates differ by at most SETTLED; on all, and marked as not
+                      settled, if no two rates agree
 Extrapolation:        q(h) = q* + C h^p through the three finest levels
 
-What is worth its cost: the points that no other beats in cost and error together.
-
-The order of convergence to expect of each error, from how smooth the solution is.
-
-With u ~ r^α in the worst corner of the body, u_T ~ r^γ and ξ ~ r^δ in the worst points of Γ_C (uniform meshes, P1;
-on meshes graded like h r^(1−μ) towards a point its exponents, with what is added to them, are divided by μ):
+Expected, with u ~ r^α in the worst corner of the body, u_T ~ r^γ and ξ ~ r^δ in the worst points of Γ_C (uniform
+meshes, P1; on meshes graded like h r^(1−μ) towards a point its exponents, with what is added to them, over μ):
 
     |u − u_h|₁ and energy:          min(1, α)                                approximation
     ‖u − u_h‖:                      2 min(1, α)                              duality

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.accuracy.norms import LineFunction, Triangles
+from tcstudy.accuracy.norms import LineFunction, integral
 from tcstudy.exact.loads import body_edges, outward
 from tcstudy.expressions.expression import value_and_gradient, value_of
 from tcstudy.laws.composed import law_along
@@ -21,7 +21,7 @@ from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import UP
 from tcstudy.scene.records import Contact, Edge, Loaded, Scene
 from tcstudy.scene.study import Exact, Goal
-from tcstudy.shapes.edges import edge_at, edge_distance, edge_length
+from tcstudy.shapes.edges import TriangleGeometry, edge_at, edge_distance, edge_length
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ STICKS = 64 * np.finfo(float).eps
 _GAUSS, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 
-def exact_energy(exact: Exact, scene: Scene, mesh: Triangles) -> float:
+def exact_energy(exact: Exact, scene: Scene, mesh: TriangleGeometry) -> float:
     """L_θ(u) [J/m]; NaN for a body that no mesh fills (with arcs, from a file), and without the θ that loads it."""
     theta = exact.theta if exact.theta is not None else scene.heat.theta
     straight = scene.body.outline is not None and all(edge.through is None for edge in scene.body.edges)
@@ -45,7 +45,7 @@ def exact_energy(exact: Exact, scene: Scene, mesh: Triangles) -> float:
         divergence, strain = gx[0] + gy[1], gx[0] ** 2 + gy[1] ** 2 + 0.5 * (gx[1] + gy[0]) ** 2
         return np.asarray(0.5 * lam * divergence**2 + mu * strain - f_x * ux - f_y * uy - beta * heat * divergence)
 
-    return mesh.integral(density) + sum(_on_edge(exact, scene, *edge) for edge in body_edges(scene.body))
+    return integral(mesh, density) + sum(_on_edge(exact, scene, *edge) for edge in body_edges(scene.body))
 
 
 def exact_friction_resultant(scene: Scene, xi: LineFunction) -> float:

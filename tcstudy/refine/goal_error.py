@@ -1,72 +1,43 @@
-"""How far a number is off, and where that comes from: by a level with every triangle cut into four.
-
-A level with every triangle cut into four, on which solutions say what those of the level still lack.
-
-Literature: Ferraz-Leite & Praetorius, Computing 83 (2008) 135–162, on the h–h/2 error estimate, and references there
-
-Where on the body a number J changes when every triangle is cut into four.
+"""How far a number J is off, and where: by the same problem on the mesh with every triangle cut into four.
 
 With e = u_{h/2} − u_h, the dual solution z on the finer mesh, its interpolant I z and ξ = c b(u_T) on slipping nodes F,
 
     J(u_{h/2}) − J(u_h) = a(e, z − I z) + Σ_j (z − I z)_j ξ_{h/2,j}
                         + Σ_{j∈F} (a − z)_j c_j b(u_h)_j − Σ_{i∈F} (a − z)_i ξ_{h,i},
 
-the first three sums over nodes of the finer mesh, the last over those of the level, a = 1 for ∫ξ and 0 otherwise,
-to first order: the residual of u_h on the finer mesh weighted with what the mesh cannot represent of z, and what lumped
-friction says on half the cells. Each hat function of the finer mesh gets its part, signs included, with
-a(e, z − I z) = Σ_j (z − I z)_j a(e, φ_j). So parts of the body may be extrapolated with orders of their own, and what
-cancels between them is seen: a sum that is small by accident has large parts.
+the first three sums over nodes of the finer mesh, the last over those of the level, a = 1 for ∫ξ and 0 otherwise, to
+first order: the residual of u_h weighted with what the mesh cannot represent of z, and what lumped friction says on
+half the cells. Each hat function of the finer mesh gets its part, so that what cancels between parts of the body is
+seen.
 
-Literature: Richter & Wick, J. Comput. Appl. Math. 279 (2015) 192–208 (localisation by a partition of unity)
-
-What a number J of a solution lacks, from the same problem on the mesh with every triangle cut into four.
-
-Numbers:    J(u) − J(u_h) falls by 2^p when h is halved, so that it is (J(u_{h/2}) − J(u_h))/(1 − 2^{−p}). p = 2 where
-            solution and dual solution are smooth (factor 4/3), 2λ in a corner where they are like r^λ. So the change
-            is taken apart by nodes (`Pair.contributions`), and every part has the factor of its place (`regions`);
-            what the parts do not sum to, because the problem is not linear, has 4/3.
-            All that distinguishes u_h from u is in it (given displacements between nodes, lumped friction,
-            oscillating data, temperature, arcs), signs included
-Regions:    the mean of p = 2 and p = 1 says how far the limit may be off: a third of a region's part. Regions are the
-            singular corners, and the rest of the body by the nearest corner, front or point asked for; each falls by
-            an order of its own, so that their thirds add like independent errors, in squares. Parts of either sign in
-            two regions sum to little on some mesh, to more on the next, and the change of their sum says nothing: on
-            an L whose clamped corner and body move a front to opposite sides, it was 1/50 of the error
-Held ends:  ξ_i of a sticking node beside a held one is what its hat function sees, and ∫ξ lacks half a cell of
-            traction (goals.lost). The dual solution jumps from 1 to 0 there, p = 1. On closed forms that is up to 86 %
-            of the error of an adaptive mesh, as the rest cancels; so it is taken by itself, and what is left has p = 2.
-            The finer mesh lacks half of it; what it lacks less or more, as where a node there changes sides, is added
-Tears:      where b jumps or turns at a slip, neighbours may lie on either side of it, and the front rests on a node: ∫ξ
-            is known to a cell times the jump (goals.torn). Half of that of the finer mesh is added to the error
-Steps:      where strength steps along an edge, a cell straddles the step, and the parts on the finer cells there
-            (goals.steps) have p = 1. The step lies somewhere in its cell: half a cell of the finer mesh times the step,
-            as friction that changes J, is added to the error. Where edges meet the cell has its parts of both laws
-Slip length: the sum of slipping cells, quantised to a cell, against the positions of the fronts within their cells
-            (goals.py), L_h and L_{h/2}: limit L as above, error |J(u_h) − L| + the doubt of fronts that could not be
-            located
-Hidden:     what both meshes are too coarse for in the cells beside held nodes of the finer one, a zone that sticks or
-            friction that falls (goals.py), is added to the error with its largest effect
-Crossing:   where contributions of different order cancel, J(u) − J(u_h) changes its sign between two levels and is
-            small by accident. The parts see what cancels, and the error of the extrapolation remains: the
-            estimator adds half of what the limit has changed by since the level before, or what the orders differ by
-            if that is more, and takes at least a third of what that level's error has become at the rate 1/N. So the
-            estimate does not follow the error down to zero; its ratio to the error is then large and means nothing
-Shares:     ‖u_{h/2} − u_h‖_K ‖z − I_h z‖_K + |a_K(lift of u_D − u_h, z)| + lumping + heat, with the dual solution z on
-            the finer mesh (goals.py), and for ∫ξ held ends and tears: unsigned, without springs, for marking only
-Why not the dual weighted residual itself: products of recovered gradients gave 0.05 to 26 times the true error.
-            Recovery is not superconvergent on bisected meshes, and where displacements are given beside Γ_C their
-            interpolation carried most of the error of ∫ξ, weighted with the recovered stress of a dual solution that
-            jumps there
-Materials:  moduli, β and k are those of each triangle, and interfaces are edges of both meshes, so that the products of
-            strains need no recovery; where interfaces end, turn or meet, λ is that of the wedges there
+Numbers:    J(u) − J(u_h) falls by 2^p when h is halved: it is (J(u_{h/2}) − J(u_h))/(1 − 2^{−p}), part by part. p = 2
+            where both solutions are smooth (factor 4/3), 2λ in a corner where they are like r^λ: 2 in a crack's tip, 13
+            where two slipping edges meet at 170° (`regions`). What the parts do not sum to, the problem not being
+            linear, has 4/3. All that distinguishes u_h from u is in it: given displacements between nodes, lumped
+            friction, oscillating data, temperature, arcs
+Regions:    the singular corners, and the rest of the body by the nearest corner, front or point asked for. The mean of
+            p = 2 and p = 1 is off by a third of a region's part; these add like independent errors, in squares. (On an
+            L whose clamped corner and body move a front to opposite sides the change of the sum was 1/50 of the error)
+Held ends:  ξ_i of a sticking node beside a held one is what its hat function sees: ∫ξ lacks half a cell of traction
+            (goals.lost), on closed forms up to 86 % of the error. Taken by itself, as z jumps from 1 to 0 there, p = 1;
+            the finer mesh lacks half of it, and what it lacks less or more is added
+Tears:      where b jumps or turns at a slip between two neighbours, ∫ξ is known to a cell times the jump (goals.torn);
+            half of that of the finer mesh is added
+Steps:      where strength steps along an edge (goals.steps), parts have p = 1, and half a cell of the finer mesh times
+            the step, as friction that changes J, is added
+Slip length: fronts located within their cells, L_h and L_{h/2}, give the limit L; error |J(u_h) − L| + the doubt of
+            fronts that could not be located
+Hidden:     what both meshes are too coarse for beside held nodes (goals.hidden_effects) is added with its largest
+            effect
+Shares:     ‖u_{h/2} − u_h‖_K ‖z − I z‖_K + |a_K(lift of u_D − u_h, z)| + lumping + heat, and for ∫ξ held ends and
+            tears: unsigned, for marking only
+Why not the dual weighted residual: products of recovered gradients gave 0.05 to 26 times the true error. Recovery is
+            not superconvergent on bisected meshes, and beside Γ_C given displacements carried most of the error of ∫ξ,
+            weighted with the recovered stress of a dual solution that jumps there
+Literature: Ferraz-Leite & Praetorius, Computing 83 (2008) 135–162 (h–h/2); Richter & Wick, J. Comput. Appl. Math. 279
+            (2015) 192–208 (localisation by a partition of unity)
 Left out:   cusps, which count with λ = 1/2; data that oscillate within half an element, and sticking zones shorter
             than that away from held nodes, escape both meshes
-
-By how much the change from h to h/2 is smaller than the error, corner by corner.
-
-In a corner where u ~ r^λ the error of a number falls by 2^{2λ} at halving (λ from the solution, λ from the dual
-solution), so that it is the change times 1/(1 − 2^{−2λ}): 2 in a crack's tip, 13 where two slipping edges meet at 170°
-(λ = 1/17). Refinement towards a corner makes its part of the change small, not its factor.
 """
 
 from __future__ import annotations

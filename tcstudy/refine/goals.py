@@ -1,56 +1,33 @@
 """Numbers that a study is after: fronts, how errors carry over to a number, what end cells hide.
 
-Where stick meets slip, to a part of a cell.
-
-A node sticks or slips, so that the slip length Σ c_i over slipping nodes is known to half a cell at every front. The
-solution says more: at a front where the traction reaches the bound of b̂ continuously, |u_T − s_k| ~ r^{3/2} at the
-distance r from it, s_k the kink that the sticking nodes rest on (Williams' exponents of a half-plane with u_N = 0 that
-sticks on one side and carries a given shear on the other are ½, 3/2, …, and r^{1/2} would break the bound). So
-|u_T − s_k|^{2/3} is linear in the position, and the front lies where the line through two slipping nodes is zero. The
-node next to the front carries the front's own discretisation error and is left out where there are two more.
-
-Accuracy: on uniform meshes the front found lies (0.10 ± 0.03) h inside the sticking side of the true one, wherever
-          it lies within its cell (25 positions of the closed form of stick and slip); the nodal one is off by up to h/2
-Hidden:   beside a held node of given u_T = s_k no node may stick although a zone does that is shorter than the cell.
-          If the same line is zero inside the cell, there is a front; its place is a guess, and what hides in the cell
-          is in doubt whether one is found or not
-Left out: fronts that a jump of the data or a corner holds in place have other exponents. Where the slip does not grow
-          away from a front, or only one node slips, the middle of the cell stands
-
-Numbers that a study is after, and how errors of the solution carry over to them.
-
 A goal J is linear in (ξ, u_T) near a solution. With the sticking nodes S held and the slipping ones F on their piece of
 b, a change δl̃ of the condensed load changes J = aᵀξ + wᵀu_T by zᵀδl̃:
 
     z_S = a_S,   (Ã_FF + C b′) z_F = w_F + C b′ a_F − Ã_FS a_S,
 
-one more solve with the tangent of the solution. z is extended into the body without load; then
+and J(u) − J(u_h) = a(u − u_h, z − z_h) to first order, z extended into the body without load (dual weighted residual):
+where to refine; how large the error is, see goal_error.py. The slip length is no differentiable function of the
+solution as the sum of slipping cells; its dual problem is that of the fronts' positions within their cells, which are.
 
-    J(u) − J(u_h) = a(u − u_h, z − z_h) to first order                                       (dual weighted residual)
-
-for homogeneous data. It says where to refine; how large the error is, see goal_error.py.
+Fronts:     |u_T − s_k| ~ r^{3/2} at the distance r from a front, s_k the kink that the sticking nodes rest on
+            (Williams' exponents with u_N = 0 are ½, 3/2, …, and r^{1/2} would break the bound), so that |u_T −
+            s_k|^{2/3} is linear and the front lies where the line through two slipping nodes is zero. The node next to
+            it carries the front's own discretisation error and is left out where there are two more. On uniform meshes
+            it lies (0.10 ± 0.03) h inside the sticking side of the true one (25 positions of a closed form); the nodal
+            one is off by up to h/2. Beside a held node of given u_T = s_k a zone shorter than the cell may stick
+            although no node does: if the same line is zero inside the cell, there is a front; its place is a guess
+Held ends:  from a held node with its given slip s₀ to the next node with v₁, u_T takes every value between, but the
+            cell has one ξ₁/c₁ = b(v₁). Where |v₁| passes the length over which b falls, or friction turns, that is the
+            same on all meshes too coarse to see it. Under an up-jump at s₀ a zone beside it sticks unless slip there is
+            driven by more than friction holds back (beside a clamp at 90° slip is r (A − C ln(1/r)) and turns at a
+            distance that A/C puts at any power of ten). So ξ/c is off in the cell by no more than max |b(s) − b(v₁)|
+            over s between s₀ and v₁, and over 0 put into [b⁻(s₀), b⁺(s₀)], and |δJ| ≤ ½ (|a| + |a − z₁|) · most ·
+            width; the slip length lacks the width besides
+Left out:   fronts that a jump of the data or a corner holds in place have other exponents. Where the slip does not grow
+            away from a front, or only one node slips, the middle of the cell stands. Traction at a corner itself, which
+            displacements that grow along a side beside a sticking zone may give it
 Literature: Becker & Rannacher, Acta Numerica 10 (2001) 1–102; Suttmeier, Numerical Solution of Variational
             Inequalities by Adaptive Finite Elements (2008) for contact
-Slip length: as the sum of slipping cells it is no differentiable function of the solution. Its dual problem is that of
-            the fronts' positions within their cells, which are
-
-What the cells of Γ_C beside held nodes may hide, and what that may change of a number J.
-
-From a held node with its given slip s₀ (0 where a clamp meets Γ_C) to the next node with u_T = v₁, u_T takes every
-value between, but the cell has one ξ₁/c₁ = b(v₁). Where |v₁| passes the length over which b falls, or friction turns,
-that is the same on all meshes too coarse to see what lies between: ∫ξ stays on a plateau, and no change from mesh to
-mesh says that it will leave it.
-
-Zones that stick: u_T → s₀ towards the node. If b jumps up at s₀, a zone beside it sticks unless slip there is driven by
-            more than friction holds back. Beside a clamp at an angle up to 90° it always does: at 90° slip is
-            r (A − C ln(1/r)), C from friction, and turns at a distance that A/C puts at any power of ten. In the zone
-            ξ goes from where friction holds nothing, the corner, to the jump's end that slips
-Most:       so |ξ/c| is off in the cell by no more than max |b(s) − b(v₁)| over s between s₀ and v₁, and over
-            0 put into [b⁻(s₀), b⁺(s₀)]
-Effect:     a change δξ of friction in the cell changes J by ∫(a − z) δξ, z linear from 0 at the held node to z₁, a = 1
-            for ∫ξ and 0 otherwise: |δJ| ≤ ½ (|a| + |a − z₁|) · most · width. The slip length lacks the width
-            besides. Where b is continuous from s₀ on, that is O(h²); under an up-jump it is halved with the cell
-Left out:   traction at a corner itself, which displacements that grow along a side beside a sticking zone may give it
 """
 
 from __future__ import annotations

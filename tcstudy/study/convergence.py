@@ -251,7 +251,7 @@ def _point(
     if study.exact is not None:
         exact = {
             "friction_resultant": exact_friction_resultant(scene, exact_xi(study.exact, scene)),
-            "energy": exact_energy(study.exact, scene, levels[-1].triangles),
+            "energy": exact_energy(study.exact, scene, levels[-1].mesh),
             "slip_length": exact_slip_length(study.exact, scene),
         }
     for name in (measure.name for measure in NUMBERS):

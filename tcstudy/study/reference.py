@@ -24,7 +24,19 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from tcstudy.accuracy.norms import LineFunction, Triangles, interpolation, less, line_norms, linear, located, steps
+from tcstudy.accuracy.norms import (
+    LineFunction,
+    affine,
+    given,
+    interpolation,
+    less,
+    line_norms,
+    linear,
+    located,
+    nodal,
+    norms,
+    steps,
+)
 from tcstudy.contact.solution import polished
 from tcstudy.contact.solve import TIE
 from tcstudy.data.records import BlockRecord
@@ -91,11 +103,6 @@ class SolvedLevel:
     def of(cls, level: Level, solutions: Mapping[Key, Solution]) -> SolvedLevel:
         """What is kept of a level."""
         return cls(level.frames.n_dof, level.mesh, level.line, solutions)
-
-    @cached_property
-    def triangles(self) -> Triangles:
-        """The mesh for integration."""
-        return Triangles(self.mesh.points, self.mesh.triangles)
 
     @cached_property
     def normals(self) -> Array:
@@ -194,14 +201,14 @@ class ExactReference:
 
     def errors(self, one: SolvedLevel, key: Key, scene: Scene) -> Errors:
         """Absolute errors of a solution and norms of the reference; empty if there is none."""
-        own, exact, mesh = one.solutions[key], self._exact, one.triangles
+        own, exact, mesh = one.solutions[key], self._exact, one.mesh
         if not own.parts:
             return {}
-        given = [mesh.given(of) for of in self._parts]
-        off = [less(mesh.p1(v, 7), f) for v, f in zip(own.parts, given, strict=False)]
+        there = [given(mesh, of) for of in self._parts]
+        off = [less(nodal(mesh, v, 7), f) for v, f in zip(own.parts, there, strict=False)]
         moduli, u_T, xi = (scene.material.lam, scene.material.mu), exact_u_T(exact), exact_xi(exact, scene)
-        sizes = mesh.norms(given, *moduli)
-        found = {name: (error, sizes[name]) for name, error in mesh.norms(off, *moduli).items()}
+        sizes = norms(mesh, there, *moduli)
+        found = {name: (error, sizes[name]) for name, error in norms(mesh, off, *moduli).items()}
         found |= {
             "u_T_L2": one.distance(linear(one.tangential(*(w[one.line.segments] for w in own.parts))), u_T),
             "xi_L2": one.distance(steps(one.halves(own.xi)), xi),
@@ -238,13 +245,13 @@ class FineReference:
         fine, own, best = self._fine, one.solutions[key], self._fine.solutions[key]
         if not own.parts or not best.ok:
             return {}
-        mesh, at, exact = fine.triangles, self._located(one), [fine.triangles.p1(w) for w in best.parts]
+        mesh, at, exact = fine.mesh, self._located(one), [nodal(fine.mesh, w) for w in best.parts]
         moduli = [fine.mesh.of_material(scene, name) for name in ("lam", "mu")]
         if key not in self._sizes:
-            self._sizes[key] = mesh.norms(exact, *moduli)
+            self._sizes[key] = norms(mesh, exact, *moduli)
         centres = (np.einsum("qk,qk->q", at.weights, v[one.mesh.triangles[at.triangle]]) for v in own.parts)
-        coarse = [mesh.linear(c, one.mesh.gradient(v)[at.triangle]) for c, v in zip(centres, own.parts, strict=True)]
-        off = mesh.norms([less(a, b) for a, b in zip(coarse, exact, strict=True)], *moduli)
+        coarse = [affine(mesh, c, one.mesh.gradient(v)[at.triangle]) for c, v in zip(centres, own.parts, strict=True)]
+        off = norms(mesh, [less(a, b) for a, b in zip(coarse, exact, strict=True)], *moduli)
         found = {name: (error, self._sizes[key][name]) for name, error in off.items()}
         ends = fine.tangential(*((at.ends @ component).reshape(-1, 2) for component in own.parts))
         best_ends = fine.tangential(*(component[fine.line.segments] for component in best.parts))

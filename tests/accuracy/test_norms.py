@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from tcstudy.accuracy.norms import Triangles, interpolation, less, line_norms, linear, located, prolongation, steps
+from tcstudy.accuracy import norms
+from tcstudy.accuracy.norms import given, interpolation, less, line_norms, linear, located, nodal, prolongation, steps
+from tcstudy.shapes.edges import TriangleGeometry
 
 POINTS = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0], [0.7, 0.4]])
 TRIANGLES = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
-MESH = Triangles(POINTS, TRIANGLES)
+MESH = TriangleGeometry(POINTS, TRIANGLES)
 X, Y = POINTS.T
-P1 = MESH.p1
 
 
 def refined(points, triangles):
@@ -23,38 +24,38 @@ def refined(points, triangles):
     return np.concatenate([points, points[edges].mean(axis=1)]), np.concatenate([np.array(t).T for t in children])
 
 
-def norms(u, v, lam=0.0, mu=0.0):
-    return MESH.norms([P1(u), P1(v)], lam, mu)
+def sizes(*parts, lam=0.0, mu=0.0, mesh=MESH):
+    return norms.norms(mesh, [nodal(mesh, one) for one in parts], lam, mu)
 
 
 def test_norms_of_linear_functions():
     one, zero = 1 + 0 * X, 0 * X
-    assert norms(one, zero)["u_L2"] == pytest.approx(np.sqrt(2), rel=1e-14)
-    assert norms(X, Y)["u_L2"] == pytest.approx(np.sqrt(8 / 3 + 2 / 3), rel=1e-14)
-    assert norms(3 * X - 2 * Y, zero)["u_H1"] == pytest.approx(np.sqrt(2 * 13), rel=1e-14)
-    warm = MESH.norms([P1(zero), P1(zero), P1(X)], 1.0, 1.0)
+    assert sizes(one, zero)["u_L2"] == pytest.approx(np.sqrt(2), rel=1e-14)
+    assert sizes(X, Y)["u_L2"] == pytest.approx(np.sqrt(8 / 3 + 2 / 3), rel=1e-14)
+    assert sizes(3 * X - 2 * Y, zero)["u_H1"] == pytest.approx(np.sqrt(2 * 13), rel=1e-14)
+    warm = sizes(zero, zero, X, lam=1.0, mu=1.0)
     assert (warm["theta_L2"], warm["theta_H1"]) == pytest.approx((np.sqrt(8 / 3), np.sqrt(2)), rel=1e-14)
     np.testing.assert_allclose(MESH.gradient(3 * X - 2 * Y + 1), np.tile([3, -2], (4, 1)), atol=1e-13)
 
 
 def test_distances_from_polynomials():
     """0 against f: the norm of f itself; the rule is exact up to degree five."""
-    square = MESH.given(lambda x, y: (x**2, np.array([2 * x, 0 * x])))
-    found = MESH.norms([square, less(square, square)], 1.0, 0.0)
+    square = given(MESH, lambda x, y: (x**2, np.array([2 * x, 0 * x])))
+    found = norms.norms(MESH, [square, less(square, square)], 1.0, 0.0)
     assert found["u_L2"] == pytest.approx(np.sqrt(32 / 5), rel=1e-13)
     assert found["u_H1"] == found["u_energy"] == pytest.approx(np.sqrt(4 * 8 / 3), rel=1e-13)
-    plane = MESH.given(lambda x, y: (x - y, np.array([1 + 0 * x, -1 + 0 * x])))
-    off = less(MESH.p1(X - Y, 7), plane)
-    assert max(MESH.norms([off, off], 1.0, 1.0).values()) < 1e-14
+    plane = given(MESH, lambda x, y: (x - y, np.array([1 + 0 * x, -1 + 0 * x])))
+    off = less(nodal(MESH, X - Y, 7), plane)
+    assert max(norms.norms(MESH, [off, off], 1.0, 1.0).values()) < 1e-14
 
 
 def test_prolongation_changes_no_norm():
     fine_points, fine_triangles = refined(POINTS, TRIANGLES)
     step = prolongation(len(POINTS), fine_points, fine_triangles)
     v = np.random.default_rng(1).normal(size=(2, len(POINTS)))
-    fine, w = Triangles(fine_points, fine_triangles), (step @ v.T).T
+    fine, w = TriangleGeometry(fine_points, fine_triangles), (step @ v.T).T
     np.testing.assert_array_equal(w[:, : len(POINTS)], v)
-    assert fine.norms([fine.p1(one) for one in w], 1.2, 0.8) == pytest.approx(norms(*v, 1.2, 0.8), rel=1e-13)
+    assert sizes(*w, lam=1.2, mu=0.8, mesh=fine) == pytest.approx(sizes(*v, lam=1.2, mu=0.8), rel=1e-13)
     np.testing.assert_allclose(interpolation(MESH, fine_points) @ v[0], w[0], atol=1e-14)
 
 
@@ -78,7 +79,7 @@ def test_points_beside_a_slot_are_found_on_their_own_side() -> None:
     for _ in range(4):
         fine_points, fine = refined(fine_points, fine)
     points = np.concatenate([POINTS - [2.0, 0.0], fine_points + np.array([0.001, 0.0])])
-    mesh = Triangles(points, np.concatenate([TRIANGLES, fine + len(POINTS)]))
+    mesh = TriangleGeometry(points, np.concatenate([TRIANGLES, fine + len(POINTS)]))
     found, weights = located(mesh, np.column_stack([np.full(50, -0.005), np.linspace(0.01, 0.99, 50)]))
     assert np.all(found < len(TRIANGLES))
     assert weights.min() > -1e-12

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import tcstudy
-from tcstudy.accuracy.norms import prolongation
+from tcstudy.accuracy.norms import nodal, norms, prolongation
 from tcstudy.contact.problem import ContactProblem, Status
 from tcstudy.contact.solve import Answer
 from tcstudy.data.schema import PointStatus
@@ -89,15 +89,15 @@ WARM = RECTANGLE.replace("nu: 0.3}", "nu: 0.3, alpha_T: 0.05, k: 1}") + "heat: {
 def test_nested_meshes_give_the_errors_of_exact_prolongation() -> None:
     study = study_of(WARM, "mesh={maxh: 0.3, levels: 3}", "boundary.top={role: traction, g: [0.02, -0.01]}")
     levels, scene = solve_levels(study), study.scenes[0]
-    mesh, best, reference = levels[-1].triangles, levels[-1].solutions[()], FineReference(levels[-1], nested=True)
+    mesh, best, reference = levels[-1].mesh, levels[-1].solutions[()], FineReference(levels[-1], nested=True)
     for level in (0, 1):
         own, found = levels[level].solutions[()], reference.errors(levels[level], (), scene)
         values = own.parts
         for coarse, fine in itertools.pairwise(levels[level:]):
             step = prolongation(coarse.mesh.n_points, fine.mesh.points, fine.mesh.triangles)
             values = tuple(step @ one for one in values)
-        off = [mesh.p1(v - w) for v, w in zip(values, best.parts, strict=True)]
-        exact = mesh.norms(off, scene.material.lam, scene.material.mu)
+        off = [nodal(mesh, v - w) for v, w in zip(values, best.parts, strict=True)]
+        exact = norms(mesh, off, scene.material.lam, scene.material.mu)
         assert "theta_H1" in exact
         for name, error in exact.items():
             assert found[name][0] == pytest.approx(error, rel=1e-6), name
