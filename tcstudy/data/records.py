@@ -1,37 +1,34 @@
 """What a run hands to the store: blocks of solved points of a level, and what a level knows of its contact line.
 
 A block is a few arrays, because a point of a long sweep costs less to solve than a record of its own costs to keep.
+As a row of the journal a record is its scalars as JSON, its arrays as their bytes, and a checksum over both.
 
-The journal keeps finished points while a run goes on, in a file `<output>.partial` beside the output: a line that says
-of which study and program it is, then one record after the other, each with its length and checksum. A record is in
-the file when `add` returns, so that a crash or kill -9 leaves at most a torn end, which is cut off; it is brought to
-the disk at once unless others were less than SYNC_SECONDS before, so that a power cut takes no more than those that
-the system had not yet written by itself. The file is locked for as long as its process lives: two runs cannot share an
-output. A journal of another study or of other versions of the numerics is set aside, never deleted; of a damaged one a
-copy is, and the run goes on from what stands before the damage.
+The journal keeps finished points while a run goes on, in an SQLite file `<output>.partial` beside the output. A record
+is in it when `add` returns, whatever becomes of the process. It is brought to the disk at once unless others were less
+than SYNC_SECONDS before, so that a power cut takes at most those that the system had not written by itself. The file is
+locked for as long as its process lives (SQLite's exclusive mode): two runs cannot share an output. A journal of another
+study, of other versions of the numerics, or a damaged one is set aside, never deleted.
 """
 
 from __future__ import annotations
 
 import json
 import os
-import shutil
-import struct
-import sys
+import sqlite3
 import time
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.files import PARTIAL, remove_stale, special_file, sync_directory
 from tcstudy.data.provenance import program, study_sha256
-from tcstudy.errors import StoreError
+from tcstudy.errors import StoreError, shortened
 from tcstudy.scene.study import Study
 
 Array = NDArray[np.float64]
@@ -107,68 +104,62 @@ class BlockRecord:
         return {name: values[own] for name, values in self.solutions.items() if name != "row"}
 
 
-Key = tuple[str, int, int, int]
-"""(kind, body of a sweep over geometries, first place, level); the last record with a key counts."""
+Row = tuple[str, int, int, int, str, bytes, int]
+"""(kind, body, place, level, scalars and layout of the arrays, arrays, checksum)"""
+
+
+def checked(*row: Any) -> Row:
+    """A row with its checksum, that of all before it."""
+    return *row, zlib.crc32(row[5], zlib.crc32(f"{row[:4]}{row[4]}".encode()))
+
+
 GROUPS = ("numbers", "fields", "solutions")
 """Of named arrays in a record."""
-_HEAD = struct.Struct("<QQLL")
-"""Before a record: bytes of its text and of its arrays, the CRC-32 of both, and that of the three before it."""
 
 
-def encode(record: BlockRecord | LevelRecord, body: int = 0) -> tuple[Key, bytes]:
-    """A record as it stands in the journal: its key, scalars and the layout of its arrays as JSON (exact for floats),
-    then the arrays as their bytes. body: of a sweep over geometries, which it is of"""
+def encode(record: BlockRecord | LevelRecord, body: int = 0) -> Row:
+    """A record as a row: scalars as JSON (exact for floats), arrays as their bytes one after the other.
+
+    body: of a sweep over geometries, which it is of
+    """
     values = vars(record)
     groups = {name: values[name] for name in GROUPS if name in values}
     arrays = {name: v for name, v in values.items() if isinstance(v, np.ndarray)}
     arrays |= {f"{group}.{name}": array for group, named in groups.items() for name, array in named.items()}
     scalars = {name: v for name, v in values.items() if name not in arrays and name not in groups and v is not None}
-    kind, place = ("level", 0) if isinstance(record, LevelRecord) else ("block", int(record.points[0]))
-    key = (kind, body, place, int(record.level))
     layout = [(name, array.dtype.str, array.shape) for name, array in arrays.items()]
-    text = json.dumps([key, scalars, layout], default=lambda numpy_scalar: numpy_scalar.item()).encode()
-    data = text + b"".join(map(np.ndarray.tobytes, arrays.values()))
-    head = struct.pack("<QQL", len(text), len(data) - len(text), zlib.crc32(data))
-    return key, head + struct.pack("<L", zlib.crc32(head)) + data
-
-
-Row = tuple[list[Any], bytes, int, int]
-"""([key, scalars, layout of the arrays], bytes in which the arrays stand, from where, where the next record begins)"""
-
-
-def row_at(stream: BinaryIO, at: int) -> Row | None:
-    """The record at a place of the file; None at the end, and where it is torn. Raises ValueError if it is damaged."""
-    stream.seek(at)
-    if len(head := stream.read(_HEAD.size)) < _HEAD.size:
-        return None
-    text, arrays, of_data, of_head = _HEAD.unpack(head)
-    if zlib.crc32(head[:-4]) != of_head:
-        raise ValueError("wrong checksum")
-    if len(data := stream.read(text + arrays)) < text + arrays:
-        return None
-    if zlib.crc32(data) != of_data:
-        raise ValueError("wrong checksum")
-    return json.loads(data[:text]), data, text, at + _HEAD.size + len(data)
+    text = json.dumps([scalars, layout], default=lambda numpy_scalar: numpy_scalar.item())
+    kind, place = ("level", 0) if isinstance(record, LevelRecord) else ("block", int(record.points[0]))
+    return checked(kind, body, place, int(record.level), text, b"".join(map(np.ndarray.tobytes, arrays.values())))
 
 
 def record_of(row: Row) -> Any:
     """The BlockRecord or LevelRecord that a row was made of."""
-    ((kind, *_), scalars, layout), data, start, _ = row
-    own = dict[str, Any]()
+    (scalars, layout), own, start = json.loads(row[4]), dict[str, Any](), 0
     for name, dtype, shape in layout:
         group, _, key = name.rpartition(".")
-        array = np.ndarray(tuple(shape), dtype, data, start)  # a view: nobody writes into a record
+        array = np.ndarray(tuple(shape), dtype, row[5], start)  # a view: nobody writes into a record
         (own.setdefault(group, {}) if group else own)[key] = array
         start += array.nbytes
-    if kind == "level":
+    if row[0] == "level":
         return LevelRecord(**scalars | {"edge_names": tuple(scalars["edge_names"])}, **own)
     reasons = {int(i): words for i, words in scalars["reasons"].items()}
     return BlockRecord(**{"numbers": {}} | scalars | {"shape": tuple(scalars["shape"]), "reasons": reasons} | own)
 
 
 SYNC_SECONDS = 0.25
-"""Time after which records are brought to the disk again, which costs some 10 ms."""
-_OTHER = "choose another output"
+"""Time after which a record is brought to the disk again, which costs some 10 ms."""
+OTHER = "choose another output"
+_INSERT = "INSERT OR REPLACE INTO record VALUES (?, ?, ?, ?, ?, ?, ?)"
+SELECT = "SELECT kind, body, place, level, scalars, arrays, crc FROM record"
+_TABLES = (
+    "CREATE TABLE record (kind TEXT, body INTEGER, place INTEGER, level INTEGER, scalars TEXT NOT NULL, "
+    "arrays BLOB NOT NULL, crc INTEGER NOT NULL, PRIMARY KEY (kind, body, place, level))",
+    "CREATE INDEX bodies ON record (body)",  # in which the rows of a body stand in the order of rowid: none are sorted
+)
+_OBSTACLES = (sqlite3.SQLITE_IOERR, sqlite3.SQLITE_FULL, sqlite3.SQLITE_CANTOPEN)
+_FAULTS = (sqlite3.DatabaseError, ValueError, TypeError, LookupError, AttributeError, OverflowError)
+"""What a journal with damaged or foreign content may raise."""
 
 
 class Journal:
@@ -177,19 +168,9 @@ class Journal:
     warnings: sentences for the user, for example that an old journal was set aside
     """
 
-    def __init__(self, path: Path, stream: BinaryIO, start: int) -> None:
-        """start: where the first record stands. Raises OSError."""
-        self.path, self.warnings = path, list[str]()
-        self._stream, self._end, self._synced = stream, start, -SYNC_SECONDS
-        self._at = dict[tuple[str, int], dict[tuple[int, int], int]]()
-        try:
-            while (row := row_at(stream, self._end)) is not None:
-                self._keep(tuple(row[0][0]), row[-1])
-        except ValueError:
-            shutil.copyfile(path, kept := free_name(path))
-            what = f"{path.name} is damaged; it is kept as {kept.name} and the run goes on from what stands before that"
-            self.warnings.append(what)
-        stream.truncate(self._end)
+    def __init__(self, path: Path, connection: sqlite3.Connection, warnings: Sequence[str] = ()) -> None:
+        self.path, self.warnings = path, warnings
+        self._connection, self._synced, self._closed = connection, -SYNC_SECONDS, False
 
     @classmethod
     def open(cls, output: Path, study: Study) -> Journal:
@@ -199,87 +180,59 @@ class Journal:
         """
         path = Path(os.path.realpath(output))
         path = Path(os.path.realpath(path.with_name(path.name + PARTIAL)))
-        header = json.dumps({"study_sha256": study_sha256(study), "program": program()}).encode() + b"\n"
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            stream, kept = _locked(path), None
-            if stream.read(len(header)) not in (b"", header):
-                if os.name == "nt":  # an open file cannot be renamed there
-                    stream.close()
-                os.rename(path, kept := free_name(path))  # before the lock goes: no other run can resume it in between
-                stream.close()
-                stream = _locked(path)
-            if not os.fstat(stream.fileno()).st_size:
-                stream.write(header)
-            journal = cls(path, stream, len(header))
-            remove_stale(output, alone=True)
-            sync_directory(path.parent)
         except OSError as error:
-            raise StoreError(f"cannot use the journal {path}: {error.strerror}. Make room there or {_OTHER}") from error
-        if kept is not None:
-            why = "is of another study, other overrides or another version of the program"
-            journal.warnings.append(f"{path.name} {why}; it is kept as {kept.name} and the run starts anew")
-        return journal
+            raise StoreError(f"cannot make {path.parent}: {error.strerror}. {OTHER}") from error
+        header = json.dumps({"study_sha256": study_sha256(study), "program": program()})
+        (connection, why), warnings = connect(path, header), list[str]()
+        if why:
+            kept = set_aside(path, connection)
+            warnings = [f"{path.name} {why}; it is kept as {kept.name} and the run starts anew"]
+            connection, why = connect(path, header)
+        if why:
+            raise StoreError(f"cannot start the journal {path}: {why}. {OTHER}")
+        remove_stale(output, alone=True)
+        sync_directory(path.parent)
+        return cls(path, connection, warnings)
 
     def add(self, record: BlockRecord | LevelRecord, body: int = 0) -> None:
         """Keep a record of a body; a second one of the same place replaces it. Raises StoreError if it cannot."""
-        key, data = encode(record, body)
-        left = memoryview(data)
+        due = time.monotonic() - self._synced > SYNC_SECONDS
         try:
-            while left:
-                left = left[self._stream.write(left) :]
-        except OSError as error:
-            with suppress(OSError):
-                self._stream.truncate(self._end)
-            raise self._fault(error) from error
-        self._keep(key, self._end + len(data))
-        if time.monotonic() - self._synced > SYNC_SECONDS:
-            self.flush()
+            self._connection.execute(f"PRAGMA synchronous = {'FULL' if due else 'NORMAL'}")
+            self._connection.execute(_INSERT, encode(record, body))
+        except sqlite3.Error as error:
+            what = f"cannot keep finished points in {self.path}: {error}"
+            raise StoreError(f"{what}. Free some space; the run can then be resumed") from error
+        self._synced = time.monotonic() if due else self._synced
 
-    def flush(self) -> None:
-        """Bring every record to the disk. Raises StoreError if it cannot."""
-        try:
-            os.fsync(self._stream.fileno())
-        except OSError as error:
-            raise self._fault(error) from error
-        self._synced = time.monotonic()
-
-    def _fault(self, error: OSError) -> StoreError:
-        what = f"cannot keep finished points in {self.path}: {error.strerror}"
-        return StoreError(f"{what}. Free some space; the run can then be resumed")
-
-    def _keep(self, key: Key, end: int) -> None:
-        """Remember where the next record stands."""
-        of_body = self._at.setdefault(key[:2], {})
-        of_body.pop(key[2:], None)  # their order is that of the file
-        of_body[key[2:]], self._end = self._end, end
-
-    def levels(self, body: int = 0) -> tuple[LevelRecord, ...]:
+    def levels(self, body: int = 0) -> list[LevelRecord]:
         """All level records of a body, coarse to fine."""
-        return tuple(sorted(self._records("level", body), key=lambda level: level.level))
+        return sorted(self._records("level", body), key=lambda level: level.level)
 
     def blocks(self, body: int = 0) -> Iterator[BlockRecord]:
         """All its blocks as they finished, read one by one: whole-body fields need not fit into memory."""
         return self._records("block", body)
 
     def _records(self, kind: str, body: int) -> Iterator[Any]:
-        for at in [*self._at.get((kind, body), {}).values()]:
-            row = row_at(self._stream, at)
-            assert row is not None
-            yield record_of(row)
+        where = "INDEXED BY bodies WHERE body = ? AND kind = ? ORDER BY rowid"
+        return map(record_of, self._connection.execute(f"{SELECT} {where}", (body, kind)))
 
     def close(self) -> None:
         """Bring all to the disk and give up the lock; the journal stays for a later run. Twice does no harm."""
-        if not self._stream.closed:
-            with self._stream:
-                self.flush()
+        self._closed = True
+        self._connection.close()
 
     def discard(self) -> None:
         """Remove the journal. Only when the netCDF file is in place."""
-        if os.name == "nt":  # an open file cannot be removed there
-            self._stream.close()
-        self.path.unlink(missing_ok=True)  # before the lock goes, so that no other run can get hold of the dying file
-        self._stream.close()
+        if not self._closed:
+            alone(self._connection)
+            if os.name == "nt":  # an open file cannot be removed there
+                self._connection.close()
+            # removed before the lock goes, so that no other run can get hold of the dying file
+            self.path.unlink(missing_ok=True)
+            self.close()
 
     def __enter__(self) -> Journal:
         return self
@@ -288,34 +241,72 @@ class Journal:
         self.close()
 
 
-def _locked(path: Path) -> BinaryIO:
-    """The file, locked before anything is judged: what another run is writing must not be set aside. Raises OSError."""
+def connect(path: Path, header: str) -> tuple[sqlite3.Connection, str]:
+    """An open, locked journal, and why it is not one with this header ("" if it is). Raises StoreError."""
     if what := special_file(path):
-        raise StoreError(f"{path} is {what}, no file. Remove it or {_OTHER}")
-    while True:
-        stream = path.open("a+b", buffering=0)
-        stream.seek(0)
-        try:
-            if sys.platform == "win32":
-                import msvcrt
-
-                msvcrt.locking(stream.fileno(), msvcrt.LK_NBLCK, 1)
-            else:
-                import fcntl
-
-                fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except (BlockingIOError, PermissionError) as error:
-            stream.close()
+        raise StoreError(f"{path} is {what}, no file. Remove it or {OTHER}")
+    connection: sqlite3.Connection | None = None
+    try:
+        connection = sqlite3.connect(path, timeout=0.2, isolation_level=None)
+        # locked before anything is judged: what another run is writing must not be set aside
+        for statement in ("PRAGMA locking_mode = EXCLUSIVE", "PRAGMA journal_mode = WAL", "BEGIN EXCLUSIVE"):
+            connection.execute(statement)
+        return connection, _look_into(connection, header)
+    except _FAULTS as error:
+        code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+        # SQLite also calls a file with a damaged header read-only
+        forbidden = code == sqlite3.SQLITE_READONLY and not os.access(path, os.W_OK)
+        if connection is not None and not forbidden and code not in (sqlite3.SQLITE_BUSY, *_OBSTACLES):
+            line = (str(error).splitlines() or [type(error).__name__])[0]
+            return connection, f"is damaged ({shortened(line, 100)})"
+        if connection is not None:
+            connection.close()
+        if code == sqlite3.SQLITE_BUSY:
             what = f"another run is writing to the same output ({path} is locked)"
-            raise StoreError(f"{what}. Wait for it or {_OTHER}") from error
-        if path.exists() and os.path.samestat(os.fstat(stream.fileno()), path.stat()):
-            return stream
-        stream.close()  # the run that had it has removed it meanwhile
+            raise StoreError(f"{what}. Wait for it or {OTHER}") from error
+        raise StoreError(f"cannot use the journal {path}: {error}. Make room there or {OTHER}") from error
 
 
-def free_name(path: Path) -> Path:
-    """The first of .partial.old, .partial.old2, … that is free."""
+def _look_into(connection: sqlite3.Connection, header: str) -> str:
+    """Begin an empty journal; say why a filled one is not of this run. Raises one of _FAULTS if it is damaged."""
+    if not connection.execute("SELECT name FROM sqlite_master").fetchall():
+        for statement in _TABLES:
+            connection.execute(statement)
+        connection.execute(_INSERT, checked("header", 0, 0, 0, header, b""))
+    # a write, because SQLite opens a file that it must not write without a word, locking or not
+    connection.execute("PRAGMA user_version = 1")
+    if (verdict := connection.execute("PRAGMA quick_check").fetchone()[0]) != "ok":
+        raise ValueError(verdict)
+    rows = connection.execute(f"{SELECT} ORDER BY rowid")
+    if next(rows)[4] != header:
+        return "is of another study, other overrides or another version of the program"
+    for row in rows:
+        if checked(*row[:-1]) != row:
+            raise ValueError(f"wrong checksum of {row[0]} {row[2]} on level {row[3]}")
+    connection.execute("COMMIT")
+    return ""
+
+
+def alone(connection: sqlite3.Connection) -> None:
+    """Let all of a journal stand in its one file, without SQLite's own beside it, so far as it is sound."""
+    with suppress(sqlite3.Error):
+        connection.rollback()
+        connection.execute("PRAGMA journal_mode = DELETE")
+
+
+def set_aside(path: Path, connection: sqlite3.Connection) -> Path:
+    """Rename a journal to the first free name .partial.old, .partial.old2, …"""
     number = 1
     while (kept := path.with_name(f"{path.name}.old{number if number > 1 else ''}")).exists():
         number += 1
+    alone(connection)
+    if os.name == "nt":  # an open file cannot be renamed there
+        connection.close()
+    # renamed before the lock goes, so that no other run can resume it in between
+    try:
+        os.rename(path, kept)
+    except OSError as error:
+        raise StoreError(f"cannot set {path} aside: {error.strerror}. Remove it or {OTHER}") from error
+    finally:
+        connection.close()
     return kept

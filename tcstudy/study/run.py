@@ -337,7 +337,6 @@ def execute(
             else:
                 meshed[i] = each[i]
         pool.close()  # before the file, which takes memory, is written
-        journal.flush()
         whole = replace(each[0], attributes=kept.before(collect(study, command, remarks=remarks)))
         if study.variants:
             whole = replace(whole, study=study, levels=tuple, blocks=lambda: failed)

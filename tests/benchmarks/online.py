@@ -55,7 +55,6 @@ def measure(study: Study, level: int) -> tuple[int, float, float, float]:
         with TemporaryDirectory() as folder, Journal.open(Path(folder) / "whole.nc", study) as journal:
             for record in (stage.record, *stage.blocks):
                 journal.add(record)
-            journal.flush()
             words = collect(study, ("tcstudy",))
             write(Path(folder) / "whole.nc", Results(study, journal.levels, journal.blocks, words))
             journal.discard()

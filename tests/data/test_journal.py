@@ -1,9 +1,11 @@
 """The journal: what was committed survives whatever happens; what is damaged or another's is set aside."""
 
+import contextlib
 import os
 import random
 import re
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
@@ -197,23 +199,23 @@ def test_a_journal_of_another_study_or_program_is_set_aside_never_deleted(
             assert not [*journal.blocks()]
             assert [why in one and ".partial.old" in one for one in journal.warnings] == [True]
     for place, name in enumerate(("study.nc.partial.old", "study.nc.partial.old2")):
-        assert f'["block", 0, {place}, 0]'.encode() in (output.parent / name).read_bytes()
+        with contextlib.closing(sqlite3.connect(output.parent / name)) as kept:
+            assert kept.execute("SELECT place FROM record WHERE kind = 'block'").fetchall() == [(place,)]
 
 
-@pytest.mark.parametrize(("size", "kept"), [(0, 0), (1, 0), (100, 0), (2000, 0), (-5000, 1), (-1, 1)])
-def test_of_a_torn_journal_the_whole_records_stay(output: Path, study: Study, size: int, kept: int) -> None:
-    """Without a word, as a run that is killed leaves one; what is no journal is set aside."""
+@pytest.mark.parametrize("size", [0, 600, 4096, 9000, -5000])
+def test_a_torn_journal_is_set_aside_and_an_empty_one_used(output: Path, study: Study, size: int) -> None:
     fill(output, study, long(0, m=1000), long(1, m=1000))
     torn = partial(output).read_bytes()[:size]
     partial(output).write_bytes(torn)
     with Journal.open(output, study) as journal:
-        assert len([*journal.blocks()]) == kept
-        assert bool(journal.warnings) == (size in (1, 100))
-        journal.add(make_block(0, 2))
-    if size in (1, 100):
+        assert not [*journal.blocks()]
+        assert bool(journal.warnings) == (size != 0)
+        journal.add(make_block(0, 0))
+    if size:
         assert partial(output).with_name("study.nc.partial.old").read_bytes() == torn
     with Journal.open(output, study) as journal:
-        assert (len([*journal.blocks()]), journal.warnings) == (kept + 1, [])
+        assert (len([*journal.blocks()]), journal.warnings) == (1, [])
 
 
 def test_no_flipped_byte_is_taken_for_a_result(output: Path, study: Study) -> None:
@@ -227,17 +229,24 @@ def test_no_flipped_byte_is_taken_for_a_result(output: Path, study: Study) -> No
         damaged[place] ^= 1 + generator.randrange(255)
         partial(output).write_bytes(damaged)
         with Journal.open(output, study) as journal:
-            found = [*journal.blocks()]
-            noticed += bool(journal.warnings)
-            assert len(found) == len(blocks) or journal.warnings
-            for block, again in zip(blocks, found, strict=False):
-                assert_same(block, again)
-    assert noticed > 120
+            if journal.warnings:
+                noticed += 1
+                assert not [*journal.blocks()]
+            else:
+                for block, again in zip(blocks, journal.blocks(), strict=True):
+                    assert_same(block, again)
+    assert noticed > 30
 
 
 def test_any_other_file_at_its_place_is_set_aside(output: Path, study: Study) -> None:
     Journal.open(output, study).close()
-    for content in (b"SQLite format 3\0" * 1000, b"my notes, far from a journal\n" * 100):
+    future = bytearray(partial(output).read_bytes())
+    future[18] = 3  # a write version of the future: SQLite opens such a file for reading only
+    for content in (bytes(future), b"my notes, far from a database\n" * 100):
         partial(output).write_bytes(content)
         with Journal.open(output, study) as journal:
-            assert ".partial.old" in journal.warnings[0]
+            assert "damaged" in journal.warnings[0]
+    with contextlib.closing(sqlite3.connect(partial(output))) as foreign:
+        foreign.executescript("DROP TABLE record; CREATE TABLE cats (name TEXT);")
+    with Journal.open(output, study) as journal:
+        assert "no such table" in journal.warnings[0]
