@@ -212,11 +212,11 @@ def _numbers(name: str, given: object, shape: str) -> Array:
     """A copy as doubles, all finite."""
     try:
         plain = np.asarray(given)
-        array = np.array(plain, dtype=float) if not np.iscomplexobj(plain) else None
-    except (TypeError, ValueError):
-        array = None
-    if array is None or plain.dtype == object:
+    except ValueError:  # rows of several lengths
+        plain = np.asarray(None)
+    if plain.dtype.kind not in "biuf":
         raise ProblemError(f"{name} must be an array {shape} of real numbers, not {type(given).__name__}")
+    array = plain.astype(float)
     if not np.all(np.isfinite(array)):
         where = ", ".join(map(str, np.argwhere(~np.isfinite(array))[0]))
         raise ProblemError(f"{name}[{where}] is not a finite number; look where it is computed")

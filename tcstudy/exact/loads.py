@@ -38,6 +38,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import islice
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,8 +81,8 @@ from tcstudy.shapes.faults import spot
 Array = NDArray[np.float64]
 Vector = tuple[Term, Term]
 
-SAME = 1e-9
-"""Normals that differ by less, and centres by less times the size of the body, are one."""
+SAME = 9
+"""Digits up to which normals, and centres over the size of the body, are compared."""
 SAMPLES = 64
 
 
@@ -108,26 +109,22 @@ def outward(edge: Edge, hole: bool, points: Array) -> Array:
 def normal_field(body: Body, edges: list[tuple[Edge, bool]]) -> Vector:
     """N = n on all the edges."""
     size = body_size(body)
-    kinds: list[tuple[tuple[float, ...], Vector, list[Edge]]] = []
+    found: dict[tuple[float, ...], tuple[Vector, list[Edge]]] = {}
     for edge, hole in edges:
         if (arc := edge_arc(edge)) is None:
             n = edge_samples(edge, hole, 1)[1][0].tolist()
-            key, vector = tuple(n), (number(n[0]), number(n[1]))
+            key, vector = n, (number(n[0]), number(n[1]))
         else:
             sign, (along_x, along_y) = math.copysign(1.0, arc.sweep) * (-1.0 if hole else 1.0), _from(*arc.center)
-            key = (arc.center[0] / size, arc.center[1] / size, arc.radius / size, sign)  # what tells normals apart
+            key = [arc.center[0] / size, arc.center[1] / size, arc.radius / size, sign]  # what tells normals apart
             vector = (sign / arc.radius * along_x, sign / arc.radius * along_y)
-        for other, _, members in kinds:
-            if len(other) == len(key) and max(abs(a - b) for a, b in zip(other, key, strict=True)) <= SAME:
-                members.append(edge)
-                break
-        else:
-            kinds.append((key, vector, [edge]))
-    if len(kinds) == 1:
-        return kinds[0][1]
-    off = [math.prod((size**-2 * _off(edge) for edge in members), start=ONE) for _, _, members in kinds]
-    weights = [math.prod((D for j, D in enumerate(off) if j != i), start=ONE) for i in range(len(kinds))]
-    x, y = (sum((w * n[i] for w, (_, n, _) in zip(weights, kinds, strict=True)), ZERO) for i in (0, 1))
+        found.setdefault(tuple(round(part, SAME) for part in key), (vector, []))[1].append(edge)
+    normals, members = zip(*found.values(), strict=True)
+    if len(normals) == 1:
+        return cast("Vector", normals[0])
+    off = [math.prod((size**-2 * _off(edge) for edge in own), start=ONE) for own in members]
+    weights = [math.prod((D for j, D in enumerate(off) if j != i), start=ONE) for i in range(len(off))]
+    x, y = (sum((w * n[i] for w, n in zip(weights, normals, strict=True)), ZERO) for i in (0, 1))
     total = sum(weights, ZERO)
     return x / total, y / total
 

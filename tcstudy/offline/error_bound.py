@@ -111,7 +111,7 @@ class ErrorBounds:
             )
             return piecewise_linear(one, POLYGON, float(ends))  # beyond which nothing is left of an exponential
 
-        return self._polygons.get(law, lambda: law.mapped(made)), POLYGON * law.b_scale
+        return self._polygons.of(law, lambda: law.mapped(made)), POLYGON * law.b_scale
 
     def _load(self, scene: Scene) -> _Load:
         """The load of a scene on its equilibrium elements, the last ones kept."""
@@ -138,7 +138,7 @@ class ErrorBounds:
             rows = dual.condensation.forward(F if dual.ties is None else dual.ties.T @ F)
             return _Load(rows, given, rest)
 
-        return self._loads.get(key, made)
+        return self._loads.of(key, made)
 
     def law(self, scene: Scene) -> Laws:
         """The law of every segment of Γ_C."""

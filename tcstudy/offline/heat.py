@@ -102,21 +102,13 @@ class HeatFactor:
 
     # -- refinement --------------------------------------------------------------------------------
 
-    @cached_property
-    def _sides(self) -> tuple[Array, Array, Array]:
-        """(e, f, 2d) of every triangle: its sides from corner 0 to 1 and 2 (t, 2), and 2 e × f (t,)."""
-        corners = self._mesh.points[self._mesh.triangles]
+    def _rest(self, source: Array | float, *fields: Array) -> Array:
+        """source − K Σ fields, all (n,): its sum is that of the source but for rounding of the heat itself."""
+        triangles, corners, rest = self._mesh.triangles, self._mesh.corners, source + np.zeros(self._mesh.n_points)
         e, f = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        return e, f, 2 * (e[:, 0] * f[:, 1] - e[:, 1] * f[:, 0])
-
-    def _rest(self, source: Array | float, theta: Array, correction: Array) -> Array:
-        """source − K(θ + δ), all (n,): its sum is that of the source but for rounding of the heat itself."""
-        e, f, twice = self._sides
-        triangles, rest = self._mesh.triangles, source + np.zeros(len(theta))
-        at, more = theta[triangles], correction[triangles]
-        to_1, to_2 = ((at[:, i] - at[:, 0]) + (more[:, i] - more[:, 0]) for i in (1, 2))
+        jumps: Array = np.sum([field[triangles[:, 1:]] - field[triangles[:, :1]] for field in fields], axis=0)
         # ∇θ d, turned: large numbers cancel here, once, and what comes of it is the same heat for all three corners
-        turned = (to_1[:, None] * f - to_2[:, None] * e) / twice[:, None]
+        turned = (jumps[:, :1] * f - jumps[:, 1:] * e) / (4.0 * self._mesh.area)[:, None]
         for where, k in self._k:
             turned[self._mesh.inside(where)] *= k
         for i, side in enumerate((e - f, f, -e)):
@@ -434,14 +426,13 @@ class Temperatures:
         if name is None:
             return np.ones(self.mesh.n_points)
         if not isinstance(name, Column):
-            return self._fields.get(name, lambda: values_at(name, self.mesh.points))
-        if (found := self._fields.find(name)) is not None:
-            return found
-        columns = name.together
-        fields = dict(zip(columns, self.conduction(name.k, name.ratios).fields(columns), strict=True))
-        for column, values in fields.items():
-            self._fields.get(column, lambda values=values: values)  # type: ignore[misc]
-        return fields[name]
+            return self._fields.of(name, lambda: values_at(name, self.mesh.points))
+        if name in self._fields:
+            return self._fields[name]
+        columns, found = name.together, dict[Field, Array]()
+        for column, values in zip(columns, self.conduction(name.k, name.ratios).fields(columns), strict=True):
+            found[column] = self._fields[column] = values
+        return found[name]
 
     def mean(self, name: Field) -> float:
         """Mean of a field over the body."""

@@ -151,7 +151,7 @@ class ElasticBody:
         L_θ(u) − L̃(u₁) = −½⟨l₂, A₂₂⁻¹l₂⟩ + ½⟨w_D, A w_D⟩ − ⟨l, w_D⟩
         """
         loads, factors = tuple(load for load, _ in terms), np.array([factor for _, factor in terms])
-        l_tilde, gram, held = self._spans.get(loads, lambda: self._span(loads))
+        l_tilde, gram, held = self._spans.of(loads, lambda: self._span(loads))
         constant = -0.5 / mu * float(factors @ gram @ factors)
         given = w_D[self._fixed]
         if np.any(given):
@@ -173,23 +173,25 @@ class ElasticBody:
         A load always goes with the same companions, so that its digits do not depend on what was asked for before.
         """
 
-        def local(load: BasisLoad) -> Array:
-            if load.kind == "prescribed":
-                return -self._reaction(self._level.frames_of(load.data).values)
-            return self._level.frames.local(self._level.vector(load))
-
-        found: dict[BasisLoad, _Basis] = {}
+        found, level = dict[BasisLoad, _Basis](), self._level
         for load in loads:
-            if (known := self._basis.find(load)) is not None:
-                found[load] = known
+            if load in self._basis:
+                found[load] = self._basis[load]
+            elif load.kind == "prescribed":
+                found |= self._eliminated([load], [-self._reaction(level.frames_of(load.data).values)])
             elif load not in found:
-                together = self._level.together(load)
-                F = np.column_stack([local(one) for one in together])
-                forward = self.condensation.forward(F)
-                for i, (one, rows) in enumerate(zip(together, forward.T, strict=True)):
-                    basis = _Basis(rows.copy(), F[self._fixed, i])
-                    found[one] = self._basis.put(one, basis)
+                is_column = isinstance(load.data, Column)
+                together = [replace(load, data=column) for column in load.data.together] if is_column else [load]
+                found |= self._eliminated(together, [level.frames.local(level.vector(one)) for one in together])
         return [found[load] for load in loads]
+
+    def _eliminated(self, loads: Sequence[BasisLoad], F: Sequence[Array]) -> dict[BasisLoad, _Basis]:
+        """Loads with their vectors in local rows (2n,), after one elimination."""
+        forward = zip(loads, F, self.condensation.forward(np.column_stack(F)).T, strict=True)
+        found = dict[BasisLoad, _Basis]()
+        for load, own, rows in forward:
+            found[load] = self._basis[load] = _Basis(rows.copy(), own[self._fixed])
+        return found
 
     def displacement(self, mu: float, u_T: Array, terms: Sequence[LoadTerm]) -> Array:
         """Local displacements (2n,), eq. (20), without the prescribed ones."""
@@ -384,11 +386,6 @@ class Level:
     def reactions(self, scene: Scene, u: Array) -> Array:
         """(2n,) Au + Su − l_θ in x and y [N/m]: what supports do, at a solution u (2n,)."""
         return self.stiffness_times(scene, u) - self.load(scene)
-
-    def together(self, load: BasisLoad) -> Sequence[BasisLoad]:
-        """The loads that go through a factor with one."""
-        is_column = isinstance(load.data, Column)
-        return [replace(load, data=column) for column in load.data.together] if is_column else [load]
 
     def vector(self, load: BasisLoad) -> Array:
         """A basis load in x and y (2n,); of what is prescribed there is none without a body."""

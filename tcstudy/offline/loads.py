@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Generic, Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.forms import Conductivity
@@ -178,29 +178,25 @@ def relative_k(scene: Scene) -> Conductivity:
 T = TypeVar("T")
 
 
-class Recent(Generic[T]):
+class Recent(dict[Hashable, T]):
     """Values by key, made on demand; all are let go of where the total size would pass `budget` bytes.
 
     Values that are still referenced elsewhere stay alive there: forgetting costs time later, never correctness.
     """
 
     def __init__(self, budget: float, size: Callable[[T], int]) -> None:
-        self._entries: dict[Hashable, T] = {}
+        super().__init__()
         self._budget, self._size, self._total = budget, size, 0
 
-    def get(self, key: Hashable, make: Callable[[], T]) -> T:
-        """The value of `key`, made by `make` if it is not there."""
-        found = self.find(key)
-        return self.put(key, make()) if found is None else found
-
-    def find(self, key: Hashable) -> T | None:
-        """The value of `key` if it is there."""
-        return self._entries.get(key)
-
-    def put(self, key: Hashable, value: T) -> T:
-        """Keep a value under a new key."""
+    def __setitem__(self, key: Hashable, value: T) -> None:
         self._total += self._size(value)
         if self._total > self._budget:
-            self._entries, self._total = {}, self._size(value)
-        self._entries[key] = value
-        return value
+            self.clear()
+            self._total = self._size(value)
+        super().__setitem__(key, value)
+
+    def of(self, key: Hashable, make: Callable[[], T]) -> T:
+        """The value of `key`, made by `make` if it is not there."""
+        if key not in self:
+            self[key] = make()
+        return self[key]

@@ -320,14 +320,11 @@ def check_boundary(ctx: Context, node: Node, body: Body, boundary: Boundary) -> 
     heat without end would flow; and every symmetry edge that is an arc, where u_N = 0 mirrors nothing."""
     for name, what in corner_faults(body, boundary):
         ctx.errors.at(node.nearest(name), what, "make them agree there, or free a component")
-    if body.outline is None:
-        return
     held = {name: role.heat.theta for name, role in boundary if role.heat and role.heat.theta is not None}
-    for edge, following in (pair for loop in body.loops for pair in loop.corners):
-        if edge.name == following.name or not {edge.name, following.name} <= {*held}:
-            continue
-        (x, y), (a, b) = edge.end, (_value_at(held[name], edge.end) for name in (edge.name, following.name))
-        if abs(a - b) > 1e-9 * max(abs(a), abs(b)):
+    for edge, following in (pair for loop in body.loops for pair in loop.corners) if body.outline else ():
+        (x, y), given = edge.end, [held[one.name] for one in (edge, following) if one.name in held]
+        values = [float(value_of(theta, x, y)) for theta in given]
+        if np.ptp(values or [0.0]) > 1e-9 * np.max(np.abs(values), initial=0.0):
             what = f"{edge.name} and {following.name} hold different temperatures at their corner ({x:g}, {y:g})"
             remedy = "make them agree there, or let one of them exchange heat: {alpha: ..., theta_bar: ...}"
             ctx.errors.once(node.nearest(following.name), what, remedy)
@@ -336,10 +333,6 @@ def check_boundary(ctx: Context, node: Node, body: Body, boundary: Boundary) -> 
         if name in mirrors:
             remedy = "use {role: clamped, u_N: 0} for a guide"
             ctx.errors.once(node.nearest(name), "a symmetry edge is straight, but this is an arc", remedy)
-
-
-def _value_at(scalar: Scalar, at: Point) -> float:
-    return float(scalar.evaluate(*at)) if isinstance(scalar, Expression) else float(scalar)
 
 
 def corner_faults(body: Body, boundary: Boundary) -> Iterator[tuple[str, str]]:
@@ -352,7 +345,7 @@ def corner_faults(body: Body, boundary: Boundary) -> Iterator[tuple[str, str]]:
     def held(edge: Edge, at: Point) -> list[tuple[float, float, float]]:
         role = roles.get(edge.name)
         found = _components(role.frame, role.u, edge_normal(edge, np.array([at]))[0]) if role else ()
-        return [(d_1, d_2, _value_at(value, at)) for d_1, d_2, value in found]
+        return [(d_1, d_2, float(value_of(value, *at))) for d_1, d_2, value in found]
 
     for edge, following in (pair for loop in body.loops for pair in loop.corners) if body.outline else ():
         rows = np.array([*held(edge, edge.end), *held(following, edge.end)]).reshape(-1, 3)
