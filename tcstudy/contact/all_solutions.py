@@ -198,20 +198,6 @@ class Strips(NamedTuple):
         return Strips._make(x[which] for x in self)
 
 
-class Lines(NamedTuple):
-    """What balances strips: τ (n, m) ± error − Σ YK δ, |δ| ≤ r (n, b), of bends of nodes j and of s in the last column.
-
-    good: (n,) whether that is proved
-    """
-
-    good: Flags
-    tau: Array
-    error: Array
-    YK: Array
-    r: Array
-    j: Index
-
-
 class Cells(NamedTuple):
     """What a search ends in.
 
@@ -407,11 +393,14 @@ class PolygonProblems:
         scale = np.where(scale > 0.0, scale, 1.0)
         return M, lambda w: (d_v * w) @ self.size_of_A + self.c * d_z * w, scale
 
-    def lines(self, problem: Index, strip: Strips) -> Lines:
-        """The shares τ of the chords of strips (n,) that are in balance, by one inverse."""
+    def strip_step(self, box: Boxes, strip: Strips) -> Boxes:
+        """Boxes made smaller by v_i, ζ_i ∈ centre_i ± reach_i, where one inverse proves that.
+
+        The shares of the chords are τ ± error − Σ YK δ, |δ| ≤ r, of bends of nodes j and of s in the last column.
+        """
         M, size, scale = self.matrix(strip.D)
         Y, share = inverse_of(M, size, scale)
-        load, q = self.load[problem], strip.p + strip.W * strip.middle[..., None]
+        load, q = self.load[box.problem], strip.p + strip.W * strip.middle[..., None]
         tau = (Y @ (load - q[..., 0] @ self.A - self.c * q[..., 1])[..., None])[..., 0]
         bends = int(np.count_nonzero(strip.radius > 0.0, axis=-1).max(initial=0))
         j = np.argpartition(-strip.radius, min(bends, self.m - 1), axis=-1)[:, :bends]  # those that bend, padded
@@ -427,21 +416,16 @@ class PolygonProblems:
             terms = np.abs(tau) + (np.abs(YK) @ r[..., None])[..., 0] + error
             error += share[:, None] * terms.max(-1, keepdims=True)
         good = np.isfinite(share) & np.isfinite(tau).all(-1)
-        return Lines(good, tau / scale, error / scale, YK / scale[..., None], r, j)
-
-    def strip_step(self, box: Boxes, strip: Strips) -> Boxes:
-        """Boxes made smaller by v_i, ζ_i ∈ centre_i ± reach_i."""
-        line, points, conditions = self.lines(box.problem, strip), self.of(self.points, box.problem), []
-        bends = line.j.shape[1]
+        tau, error, YK = tau / scale, error / scale, YK / scale[..., None]
+        points, conditions = self.of(self.points, box.problem), []
         for axis in (0, 1):
             d, off = strip.D[..., axis], strip.W[..., axis]
-            q = strip.p[..., axis] + off * strip.middle
-            centre, X = q + d * line.tau, -d[..., None] * line.YK
-            X[np.arange(len(X))[:, None], line.j, np.arange(bends)] += np.take_along_axis(off, line.j, -1)
+            centre, X = q[..., axis] + d * tau, -d[..., None] * YK
+            X[np.arange(len(X))[:, None], j, np.arange(bends)] += np.take_along_axis(off, j, -1)
             with np.errstate(invalid="ignore"):
-                reach = (np.abs(X) @ line.r[..., None])[..., 0] * (1.0 + 8.0 * (bends + 1) * EPS)
-                reach += np.abs(d) * line.error + 4.0 * EPS * (np.abs(centre) + np.abs(q))
-            known = line.good[:, None] & np.isfinite(centre) & np.isfinite(reach)
+                reach = (np.abs(X) @ r[..., None])[..., 0] * (1.0 + 8.0 * (bends + 1) * EPS)
+                reach += np.abs(d) * error + 4.0 * EPS * (np.abs(centre) + np.abs(q[..., axis]))
+            known = good[:, None] & np.isfinite(centre) & np.isfinite(reach)
             low, high = np.where(known, centre - reach, -np.inf), np.where(known, centre + reach, np.inf)
             conditions.append((points[..., axis], low, high))
         return self._clipped(box, conditions)
@@ -524,7 +508,7 @@ class PolygonProblems:
 
         Y, share = inverse_of(np.concatenate([N, line[:, None]], axis=1), products, scale)
         r = (load - p[..., 0] @ self.A - c * p[..., 1]) / unit
-        off = 4.0 * (m + 8) * EPS * (np.abs(load) + largest[..., 0] @ self.size_of_A + c * largest[..., 1]) / unit
+        off = self.rounding(largest[..., 0], largest[..., 1], np.abs(load)) / unit
         alpha, gamma = (Y[..., :m] @ r[..., None])[..., 0], Y[..., m]
         noise, far = (np.abs(Y[..., :m]) @ off[..., None])[..., 0], np.sqrt(m + 1.0) * scale.max(axis=-1, keepdims=True)
         terms = np.abs(alpha) + noise + far * np.abs(gamma)
@@ -532,21 +516,22 @@ class PolygonProblems:
         noise += np.where(proved, share, 0.0)[:, None] * terms.max(axis=-1, keepdims=True)
         flat, rising = far * np.abs(gamma) <= noise, gamma > 0.0
         alpha, gamma, noise = alpha / scale, gamma / scale, noise / scale
+        off_middle, slack = np.abs(alpha - 0.5), 2.0 * noise
         with np.errstate(divide="ignore", invalid="ignore"):
             to_0, to_1, error = -alpha / gamma, (1.0 - alpha) / gamma, np.where(flat, 0.0, noise / np.abs(gamma))
-        enter = np.where(flat, -np.inf, np.where(rising, to_0, to_1))
-        leave = np.where(flat, np.inf, np.where(rising, to_1, to_0))
-        out = (flat & ((alpha < -2.0 * noise) | (alpha > 1.0 + 2.0 * noise))).any(axis=-1)
-        doubt = (flat & ~((alpha > 2.0 * noise) & (alpha < 1.0 - 2.0 * noise))).any(axis=-1)
-        out |= (enter - error).max(axis=-1) > (leave + error).min(axis=-1)
+        never = np.where(off_middle > 0.5 + slack, np.inf, -np.inf)
+        enter = np.where(flat, never, np.where(rising, to_0, to_1))
+        leave = np.where(flat, -never, np.where(rising, to_1, to_0))
+        out = (enter - error).max(axis=-1) > (leave + error).min(axis=-1)
         sure = (enter + error).max(axis=-1) < (leave - error).min(axis=-1)
+        sure &= (~flat | (off_middle < 0.5 - slack)).all(axis=-1)
         node = np.stack([np.argmax(enter, axis=-1), np.argmin(leave, axis=-1)], axis=1)
         ends = np.stack([enter[rows, node[:, 0]], leave[rows, node[:, 1]]], axis=1)
         later, sooner = enter + error, leave - error  # which facet comes first has to be sure as well
         later[rows, node[:, 0]], sooner[rows, node[:, 1]] = -np.inf, np.inf
         sure &= later.max(axis=-1) < ends[:, 0] - error[rows, node[:, 0]]
         sure &= sooner.min(axis=-1) > ends[:, 1] + error[rows, node[:, 1]]
-        none, one = out & proved, sure & ~doubt & ~out & proved
+        none, one = out & proved, sure & proved
         x = alpha[:, None] + gamma[:, None] * np.where(np.isfinite(ends), ends, 0.0)[..., None]
         facets = np.stack([~rising, rising], axis=1).astype(float)
         x = np.where(np.arange(m + 1) == node[..., None], facets, x)
