@@ -28,7 +28,7 @@ from tcstudy.accuracy.fitted import Feet, feet
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.path.follow import Follower, Path
 from tcstudy.contact.path.problem import WHOLE
-from tcstudy.contact.path.smooth import CurvePoint, Goal, SmoothPath
+from tcstudy.contact.path.smooth import CurvePoint, Goal, SmoothPath, bordered
 from tcstudy.contact.problem import Status
 from tcstudy.contact.solution import Linearised
 from tcstudy.contact.solve import solve_contact
@@ -311,15 +311,8 @@ class MovingPath:
     def rates(self, codes: NDArray[np.intp], v: Array, t: float, held: Held) -> Array:
         """(2, k) ∂(t, R)/∂p at v and t, all nodes on the pieces of `codes`, row·v + time·t held, or its kink's."""
         problem, law, (row, time, kink) = self.path.problem, self.scene.one_law, held
-        free, m, piece = np.flatnonzero(codes % 2 == 0), problem.m, codes // 2
-        at = path_scene(self.scene, self.along, t)
-        bordered = np.zeros((len(free) + 1, len(free) + 1))
-        bordered[:-1, :-1] = problem.A_tilde[np.ix_(free, free)]
-        bordered[np.arange(len(free)), np.arange(len(free))] += problem.c[free] * law.slope(v[free], piece[free])
-        scale = float(np.max(np.abs(bordered.diagonal()), initial=0.0)) or 1.0
-        bordered[:-1, -1] = -problem.l_1[free]
-        bordered[-1, :-1] = scale * row[free]
-        bordered[-1, -1] = scale * time
+        m, piece, at = problem.m, codes // 2, path_scene(self.scene, self.along, t)
+        free, J, scale = bordered(problem, law, codes, v, (row, time))
         right = np.zeros((len(free) + 1, len(self.numbers)))
         kinks, loads = (np.zeros((m, len(self.numbers))) for _ in range(2))
         whole = WholeBody(self.level, at, v)
@@ -333,7 +326,7 @@ class MovingPath:
             moving[free] = 0.0
             kinks[:, j], loads[:, j] = moving, load
             right[:-1, j] = (load - problem.c * b - problem.A_tilde @ moving)[free]
-        step = np.linalg.solve(bordered, right)
+        step = np.linalg.solve(J, right)
         dv = kinks
         dv[free] = step[:-1]
         dR = (loads - problem.A_tilde @ dv).sum(axis=0) + step[-1] * problem.l_1.sum()

@@ -66,21 +66,28 @@ class CurvePoint:
         return float(self.row @ self.v + self.time * self.t)
 
 
+def bordered(
+    p: ParametricProblem, law: Laws, codes: Index, v: Array, coordinate: Coordinate
+) -> tuple[Index, Array, float]:
+    """(the nodes that slide, [H −l̃₁; row time] with its last row times a stiffness, that) on these pieces."""
+    free, (row, time), unit = np.flatnonzero(codes % 2 == 0), coordinate, float(np.max(np.diagonal(p.A_tilde)))
+    slope, J = law.of_nodes(free).slope(v[free], codes[free] // 2), np.empty((len(free) + 1, len(free) + 1))
+    J[:-1, :-1], J[:-1, -1] = with_diagonal(p.A_tilde, free, p.c[free] * slope), -p.l_1[free]
+    J[-1, :-1], J[-1, -1] = unit * row[free], unit * time
+    return free, J, unit
+
+
 @np.errstate(over="ignore", invalid="ignore")  # far off an exponential passes all numbers; such a step ends it
 def on_curve(
     p: ParametricProblem, law: Laws, codes: Index, coordinate: Coordinate, s: float, v: Array, t: float
 ) -> CurvePoint | None:
     """The point of a coordinate s with all nodes on these pieces, by Newton's method from (v, t); None if it fails."""
     row, time = coordinate
-    free = np.flatnonzero(codes % 2 == 0)
-    v = np.where(codes % 2 == 1, law.kink(codes // 2), v)
-    own, piece, c, n = law.of_nodes(free), codes[free] // 2, p.c[free], len(free)
-    unit, before = float(np.max(np.diagonal(p.A_tilde))), np.inf
-    slip = p.traction_scale * float(np.max(p.c)) / unit
-    J = np.empty((n + 1, n + 1))
+    v, before = np.where(codes % 2 == 1, law.kink(codes // 2), v), np.inf
+    slip = p.traction_scale * float(np.max(p.c) / np.max(np.diagonal(p.A_tilde)))
     for _ in range(NEWTON):
-        J[:n, :n], J[:n, n] = with_diagonal(p.A_tilde, free, c * own.slope(v[free], piece)), -p.l_1[free]
-        J[n, :n], J[n, n] = unit * row[free], unit * time
+        free, J, unit = bordered(p, law, codes, v, coordinate)
+        own, piece, c, n = law.of_nodes(free), codes[free] // 2, p.c[free], len(free)
         off = (p.load(t) - p.A_tilde @ v)[free] - c * own.value(v[free], piece)
         lu, pivots, singular = scipy.linalg.lapack.dgetrf(J)
         if singular or not np.isfinite(lu[-1, -1]):

@@ -20,8 +20,8 @@ from tcstudy.reports.figures import style
 from tcstudy.reports.figures.panels import Array, Panel, Scale, Sheet, contact_nodes, place_names, scale
 from tcstudy.reports.select_point import Value, describe, locate
 from tcstudy.reports.terminal.fit import BAND, columns, prediction_error
-from tcstudy.reports.terminal.paths import MOVES, STATES, last_change, motion, seen_folds
-from tcstudy.reports.text import counted, number, prefix, pretty, with_unit
+from tcstudy.reports.terminal.paths import MOVES, STATES, last_change, motion, path_verdict, seen_folds
+from tcstudy.reports.text import counted, number, prefix, pretty
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -59,19 +59,7 @@ def path_figure(data: Any, response: str, look: style.Look) -> Figure:
     if response not in RESPONSES:
         raise DrawError(f"there is no response {response!r}; use one of {', '.join(RESPONSES)}")
     panels = path_panels(data, response)
-    low, high = sorted(float(x) for x in data.attrs["parameter_range"])
-    t = data["parameter"].values[seen_folds(data)[0]]
-    facts = [
-        f"{data.sizes.get('piece', 0)} pieces",
-        counted(int(np.count_nonzero((t >= low) & (t <= high))), "fold"),
-        f"{int(data['n_contact'])} contact nodes, level {int(data['level'])}",
-        f"worst residual {number(float(data['residual'].max()), 2)}",
-    ]
-    if "energy_lost" in data:
-        facts.append(f"{with_unit(float(data['energy_lost']), data['energy_lost'].attrs['units'])} lost in one loop")
-    if float(data["law_error"]) > 0.0:
-        facts.append(f"law approximated to {float(data['law_error']):.1g}")
-    sheet = Sheet(look, data.attrs["title"], [",  ".join(facts)], [["curve"], ["over"]], (CURVE, MAP))
+    sheet = Sheet(look, data.attrs["title"], [path_verdict(data)[0]], [["curve"], ["over"]], (CURVE, MAP))
     sheet.draw(panels)
     sheet.share("curve", "over")
     sheet.key("curve", place="upper left")
@@ -119,7 +107,10 @@ def path_panels(data: Any, response: str) -> dict[str, Panel]:
         curve.line(at[stable], values["solution_"][stable], **ASKED, label="requested (open: unstable)")
         curve.line(at[~stable], values["solution_"][~stable], **ASKED, markerfacecolor="white")
     if "loop_" in values:
-        _slow_loop(curve, data, data["loop_parameter"].values, values["loop_"])
+        at, y = data["loop_parameter"].values, values["loop_"]
+        curve.line(at, y, color=style.GREEN, linewidth=3.2, alpha=0.6, zorder=2, label="slow loading and unloading")
+        for k in data["jump_vertex"].values if "jump_vertex" in data else []:  # arrows where the body falls
+            curve.arrow((at[k], y[k]), (at[k + 1], y[k + 1]), 12.0, color=style.GREEN, linewidth=1.1)
     curve.window(span, seen, (0.0, 0.05))
     nodes, arclength, cuts = contact_nodes(data)
     over = Panel(across, arclength, "State of the contact line: least energy on the path")
@@ -145,13 +136,6 @@ def _pieces(panel: Panel, t: Array, y: Array, stable: NDArray[np.bool_], **how: 
         cuts = np.flatnonzero(~which) + 1
         named = {"label": name} if which.any() and not how else {}
         panel.line(np.insert(t, cuts, np.nan), np.insert(y, cuts, np.nan), **look | how | named)
-
-
-def _slow_loop(panel: Panel, data: Any, t: Array, y: Array) -> None:
-    """Slow loading and unloading: a line beside the path, and arrows where the body falls."""
-    panel.line(t, y, color=style.GREEN, linewidth=3.2, alpha=0.6, zorder=2, label="slow loading and unloading")
-    for k in data["jump_vertex"].values if "jump_vertex" in data else []:
-        panel.arrow((t[k], y[k]), (t[k + 1], y[k + 1]), 12.0, color=style.GREEN, linewidth=1.1)
 
 
 # -- histories ---------------------------------------------------------------------------------------------------------
