@@ -258,9 +258,9 @@ def do(
                     from tcstudy.study.history_run import execute_history
 
                     done = execute_history(study, output, progress.history, words, force, jobs, dask)
-                    if done.found == done.points * done.steps:
+                    if study.history is not None and done.resumed == done.points * (study.history.steps + 1):
                         return output, True, there
-                    return output, False, f"held {done.found} steps; the others were added" if done.found else ""
+                    return output, False, f"held {done.resumed} steps; the others were added" if done.resumed else ""
                 case "fit":
                     from tcstudy.study.fit import fit
                     from tcstudy.study.run import to_file

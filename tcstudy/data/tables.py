@@ -4,10 +4,9 @@ Path: `parameter`, `u_T` and `xi` hold the vertices of one polygon exactly, so t
 their linear combination, and `energy` a parabola; piece i lies between the vertices i and i + 1. Flags are bytes with
 flag_meanings; nothing is missing.
 
-History: a row a sweep point and step, written again as steps are done. Step 0 puts the loads of the study as it is
-written on the virgin body; after the step in which a history ends early all is missing, and `reason` says why. `u_T`,
-`kappa` and `plastic` are all that the next step remembers, to the bit: a file in which steps are missing is that of a
-history that was stopped, the same study goes on from there, and so does one with more steps behind the same ones.
+History: a row a sweep point and step. Step 0 puts the loads of the study as it is written on the virgin body; after the
+step in which a history ends early all is missing, and `reason` says why. `u_T`, `kappa` and `plastic` are all that the
+next step remembers, to the bit: a study with more steps behind those of a file goes on from there.
 
 Fit: what was found, how well it is known, what the data say against it, in SI units, which differ from parameter to
 parameter: `parameter_units` names them.
@@ -23,7 +22,7 @@ error E has error_E and dominated_E, by the first three.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -32,8 +31,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.files import StoreError
-from tcstudy.data.provenance import OTHER_OUTPUT, holds
-from tcstudy.data.reading import load_root
+from tcstudy.data.provenance import OTHER_OUTPUT
+from tcstudy.data.reading import by_point, load_root
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import (
     CERTIFIED,
@@ -416,8 +415,6 @@ COST_TABLE = (
 )
 """What a file of accuracy against cost may hold; another is as accurate and as fast as what is dominated, and better
 in one of the two."""
-Steps = dict[str, NDArray[Any]]
-"""All steps of all points by variable: (P, N) of a step, (P, N, m) of its nodes, (P,) of a point; filled row by row."""
 
 
 def history_variables(study: Study) -> tuple[FileVariable, ...]:
@@ -430,38 +427,15 @@ def history_variables(study: Study) -> tuple[FileVariable, ...]:
     return (*(v for v in HISTORY if v.name not in without), *step_variables(study))
 
 
-def empty_steps(study: Study, m: int, points: int) -> Steps:
-    """Nothing is known yet of so many points."""
-    assert study.history is not None
-    N = study.history.steps + 1
-    shapes: dict[str, tuple[int, ...]] = {"step": (points, N), "node": (points, N, m)}
-    values = {v.name: missing(v, shapes.get(v.dims[-1], (points,))) for v in history_variables(study)}
-    values["reason"][:] = ""
-    return values
+def step_record(study: Study, point: int, step: int, found: Mapping[str, Any], reason: str = "") -> BlockRecord:
+    """A step of a point, as a journal has points of a level: what is known of the variables of its file, by name."""
+    known = ((v, found[v.name]) for v in history_variables(study) if v.name in found and v.name not in _OF_BLOCK)
+    numbers = {v.name: np.asarray(value, v.dtype)[None] for v, value in known}
+    status, reasons = np.array([found["status"]], dtype=np.int8), {0: reason} if reason else {}
+    return BlockRecord(step, study.shape, np.array([point], dtype=np.intp), status, reasons, numbers)
 
 
-def steps_done(values: Steps) -> NDArray[np.intp]:
-    """(P,) steps that every point has, the one included in which it failed."""
-    return np.count_nonzero(values["status"] != PointStatus.NOT_RUN, axis=1)
-
-
-def at_step(array: NDArray[Any], point: Any, step: Any) -> Any:
-    """Where a variable has a step of a point, or the point where that has one value."""
-    return point if array.ndim == 1 else (point, step)
-
-
-def step_block(values: Steps, point: int, step: int) -> BlockRecord:
-    """A step of a point for the journal, as a block of one point on the level of this number."""
-    own = {name: np.array([every[at_step(every, point, step)]]) for name, every in values.items()}
-    status, reason = own.pop("status"), str(own.pop("reason")[0])
-    return BlockRecord(step, values["reason"].shape, np.array([point]), status, {0: reason}, own)
-
-
-def take_step(values: Steps, block: BlockRecord) -> None:
-    """Put a step from the journal where it belongs."""
-    own: Mapping[str, Any] = {**block.numbers, "status": block.status, "reason": [*block.reasons.values()]}
-    for name, (value,) in own.items():
-        values[name][at_step(values[name], int(block.points[0]), block.level)] = value
+_OF_BLOCK = ("status", "reason")
 
 
 def load_variables(study: Study) -> list[tuple[FileVariable, NDArray[Any]]]:
@@ -485,35 +459,38 @@ def load_variables(study: Study) -> list[tuple[FileVariable, NDArray[Any]]]:
     return found
 
 
-def history_record(study: Study, line: LevelRecord, values: Steps) -> Record:
-    """All that is known so far."""
-    plan, loads = study.history, load_variables(study)
+def history_record(study: Study, line: LevelRecord, steps: Iterable[BlockRecord]) -> Record:
+    """All steps of all points."""
+    plan, loads, own = study.history, load_variables(study), history_variables(study)
     assert plan is not None
+    points, N = len(study.scenes), plan.steps + 1
+    shapes: dict[str, tuple[int, ...]] = {"step": (points, N), "node": (points, N, line.n_contact)}
+    values = {v.name: missing(v, shapes.get(v.dims[-1], (points,))) for v in own}
+    values["reason"][:] = ""
+    for one in steps:
+        point, at = one.points[0], (one.points[0], one.level)
+        for name, (value,) in ({"status": one.status} | one.numbers).items():
+            values[name][at if values[name].ndim > 1 else point] = value
+        values["reason"][point] = one.reasons.get(0, values["reason"][point])
     told: dict[str, str] = {"memory": plan.memory.words, "branch": plan.branch}
     told["loads"] = " ".join(variable.name for variable, _ in loads if variable.dtype == "f8")
-    table = (*LINE, *MESH_LEVEL, *JOINTS, *(variable for variable, _ in loads), *history_variables(study))
+    table = (*LINE, *MESH_LEVEL, *JOINTS, *(variable for variable, _ in loads), *own)
     return Record("history", table, {**vars(line), **line.fields, **{v.name: x for v, x in loads}, **values}, told)
 
 
-def read_known(path: Path, study: Study) -> tuple[Steps, dict[str, Any]] | None:
-    """What a file knows of the first steps of this study's history, and its attributes; None if there is no such file.
+def stored_steps(path: Path, study: Study) -> Iterator[BlockRecord]:
+    """The first steps of this study's history that a file of it has, whatever steps follow there.
 
-    Raises StoreError where the file has other loads or a history of another program; that its study is this one but for
-    its steps is for the caller to judge.
+    Raises StoreError where the file has other loads.
     """
-    if not holds(path, "history", None):
-        return None
-    data = load_root(path)
-    points = len(study.scenes)
-    values = empty_steps(study, data.sizes["node"], points)
-    both = slice(min(values["status"].shape[1], data.sizes["step"]))
-    for variable, own in load_variables(study):
+    data, loads = load_root(path), load_variables(study)
+    both = min(len(loads[0][1]), data.sizes["step"])
+    for variable, own in loads:
         name = variable.name
-        if variable.dtype == "f8" and not (name in data and np.array_equal(data[name].values[both], own[both])):
+        if variable.dtype == "f8" and not (name in data and np.array_equal(data[name].values[:both], own[:both])):
             raise StoreError(f"{path} holds a history with other steps; {OTHER_OUTPUT}")
-    for name, every in values.items():
-        stored: NDArray[Any] = data[name].values
-        known = stored.reshape((points, *stored.shape[len(study.shape) :]))
-        where = at_step(every, slice(None), both)
-        every[where] = known[where]
-    return values, dict(data.attrs)
+    known = {v.name: by_point(data[v.name], data) for v in history_variables(study)}
+    for point, step in np.argwhere(known["status"][:, :both] != PointStatus.NOT_RUN).tolist():
+        found = {name: every[point, step] if every.ndim > 1 else every[point] for name, every in known.items()}
+        ended = known["status"][point, step] != PointStatus.OK
+        yield step_record(study, point, step, found, str(found["reason"]) if ended else "")

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.files import attributes
-from tcstudy.data.provenance import holds, study_sha256
+from tcstudy.data.provenance import Kind, holds, study_sha256
 from tcstudy.data.reading import opened, read_blocks, read_geometries, read_levels, read_status
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import PointStatus
@@ -50,13 +50,13 @@ def appended(path: Path, new: Study) -> tuple[Study, Kept]:
     return study, Kept.of(path, old, study)
 
 
-def stored_study(path: Path, source: Path | None = None) -> Study:
-    """The study of a run's file. source: file of a study beside which its geometry lies, if any.
+def stored_study(path: Path, source: Path | None = None, kind: Kind = "run") -> Study:
+    """The study of a file of this kind. source: file of a study beside which its geometry lies, if any.
 
-    Raises StoreError if it is no run, was computed by another version, or if its study cannot be read again.
+    Raises StoreError if it is of another, was computed by another version, or if its study cannot be read again.
     """
     found = attributes(path)
-    holds(path, "run", None)
+    holds(path, kind, None)
     overrides = tuple(filter(None, str(found["overrides"]).split("\n")))
     try:
         study = read_study_text(str(found["study_yaml"]), str(path), overrides, source)
@@ -189,17 +189,18 @@ def _is_whole(axis: Axis) -> bool:
     return axis.path == ("friction",) or all(isinstance(value, Mapping) for value in axis.values)
 
 
-FREE = ("sweep", "title", "institution", "path", "output was", "output.path", "output.live")
+DECIDE_NOTHING = ("title", "institution", "path", "output was", "output.path", "output.live")
+FREE = ("sweep", *DECIDE_NOTHING)
 """How what is said of keys begins in which studies may differ: they decide nothing about a point."""
 
 
-def differences(old: Study, new: Study) -> list[str]:
-    """What differs beside the sweep, "key was value, is value" each; empty if the studies are one."""
+def differences(old: Study, new: Study, free: tuple[str, ...] = FREE) -> list[str]:
+    """What differs beside what is free, "key was value, is value" each; empty if the studies are one."""
     swept = [{".".join(axis.path) for axis in study.axes} for study in (old, new)]
     if swept[0] != swept[1]:
         before, now = (", ".join(sorted(names)) or "nothing" for names in swept)
         return [f"swept parameters were {before}, are {now}"]
-    lines = [line for line in changes(old.text, old.overrides, new) if not line.startswith(FREE)]
+    lines = [line for line in changes(old.text, old.overrides, new) if not line.startswith(free)]
     for axis in old.axes:  # texts may name other values in the two studies, such as laws
         key, values = ".".join(axis.path), dict(_labelled(_axis(new, axis.path)))
         if {type(label) for label in axis.labels} != {type(label) for label in values}:

@@ -31,7 +31,7 @@ from tcstudy.condense import NotPositiveDefinite
 from tcstudy.data.store import Record
 from tcstudy.data.tables import FIT
 from tcstudy.errors import FitError, GeometryFailed
-from tcstudy.fem.meshes import Meshes, refine_uniformly
+from tcstudy.fem.meshes import refine_uniformly
 from tcstudy.laws.composed import POINTS, EdgeLaws, law_slopes, number_of
 from tcstudy.laws.pieces import GrowthError
 from tcstudy.laws.shapes import LawError
@@ -39,6 +39,7 @@ from tcstudy.offline.level import Level
 from tcstudy.read.scenes import SceneReader
 from tcstudy.scene.study import FitColumn, FitPlan, Study
 from tcstudy.study.fit_models import Compared, FitModel
+from tcstudy.study.run import level_of
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -139,15 +140,12 @@ def mesh_shift(tests: Tests, best: Minimum, box: Box, said: Mapping[str, Any]) -
 
 def model_of(study: Study, plan: FitPlan) -> FitModel:
     """The study as a function of the numbers to find, on one mesh. Raises GeometryFailed."""
-    meshes = Meshes(study)
-    last = study.mesh.levels - 1 if plan.level is None else plan.level
-    mesh = [meshes.next(i) for i in range(last + 1)][-1]
     sigma = [
         ESTIMATED * (float(np.ptp(c.values)) or float(np.max(np.abs(c.values))) or 1.0) if c.noise is None else c.noise
         for c in (*plan.measured, *plan.given)
     ]
     noise = np.repeat(sigma[: len(plan.measured)], len(plan.measured[0].values))
-    level = Level(mesh, plan.scene, held=held(plan))
+    level = level_of(study, plan.scene, plan.level, held(plan))
     return FitModel(plan, SceneReader.of(study), level, noise, sigma[-1] if plan.given else 1.0, study.solver.tolerance)
 
 

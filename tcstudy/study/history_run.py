@@ -12,10 +12,10 @@ Derivatives are differences of whole histories on the same mesh (`contact.histor
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import closing, suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from itertools import chain, islice
 from pathlib import Path
 
@@ -28,62 +28,42 @@ from tcstudy.contact.history.memory import MemoryModel
 from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
 from tcstudy.contact.history.steps import HALFWAY, STEPS, derivative, history
 from tcstudy.contact.problem import CondensedBody
-from tcstudy.data.provenance import collect, study_sha256, tell
-from tcstudy.data.records import Journal
+from tcstudy.data.files import attributes
+from tcstudy.data.provenance import OTHER_OUTPUT, collect, holds, study_sha256, tell
+from tcstudy.data.records import BlockRecord, Journal
 from tcstudy.data.schema import AT_EVENT, DIFFERENTIABLE, STEP_QUANTITIES, PointStatus, name_of
 from tcstudy.data.schema import SENSITIVITY_STATUS as SLOPES_STATUS
 from tcstudy.data.store import write_record
-from tcstudy.data.tables import (
-    Steps,
-    at_step,
-    empty_steps,
-    history_record,
-    read_known,
-    step_block,
-    steps_done,
-    take_step,
-)
+from tcstudy.data.tables import history_record, step_record, stored_steps
 from tcstudy.errors import HistoryError, StoreError, StudyError, UserFault
 from tcstudy.executors.processes import in_order
-from tcstudy.fem.meshes import Meshes
 from tcstudy.laws.composed import row_laws
 from tcstudy.offline.level import Level
 from tcstudy.offline.requested_outputs import debonded_front, region_lengths
 from tcstudy.offline.slopes import WholeBody, change_of, is_load
-from tcstudy.read.document import changes
 from tcstudy.read.scenes import SceneReader
 from tcstudy.scene.histories import AT_REST, HistoryPlan, Keys, UnfitLaw
 from tcstudy.scene.parameters import loaded_scene, numbers
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Sensitivity, Study
+from tcstudy.study.append import DECIDE_NOTHING, differences, stored_study
 from tcstudy.study.lint import warnings
 from tcstudy.study.point import STATUS
-from tcstudy.study.run import level_record
+from tcstudy.study.run import Summary, level_of, level_record
 from tcstudy.study.workers import WorkerPool, of_history, submit
 
 Array = NDArray[np.float64]
 STIFFNESS = ("history", "stiffness")
 """Key path of k, the number of a memory."""
-FREE = ("history.steps", "history.repeat", "title", "institution", "path", "output was", "output.path", "output.live")
+FREE = ("history.steps", "history.repeat", *DECIDE_NOTHING)
 """Keys in which a study may differ from that of the file it goes on from; the steps themselves are compared."""
+NAMES = {field.name for field in fields(HistoryStep)} - {"status", "reason"}
 
 
 HistoryWatcher = Callable[[int, int, int, int], None]
 """Told after every step (point, points, step, steps)."""
-
-
-@dataclass(frozen=True)
-class HistorySummary:
-    """What came of it.
-
-    points, steps: of the study, step 0 included in the steps;  ended: points whose history ended early
-    found: steps that stood in the file or its journal before
-    """
-
-    points: int
-    steps: int
-    ended: int
-    found: int
+Steps = dict[tuple[int, int], BlockRecord]
+"""What is known by point and step, which is the level of its record."""
 
 
 def execute_history(
@@ -94,10 +74,11 @@ def execute_history(
     force: bool = False,
     jobs: int | None = None,
     dask: str | None = None,
-) -> HistorySummary:
+) -> Summary:
     """Follow the histories of a study and write their file; until it is there, a journal beside it keeps what is done.
 
     force: compute again what the file holds;  jobs, dask: as of a run
+    Returns how many points there are, how many histories ended early, and how many steps were there before.
     Raises HistoryError if the study has none, StoreError where the file holds something else or cannot be written,
     GeometryFailed if the body has no mesh, WorkersFailed if there are no workers.
     """
@@ -105,149 +86,135 @@ def execute_history(
     if plan is None:
         raise HistoryError("the study has no section history; add history: {memory: friction, steps: [...]}")
     tell(remarks := warnings(study))
-    known, same = (None, False) if force else _known(output, study)
-    done = 0 if known is None else int(steps_done(known).sum())
-    if known is not None and same and all(_finished(known, point) for point in range(points)):
-        return HistorySummary(points, plan.steps + 1, int(np.count_nonzero(known["reason"])), done)
-    provenance = collect(study, command, remarks=remarks)
-    with threadpool_limits(1, user_api="blas"), closing(WorkerPool(jobs, dask)) as staff:
-        staff.ready(study)
-        clock = time.perf_counter()
-        level = _level(study)
-        built = time.perf_counter() - clock
-        line, values = level_record(study, level.mesh, level), known or empty_steps(study, level.line.m, points)
-        with Journal.open(output, study) as journal:
-            tell(journal.warnings)
-            for block in journal.blocks():
-                take_step(values, block)
-            _again(values)
-            kept = steps_done(values)
-            found = int(kept.sum())
-            try:
-                for point, step in _steps(study, level, values, staff, built):
-                    for n in range(int(kept[point]), step + 1):
-                        journal.add(step_block(values, point, n))
-                    kept[point] = step + 1
+    done, same = (Steps(), False) if force else _known(output, study)
+    before = len(done)
+    if not same or any(_goes_on(study, last) for last in _ends(study, done)):
+        with threadpool_limits(1, user_api="blas"), closing(WorkerPool(jobs, dask)) as staff:
+            staff.ready(study)
+            clock = time.perf_counter()
+            level = level_of(study, study.scenes[0], plan.level, not plan.loose)
+            built = time.perf_counter() - clock
+            with Journal.open(output, study) as journal:
+                tell(journal.warnings)
+                done |= _sound(journal.blocks())
+                before = len(done)
+                for record in _steps(study, level, _ends(study, done), staff, built):
+                    journal.add(record)
+                    done[int(record.points[0]), record.level] = record
                     if watcher is not None:
-                        watcher(point, points, step, plan.steps)
-            finally:
-                if int(steps_done(values).sum()) > done or known is not None:
-                    write_record(output, study, history_record(study, line, values), provenance)
-                    journal.discard()
-    return HistorySummary(points, plan.steps + 1, int(np.count_nonzero(values["reason"])), found)
+                        watcher(int(record.points[0]), points, record.level, plan.steps)
+                found = history_record(study, level_record(study, level.mesh, level), done.values())
+                write_record(output, study, found, collect(study, command, remarks=remarks))
+                journal.discard()
+    return Summary(points, sum(one.status[0] != PointStatus.OK for one in done.values()), before)
 
 
-def _finished(values: Steps, point: int) -> bool:
-    return bool(values["reason"][point]) or PointStatus.NOT_RUN not in values["status"][point]
+def _sound(records: Iterable[BlockRecord]) -> Steps:
+    """The steps but those that broke down by no number's fault, which are to be tried again."""
+    return {(int(one.points[0]), one.level): one for one in records if one.status[0] != PointStatus.ERROR}
 
 
-def _known(path: Path, study: Study) -> tuple[Steps | None, bool]:
-    """What the file has of this study, and whether it is of this very study, steps and all; raises StoreError if it has
-    another one."""
-    if (found := read_known(path, study)) is None:
-        return None, False
-    known, attrs = found
-    _again(known)
-    if attrs["study_sha256"] == study_sha256(study):
-        return known, True
-    overrides = tuple(filter(None, str(attrs["overrides"]).split("\n")))
-    apart = [line for line in changes(attrs["study_yaml"], overrides, study) if not line.startswith(FREE)]
-    if study.scenes[0].body.brep is not None:
-        before = replace(study, text=attrs["study_yaml"], overrides=overrides)
-        apart += ["another geometry file"] * (study_sha256(before) != attrs["study_sha256"])
-    if apart:
-        remedy = "give another --output, or --force to replace it"
-        raise StoreError(f"{path} holds the history of another study ({apart[0]}); {remedy}")
-    return known, False
+def _known(path: Path, study: Study) -> tuple[Steps, bool]:
+    """What a file has of this study, and whether it is of this very study, steps and all.
 
-
-def _again(values: Steps) -> None:
-    """Steps that broke down by no number's fault are to be tried again."""
-    broken = values["status"] == PointStatus.ERROR
-    values["status"][broken] = PointStatus.NOT_RUN
-    values["reason"][broken.any(axis=1)] = ""
-
-
-def _level(study: Study) -> Level:
-    """The mesh level of the history; coarser ones are only stations on the way."""
-    plan, meshes = study.history, Meshes(study)
-    assert plan is not None
-    last = study.mesh.levels - 1 if plan.level is None else plan.level
-    mesh = [meshes.next(i) for i in range(last + 1)][-1]
-    return Level(mesh, study.scenes[0], held=not plan.loose)
-
-
-def _steps(study: Study, level: Level, values: Steps, staff: WorkerPool, built: float) -> Iterator[tuple[int, int]]:
-    """(point, step) after every step that is solved here, and after the last that a worker solved of a point.
-
-    `values` has it then. A worker gets the first scene as well, which makes the level. built: seconds that that took
+    Raises StoreError if it has another one.
     """
-    todo = [point for point in range(len(study.scenes)) if not _finished(values, point)]
-    rows = {point: {name: every[point : point + 1] for name, every in values.items()} for point in todo}
+    if not holds(path, "history", None):
+        return {}, False
+    same = attributes(path)["study_sha256"] == study_sha256(study)
+    if not same and (apart := differences(stored_study(path, study.source, "history"), study, FREE)):
+        raise StoreError(f"{path} holds the history of another study ({apart[0]}); {OTHER_OUTPUT}")
+    return _sound(stored_steps(path, study)), same
+
+
+def _ends(study: Study, done: Steps) -> list[BlockRecord | None]:
+    """The last step of every point that is known."""
+    last = {point: done[point, step] for point, step in sorted(done)}
+    return [last.get(point) for point in range(len(study.scenes))]
+
+
+def _goes_on(study: Study, last: BlockRecord | None) -> bool:
+    """Whether there are steps to do after the last one known."""
+    assert study.history is not None
+    return last is None or (last.status[0] == PointStatus.OK and last.level < study.history.steps)
+
+
+def _steps(
+    study: Study, level: Level, ends: Sequence[BlockRecord | None], staff: WorkerPool, built: float
+) -> Iterator[BlockRecord]:
+    """The steps after the last one known of every point, here, or all of a point at once by a worker.
+
+    A worker gets the first scene as well, which makes the level. built: seconds that that took
+    """
+    todo = [point for point, last in enumerate(ends) if _goes_on(study, last)]
     each = of_history(study, level.frames.n_dof, level.line.m)
     who = staff.whole([each] * len(todo), built)
     if who is None:
         for point in todo:
-            for step in _follow(study, level, study.scenes[point], rows[point], point):
-                yield point, step
+            yield from _follow(study, level, study.scenes[point], point, ends[point])
         return
     key = study_sha256(study)
 
-    def sent(point: int) -> Future[Steps]:
+    def sent(point: int) -> Future[list[BlockRecord]]:
         pair = replace(study, scenes=(study.scenes[0], study.scenes[point]))
-        return submit(who, follow_point, pair, key, rows[point], point, name=f"history {point}")
+        return submit(who, follow_point, pair, key, point, ends[point], name=f"history {point}")
 
     for point, answer in zip(todo, in_order(who, map(sent, todo)), strict=True):
         try:
-            for name, own in answer.result().items():
-                values[name][point] = own[0]
+            yield from answer.result()
         except UserFault:
             raise
         except Exception as error:  # as in `_follow`; of a worker that died
-            _end(rows[point], PointStatus.ERROR, f"{type(error).__name__}: {error}")
-        yield point, int(steps_done(values)[point]) - 1
+            yield _broken(study, point, ends[point], error)
 
 
 _kept: dict[str, Level] = {}
 """The level of a worker, by the study that it follows."""
 
 
-def follow_point(study: Study, key: str, row: Steps, point: int) -> Steps:
-    """All steps of the second scene of a study, on the level that the first makes, after those that its row has.
+def follow_point(study: Study, key: str, point: int, last: BlockRecord | None) -> list[BlockRecord]:
+    """All steps of the second scene of a study after the last one known, on the level that the first makes.
 
     key: of the whole study, whose level stays for the next point;  point: of its sweep
     """
+    plan = study.history
+    assert plan is not None
     if key not in _kept:
         _kept.clear()
-        _kept[key] = _level(study)
-    row = {name: every.copy() for name, every in row.items()}
-    for _ in _follow(study, _kept[key], study.scenes[1], row, point):
-        pass
-    return row
+        _kept[key] = level_of(study, study.scenes[0], plan.level, not plan.loose)
+    return [*_follow(study, _kept[key], study.scenes[1], point, last)]
 
 
-def _follow(study: Study, level: Level, scene: Scene, row: Steps, point: int) -> Iterator[int]:
-    """Every step of a point that is still to do and solved; its row (1, …) has it then, or why there is no further."""
+def _broken(study: Study, point: int, last: BlockRecord | None, error: Exception) -> BlockRecord:
+    """The step at which a history ends by this error."""
+    status, reason = PointStatus.ERROR, f"{type(error).__name__}: {error}"
+    if isinstance(error, NotPositiveDefinite | UnfitLaw):
+        status, reason = PointStatus.SINGULAR, str(error)
+    return step_record(study, point, 0 if last is None else last.level + 1, {"status": status}, reason)
+
+
+def _follow(study: Study, level: Level, scene: Scene, point: int, last: BlockRecord | None) -> Iterator[BlockRecord]:
+    """Every step of a point after the last one known, up to one without a solution."""
     plan, output, requested = study.history, study.output, None
     assert plan is not None
     try:
         problem, loads = problem_of(plan, level, scene, study.solver.tolerance)
         body, laws = problem.body, row_laws([problem.model.law], np.ones(1))
-        row["lambda_1"][0], row["lambda_1_error"][0], row["margin"][0] = body.lambda_1, body.A_error, problem.margin
+        once = {"lambda_1": body.lambda_1, "lambda_1_error": body.A_error, "margin": problem.margin}
         beside = np.full((1, np.count_nonzero(level.line.unknowns < 0)), np.nan)
         if output.probes or output.quantities:
             from tcstudy.offline.requested_outputs import RequestedOutputs  # only for a study that asks for more
 
             requested, at = RequestedOutputs(level, output), plan.loads()
-        first, start = int(steps_done(row)[0]), None
-        if first:  # the last step of the file, as the next one needs it
-            names = {field.name for field in fields(HistoryStep)} & row.keys() - {"status", "reason"}
-            own = {"plastic": 0.0 * loads[0]} | {name: row[name][0, first - 1] for name in names}
-            start = HistoryStep(v=row["u_T"][0, first - 1], load=loads[first - 1], **own)
+        first, start, before = 0, None, np.zeros(body.m)
+        if last is not None:  # as the next one needs it
+            own = {name: value for name, (value,) in last.numbers.items() if name in NAMES}
+            first, before = last.level + 1, last.numbers["u_T"][0]
+            start = HistoryStep(**{"v": before, "load": loads[last.level], "plastic": 0.0 * before} | own)
         slopes = islice(step_derivatives(study, level, scene, point), first, None) if output.sensitivity else iter(())
         for n, step in enumerate(history(problem, loads[first:], start), first):
-            before, found = row["u_T"][0, n - 1] if n else 0.0, dict(vars(step))
-            found |= {"status": STATUS[step.status], "u_T": step.v, "u_T_max": np.max(np.abs(step.v), initial=0.0)}
+            found = once | vars(step) | {"status": STATUS[step.status], "u_T": step.v}
+            found |= {"u_T_max": np.max(np.abs(step.v), initial=0.0), "jumped": np.broadcast_to(step.jumped, body.m)}
             moved = np.abs(step.v - before) > AT_REST * max(np.abs(step.v).max(initial=0.0), np.max(np.abs(before)))
             found |= {"friction_resultant": body.c @ step.xi, "slip_length": body.c[moved].sum()}
             lengths = region_lengths(level, laws, step.kappa[None], beside)
@@ -256,20 +223,12 @@ def _follow(study: Study, level: Level, scene: Scene, row: Steps, point: int) ->
             if step.solved:
                 found |= requested.of(loaded_scene(scene, at[n]), step.v) if requested is not None else {}
                 found |= next(slopes, {})
-            for name, every in row.items():
-                if name in found:
-                    every[at_step(every, 0, n)] = found[name]
-            yield n
+            last, before = step_record(study, point, n, found, step.reason), step.v
+            yield last
     except UserFault:
         raise
-    except (NotPositiveDefinite, UnfitLaw) as error:
-        _end(row, PointStatus.SINGULAR, str(error))
     except Exception as error:  # as of a block of points: one history must not end a sweep
-        _end(row, PointStatus.ERROR, f"{type(error).__name__}: {error}")
-
-
-def _end(row: Steps, status: PointStatus, reason: str) -> None:
-    row["status"][0, steps_done(row)[0]], row["reason"][0] = status, reason
+        yield _broken(study, point, last, error)
 
 
 def problem_of(

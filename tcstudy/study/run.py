@@ -34,6 +34,7 @@ from tcstudy.executors.processes import SerialExecutor, in_order
 from tcstudy.fem.meshes import Meshes, PlaneMesh
 from tcstudy.offline.level import Level, live_arrays
 from tcstudy.refine.family import ErrorEstimator, Family
+from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study, Variant
 from tcstudy.study.append import Kept, appended
 from tcstudy.study.level_solver import LevelSolver, Times, keeps_solutions
@@ -149,6 +150,15 @@ def stages(
         yield Stage(level, level_record(study, mesh, level), _timed(blocks, times), stop, times)
         if stop() and study.mesh.open_ended:
             return
+
+
+def level_of(study: Study, scene: Scene, number: int | None, held: bool = True) -> Level:
+    """One level of a study by its number, None for the finest; held: whether more than friction holds the body.
+
+    Coarser meshes are only stations on the way to it. Raises GeometryFailed.
+    """
+    meshes, count = Meshes(study), study.mesh.levels if number is None else number + 1
+    return Level([meshes.next(i) for i in range(count)][-1], scene, held=held)
 
 
 def meshes_of(study: Study) -> Meshes:
