@@ -322,5 +322,5 @@ def place_of(study: Study, at: Mapping[str, Any] | None) -> tuple[str, tuple[int
     from tcstudy.reports.select_point import describe, locate
 
     points = sweep_points(study)
-    where = locate(points, at, "study")
+    where = locate(points, at)
     return describe(points, where), tuple(where.values())

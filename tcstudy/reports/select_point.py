@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -12,35 +12,34 @@ from numpy.typing import NDArray
 from tcstudy.data.reading import axis_names, sweep_dims
 from tcstudy.data.schema import PointStatus
 from tcstudy.errors import DrawError
+from tcstudy.read.node import hint
 from tcstudy.reports.text import number, scaled_labels
 from tcstudy.scene import units as u
 
-Value = float | int | str
+Value = float | int | str | Sequence[float | int | str]
 
 CLOSE = 1e-3
 """Relative distance at which a number is taken for a label: what tables print has four digits."""
 
 
-def locate(data: Any, point: Mapping[str, Value] | None, holder: str = "file") -> dict[str, int]:
+def locate(data: Any, point: Mapping[str, Value] | None) -> dict[str, int]:
     """Index along each sweep dimension of the point with the given labels.
 
-    point:  value by name of the swept parameter or by its key path ("alpha" or "heat.alpha"); a text may be a label,
-            a number or a quantity ("20 K"). A parameter that is left out has its first value (in list mode, the first
-            point that fits is taken).
-    holder: what has the points, for messages: "file", or "study" before there is one
+    point: value by name of the swept parameter or by its key path ("alpha" or "heat.alpha"); a text may be a label, a
+           number or a quantity ("20 K"), a list stands for the pair that the study has. A parameter that is left out
+           has its first value (in list mode, the first point that fits is taken).
 
     Raises DrawError for an unknown name, or a value or combination that there is not.
     """
-    fits = matching(data, point or {}, holder)
-    dims = sweep_dims(data)
+    fits, dims = matching(data, point or {}), sweep_dims(data)
     first = np.unravel_index(int(np.argmax(fits)), [data.sizes[d] for d in dims]) if dims else ()
     return {d: int(i) for d, i in zip(dims, first, strict=True)}
 
 
-def matching(data: Any, point: Mapping[str, Value], holder: str = "file") -> NDArray[np.bool_]:
+def matching(data: Any, point: Mapping[str, Value]) -> NDArray[np.bool_]:
     """(points,) those that have all the given labels, in the order of the file. Raises DrawError as `locate`."""
-    wanted, dims = _by_name(data, point, holder), sweep_dims(data)
-    found = {name: _fits(name, data[name], value, holder) for name, value in wanted.items()}
+    wanted, dims = _by_name(data, point), sweep_dims(data)
+    found = {name: _fits(name, data[name], value) for name, value in wanted.items()}
     fits = np.ones([int(data.sizes[d]) for d in dims], dtype=bool)
     for name, fit in found.items():
         fits &= fit.reshape([-1 if d == str(data[name].dims[0]) else 1 for d in dims])
@@ -48,24 +47,23 @@ def matching(data: Any, point: Mapping[str, Value], holder: str = "file") -> NDA
         given = " and ".join(f"{name} = {value}" for name, value in wanted.items())
         one = next(iter(found))
         near = "; ".join(describe(data, {dims[0]: int(i)}) for i in np.flatnonzero(found[one])[:3])
-        raise DrawError(f"no point of the {holder} has {given} together; with that {one} it has: {near}")
+        raise DrawError(f"no point has {given} together; with that {one} there are: {near}")
     return fits.ravel()
 
 
-def parameter(data: Any, given: str, holder: str = "file") -> str:
+def parameter(data: Any, given: str) -> str:
     """The name that a swept parameter has in the data, by that name, its key path or an end of it that is no other's;
     raises DrawError.
     """
     names = axis_names(data)
-    paths = {str(data[name].attrs.get("long_name", "")): name for name in names}
-    name = given if given in names else paths.get(given)
-    if name is None and len(ends := [one for path, one in paths.items() if path.endswith(f".{given}")]) == 1:
-        name = ends[0]
-    if name is None and not names:
-        raise DrawError(f"the {holder} has one point and no swept parameter {given!r}; leave the point out")
-    if name is None:
-        raise DrawError(f"the {holder} has no swept parameter {given!r}; {_has(given, names, len(names))}")
-    return name
+    if given in names:
+        return given
+    ends = [name for name in names if f".{data[name].attrs.get('long_name', '')}".endswith(f".{given}")]
+    if len(ends) == 1:
+        return ends[0]
+    if not names:
+        raise DrawError(f"there is one point and no swept parameter {given!r}; leave the point out")
+    raise DrawError(f"there is no swept parameter {given!r}; {_has(given, names, len(names))}")
 
 
 def numbers_of(data: Any) -> list[str]:
@@ -83,11 +81,11 @@ def quantity(data: Any, given: str) -> str:
     return given
 
 
-def _by_name(data: Any, point: Mapping[str, Value], holder: str) -> dict[str, Value]:
+def _by_name(data: Any, point: Mapping[str, Value]) -> dict[str, Value]:
     """The wanted values by the names that the axes have in the data."""
     said: dict[str, str] = {}
     for given in point:
-        if (name := parameter(data, given, holder)) in said:
+        if (name := parameter(data, given)) in said:
             raise DrawError(f"{said[name]} and {given} are one parameter; give it once")
         said[name] = given
     return {name: point[given] for name, given in said.items()}
@@ -99,12 +97,12 @@ def fitting(data: Any, point: Mapping[str, Value] | None, free: tuple[str, ...])
     Parameters in `free` may have any value. In a grid all others have one, the first unless given; the points of a
     list keep those that they have. Raises DrawError as `locate` does, and for a label given to a free parameter.
     """
-    wanted, fixed = _by_name(data, point or {}, "file"), []
+    wanted, fixed = _by_name(data, point or {}), []
     if twice := [name for name in wanted if name in free]:
         raise DrawError(f"{twice[0]} is drawn with all its values; leave it out of the point")
     for name in axis_names(data):
         if name not in free and (name in wanted or data.attrs["sweep_mode"] == "grid"):
-            place = int(np.argmax(_fits(name, data[name], wanted[name], "file"))) if name in wanted else 0
+            place = int(np.argmax(_fits(name, data[name], wanted[name]))) if name in wanted else 0
             first = name not in wanted and data[name].size > 1
             fixed.append(_stated(data, name, place) + " (its first value)" * first)
             wanted[name] = data[name].values[place].item()
@@ -163,31 +161,30 @@ def naming(data: Any) -> Callable[[tuple[int, ...]], str]:
     return lambda index: describe(data, dict(zip(sweep_dims(data), index, strict=True)))
 
 
-def _fits(name: str, axis: Any, value: Value, holder: str) -> NDArray[np.bool_]:
+def _fits(name: str, axis: Any, value: Value) -> NDArray[np.bool_]:
     """Which labels of an axis are the wanted value; at least one is."""
     held = axis.values
     if held.dtype.kind in "OUS":
         texts = [str(label) for label in held]
-        if str(value) not in texts:
-            raise DrawError(f"no point of the {holder} has {name} = {value}; {_has(str(value), texts)}")
-        return np.array([text == str(value) for text in texts])
-    wanted = _as_number(name, value, str(axis.attrs["units"]))
-    distance = np.abs(held - wanted)
+        wanted = str(value) if isinstance(value, str | int | float) else f"[{', '.join(map(str, value))}]"
+        if wanted not in texts:
+            raise DrawError(f"no point has {name} = {wanted}; {_has(wanted, texts)}")
+        return np.array([text == wanted for text in texts])
+    number_wanted, units = _as_number(name, value, str(axis.attrs["units"])), str(axis.attrs["units"])
+    distance = np.abs(held - number_wanted)
     nearest = held[np.argmin(distance)]
-    if not abs(nearest - wanted) <= CLOSE * max(abs(wanted), abs(nearest)):
+    if not abs(nearest - number_wanted) <= CLOSE * max(abs(number_wanted), abs(nearest)):
         order = np.unique(held)
-        nearby = ", ".join(map(number, np.sort(order[np.argsort(np.abs(order - wanted), kind="stable")[:3]])))
-        unit = f" {units}" if (units := str(axis.attrs["units"])) != "1" else ""
-        raise DrawError(f"no point of the {holder} has {name} = {value}; the nearest values are {nearby}{unit}")
+        nearby = np.sort(order[np.argsort(np.abs(order - number_wanted), kind="stable")[:3]])
+        told = f"{', '.join(map(number, nearby))}{f' {units}' if units != '1' else ''}"
+        raise DrawError(f"no point has {name} = {value}; the nearest values are {told}")
     return np.asarray(held == nearest)
 
 
-def _as_number(name: str, value: Value, units: str) -> float:
+def _as_number(name: str, value: Any, units: str) -> float:
     """The value in the units of the axis."""
-    try:
+    with suppress(ValueError, TypeError):
         return float(value)
-    except ValueError:
-        pass
     quantity, dimension = u.split_quantity(str(value)), next((d for d in u.DIMENSIONS if d.cf == units), None)
     if quantity is None or dimension is None:
         raise DrawError(f"{name} = {value!r} is not a number; give one{f' in {units}' if units != '1' else ''}")
@@ -197,8 +194,7 @@ def _as_number(name: str, value: Value, units: str) -> float:
         raise DrawError(f"{name} = {value!r}: {error}") from error
 
 
-def _has(given: str, names: list[str], most: int = 8) -> str:
+def _has(given: str, names: Sequence[str], most: int = 8) -> str:
     """What there is instead, and what may be meant."""
-    near = difflib.get_close_matches(given, names, n=1)
-    shown = ", ".join(names[:most]) + (", …" if len(names) > most else "")
-    return (f"did you mean {near[0]!r}? " if near else "") + f"it has {shown}"
+    meant = hint(given, names, "")
+    return f"{meant} there is {', '.join(names[:most])}{', …' * (len(names) > most)}".strip()

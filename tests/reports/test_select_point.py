@@ -6,7 +6,7 @@ import xarray
 
 from tcstudy.errors import DrawError
 from tcstudy.reports.picture import read_picture
-from tcstudy.reports.select_point import parameter
+from tcstudy.reports.select_point import locate, parameter
 from tests.reports.conftest import REASON, Stored
 
 Point = dict[str, float | str]
@@ -33,6 +33,8 @@ def test_a_parameter_by_the_end_of_its_path() -> None:
     assert [parameter(data, given) for given in ("a", "u_x", "grip.u_x", "end.g")] == ["a", "a", "a", "c"]
     with pytest.raises(DrawError, match="no swept parameter 'g'"):
         parameter(data, "g")
+    pairs = xarray.Dataset({"status": (["g", "level"], np.ones((2, 1)))}, {"g": ("g", ["[8 MPa, 0]", "[4 MPa, 0]"])})
+    assert locate(pairs, {"g": ["4 MPa", 0]}) == {"g": 1}  # as the study has it
 
 
 @pytest.mark.parametrize(("point", "index"), [(None, 0), ({"tau_s": "95 MPa"}, 2), ({"alpha": 25, "tau_s": 95e6}, 2)])
@@ -48,9 +50,9 @@ def test_a_point_of_a_list(stored: Stored, point: Point | None, index: int) -> N
 @pytest.mark.parametrize(
     ("point", "message"),
     [
-        ({"theta_bra": 1}, r"no swept parameter 'theta_bra'; did you mean 'theta_bar'\? it has theta_bar, friction"),
-        ({"friction": "wake"}, r"friction = wake; did you mean 'weak'\? it has plain, weak"),
-        ({"theta_bar": 11}, r"no point of the file has theta_bar = 11; the nearest values are 0, 10, 20"),
+        ({"theta_bra": 1}, r"no swept parameter 'theta_bra'; did you mean 'theta_bar'\? there is theta_bar, friction"),
+        ({"friction": "wake"}, r"friction = wake; did you mean 'weak'\? there is plain, weak"),
+        ({"theta_bar": 11}, r"no point has theta_bar = 11; the nearest values are 0, 10, 20"),
         ({"theta_bar": "warm"}, r"theta_bar = 'warm' is not a number; give one in K"),
         ({"theta_bar": "20 MPa"}, r"theta_bar = '20 MPa': 'MPa' is not a unit of a temperature"),
         ({"theta_bar": 10, "heat.theta_bar": 20}, r"theta_bar and heat.theta_bar are one parameter; give it once"),

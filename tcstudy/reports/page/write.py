@@ -84,16 +84,17 @@ def write_page(path: Path, target: Path) -> Written:
 
 
 def _fitting(stored: Stored, without: list[str]) -> bytes:
-    """The page, with parts added to those left out until it is no larger than AIM."""
-    having = [part for part in LEAVE_OUT if _has(stored, part)]
+    """The page, less parts in their order until it is no larger than AIM; these are added to those left out."""
     if _lines(stored) > 2 * AIM:  # however they are packed
-        without += [part for part in ("levels", "lines") if part in having]
-    while True:
-        text = page(stored, tuple(without)).encode()
-        more = [part for part in having if part not in without]
-        if len(text) <= AIM or not more:
-            return text
-        without.append(more[0])
+        without += [*["levels"] * (len(stored.groups) > 1), "lines"]
+    text = page(stored, tuple(without)).encode()
+    for part in (part for part in LEAVE_OUT if part not in without):
+        if len(text) <= AIM:
+            break
+        if len(less := page(stored, (*without, part)).encode()) < len(text):
+            without.append(part)
+            text = less
+    return text
 
 
 def _lines(stored: Stored) -> int:
@@ -101,18 +102,6 @@ def _lines(stored: Stored) -> int:
     if stored.kind != "run" or not stored.groups:
         return 0
     return 5 * int(stored.groups[max(stored.groups)].sizes.get("node", 0)) * int(stored.data["status"][..., -1].size)
-
-
-def _has(stored: Stored, part: str) -> bool:
-    """Whether leaving a part out would save anything."""
-    homes = [home for home in stored.homes or (stored,) if home is not None]
-    having = {
-        "levels": any(len(home.groups) > 1 for home in homes),
-        "live": any(home.live for home in homes),
-        "body": any(drawn_level(home) is not None for home in homes),
-        "lines": stored.kind == "history" or any(home.groups for home in homes),
-    }
-    return having[part]
 
 
 def page(stored: Stored, without: tuple[str, ...] = ()) -> str:
