@@ -190,18 +190,17 @@ def read_blocks(
                     reasons={row: str(words[i]) for row, i in enumerate(rows) if words[i]},
                     numbers=more,
                     **_on_line(line, cut, rows),
-                    solutions=_every(line, start + rows),
+                    solutions=_every(line, places, start + rows),
                 )
 
 
-def _every(group: netCDF4.Group | None, places: Places) -> dict[str, Values]:
-    """All solutions of the points at places of the file, if it has them."""
+def _every(group: netCDF4.Group | None, places: Places, rows: Places) -> dict[str, Values]:
+    """All solutions of these points of the file, if it has them; places: where all its points stand in the sweep."""
     if group is None or "solution_point" not in group.variables:
         return {}
     of = np.asarray(group["solution_point"][...])
-    own = np.isin(of, places)
-    found = {v.name.removeprefix("solution_"): group[v.name][...][own] for v in schema.SOLUTION[1:]}
-    return found | {"row": np.searchsorted(places, of[own])}
+    own = np.isin(of, rows)
+    return {v.name: group[v.name][...][own] for v in schema.SOLUTION} | {"solution_point": places[of[own]]}
 
 
 def _points(group: netCDF4.Group | None) -> int:

@@ -75,8 +75,7 @@ class BlockRecord:
             if all did
     sticks: (P, m) 1 where the node rests on an up-jump of the friction law, else 0; −1 where that is not known
     fields: (P, n) whole-body nodal fields by name, NaN in rows without; only if asked for
-    solutions: all solutions of all points, if they are asked for: "row" (S,) of its point, growing, "energy", "stable"
-            (S,), "u_T", "piece" (S, m), as in data.schema.SOLUTION
+    solutions: all solutions of all points, if they are asked for, by the names of data.schema.SOLUTION
     """
 
     level: int
@@ -97,11 +96,6 @@ class BlockRecord:
     def index(self, row: int) -> tuple[int, ...]:
         """Position of a point along each dimension of the sweep."""
         return tuple(int(i) for i in np.unravel_index(self.points[row], self.shape)) if self.shape else ()
-
-    def solutions_of(self, row: int) -> dict[str, NDArray[Any]]:
-        """All solutions of a point, without "row"; empty if they are not kept."""
-        own = self.solutions["row"] == row if self.solutions else None
-        return {name: values[own] for name, values in self.solutions.items() if name != "row"}
 
 
 Row = tuple[str, int, int, int, str, bytes, int]

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import accumulate
@@ -452,14 +453,18 @@ def _put_once(nc: netCDF4.Dataset, own: Results, geometries: Mapping[int, Result
     if study.variants:
         put(nc, NUMBER, study, numbers.reshape(study.shape))
         return left
-    solutions = _solutions(own) if study.solver.every else {}
+    found = defaultdict[int, list[Arrays]](list)
+    for block in own.blocks() if study.solver.every else ():
+        found[block.level] += [block.solutions] if block.solutions else []
     for level in own.levels():
         group = _put_level(nc, study, level)
         held = level.fields.get("held_x", ())
         along = (*schema.CONTACT, *line_variables(study), *(schema.HELD if len(held) else ()))
         left += _parts(group, level.level, study, along, {"node": level.n_contact, "held_end": len(held)})
-        if found := solutions.get(level.level):
-            put_all(group, schema.SOLUTION, found, study)
+        if blocks := found[level.level]:
+            order = np.argsort(np.concatenate([one["solution_point"] for one in blocks]), kind="stable")
+            columns = {v.name: np.concatenate([one[v.name] for one in blocks])[order] for v in schema.SOLUTION}
+            put_all(group, schema.SOLUTION, columns, study)
     return left
 
 
@@ -534,20 +539,6 @@ def _put_level(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF4
         put_all(group.createGroup("live"), schema.LIVE, live, study)
     put_all(group, (*schema.CONTACT, *schema.HELD, *schema.JOINTS), {**vars(level), **level.fields}, study)
     return group
-
-
-def _solutions(own: Results) -> dict[int, Arrays]:
-    """Of every level all solutions of its points, these in the order of the file."""
-    every = dict[int, dict[int, Arrays]]()
-    for block in own.blocks():
-        of_points = {int(place): block.solutions_of(row) for row, place in enumerate(block.points) if block.solutions}
-        every.setdefault(block.level, {}).update(of_points)
-    found, names = dict[int, Arrays](), [v.name.removeprefix("solution_") for v in schema.SOLUTION[1:]]
-    for level, of in every.items():
-        if places := sorted(of):
-            found[level] = {f"solution_{name}": np.concatenate([of[i][name] for i in places]) for name in names}
-            found[level]["solution_point"] = np.repeat(places, [len(of[i]["energy"]) for i in places])
-    return found
 
 
 def _put_fields(group: netCDF4.Group, block: BlockRecord) -> None:

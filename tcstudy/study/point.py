@@ -153,7 +153,7 @@ def block_record(
         values |= condensed.band.numbers(omega, condensed.mu)
     solutions: dict[str, Array] = {}
     if answers.solutions is not None:
-        more, solutions = _every(answers.solutions, factor, condensed)
+        more, solutions = _every(answers.solutions, points, factor, condensed)
         values |= more
     return BlockRecord(
         level=level.mesh.level,
@@ -170,11 +170,11 @@ def block_record(
 
 
 def _every(
-    found: Sequence[Equilibria], factor: Array, condensed: CondensedBlock
+    found: Sequence[Equilibria], points: NDArray[np.intp], factor: Array, condensed: CondensedBlock
 ) -> tuple[dict[str, Array], dict[str, Array]]:
-    """What a block stores of all solutions of its points: (P,) by variable name, and one row a solution.
+    """What a block stores of all solutions of its points by variable name: (P,), and one row a solution.
 
-    factor: (P,) stiffness of a point's body over that of the block's
+    points: (P,) places in the sweep;  factor: (P,) stiffness of a point's body over that of the block's
     """
     count = np.array([len(one) for one in found])
     complete = np.array([one.complete for one in found], dtype=bool)
@@ -186,12 +186,12 @@ def _every(
     }
     row = np.repeat(np.arange(len(count)), count)
     solutions: dict[str, Any] = {
-        "row": row,
-        "energy": np.concatenate([one.energy for one in found]) * factor[row] + condensed.constant[row],
-        "stable": np.concatenate([one.stable for one in found]).astype(np.int8),
-        "u_T": np.concatenate([one.v for one in found]),
-        "xi": np.concatenate([one.xi for one in found]) * factor[row, None] / condensed.c,
-        "piece": np.concatenate([one.sides for one in found]).astype(np.int32),
+        "solution_point": points[row].astype(np.int32),
+        "solution_energy": np.concatenate([one.energy for one in found]) * factor[row] + condensed.constant[row],
+        "solution_stable": np.concatenate([one.stable for one in found]).astype(np.int8),
+        "solution_u_T": np.concatenate([one.v for one in found]),
+        "solution_xi": np.concatenate([one.xi for one in found]) * factor[row, None] / condensed.c,
+        "solution_piece": np.concatenate([one.sides for one in found]).astype(np.int32),
     }
     return numbers, solutions
 
