@@ -52,7 +52,6 @@ from tcstudy.expressions.expression import (
     derivative,
     gradient,
     number,
-    of_tree,
     scalar,
     term,
     value_and_gradient,
@@ -165,7 +164,7 @@ def kinks(of: Scalar) -> tuple[Expression, ...]:
     for node in of.order:
         if node.kind == "Call" and node.name in ("abs", "min", "max"):
             found[node.parts[0] - (ZERO if node.name == "abs" else node.parts[1])] = None
-    return tuple(of_tree(node) for node in found if node.kind != "Number")
+    return tuple(Expression("kink", node) for node in found if node.kind != "Number")
 
 
 def sides(bend: Expression, body: Body) -> tuple[Array, Array]:

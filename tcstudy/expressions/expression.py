@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import ast
 import difflib
-import hashlib
 import math
 import operator
 import re
@@ -56,11 +55,6 @@ class Term:
     parts: tuple[Term, ...] = ()
     value: float = 0.0
     __array_ufunc__ = None  # a NumPy number beside a term leaves the operation to it
-
-    @property
-    def label(self) -> str:
-        """The name, or the number as text."""
-        return repr(self.value) if self.kind == "Number" else self.name
 
     def __neg__(self) -> Term:
         return self.parts[0] if self.kind == "Negative" else made("Negative", "", self)
@@ -178,33 +172,6 @@ def applied(node: Term, values: list[Any], functions: Mapping[str, Callable[...,
     return left ** (int(right) if whole else right)
 
 
-def to_text(order: Order, longest: int) -> str:
-    """The tree as text that `parse` reads back. What has more than `longest` characters ends in a hash of all nodes, so
-    that trees of one text are one function."""
-    done: dict[Term, str] = {}
-    for node in order:
-        parts = [done[part] for part in node.parts]
-        if node.kind != "Call":
-            alone = [part.kind in ("Coordinate", "Call") or part.label[:1].isdigit() for part in node.parts]
-            parts = [text if whole else f"({text})" for text, whole in zip(parts, alone, strict=True)]
-        match node.kind:
-            case "Number" | "Coordinate":
-                text = node.label
-            case "Negative":
-                text = f"-{parts[0]}"
-            case "Call":
-                text = f"{node.name}({', '.join(parts)})"
-            case _:
-                text = f" {node.name} ".replace("**", "^").join(parts)
-        if len(text) > longest:  # before the texts of shared parts grow without bound
-            place = {node: i for i, node in enumerate(order)}
-            nodes = "\n".join(f"{one.label}{one.kind}{[place[part] for part in one.parts]}" for one in order)
-            digest = hashlib.sha256(nodes.encode()).hexdigest()[:16]
-            return f"{text[:60]} … [{len(order)} operations, {digest}]"
-        done[node] = text
-    return done[order[-1]]
-
-
 T = TypeVar("T")
 
 MAX_LENGTH = 2000
@@ -235,10 +202,13 @@ class ExpressionError(ValueError):
 
 @dataclass(frozen=True)
 class Expression:
-    """A function of x and y; equal and hashed by its text. Made by `parse`, or by `of_tree` from a tree."""
+    """A function of x and y, made by `parse` or of a tree, by which it is equal to others.
 
-    text: str
-    root: Term = field(compare=False, repr=False)
+    text: as it was read, or what it is, in words
+    """
+
+    text: str = field(compare=False)
+    root: Term = field(repr=False)
 
     def __str__(self) -> str:
         return self.text
@@ -277,7 +247,7 @@ class Expression:
             named = node.kind == "Coordinate" and node.name in values
             parts = (new[part] for part in node.parts)
             new[node] = number(values[node.name]) if named else made(node.kind, node.name, *parts, value=node.value)
-        return of_tree(new[self.root])
+        return Expression(self.text, new[self.root])
 
     def fold(self, variables: Mapping[str, T], functions: Mapping[str, Callable[..., T]]) -> T | float:
         """The expression in another arithmetic: Python's operators on the variables, functions by name.
@@ -314,14 +284,9 @@ def value_of(scalar: Scalar, x: ArrayLike, y: ArrayLike) -> Array:
     return np.full(np.broadcast_shapes(np.shape(x), np.shape(y)), float(scalar))
 
 
-def of_tree(root: Term) -> Expression:
-    """The expression of a tree, with a text that `parse` reads back unless it is longer than MAX_LENGTH."""
-    return Expression(to_text(ordered(root), MAX_LENGTH), root)
-
-
-def scalar(of: Term) -> Scalar:
+def scalar(of: Term, text: str = "derived") -> Scalar:
     """A number if the term is one, else an expression."""
-    return of.value if of.kind == "Number" else of_tree(of)
+    return of.value if of.kind == "Number" else Expression(text, of)
 
 
 def parse(text: str, names: tuple[str, ...] = ()) -> Expression:
@@ -430,12 +395,12 @@ def random_field(points: NDArray[np.float64], scatter: float, length: float, see
     total, x, y = number(-0.5 * zeta**2), variable("x"), variable("y")
     for (x_j, y_j), weight in zip(points.tolist(), (zeta * weights).tolist(), strict=True):
         total = total + weight * call("exp", -((x - x_j) ** 2 + (y - y_j) ** 2) / length**2)
-    return of_tree(call("exp", total))
+    return Expression("random field", call("exp", total))
 
 
 def product(one: Scalar, other: Scalar) -> Scalar:
     """A number or an expression times another."""
-    return scalar(term(one) * term(other))
+    return scalar(term(one) * term(other), f"({one})*({other})")
 
 
 # -- derivatives -------------------------------------------------------------------------------------

@@ -29,8 +29,8 @@ from tcstudy.fem.boundary import values_at
 from tcstudy.fem.energy_error import acting, own_strain, stress_of
 from tcstudy.laws.composed import nodal
 from tcstudy.laws.laws import Laws
+from tcstudy.offline.heat import Recent
 from tcstudy.offline.level import Level
-from tcstudy.offline.loads import Recent
 from tcstudy.scene.points import why_no_bound
 from tcstudy.scene.records import Scene
 

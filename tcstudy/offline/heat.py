@@ -5,35 +5,29 @@ With S_K the Neumann heat matrix for k = 1 condensed onto Γ_θ, M its mass matr
     θ|_Γθ = Σ_k w_k (w_kᵀq̃ / k + a w_kᵀg̃) / (μ_k + a),    a = α/k,    g̃_i = ∫_{Γ_θ} θ̄ φ_i,
 
 where μ₀ = 0 with constant w₀. The constant part is split off: a constant temperature loads the body through one
-fixed vector, and the heat balance keeps its digits however small or large α is.
+fixed vector, and the heat balance keeps its digits however small or large α is. Edges that differ in α by fixed ratios
+ρ have M = Σ ρ M_e and g̃ = Σ ρ g̃_e, and one set of modes for all their levels α. A heat flux is a source on an edge.
+Where edges hold temperatures θ_D, S_K and M are those of the other nodes of Γ_θ, θ_D acts by −(S_K + aM)θ_D, and no
+mode is constant. Where conductivities differ by region K is that of k over the body's own: a factor for each set of
+ratios. Left out: any solve for what is constant or loads nothing.
 
-Edges that differ in α by fixed ratios ρ have M = Σ ρ M_e and g̃ = Σ ρ g̃_e, and one set of modes for all their levels
-α. A heat flux is a source on an edge. Where edges hold temperatures θ_D, S_K and M are those of the other nodes of
-Γ_θ, θ_D acts by −(S_K + aM)θ_D, and no mode is constant.
-
-What q, θ̄, fluxes and θ_D give for all α are rational functions of a with poles at −μ_k: to rounding they span few
-dimensions (15 to 30), however many values of α there are. So they are stored as a few *columns*, fields on the body,
-and α enters through their factors only: the field of each load, or of each θ_D, that vanishes elsewhere on Γ_θ, which
-belongs to every a, and fields of orthonormal variations, which all data share.
+What all data give for all α are rational functions of a with poles at −μ_k: to rounding they span few dimensions (15
+to 30). So they are stored as a few *columns*, fields on the body, and α enters through their factors only: the field of
+each load, or of each θ_D, that vanishes elsewhere on Γ_θ, and fields of orthonormal variations, which all data share.
 
 A uniform temperature makes no heat flow: K·1 = 0. Entries of K grow with the flatness of the triangles, and their
 rounding is heat that comes from nowhere: the factor's harmonic extension of 1 is not 1. Where it is off by more than
 UNSOUND, loads and fields are refined iteratively. The residual comes from the coordinates of the corners, triangle by
 triangle, in the form ∫∇θ·∇φ_i of three flows that sum to zero: no entry k_ij, rounded, is in it, and heat is conserved
-whatever is rounded.
-Literature: N. J. Higham, Accuracy and Stability of Numerical Algorithms, 2002, ch. 12.
-
-Edges whose α keep their ratios share one set of modes, all of them one factor. Where conductivities differ by region K
-is that of k over the body's own: a factor for each set of ratios. Left out: any solve for what is constant or loads
-nothing.
+whatever is rounded. Literature: N. J. Higham, Accuracy and Stability of Numerical Algorithms, 2002, ch. 12.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
 import scipy.linalg
@@ -43,23 +37,138 @@ from tcstudy.condense import Condensation, condense
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.boundary import values_at
 from tcstudy.fem.forms import Conductivity, ElasticForms, edge_load, source_load
-from tcstudy.offline.loads import (
-    BasisLoad,
-    Column,
-    Datum,
-    Field,
-    LoadTerm,
-    Ratios,
-    Recent,
-    exchange_level,
-    heat_shares,
-    relative_k,
-)
 from tcstudy.scene.points import FELT, distinct
-from tcstudy.scene.records import Scalar, Scene
+from tcstudy.scene.records import Scalar, Scene, Where
 from tcstudy.shapes.edges import segment_mass
 
 Array = NDArray[np.float64]
+
+Ratios = tuple[tuple[str, float], ...]
+"""(edge, its α over the level α), none if they have one α."""
+
+
+@dataclass(frozen=True)
+class Datum:
+    """What of a heat problem is given.
+
+    kind:  "source", density of shape `data` in regions; "flux", the same into edges; "surroundings" at `data`, of
+           edges or of all of Γ_θ; "held", `data` being the temperature of an edge
+    where: names of the regions or edges
+    """
+
+    kind: Literal["source", "flux", "surroundings", "held"]
+    data: Scalar
+    where: tuple[str, ...] = ()
+
+    @property
+    def heats(self) -> bool:
+        return self.kind in ("source", "flux")
+
+
+BATCH = 16
+"""Columns that are carried through a factor together: more cost memory and gain nothing."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """Names a field of the heat problem with these relative k and ratios, of which so many are listed at the start."""
+
+    k: Conductivity
+    ratios: Ratios
+    number: int
+    listed: int
+
+    @property
+    def together(self) -> tuple[Column, ...]:
+        """Those that are computed with this one."""
+        if self.number >= self.listed:
+            return (self,)
+        first = self.number - self.number % BATCH
+        return tuple(replace(self, number=i) for i in range(first, min(first + BATCH, self.listed)))
+
+
+Field = Expression | Column | None
+"""A temperature field on the body: given, a column of a heat problem, or θ = 1."""
+
+
+def split(scalar: Scalar) -> tuple[Scalar, float]:
+    """A scalar as (shape, factor): numbers become factors of the unit shape 1."""
+    return (scalar, 1.0) if isinstance(scalar, Expression) else (1.0, float(scalar))
+
+
+def to_digits(ratio: float) -> float:
+    """A ratio to 15 digits, so that numbers that vary together keep it whatever the rounding."""
+    return float(f"{ratio:.14e}")
+
+
+def exchange_level(scene: Scene) -> tuple[float, Ratios]:
+    """α of the edge that exchanges most, and the α of all edges over it, to 15 digits; none where they are equal."""
+    if not scene.heat_by_edge:
+        return scene.heat.alpha, ()
+    alpha = max((own for _, own, _ in scene.exchange), default=0.0)
+    if alpha == 0.0:
+        return alpha, ()
+    ratios = tuple((edge, to_digits(own / alpha)) for edge, own, _ in scene.exchange)
+    return alpha, ratios if any(ratio != 1.0 for _, ratio in ratios) else ()
+
+
+def heat_shares(scene: Scene) -> tuple[float, list[tuple[Datum, float]]]:
+    """θ of a scene without known temperature: a uniform part [K], and (datum, factor) of what is added to it.
+
+    What is constant on all edges is the uniform part: then nothing is solved for it.
+    """
+    heat = scene.heat
+    given: list[tuple[Datum, Scalar]] = [(Datum("surroundings", 1.0), heat.theta_bar)]
+    if scene.heat_by_edge:
+        given = [(Datum("surroundings", 1.0, (edge,)), bar) for edge, _, bar in scene.exchange]
+        given += [(Datum("held", 1.0, (edge,)), theta) for edge, theta in scene.held_theta]
+    numbers = [value for _, value in given if not isinstance(value, Expression)]
+    uniform = float(numbers[0]) if len(numbers) == len(given) else 0.0
+    given += [(Datum("source", 1.0, heat.omega), heat.q)]
+    given += [(Datum("flux", 1.0, (edge,)), flux) for edge, flux in scene.flux]
+    found = []
+    for datum, value in given:
+        shape, factor = split(value)
+        if not datum.heats and shape == 1.0:
+            factor -= uniform
+        if factor != 0.0:
+            found.append((replace(datum, data=shape), factor))
+    return uniform, found
+
+
+def relative_k(scene: Scene) -> Conductivity:
+    """k over that of the material of the body, to 15 digits; () where it is the same everywhere."""
+    k = scene.material.k
+    if not k or not scene.material.regions:
+        return ()
+    return tuple((where, to_digits((own.k or 0.0) / k)) for where, own in scene.pieces)
+
+
+T = TypeVar("T")
+
+
+class Recent(dict[Hashable, T]):
+    """Values by key, made on demand; all are let go of where the total size would pass `budget` bytes.
+
+    Values that are still referenced elsewhere stay alive there: forgetting costs time later, never correctness.
+    """
+
+    def __init__(self, budget: float, size: Callable[[T], int]) -> None:
+        super().__init__()
+        self._budget, self._size, self._total = budget, size, 0
+
+    def __setitem__(self, key: Hashable, value: T) -> None:
+        self._total += self._size(value)
+        if self._total > self._budget:
+            self.clear()
+            self._total = self._size(value)
+        super().__setitem__(key, value)
+
+    def of(self, key: Hashable, make: Callable[[], T]) -> T:
+        if key not in self:
+            self[key] = make()
+        return self[key]
+
 
 UNSOUND = 1e-11
 """Error of the harmonic extension of 1 from which fields are refined; 1e6 good triangles stay below it."""
@@ -78,7 +187,6 @@ class HeatFactor:
 
     @property
     def A_tilde(self) -> Array:
-        """(r, r) the heat matrix condensed onto Γ_θ."""
         return self._factor.A_tilde
 
     @cached_property
@@ -99,8 +207,6 @@ class HeatFactor:
         """Fields (n, s) without a source that have the values on_line (r, s) on Γ_θ."""
         fields = self._factor.expand(on_line)
         return fields if self.sound else np.column_stack([theta + self._correction(theta, 0.0) for theta in fields.T])
-
-    # -- refinement --------------------------------------------------------------------------------
 
     def _rest(self, source: Array | float, *fields: Array) -> Array:
         """source − K Σ fields, all (n,): its sum is that of the source but for rounding of the heat itself."""
@@ -129,9 +235,6 @@ class HeatFactor:
         return total
 
 
-# -- modes -----------------------------------------------------------------------------------------
-
-
 def modes(A_tilde: Array, M: Array, held: bool = False) -> tuple[Array, Array]:
     """(μ, W): eigenpairs Ã w_k = μ_k M w_k with WᵀMW = I; the first made exactly 0 and constant, or none so if other
     nodes of the line are held."""
@@ -147,9 +250,6 @@ def modes(A_tilde: Array, M: Array, held: bool = False) -> tuple[Array, Array]:
 
 ROUNDING = 1e-14
 """Part of a variation that the columns may miss, relative to the variation (norm of L²(Γ_θ))."""
-
-
-# -- parts -----------------------------------------------------------------------------------------
 
 
 class Part(NamedTuple):
@@ -186,10 +286,7 @@ class Conduction:
     def __init__(
         self, body: Temperatures, k: Conductivity, ratios: Ratios, wanted: Mapping[Datum, Mapping[float, None]]
     ) -> None:
-        """ratios: (edge, α of the edge over the level α); none if they have one α
-
-        wanted: values of α/k that are to come, if known: they say what columns are needed
-        """
+        """wanted: values of α/k that are to come, if known: they say what columns are needed."""
         self._body, self._key, self._ratios = body, (k, ratios), dict(ratios)
         self._free = ~np.isin(body.nodes, body.mesh.nodes_on(*body.held))  # (r,) temperature is not given
         S, M, free = body.factor(k).A_tilde, body.exchange(self._ratios), np.ix_(self._free, self._free)
@@ -211,7 +308,6 @@ class Conduction:
 
     @property
     def listed(self) -> list[Column]:
-        """The columns that the scenes to come need."""
         return [Column(*self._key, i, self._listed) for i in range(self._listed)]
 
     def part(self, datum: Datum, alpha: float, k: float, strength: float) -> Part:
@@ -298,7 +394,7 @@ class Conduction:
         return [(Column(*self._key, i, self._listed), float(f)) for i, f in zip(numbers, factors, strict=True)]
 
     def _add(self, variation: Array) -> None:
-        """One more column, of a unit variation (f,) orthogonal to all."""
+        """A column more, of a unit variation (f,) orthogonal to all."""
         on_line = np.zeros(len(self._free))
         on_line[self._free] = self._modes[3] @ variation
         self._basis = np.column_stack([self._basis, variation])
@@ -367,7 +463,6 @@ class Temperatures:
         return edge_load(self.mesh, theta_bar, names or self._convection)[self.nodes]
 
     def conduction(self, k: Conductivity, ratios: Ratios) -> Conduction:
-        """The heat problem with these relative conductivities of the regions and ratios between the α of the edges."""
         if (k, ratios) not in self._conductions:
             self._conductions[k, ratios] = Conduction(self, k, ratios, self._wanted.get((k, ratios), {}))
         return self._conductions[k, ratios]
@@ -400,14 +495,14 @@ class Temperatures:
         self._last = scene, Temperature(fields, balance if judged else float("nan"), self)
         return self._last[1]
 
-    def terms(self, scene: Scene) -> list[LoadTerm]:
-        """β∫θ tr ε(v): the uniform part through one vector, the rest through one for each temperature field."""
+    def terms(self, scene: Scene) -> list[tuple[Where, Field, float]]:
+        """β∫θ tr ε(v) as a sum over regions and fields, with their factors."""
         if not scene.material.expands:
             return []
         self._prepare(relative_k(scene))
         fields = [(name, factor) for name, factor in self.of(scene).fields.items() if factor != 0.0]
         materials = ((where, own.beta) for where, own in scene.pieces if own.beta != 0.0)
-        return [(BasisLoad("temperature", name, at), beta * f) for at, beta in materials for name, f in fields]
+        return [(where, name, beta * factor) for where, beta in materials for name, factor in fields]
 
     def _prepare(self, k: Conductivity) -> None:
         """Compute what all scenes to come need, if it fits into the memory, and let go of the factor."""

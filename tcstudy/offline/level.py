@@ -8,9 +8,9 @@ springs, to μ of the material of the body.
 from __future__ import annotations
 
 import time
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -25,20 +25,11 @@ from tcstudy.fem.meshes import Frames, PlaneMesh
 from tcstudy.laws.composed import EdgeLaws, law_along
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.guaranteed import Band, EquilibriumBody, dual_body, lambda_1_band, require_straight
-from tcstudy.offline.heat import Temperature, Temperatures
-from tcstudy.offline.loads import (
-    BasisLoad,
-    Column,
-    LoadTerm,
-    Recent,
-    Roles,
-    loaded_by,
-    mechanical_terms,
-    to_digits,
-)
-from tcstudy.scene.records import Clamped, Contact, Rigid, Role, Scene
+from tcstudy.offline.heat import Column, Recent, Temperature, Temperatures, split, to_digits
+from tcstudy.scene.records import Boundary, Clamped, Contact, EdgeHeat, Rigid, Role, Scalar, Scene
 
 Array = NDArray[np.float64]
+Mechanical = Literal["body", "edge", "pressure", "force", "moment"]
 Ratio = tuple[Moduli, Springs]
 """All moduli and springs over μ of the material of the body."""
 
@@ -46,6 +37,58 @@ MEMORY = 512e6
 """Bytes of basis loads, and again of temperatures, that a level keeps for reuse."""
 ROUNDINGS = 4.0
 """Of A, by which the error of λ₁ is estimated."""
+
+
+@dataclass(frozen=True)
+class BasisLoad:
+    """A load of no number but its shape.
+
+    kind: "body", "edge": ∫f·v and, over the study edge `where`, ∫g·v; f or g of shape s along the axis a, data = (s, a)
+          "pressure":     −∫ s n·v over an edge
+          "force":        a resultant of 1 along the axis a, spread evenly over an edge
+          "moment":       a moment of 1 about the middle of an edge
+          "temperature":  ∫ θ tr ε(v) over regions (all without `where`) of the field `data`
+          "prescribed":   −a(w_D, v) for μ = 1, w_D what the roles `data` prescribe; it scales with μ
+    """
+
+    kind: Mechanical | Literal["temperature", "prescribed"]
+    data: Any = None
+    where: tuple[str, ...] = ()
+
+
+LoadTerm = tuple[BasisLoad, float]
+"""A basis load and its coefficient."""
+
+
+def mechanical_terms(f: tuple[Scalar, Scalar], boundary: Boundary) -> Iterator[LoadTerm]:
+    """Terms of ∫f·v and of what loads all edges."""
+    given: list[tuple[Mechanical, int | None, Scalar, str]] = [("body", axis, f[axis], "") for axis in (0, 1)]
+    for name, role in boundary:
+        given += [("force", axis, role.force[axis], name) for axis in (0, 1)]
+        given += [("moment", None, role.moment or 0.0, name)]
+        given += [("edge", axis, role.g[axis], name) for axis in (0, 1)]
+        given += [("pressure", None, role.pressure, name)]
+    for kind, axis, value, name in given:
+        shape, factor = split(value)
+        if factor != 0.0:
+            yield BasisLoad(kind, (shape, axis), (name,)), factor
+
+
+def loaded_by(scene: Scene, *, loads: bool = False) -> Scene:
+    """The scene with its mechanical loads as they are or none, and nothing else: no given displacement, θ = 0."""
+    boundary, none, body = [], (0.0, 0.0), scene.heat
+    for name, role in scene.boundary:
+        x, y = (None if one is None else 0.0 for one in role.u)
+        kept = replace(role, u=(x, y))
+        if not loads:
+            kept = replace(kept, g=none, pressure=0.0, force=none, moment=role.moment and 0.0)
+        if (own := kept.heat) is not None:
+            theta, theta_bar = (None if one is None else 0.0 for one in (own.theta, own.theta_bar))
+            kept = replace(kept, heat=EdgeHeat(theta, 0.0, own.alpha, theta_bar))
+        boundary.append((name, kept))
+    body = replace(body, theta=0.0) if body.theta is not None else replace(body, theta_bar=0.0, q=0.0)
+    f = scene.f if loads else none
+    return replace(scene, boundary=tuple(boundary), f=f, heat=body, load=1.0, unscaled=None)
 
 
 def ratio_of(scene: Scene) -> Ratio:
@@ -88,7 +131,7 @@ class CondensedBlock:
     band: Band | None = None
 
 
-def _held(boundary: Roles) -> Roles:
+def _held(boundary: Boundary) -> Boundary:
     """The part of the boundary that constrains displacements, as a key."""
     found: list[tuple[str, Role]] = []
     for name, role in boundary:
@@ -99,12 +142,8 @@ def _held(boundary: Roles) -> Roles:
     return tuple(found)
 
 
-@dataclass(frozen=True)
-class _Basis:
-    """A basis load: L⁻¹F in elimination order (N,), and F at the rows that are held."""
-
-    rows: Array
-    held: Array
+_Basis = tuple[Array, Array]
+"""A basis load: L⁻¹F in elimination order (N,), and F at the rows that are held."""
 
 
 class ElasticBody:
@@ -134,12 +173,8 @@ class ElasticBody:
             self.lambda_1, self.lambda_1_error = value, error + lost
         self._fixed = np.flatnonzero(frames.fixed)
         self._reactions = A[self._fixed]  # all that is needed of the matrix from here on
-        self._basis: Recent[_Basis] = Recent(MEMORY, lambda b: b.rows.nbytes)
-        self._spans: Recent[tuple[Array, ...]] = Recent(MEMORY, lambda s: s[0].nbytes)
-
-    def A_tilde(self, mu: float) -> Array:
-        """Ã for a shear modulus μ [Pa]."""
-        return mu * self.condensation.A_tilde
+        self._basis: Recent[_Basis] = Recent(MEMORY, lambda basis: basis[0].nbytes)
+        self._spans: Recent[tuple[Array, ...]] = Recent(MEMORY, lambda span: span[0].nbytes)
 
     def _reaction(self, w_D: Array) -> Array:
         """A w_D (2n,) for prescribed local displacements w_D (2n,)."""
@@ -162,10 +197,10 @@ class ElasticBody:
     def _span(self, loads: Sequence[BasisLoad]) -> tuple[Array, Array, Array]:
         """Of t basis loads: l̃ (m, t), ⟨l_a, A₂₂⁻¹ l_b⟩ (t, t), and what they are at the rows that are held (t, h)."""
         bases, t, m = self._bases(loads), len(loads), self.condensation.m
-        rows = [basis.rows[: len(basis.rows) - m] for basis in bases]  # L⁻¹l₂: the kept unknowns come last
+        rows = [own[: len(own) - m] for own, _ in bases]  # L⁻¹l₂: the kept unknowns come last
         gram = np.array([[a @ b for b in rows] for a in rows]).reshape(t, t)
-        l_tilde = np.reshape([self.condensation.condensed(basis.rows) for basis in bases], (t, m)).T
-        return l_tilde, gram, np.array([basis.held for basis in bases]).reshape(t, len(self._fixed))
+        l_tilde = np.reshape([self.condensation.condensed(own) for own, _ in bases], (t, m)).T
+        return l_tilde, gram, np.array([held for _, held in bases]).reshape(t, len(self._fixed))
 
     def _bases(self, loads: Sequence[BasisLoad]) -> list[_Basis]:
         """Basis loads condensed, from the cache or eliminated at once with their companions.
@@ -190,15 +225,15 @@ class ElasticBody:
         forward = zip(loads, F, self.condensation.forward(np.column_stack(F)).T, strict=True)
         found = dict[BasisLoad, _Basis]()
         for load, own, rows in forward:
-            found[load] = self._basis[load] = _Basis(rows.copy(), own[self._fixed])
+            found[load] = self._basis[load] = rows.copy(), own[self._fixed]
         return found
 
     def displacement(self, mu: float, u_T: Array, terms: Sequence[LoadTerm]) -> Array:
         """Local displacements (2n,), eq. (20), without the prescribed ones."""
         rows = np.zeros(len(self.condensation.plan.permutation))
         bases = self._bases([load for load, _ in terms])
-        for (_, factor), basis in zip(terms, bases, strict=True):
-            rows += factor / mu * basis.rows
+        for (_, factor), (own, _) in zip(terms, bases, strict=True):
+            rows += factor / mu * own
         return self.condensation.expand(u_T, rows)
 
 
@@ -231,7 +266,7 @@ class Level:
         self.elastic.products()
         self.time_assemble = time.perf_counter() - start
 
-    def frames_of(self, boundary: Roles) -> Frames:
+    def frames_of(self, boundary: Boundary) -> Frames:
         """The local frames of the nodes, with the displacements that a scene's boundary prescribes."""
         key = _held(boundary)
         if key not in self._frames:
@@ -259,7 +294,7 @@ class Level:
         """
         l_tilde, constant = self._load(scene)
         body = self._body(scene)
-        A_tilde = body.A_tilde(scene.material.mu)
+        A_tilde = scene.material.mu * body.condensation.A_tilde
         return Condensed(ContactProblem(A_tilde, l_tilde, self.line.c, self.law(scene), body.lambda_1_error), constant)
 
     def _load(self, scene: Scene) -> tuple[Array, float]:
@@ -267,9 +302,14 @@ class Level:
         terms = self._terms(scene)  # heat first: its factor may go before the elastic one comes
         return self._body(scene).load(scene.material.mu, terms, self.frames_of(scene.boundary).values)
 
+    def _given(self, scene: Scene) -> list[LoadTerm]:
+        heats = self.temperatures.terms(scene)
+        thermal = ((BasisLoad("temperature", name, where), factor) for where, name, factor in heats)
+        return [*mechanical_terms(scene.f, scene.boundary), *thermal]
+
     def _terms(self, scene: Scene) -> list[LoadTerm]:
         """The basis terms of the load; the last is what is prescribed, if anything is."""
-        terms = [*mechanical_terms(scene.f, scene.boundary), *self.temperatures.terms(scene)]
+        terms = self._given(scene)
         if np.any(self.frames_of(scene.boundary).values):
             terms.append((BasisLoad("prescribed", _held(scene.boundary)), scene.material.mu))
         return terms
@@ -305,7 +345,7 @@ class Level:
         body = self._body(scenes[0])
         l_tilde, constant, mean, balance = (np.array(column)[of] for column in zip(*loads, strict=True))
         mu = np.array([scene.material.mu for scene in scenes])
-        own = (body.A_tilde(1.0), self.line.c, body.lambda_1, body.lambda_1_error, mu)
+        own = (body.condensation.A_tilde, self.line.c, body.lambda_1, body.lambda_1_error, mu)
         band = self.band(scenes[0]).times(1.0 / mu[0]) if self.guarantee else None
         return CondensedBlock(*own, l_tilde, constant, mean, balance, time.perf_counter() - start, band)
 
@@ -320,7 +360,7 @@ class Level:
         ratio, mu = ratio_of(scene), scene.material.mu
         if ratio not in self._bands:
             dual, factor = self.dual(scene)
-            A_tilde = self._body(scene).A_tilde(mu / factor)
+            A_tilde = mu / factor * self._body(scene).condensation.A_tilde
             self._bands[ratio] = lambda_1_band(dual, self.mesh, self.line, A_tilde).times(factor / mu)
         return self._bands[ratio].times(mu)
 
@@ -369,10 +409,8 @@ class Level:
 
     def load(self, scene: Scene) -> Array:
         """l_θ in x and y (2n,) [N/m]: mechanical and thermal loads, without prescribed displacements."""
-        total = np.zeros(2 * self.mesh.n_points)
-        for load, factor in (*mechanical_terms(scene.f, scene.boundary), *self.temperatures.terms(scene)):
-            total += factor * self.vector(load)
-        return total
+        parts = (factor * self.vector(load) for load, factor in self._given(scene))
+        return np.asarray(sum(parts, np.zeros(2 * self.mesh.n_points)))
 
     def forces(self, u: Array, moduli: Moduli, springs: Springs) -> Array:
         """(A + S)u of a displacement u, both (2n,) in x and y [N/m]."""

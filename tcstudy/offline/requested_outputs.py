@@ -39,8 +39,7 @@ from tcstudy.fem.boundary import ContactLine
 from tcstudy.fem.energy_error import own_strain, stress_of
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import BARE, DEBONDED, REGIONS, UP
-from tcstudy.offline.level import Level
-from tcstudy.offline.loads import mechanical_terms
+from tcstudy.offline.level import Level, mechanical_terms
 from tcstudy.scene.records import Clamped, Contact, Free, Scene
 from tcstudy.scene.study import OutputPlan
 

@@ -29,8 +29,7 @@ from tcstudy.contact.solution import Linearised
 from tcstudy.fem.forms import Moduli, Springs
 from tcstudy.laws.composed import agreed, derivative, law_slopes, number_of, stepped
 from tcstudy.laws.laws import Laws
-from tcstudy.offline.level import Level
-from tcstudy.offline.loads import loaded_by
+from tcstudy.offline.level import Level, loaded_by
 from tcstudy.scene.parameters import FACTORED, path_scene
 from tcstudy.scene.records import Scene, exchanges
 from tcstudy.scene.study import Sensitivity

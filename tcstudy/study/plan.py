@@ -16,8 +16,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from tcstudy.errors import GeometryFailed
+from tcstudy.offline.heat import exchange_level
 from tcstudy.offline.level import Level
-from tcstudy.offline.loads import exchange_level
 from tcstudy.scene.points import (
     FELT,
     Scenes,

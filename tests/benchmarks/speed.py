@@ -102,7 +102,7 @@ def _stages(level: Level, scene: Scene) -> Iterator[float]:
     clock = Clock()
     body, mu = level._body(scene), scene.material.mu
     elastic = clock()
-    least_eigenvalue(body.A_tilde(mu), level.line.c)
+    least_eigenvalue(mu * body.condensation.A_tilde, level.line.c)
     lowest = clock()
     yield elastic - lowest
     level.temperatures.of(scene)  # the heat factor, its spectrum and the condensed source

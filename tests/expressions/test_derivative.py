@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tcstudy.exact.loads import kinks
-from tcstudy.expressions.expression import MAX_LENGTH, Expression, derivative, of_tree, parse, term, value_and_gradient
+from tcstudy.expressions.expression import Expression, derivative, parse, term, value_and_gradient
 
 X, Y = np.array([0.3, 0.8, 1.7]), np.array([0.6, 0.25, 1.1])
 
@@ -14,7 +14,7 @@ def slope(text: str, variables: str) -> Expression:
     node = term(parse(text))
     for variable in variables:
         node = derivative(node, variable)
-    return of_tree(node)
+    return Expression("slope", node)
 
 
 TEXTS = (
@@ -48,22 +48,11 @@ def test_kinks_are_where_slopes_jump_and_one_side_is_taken_there() -> None:
     assert values == sorted([3.0, -1.0, -3.0, -2.0])
 
 
-def test_the_text_reads_back_as_the_same_function() -> None:
-    for text in TEXTS:
-        for variables in ("x", "y", "xy"):
-            derived = slope(text, variables)
-            if "operations" not in derived.text:
-                again = parse(derived.text)
-                np.testing.assert_array_equal(again.evaluate(X, Y), derived.evaluate(X, Y))
-
-
 def test_a_derivative_shares_its_parts() -> None:
-    """A long singular field: its second derivatives have a text of a megabyte and a few hundred different nodes."""
+    """A long singular field: its second derivatives, written out a megabyte, have a few hundred different nodes."""
     text = "((x-1)^2+y^2)^0.75 * " + " * ".join(f"(cos({i}*atan2(y, x-1)) + sin(x*y + {i}))" for i in range(1, 11))
     twice = slope(text, "xy")
     assert len(twice.order) < 1500
-    assert len(twice.text) <= MAX_LENGTH
-    assert "operations" in twice.text
     h = 1e-5
     once = slope(text, "x")
     expected = (once.evaluate(X, Y + h) - once.evaluate(X, Y - h)) / (2 * h)

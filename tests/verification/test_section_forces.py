@@ -10,7 +10,7 @@ import xarray as xr
 import tcstudy
 from tcstudy.contact.solve import solve_contact
 from tcstudy.errors import StudyError
-from tcstudy.offline.loads import loaded_by
+from tcstudy.offline.level import loaded_by
 from tcstudy.offline.requested_outputs import edge_forces, section_force
 from tests.verification.scenes import HEATED_BRACKET, levels_of, study_of
 
