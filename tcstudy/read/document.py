@@ -23,7 +23,7 @@ from tcstudy.errors import Problem, StudyError, shortened
 from tcstudy.read.node import Collector, Keys, Mark, Node, Scalar, put, put_number, split_path
 from tcstudy.scene.keys import rows
 from tcstudy.scene.parameters import SHORT
-from tcstudy.scene.study import Study
+from tcstudy.scene.study import Axis, Study
 from tcstudy.scene.units import LONGEST
 
 MAX_NODES = 500_000
@@ -243,12 +243,21 @@ def _of_sweep(root: Node, key: str) -> Keys | None:
     return ("sweep", same[0]) if len(same) == 1 else None
 
 
-def with_sweep(overrides: Sequence[str], sweep: Mapping[str, object]) -> tuple[str, ...]:
-    """The options with another section `sweep`, in place of all that change it."""
+def with_sweep(overrides: Sequence[str], mode: str, axes: Sequence[Axis]) -> tuple[str, ...]:
+    """The options with a section `sweep` of these axes, all values or points written out, in place of all that change
+    it; whole laws and materials by their names."""
     kept = (
         text for text in overrides if SHORT.get(key := text.partition("=")[0].strip(), key).split(".")[0] != "sweep"
     )
-    return (*kept, f"sweep={json.dumps(sweep, ensure_ascii=False)}")
+    named = {".".join(axis.path): (axis.is_whole, axis.labelled()) for axis in axes}
+    written: dict[str, object] = {key: dict(v) if whole else [one for _, one in v] for key, (whole, v) in named.items()}
+    if mode == "list":
+        columns = [[{str(label): v} if whole else v for label, v in values] for whole, values in named.values()]
+        written = {
+            "mode": "list",
+            "points": [dict(zip(named, point, strict=True)) for point in zip(*columns, strict=True)],
+        }
+    return (*kept, f"sweep={json.dumps(written, ensure_ascii=False)}")
 
 
 def tree_of(study: Study, errors: Collector | None = None) -> Node:

@@ -30,7 +30,7 @@ from tcstudy.scene.parameters import (
     numbers,
     path_of,
     path_scene,
-    sweepable,
+    swept_row,
 )
 from tcstudy.scene.points import GEOMETRIC, distinct
 from tcstudy.scene.records import Contact, Rigid, Scene
@@ -113,7 +113,7 @@ def named_number(
         why = "it may stand in any expression"
     elif path[0] in GEOMETRIC:
         why = "it moves the mesh"
-    elif path not in sweepable({}, None):
+    elif path[0] == "boundary" or swept_row(path) is None:
         same = [name for name in names if name.split(".")[-1] == word]
         shorter = [short for short, full in SHORT.items() if full in names]
         why, words = "it is none that is known here", [*names, *shorter, *more]
@@ -142,7 +142,7 @@ def read_history(ctx: Context, reader: SceneReader, mesh: MeshPlan | None) -> Hi
         return None
     memory = _memory(ctx, fields, base)
     known = dict(affine_numbers(base))
-    lines = _lines(ctx, fields, known, [axis.parameter.path for axis in reader.sweep.axes])
+    lines = _lines(ctx, fields, known, [axis.path for axis in reader.sweep.axes])
     ctx.sound()
     if "elastic-plastic" in memory.names and memory.stiffness is None:
         fields.missing("stiffness")

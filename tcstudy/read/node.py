@@ -6,7 +6,7 @@ import difflib
 import json
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
@@ -70,6 +70,12 @@ class Node:
     def entries(self) -> tuple[Node, ...]:
         """The entries of a list; a value that is none is one."""
         return self.value if isinstance(self.value, tuple) else (self,)
+
+    def all(self) -> Iterator[Node]:
+        """The node and all below it."""
+        yield self
+        for inner in self.value if isinstance(self.value, tuple) else self.children.values():
+            yield from inner.all()
 
     def at(self, *keys: str | int) -> Node | None:
         """The value at a path, None if there is none."""

@@ -6,7 +6,6 @@ values that touch it, so 10^4 points cost little more than their distinct values
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -64,8 +63,8 @@ class SceneReader:
             self.regions = tuple(region.name for region in self.body.regions)
             body = snapped(self.body) if self.regions else self.body
             self.body = body if check_shape(ctx, body, root) else None
-        self.order = sorted(range(len(sweep.axes)), key=lambda i: len(sweep.axes[i].parameter.path))
-        self.touching = {s: [i for i in self.order if self.touches(sweep.axes[i].parameter.path, s)] for s in SECTIONS}
+        self.order = sorted(range(len(sweep.axes)), key=lambda i: len(sweep.axes[i].path))
+        self.touching = {s: [i for i in self.order if self.touches(sweep.axes[i].path, s)] for s in SECTIONS}
         self.supports: set[tuple[object, ...]] = set()
         self.finite: set[int] = set()
         self.base: Scene | None = None
@@ -78,7 +77,7 @@ class SceneReader:
         if path[0] != "parameters":
             return path[0] in keys
         here = [node for key in keys if (node := self.root.at(key))]
-        here += [value for axis in self.sweep.axes if axis.parameter.path[0] in keys for value in axis.values]
+        here += [value for axis in self.sweep.axes if axis.path[0] in keys for value in axis.values]
         names = users(self.root, path[-1])
         return any(words_in(node, names) for node in here)
 
@@ -102,14 +101,13 @@ class SceneReader:
 
     def _keys(self, section: str) -> tuple[list[Indices], NDArray[np.int32]]:
         """All combinations of the values of the axes that touch a section, and (P,) which one each point has."""
-        axes, sizes = self.touching[section], [len(axis.values) for axis in self.sweep.axes]
-        if self.sweep.mode == "grid":
-            own = [sizes[i] for i in axes]
-            places = np.unravel_index(np.arange(math.prod(sizes)), sizes)
-            of = np.ravel_multi_index([places[i] for i in axes], own) if own else np.zeros(len(places[0]))
-            return list(np.ndindex(*own)), np.asarray(of, dtype=np.int32)
-        every = range(sizes[0]) if axes else [0]
-        return [(i,) * len(axes) for i in every], np.resize(np.array(every, dtype=np.int32), sizes[0])
+        places = self.sweep.places
+        own, at = [len(self.sweep.axes[i].values) for i in self.touching[section]], places[self.touching[section]]
+        if not own:
+            return [()], np.zeros(places.shape[1], dtype=np.int32)
+        if self.sweep.mode == "list":
+            return [(i,) * len(own) for i in range(own[0])], at[0].astype(np.int32)
+        return list(np.ndindex(*own)), np.ravel_multi_index(tuple(at), own).astype(np.int32)
 
     def _at(self, section: str, key: Indices, base: Any) -> tuple[Node | None, Any]:
         """The study with nothing but a section, the values at `key` of the axes that touch it put in; and its record.
@@ -123,7 +121,7 @@ class SceneReader:
             return root, base
         self.ctx.errors.point = self.words(key, axes)
         for axis, at in ((self.sweep.axes[i], at) for i, at in zip(axes, key, strict=True)):
-            path, value = axis.parameter.path, axis.values[at]
+            path, value = axis.path, axis.values[at]
             if path[0] == "parameters":
                 names = put(names, path, value)
             elif root is not None:
@@ -157,7 +155,7 @@ class SceneReader:
         words = []
         for i, at in ((i, key[0]) for i in self.order) if drawn else zip(axes, key, strict=True):
             axis = self.sweep.axes[i]
-            shown = str(axis.labels[at]) if axis.parameter.is_whole else axis.values[at].brief()
+            shown = str(axis.labels[at]) if axis.is_whole else axis.values[at].brief()
             words.append(f"{axis.key} = {shown}")
         return f"drawn point {key[0]}: {', '.join(words)}" if drawn else ", ".join(words)
 

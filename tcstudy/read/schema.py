@@ -14,7 +14,7 @@ from typing import Any, get_args
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.fields import LISTS, PAIRS, SOME
 from tcstudy.scene.keys import OF_ALL_LAWS, Key, law_rows, of_role, row, rows
-from tcstudy.scene.parameters import NUMBERS, SHORT, WHOLE, sweepable
+from tcstudy.scene.parameters import NUMBERS, SHORT, WHOLE, path_of, swept_row
 from tcstudy.scene.study import PROVED, Quantity
 from tcstudy.scene.units import NONE
 
@@ -76,8 +76,10 @@ def _takes(key: str, word: str, names: tuple[str, ...]) -> Schema:
 def _sweep(made: Callable[[Key], Schema], beside: tuple[Key, ...] = ()) -> Schema:
     """A mapping of parameters to what `made` says of each; what an edge, a region, the body or `parameters` name may
     have any values."""
-    named = {".".join(path): row(path[0] if path[1:] else "", path[-1]) for path in sweepable({}, None)}
-    named |= {name: named[path] for name, path in SHORT.items() if path in named}
+    words = dict.fromkeys(
+        (*SHORT.values(), *(f"friction.{key}" for key in rows("friction")), "material", "friction", *SHORT)
+    )
+    named = {word: one for word in words if (one := swept_row(path_of(word)))}
     return {
         "type": "object",
         "properties": {one.name: _described(one) for one in beside} | {path: made(one) for path, one in named.items()},

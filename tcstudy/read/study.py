@@ -14,7 +14,6 @@ fault. The word `derived` may stand in the place of a load; where an edge is hel
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -34,7 +33,7 @@ from tcstudy.read.loads import check_together, read_history, read_path, read_sen
 from tcstudy.read.node import COMPONENTS, Collector, Node, put, split_path
 from tcstudy.read.plans import read_mesh, read_output, read_solver
 from tcstudy.read.scenes import SceneReader
-from tcstudy.read.sweep import Sweep, read_sweep, records, with_swept_keys
+from tcstudy.read.sweep import Sweep, read_sweep, with_swept_keys
 from tcstudy.scene.keys import of_role, row, rows
 from tcstudy.scene.parameters import SHORT
 from tcstudy.scene.parameters import Keys as Place
@@ -98,8 +97,8 @@ def read_study_text(
         raise StudyError(ctx.errors.problems)
     if swept is None:
         swept = not root.at("path") or bool(root.at("history") or root.at("fit"))
-    sweep = read_sweep(ctx, root, overrides if swept else ())
-    said = with_sweep(overrides, sweep.written()) if sweep.tabled else overrides
+    sweep = read_sweep(ctx, root, swept)
+    said = with_sweep(overrides, sweep.mode, sweep.records(ctx.units)) if sweep.tabled else overrides
     if sweep.axes and geometric(root, sweep):
         return read_variants(ctx, root, sweep, overrides, said, partial(_one_body, header))
     study = _one_body(header, ctx, root, sweep, said)
@@ -131,7 +130,7 @@ def _one_body(header: dict[str, Any], ctx: Context, root: Node, sweep: Sweep, sa
         scenes = derived_scenes(ctx, reader, exact, reader.body)
     if ctx.errors.problems or mesh is None or solver is None or output is None:
         raise StudyError(ctx.errors.problems)
-    axes = records(sweep, ctx.units) if sweep.axes else ()
+    axes = sweep.records(ctx.units)
     sweep_said = {"mode": sweep.mode, "axes": axes, "design": sweep.design, "overrides": said}
     plans = {"mesh": mesh, "solver": solver, "output": output, "exact": exact, "path": path, "history": history}
     return Study(**header | sweep_said | plans, fit=fit, scenes=scenes, units=ctx.units)
@@ -145,7 +144,7 @@ def geometric(root: Node, sweep: Sweep) -> list[int]:
         names = users(root, path[-1]) if path[0] == "parameters" else ()
         return path[0] in GEOMETRIC or any(words_in(node, names) for node in sections)
 
-    return [i for i, axis in enumerate(sweep.axes) if moves(axis.parameter.path)]
+    return [i for i, axis in enumerate(sweep.axes) if moves(axis.path)]
 
 
 def read_variants(
@@ -174,7 +173,7 @@ def read_variants(
         except StudyError as error:
             return replace(one, reason=(refused or [""])[0]), () if refused else error.problems
 
-    geometries = list(_geometries(root, sweep, outer, overrides))
+    geometries = list(_geometries(ctx, root, sweep, outer, overrides))
     for number, one in enumerate(geometries):
         made, problems = of(*one)
         if problems:  # those that the first or the last has as well are of the study
@@ -194,38 +193,35 @@ def read_variants(
     if first is None or ctx.errors.problems:
         raise StudyError(ctx.errors.problems)
     scenes = Scenes.joined([((one.study or first).scenes, one.places) for one in variants])
-    said_of_sweep = {"axes": records(sweep, ctx.units), "mode": sweep.mode, "design": sweep.design, "overrides": said}
+    said_of_sweep = {"axes": sweep.records(ctx.units), "mode": sweep.mode, "design": sweep.design, "overrides": said}
     return replace(first, scenes=scenes, variants=tuple(variants), **said_of_sweep)  # type: ignore[arg-type]
 
 
 def _geometries(
-    root: Node, sweep: Sweep, outer: list[int], overrides: tuple[str, ...]
+    ctx: Context, root: Node, sweep: Sweep, outer: list[int], overrides: tuple[str, ...]
 ) -> Iterator[tuple[Variant, Node, Sweep, tuple[str, ...]]]:
     """The geometries of a sweep in order: each without its study, the text with its numbers put in, what of the sweep
     is left, and the options with which the text of the whole study is that of this geometry."""
     axes, inner = [sweep.axes[i] for i in outer], tuple(axis for i, axis in enumerate(sweep.axes) if i not in outer)
-    sizes = [len(axis.values) for axis in sweep.axes]
-    total = math.prod(sizes) if sweep.mode == "grid" else sizes[0]
-    each = np.unravel_index(np.arange(total), sizes) if sweep.mode == "grid" else [np.arange(total)] * len(sizes)
     found: dict[tuple[float | str, ...], list[int]] = {}
-    for k, at in enumerate(zip(*(each[i].tolist() for i in outer), strict=True)):
+    for k, at in enumerate(sweep.places[outer].T.tolist()):
         found.setdefault(tuple(axis.labels[j] for axis, j in zip(axes, at, strict=True)), []).append(k)
-    groups = {tuple(int(each[i][at[0]]) for i in outer): np.array(at, dtype=np.intp) for at in found.values()}
     rest = replace(sweep, axes=inner)
-    said = with_sweep(overrides, rest.written())
-    for index, places in groups.items():
+    said = with_sweep(overrides, sweep.mode, rest.records(ctx.units))
+    for places in found.values():
+        index = tuple(sweep.places[outer, places[0]].tolist())
         if sweep.mode == "list":
             left = tuple(axis.at(places) for axis in inner)
             rest = replace(sweep, axes=left, mode="list" if left else "grid", design=None, tabled=False)
-            said = with_sweep(overrides, rest.written())
+            said = with_sweep(overrides, rest.mode, rest.records(ctx.units))
         words, own, made = [], list(said), root
         for axis, k in zip(axes, index, strict=True):
-            path, value = ".".join(axis.parameter.path), axis.values[k]
+            path, value = ".".join(axis.path), axis.values[k]
             words.append(f"{axis.key} = {value.brief()}")
             own.append(f"{path}={json.dumps(value.plain(), ensure_ascii=False)}")
             with suppress(KeyError):  # something else stands there, which the section's reader records
                 made = put(made, split_path(path) or (), value)
-        yield Variant(", ".join(words), index, places, None), made, rest, tuple(own)
+        yield Variant(", ".join(words), index, np.array(places, dtype=np.intp), None), made, rest, tuple(own)
 
 
 DERIVED = "derived"
@@ -251,7 +247,7 @@ def without_loads(ctx: Context, root: Node, sweep: Sweep) -> Node:
         what = "a path changes a load, but loads: derived leaves none to change"
         ctx.errors.at(path, what, "remove path, or give the loads", on_key=True)
     for axis in sweep.axes:
-        section, last = axis.parameter.path[0], axis.parameter.path[-1]
+        section, last = axis.path[0], axis.path[-1]
         if section in ("boundary", "loads") or (section == "heat" and last in OF_HEAT):
             remedy = "remove it from the sweep, or give the loads"
             ctx.errors.at(axis.node, f"{axis.key} is swept, but {FOLLOWS}", remedy, on_key=True)
@@ -293,10 +289,9 @@ def derived_scenes(ctx: Context, reader: SceneReader, exact: Exact, body: Body) 
 
     if not sound((*_missing(exact, scenes), *checks.kinks())):
         return scenes
-    made, sizes = [], [len(axis.values) for axis in sweep.axes]
-    grid = np.ndindex(*sizes) if sweep.mode == "grid" else ((k,) * len(sizes) for k in range(sizes[0]))
-    for scene, point in zip(scenes, grid, strict=True):
-        ctx.errors.point = reader.words(point, range(len(sizes)))
+    made = list[Scene]()
+    for scene, point in zip(scenes, sweep.places.T.tolist(), strict=True):
+        ctx.errors.point = reader.words(tuple(point), range(len(point)))
         made.append(derivation.scene(scene))
         if not sound(checks.scene(made[-1])):
             break

@@ -1,45 +1,80 @@
 """Reads the section `sweep`: which parameters take which values, how they are combined, and their labels in the data.
 
 The values stay nodes of the study: a sweep point is the study with these nodes put at their paths.
+
+A table has a header of parameters with their units and a line for each point, `alpha [W/(m^2*K)],friction.delta [um]`
+and then `25,40`: separated by commas, decimals with a point, texts with a comma in double quotes; empty lines and
+lines that begin with # are left out. Every cell knows its line and column, and the study keeps the values, so that its
+results need no table afterwards.
+
+Points are drawn by `mode: random`, `latin-hypercube`, `sobol` or `saltelli`: every parameter has a distribution; what
+comes out are the same axes that a list of points has. A drawn point that the study cannot have is refused like a
+written one, before any work: left out, it would bend the distribution that the user asked for.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
+from tcstudy.errors import StudyError
 from tcstudy.laws.shapes import SHAPES
-from tcstudy.read.document import whole_key
-from tcstudy.read.fields import UNNAMED, Context, none_after_fault, only_key, users, words_in
+from tcstudy.read.document import load_text
+from tcstudy.read.fields import UNNAMED, Context, Fields, none_after_fault, only_key, users, words_in
 from tcstudy.read.node import Mark, Node, hint, nearest, place_of, put_number, split_path
-from tcstudy.read.physics import ALL_KEYS, keys_of, laws_by_edge
-from tcstudy.read.points import OF_DESIGNS, draw, read_design, read_table
-from tcstudy.scene.designs import DESIGNS, Design
+from tcstudy.read.physics import keys_of, laws_by_edge
+from tcstudy.scene.designs import DESIGNS, ENDS, PARAMETERS, SALTELLI, Design, Distribution, correlated, count, cube
 from tcstudy.scene.histories import short_names
 from tcstudy.scene.keys import OF_ALL_LAWS, Key, row, rows
-from tcstudy.scene.parameters import FIXED, NUMBERS, OF_POINT, SHORT, Keys, Parameter, path_of, sweepable
+from tcstudy.scene.parameters import FIXED, NUMBERS, OF_POINT, SHORT, WHOLE, Keys, path_of, swept_row
 from tcstudy.scene.points import GEOMETRIC
 from tcstudy.scene.study import Axis
-from tcstudy.scene.units import LENGTH, Dimension, common_unit
+from tcstudy.scene.units import LENGTH, NONE, NUMBER, Dimension, common_unit, split_quantity
 
 SECTIONS = ("boundary", "material", "loads", "heat", "friction")
 """What makes up a scene beside the body."""
 MODES = row("sweep", "mode").words
 MAX_POINTS = 1_000_000
+CELL = re.compile(r'\s*("(?:[^"]|"")*"|[^,"]*)\s*(?:,|$)')
+HEAD = re.compile(r"([^\s\[\]]+)\s*(?:\[(.+)\])?")
+MOST_VALUES = 400_000
+OF_DESIGNS = ("points", "seed", "correlation")
+"""Keys of a sweep whose points are drawn."""
 Nodes = tuple[Node, ...]
 
 
 @dataclass(frozen=True)
-class SweptAxis:
-    """One parameter, its values as nodes, and what stands for them in the data."""
+class Parameter:
+    """What a sweep may vary: its key path and its row."""
+
+    path: Keys
+    row: Key
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether its values are whole laws or materials, by name."""
+        return self.row.kind in WHOLE
+
+    def several(self, node: Node) -> dict[str, Node]:
+        """The laws or materials of a node by name; none of a single one, or of what is no mapping."""
+        return {} if any(key in node.children for key in WHOLE[self.row.kind]) else dict(node.children)
+
+
+@dataclass(frozen=True)
+class SweptAxis(Parameter):
+    """A parameter with its key in the sweep, its values as nodes, and what stands for them in the data."""
 
     key: str
     node: Node
-    parameter: Parameter
-    values: tuple[Node, ...]
+    values: Nodes
     labels: tuple[float | str, ...]
     distribution: str = ""
 
@@ -75,97 +110,132 @@ class Sweep:
     design: Design | None = None
     tabled: bool = False
 
-    def written(self) -> dict[str, object]:
-        """The section `sweep` with all values or points written out."""
-        written: dict[str, Any] = {}
-        for axis in self.axes:
-            plain = [value.plain() for value in axis.values]
-            named = [{str(label): value} for label, value in zip(axis.labels, plain, strict=True)]
-            whole = {name: value for one in named for name, value in one.items()} if self.mode == "grid" else named
-            written[axis.key] = whole if axis.parameter.is_whole else plain
+    @cached_property
+    def places(self) -> NDArray[np.intp]:
+        """(axes, P): which of its values an axis has at every point, in C order of the axes."""
+        sizes = [len(axis.values) for axis in self.axes]
         if self.mode == "list":
-            points = [dict(zip(written, point, strict=True)) for point in zip(*written.values(), strict=True)]
-            written = {"mode": "list", "points": points}
-        return written
+            return np.tile(np.arange(sizes[0]), (len(sizes), 1))
+        return np.indices(sizes).reshape(len(sizes), math.prod(sizes))
+
+    def records(self, units: str) -> tuple[Axis, ...]:
+        """The axes as the rest of the package sees them. units: of the study"""
+        axes, names = list[Axis](), short_names([axis.path for axis in self.axes])
+        for axis, name in zip(self.axes, names, strict=True):
+            in_si = units == "SI" and all(isinstance(label, float) for label in axis.labels)
+            dimension, values = axis.row.dimension, tuple(value.plain() for value in axis.values)
+            unit = axis.values[0].shown_in or common_unit(values, dimension)
+            written = unit if in_si and unit[1] != 1.0 else ("", 1.0)
+            cf = dimension.cf if in_si else "1"
+            axes.append(Axis(name, axis.path, values, axis.labels, cf, axis.distribution, written))
+        return tuple(axes)
 
 
-def read_sweep(ctx: Context, root: Node, overrides: Sequence[str]) -> Sweep:
+def read_sweep(ctx: Context, root: Node, swept: bool) -> Sweep:
     """The sweep; none after a fault in its form, so that the base study is still checked.
 
-    overrides: `--set` options, whose values must not be lost to it
+    swept: whether it is used, so that values of `--set` options must not be lost to it
     """
-    node, before = root.at("sweep"), len(ctx.errors)
+    node, before, design = root.at("sweep"), len(ctx.errors), None
     if node is None or node.value == {}:
         return Sweep()
     if not isinstance(node.value, Mapping):
         remedy = "write one PARAMETER: [values] per line, for example alpha: [25, 100]"
         ctx.errors.at(node, f"must be a mapping of parameters to values, but is {node.kind()}", remedy)
         return Sweep()
-    points, known, design = node.at("points"), may_vary(ctx, root, node), None
-    tabled = points is not None and isinstance(points.value, str)
+    tabled = isinstance((node.at("points") or node).value, str)
     mode = ctx.choice(item, MODES) if (item := node.at("mode")) else "list" if tabled else "grid"
     given = {key: item for key, item in node.value.items() if key != "mode"}
     if mode == "list":
-        axes = _point_list(ctx, node, given, known)
+        axes = _point_list(ctx, root, node, given)
     else:
         items = {key: item for key, item in given.items() if mode not in DESIGNS or key not in OF_DESIGNS}
-        found = {key: (item, p) for key, item in items.items() if (p := _parameter(ctx, key, item, known))}
-        if mode in DESIGNS:
-            if not items:
-                ctx.errors.at(node, "has no parameter to draw; add one, for example alpha: {uniform: [25, 100]}")
-            design = read_design(ctx, node, mode, MAX_POINTS, len(items))
-            drawn = draw(ctx, design, found, node.at("correlation")) if design else {}
-            axes = [_axis(ctx, key, *found[key], *three) for key, three in drawn.items()]  # type: ignore[arg-type]
+        found = {key: (item, p) for key, item in items.items() if (p := _parameter(ctx, root, key, item))}
+        if mode not in DESIGNS:
+            axes = [_listed(ctx, root, key, item, p) for key, (item, p) in found.items()]
         else:
-            axes = [_listed(ctx, key, item, p, known) for key, (item, p) in found.items()]
+            design = _design(ctx, node, mode, len(items))
+            axes = _drawn(ctx, design, found, node.at("correlation")) if design else []
     _check_axes(ctx, node, axes, mode)
     _check_law_parameters(ctx, axes, root.at("friction"))
     if len(ctx.errors) > before:
         return Sweep()
     # parameters of a boundary or a friction that is not there: that is missing, not its keys
     lost = {section for section in ("boundary", "friction") if root.at(section) is None}
-    axes = [a for a in axes if a.parameter.path[0] not in lost or a.parameter.is_whole]
+    axes = [a for a in axes if a.path[0] not in lost or a.is_whole]
     axes = [axis.ascending() for axis in axes] if mode == "grid" else axes
     sweep = Sweep("grid" if mode == "grid" else "list", tuple(axes), design, tabled)
     if ctx.named:
         _check_names(ctx, root, sweep)
-    _check_options(ctx, root, sweep, overrides)
+    if swept:
+        _check_options(ctx, root, sweep)
     return sweep
 
 
-def may_vary(ctx: Context, root: Node, node: Node) -> dict[Keys, Parameter]:
-    """All that the sweep of this study may vary, by path: keys of its scene, numbers of its body and meshes, names."""
-    points, boundary, friction = node.at("points"), root.at("boundary"), root.at("friction")
-    named = [path_of(key) for one in (node, *(points.entries if points else ())) for key in one.children]
-    edges = {edge: keys_of(item) for edge, item in boundary.children.items()} if boundary else {}
-    if boundary is None:  # then those that the sweep names, with all keys
-        edges = {words[1]: ALL_KEYS for words in named if len(words) == 3 and words[0] == "boundary"}
-    laws = {edge: str(word.value) for edge, one in laws_by_edge(friction).items() if (word := one.at("law"))}
-    law = word.value if friction and (word := friction.at("law")) else None
-    regions = [*(own.children if (own := root.at("materials")) else ())]
-    regions += [words[1] for words in named if words[0] == "materials" and words[1:]]
-    known = sweepable(edges, laws or (law if isinstance(law, str) else None), tuple(dict.fromkeys(regions)))
-    names = ctx.named.items()
-    rows_of: dict[Keys, Key] = {("parameters", name): Key(name, "number", "", one.dimension) for name, one in names}
-    for path in named:
-        place = place_of(root, path)
-        whole = known.get(tuple(word for word in place if isinstance(word, str)))  # a pair, or the points of a law
-        keys = split_path(".".join(path)) if path[0] == "body" else None
-        if path[0] == "mesh" and (one := rows("mesh").get(path[-1])) and one.swept and len(path) == 2:
-            rows_of[path] = replace(one, kind="number")  # its levels are a dimension of their own
-        elif keys and (at := root.at(*keys)) and isinstance(at.value, int | float | str):
-            rows_of[path] = Key(path[-1], "number", "number of the body", LENGTH)
-        elif whole and path not in known and place != path and whole.row.kind == "vector":
-            rows_of[path] = replace(whole.row, name=path[-1], kind="field")
-        elif whole and path not in known and root.at(*place):
-            rows_of[path] = OF_POINT["s" if path[-1] == "s" else "b"]
-    return known | {path: Parameter(path, one) for path, one in rows_of.items()}
+def _parameter(ctx: Context, root: Node, key: str, item: Node) -> Parameter | None:
+    """What a key of the sweep stands for; None after a fault."""
+    path = path_of(key)
+    for own in (("parameters", key), path):  # what a study names goes first
+        if found := _row_at(ctx, root, own):
+            return Parameter(own, found)
+    what = f"the study has no parameter {key!r} to sweep"
+    known = _known(ctx, root)
+    same = [one for one in known if one.endswith(f".{path[-1]}")]
+    if path[0] in FIXED:
+        what, remedy = f"{path[0]} cannot be swept", FIXED[path[0]]
+    elif key in OF_DESIGNS:
+        what = f"{key} {'are' if key == 'points' else 'is'} for modes that list or draw points"
+        remedy = f"add mode: list, or one of {', '.join(DESIGNS)}"
+    elif same:
+        same = [nearest(key, same) or same[0]] if path[1:] else same
+        remedy = f"did you mean {' or '.join(map(repr, same))}?"
+    else:
+        remedy = hint(key, [*SHORT, *known, "mode"], "use a key path such as heat.alpha or friction.delta")
+    ctx.errors.at(item, what, remedy, on_key=True)
+    return None
+
+
+def _row_at(ctx: Context, root: Node, path: Keys) -> Key | None:
+    """The row of what a sweep of this study may vary at a key path: of a key of its scene, a component, a number of the
+    body or the meshes, a name; None where there is none such."""
+    section, name = path[0], path[-1]
+    if section == "parameters":
+        return Key(name, "number", "", ctx.named[name].dimension) if path[1:] == (name,) and name in ctx.named else None
+    if section == "body":
+        number = root.at(*(split_path(".".join(path)) or ()))
+        is_one = number is not None and isinstance(number.value, int | float | str)
+        return Key(name, "number", "number of the body", LENGTH) if is_one else None
+    if section == "boundary" and (edges := root.at(section)):
+        edge = edges.at(*path[1:2])
+        if edge is None or path[2:3] == () or place_of(root, path)[2] not in keys_of(edge):
+            return None
+    friction, place = root.at("friction"), place_of(root, path)
+    by_edge = laws_by_edge(friction)
+    law = (by_edge.get(path[1]) if path[1:] and by_edge else friction) or root
+    of = str(word.value) if (word := law.at("law")) else ""
+    found = swept_row(path, of, by_edge)
+    whole = swept_row(tuple(word for word in place if isinstance(word, str)), of, by_edge) if place != path else None
+    if found is None and whole is not None and whole.kind == "vector":
+        return replace(whole, name=name, kind="field")
+    if found is None and whole is not None and root.at(*place):
+        return OF_POINT["s" if name == "s" else "b"]
+    return replace(found, kind="number") if found and section == "mesh" else found  # its levels are no axis
+
+
+def _known(ctx: Context, root: Node) -> list[str]:
+    """Names and key paths that a sweep of this study may vary, for hints."""
+    inner = [f"{key}.{one}" for key, of in {"heat": "edge_heat", "spring": "spring"}.items() for one in rows(of)]
+    keys = {"boundary": [*rows("boundary"), *inner], "materials": rows("material"), "friction": rows("friction")}
+    named = [f"{section}.{name}" for section in keys for name in (root.at(section) or Node.of({}, "")).children]
+    paths = [f"{place}.{key}" for place in ("friction", *named) for key in keys[place.partition(".")[0]]]
+    names = (f"parameters.{name}" for name in ctx.named)
+    return [*ctx.named, *names, *SHORT.values(), *(path for path in paths if _row_at(ctx, root, path_of(path)))]
 
 
 def _check_names(ctx: Context, root: Node, sweep: Sweep) -> None:
     """A swept name may act in the sections of a scene only, and in no swept value."""
-    for axis in (axis for axis in sweep.axes if axis.parameter.path[0] == "parameters"):
-        following = users(root, axis.parameter.path[-1])
+    for axis in (axis for axis in sweep.axes if axis.path[0] == "parameters"):
+        following = users(root, axis.path[-1])
         for other in sweep.axes:
             if value := next((one for one in other.values if words_in(one, following)), None):
                 what = f"is made of {min(words_in(value, following))}, which is swept as well"
@@ -176,30 +246,24 @@ def _check_names(ctx: Context, root: Node, sweep: Sweep) -> None:
                 ctx.errors.at(axis.node, what, "write one study for each value, with --set", on_key=True)
 
 
-def _check_options(ctx: Context, root: Node, sweep: Sweep, overrides: Sequence[str]) -> None:
+def _check_options(ctx: Context, root: Node, sweep: Sweep) -> None:
     """A value of an option that the sweep replaces would be lost without a word."""
-    swept = [(a.key, split_path(".".join(a.parameter.path)) or (), a.parameter.is_whole) for a in sweep.axes]
-    for option in (text for text in overrides if "=" in text):
-        key, _, value = (part.strip() for part in option.partition("="))
-        keys, place = split_path(whole_key(root, key)) or (), f"--set {option}"
-        for name, path, whole in swept:
-            there = root.at(*path)
-            above = path[: len(keys)] == keys and there is not None and there.mark.file == place  # its value is of it
-            if above or keys[: len(path)] == path:
-                listed = (
-                    f', --set "sweep.{name}=[{value}]"' if keys == path and sweep.mode == "grid" and not whole else ""
-                )
-                remedy = f"leave it out here, give the sweep other values{listed}, or remove it by --set sweep=null"
-                what = f"{name} is swept, so what this option says of it would not be used"
-                ctx.errors.at_mark(Mark(place, 0, 0), ".".join(map(str, path if above else keys)), what, remedy)
+    for axis in sweep.axes:
+        node = root.at(*place_of(root, split_path(".".join(axis.path)) or ()))
+        lost = [one for one in (node.all() if node else ()) if one.mark.file.startswith("--set ")]
+        if lost:
+            one = sweep.mode == "grid" and not axis.is_whole
+            listed = f', --set "sweep.{axis.key}=[{lost[0].text()}]"' if one else ""
+            remedy = f"leave it out here, give the sweep other values{listed}, or remove it by --set sweep=null"
+            ctx.errors.at(lost[0], f"{axis.key} is swept, so what this option says of it would not be used", remedy)
 
 
 def with_swept_keys(root: Node, sweep: Sweep) -> Node:
     """The base study: swept keys that it does not give have the first of their values."""
-    whole = {axis.parameter.path for axis in sweep.axes if root.at(*axis.parameter.path)}
-    for axis in sorted(sweep.axes, key=lambda axis: len(axis.parameter.path)):
+    whole = {axis.path for axis in sweep.axes if root.at(*axis.path)}
+    for axis in sorted(sweep.axes, key=lambda axis: len(axis.path)):
         # A parameter of a law that is itself swept may be foreign to the base law.
-        path = axis.parameter.path
+        path = axis.path
         if not root.at(*place_of(root, path)) and path[:1] not in whole:
             with suppress(KeyError):  # something else stands there, which the section's reader records
                 root = put_number(root, path, axis.values[0])
@@ -211,39 +275,16 @@ def _axis(
 ) -> SweptAxis:
     """An axis, labelled by names or by its values: numbers in SI, or texts if any value is none."""
     texts, kind = tuple(value.text() for value in values), p.row.kind
-    if names or kind not in NUMBERS or (kind == "component" and "free" in texts):
-        return SweptAxis(key, node, p, values, names or texts, drawn)
-    labels = [ctx.scalar(value, p.row.dimension, varies=kind in ("field", "component")) for value in values]
-    numbers = tuple(label for label in labels if isinstance(label, float))
-    return SweptAxis(key, node, p, values, numbers if len(numbers) == len(labels) else texts, drawn)
+    numbers = tuple[float, ...]()
+    if not names and kind in NUMBERS and not (kind == "component" and "free" in texts):
+        labels = [ctx.scalar(value, p.row.dimension, varies=kind in ("field", "component")) for value in values]
+        numbers = tuple(label for label in labels if isinstance(label, float))
+    alike = len(numbers) == len(values)
+    return SweptAxis(p.path, p.row, key, node, values, names or (numbers if alike else texts), drawn)
 
 
-def _parameter(ctx: Context, key: str, item: Node, known: Mapping[Keys, Parameter]) -> Parameter | None:
-    """What a key of the sweep stands for; None after a fault."""
-    path = path_of(key)
-    if (found := known.get(("parameters", key)) or known.get(path)) is not None:  # what a study names goes first
-        return found
-    what = f"the study has no parameter {key!r} to sweep"
-    same = [".".join(keys) for keys in known if keys[-1] == path[-1]]
-    if path[0] in FIXED:
-        what, remedy = f"{path[0]} cannot be swept", FIXED[path[0]]
-    elif key in OF_DESIGNS:
-        what = f"{key} {'are' if key == 'points' else 'is'} for modes that list or draw points"
-        remedy = f"add mode: list, or one of {', '.join(DESIGNS)}"
-    elif same:
-        same = [nearest(key, same) or same[0]] if path[1:] else same
-        remedy = f"did you mean {' or '.join(map(repr, same))}?"
-    else:
-        words = [*SHORT, *(path[1] for path in known if path[0] == "parameters"), *map(".".join, known), "mode"]
-        remedy = hint(key, words, "use a key path such as heat.alpha or friction.delta")
-    ctx.errors.at(item, what, remedy, on_key=True)
-    return None
-
-
-def _point_list(
-    ctx: Context, node: Node, given: Mapping[str, Node], known: Mapping[Keys, Parameter]
-) -> list[SweptAxis]:
-    """mode: list, whose points all name the same parameters."""
+def _point_list(ctx: Context, root: Node, node: Node, given: Mapping[str, Node]) -> list[SweptAxis]:
+    """mode: list, whose points all name the same parameters, or stand in a table."""
     points, stray = given.get("points"), [key for key in given if key != "points"]
     if stray:
         remedy = "put it into points: [{PARAMETER: value, ...}, ...], or use mode: grid"
@@ -251,34 +292,49 @@ def _point_list(
         ctx.errors.at(given[stray[0]], what, remedy, on_key=True)
     elif points is None:
         ctx.errors.at(node, "is missing", "add points: [{alpha: 25}, {alpha: 100}]", key=f"{node.path}.points")
-    if points is None:
-        return []
-    if isinstance(points.value, str):
-        columns = read_table(ctx, points, lambda key, cell: _parameter(ctx, key, cell, known))
-        return [_axis(ctx, *column) for column in columns]
-    listed, axes = ctx.items(points, "a list of points {PARAMETER: value, ...}", least=1), []
-    for point in listed:
-        if not point.children:
-            what = f"must be a mapping of parameters to values, but is {point.kind()}"
-            ctx.errors.at(point, what, "write {PARAMETER: value, ...}")
-            return []
-        if {*point.children} != {*listed[0].children}:
-            what = f"names {', '.join(point.children)}, but the first point {', '.join(listed[0].children)}"
-            ctx.errors.at(point, what, "name the same parameters in every point")
-            return []
-    for key, item in listed[0].children.items() if listed else ():
-        if parameter := _parameter(ctx, key, item, known):
-            values, names = tuple(point.children[key] for point in listed), ()
-            if parameter.is_whole:
-                names, values = zip(*(_whole(value, parameter) for value in values), strict=True)
-            axes.append(_axis(ctx, key, points, parameter, values, names))
+    axes = list[SweptAxis]()
+    for key, unit, item, values in _columns(ctx, points) if points else ():
+        p = _parameter(ctx, root, key, item)
+        if p is not None and p.is_whole:
+            names, laws = zip(*(_whole(value, p) for value in values), strict=True)
+            axes.append(_axis(ctx, key, item, p, laws, names))
+        elif p is not None and (not unit or ctx.unit(item, unit, p.row.dimension, key)):
+            cells = (
+                (table_value(ctx, cell, unit) for cell in values)
+                if points and isinstance(points.value, str)
+                else values
+            )
+            axes.append(_axis(ctx, key, item, p, tuple(cells)))
     return axes
+
+
+def _columns(ctx: Context, points: Node) -> Iterator[tuple[str, str, Node, Nodes]]:
+    """(key, unit, its place, values) of listed points or of the table that `points` names; none after a fault."""
+    if isinstance(points.value, str):
+        head, *lines = table_lines(ctx, points)[1] or [()]
+        if len(lines) * (len(head) + 1) > MOST_VALUES:
+            what = f"the table has {len(lines)} × {len(head)} values, more than a study can keep"
+            ctx.errors.at(points, what, "use fewer points, or several studies, whose files xarray joins")
+            return
+        for j, cell in enumerate(head):
+            key, unit = match.groups() if (match := HEAD.fullmatch(str(cell.value))) else (str(cell.value), None)
+            yield key, (unit or "").strip(), cell, tuple(replace(line[j], path=f"sweep.{key}") for line in lines)
+        return
+    listed = ctx.items(points, "a list of points {PARAMETER: value, ...}", least=1)
+    for point in listed:
+        if not point.children or {*point.children} != {*listed[0].children}:
+            names = ", ".join(point.children) or point.kind()
+            what = f"names {names}, but the first point {', '.join(listed[0].children) or listed[0].kind()}"
+            ctx.errors.at(point, what, "write {PARAMETER: value, ...} with the same parameters in every point")
+            return
+    for key, item in listed[0].children.items() if listed else ():
+        yield key, "", item, tuple(point.children[key] for point in listed)
 
 
 def _whole(node: Node, parameter: Parameter) -> tuple[str, Node]:
     """A law or a material in a point, after its name: its key in {NAME: law}, else that of its shape or all it says."""
-    if len(node.children) == 1 and not parameter.is_one(node.value):
-        return next(iter(node.children.items()))
+    if len(several := parameter.several(node)) == 1:
+        return next(iter(several.items()))
     return str(word.value) if (word := node.at("law")) else node.text(), node
 
 
@@ -286,7 +342,7 @@ def _check_axes(ctx: Context, node: Node, axes: list[SweptAxis], mode: str) -> N
     """No parameter twice, equal lengths where read together, no value or point repeated, a bounded number."""
     paths: dict[Keys, str] = {}
     for axis in axes:
-        if (first := paths.setdefault(axis.parameter.path, axis.key)) != axis.key:
+        if (first := paths.setdefault(axis.path, axis.key)) != axis.key:
             ctx.errors.at(axis.node, f"sweeps the same parameter as {first!r}; keep one of the two", on_key=True)
     lengths = [len(axis.values) for axis in axes if axis.values]
     same = [  # of numbers those in SI, of others the texts
@@ -312,59 +368,46 @@ def _check_axes(ctx: Context, node: Node, axes: list[SweptAxis], mode: str) -> N
                 seen.add(identity)
 
 
-def _check_law_parameters(ctx: Context, axes: list[SweptAxis], law: Node | None) -> None:
+def _check_law_parameters(ctx: Context, axes: list[SweptAxis], friction: Node | None) -> None:
     """A swept parameter of the law must belong to every law of the study."""
+    whole = {axis.path: axis.values for axis in axes if axis.is_whole}
     for axis in axes:
-        *place, name = axis.parameter.path
-        if place[:1] != ["friction"] or axis.parameter.is_whole or name in OF_ALL_LAWS:
+        *place, name = axis.path
+        if axis.path[0] != "friction" or axis.is_whole or name in OF_ALL_LAWS:
             continue
-        base = law.at(place[1]) if law and place[1:] else law
-        whole = [one for one in axes if one.parameter.is_whole and one.parameter.path == tuple(place)]
-        laws = [value for one in whole for value in one.values] or ([base] if base else [])
-        for word in (str(own.value) for node in laws if (own := node.at("law"))):
-            names = [p.name for p in SHAPES[word].parameters] if word in SHAPES else [name]
+        base = friction.at(*place[1:]) if friction else None
+        for node in whole.get(tuple(place), (base,) if base else ()):
+            word = str(own.value) if (own := node.at("law")) else ""
+            names = [one.name for one in SHAPES[word].parameters] if word in SHAPES else [name]
             if name not in names:
                 remedy = f"it has {', '.join(names)}; sweep the whole law by friction: {{NAME: {{law: ...}}, ...}}"
                 ctx.errors.at(axis.node, f"the law {word} has no parameter {name!r}", remedy, on_key=True)
                 break
 
 
-def records(sweep: Sweep, units: str) -> tuple[Axis, ...]:
-    """The axes as the rest of the package sees them."""
-    names = short_names([axis.parameter.path for axis in sweep.axes])
-    axes = []
-    for axis, name in zip(sweep.axes, names, strict=True):
-        in_si = units == "SI" and all(isinstance(label, float) for label in axis.labels)
-        dimension, values = axis.parameter.row.dimension, tuple(value.plain() for value in axis.values)
-        unit = axis.values[0].shown_in or common_unit(values, dimension)
-        written = unit if in_si and unit[1] != 1.0 else ("", 1.0)
-        cf = dimension.cf if in_si else "1"
-        axes.append(Axis(name, axis.parameter.path, values, axis.labels, cf, axis.distribution, written))
-    return tuple(axes)
-
-
-def _listed(ctx: Context, key: str, node: Node, p: Parameter, known: Mapping[Keys, Parameter]) -> SweptAxis:
+def _listed(ctx: Context, root: Node, key: str, node: Node, p: Parameter) -> SweptAxis:
     """The axis of a parameter whose values are listed, spaced, or laws or materials by name."""
-    first, kind, values = len(ctx.errors.problems), p.row.kind, node.value
+    first, kind, values = len(ctx.errors.problems), p.row.kind, node.entries if isinstance(node.value, tuple) else ()
     names: tuple[str, ...] = ()
-    if p.is_whole and node.children and not p.is_one(node.value):
-        values, names = tuple(node.children.values()), tuple(node.children)
-    elif p.is_whole:
-        own = "{law: tresca, tau: 20 MPa}" if kind == "law" else "{E: 210 GPa, nu: 0.3}"
-        what = f"must be a mapping of names to {kind}s, but is {node.kind()}"
-        what = f"is a single {kind}, not a mapping of names to {kind}s" if p.is_one(node.value) else what
-        ctx.errors.at(node, what, ctx.example(f"write {{NAME: {own}, NAME: ...}}"))
+    if p.is_whole:
+        names, values = tuple(several := p.several(node)), tuple(several.values())
+        if not several:
+            own = "{law: tresca, tau: 20 MPa}" if kind == "law" else "{E: 210 GPa, nu: 0.3}"
+            is_one = f"is a single {kind}, not" if node.children else "must be"
+            what = f"{is_one} a mapping of names to {kind}s" + ("" if node.children else f", but is {node.kind()}")
+            ctx.errors.at(node, what, ctx.example(f"write {{NAME: {own}, NAME: ...}}"))
     elif node.children and kind in NUMBERS:
-        values = _spaced(ctx, node, p.row.dimension)
-    elif not isinstance(values, tuple) or not values:
+        values = _spaced(ctx, node, p.row.dimension) or ()
+    elif not values:
         empty = node.value in (None, (), {})
         shown = ctx.example(p.row.dimension.example) if empty else node.brief()
         example = f"{shown}, ...] or {{linspace: [a, b, n]}}" if kind in NUMBERS else "..., ...]"
         what = "has no values" if empty else f"must be a list of values, but is {node.kind()}"
         ctx.errors.at(node, what, f"write a list such as [{example}")
-    axis = _axis(ctx, key, node, p, values if isinstance(values, tuple) else (), names)
-    if others := [".".join(path) for path in known if path[-1] == key and path != p.path]:
-        faults, meant = ctx.errors.problems, f", or {' or '.join(others)} for {key}, which is {'.'.join(p.path)}"
+    axis = _axis(ctx, key, node, p, values, names)
+    faults, full = ctx.errors.problems, ".".join(p.path)
+    if faults[first:] and (others := [one for one in _known(ctx, root) if one.endswith(f".{key}") and one != full]):
+        meant = f", or {' or '.join(others)} for {key}, which is {full}"
         faults[first:] = [replace(fault, remedy=fault.remedy + meant) for fault in faults[first:]]
     return axis
 
@@ -394,3 +437,171 @@ def _spaced(ctx: Context, node: Node, dimension: Dimension) -> Nodes:
     unit = common_unit([end.value for end in item.entries[:2]], dimension) if ctx.units == "SI" else ("", 1.0)
     numbers = (a, *(float(f"{value:.15g}") for value in between), b)
     return tuple(replace(item, value=value, shown_in=unit) for value in numbers)
+
+
+def table_lines(ctx: Context, node: Node) -> tuple[str, list[tuple[Node, ...]]]:
+    """Text of the CSV table that a key names, and the cells of its lines, the headings first; nothing after a fault."""
+    before, path = len(ctx.errors), ctx.folder / ctx.text(node, "the path of a table")
+    try:
+        text = load_text(path)
+    except StudyError as error:
+        ctx.errors.at(node, f"{path}: {error.problems[0].what}", "name a CSV table beside the study")
+        return "", []
+    lines = list(_csv_lines(ctx, text.removeprefix("\N{BYTE ORDER MARK}"), str(path)))
+    heads, wrong = lines[0] if lines else (), [line for line in lines if len(line) != len(lines[0])]
+    words = [str(cell.value) for cell in heads]
+    twice = [k for k, word in enumerate(words) if word and word in words[:k]]
+    other = [name for name, mark in {"semicolons": ";", "tabs": "\t"}.items() if len(words) == 1 and mark in words[0]]
+    if len(ctx.errors) > before:
+        pass
+    elif other:
+        ctx.errors.at(heads[0], f"columns are separated by {other[0]}; write commas, and a point in decimals")
+    elif words and all(re.fullmatch(NUMBER, word) for word in words):
+        ctx.errors.at(heads[0], "the table has no headings; write a name and its unit over each column, as u_x [mm]")
+    elif len(lines) < 2:
+        ctx.errors.at(node, f"{path} has no data", "write a heading for each column and a line for each point")
+    elif twice:
+        said = f"the heading {words[twice[0]]!r} stands twice; give every column its own heading"
+        ctx.errors.at(heads[twice[0]], said)
+    elif wrong:
+        others = f", and {len(wrong) - 1} other lines likewise" if len(wrong) > 1 else ""
+        what = f"has {len(wrong[0])} entries, but the header {len(heads)}{others}"
+        ctx.errors.at(wrong[0][-1], what, "give every column a value; decimals have a point, columns a comma")
+    return (text, lines) if len(ctx.errors) == before else ("", [])
+
+
+def _csv_lines(ctx: Context, text: str, file: str) -> Iterator[tuple[Node, ...]]:
+    for number, line in enumerate(text.splitlines(), 1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        cells, at = [], 0
+        while at <= len(line):
+            match = CELL.match(line, at)
+            if match is None:
+                mark = Mark(file, number, at + 1)
+                ctx.errors.at_mark(mark, "", "a quote is not where a text begins or ends", 'write "..." around a text')
+                break
+            mark = Mark(file, number, match.start(1) + 1)
+            word = match[1].strip()
+            cells.append(Node(word[1:-1].replace('""', '"') if word[:1] == '"' else word, "", mark, mark))
+            at = match.end() + (not match[0].endswith(","))
+        yield tuple(cells)
+
+
+def table_value(ctx: Context, cell: Node, unit: str) -> Node:
+    """A cell as the study would have it."""
+    word = str(cell.value)
+    if not word:
+        ctx.errors.unreadable(cell.mark, cell.path, "is empty", "give every parameter a value in every line")
+    number = re.fullmatch(NUMBER, word)
+    if unit and split_quantity(word) is not None:
+        ctx.errors.at(cell, f"{word!r} has a unit beside that of the header", "write the number alone")
+    return cell if number is None else replace(cell, value=f"{word} {unit}" if unit else float(word))
+
+
+@none_after_fault
+def _design(ctx: Context, node: Node, mode: str, d: int) -> Design:
+    """How many points are drawn, and from which seed; None after a fault. d: parameters"""
+    points, seed = node.at("points") or node, node.at("seed")
+    if not d:
+        ctx.errors.at(node, "has no parameter to draw; add one, for example alpha: {uniform: [25, 100]}")
+    if points is node:
+        ctx.errors.at(node, "is missing", "say how many are drawn: points: 500", key=f"{node.path}.points")
+    ctx.sound()
+    n, start = ctx.integer(points, 1, MAX_POINTS), ctx.value(seed, row("sweep", "seed")) if seed else 0
+    if count(mode, n, d) > MAX_POINTS:
+        what = f"{n} × ({d} + 2) points of {mode} are more than {MAX_POINTS}"
+        ctx.errors.at(points, what, "draw fewer points, or leave parameters out")
+    return Design(mode, n, start)
+
+
+def _drawn(
+    ctx: Context, design: Design, items: Mapping[str, tuple[Node, Parameter]], correlation: Node | None
+) -> list[SweptAxis]:
+    """The drawn axes; none if a distribution, or the correlation, could not be read."""
+    read = {key: _distribution(ctx, node, parameter, design.mode) for key, (node, parameter) in items.items()}
+    R = _correlation(ctx, correlation, design.mode, {p.path: i for i, (_, p) in enumerate(items.values())})
+    if not items or R is None or any(found is None for found in read.values()):
+        return []
+    axes, points = list[SweptAxis](), cube(design, len(items))
+    for (key, found), u in zip(read.items(), (points if correlation is None else correlated(points, R)).T, strict=True):
+        node, parameter = items[key]
+        if isinstance(found, Distribution):
+            inner = next(iter(node.children.values()))
+            ends = inner.children.values() or inner.entries
+            written = [end.value for end in ends if isinstance(end.value, str)]
+            unit = common_unit(written, parameter.row.dimension) if ctx.units == "SI" else ("", 1.0)
+            values = tuple(replace(node, value=value, shown_in=unit) for value in found.at(u).tolist())
+            axes.append(_axis(ctx, key, node, parameter, values, (), str(found)))
+        elif found is not None:
+            names, entries = (tuple(found), tuple(found.values())) if isinstance(found, dict) else ((), found)
+            which = np.minimum((u * len(entries)).astype(int), len(entries) - 1).tolist()
+            said = f"choice({', '.join(names or [entry.text() for entry in entries])})"
+            values, labels = tuple(entries[i] for i in which), tuple(names[i] for i in which if names)
+            axes.append(_axis(ctx, key, node, parameter, values, labels, said))
+    return axes
+
+
+@none_after_fault
+def _correlation(
+    ctx: Context, node: Node | None, mode: str, places: Mapping[tuple[str, ...], int]
+) -> np.ndarray[Any, Any] | None:
+    """The correlation matrix of the drawn parameters; None after a fault. places: of each by its path"""
+    R = np.eye(len(places))
+    pairs = ctx.mapping(node, "pairs to numbers", 'write {"E, tau_s": 0.6}', least=0)
+    for key, item in pairs.items():
+        rho, two = ctx.quantity(item, NONE), [path_of(name.strip()) for name in key.split(",")]
+        at = [places.get(path, places.get(("parameters", *path), -1)) for path in two]
+        if len(at) != 2 or at[0] == at[1] or -1 in at:
+            names = ", ".join(path[-1] for path in places)
+            ctx.errors.at(item, f"{key!r} is no pair of drawn parameters", f"name two of {names}", on_key=True)
+        elif not -1.0 < rho < 1.0:
+            ctx.errors.at(item, f"is {rho:g}", "a correlation lies between -1 and 1, without these")
+        else:
+            R[at[0], at[1]] = R[at[1], at[0]] = rho
+    ctx.sound()
+    if pairs and node is not None and mode == SALTELLI:
+        ctx.errors.at(node, f"mode: {SALTELLI} takes its parameters as independent", "use mode: sobol or random")
+    elif pairs and node is not None and np.linalg.eigvalsh(R)[0] <= 0.0:
+        what = "no parameters can be correlated like this: the matrix is not positive definite"
+        ctx.errors.at(node, what, "bring the numbers nearer to 0")
+    return R
+
+
+Choice = dict[str, Node] | tuple[Node, ...]
+
+
+@none_after_fault
+def _distribution(ctx: Context, node: Node, parameter: Parameter, mode: str) -> Distribution | Choice | None:
+    """The distribution of a parameter, or the values that are equally likely; None after a fault."""
+    whole, dimension = parameter.is_whole, parameter.row.dimension
+    found: Choice | Distribution | None = None
+    if whole and parameter.several(node):
+        found = parameter.several(node)
+    elif whole or not isinstance(node.value, Mapping):
+        shape = f"{{NAME: {{{WHOLE[parameter.row.kind][0]}: ...}}, NAME: ...}}" if whole else "{uniform: [a, b]}"
+        remedy = f"with mode: {mode} write {shape}" + ("" if whole else " or {choice: [a, b]}")
+        ctx.errors.at(node, f"must be a distribution, but is {node.kind()}", remedy)
+    else:
+        kind, item = only_key(ctx, node, "distribution", "{uniform: [a, b]}")
+        ctx.sound()
+        if kind == "choice":
+            found = ctx.items(item, "a list of values", least=1)
+        elif parameter.row.kind not in NUMBERS:
+            ctx.errors.at(item, f"{parameter.path[-1]} is no single number", "write {choice: [..., ...]}")
+        else:
+            names, of = PARAMETERS[kind], {"sigma": NONE} if kind == "lognormal" else {}
+            if names == ENDS:
+                numbers = ctx.value(item, row("distribution", kind), dimension)
+            else:
+                inner = Fields(ctx, item, kind)
+                numbers = tuple(inner.value(name, of.get(name, dimension)) for name in names)
+            ctx.sound()
+            found = Distribution(kind, tuple(zip(names, numbers, strict=True)))
+            if any(found.fault):
+                ctx.errors.at(item, *found.fault)
+    ctx.sound()
+    if mode == SALTELLI and not isinstance(found, Distribution):
+        remedy = "give it a distribution of numbers, or write one study for each value"
+        ctx.errors.at(node, f"a choice has no indices by mode: {SALTELLI}", remedy)
+    return found

@@ -5,7 +5,7 @@ design can grow. A Latin hypercube grows by doubling only; one of n points is a 
 (every old point lies in a cell of the finer one, the new points fill the other cells; Sallaberry, Helton & Hora,
 Reliab. Eng. Syst. Saf. 93 (2008) 1047, doi 10.1016/j.ress.2007.04.005).
 
-Not here: which parameter has which distribution, and in which unit (`read.points`).
+Not here: which parameter has which distribution, and in which unit (`read.sweep`).
 """
 
 from __future__ import annotations

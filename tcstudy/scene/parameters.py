@@ -1,4 +1,4 @@
-"""What a sweep may vary, out of the table of keys: key paths with their kind and dimension, and the short names.
+"""What a sweep may vary, out of the table of keys, and short names of key paths.
 
 The numbers of a scene that a path, a history, a fit or a derivative may change, and the scene with other loads; with
 another value of any number it is read again (`read.scenes.SceneReader`).
@@ -6,14 +6,14 @@ another value of any number it is read again (`read.scenes.SceneReader`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 from tcstudy.expressions.expression import Expression, product
 from tcstudy.laws.composed import POINTS, EdgeLaws
 from tcstudy.laws.shapes import SHAPES
-from tcstudy.scene.keys import LOADED, OF_ALL_LAWS, ROWS, Key, law_rows, row, rows
+from tcstudy.scene.keys import LOADED, Key, law_rows, row, rows
 from tcstudy.scene.records import Clamped, Convection, Loaded, Rigid, Scalar, Scene, exchanges
 from tcstudy.scene.units import LENGTH, TRACTION
 
@@ -26,37 +26,6 @@ NUMBERS = ("number", "integer", "field", "component")
 WHOLE: dict[str, tuple[str, ...]] = {"law": ("law",), "material": tuple(rows("material"))}
 """Kinds of keys that are sections whose values a sweep names, and keys of which each has one."""
 
-
-@dataclass(frozen=True)
-class Parameter:
-    """A key that can be swept, and where."""
-
-    path: Keys
-    row: Key
-
-    @property
-    def is_whole(self) -> bool:
-        """Whether its values are whole laws or materials, by name."""
-        return self.row.kind in WHOLE
-
-    def is_one(self, value: object) -> bool:
-        """Whether a value is a single law or material, not several by name."""
-        return isinstance(value, Mapping) and any(key in value for key in WHOLE[self.row.kind])
-
-
-OF_EDGES: dict[str, Keys] = {"boundary": (), "edge_heat": ("heat",), "spring": ("spring",)}
-"""Sections whose keys belong to one edge, and where they stand in its mapping."""
-PLAIN: dict[Keys, Key] = {
-    (one.section, one.name) if one.section else (one.name,): one
-    for one in ROWS
-    if one.swept and one.section not in (*OF_EDGES, "mesh")
-}
-"""Parameters of every study but those of the law and of the edges."""
-EDGE: dict[Keys, Key] = {
-    (*inner, one.name): one for section, inner in OF_EDGES.items() for one in rows(section).values() if one.swept
-}
-"""Parameters of one edge, by path in its mapping."""
-
 _ALONE = ("title", "institution", "units", "solver", "exact", "history", "output")
 FIXED = dict.fromkeys(_ALONE, "write one study for each, or use --set") | {
     "body": "sweep a number that it gives, such as body.rectangle.height, or a name of parameters that it uses",
@@ -67,41 +36,32 @@ FIXED = dict.fromkeys(_ALONE, "write one study for each, or use --set") | {
 """Sections that cannot be swept, and what to do instead."""
 
 
-def sweepable(
-    edges: Mapping[str, Sequence[str]], law: str | Mapping[str, str] | None, regions: Sequence[str] = ()
-) -> dict[Keys, Parameter]:
-    """All parameters by path.
+def swept_row(path: Keys, law: str = "", edges: Collection[str] = ()) -> Key | None:
+    """The row of the key at a path if a sweep may vary it, by the table alone; names of edges and regions as they come.
 
-    edges:   the keys that each edge's role takes
-    law:     the base law, which decides where laws differ in a parameter's dimension; of each contact edge where edges
-             have their own
-    regions: those that have a material of their own
+    law: of which a parameter is meant where laws differ in its dimension;  edges: those with laws of their own
     """
-    found = dict(PLAIN)
-    for region in regions:
-        found |= {("materials", region, *path[1:]): one for path, one in PLAIN.items() if path[0] == "material"}
-        del found["materials", region, "plane"]
-    if isinstance(law, Mapping):
-        for key_of_all in OF_ALL_LAWS:
-            del found["friction", key_of_all]
-    for edge, own in law.items() if isinstance(law, Mapping) else [("", law)]:
-        place = ("friction", edge) if edge else ("friction",)
-        found[place] = PLAIN[("friction",)]
-        for name in (own, *SHAPES):
-            of_all = (PLAIN["friction", key] for key in OF_ALL_LAWS)
-            for one in (*law_rows(name), *of_all) if name in SHAPES else ():
-                found.setdefault((*place, one.name), one)
-    for edge, own_keys in edges.items():
-        found |= {("boundary", edge, *inner): one for inner, one in EDGE.items() if inner[0] in own_keys}
-    return {path: Parameter(path, one) for path, one in found.items()}
+    section, found, words = "", None, list(path)
+    while words:
+        known = {one.name: one for one in law_rows(law)} if section == "friction" and law in SHAPES else {}
+        found = known.get(words[0]) or rows(section).get(words[0])
+        by_edge = words.pop(0) == "friction" and bool(edges) and bool(words)
+        if found is None or (by_edge and words[0] not in edges):
+            return None
+        if words and (by_edge or found.kind == "named sections"):
+            words = words[1:]
+        section = found.of[0] if found.of else "."
+    if path[0] == "materials" and len(path) == 2:
+        return row("", "material")
+    return found if found is not None and found.swept else None
 
 
 SHORT = {
-    path[-1]: ".".join(path)
-    for path in (
-        *(path for path, one in sweepable({}, None).items() if path[0] == "friction" and one.row.kind in NUMBERS),
-        *((path[0], name) for path, one in PLAIN.items() if len(path) == 2 for name in {path[1], *one.numbers}),
-    )
+    name: f"{section}.{name}"
+    for section in ("friction", "material", "loads", "heat")
+    for one in rows(section).values()
+    if one.swept and (section != "friction" or one.kind in NUMBERS)
+    for name in (one.name, *one.numbers)
 }
 """Short names: alpha for heat.alpha, f_x for loads.f_x, k for material.k (a law's k is friction.k)."""
 

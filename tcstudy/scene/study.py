@@ -13,7 +13,7 @@ How a contact problem may be solved: the one place of the names of solvers, of s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -436,6 +436,15 @@ class Axis:
     units: str
     distribution: str = ""
     written: tuple[str, float] = ("", 1.0)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether its values are laws or materials, by name."""
+        return all(isinstance(value, Mapping) for value in self.values)
+
+    def labelled(self) -> list[tuple[float | str, object]]:
+        """Every label with its value."""
+        return list(zip(self.labels, self.values, strict=True))
 
 
 @dataclass(frozen=True)

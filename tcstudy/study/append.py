@@ -15,7 +15,7 @@ import itertools
 import json
 import operator
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -159,34 +159,24 @@ def merge_studies(old: Study, new: Study) -> Study:
     if old.design is not None or new.design is not None:
         keep = "keep mode, seed and distributions, and double the points of a latin-hypercube"
         raise StoreError(f"the points of the file are not the first of this design; {keep}, or give another --output")
-    paths, sweep = [axis.path for axis in old.axes], dict[str, object]()
     if old.mode == new.mode == "grid":
-        for path in paths:
-            values = dict(pair for study in (old, new) for pair in _labelled(_axis(study, path)))
-            sweep[".".join(path)] = values if _is_whole(_axis(old, path)) else [*values.values()]
+        columns = [[*dict([*one.labelled(), *_axis(new, one.path).labelled()]).items()] for one in old.axes]
     else:
-        points = dict[tuple[float | str, ...], dict[str, object]]()
-        for study in (old, new):
-            for point in _points(study, paths, _labelled):
-                named = ({label: v} if _is_whole(axis) else v for axis, (label, v) in zip(old.axes, point, strict=True))
-                points[tuple(label for label, _ in point)] = dict(zip(map(".".join, paths), named, strict=True))
-        sweep = {"mode": "list", "points": [*points.values()]}
+        every = (
+            point for study in (old, new) for point in _points(study, [one.path for one in old.axes], Axis.labelled)
+        )
+        points = {tuple(label for label, _ in point): point for point in every}
+        columns = [[*column] for column in zip(*points.values(), strict=True)]
+    pairs = [zip(*column, strict=True) for column in columns]
+    axes = [replace(axis, labels=labels, values=values) for axis, (labels, values) in zip(old.axes, pairs, strict=True)]
     name = str(new.source) if new.source is not None else "<text>"
-    return read_study_text(new.text, name, with_sweep(new.overrides, sweep), new.source)
+    mode = "grid" if old.mode == new.mode == "grid" else "list"
+    return read_study_text(new.text, name, with_sweep(new.overrides, mode, axes), new.source)
 
 
 def _axis(study: Study, path: Keys) -> Axis:
     """The axis of a parameter."""
     return next(axis for axis in study.axes if axis.path == path)
-
-
-def _labelled(axis: Axis) -> Iterator[tuple[float | str, object]]:
-    return zip(axis.labels, axis.values, strict=True)
-
-
-def _is_whole(axis: Axis) -> bool:
-    """Whether its values are laws or materials, by name."""
-    return axis.path == ("friction",) or all(isinstance(value, Mapping) for value in axis.values)
 
 
 DECIDE_NOTHING = ("title", "institution", "path", "output was", "output.path", "output.live")
@@ -202,10 +192,10 @@ def differences(old: Study, new: Study, free: tuple[str, ...] = FREE) -> list[st
         return [f"swept parameters were {before}, are {now}"]
     lines = [line for line in changes(old.text, old.overrides, new) if not line.startswith(free)]
     for axis in old.axes:  # texts may name other values in the two studies, such as laws
-        key, values = ".".join(axis.path), dict(_labelled(_axis(new, axis.path)))
+        key, values = ".".join(axis.path), dict(_axis(new, axis.path).labelled())
         if {type(label) for label in axis.labels} != {type(label) for label in values}:
             lines.append(f"{key} was swept by texts, or is")
-        for label, value in _labelled(axis):
+        for label, value in axis.labelled():
             if isinstance(label, str) and values.get(label, value) != value:
                 was, now = (shortened(json.dumps(v, ensure_ascii=False), 120) for v in (value, values[label]))
                 lines.append(f"{key}.{label} was {was}, is {now}")
