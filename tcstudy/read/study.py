@@ -130,7 +130,7 @@ def _one_body(header: dict[str, Any], ctx: Context, root: Node, sweep: Sweep, sa
         scenes = derived_scenes(ctx, reader, exact, reader.body)
     if ctx.errors.problems or mesh is None or solver is None or output is None:
         raise StudyError(ctx.errors.problems)
-    axes = sweep.records(ctx.units)
+    axes = sweep.records(ctx.units) if sweep.axes else ()
     sweep_said = {"mode": sweep.mode, "axes": axes, "design": sweep.design, "overrides": said}
     plans = {"mesh": mesh, "solver": solver, "output": output, "exact": exact, "path": path, "history": history}
     return Study(**header | sweep_said | plans, fit=fit, scenes=scenes, units=ctx.units)
