@@ -34,8 +34,8 @@ boundary: {bottom: contact, left: free, top: free, right: {role: clamped, u_x: 0
 material: {E: 1e6 GPa, nu: 0, plane: stress}
 friction: {law: piecewise-linear, points: [[0 mm, 1 MPa], [1 mm, 5 MPa]]}
 mesh: {maxh: 50 mm}
-history: {memory: elastic-plastic, stiffness: 100 GPa/m, steps: [{boundary.right.u_x: 0.2 mm, in: 8},
-            {boundary.right.u_x: -0.15 mm, in: 12}, {boundary.right.u_x: 0.25 mm, in: 10}]}
+history: {memory: elastic-plastic, stiffness: 100 GPa/m, steps: [{boundary.right.u_x: 0.2 mm, in: 4},
+            {boundary.right.u_x: -0.15 mm, in: 6}, {boundary.right.u_x: 0.25 mm, in: 5}]}
 fit:
   data: {file: data.csv, columns: {step: step, friction_resultant: "P [N/m]"}}
   noise: {friction_resultant: 2 kN/m}
@@ -45,8 +45,8 @@ fit:
     friction.points.1: {start: 5 MPa, within: [0.2 MPa, 30 MPa]}
     history.stiffness: {start: 100 GPa/m, within: [10 GPa/m, 1000 GPa/m]}
 """
-PULLED = np.r_[np.linspace(0, 2e-4, 9), np.linspace(2e-4, -1.5e-4, 13)[1:], np.linspace(-1.5e-4, 2.5e-4, 11)[1:]]
-"""(31,) where the steps have pulled it [m]."""
+PULLED = np.r_[np.linspace(0, 2e-4, 5), np.linspace(2e-4, -1.5e-4, 7)[1:], np.linspace(-1.5e-4, 2.5e-4, 6)[1:]]
+"""(16,) where the steps have pulled it [m]."""
 FOUND = (TAU, TAU + 1e-3 * RISE, K)
 """What is sought."""
 
@@ -64,7 +64,7 @@ def returned(U: Array) -> Array:
 
 def test_strength_rise_and_spring_of_a_cyclic_test(tmp_path: Path) -> None:
     """The closed form of a rigid block as data: found as far as it is rigid."""
-    record = fit(fitted(tmp_path, RIGID, "step,P [N/m]", range(31), returned(PULLED)))
+    record = fit(fitted(tmp_path, RIGID, "step,P [N/m]", range(16), returned(PULLED)))
     assert record.values["estimate"] == pytest.approx(FOUND, rel=1e-5)
     assert np.all(record.values["standard_error"] < 0.02 * np.array(FOUND))
     assert int(record.attributes["evaluations"]) <= 12
@@ -74,7 +74,7 @@ REFUSED_HISTORIES = (
     ({"step: step, ": ""}, "fit.data: a fit of a history needs a column step; add {step:"),
     ({"step: step": "boundary.right.u_x: step"}, "be boundary.right.u_x: it is none that is known here; name one of"),
     ({"starts: 1": "compare: orthogonal"}, "distances to a path are of one monotone load, but the study has a history"),
-    ({"in: 8": "in: 7"}, "the history has no step 30; steps are 0 for the study as it is written, then 1 to 29"),
+    ({"in: 4": "in: 3"}, "the history has no step 15; steps are 0 for the study as it is written, then 1 to 14"),
     ({"friction.points.1: {start: 5 MPa": "boundary.right.u_x: {start: 5 mm", "[0.2 MPa, 30 MPa]": "[1 mm, 9 mm]"},
      "boundary.right.u_x is what the history changes, so it is known"),
     ({"[10 GPa/m, 1000": "[-1 GPa/m, 1000"}, "history.stiffness = -1e+09: must be greater than 0"),
@@ -88,11 +88,11 @@ def test_what_a_fit_of_a_history_does_not_take(tmp_path: Path, change: dict[str,
         assert old in text
         text = text.replace(old, new)
     with pytest.raises(StudyError) as fault:
-        fitted(tmp_path, text, "step,P [N/m]", range(31), np.zeros(31))
+        fitted(tmp_path, text, "step,P [N/m]", range(16), np.zeros(16))
     assert [told in str(one) for one in fault.value.problems].count(True) == 1, fault.value.problems
 
 
-PLACES = np.linspace(0.0, 160.0, 7)
+PLACES = np.linspace(0.0, 160.0, 5)
 PULL = """
 title: pull
 body:
@@ -101,7 +101,7 @@ body:
 boundary: {bond: contact, grip: {role: clamped, u_x: 0, u_y: free}, top: free, tail: free}
 material: {E: 42.24 GPa, nu: 0, plane: stress}
 friction: {law: piecewise-linear, points: [POINTS]}
-mesh: {maxh: 19 mm}
+mesh: {maxh: 38 mm}
 fit:
   data: {file: data.csv, columns: {boundary.grip.u_x: "Delta [mm]", friction_resultant: "P [N/mm]"}}
   noise: {friction_resultant: 2.2 N/mm}
