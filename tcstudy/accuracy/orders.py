@@ -114,14 +114,10 @@ def log_share(h: Array) -> float:
 
 def _slope(x: Array, y: Array) -> tuple[float, float]:
     """Slope of the least-squares line and its standard error."""
-    if len(x) < 2:
-        return NAN, NAN
-    dx = x - x.mean()
-    slope = float(dx @ y / (dx @ dx))
     if len(x) < 3:
-        return slope, NAN
-    rest = y - y.mean() - slope * dx
-    return slope, float(np.sqrt(rest @ rest / (len(x) - 2) / (dx @ dx)))
+        return (float(np.diff(y)[0] / np.diff(x)[0]) if len(x) == 2 else NAN), NAN
+    (slope, _), covariance = np.polyfit(x, y, 1, cov=True)
+    return float(slope), float(np.sqrt(covariance[0, 0]))
 
 
 def richardson(h: Array, q: Array, usable: NDArray[np.bool_]) -> dict[str, float]:

@@ -158,20 +158,16 @@ def _zero(at: list[float], nodes: list[int], slip: Array) -> tuple[float, tuple[
 
 
 def goal_value(goal: Goal, problem: ContactProblem, line: ContactLine, v: Array) -> float:
-    """J of a contact solution v (m,); NaN for the energy norm, which is no number to compare."""
-    if goal.quantity == "friction_resultant":
-        return float(problem.xi(v).sum())
-    if goal.quantity == "slip_length":
-        return float(problem.c[~problem.law.sticking(v)].sum())
-    if goal.quantity == "u_T":
-        assert goal.at is not None
+    """J of a contact solution v (m,)."""
+    if goal.at is not None:
         return float(point_weights(line, goal.at) @ v)
-    return float("nan")
+    sliding = problem.c[~problem.law.sticking(v)]
+    return float(sliding.sum() if goal.quantity == "slip_length" else problem.xi(v).sum())
 
 
 def weight_of_friction(goal: Goal) -> float:
     """a of J = aᵀξ + wᵀu_T at every node."""
-    return 1.0 if goal.quantity == "friction_resultant" else 0.0
+    return float(goal.quantity == "friction_resultant")
 
 
 def point_weights(line: ContactLine, at: Point) -> Array:

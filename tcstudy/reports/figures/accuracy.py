@@ -44,7 +44,7 @@ def convergence_figure(data: Any, point: Mapping[str, Value] | None, look: style
     """
     where = locate(data, point)
     at, words = data.isel(where), describe(data, where)
-    panels, states = convergence_panels(at), {_state(at, name) for *_, group in GROUPS for name in group}
+    panels, states = convergence_panels(at), {_state(at, m.name) for m in shown(at)}
     if not panels:
         raise DrawError("the file has no errors to draw: no reference was there, or all errors are rounding")
     marks = {
@@ -70,9 +70,8 @@ def convergence_figure(data: Any, point: Mapping[str, Value] | None, look: style
 
 
 def _state(at: Any, name: str) -> str:
-    """What is drawn of an error: nothing if it is not there or rounding, else its verdict; "guess" if its rate is that
-    of two levels, so that nothing says how far to trust it."""
-    verdict = VERDICTS[int(at[f"verdict_{name}"])] if shown(at, name) else "exact"
+    """What is drawn of an error: nothing if it is rounding, else its verdict; "guess" if its rate is of two levels."""
+    verdict = VERDICTS[int(at[f"verdict_{name}"])]
     if verdict == "exact" or not bool((at[f"error_{name}"] > 0).any()):
         return ""
     guess = np.isfinite(at[f"slope_{name}"]) and not np.isfinite(at[f"slope_error_{name}"])
@@ -86,8 +85,9 @@ def convergence_panels(at: Any) -> dict[str, Panel]:
     """
     h, ok = at["h_max"].values, at["status"].values == int(PointStatus.OK)
     across, found = scale("longest element edge h", h, str(at["h_max"].attrs["units"])), dict[str, Panel]()
-    for symbol, title, group in GROUPS:
-        names = {name: state for name in group if (state := _state(at, name))}
+    for symbol, title in GROUPS.items():
+        own = (m.name for m in shown(at) if m.symbol.split(" ")[0] == symbol)
+        names = {name: state for name in own if (state := _state(at, name))}
         if not names:
             continue
         panel = found[symbol] = Panel(across, Scale("relative error"), log=(True, True), grid=True)

@@ -332,7 +332,7 @@ class Sheet:
     def _wrapped(self, text: str, size: float) -> list[str]:
         """Lines of a text, fewer letters of bold ones, which are wider."""
         columns = int(self.wide / size * (0.92 if size > 1.0 else 1.0))
-        return textwrap.wrap(text, columns, break_long_words=False)
+        return textwrap.wrap(text.replace(" %", "\N{NO-BREAK SPACE}%"), columns, break_long_words=False)
 
     def key(self, *panels: str, place: str = "lower center", title: str | None = None) -> None:
         """What lines, marks and hatches mean that have a label in these panels, or in all; place: as in Figure.legend.

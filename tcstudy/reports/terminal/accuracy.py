@@ -22,13 +22,13 @@ from tcstudy.reports.text import counted, headed, number, prefix
 
 # -- convergence -------------------------------------------------------------------------------------------------------
 
-GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
-    ("θ", "temperature", ("theta_L2", "theta_H1")),
-    ("u", "displacement", ("u_energy", "u_H1", "u_L2")),
-    ("u_T", "tangential displacement on Γ_C", ("u_T_L2", "u_T_max")),
-    ("ξ", "friction traction on Γ_C", ("xi_L2", "xi_nodes", "xi_max")),
-)
-"""Errors that share a panel of the plot, in the order of the tables."""
+GROUPS = {
+    "θ": "temperature",
+    "u": "displacement",
+    "u_T": "tangential displacement on Γ_C",
+    "ξ": "friction traction on Γ_C",
+}
+"""What errors are of, by which they share a panel of the plot: their symbol up to the norm."""
 SYMBOLS = {measure.name: measure.symbol for measure in (*ERRORS, *MEASURES)}
 LEGEND = (
     "rate: from the level before. order: least-squares slope ± standard error over the levels named; of two levels it "
@@ -36,23 +36,20 @@ LEGEND = (
     "(parentheses) did not converge and enter no fit. Errors are relative to the norm of the reference; H¹ is the "
     "seminorm; ξ is compared in L²(Γ_C) as a step function, and at the contact nodes."
 )
-MARKS = {"exact": "exact", "slower": " <", "faster": " >", "pre_asymptotic": " ~", "too_few_levels": sentences.GUESS}
-"""What stands in place of an order that is rounding, and behind one that is not as expected."""
+MARKS = {"slower": " <", "faster": " >", "pre_asymptotic": " ~", "too_few_levels": sentences.GUESS}
+"""What stands behind an order that is not as expected."""
 OVERVIEW = (
     "Orders fitted over the levels. < slower and > faster than expected, ~ not yet settled (pre-asymptotic), exact: "
     f"all errors are rounding, {sentences.GUESS}: a guess from two levels, (order): some level was not solved. "
     "Tables of a point: --at NAME=VALUE; of all: -v."
 )
-RANKS = {"u_H1": 1, "xi_L2": 2, "u_L2": 3, "theta_H1": 4, "u_energy": 5, "theta_L2": 6, "u_T_L2": 7, "xi_nodes": 8}
-"""Importance of errors where there is no room for all."""
 STEADY = 1e-12
 """Relative uncertainty that is rounding and not worth a word."""
 
 
 def convergence_verdict(data: Any) -> tuple[str, str, bool]:
     """How many orders are as expected, how that is known, and whether all is well."""
-    found = [(m.symbol, VERDICTS[int(v)]) for m in ERRORS if shown(data, m.name)
-             for v in by_point(data[f"verdict_{m.name}"], data)]  # fmt: skip
+    found = [(m.symbol, VERDICTS[int(v)]) for m in shown(data) for v in by_point(data[f"verdict_{m.name}"], data)]
     solved = bool(np.all(data["status"].values == int(PointStatus.OK)))
     lack = next((text for text in str(data.attrs["notes"]).split("\n") if text.startswith("No errors")), None)
     told = lack if lack and not found else f"{sentences.orders(found, solved)}."
@@ -89,19 +86,15 @@ def notes(data: Any) -> list[str]:
 
 def tables(at: Any) -> Iterator[Table]:
     """The tables of a sweep point."""
-    if names := _shown(at):
-        yield _errors(at, names, str(at.attrs["reference"]).split(" (")[0])
+    if shown(at):
+        yield _errors(at)
     if measures := [m for m in NUMBERS if f"value_{m.name}" in at and np.isfinite(at[f"value_{m.name}"]).any()]:
         yield _numbers(at, measures)
 
 
-def shown(at: Any, name: str) -> bool:
-    """Whether the point has this error on some level."""
-    return f"error_{name}" in at and bool(np.isfinite(at[f"error_{name}"]).any())
-
-
-def _shown(at: Any) -> list[str]:
-    return [name for *_, group in GROUPS for name in group if shown(at, name)]
+def shown(at: Any) -> list[Measure]:
+    """The errors that there are on some level."""
+    return [m for m in ERRORS if f"error_{m.name}" in at and np.isfinite(at[f"error_{m.name}"]).any()]
 
 
 def _levels(data: Any) -> Table:
@@ -123,8 +116,7 @@ def _levels(data: Any) -> Table:
 
 def _overview(data: Any, points: Sequence[dict[str, int]]) -> Iterator[Part]:
     """The orders of all points in one table, below the order expected of each error."""
-    names = _shown(data)
-    if not names:
+    if not shown(data):
         yield "There is no reference, and so no errors; what the numbers tend to: -v."
         return
     columns = []
@@ -132,38 +124,37 @@ def _overview(data: Any, points: Sequence[dict[str, int]]) -> Iterator[Part]:
         texts, unit = axis_labels(data, name)
         own = [texts[where[str(data[name].dims[0])]] for where in points]
         columns.append(TextColumn(headed(name, unit), ["" if i else "expected", *own]))
-    for name in names:
-        span = np.unique(np.round(data[f"expected_{name}"].values, 2))
+    for rank, m in enumerate(shown(data)):
+        span = np.unique(np.round(data[f"expected_{m.name}"].values, 2))
         span = span[np.isfinite(span)]  # a point without a mesh has none
         cells = ["…".join(dict.fromkeys(map(_fixed, span[[0, -1]]))) if len(span) else "–"]
         for at in map(data.isel, points):
-            verdict = VERDICTS[int(at[f"verdict_{name}"])]
-            text = MARKS["exact"] if verdict == "exact" else _fixed(float(at[f"slope_{name}"])) + MARKS.get(verdict, "")
+            verdict, slope = VERDICTS[int(at[f"verdict_{m.name}"])], _fixed(float(at[f"slope_{m.name}"]))
+            text = verdict if verdict == "exact" else slope + MARKS.get(verdict, "")
             cells.append(text if (at["status"] == int(PointStatus.OK)).all() else f"({text})")
-        columns.append(TextColumn(SYMBOLS[name], cells, RANKS.get(name, 9)))
+        columns.append(TextColumn(m.symbol, cells, rank))
     yield Table("Orders of convergence", columns)
     yield OVERVIEW
 
 
-def _errors(at: Any, names: Sequence[str], reference: str) -> Table:
+def _errors(at: Any) -> Table:
     """A row for each error: its values by level with their rates, and the fitted beside the expected order."""
     levels = np.flatnonzero(at["compared"].values)
     ok = at["status"].values == int(PointStatus.OK)
     rows = []
-    for name in names:
-        error, rate = at[f"error_{name}"].values, at[f"rate_{name}"].values
-        row = [SYMBOLS[name]]
+    for m in shown(at):
+        error, slope, expected = (at[f"{part}_{m.name}"].values for part in ("error", "slope", "expected"))
+        row = [m.symbol]
         for i in levels:
             text = f"{error[i]:.3e}" if np.isfinite(error[i]) else "–"
-            row += [text if ok[i] else f"({text})", _fixed(rate[i])]
-        slope, verdict = float(at[f"slope_{name}"]), VERDICTS[int(at[f"verdict_{name}"])]
-        fitted = f"{int(at[f'first_level_{name}'])}–{np.flatnonzero(np.isfinite(error))[-1]}"
+            row += [text if ok[i] else f"({text})", _fixed(at[f"rate_{m.name}"].values[i])]
+        fitted = f"{int(at[f'first_level_{m.name}'])}–{np.flatnonzero(np.isfinite(error))[-1]}"
+        row += [sentences.order(slope, float(at[f"slope_error_{m.name}"]), 3), fitted if np.isfinite(slope) else "–"]
+        verdict = VERDICTS[int(at[f"verdict_{m.name}"])]
         word = sentences.VERDICTS[verdict]
-        row += [sentences.order(slope, float(at[f"slope_error_{name}"]), 3), fitted if np.isfinite(slope) else "–"]
-        row.append(_fixed(float(at[f"expected_{name}"])))
-        row.append(word.upper() if verdict in ("slower", "pre_asymptotic") else word)
-        rows.append((*row, str(at[f"reason_{name}"].item())))
-        for beside in (one for one in BY_ITSELF if one.split("_", 1)[1] == name and one in at):
+        loud = word.upper() if verdict in ("slower", "pre_asymptotic") else word
+        rows.append((*row, _fixed(expected), loud, str(at[f"reason_{m.name}"].item())))
+        for beside in (one for one in BY_ITSELF if one.split("_", 1)[1] == m.name and one in at):
             values = (f"{value:.3e}" if np.isfinite(value) else "–" for value in at[beside].values[levels])
             rows.append((f"  {beside.split('_')[0]}", *(cell for text in values for cell in (text, "–")), *("–",) * 5))
     header, ranks, k = ["error"], [0], len(levels)
@@ -171,7 +162,7 @@ def _errors(at: Any, names: Sequence[str], reference: str) -> Table:
         header += [f"level {level}", "rate"]
         ranks += [2 * left + 4, 2 * left + 3] if left > 2 else [0, 3]
     table = Table.of_rows(
-        f"Relative errors; reference: {reference}",
+        f"Relative errors; reference: {str(at.attrs['reference']).split(' (')[0]}",
         [*header, "order", "levels", "expected", "verdict", "reason of the expected order"],
         rows,
         [*ranks, 0, 98, 2, 1, 99],
