@@ -81,22 +81,15 @@ def scene_figure(study: Study, shape: SceneShape, look: style.Look) -> Figure:
     """The figure of a study."""
     scene, si, unit = study.scenes[0], study.units == "SI", "m" if study.units == "SI" else "1"
     edges = {name: polylines(pieces) for name, pieces in shape.segments.items()}
-    low, size = shape.points.min(axis=0), np.ptp(shape.points, axis=0)
-    one, slender = min(WIDTH / size[0], HIGHEST / size[1]), size[0] > SLENDER * size[1]
-    scales = np.array([one, LEAST / size[1] if slender else one])
-    roles, told = dict(scene.boundary), dict(numbers(scene))
+    low, size, scales = _scales(shape.points)
+    roles, told, laws = dict(scene.boundary), dict(numbers(scene)), laws_drawn(study)
     labels = {name: [name, *(role_words(name, roles[name], told, si) if name in roles else ())] for name in edges}
     above = 0.3 + LINE * max(map(len, labels.values()))
     above += ARROW * any(any((*role.g, role.pressure, *role.force)) for role in roles.values())
     body = f"Body {with_unit(size[0], unit)} × {with_unit(size[1], unit)}"
-    body += f", drawn {number(scales[1] / scales[0], 2)} times as high as it is" if slender else ""
-    facts, laws = [f"{body};  {shape.sizes}", *scene_facts(study, told, shape.lambda_1)], laws_drawn(study)
-    width, height = size * scales + [2 * SIDE, 2 * above]
-    rows, heights = [["scene"], *([["law"]] if laws else [])], [height, *([1.5] if laws else [])]
-    sheet = Sheet(look, study.title, facts, rows, heights)
-    axes = sheet.panels["scene"]
-    axes.set(xlim=(-SIDE, width - SIDE), ylim=(-above, height - above), aspect="equal")
-    axes.axis("off")
+    body += f", drawn {number(scales[1] / scales[0], 2)} times as high as it is" if scales[0] != scales[1] else ""
+    facts = [f"{body};  {shape.sizes}", *scene_facts(study, told, shape.lambda_1)]
+    sheet, axes = _sheet(look, study.title, facts, size * scales, above, bool(laws))
     points, triangles = (shape.points - low) * scales, shape.triangles
     _draw_mesh(axes, points, triangles, shape.region)
     placed, taken = {name: [(line - low) * scales for line in lines] for name, lines in edges.items()}, list[Array]()
@@ -105,38 +98,63 @@ def scene_figure(study: Study, shape: SceneShape, look: style.Look) -> Figure:
     if laws:
         _draw_laws(sheet, laws, si, float(size[0]))
     sheet.key("scene")
-    figure, texts = sheet.finish(), Labels(axes, taken, LETTERS)
-    for name, lines in placed.items():
-        beside_line(texts, max(lines, key=length_of), _wrapped(labels[name]), color=style.INK)
+    figure, texts = sheet.finish(), _name_edges(axes, taken, placed, labels)
     inside = [(points, words(told, ("loads",), si))]
     for k, name in enumerate(shape.regions, 1):
         heat = words(told, ("heat", "q"), si) if name in scene.heat.omega else []
         own = points[triangles[shape.region == k]].reshape(-1, 2)
         inside.append((own, [name, *words(told, ("materials", name), si), *heat]))
-    for own, lines in (one for one in inside if one[1]):
+    for own, said in (one for one in inside if one[1]):
         at = np.tile(0.5 * (own.min(axis=0) + own.max(axis=0)), (1 + len(ROUND), 1))
-        texts.put(_wrapped(lines), at, [(0, 0), *ROUND], (0.0, 18.0, 36.0, 72.0))
+        texts.put(_wrapped(said), at, [(0, 0), *ROUND], (0.0, 18.0, 36.0, 72.0))
     return figure
 
 
 def faulty_figure(title: str, body: Body, faults: Mapping[str, str], told: Sequence[str], look: style.Look) -> Figure:
     """The outline of a study that cannot be run, with what is wrong; faults: by the name of the edge."""
     edges = [(edge.name, edge_points(edge, 1 if edge.through is None else ARC_PIECES)) for edge in body.edges]
-    every = np.concatenate([line for _, line in edges])
-    low, size = every.min(axis=0), np.ptp(every, axis=0)
-    one, above = min(WIDTH / size[0], HIGHEST / size[1]), 0.3 + LINE * len(_wrapped([*faults.values()]).split("\n"))
-    sheet = Sheet(look, title, told, [["scene"]], [size[1] * one + 2.0 * above])
-    axes = sheet.panels["scene"]
-    axes.set(xlim=(-SIDE, size[0] * one + SIDE), ylim=(-above, size[1] * one + above), aspect="equal")
-    axes.axis("off")
-    placed = [(name, (line - low) * one) for name, line in edges]
-    for name, line in placed:
-        draw_edge(axes, [line], FAULT if name in faults else ROLES["free"], False)
-    figure, texts = sheet.finish(), Labels(axes, [line for _, line in placed], LETTERS)
-    for name, line in placed:
-        said = [name, faults[name]] if name in faults else [name]
-        beside_line(texts, line, _wrapped(said), color=style.VERMILLION if name in faults else style.INK)
+    low, size, scales = _scales(np.concatenate([line for _, line in edges]))
+    placed = {name: [(line - low) * scales for other, line in edges if other == name] for name, _ in edges}
+    above = 0.3 + LINE * (1 + len(_wrapped([*faults.values()]).split("\n")))
+    sheet, axes = _sheet(look, title, told, size * scales, above)
+    for name, lines in placed.items():
+        draw_edge(axes, lines, FAULT if name in faults else ROLES["free"], False)
+    labels = {name: [name, *([faults[name]] if name in faults else [])] for name in placed}
+    figure = sheet.finish()
+    _name_edges(axes, [line for lines in placed.values() for line in lines], placed, labels, faults)
     return figure
+
+
+def _scales(points: Array) -> tuple[Array, Array, Array]:
+    """The lower left corner of the body and its size [m], and how large its x and y are drawn [inch/m]."""
+    low, size = points.min(axis=0), np.ptp(points, axis=0)
+    one = min(WIDTH / size[0], HIGHEST / size[1])
+    return low, size, np.array([one, LEAST / size[1] if size[0] > SLENDER * size[1] else one])
+
+
+def _sheet(
+    look: style.Look, title: str, facts: Sequence[str], size: Array, above: float, law: bool = False
+) -> tuple[Sheet, Axes]:
+    """The sheet, and axes in inches with room above and below a body of this size."""
+    rows, heights = [["scene"], ["law"]], [size[1] + 2.0 * above, 1.5]
+    sheet = Sheet(look, title, facts, rows[: 1 + law], heights[: 1 + law])
+    axes = sheet.panels["scene"]
+    axes.set(xlim=(-SIDE, size[0] + SIDE), ylim=(-above, size[1] + above), aspect="equal")
+    axes.axis("off")
+    return sheet, axes
+
+
+Of = Mapping[str, Any]
+"""By the name of an edge."""
+
+
+def _name_edges(axes: Axes, taken: Sequence[Array], placed: Of, labels: Of, faults: Of | None = None) -> Labels:
+    """Write labels beside edges; returns what places more."""
+    texts = Labels(axes, taken, LETTERS)
+    for name, lines in placed.items():
+        colour = style.VERMILLION if name in (faults or {}) else style.INK
+        beside_line(texts, max(lines, key=length_of), _wrapped(labels[name]), color=colour)
+    return texts
 
 
 def _wrapped(parts: Sequence[str]) -> str:
@@ -156,37 +174,24 @@ def _draw_mesh(axes: Axes, points: Array, triangles: NDArray[np.intp], region: N
 def _draw_role(axes: Axes, lines: list[Array], true: list[Array], role: Role | None) -> list[Array]:
     """An edge, as it is drawn and as it is [m], with arrows of what it carries or prescribes; returns places of all."""
     word, fixed = role.word if role is not None else "free", type(role) is Clamped and None not in role.u
-    how = ROLES[word]
-    taken = [
-        *draw_edge(axes, lines, how, fixed),
-        *(evenly(one, max(2, int(length_of(one) / 0.04)))[0] for one in lines),
-    ]
-    axes.plot([], [], label=word, **how)
-
-    def arrow(at: Array, way: Array, normal: Array, colour: str, width: float) -> None:
-        """Outside the body: away from it, towards it, or beside it."""
-        size = float(np.hypot(*way))
-        if size < 0.02:
-            return
-        across = float(way @ normal) / size
-        start = at + 0.07 * normal - way * (1.0 if across < -0.2 else 0.0 if across > 0.2 else 0.5)
-        shape = {"arrowstyle": "-|>", "mutation_scale": 8, "shrinkA": 0, "shrinkB": 0, "color": colour}
-        axes.annotate("", tuple(start + way), tuple(start), arrowprops=shape | {"linewidth": width}, zorder=5)
-        taken.append(np.linspace(start, start + way, 8))
-
+    taken = draw_edge(axes, lines, ROLES[word], fixed)
+    taken += [evenly(one, max(2, int(length_of(one) / 0.04)))[0] for one in lines]
+    axes.plot([], [], label=word, **ROLES[word])
     whole = sum(map(length_of, lines))
     counts = [max(1, round(min(9.0, whole / APART) * length_of(line) / whole)) for line in lines]
     starts, along = (np.concatenate(one) for one in zip(*map(evenly, lines, counts), strict=True))
     points, normals = np.concatenate([evenly(*one)[0] for one in zip(true, counts, strict=True)]), outside(along)
     for force, colour in _pushes(role, points, normals, along) if role is not None else ():
-        size = float(np.max(np.hypot(*force.T)))
+        ways, at, out, width = ARROW * force / np.hypot(*force.T).max(), starts, normals, 0.02
         if force.ndim == 1:  # one arrow for a resultant, in the middle of its edge
-            arrow(
-                np.concatenate(lines).mean(axis=0), ARROW * 1.5 * force / size, normals[len(normals) // 2], colour, 2.2
-            )
-            continue
-        for at, push, normal in zip(starts, force, normals, strict=True):
-            arrow(at + HATCH * fixed * normal, ARROW * push / size, normal, colour, 1.1)
+            ways, at, out, width = 1.5 * ways[None], np.mean(starts, axis=0)[None], normals[[len(normals) // 2]], 0.03
+        long = np.hypot(*ways.T)
+        across = np.sum(ways * out, axis=1) / np.maximum(long, 0.02)
+        back = np.select([across < -0.2, across > 0.2], [1.0, 0.0], 0.5)  # outside: towards the body, away, beside it
+        tails = (at + (0.07 + HATCH * fixed) * out - back[:, None] * ways)[long >= 0.02]
+        ways = ways[long >= 0.02]
+        axes.quiver(*tails.T, *ways.T, angles="xy", scale_units="xy", scale=1.0, units="xy", width=width, color=colour)
+        taken += [np.linspace(tail, tail + way, 8) for tail, way in zip(tails, ways, strict=True)]
     return taken
 
 
