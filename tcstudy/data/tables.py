@@ -62,7 +62,7 @@ from tcstudy.data.store import Record, axis_name, geometry_dims, missing
 from tcstudy.scene.histories import START, ContactState
 from tcstudy.scene.study import Study
 
-_VERTEX, _PIECE, _FOLD, _INTERVAL = ("vertex",), ("piece",), ("fold",), ("interval",)
+_VERTEX, _PIECE, _INTERVAL = ("vertex",), ("piece",), ("interval",)
 _AT, _SOLUTION, _LOOP, _JUMP, _BRANCH, _ON_BRANCH = (
     ("at",), ("solution",), ("loop_vertex",), ("jump",), ("branch",), ("branch_vertex",)
 )  # fmt: skip
@@ -108,9 +108,7 @@ CURVE: tuple[FileVariable, ...] = (
         extra={"coordinates": "arclength x y", **flags(*_STATES)},
     ),
     _number("slip_length", "m", "length of the contact line that does not stick", _PIECE),
-    _index("fold_vertex", "vertex at which the parameter turns", _FOLD),
-    _number("fold_size", T, "how far the parameter steps back at the fold", _FOLD),
-    _flag("fold_maximum", "whether the parameter has a maximum at the fold", _FOLD, ("minimum", "maximum")),
+    _index("fold_vertex", "vertex at which the parameter steps back by 0.5 % of its range or more", ("fold",)),
     _number("lowest_begin", T, "lower end of a range in which one piece has the least energy", _INTERVAL),
     _number("lowest_end", T, "upper end of a range in which one piece has the least energy", _INTERVAL),
     _index("lowest_piece", "piece with the least energy on the path in the range", _INTERVAL),

@@ -47,6 +47,9 @@ Progress = Callable[[int, float], None]
 LIMITS = Limits(boxes=20_000, seconds=20.0)
 """Of each of the slabs that a range is proved in."""
 
+VISIBLE = 0.005
+"""Part of the range below which a step back of t is no fold: where nodes let go one by one t turns at each."""
+
 AFFINE = 1e-9
 """Largest relative deviation from a straight line that counts as rounding."""
 
@@ -202,7 +205,7 @@ def _curve(load: AffineLoad, path: Path) -> Values:
         "stable": path.stable,
         "state": state,
         "slip_length": np.asarray((state != ContactState.STICK) @ path.problem.c),
-        **{f"fold_{name}": column for name, column in folds(path)._asdict().items()},
+        "fold_vertex": folds(path, VISIBLE * abs(load.problem.span[1] - load.problem.span[0])),
     }
 
 

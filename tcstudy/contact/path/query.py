@@ -1,8 +1,8 @@
 """Questions to a followed path: its solutions at one t, those of the true smooth law, folds, the least energy proved.
 
-Folds: a turn of t and its neighbour that comes back the least are one small step back: the pair is taken away, smallest
-first, and what it stepped back is the size of both (persistence, Edelsbrunner, Letscher & Zomorodian, Discrete Comput.
-Geom. 28 (2002) 511–533). So a wiggle at a large fold is small, and the fold itself stays large.
+Folds: a turn of t and its neighbour that comes back the least are one small step back: such pairs are taken away,
+smallest first, as long as they step back too little (persistence, Edelsbrunner, Letscher & Zomorodian, Discrete Comput.
+Geom. 28 (2002) 511–533). So a wiggle at a large fold goes, and the fold itself stays.
 
 Least energy: the lower envelope of parabolas, exact up to rounding. Along a piece dL̃/dt = −W with W = l̃₁ᵀu linear in
 t, so L̃ is a parabola of t there; where two of them cross (a Maxwell point) the lowest solution changes without a fold.
@@ -29,62 +29,18 @@ Index = NDArray[np.intp]
 CARRIED = 1e-9
 """A solution of straight pieces has led to one of the law itself if the residual is no larger."""
 
-ROUNDINGS = 8.0
-"""A step back of t is rounding up to this many times what one rounding of every term in the balance does to t."""
 
-
-def turn_sizes(t: Array, turns: Index) -> tuple[Array, Index]:
-    """(size, partner) of every turn: how far t steps back, and the turn with which the step ends (−1: with no other).
-
-    t: (k,) parameter at the vertices;  turns: (f,) vertices at which it turns, growing
-    """
-    where = [0, *(int(v) for v in turns), len(t) - 1]
-    left = list(range(len(where)))
-    size, partner = np.zeros(len(where)), np.full(len(where), -1, dtype=np.intp)
+def folds(path: Path, least: float) -> Index:
+    """Vertices at which t turns and steps back by this much or more."""
+    t, left = path.t, [0, *path.folds.tolist(), path.pieces]
     while len(left) > 3:
-        steps = np.abs(np.diff(t[[where[i] for i in left]]))
-        at = 1 + int(np.argmin(steps[1:-1]))
-        i, j = left[at], left[at + 1]
-        size[[i, j]] = steps[at]
-        partner[i], partner[j] = j - 1, i - 1
-        del left[at : at + 2]
-    if len(left) == 3:
-        size[left[1]] = float(np.min(np.abs(np.diff(t[[where[i] for i in left]]))))
-    return size[1:-1], partner[1:-1]
-
-
-class Folds(NamedTuple):
-    """Turns of t, all (f,): vertices of the path, how far t steps back (`turn_sizes`), whether t is largest there."""
-
-    vertex: Index
-    size: Array
-    maximum: NDArray[np.bool_]
-
-
-def folds(path: Path) -> Folds:
-    """All turns of t that are more than rounding."""
-    turns, t = path.folds, path.t
-    size, partner = turn_sizes(t, turns)
-    real = np.ones(len(turns), dtype=bool)
-    small = size <= 1e-6 * float(np.ptp(t)) if len(turns) else real  # rounding is never larger than that
-    for i in np.flatnonzero(small & (partner >= 0)):
-        real[i] = size[i] > _rounding(path, int(turns[i]), int(turns[partner[i]]))
-    at = turns[real]
-    maximum = (t[at] > t[at - 1]) | (t[at] > t[np.minimum(at + 1, path.pieces)])
-    return Folds(at, size[real], maximum)
-
-
-def _rounding(path: Path, one: int, other: int) -> float:
-    """What rounding of the balance does to t between two vertices.
-
-    A defect r shifts the t at which a direction w is in balance by wᵀr/(wᵀl̃₁).
-    """
-    p = path.problem
-    way = path.u[other] - path.u[one]
-    work = abs(float(way @ p.l_1))
-    terms = np.abs(p.load(float(path.t[one]))) + np.abs(p.A_tilde) @ np.abs(path.u[one])
-    blur = ROUNDINGS * np.finfo(float).eps * float(np.abs(way) @ terms)
-    return blur / work if work > 0.0 else float("inf")
+        steps = np.abs(np.diff(t[left]))[1:-1]
+        at = int(np.argmin(steps))
+        if steps[at] >= least:
+            break
+        del left[at + 1 : at + 3]
+    none = len(left) == 3 and np.abs(np.diff(t[left])).min() < least
+    return np.array([] if none else left[1:-1], dtype=np.intp)
 
 
 class PathSolution(NamedTuple):

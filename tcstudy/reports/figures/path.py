@@ -20,7 +20,7 @@ from tcstudy.reports.figures import style
 from tcstudy.reports.figures.panels import Array, Panel, Scale, Sheet, contact_nodes, place_names, scale
 from tcstudy.reports.select_point import Value, describe, locate
 from tcstudy.reports.terminal.fit import BAND, columns, prediction_error
-from tcstudy.reports.terminal.paths import MOVES, STATES, last_change, motion, path_verdict, seen_folds
+from tcstudy.reports.terminal.paths import MOVES, STATES, folds_of, last_change, motion, path_verdict
 from tcstudy.reports.text import counted, number, prefix, pretty
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def path_panels(data: Any, response: str) -> dict[str, Panel]:
     units = str(data[source].attrs["units"])
     span, kinds = np.sort(np.asarray(data.attrs["parameter_range"], dtype=float)), ("", "loop_", "solution_", "branch_")
     values = {kind: response_of(data, response, kind) for kind in kinds if f"{kind}u_T" in data}
-    t, y, folds = data["parameter"].values, values[""], seen_folds(data)[0]
+    t, y, folds = data["parameter"].values, values[""], folds_of(data)
     drawn = within(t, y, span)
     seen = np.concatenate([drawn if len(drawn) else y, values.get("branch_", np.zeros(0))])
     across = scale("load factor" if name == "load" else style.symbol(name), span, str(data["parameter"].attrs["units"]))

@@ -84,7 +84,7 @@ def path_sections(stored: Stored, box: Container) -> list[Json]:
             panel_part(strip, box, high=190),
         ]
     low, high = sorted(float(x) for x in data.attrs["parameter_range"])
-    inside = [int(v) for v in paths.seen_folds(data)[0] if low <= t[v] <= high]
+    inside = [int(v) for v in paths.folds_of(data) if low <= t[v] <= high]
     first, scaled = inside[0] if inside else vertices // 2, scale("", t, units)
     texts = [f"{symbol(name)} = {value:.4g} {scaled.label.strip(' []')}".rstrip() for value in scaled(t[keep])]
     laws, state = law_part(stored), data["state"].values[np.minimum(keep, pieces - 1)]

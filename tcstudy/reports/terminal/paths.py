@@ -25,21 +25,14 @@ MOST_ROWS = 60
 """Solutions that are listed; the file has them all."""
 STATES = ("sticks", "slips", "slips and softens", "on a drop of b", "slips, weakened")
 """What a contact node does, by ContactState."""
-VISIBLE = 0.005
-"""Part of the range below which a step back of the parameter cannot be told from a point of the picture."""
 
 
 # -- paths -------------------------------------------------------------------------------------------------------------
 
 
-def seen_folds(data: Any) -> tuple[NDArray[np.intp], int]:
-    """(vertices of the folds that show, number of smaller turns): these come from nodes that let go one by one."""
-    if not data.sizes.get("fold", 0):
-        return np.zeros(0, dtype=np.intp), 0
-    vertices = data["fold_vertex"].values.astype(np.intp)
-    low, high = data.attrs["parameter_range"]
-    large = data["fold_size"].values >= VISIBLE * abs(float(high) - float(low))
-    return vertices[large], int(np.count_nonzero(~large))
+def folds_of(data: Any) -> NDArray[np.intp]:
+    """Vertices of the folds."""
+    return data["fold_vertex"].values.astype(np.intp) if "fold_vertex" in data else np.zeros(0, dtype=np.intp)
 
 
 def path_verdict(data: Any) -> tuple[str, str, bool]:
@@ -52,9 +45,7 @@ def path_verdict(data: Any) -> tuple[str, str, bool]:
     whole, mean = with_unit(force[k], "1" if stress == "1" else "N m-1"), with_unit(force[k] / c.sum(), stress)
     at = f"at {symbol(str(data.attrs['parameter']))} = {with_unit(t[k], units)}"
     peak = [f"peak ∫ξ {whole}, {mean} in the mean, {at}" if force[k] > 0.0 else "no friction"]
-    folds, _ = seen_folds(data)
-    tops = data["fold_vertex"].values[data["fold_maximum"].values == 1] if len(folds) else folds
-    snaps = [(a, b) for a, b in pairwise(v for v in folds if inside[v]) if a in tops and b not in tops]
+    snaps = [(a, b) for a, b in pairwise(folds_of(data)) if inside[a] and t[a] > t[b]]
     peak += [f"snap-back from {with_unit(t[a], units)} to {with_unit(t[b], units)}" for a, b in snaps[:2]]
     peak += [f"and {len(snaps) - 2} more"] if len(snaps) > 2 else []
     many, falls = _most(t, low, high, units), int(data.sizes.get("jump", 0))
@@ -96,8 +87,7 @@ def path_parts(data: Any, *_: Any) -> Iterator[Part]:
 def _path(data: Any, at: Callable[..., str]) -> Iterator[str]:
     """Where the path runs, how it was computed, and why it ends."""
     low, high = data.attrs["parameter_range"]
-    t, (vertices, small) = data["parameter"].values, seen_folds(data)
-    turns = f" and {counted(small, 'turn')} below {100 * VISIBLE:g} % of the range" if small else ""
+    t, vertices = data["parameter"].values, folds_of(data)
     inside = int(np.count_nonzero((t[vertices] >= min(low, high)) & (t[vertices] <= max(low, high))))
     yield f"  Path along {data.attrs['parameter']} from {at(low, high)}, reaching {at(t.min(), t.max())}"
     yield (
@@ -107,7 +97,7 @@ def _path(data: Any, at: Callable[..., str]) -> Iterator[str]:
     if lost := digits_lost(float(data.get("lambda_1_error", 0.0))):
         yield f"  {lost}"
     yield (
-        f"  {data.sizes['piece']} pieces ({int(data['stable'].sum())} stable), {counted(len(vertices), 'fold')}{turns}"
+        f"  {data.sizes['piece']} pieces ({int(data['stable'].sum())} stable), {counted(len(vertices), 'fold')}"
         f", {inside} of the folds in the range, worst residual {number(float(data['residual'].max()), 2)}"
     )
     if float(data["law_error"]) > 0.0:

@@ -7,9 +7,8 @@ import pytest
 from scipy.optimize import brentq
 
 from tcstudy.contact.certificates import certify
-from tcstudy.contact.path.follow import Path
 from tcstudy.contact.path.piecewise_linear_approximation import piecewise_linear
-from tcstudy.contact.path.query import folds, lowest, proved_minima, solutions_at, solutions_of, turn_sizes
+from tcstudy.contact.path.query import folds, lowest, proved_minima, solutions_at, solutions_of
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.scene.study import Acceptance
 from tests.contact import contact_cases as cases
@@ -49,39 +48,19 @@ def test_all_three_solutions_of_an_exponential_law() -> None:
     assert [float(s.v[0]) for s in found] == pytest.approx([0.0, *roots], abs=1e-13)
 
 
-def test_sizes_by_hand() -> None:
+def test_folds_step_back_by_what_is_asked() -> None:
     """0 ↑ 5 ↓ 4.9 ↑ 6 ↓ 1 ↑ 1.5 ↓ 1.2 ↑ 9: wiggles of 0.1 and 0.3 at a step back of 5."""
-    t = np.array([0.0, 5.0, 4.9, 6.0, 1.0, 1.5, 1.2, 9.0])
-    size, partner = turn_sizes(t, np.arange(1, 7))
-    assert size == pytest.approx([0.1, 0.1, 5.0, 5.0, 0.3, 0.3])
-    assert partner.tolist() == [1, 0, 3, 2, 5, 4]
-    assert turn_sizes(np.array([0.0, 2.0, 1.5]), np.array([1]))[0] == pytest.approx([0.5])
-    assert len(turn_sizes(np.array([0.0, 1.0]), np.array([], dtype=np.intp))[0]) == 0
-
-
-def wiggled(path: Path, size: float) -> Path:
-    """Every piece of the path goes back by this part of its length once."""
-    k = np.arange(path.pieces)
-
-    def between(x: np.ndarray) -> np.ndarray:
-        rows = [x[k] + s * (x[k + 1] - x[k]) for s in (0.0, 0.5 + size, 0.5)]
-        return np.concatenate([np.stack(rows, axis=1).reshape((-1, *x.shape[1:])), x[-1:]])
-
-    columns = {name: between(getattr(path, name)) for name in ("t", "u", "traction", "residual")}
-    stable, codes = np.repeat(path.stable, 3), np.repeat(path.codes, 3, axis=0)
-    return replace(path, **columns, stable=stable, codes=codes, start=3 * path.start)
-
-
-@pytest.mark.parametrize("unit", [1e-7, 1e9])
-def test_turns_within_rounding_are_no_folds(unit: float) -> None:
-    problem = softening_line(40, 0.02)
-    path = follow(replace(problem, l_1=problem.l_1 / unit), np.zeros(40), 0.0, 0.0, 3.0 * unit)
-    plain = path.t[folds(path).vertex].tolist()
-    assert len(plain) == len(path.folds) > 10
-    blurred = wiggled(path, 1e-14)
-    assert len(blurred.folds) > 2 * path.pieces
-    assert blurred.t[folds(blurred).vertex].tolist() == pytest.approx(plain, rel=1e-13)
-    assert len(folds(wiggled(path, 1e-9)).vertex) > path.pieces
+    plain = follow(one_node(cases.slip_weakening()), np.zeros(1), 0.0, 0.0, 1.0)
+    path = replace(plain, t=np.array([0.0, 5.0, 4.9, 6.0, 1.0, 1.5, 1.2, 9.0]), stable=np.ones(7, dtype=bool))
+    assert [folds(path, least).tolist() for least in (0.05, 0.2, 1.0, 6.0)] == [
+        [1, 2, 3, 4, 5, 6],
+        [3, 4, 5, 6],
+        [3, 4],
+        [],
+    ]
+    alone = replace(plain, t=np.array([0.0, 2.0, 1.5]), stable=np.ones(2, dtype=bool))
+    assert [folds(alone, least).tolist() for least in (0.5, 0.6)] == [[1], []]
+    assert folds(replace(plain, t=np.array([0.0, 1.0]), stable=np.ones(1, dtype=bool)), 0.0).tolist() == []
 
 
 LONG = piecewise_linear(cases.exponential_decay(1.0, 0.3, 0.3), 2e-4, 4.0)

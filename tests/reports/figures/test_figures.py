@@ -19,7 +19,7 @@ from tcstudy.reports.figures import style
 from tcstudy.reports.figures.point import law_figure, laws_of
 from tcstudy.reports.figures.sweep import curves_figure, map_figure, read_sweep
 from tcstudy.reports.picture import law_of_nodes, read_picture
-from tcstudy.reports.terminal.paths import seen_folds
+from tcstudy.reports.terminal.paths import folds_of
 from tcstudy.scene.histories import ContactState, node_states
 from tests.reports.conftest import FILMS, Stored
 from tests.reports.figures.shown import SIZES, crowded, drawn, key_of
@@ -115,7 +115,7 @@ def test_stable_unstable_and_lowest_parts_are_told_apart(stored: Stored) -> None
     (dashed,), (folds,) = ([one for one in red if (one.get_marker() == "o") is marks] for marks in (False, True))
     pieces = [int(np.isfinite(np.diff(np.asarray(one.get_xdata(), dtype=float))).sum()) for one in (solid, dashed)]
     assert pieces == [int(data["stable"].sum()), data.sizes["piece"] - int(data["stable"].sum())]
-    vertices, _ = seen_folds(data)
+    vertices = folds_of(data)
     assert len(vertices) == 8
     assert folds.get_xdata() == pytest.approx(1e3 * data["parameter"].values[vertices], rel=1e-12)
     assert key_of(figure)[:3] == ["stable", "unstable", "global minimum (proved)"]

@@ -1,24 +1,11 @@
-"""What a person counts as a fold of a path, and what of its loop and of a history is said."""
+"""What of a path, of its loop and of a history is said."""
 
 import numpy as np
 import xarray as xr
 
 from tcstudy.data.reading import load_root
-from tcstudy.reports.terminal.paths import _loop, path_verdict, seen_folds, sentences_of
+from tcstudy.reports.terminal.paths import _loop, path_verdict, sentences_of
 from tests.reports.conftest import Stored
-
-
-def path(*sizes: float) -> xr.Dataset:
-    """Folds of these sizes on a path from 0 to −2."""
-    folds = {"fold_vertex": ("fold", np.arange(len(sizes))), "fold_size": ("fold", np.array(sizes))}
-    return xr.Dataset(folds, attrs={"parameter_range": [0.0, -2.0]})
-
-
-def test_small_turns_are_counted_apart() -> None:
-    data = path(0.3, 1e-3, 1e-3, 0.3)
-    vertices, small = seen_folds(data)
-    assert (vertices.tolist(), small) == ([0, 3], 2)
-    assert (seen_folds(path(0.02))[0].tolist(), seen_folds(xr.Dataset())[1]) == ([0], 0)
 
 
 def test_the_peak_is_said_as_a_force_and_in_the_mean() -> None:
