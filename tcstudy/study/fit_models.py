@@ -20,15 +20,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import islice
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.accuracy.fitted import Feet, feet
 from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.path.follow import Follower, Path
 from tcstudy.contact.path.problem import WHOLE
-from tcstudy.contact.path.smooth import CurvePoint, Goal, SmoothPath, bordered
+from tcstudy.contact.path.smooth import CurvePoint, Goal, SmoothPath
 from tcstudy.contact.problem import Status
 from tcstudy.contact.solution import Linearised
 from tcstudy.contact.solve import solve_contact
@@ -41,7 +43,6 @@ from tcstudy.scene.histories import Keys, UnfitLaw
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Direction, FitPlan, Sensitivity
-from tcstudy.study.history_run import STIFFNESS, with_stiffness
 from tcstudy.study.history_run import followed as followed_steps
 from tcstudy.study.path_run import affine_load, followed, straightened
 from tcstudy.study.point import rates_of
@@ -89,9 +90,8 @@ class FitModel:
     law_error: float = 1e-3
 
     def values(self, p: Array) -> dict[Keys, float]:
-        """The numbers by key path, but that of a memory."""
-        paths = (one.number.path for one in self.plan.parameters)
-        return {path: float(value) for path, value in zip(paths, p, strict=True) if path != STIFFNESS}
+        """The numbers by key path."""
+        return dict(zip((one.number.path for one in self.plan.parameters), p.tolist(), strict=True))
 
     def scene(self, p: Array) -> Scene:
         """The scene with these numbers. Raises FitError."""
@@ -114,10 +114,9 @@ class FitModel:
 
     def compared(self, p: Array) -> Compared:
         """The study with the numbers p against the data. Raises FitError where it has no solution."""
-        scene = self.scene(p)
         if self.plan.history is not None:
             return self._vertical(*self._steps(p))
-        numbers, chain = self.chain(p)
+        scene, (numbers, chain) = self.scene(p), self.chain(p)
         if self.plan.compare == "vertical":
             found = self._vertical(*map(np.array, zip(*self._points(scene, numbers), strict=True)))
         else:
@@ -141,22 +140,21 @@ class FitModel:
 
     def _followed(self, p: Array) -> Array:
         """What is compared at the measured steps of the history; the rest of it is not followed."""
-        wanted, found, scene, history = set(self.plan.at_steps), dict[int, Array](), self.scene(p), self.plan.history
-        assert history is not None
-        paths = [one.number.path for one in self.plan.parameters]
-        plan = with_stiffness(history, dict(zip(paths, p.tolist(), strict=True)))
+        wanted, found, c = self.plan.at_steps, dict[int, Array](), self.level.line.c
+        assert self.plan.history is not None
         try:
-            for n, (step, mean) in enumerate(followed_steps(plan, self.level, scene, self.tolerance)):
+            own = self.level, self.scenery, self.plan.scene, self.tolerance
+            steps = followed_steps(self.plan.history, *own, self.values(p))
+            for n, (step, mean) in enumerate(islice(steps, max(wanted) + 1)):
                 self.solves += 1
                 if not step.solved:
                     raise FitError(f"step {n} cannot be compared with the numbers tried: {step.reason}")
-                if n in wanted:
-                    found[n] = np.array([self.level.line.c @ step.xi, np.max(np.abs(step.v)), mean, *step.v])
-                if n >= max(wanted):
-                    break
+                found[n] = np.array([c @ step.xi, np.max(np.abs(step.v)), mean, *step.v])
+        except StudyError as error:
+            raise FitError(error.problems[0].what) from error
         except (NotPositiveDefinite, UnfitLaw) as error:
             raise FitError(str(error)) from error
-        return np.array([found[n] for n in self.plan.at_steps])
+        return np.array([found[n] for n in wanted])
 
     def _points(self, scene: Scene, numbers: list[Sensitivity]) -> Iterator[tuple[Array, Array]]:
         """Of solutions, each continued from that before; the data of a profile have one load."""
@@ -225,18 +223,18 @@ class FitModel:
         path = self.follow(scene)
         sigma = np.array([self.given_noise, self.noise[0]])
         data = np.stack([given.values, measured.values], axis=1)
-        foot, moving = feet(data / sigma, path.curve / sigma), MovingPath(self.level, scene, given.path, path, numbers)
-        sides = [(int(side), float(share)) for side, share in zip(foot.side, foot.share, strict=True)]
-        if law.piecewise_linear:
-            moved = moving.on_sides(sides)
-        else:
-            try:
-                curve = SmoothPath(path, law)
+        foot, curve = feet(data / sigma, path.curve / sigma), SmoothPath(path, law)
+        sides = [*zip(foot.side.tolist(), foot.share.tolist(), strict=True)]
+        moving = MovingPath(self.level, scene, given.path, curve, numbers)
+        try:
+            if law.piecewise_linear:
+                moved = moving.on_sides(sides)
+            else:
                 points = [curve.least(*side, _pull(datum, sigma)) for side, datum in zip(sides, data, strict=True)]
-            except ValueError as error:
-                raise FitError(str(error)) from error
-            moved = np.stack([moving.rates(p.codes, p.v, p.t, (p.row, p.time, p.kink)) for p in points])
-            foot = _on_curve(foot, points, data / sigma, sigma)
+                moved = np.stack([moving.rates(point) for point in points])
+                foot = _on_curve(foot, points, data / sigma, sigma)
+        except ValueError as error:
+            raise FitError(str(error)) from error
         found, jacobian = foot.point * sigma, -np.einsum("nd,ndk->nk", foot.normal / sigma, moved)
         early = "" if path.end in WHOLE else path.end.reason
         return Compared(foot.distance, jacobian, found[:, 1], found, early, path)
@@ -258,18 +256,14 @@ class FitModel:
             raise FitError(str(error)) from error
 
 
-Held = tuple[Array, float, int]
-"""(row, time, kink): the coordinate row·v + time·t is held, at a corner on the kink, −1 elsewhere."""
-
-
 @dataclass(frozen=True, eq=False)
 class MovingPath:
-    """A path of a scene along a parameter (key path `along`), and the numbers by which it is differentiated."""
+    """The curve of a scene along a parameter (key path `along`), and the numbers by which it is differentiated."""
 
     level: Level
     scene: Scene
     along: tuple[str, ...]
-    path: Path
+    curve: SmoothPath
     numbers: Sequence[Sensitivity]
 
     @cached_property
@@ -279,58 +273,34 @@ class MovingPath:
         return [law_slopes(law, number_of(one.path)) if one.path[0] == "friction" else None for one in self.numbers]
 
     def on_sides(self, places: Sequence[tuple[int, float]]) -> Array:
-        """(n, 2, k) derivatives of (t, R) by the numbers at shares of sides of the path, linear along a side."""
-        path, found, known = self.path, [], dict[tuple[int, int, int], tuple[Array, Array]]()
-        for place in places:
-            side, share, node, held = self._held(*place)
-            if (key := (side, node, held[-1])) not in known:
-                codes, ends = path.codes[side].astype(np.intp), (side, side + 1)
-                first, last = (self.rates(codes, path.u[k], float(path.t[k]), held) for k in ends)
-                known[key] = first, last - first
-            constant, along = known[key]
-            found.append(constant + share * along)
+        """(n, 2, k) derivatives of (t, R) by the numbers at shares of sides of a path that is the curve itself.
+
+        Linear along a side; at its ends they are those of the corner.
+        """
+        curve, (t, u), known, found = self.curve, (self.curve.path.t, self.curve.path.u), dict[float, list[Array]](), []
+        for side, share in places:
+            corner = share in (0.0, 1.0)
+            if (place := side + (share if corner else 0.5)) not in known:
+                ends = [curve.beside(side, u[k], float(t[k])) for k in (side, side + 1) if not corner]
+                known[place] = [self.rates(point) for point in ends or [curve.vertex(int(place), side)]]
+            first, last = known[place][0], known[place][-1]
+            found.append(first + share * (last - first))
         return np.array(found)
 
-    def _held(self, side: int, share: float) -> tuple[int, float, int, Held]:
-        """(side, share, node, what is held): at a corner of a side on which the node that passes its kink there slides.
-
-        node: −1 where none does; at the ends of the path t is held
-        """
-        path, m = self.path, self.path.problem.m
-        vertex = side + int(share == 1.0)
-        if share in (0.0, 1.0) and vertex in (0, path.pieces):
-            return side, share, -1, (np.zeros(m), 1.0, -1)
-        changed = path.codes[vertex - 1] != path.codes[vertex] if share in (0.0, 1.0) else np.zeros(m, dtype=bool)
-        for node in np.flatnonzero(changed).tolist():
-            for own in (vertex - 1, vertex):
-                if path.slipping[own, node]:
-                    kink = int(path.problem.law.nearest_kink(np.full(m, path.u[vertex, node]))[node])
-                    return own, float(vertex - own), node, (np.eye(m)[node], 0.0, kink)
-        return side, share, -1, (*path.along(side), -1)
-
-    def rates(self, codes: NDArray[np.intp], v: Array, t: float, held: Held) -> Array:
-        """(2, k) ∂(t, R)/∂p at v and t, all nodes on the pieces of `codes`, row·v + time·t held, or its kink's."""
-        problem, law, (row, time, kink) = self.path.problem, self.scene.one_law, held
-        m, piece, at = problem.m, codes // 2, path_scene(self.scene, self.along, t)
-        free, J, scale = bordered(problem, law, codes, v, (row, time))
-        right = np.zeros((len(free) + 1, len(self.numbers)))
-        kinks, loads = (np.zeros((m, len(self.numbers))) for _ in range(2))
-        whole = WholeBody(self.level, at, v)
-        for j, number in enumerate(self.numbers):
-            load = whole.right_side(change_of(self.level, at, number))
-            b, moving = np.zeros(m), np.zeros(m)
-            if (change := self.laws[j]) is not None:
-                b = change.value(v, piece)
-                moving[piece < len(change.kinks)] = change.kinks[piece[piece < len(change.kinks)]]
-                right[-1, j] = scale * change.kinks[kink] if kink >= 0 else 0.0
-            moving[free] = 0.0
-            kinks[:, j], loads[:, j] = moving, load
-            right[:-1, j] = (load - problem.c * b - problem.A_tilde @ moving)[free]
-        step = np.linalg.solve(J, right)
-        dv = kinks
-        dv[free] = step[:-1]
-        dR = (loads - problem.A_tilde @ dv).sum(axis=0) + step[-1] * problem.l_1.sum()
-        return np.stack([step[-1], dR])
+    def rates(self, point: CurvePoint) -> Array:
+        """(2, k) ∂(t, R)/∂p of a point whose coordinate is held, or the kink that is passed there."""
+        problem, v, piece, rests = self.curve.path.problem, point.v, point.codes // 2, point.codes % 2 == 1
+        at, (free, lu, pivots, unit) = path_scene(self.scene, self.along, point.t), point.factor
+        whole, loads, b, dv = WholeBody(self.level, at, v), *(np.zeros((3, problem.m, len(self.numbers))))
+        held = np.zeros((1, len(self.numbers)))
+        for j, (number, change) in enumerate(zip(self.numbers, self.laws, strict=True)):
+            loads[:, j] = whole.right_side(change_of(self.level, at, number))
+            if change is not None:
+                kinks = np.append(change.kinks, 0.0)
+                b[:, j], dv[:, j], held[0, j] = change.value(v, piece), rests * kinks[piece], kinks[point.kink]
+        right = (loads - problem.c[:, None] * b - problem.A_tilde @ dv)[free]
+        dv[free], dt = np.split(scipy.linalg.lapack.dgetrs(lu, pivots, np.concatenate([right, unit * held]))[0], [-1])
+        return np.concatenate([dt, [(loads - problem.A_tilde @ dv).sum(axis=0) + dt[0] * problem.l_1.sum()]])
 
 
 def _pull(datum: Array, sigma: Array) -> Goal:

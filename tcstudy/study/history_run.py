@@ -12,11 +12,11 @@ Derivatives are differences of whole histories on the same mesh (`contact.histor
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import closing, suppress
 from dataclasses import fields, replace
-from itertools import chain, islice
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -245,22 +245,26 @@ def problem_of(
     return problem, plan.along([one.problem.l_tilde for one in at])
 
 
-def with_stiffness(plan: HistoryPlan, values: dict[Keys, float]) -> HistoryPlan:
-    """The plan with the k of these values, if they have one."""
-    stiffness = values.get(STIFFNESS, plan.memory.stiffness)
-    return replace(plan, memory=replace(plan.memory, stiffness=stiffness))
-
-
 def followed(
-    plan: HistoryPlan, level: Level, scene: Scene, tolerance: float | None
+    plan: HistoryPlan,
+    level: Level,
+    scenery: SceneReader,
+    scene: Scene,
+    tolerance: float | None,
+    values: Mapping[Keys, float],
+    point: int | None = None,
 ) -> Iterator[tuple[HistoryStep, float]]:
-    """Step 0 and all others with the mean θ of each; one that fails is the last.
+    """Step 0 and all others of the scene with other numbers, with the mean θ of each; one that fails is the last.
 
-    Raises NotPositiveDefinite, UnfitLaw, and KeyError for a load that the scene does not have.
+    values, point: as of `SceneReader.at`
+    Raises StudyError, NotPositiveDefinite, UnfitLaw, and KeyError for a load that the scene does not have.
     """
-    problem, loads = problem_of(plan, level, scene, tolerance)
+    stiffness, scene = values.get(STIFFNESS, plan.memory.stiffness), scenery.at(scene, values, point)
+    problem, loads = problem_of(
+        replace(plan, memory=replace(plan.memory, stiffness=stiffness)), level, scene, tolerance
+    )
     means = [level.temperature(loaded_scene(scene, values)).mean for values in plan.stations()]
-    yield from zip(history(problem, loads), plan.along(means), strict=False)
+    return zip(history(problem, loads), plan.along(means), strict=False)
 
 
 def step_derivatives(study: Study, level: Level, scene: Scene, point: int) -> Iterator[dict[str, float]]:
@@ -268,40 +272,28 @@ def step_derivatives(study: Study, level: Level, scene: Scene, point: int) -> It
 
     They begin with step 0 wherever the history goes on. Histories of other numbers that end early have no more of them.
     """
-    scenery, tolerance, c = SceneReader.of(study), study.solver.tolerance, level.line.c
-    assert study.history is not None
-    plan: HistoryPlan = study.history
+    plan, scenery, tolerance, c = study.history, SceneReader.of(study), study.solver.tolerance, level.line.c
+    assert plan is not None
 
-    def steps(number: Sensitivity | None = None, value: float = 0.0) -> Iterator[Array]:
-        """The STEP_QUANTITIES of all steps with this value of a number, as far as they are solved."""
-        own, varied = plan, scene
-        if number is not None and number.path == STIFFNESS:
-            own = with_stiffness(plan, {STIFFNESS: value})
-        elif number is not None:
-            varied = scenery.at(scene, {number.path: value}, point)
-        for step, mean in followed(own, level, varied, tolerance):
-            if step.solved:
-                yield np.array([np.max(np.abs(step.v), initial=0.0), c @ step.xi, mean])
-
-    def begun(number: Sensitivity, value: float) -> Iterator[Array] | None:
-        """The same; None where the number cannot have this value."""
-        found = steps(number, value)
+    def steps(values: Mapping[Keys, float]) -> Iterator[Array] | None:
+        """The STEP_QUANTITIES of all steps with these numbers, as far as they are solved; None if they cannot be."""
         try:
-            return chain([next(found)], found)
-        except (StudyError, ValueError, NotPositiveDefinite, StopIteration):
+            found = followed(plan, level, scenery, scene, tolerance, values, point)
+        except (StudyError, ValueError, NotPositiveDefinite):
             return None
+        return (np.array([np.max(np.abs(one.v), initial=0.0), c @ one.xi, mean]) for one, mean in found if one.solved)
 
     varied = dict[str, tuple[float, list[Iterator[Array]]]]()
     for number in study.output.sensitivity:
         with suppress(KeyError):  # a law of the sweep that has no such parameter
             value, scale = _value(plan, level, scene, number)
-            up, down = ([begun(number, value + way * h * scale) for h in STEPS] for way in (1.0, -1.0))
+            up, down = ([steps({number.path: value + way * h * scale}) for h in STEPS] for way in (1.0, -1.0))
             others = [*up, *down]
             if not all(others):  # on the one side on which it can be
-                one, way = (up, 1.0) if all(up) else (down, -1.0)
-                others, scale = [*one, begun(number, value + way * HALFWAY * scale)], way * scale
+                one, scale = (up, scale) if all(up) else (down, -scale)
+                others = [*one, steps({number.path: value + HALFWAY * scale})]
             varied[number.name] = scale, [other or iter(()) for other in others]
-    for row in steps():
+    for row in steps({}) or ():
         found: dict[str, float] = {SLOPES_STATUS: DIFFERENTIABLE}
         for name, (scale, each) in varied.items():
             slopes = derivative(row, np.array([next(one, np.full(len(row), np.nan)) for one in each]), scale)
@@ -317,13 +309,12 @@ def _value(plan: HistoryPlan, level: Level, scene: Scene, number: Sensitivity) -
     Raises KeyError for a number that the scene does not have.
     """
     if number.path == STIFFNESS:
-        value = float(plan.memory.stiffness or 0.0)
-        return value, value
-    value = float(dict(numbers(scene))[number.path].value)  # type: ignore[arg-type]
-    law, units = level.law(scene), {"1": 1.0, "Pa": scene.laws[0].b_scale, "m": scene.laws[0].s_scale}
+        return (float(plan.memory.stiffness or 0.0),) * 2
+    value: float = dict(numbers(scene))[number.path].value  # type: ignore[assignment]
+    size, law, units = abs(value), level.law(scene), {"1": 1.0, "Pa": scene.laws[0].b_scale, "m": scene.laws[0].s_scale}
     if is_load(number.path):
         right = WholeBody(level, scene, np.zeros(level.line.m)).right_side(change_of(level, scene, number))
         change = np.max(np.abs(right), initial=0.0)
-        full = law.b_scale * float(np.max(level.condensed(scene).problem.c)) / change if change else abs(value)
-        return value, max(abs(value), full) or 1.0
-    return value, abs(value) or units.get(number.units, 0.0) or level.lambda_1(scene)
+        size = max(size, law.b_scale * float(np.max(level.line.c)) / change if change else size)
+        return value, size or 1.0
+    return value, size or units.get(number.units, 0.0) or level.lambda_1(scene)

@@ -8,9 +8,10 @@ it is lost at the jumps.
 
 Derivatives by one number p are differences of whole histories, which are exact to rounding. A history is smooth in p
 but for events, where one-sided derivatives differ. With D± = ±(f(p ± h) − f(p))/h at two steps h the part of D⁺ − D⁻
-that stays as h → 0 is such a difference; what falls like h is curvature. Of the estimates that either step and both
-together give that is taken which errs least. Where a number can only grow, or only fall, D is looked at on one side, at
-three steps: for a smooth f they lie on a line. What errs by more than AGREES is NaN.
+that stays as h → 0 is such a difference; what falls like h is curvature, which D at both steps gives on either side,
+also where an event lies between the steps of the other one. Of the values that either step gives that is taken which
+errs least. Where a number can only grow, or only fall, D is looked at on one side, at three steps: for a smooth f they
+lie on a line. What errs by more than AGREES is NaN.
 """
 
 from __future__ import annotations
@@ -168,9 +169,10 @@ def derivative(middle: Array, beside: Array, scale: float) -> Array:
     if len(beside) == 4:
         h = np.array(STEPS)[:, None] * scale
         plus, minus = (beside[:2] - middle) / h, (middle - beside[2:]) / h
-        central, apart = 0.5 * (plus + minus), plus - minus
-        values = np.array([*central, central[1]])
-        errors = np.array([*apart, (one * apart[1] - other * apart[0]) / (one - other)])
+        (far, near), apart = 0.5 * (plus + minus), plus - minus
+        above, below = ((side[0] - side[1]) * other / (one - other) for side in (plus, -minus))
+        bend = np.array([0.0 * above, above + below, 2.0 * above, 2.0 * below])
+        values, errors = np.array([far, *(near + 0.0 * bend)]), np.array([apart[0], *(apart[1] - bend)])
     else:
         far, near, between = (beside - middle) / (np.array([*STEPS, HALFWAY])[:, None] * scale)
         values = ((one * near - other * far) / (one - other))[None]

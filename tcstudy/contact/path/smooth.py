@@ -48,6 +48,7 @@ class CurvePoint:
     codes:     (m,) 2k where a node slides on the piece of address k, 2k + 1 on the jump at its right end
     v, t:      (m,) slips, and the parameter;  x: (2,) t and R
     row, time: the coordinate s = row·v + time·t;  first: (2,) derivative of x by s
+    factor:    the nodes that slide, and of `bordered` there LU, pivots and the factor of its last row
     side:      of the polygon beside it;  kink: at a corner the one that a node passes there, −1 elsewhere
     """
 
@@ -58,6 +59,7 @@ class CurvePoint:
     row: Array
     time: float
     first: Array
+    factor: tuple[Index, Array, Index, float]
     side: int = -1
     kink: int = -1
 
@@ -105,7 +107,7 @@ def on_curve(
         return None
     d = scipy.linalg.lapack.dgetrs(lu, pivots, np.append(np.zeros(n), unit))[0]
     R, dR = (p.load(t) - p.A_tilde @ v).sum(), p.l_1.sum() * d[-1] - p.A_tilde[free].sum(axis=1) @ d[:-1]
-    return CurvePoint(codes, v, t, np.array([t, R]), row, time, np.array([d[-1], dR]))
+    return CurvePoint(codes, v, t, np.array([t, R]), row, time, np.array([d[-1], dR]), (free, lu, pivots, unit))
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,11 +137,11 @@ class SmoothPath:
             return float(goal(point.x) @ point.first)
 
         v, t = (x[side] + share * (x[side + 1] - x[side]) for x in (self.path.u, self.path.t))
-        point = self._beside(side, v, float(t))
+        point = self.beside(side, v, float(t))
         for _ in range(SIDES):
             sense = -int(np.sign(slope(point)))
-            corner = self._vertex(point.side + (sense > 0), point.side)
-            end, after = self._beside(point.side, corner.v, corner.t), point.side + sense
+            corner = self.vertex(point.side + (sense > 0), point.side)
+            end, after = self.beside(point.side, corner.v, corner.t), point.side + sense
             if sense * (end.s - point.s) < 0.0:  # the curve has its corner before the polygon has it
                 point = end
                 continue
@@ -147,12 +149,13 @@ class SmoothPath:
                 return self._zero(slope, point, end)
             if not 0 <= after < self.path.pieces:
                 return corner
-            point = self._beside(after, corner.v, corner.t)
+            point = self.beside(after, corner.v, corner.t)
             if sense * slope(point) >= 0.0:
                 return corner
         return point
 
-    def _beside(self, side: int, v: Array, t: float) -> CurvePoint:
+    def beside(self, side: int, v: Array, t: float) -> CurvePoint:
+        """The point of the curve beside one of a side. Raises ValueError if it is not found."""
         row, time = self.path.along(side)
         return self._found(self.at(side, (row, time), float(row @ v + time * t), v, t))
 
@@ -161,8 +164,8 @@ class SmoothPath:
             raise ValueError(BESIDE)
         return point
 
-    def _vertex(self, vertex: int, side: int) -> CurvePoint:
-        """The point of the curve beside a vertex at an end of a side."""
+    def vertex(self, vertex: int, side: int) -> CurvePoint:
+        """The same beside a vertex at an end of a side, on the kink that a node passes there."""
         path, law, m = self.path, self.law, self.path.problem.m
         u, t, kinks = path.u[vertex], float(path.t[vertex]), law.nearest_kink(path.u[vertex])
         if vertex in (0, path.pieces):  # there t is held
@@ -173,7 +176,7 @@ class SmoothPath:
                 found = self.at(own, (np.eye(m)[node], 0.0), float(law.kink(kinks)[node]), u, t)
                 if found is not None:
                     return replace(found, kink=int(kinks[node]))
-        return self._found(None if np.any(changed) else self._beside(side, u, t))
+        return self._found(None if np.any(changed) else self.beside(side, u, t))
 
     def _zero(self, slope: Callable[[CurvePoint], float], one: CurvePoint, other: CurvePoint) -> CurvePoint:
         """Where a slope changes its sign between two points of a side."""

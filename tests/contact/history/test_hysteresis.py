@@ -66,3 +66,4 @@ def test_known_functions_in_any_units_and_where_both_sides_differ() -> None:
     beside, farther = 1.0 + 0.3 * STEPS[1], 1.0 + 2.0 * STEPS[1]
     assert np.all(np.isnan(both(lambda x: max(x - beside, 0.0) + x, 1.0)))
     assert both(lambda x: max(x - farther, 0.0) + x, 1.0)[0] == pytest.approx(1.0, rel=1e-9)
+    assert both(lambda x: max(x - farther, 0.0) + x**2, 1.0)[0] == pytest.approx(2.0, rel=1e-9)  # bent as well
