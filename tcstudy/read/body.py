@@ -30,6 +30,7 @@ from tcstudy.scene.records import (
     Clamped,
     Contact,
     Edge,
+    Free,
     Loop,
     Point,
     Region,
@@ -280,14 +281,6 @@ def check_mesh(ctx: Context, maxh: Node, plan: MeshPlan, body: Body) -> None:
         ctx.errors.unfit(node, "mesh.maxh" if ctx.errors.refused is not None else node.path, what, remedy)
 
 
-def check_guarantee(ctx: Context, root: Node, plan: MeshPlan, body: Body) -> None:
-    """Refuse a guarantee where the mesh is another body."""
-    curved = ", ".join(dict.fromkeys(edge.name for edge in body.edges if edge.through is not None))
-    if plan.guarantee and curved:
-        what = f"needs straight edges, but the mesh of {curved} is another body"
-        ctx.errors.at(root.nearest("mesh", "guarantee"), what, "remove it")
-
-
 def mesh_faults(plan: MeshPlan, area: float, size: float, units: str) -> Iterator[tuple[int, str, str]]:
     """(number of the size, what, remedy) of all that give no sensible number of triangles, area/(√3/4 h²)·4^(levels−1).
 
@@ -309,54 +302,45 @@ def mesh_faults(plan: MeshPlan, area: float, size: float, units: str) -> Iterato
         if triangles > MAX_TRIANGLES:
             least = h * math.sqrt(triangles / MAX_TRIANGLES)
             remedy = f"choose maxh above {least:.2g}{unit}" + (" or fewer levels" if refinements else "")
-            if least > size:
-                fewer = math.ceil(math.log(triangles / MAX_TRIANGLES, 4.0))
-                remedy = f"give at most {max(1, plan.levels - fewer)} levels"
             yield i, f"about 10^{math.log10(triangles):.1f} triangles are more than a study can use", remedy
 
 
 def check_boundary(ctx: Context, node: Node, body: Body, boundary: Boundary) -> None:
-    """Record every corner at which constraints have no common solution or two edges hold different temperatures, where
-    heat without end would flow; and every symmetry edge that is an arc, where u_N = 0 mirrors nothing."""
-    for name, what in corner_faults(body, boundary):
-        ctx.errors.at(node.nearest(name), what, "make them agree there, or free a component")
-    held = {name: role.heat.theta for name, role in boundary if role.heat and role.heat.theta is not None}
-    for edge, following in (pair for loop in body.loops for pair in loop.corners) if body.outline else ():
-        (x, y), given = edge.end, [held[one.name] for one in (edge, following) if one.name in held]
-        values = [float(value_of(theta, x, y)) for theta in given]
-        if np.ptp(values or [0.0]) > 1e-9 * np.max(np.abs(values), initial=0.0):
-            what = f"{edge.name} and {following.name} hold different temperatures at their corner ({x:g}, {y:g})"
-            remedy = "make them agree there, or let one of them exchange heat: {alpha: ..., theta_bar: ...}"
-            ctx.errors.once(node.nearest(following.name), what, remedy)
+    """Record every corner at which edges contradict each other, and every symmetry edge that is an arc, where u_N = 0
+    mirrors nothing."""
+    for name, what, remedy in corner_faults(body, boundary):
+        ctx.errors.at(node.nearest(name), what, remedy)
     mirrors = {name for name, role in boundary if isinstance(role, Symmetry)}
-    for name in dict.fromkeys(edge.name for edge in body.edges if edge.through is not None):
-        if name in mirrors:
-            remedy = "use {role: clamped, u_N: 0} for a guide"
-            ctx.errors.once(node.nearest(name), "a symmetry edge is straight, but this is an arc", remedy)
+    for name in dict.fromkeys(edge.name for edge in body.edges if edge.through is not None and edge.name in mirrors):
+        remedy = "use {role: clamped, u_N: 0} for a guide"
+        ctx.errors.once(node.nearest(name), "a symmetry edge is straight, but this is an arc", remedy)
 
 
-def corner_faults(body: Body, boundary: Boundary) -> Iterator[tuple[str, str]]:
-    """(edge, what is wrong) of every corner of a polygon body at which d·u = value have no common solution u.
+def corner_faults(body: Body, boundary: Boundary) -> Iterator[tuple[str, str, str]]:
+    """(edge, what, remedy) of every corner of a polygon body at which d·u = value have no common solution u, or two
+    edges hold different temperatures, where heat without end would flow.
 
     Near-parallel directions (a smooth junction) count as parallel.
     """
     roles = dict(boundary)
-
-    def held(edge: Edge, at: Point) -> list[tuple[float, float, float]]:
-        role = roles.get(edge.name)
-        found = _components(role.frame, role.u, edge_normal(edge, np.array([at]))[0]) if role else ()
-        return [(d_1, d_2, float(value_of(value, *at))) for d_1, d_2, value in found]
-
     for edge, following in (pair for loop in body.loops for pair in loop.corners) if body.outline else ():
-        rows = np.array([*held(edge, edge.end), *held(following, edge.end)]).reshape(-1, 3)
+        (x, y), own, rows = edge.end, [roles.get(one.name, Free()) for one in (edge, following)], []
+        for one, role in zip((edge, following), own, strict=True):
+            directions = _components(role.frame, role.u, edge_normal(one, np.array([edge.end]))[0])
+            rows += [(d_1, d_2, float(value_of(value, x, y))) for d_1, d_2, value in directions]
+        theta = [float(value_of(r.heat.theta, x, y)) for r in own if r.heat and r.heat.theta is not None]
+        if len(theta) == 2 and abs(theta[0] - theta[1]) > 1e-9 * max(map(abs, theta)):
+            what = f"{edge.name} and {following.name} hold different temperatures at their corner ({x:g}, {y:g})"
+            remedy = "make them agree there, or let one of them exchange heat: {alpha: ..., theta_bar: ...}"
+            yield following.name, what, remedy
         if len(rows) < 2 or not np.all(np.isfinite(rows)):  # an expression without a value is refused elsewhere
             continue
-        u = np.linalg.lstsq(rows[:, :2], rows[:, 2], rcond=1e-6)[0]
-        if np.max(np.abs(rows[:, :2] @ u - rows[:, 2])) > 1e-9 * np.max(np.abs(rows[:, 2])):
-            x, y = edge.end
-            clamped = following if isinstance(roles.get(following.name), Clamped) else edge
+        d, values = np.array(rows)[:, :2], np.array(rows)[:, 2]
+        u = np.linalg.lstsq(d, values, rcond=1e-6)[0]
+        if np.max(np.abs(d @ u - values)) > 1e-9 * np.max(np.abs(values)):
+            clamped = following if isinstance(own[1], Clamped) else edge
             what = f"{edge.name} and {following.name} prescribe different displacements at their common corner"
-            yield clamped.name, f"{what} ({x:g}, {y:g})"
+            yield clamped.name, f"{what} ({x:g}, {y:g})", "make them agree there, or free a component"
 
 
 EDGE_POINTS = 64

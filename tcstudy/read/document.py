@@ -14,7 +14,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ruamel.yaml import YAML
-from ruamel.yaml.composer import Composer
 from ruamel.yaml.error import MarkedYAMLError, YAMLError, YAMLWarning
 from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
 from ruamel.yaml.nodes import Node as YamlNode
@@ -33,25 +32,6 @@ MAX_BYTES = 16_000_000
 TAG = "tag:yaml.org,2002:"
 TEXTS, NUMBERS = {"!!str", "!!timestamp", "!!merge", "!!value"}, {"!!null", "!!bool", "!!int", "!!float"}
 """Tags of scalars that stay texts, and of those that have a value."""
-
-
-class _TooDeep(MarkedYAMLError):
-    """A node below MAX_DEPTH others."""
-
-
-class _Composer(Composer):
-    """The library's composer, which recurses once a level: stopped before time or stack run out."""
-
-    levels = 0
-
-    def compose_node(self, parent: YamlNode | None, index: object) -> YamlNode:
-        """The next node."""
-        if self.levels > MAX_DEPTH:
-            raise _TooDeep(problem_mark=self.parser.peek_event().start_mark)
-        self.levels += 1
-        node: YamlNode = super().compose_node(parent, index)
-        self.levels -= 1
-        return node
 
 
 def load_text(path: Path) -> str:
@@ -89,15 +69,12 @@ def compose(text: str, file: str, errors: Collector, path: str = "", *, option: 
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", YAMLWarning)  # an anchor may be used again, says YAML 1.2
             library = YAML(typ="safe", pure=True)
-            library.Composer = _Composer
             root = library.compose(text)
         if root is None:
             raise _refusal(file, "the file is empty", "start from configs/quickstart.yaml")
         return _Builder(library, file, errors, option).node(root, path, None)
-    except _TooDeep as error:
-        mark, remedy = error.problem_mark, "a study needs fewer than ten levels"
-        line, column = (0, 0) if option else (mark.line + 1, mark.column + 1)
-        raise _refusal(file, "the YAML is nested too deeply", remedy, line, column, path) from None
+    except RecursionError:
+        raise _refusal(file, "the YAML is nested too deeply", "a study needs fewer than ten levels") from None
     except YAMLError as error:
         raise _syntax_error(error, text, file, option) from None
     except (ValueError, IndexError, AttributeError, TypeError, AssertionError) as error:

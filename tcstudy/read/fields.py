@@ -430,10 +430,12 @@ def _number(ctx: Context, node: Node) -> Named:
     """A number, a quantity of any dimension that a study has, or an expression."""
     parts, dimension = split_quantity(node.value) if isinstance(node.value, str) else None, NONE
     if parts is not None and ctx.units == "SI":
-        dimension, remedy = _of_unit(parts[1])
-        if remedy:
+        found = _of_unit(parts[1])
+        if found is None:
+            remedy = "units are case-sensitive: write mm, MPa, W/(m*K) and the like"
             ctx.errors.at(node, f"{parts[1]!r} is not a unit of any number of a study", remedy)
             return Named(math.nan, NONE)
+        dimension = found
     elif isinstance(node.value, str) and ctx.units == "SI" and ctx.named:  # plain for one that a study has not
         with suppress(expressions.ExpressionError, UnitError):  # which whoever reads the number says
             found = units_of(parse(node.value, tuple(ctx.named)), ctx.named)
@@ -442,16 +444,13 @@ def _number(ctx: Context, node: Node) -> Named:
 
 
 @lru_cache(maxsize=256)
-def _of_unit(unit: str) -> tuple[Dimension, str]:
-    """The first dimension that has a unit; if none has, what to write instead."""
-    remedy = ""
+def _of_unit(unit: str) -> Dimension | None:
+    """The first dimension that has a unit."""
     for dimension in DIMENSIONS:
-        try:
+        with suppress(UnitError):
             to_si("1", unit, dimension)
-            return dimension, ""
-        except UnitError as error:
-            remedy = error.args[1]
-    return NONE, remedy
+            return dimension
+    return None
 
 
 def words_in(node: Node, names: Iterable[str]) -> frozenset[str]:

@@ -10,7 +10,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from tcstudy.read.body import check_goal, check_guarantee, check_mesh
+from tcstudy.read.body import check_goal, check_mesh
 from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.node import Node
 from tcstudy.read.scenes import SceneReader
@@ -52,7 +52,6 @@ def read_mesh(ctx: Context, reader: SceneReader) -> MeshPlan | None:
     plan = _mesh(ctx, section) if (section := root.at("mesh")) else None  # that it is missing is recorded already
     if section and plan and body:
         check_mesh(ctx, root.nearest("mesh", "maxh"), plan, body)
-        check_guarantee(ctx, root, plan, body)
         if reader.scenes and (goal := section.at("of") or section.at("goal")):
             check_goal(ctx, goal, plan.goal, body, reader.scenes)
     return plan

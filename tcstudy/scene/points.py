@@ -170,22 +170,14 @@ def why_no_heat(scenes: Sequence[Scene]) -> str:
 
 def idle_notes(study: Study) -> list[str]:
     """One sentence for every axis of a grid whose values all give the same solutions, because heat is left out."""
-    if study.mode != "grid":
+    thermal = [(d, axis) for d, axis in enumerate(study.axes) if len(axis.labels) > 1 and axis.path[0] in THERMAL]
+    if study.mode != "grid" or not thermal:
         return []
-    return [
-        f"{axis.name} changes nothing ({why_no_heat(study.scenes)}): its {len(axis.labels)} values give equal solutions"
-        for d, axis in enumerate(study.axes)
-        if len(axis.labels) > 1 and axis.path[0] in THERMAL and _idle(study, d)
-    ]
-
-
-def _idle(study: Study, d: int) -> bool:
-    """Whether all scenes along dimension d are the same to the solver."""
-    scenes, of = combinations(study.scenes, *FELT)
-    numbers: dict[tuple[object, ...], int] = {}
-    felt = np.array([numbers.setdefault(tuple(_felt(scene)), len(numbers)) for scene in scenes])
-    points = felt[of].reshape(study.shape)
-    return bool(np.all(points == points.take([0], axis=d)))
+    (scenes, of), numbers = combinations(study.scenes, *FELT), dict[tuple[object, ...], int]()
+    alike = np.array([numbers.setdefault(tuple(_felt(scene)), len(numbers)) for scene in scenes])[of]
+    points, why = alike.reshape(study.shape), why_no_heat(study.scenes)
+    idle = [axis for d, axis in thermal if np.all(points == points.take([0], axis=d))]
+    return [f"{one.name} changes nothing ({why}): its {len(one.labels)} values give equal solutions" for one in idle]
 
 
 def _felt(scene: Scene) -> Iterator[object]:

@@ -237,10 +237,6 @@ class Acceptance:
         """Whether a point with this residual is a solution (nan is none)."""
         return residual <= self.limit(rounding)
 
-    def limited(self, residual: float, rounding: float) -> bool:
-        """Whether a point is a solution only because rounding of the problem allows no better."""
-        return self.aim < residual <= self.limit(rounding)
-
 
 Quantity = Literal["energy", "friction_resultant", "slip_length", "u_T"]  # u_T comes last, with its point
 PROVED = "error_bound"
