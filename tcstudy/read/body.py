@@ -313,7 +313,7 @@ def check_boundary(ctx: Context, node: Node, body: Body, boundary: Boundary) -> 
     mirrors = {name for name, role in boundary if isinstance(role, Symmetry)}
     for name in dict.fromkeys(edge.name for edge in body.edges if edge.through is not None and edge.name in mirrors):
         remedy = "use {role: clamped, u_N: 0} for a guide"
-        ctx.errors.once(node.nearest(name), "a symmetry edge is straight, but this is an arc", remedy)
+        ctx.errors.at(node.nearest(name), "a symmetry edge is straight, but this is an arc", remedy)
 
 
 def corner_faults(body: Body, boundary: Boundary) -> Iterator[tuple[str, str, str]]:
@@ -360,7 +360,7 @@ def check_finite(ctx: Context, root: Node, section: str, value: Any, body: Body)
             points = [_on_edges(body, name) for name in edges] + ([] if section == "boundary" else [inside(body)])
             if at := _first(expression, np.concatenate(points), -math.inf):
                 what = f"the expression {str(expression)!r} has no finite value at {at}"
-                ctx.errors.once(root.nearest(section, key), what, "change it so that it is finite wherever it is used")
+                ctx.errors.at(root.nearest(section, key), what, "change it so that it is finite wherever it is used")
 
 
 def _first(of: Scalar, points: Array, least: float) -> str:
@@ -380,15 +380,15 @@ def check_laws(ctx: Context, root: Node, friction: EdgeLaws, boundary: Iterable[
     wrong = [edge for edge in given if edge not in contact]
     for edge in wrong:
         remedy = f"the contact edges are {', '.join(contact)}"
-        ctx.errors.once(root.nearest("friction", edge), f"{edge!r} is no contact edge", remedy)
+        ctx.errors.at(root.nearest("friction", edge), f"{edge!r} is no contact edge", remedy)
     if given and not wrong and (without := [edge for edge in contact if edge not in given]):
         remedy = f"add {without[0]}: {{law: ...}}; without friction {{law: linear, k: 0}}"
-        ctx.errors.once(root.nearest("friction"), f"the contact edge {without[0]} has no law", remedy)
+        ctx.errors.at(root.nearest("friction"), f"the contact edge {without[0]} has no law", remedy)
     for edge, _, strength in friction.laws if body.outline is not None else ():
         for name in [edge] if edge in contact else contact if not edge else []:
             if at := _first(strength, _on_edges(body, name), 0.0):
                 what, remedy = f"the strength is negative or not finite at {at}", 'bound it, for example "max(0, ...)"'
-                ctx.errors.once(root.nearest("friction", *filter(None, (edge, "strength"))), what, remedy)
+                ctx.errors.at(root.nearest("friction", *filter(None, (edge, "strength"))), what, remedy)
 
 
 def _in(value: Any) -> Iterator[Expression]:

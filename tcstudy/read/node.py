@@ -153,14 +153,6 @@ class Collector:
         """
         self.at_mark(node.key_mark if on_key else node.mark, node.path if key is None else key, *said)
 
-    def once(self, node: Node, *said: str, key: str | None = None) -> None:
-        """Record a fault between sections, whose place depends on the sweep point, at the first place only."""
-        if (what := halves(said)[0]) in self._met:
-            self._count += 1
-        else:
-            self._met.add(what)
-            self.at(node, *said, key=key)
-
     def unfit(self, node: Node, key: str, *said: str) -> None:
         """Record a shape or an element size that is none: a fault, unless it is that of one geometry of several."""
         if self.refused is None:
@@ -177,15 +169,16 @@ class Collector:
     def at_mark(self, mark: Mark, key: str, *said: str) -> None:
         """Record a fault at a place."""
         self._count += 1
-        if mark in self._unreadable or (self.point and (mark, key) in self._met):
-            return
         what, remedy = halves(said)
+        if mark in self._unreadable or (self.point and not {(mark, key), what}.isdisjoint(self._met)):
+            return
+        self._met |= {(mark, key), what}
         if self.point and (self.drawn or not key.startswith("sweep")):
             what = f"{what} ({'' if self.drawn else 'with '}{self.point})"
         problem = Problem(mark.file, mark.line, mark.column, key, what, remedy)
         if problem in self._met:
             return
-        self._met |= {(mark, key), problem}
+        self._met.add(problem)
         self._lines[mark.file, key] += 1
         if self._lines[mark.file, key] <= MOST_LINES:  # of a column of a table, which has one key
             self.problems.append(problem)

@@ -161,9 +161,9 @@ def read_materials(
     found, remedy = [], ctx.example("write {REGION: {E: 70 GPa, nu: 0.33}}")
     for name, item in ctx.mapping(own, "regions to materials", remedy).items():
         if fault := _unknown_region(name, regions):
-            ctx.errors.once(item, *fault)
+            ctx.errors.at(item, *fault)
         elif plane := item.at("plane"):
-            ctx.errors.once(plane, "the whole body is in plane strain or in plane stress", "give it under material")
+            ctx.errors.at(plane, "the whole body is in plane strain or in plane stress", "give it under material")
         elif one := _material(ctx, item, material.plane):
             found.append((name, one))
     return replace(material, regions=tuple(found))
@@ -188,7 +188,7 @@ def _material(ctx: Context, node: Node, plane: Literal["strain", "stress"] | Non
     E, nu, lame = fields.value("E"), fields.value("nu"), None
     if len(pairs) == 2:
         odd = next(fields.values[key] for key in ("lambda", "mu") if fields[key])
-        ctx.errors.once(odd, "the material is given in two ways", "give either E and nu, or lambda and mu")
+        ctx.errors.at(odd, "the material is given in two ways", "give either E and nu, or lambda and mu")
     elif pairs == [("lambda", "mu")]:
         lam, mu = lame = fields.value("lambda"), fields.value("mu")
         if 3 * lam + 2 * mu <= 0.0:
@@ -197,7 +197,7 @@ def _material(ctx: Context, node: Node, plane: Literal["strain", "stress"] | Non
             lam = math.nan
         E, nu = mu * (3 * lam + 2 * mu) / (lam + mu), lam / (2 * (lam + mu))
     if fields["alpha_T"] and fields["beta"]:
-        ctx.errors.once(fields.values["beta"], "both alpha_T and beta are given", "give one of the two")
+        ctx.errors.at(fields.values["beta"], "both alpha_T and beta are given", "give one of the two")
     plane, alpha_T, beta, k = plane or fields.value("plane"), *(fields.value(key) for key in ("alpha_T", "beta", "k"))
     ctx.sound()
     return Material.of(E, nu, plane, k, alpha_T, beta, lame)
@@ -309,7 +309,7 @@ def read_heat(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) 
         fields = Fields(ctx, node, "heat", ("theta",))
         if others := [key for key in fields.values if key in fields.rows and key != "theta"]:
             what = f"theta is the known temperature, so {', '.join(others)} would not be used"
-            ctx.errors.once(fields.values["theta"], what, "keep theta alone, or remove it to compute the temperature")
+            ctx.errors.at(fields.values["theta"], what, "keep theta alone, or remove it to compute the temperature")
         return Heat(**fields.given(("theta",)))
     fields = Fields(ctx, node, "heat")
     return Heat(**fields.given((*HEAT, "q")), omega=_omega(ctx, fields["omega"], regions))
@@ -334,44 +334,43 @@ def _omega(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) -> 
 
 def check_heat(ctx: Context, root: Node, heat: Heat, boundary: Boundary, material: Material) -> None:
     """Heat needs a conductivity and an edge that decides about temperature; what is given must act somewhere."""
-    own = [edge for edge, role in boundary if role.heat is not None]
-    passing = [(edge, role.heat or EdgeHeat()) for edge, role in boundary if exchanges(role)]
-    held = [edge for edge, role in boundary if role.heat is not None and role.heat.theta is not None]
+    own = {edge: role.heat for edge, role in boundary if role.heat is not None}
+    passing = {edge: role.heat or EdgeHeat() for edge, role in boundary if exchanges(role)}
     section, alpha = root.at("heat"), root.nearest("heat", "alpha")
     if heat.theta is not None or (section is None and not own):
         why = "the study has no section heat" if section is None else "the temperature theta is given"
-        for edge in dict.fromkeys((*(edge for edge, _ in passing), *own)):
+        for edge in [*passing, *own][:1]:
             what = "what the edge does to heat" if edge in own else "a convection edge"
             remedy = "remove theta to compute the temperature, or what the edge says of heat"
             if edge not in own:
                 remedy = "add heat: {alpha: ..., theta_bar: ...}, or make the edge free or traction"
-            ctx.errors.once(root.nearest("boundary", edge), f"{what} has no meaning, because {why}", remedy)
+            ctx.errors.at(root.nearest("boundary", edge), f"{what} has no meaning, because {why}", remedy)
         return
     for key in HEAT:  # what edges leave to the section
-        lacking = [edge for edge, given in passing if getattr(given, key) is None]
+        lacking = [edge for edge, given in passing.items() if getattr(given, key) is None]
         said = f"add {key}: {ctx.example(row('heat', key).suggestion)}"
         if section is None:
             for edge in lacking:
                 what, where = "is missing, and there is no section heat to take it from", ("boundary", edge, "heat")
-                ctx.errors.once(root.nearest(*where), what, said, key=".".join((*where, key)))
+                ctx.errors.at(root.nearest(*where), what, said, key=".".join((*where, key)))
         elif not root.at("heat", key) and (lacking or not own) and isinstance(section.value, Mapping):
             ctx.errors.at(section, "is missing", said, key=f"heat.{key}")
-    if not (passing or held or own) and heat.q == 0.0:  # no heat comes or goes: an alpha then is a doubt, no fault
+    if not (passing or own) and heat.q == 0.0:  # no heat comes or goes: an alpha then is a doubt, no fault
         return
     places = (("material",), *(("materials", name) for name, _ in material.regions))
     for place, one in zip(places, material.all, strict=True):
         if one.k is None:
             key = f"{'.'.join(place)}.k"
-            ctx.errors.once(root.nearest(*place), "is missing, but heat needs it; add k: 45 W/(m*K)", key=key)
-    if not passing and not held and (own or heat.alpha > 0.0):
-        node, what = root.nearest("boundary", *own[:1]), "and none holds a temperature: no heat can leave"
+            ctx.errors.at(root.nearest(*place), "is missing, but heat needs it; add k: 45 W/(m*K)", key=key)
+    if not passing and not any(said.theta is not None for said in own.values()) and (own or heat.alpha > 0.0):
+        node, what = root.nearest("boundary", *[*own][:1]), "and none holds a temperature: no heat can leave"
         if heat.alpha > 0.0:
             node, what = alpha, "so alpha acts nowhere"
         remedy = "give the role convection to the edges that exchange heat, or give a known temperature theta"
-        ctx.errors.once(node, f"no edge has the role convection, {what}", remedy)
-    elif section and heat.alpha == 0.0 and own and any(said.alpha is None for _, said in passing):
+        ctx.errors.at(node, f"no edge has the role convection, {what}", remedy)
+    elif section and heat.alpha == 0.0 and own and any(said.alpha is None for said in passing.values()):
         what = "with alpha = 0 the edges that have none of their own exchange nothing"
-        ctx.errors.once(alpha, what, "give alpha > 0, or make those edges free or traction")
+        ctx.errors.at(alpha, what, "give alpha > 0, or make those edges free or traction")
     elif heat.alpha == 0.0 and not own and heat.q != 0.0:
         what = "with alpha = 0 the heat of q cannot leave the body, so there is no steady state"
-        ctx.errors.once(alpha, what, "give alpha > 0, or q: 0")
+        ctx.errors.at(alpha, what, "give alpha > 0, or q: 0")

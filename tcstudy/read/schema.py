@@ -14,7 +14,7 @@ from typing import Any, get_args
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.fields import LISTS, PAIRS, SOME
 from tcstudy.scene.keys import OF_ALL_LAWS, Key, law_rows, of_role, row, rows
-from tcstudy.scene.parameters import NUMBERS, SHORT, WHOLE, path_of, swept_row
+from tcstudy.scene.parameters import NUMBERS, SHORT, path_of, swept_row
 from tcstudy.scene.study import PROVED, Quantity
 from tcstudy.scene.units import NONE
 
@@ -23,12 +23,11 @@ Schema = dict[str, Any]
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 TITLE = "A study of tcstudy"
 NAME = "^[A-Za-z0-9_]+$"
-ONE_OF = ("hole", "region", "values", "distribution")
+ONE_OF = ("hole", "region")
 """Sections that hold one of their keys."""
 SOME_TEXT: Schema = {"type": "string", "pattern": r"\S"}
 VALUE: Schema = {"type": ["number", "string"]}
 """A number, or a text with its unit or an expression, which the reader judges."""
-SPACED_OR_DRAWN: list[Schema] = [{"$ref": "#/$defs/values"}, {"$ref": "#/$defs/distribution"}]
 
 
 def schema_text() -> str:
@@ -42,14 +41,16 @@ def schema() -> Schema:
     for one in known:  # which grows by the rows of the sections that it names
         known += [row for name in one.of if name != "point" for row in rows(name).values() if row not in known]
     sections = dict.fromkeys(name for one in known for name in one.of)
-    drawn = ("distribution", *(name for one in rows("distribution").values() for name in one.of))
-    made = {section: _section(section) for section in (*sections, "values", *drawn, "goal") if section != "point"}
+    made = {section: _section(section) for section in (*sections, "goal") if section != "point"}
     made["boundary"] |= {"allOf": [_takes("role", role, of_role(role)) for role in row("boundary", "role").words]}
     laws = {law: tuple(one.name for one in law_rows(law)) for law in SHAPES}
     made["friction"] |= {"allOf": [_takes("law", law, (*OF_ALL_LAWS, *names)) for law, names in laws.items()]}
     made["body"] |= {"oneOf": [{"required": [name]} for name in ("outline", "rectangle", "file")]}
-    made["point"] = _sweep(_at_point)
-    made["sweep"] = _sweep(_swept, tuple(rows("sweep").values()))
+    words = dict.fromkeys((*SHORT.values(), *(f"friction.{key}" for key in rows("friction")), "material", *SHORT))
+    swept = {word: {"description": found.meaning} for word in words if (found := swept_row(path_of(word)))}
+    made["point"] = {"type": "object", "properties": swept, "minProperties": 1}
+    made["sweep"]["properties"] |= swept
+    made["sweep"]["additionalProperties"] = {"type": ["array", "object", "number", "string"]}
     made["step"] |= {"additionalProperties": VALUE, "minProperties": 1}
     supplied = {"anyOf": [{"required": ["sweep"]}, {"required": ["exact"]}]}  # which may have the other sections
     needed = {"required": [one.name for one in rows("").values() if one.required]}
@@ -71,33 +72,6 @@ def _takes(key: str, word: str, names: tuple[str, ...]) -> Schema:
     """The keys beside `key` that go with one of its words."""
     given = {"properties": {key: {"const": word}}, "required": [key]}
     return {"if": given, "then": {"propertyNames": {"enum": [key, *names]}}}
-
-
-def _sweep(made: Callable[[Key], Schema], beside: tuple[Key, ...] = ()) -> Schema:
-    """A mapping of parameters to what `made` says of each; what an edge, a region, the body or `parameters` name may
-    have any values."""
-    words = dict.fromkeys(
-        (*SHORT.values(), *(f"friction.{key}" for key in rows("friction")), "material", "friction", *SHORT)
-    )
-    named = {word: one for word in words if (one := swept_row(path_of(word)))}
-    return {
-        "type": "object",
-        "properties": {one.name: _described(one) for one in beside} | {path: made(one) for path, one in named.items()},
-        "minProperties": 0 if beside else 1,
-        "additionalProperties": {"type": ["array", "object", "number", "string"]},
-    }
-
-
-def _swept(one: Key) -> Schema:
-    if one.kind in WHOLE:
-        return {"type": "object", "minProperties": 1, "additionalProperties": _fragment(one)}
-    return {"anyOf": [_list(_at_point(one), 1), *SPACED_OR_DRAWN[one.kind not in (*NUMBERS, "quantity") :]]}
-
-
-def _at_point(one: Key) -> Schema:
-    if one.kind in WHOLE:
-        return {"anyOf": [_fragment(one), _swept(one) | {"maxProperties": 1}]}
-    return _ref(f"{one.section}/properties/{one.name}")
 
 
 def _described(one: Key) -> Schema:
@@ -140,8 +114,6 @@ def _fragment(one: Key) -> Schema:
     """What a key may hold."""
     kind = one.kind
     if kind in PAIRS:
-        if kind == "span" and one.section == "values":
-            return _list(VALUE, 3, 3)
         pair = _list(_fragment(replace(one, kind=PAIRS[kind][0])), 2, 2)
         return {"anyOf": [{"const": "derived"}, pair]} if kind in ("vector", "displacement") else pair
     if kind in LISTS:
@@ -177,6 +149,5 @@ FRAGMENTS: dict[str, Callable[[Key], Schema]] = {
     "named quantities": lambda one: {"anyOf": [_by_path(VALUE), {"const": "estimate"}]},
     "named texts": lambda one: _by_path(SOME_TEXT),
     "fitted numbers": lambda one: _by_path(_sub_section(one)),
-    "any values": lambda one: {"type": "array", "minItems": 1},
 }
 """What each kind of key may hold that is no pair or list of others."""
