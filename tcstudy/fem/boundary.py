@@ -94,7 +94,7 @@ def values_at(scalar: Scalar, points: Array) -> Array:
         return np.full(points.shape[:-1], float(scalar))
     value = scalar.evaluate(points[..., 0], points[..., 1])
     if not np.all(np.isfinite(value)):
-        raise GeometryFailed(f"the expression {str(scalar)!r} is not finite at every node; correct it", ())
+        raise GeometryFailed(f"the expression {str(scalar)!r} is not finite everywhere on the mesh; correct it", ())
     return value
 
 

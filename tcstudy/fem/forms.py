@@ -36,6 +36,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from tcstudy.expressions.expression import Expression
+from tcstudy.fem.boundary import values_at
 from tcstudy.fem.meshes import Frames, PlaneMesh
 from tcstudy.scene.records import Scalar, Where
 
@@ -43,43 +44,6 @@ Array = NDArray[np.float64]
 
 BONUS_ORDER = 4
 """Extra quadrature order for data given as expressions; products of numbers and P1 functions are exact without it."""
-
-_FUNCTIONS: dict[str, Any] = {
-    name: getattr(ngs, name)
-    for name in ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "sqrt", "sinh", "cosh")
-}
-_FUNCTIONS |= {
-    "abs": lambda a: ngs.IfPos(a, a, -a),
-    "tanh": lambda a: 1 - 2 / (ngs.exp(2 * a) + 1),
-    "min": lambda a, b: ngs.IfPos(a - b, b, a),
-    "max": lambda a, b: ngs.IfPos(a - b, a, b),
-}
-
-
-def coefficient(scalar: Scalar) -> Any:
-    """A number or an expression in x and y as an NGSolve CoefficientFunction."""
-    if isinstance(scalar, Expression):
-        made = ngs.CF(scalar.fold({"x": ngs.x, "y": ngs.y}, _FUNCTIONS))
-        # NGSolve drops products with its own zero, test function and all, and cannot assemble what is left
-        # and it evaluates shared parts of a tree as often as they are named, unless the tree is compiled to a list
-        return ngs.CF(ngs.Parameter(0.0)) if str(made) == "ZeroCoefficientFunction" else made.Compile()
-    return ngs.CF(float(scalar))
-
-
-def is_zero(scalar: Scalar) -> bool:
-    """True for the number 0 (an expression that happens to vanish counts as given)."""
-    return not isinstance(scalar, Expression) and float(scalar) == 0.0
-
-
-def bonus(*scalars: Scalar) -> int:
-    """Extra quadrature order that the given data need."""
-    return BONUS_ORDER if any(isinstance(s, Expression) for s in scalars) else 0
-
-
-def vector(form: Any) -> Array:
-    """Copy the vector of an assembled linear form."""
-    return np.array(form.vec.FV().NumPy())
-
 
 Indices = NDArray[np.int32]
 Moduli = tuple[tuple[Where, float, float], ...]
@@ -162,22 +126,25 @@ class ElasticForms:
 
 def edge_load(mesh: PlaneMesh, density: Scalar, names: tuple[str, ...], normal: int | None = None) -> Array:
     """∫ q φ_i over study edges, (n,); of q times a component of the outward normal where one is named."""
-    if is_zero(density):  # which NGSolve makes no form of
-        return np.zeros(mesh.n_points)
-    phi, q = ngs.H1(mesh.mesh, order=1).TestFunction(), coefficient(density)
-    # the normal of a curve by itself points to either side, into the body at holes; that of a triangle does not
-    factor = q if normal is None else q * ngs.specialcf.normal(2)[normal]
-    where = ngs.ds(mesh.region(*names), skeleton=normal is not None, bonus_intorder=bonus(density))
-    return vector(ngs.LinearForm(factor * phi * where).Assemble())
+    on, edges = mesh.on(*names), mesh.boundary
+    size = edges.length[on] if normal is None else edges.length[on] * edges.normal[on, normal]
+    return _load(mesh, density, mesh.segments[on], size, ngs.SEGM)
 
 
 def source_load(mesh: PlaneMesh, density: Scalar, omega: tuple[str, ...]) -> Array:
     """∫_ω q φ_i, (n,); an empty omega means the whole body."""
-    if is_zero(density):
-        return np.zeros(mesh.n_points)
-    phi, order = ngs.H1(mesh.mesh, order=1).TestFunction(), bonus(density)
-    domain = ngs.dx("|".join(omega), bonus_intorder=order) if omega else ngs.dx(bonus_intorder=order)
-    return vector(ngs.LinearForm(coefficient(density) * phi * domain).Assemble())
+    inside = mesh.inside(omega)
+    return _load(mesh, density, mesh.triangles[inside], 2.0 * mesh.area[inside], ngs.TRIG)
+
+
+def _load(mesh: PlaneMesh, density: Scalar, nodes: NDArray[np.intp], size: Array, kind: Any) -> Array:
+    """∫ q φ_i over segments or triangles with these nodes (e, k) and sizes over that of the unit one (e,)."""
+    rule = ngs.IntegrationRule(kind, 1 + BONUS_ORDER * isinstance(density, Expression))
+    corners, parts = mesh.points[nodes], np.zeros(nodes.shape)
+    for at, weight in zip(rule.points, rule.weights, strict=True):
+        phi = np.array([*at, 1.0 - sum(at)])
+        parts += np.outer(weight * size * values_at(density, phi @ corners), phi)
+    return np.asarray(np.bincount(nodes.ravel(), parts.ravel(), mesh.n_points), dtype=float)
 
 
 def _blocks(form: Any) -> tuple[NodeGraph, Array]:
