@@ -121,7 +121,8 @@ class ElasticForms:
             energy = normal * (u * n) * (v * n) + tangential * (u * t) * (v * t)
             form += energy * ngs.ds(self.mesh.region(name))
         form.Assemble()
-        return _matrix(*_blocks(form), frames)
+        graph, S = _blocks(form)
+        return _matrix(graph, self.mesh.geometry.unit * S, frames)
 
 
 def edge_load(mesh: PlaneMesh, density: Scalar, names: tuple[str, ...], normal: int | None = None) -> Array:

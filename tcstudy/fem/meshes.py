@@ -69,7 +69,7 @@ class BoundaryEdges(NamedTuple):
 class PlaneMesh(TriangleGeometry):
     """A triangle mesh of the body with its arrays copied out of NGSolve.
 
-    mesh:      the NGSolve mesh, for assembly only;  kernel: the same in units of the geometry, for refinement only
+    mesh:      the NGSolve mesh, in units of the geometry, for assembly and refinement only
     geometry:  the geometry it was made of
     level:     position in the study's family, 0 is the coarsest
     segments:  (s, 2) boundary edges, with the body on their left;  segment_curve: (s,) index of their curve
@@ -82,7 +82,6 @@ class PlaneMesh(TriangleGeometry):
     segments: Indices
     segment_curve: Indices
     time_mesh: float
-    kernel: Any
 
     @property
     def n_points(self) -> int:
@@ -239,10 +238,10 @@ def mesh_at(geometry: Geometry, plan: MeshPlan, level: int, coarser: PlaneMesh |
         made = OCCGeometry(geometry.shape, dim=2).GenerateMesh(maxh=maxh * 2**plan.refine / geometry.unit)
         for _ in range(plan.refine):
             made.Refine()
-        kernel = ngs.Mesh(made)
+        mesh = ngs.Mesh(made)
     except Exception as error:
         raise GeometryFailed(f"the mesher failed at maxh = {maxh:g} ({error}); try a smaller maxh") from error
-    return _extract(kernel, geometry, level, start)
+    return _extract(mesh, geometry, level, start)
 
 
 def refine_uniformly(coarser: PlaneMesh) -> PlaneMesh:
@@ -251,7 +250,7 @@ def refine_uniformly(coarser: PlaneMesh) -> PlaneMesh:
     Raises GeometryFailed if it is not the body.
     """
     start = time.perf_counter()
-    finer = coarser.kernel.ngmesh.Copy()  # the coarse mesh stays usable
+    finer = coarser.mesh.ngmesh.Copy()  # the coarse mesh stays usable
     finer.Refine()
     return _extract(ngs.Mesh(finer), coarser.geometry, coarser.level + 1, start)
 
@@ -259,7 +258,7 @@ def refine_uniformly(coarser: PlaneMesh) -> PlaneMesh:
 def refine_marked(coarser: PlaneMesh, marked: NDArray[np.bool_]) -> PlaneMesh:
     """The mesh with the marked triangles (t,) bisected, one level on. Raises GeometryFailed if it is not the body."""
     start = time.perf_counter()
-    mesh = ngs.Mesh(coarser.kernel.ngmesh.Copy())  # the coarse mesh stays usable
+    mesh = ngs.Mesh(coarser.mesh.ngmesh.Copy())  # the coarse mesh stays usable
     mesh.SetRefinementFlags(marked.tolist())
     mesh.Refine()
     return _extract(mesh, coarser.geometry, coarser.level + 1, start)
@@ -280,15 +279,10 @@ def triangles_a_second() -> float:
 SAMPLE = 1000
 
 
-def _extract(kernel: Any, geometry: Geometry, level: int, start: float) -> PlaneMesh:
+def _extract(mesh: Any, geometry: Geometry, level: int, start: float) -> PlaneMesh:
     """Copy the arrays out (views die with their owner) and check that the mesh is the body."""
-    mesh = kernel
-    if geometry.unit != 1.0:  # in metres; the one for the kernel stays
-        metres = kernel.ngmesh.Copy()
-        metres.Scale(geometry.unit)
-        mesh = ngs.Mesh(metres)
     ngmesh = mesh.ngmesh
-    points = np.array(ngmesh.Coordinates()[:, :2])
+    points = geometry.unit * np.array(ngmesh.Coordinates()[:, :2])
     triangles = ngmesh.Elements2D().NumPy()["nodes"][:, :3].astype(np.intp) - 1
     lines = ngmesh.Elements1D().NumPy()
     names = mesh.GetBoundaries()
@@ -320,7 +314,7 @@ def _extract(kernel: Any, geometry: Geometry, level: int, start: float) -> Plane
         raise GeometryFailed(
             f"the mesh has area {area:g}, the body {geometry.area:g}; try a smaller maxh or simplify the outline"
         )
-    return PlaneMesh(points, triangles, mesh, geometry, level, segments, curve, time.perf_counter() - start, kernel)
+    return PlaneMesh(points, triangles, mesh, geometry, level, segments, curve, time.perf_counter() - start)
 
 
 REACH = 0.25

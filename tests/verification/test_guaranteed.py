@@ -35,7 +35,7 @@ def bands(text: str, *changes: str) -> list[tuple[Level, Scene, Band]]:
 
 def reference(level: Level, scene: Scene, refined: int = 1) -> float:
     """λ₁ by order 4 on a mesh refined so often; contact along y = 0, no rigid edge."""
-    kernel = level.mesh.kernel.ngmesh.Copy()
+    kernel = level.mesh.mesh.ngmesh.Copy()
     for _ in range(refined):
         kernel.Refine()
     kernel.Scale(level.mesh.geometry.unit)
