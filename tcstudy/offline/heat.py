@@ -153,7 +153,7 @@ class Recent(dict[Hashable, T]):
     Values that are still referenced elsewhere stay alive there: forgetting costs time later, never correctness.
     """
 
-    def __init__(self, budget: float, size: Callable[[T], int]) -> None:
+    def __init__(self, budget: float = np.inf, size: Callable[[T], int] = lambda _: 1) -> None:
         super().__init__()
         self._budget, self._size, self._total = budget, size, 0
 
@@ -442,10 +442,9 @@ class Temperatures:
         self._convection = tuple(edge for edge, _, _ in scene.exchange)
         self.nodes = self.mesh.nodes_on(*self._convection, *self.held)
         self._memory = memory / max(1, len({k for k, _ in self._wanted}))
-        self._conductions: dict[tuple[Conductivity, Ratios], Conduction] = {}
-        self._factors: dict[Conductivity, HeatFactor] = {}
+        self._conductions, self._factors = Recent[Conduction](), Recent[HeatFactor]()
         self._fields: Recent[Array] = Recent(memory, lambda field: field.nbytes)
-        self._means: dict[Field, float] = {None: 1.0}
+        self._means = Recent[float]()
         self._last: tuple[Scene, Temperature] | None = None
         self._prepared: set[Conductivity] = set()
 
@@ -463,15 +462,12 @@ class Temperatures:
         return edge_load(self.mesh, theta_bar, names or self._convection)[self.nodes]
 
     def conduction(self, k: Conductivity, ratios: Ratios) -> Conduction:
-        if (k, ratios) not in self._conductions:
-            self._conductions[k, ratios] = Conduction(self, k, ratios, self._wanted.get((k, ratios), {}))
-        return self._conductions[k, ratios]
+        wanted = self._wanted.get((k, ratios), {})
+        return self._conductions.of((k, ratios), lambda: Conduction(self, k, ratios, wanted))
 
     def factor(self, k: Conductivity) -> HeatFactor:
         """K factorised, until what it serves is computed."""
-        if k not in self._factors:
-            self._factors[k] = HeatFactor(self._forms, self.nodes, k)
-        return self._factors[k]
+        return self._factors.of(k, lambda: HeatFactor(self._forms, self.nodes, k))
 
     def of(self, scene: Scene) -> Temperature:
         """θ of a scene; zero where the scene has no heat. Nothing is solved for what is constant or unused."""
@@ -531,9 +527,7 @@ class Temperatures:
 
     def mean(self, name: Field) -> float:
         """Mean of a field over the body."""
-        if name not in self._means:
-            self._means[name] = self.mean_of(self.field(name))
-        return self._means[name]
+        return self._means.of(name, lambda: 1.0 if name is None else self.mean_of(self.field(name)))
 
     def mean_of(self, theta: Array) -> float:
         """Mean over the body of a temperature at the nodes (n,)."""

@@ -22,7 +22,7 @@ from tcstudy.contact.problem import ContactProblem, least_eigenpair
 from tcstudy.fem.boundary import constrain, contact_line, couple
 from tcstudy.fem.forms import ElasticForms, Moduli, Springs, edge_load, source_load
 from tcstudy.fem.meshes import Frames, PlaneMesh
-from tcstudy.laws.composed import EdgeLaws, law_along
+from tcstudy.laws.composed import law_along
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.guaranteed import Band, EquilibriumBody, dual_body, lambda_1_band, require_straight
 from tcstudy.offline.heat import Column, Recent, Temperature, Temperatures, split, to_digits
@@ -253,12 +253,10 @@ class Level:
         self.mesh, self.held, self.guarantee = mesh, held, guarantee
         if guarantee:
             require_straight(mesh)
-        self._bands: dict[Ratio, Band] = {}
+        self._bands, self._frames, self._laws = Recent[Band](), Recent[Frames](), Recent[Laws]()
         self._duals: dict[Ratio, tuple[EquilibriumBody, float]] = {}
         self.elastic = ElasticForms(mesh)
         self.temperatures = Temperatures(self.elastic, scene, scenes, MEMORY)
-        self._frames: dict[Hashable, Frames] = {}
-        self._laws: dict[EdgeLaws, Laws] = {}
         self.elimination: EliminationPlan | None = None
         self._bodies: dict[Ratio, ElasticBody] = {}
         self.frames = self.frames_of(scene.boundary)
@@ -269,9 +267,7 @@ class Level:
     def frames_of(self, boundary: Boundary) -> Frames:
         """The local frames of the nodes, with the displacements that a scene's boundary prescribes."""
         key = _held(boundary)
-        if key not in self._frames:
-            self._frames[key] = constrain(self.mesh, key)
-        return self._frames[key]
+        return self._frames.of(key, lambda: constrain(self.mesh, key))
 
     def _body(self, scene: Scene) -> ElasticBody:
         """The body of this λ/μ, factorised; one at a time, as factors are large."""
@@ -322,9 +318,8 @@ class Level:
         friction, line = scene.friction, self.line
         if isinstance(friction, Laws):
             return friction
-        if friction not in self._laws:
-            self._laws[friction] = law_along(friction, line.edge_names, line.edge, line.xy, line.joints)
-        return self._laws[friction]
+        at = line.edge_names, line.edge, line.xy, line.joints
+        return self._laws.of(friction, lambda: law_along(friction, *at))
 
     def block(self, scenes: Sequence[Scene]) -> CondensedBlock:
         """The condensed problems of scenes that share λ/μ (see `ratio`), each distinct load once.
