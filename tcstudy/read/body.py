@@ -141,13 +141,11 @@ def _unknown(*names: str) -> Loop:
 
 
 def _region(ctx: Context, node: Node, name: str) -> Region:
-    """A region given as {circle: ...}, {rectangle: ...} or {polygon: ...}."""
     kind, inner = only_key(ctx, node, "region", "{circle: {center: [x, y], radius: r}}")
     return Region(name, _loop(ctx, inner, kind, edge=name) if kind else Loop(()))
 
 
 def _file(ctx: Context, node: Node) -> BrepFace:
-    """A face of a geometry file, lengths in its unit: 1 in a dimensionless study that names none."""
     fields = Fields(ctx, node, "file")
     path, unit = fields.value("path"), fields.value("unit") or ""
     target, suffix = ctx.folder / path, ("." + path.rpartition(".")[2].lower())
@@ -245,7 +243,6 @@ def _components(
 
 
 def _motion(motions: Array, centre: Point, size: float) -> str:
-    """One or more free rigid motions in words."""
     if len(motions) > 1:
         return f"move in {len(motions)} ways"
     a, b, c = motions[0]
@@ -392,7 +389,6 @@ def check_laws(ctx: Context, root: Node, friction: EdgeLaws, boundary: Iterable[
 
 
 def _in(value: Any) -> Iterator[Expression]:
-    """All expressions inside a scalar, a tuple or a record."""
     if isinstance(value, Expression):
         yield value
     elif isinstance(value, tuple) or is_dataclass(value):

@@ -87,7 +87,6 @@ def _refusal(file: str, what: str, remedy: str, line: int = 0, column: int = 0, 
 
 
 def _syntax_error(error: YAMLError, text: str, file: str, option: bool) -> StudyError:
-    """The library's message in our form."""
     line, column, what = 1, 1, "this is not valid YAML"
     position = getattr(error, "position", None)
     if isinstance(error, MarkedYAMLError):
@@ -107,8 +106,6 @@ def _syntax_error(error: YAMLError, text: str, file: str, option: bool) -> Study
 
 
 class _Builder:
-    """Turns the library's nodes into ours."""
-
     def __init__(self, library: YAML, file: str, errors: Collector, option: bool) -> None:
         self.library, self.file, self.errors, self.option, self.count = library, file, errors, option, 0
         self.open: list[YamlNode] = []

@@ -427,7 +427,6 @@ def read_parameters(ctx: Context, node: Node | None) -> dict[str, Named]:
 
 
 def _number(ctx: Context, node: Node) -> Named:
-    """A number, a quantity of any dimension that a study has, or an expression."""
     parts, dimension = split_quantity(node.value) if isinstance(node.value, str) else None, NONE
     if parts is not None and ctx.units == "SI":
         found = _of_unit(parts[1])
@@ -445,7 +444,6 @@ def _number(ctx: Context, node: Node) -> Named:
 
 @lru_cache(maxsize=256)
 def _of_unit(unit: str) -> Dimension | None:
-    """The first dimension that has a unit."""
     for dimension in DIMENSIONS:
         with suppress(UnitError):
             to_si("1", unit, dimension)
@@ -460,7 +458,6 @@ def words_in(node: Node, names: Iterable[str]) -> frozenset[str]:
 
 @lru_cache(maxsize=65536)
 def _words(node: Node) -> frozenset[str]:
-    """All words of the texts below a node."""
     if isinstance(node.value, str):
         return frozenset(WORD.findall(node.value))
     return frozenset().union(*map(_words, node.value if isinstance(node.value, tuple) else node.children.values()))

@@ -167,7 +167,6 @@ class Collector:
         self._unreadable.add(mark)
 
     def at_mark(self, mark: Mark, key: str, *said: str) -> None:
-        """Record a fault at a place."""
         self._count += 1
         what, remedy = halves(said)
         if mark in self._unreadable or (self.point and not {(mark, key), what}.isdisjoint(self._met)):
@@ -286,7 +285,6 @@ def _hold_other(children: dict[str, Node], key: str) -> None:
 
 
 def _children(node: Node, here: str, done: Keys) -> dict[str, Node]:
-    """The children of a mapping, of a word that stands for one, or of an empty value."""
     if isinstance(node.value, Mapping) or node.value is None:
         return dict(node.children)
     word = short_of(str(done[0])) if len(done) == (2 if done[:1] == ("boundary",) else 1) else ""

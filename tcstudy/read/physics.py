@@ -82,7 +82,6 @@ def keys_of(node: Node) -> tuple[str, ...]:
 
 
 def _role(ctx: Context, node: Node) -> Role:
-    """The role of one edge, given as a word or a mapping."""
     if not isinstance(node.value, Mapping):
         node = replace(node, value={"role": node})
     if not (kind := word_of(ctx, node, "boundary", "role")):
@@ -112,7 +111,6 @@ def _role(ctx: Context, node: Node) -> Role:
 
 
 def _home(key: str) -> str:
-    """Where a key of another role belongs."""
     if key in HEAT_KEYS:
         return "write alpha, theta_bar and flux beside convection, and heat: {...} beside any other role"
     return f"{key} belongs to the role {' or '.join(role for role in ROLES if key in of_role(role))}"
@@ -133,7 +131,6 @@ def _displacement(ctx: Context, node: Node, fields: Fields, kind: str) -> dict[s
 
 
 def _check_rigid(fields: Fields, u: tuple[Any, Any], force: tuple[float, float], moment: float | None) -> None:
-    """An edge that moves as a whole: components that are given, and resultants of the others."""
     if moment is not None and u != (None, None):
         fields.fault("moment", "an edge that turns moves as its forces and its moment want; leave out u, or the moment")
     elif any(isinstance(component, Expression) for component in u):
@@ -170,7 +167,6 @@ def read_materials(
 
 
 def _unknown_region(name: str, regions: tuple[str, ...] | None) -> tuple[str, str] | None:
-    """What is wrong with the name of a region that the body has not, and what to do."""
     if regions is None or name in regions:
         return None
     known = f"use one of {', '.join(regions)}" if regions else "add its shape under body.regions"
@@ -230,7 +226,6 @@ def read_friction(ctx: Context, node: Node, lines: Mapping[str, Sequence[Edge]])
 
 
 def _scattered(ctx: Context, fields: Fields, line: Sequence[Edge]) -> Expression:
-    """The random field of a strength. Raises Unsound."""
     if not fields["scatter_length"]:
         fields.missing("scatter_length")
     if not line:
@@ -250,7 +245,6 @@ def _scattered(ctx: Context, fields: Fields, line: Sequence[Edge]) -> Expression
 
 @none_after_fault
 def _law(ctx: Context, node: Node, line: Sequence[Edge]) -> tuple[Laws, Scalar]:
-    """A law, and its strength where that varies: a number is made part of the law. None after a fault."""
     name = word_of(ctx, node, "friction", "law")
     ctx.sound()
     own = (*(row("friction", key) for key in ("law", *OF_ALL_LAWS)), *law_rows(name))
@@ -316,7 +310,6 @@ def read_heat(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) 
 
 
 def _omega(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) -> tuple[str, ...]:
-    """Names of the regions that make up ω; empty for the whole body."""
     names: list[str] = []
     items = () if node is None or not isinstance(node.value, str | tuple) else node.entries
     if node is not None and not items:

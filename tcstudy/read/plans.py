@@ -85,7 +85,6 @@ def _mesh(ctx: Context, section: Node) -> MeshPlan:
 
 
 def _contradictions(fields: Fields, family: FamilyName, listed: bool) -> dict[str, str]:
-    """Keys that contradict others or would not be used where they are given: what is wrong and what to do."""
     strategy, to_tolerance = FAMILIES[family], fields["tolerance"] is not None
     used = {one.option: f"is for {name} meshes; add family: {name}, or remove it" for name, one in FAMILIES.items()}
     used.pop(strategy.option)
@@ -109,7 +108,6 @@ def _contradictions(fields: Fields, family: FamilyName, listed: bool) -> dict[st
 
 
 def _goal(ctx: Context, fields: Fields) -> Goal:
-    """The quantity by name, or {u_T: [x, y]}; with its known value."""
     node, goal = fields["of"] or fields["goal"], Goal()
     if node and isinstance(node.value, Mapping):
         goal = Goal("u_T", Fields(ctx, node, "goal").value("u_T"))

@@ -100,7 +100,6 @@ class SceneReader:
             self.scenes = scenes
 
     def _keys(self, section: str) -> tuple[list[Indices], NDArray[np.int32]]:
-        """All combinations of the values of the axes that touch a section, and (P,) which one each point has."""
         places = self.sweep.places
         own, at = [len(self.sweep.axes[i].values) for i in self.touching[section]], places[self.touching[section]]
         if not own:
@@ -138,7 +137,6 @@ class SceneReader:
     def _compare_points(
         self, scenes: Scenes, keys: Mapping[str, Any], read: Mapping[str, list[tuple[Node | None, Any]]]
     ) -> None:
-        """Checks across the sections, once for every combination of those that are compared."""
         first = scenes.combined(*THERMAL)[0]
         for i in first if len(first) > 1 else ():
             swept = {a: at for s in THERMAL for a, at in zip(self.touching[s], keys[s][0][keys[s][1][i]], strict=True)}
@@ -190,7 +188,6 @@ class SceneReader:
         return lines | {"": [edge for edge in edges if edge.name in contact]}
 
     def _compare(self, root: Node, values: Mapping[str, Any]) -> None:
-        """Checks across the sections of one scene."""
         for section in ("boundary", "loads", "heat") if self.body else ():
             value = values[section]
             if value is not None and id(value) not in self.finite:  # points share their sections' records

@@ -69,13 +69,11 @@ def _section(section: str, required: tuple[str, ...] | None = None) -> Schema:
 
 
 def _takes(key: str, word: str, names: tuple[str, ...]) -> Schema:
-    """The keys beside `key` that go with one of its words."""
     given = {"properties": {key: {"const": word}}, "required": [key]}
     return {"if": given, "then": {"propertyNames": {"enum": [key, *names]}}}
 
 
 def _described(one: Key) -> Schema:
-    """What a key may hold, in words as well."""
     unit = f" [{one.dimension.si}]" if one.dimension != NONE else ""
     example = f", for example {one.suggestion}" if one.suggestion != "..." else ""
     said = {"description": f"{one.meaning}{unit}{example}".lstrip(", ")}
@@ -105,13 +103,11 @@ def _number(one: Key) -> Schema:
 
 
 def _sub_section(one: Key) -> Schema:
-    """A section; where a word may stand for it, also that."""
     inner = _ref(one.of[0])
     return {"anyOf": [_fragment(row(one.of[0], one.short)), inner]} if one.short else inner
 
 
 def _fragment(one: Key) -> Schema:
-    """What a key may hold."""
     kind = one.kind
     if kind in PAIRS:
         pair = _list(_fragment(replace(one, kind=PAIRS[kind][0])), 2, 2)

@@ -64,7 +64,6 @@ def body_as_given(path: Path, overrides: Sequence[str] = ()) -> Body | None:
 
 
 def _begun(text: str, name: str, overrides: Sequence[str], source: Path | None) -> tuple[Context, Node]:
-    """The tree of a study with its options put in, and what its readers need, with the units of all numbers."""
     ctx = Context(Collector(), folder=source.parent if source else Path())
     root = apply_overrides(compose(text, name, ctx.errors), tuple(overrides), SHORT, ctx.errors)
     if units := root.at("units"):
@@ -300,7 +299,6 @@ def derived_scenes(ctx: Context, reader: SceneReader, exact: Exact, body: Body) 
 
 
 def _missing(exact: Exact, scenes: Sequence[Scene]) -> Iterator[SolutionFault]:
-    """A temperature that the loads need and the study does not give; α = 0."""
     if exact.theta is None:
         beta = any(scene.material.expands for scene in scenes)
         if beta or scenes[0].edges(Convection):

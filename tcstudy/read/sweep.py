@@ -173,7 +173,6 @@ def read_sweep(ctx: Context, root: Node, swept: bool) -> Sweep:
 
 
 def _parameter(ctx: Context, root: Node, key: str, item: Node) -> Parameter | None:
-    """What a key of the sweep stands for; None after a fault."""
     path = path_of(key)
     for own in (("parameters", key), path):  # what a study names goes first
         if found := _row_at(ctx, root, own):
@@ -223,7 +222,6 @@ def _row_at(ctx: Context, root: Node, path: Keys) -> Key | None:
 
 
 def _known(ctx: Context, root: Node) -> list[str]:
-    """Names and key paths that a sweep of this study may vary, for hints."""
     inner = [f"{key}.{one}" for key, of in {"heat": "edge_heat", "spring": "spring"}.items() for one in rows(of)]
     keys = {"boundary": [*rows("boundary"), *inner], "materials": rows("material"), "friction": rows("friction")}
     named = [f"{section}.{name}" for section in keys for name in (root.at(section) or Node.of({}, "")).children]
@@ -273,7 +271,6 @@ def with_swept_keys(root: Node, sweep: Sweep) -> Node:
 def _axis(
     ctx: Context, key: str, node: Node, p: Parameter, values: Nodes, names: tuple[str, ...] = (), drawn: str = ""
 ) -> SweptAxis:
-    """An axis, labelled by names or by its values: numbers in SI, or texts if any value is none."""
     texts, kind = tuple(value.text() for value in values), p.row.kind
     numbers = tuple[float, ...]()
     if not names and kind in NUMBERS and not (kind == "component" and "free" in texts):
@@ -339,7 +336,6 @@ def _whole(node: Node, parameter: Parameter) -> tuple[str, Node]:
 
 
 def _check_axes(ctx: Context, node: Node, axes: list[SweptAxis], mode: str) -> None:
-    """No parameter twice, equal lengths where read together, no value or point repeated, a bounded number."""
     paths: dict[Keys, str] = {}
     for axis in axes:
         if (first := paths.setdefault(axis.path, axis.key)) != axis.key:
@@ -369,7 +365,6 @@ def _check_axes(ctx: Context, node: Node, axes: list[SweptAxis], mode: str) -> N
 
 
 def _check_law_parameters(ctx: Context, axes: list[SweptAxis], friction: Node | None) -> None:
-    """A swept parameter of the law must belong to every law of the study."""
     whole = {axis.path: axis.values for axis in axes if axis.is_whole}
     for axis in axes:
         *place, name = axis.path
@@ -386,7 +381,6 @@ def _check_law_parameters(ctx: Context, axes: list[SweptAxis], friction: Node | 
 
 
 def _listed(ctx: Context, root: Node, key: str, node: Node, p: Parameter) -> SweptAxis:
-    """The axis of a parameter whose values are listed, spaced, or laws or materials by name."""
     first, kind, values = len(ctx.errors.problems), p.row.kind, node.entries if isinstance(node.value, tuple) else ()
     names: tuple[str, ...] = ()
     if p.is_whole:
@@ -518,7 +512,6 @@ def _design(ctx: Context, node: Node, mode: str, d: int) -> Design:
 def _drawn(
     ctx: Context, design: Design, items: Mapping[str, tuple[Node, Parameter]], correlation: Node | None
 ) -> list[SweptAxis]:
-    """The drawn axes; none if a distribution, or the correlation, could not be read."""
     read = {key: _distribution(ctx, node, parameter, design.mode) for key, (node, parameter) in items.items()}
     R = _correlation(ctx, correlation, design.mode, {p.path: i for i, (_, p) in enumerate(items.values())})
     if not items or R is None or any(found is None for found in read.values()):
@@ -546,7 +539,6 @@ def _drawn(
 def _correlation(
     ctx: Context, node: Node | None, mode: str, places: Mapping[tuple[str, ...], int]
 ) -> np.ndarray[Any, Any] | None:
-    """The correlation matrix of the drawn parameters; None after a fault. places: of each by its path"""
     R = np.eye(len(places))
     pairs = ctx.mapping(node, "pairs to numbers", 'write {"E, tau_s": 0.6}', least=0)
     for key, item in pairs.items():
@@ -573,7 +565,6 @@ Choice = dict[str, Node] | tuple[Node, ...]
 
 @none_after_fault
 def _distribution(ctx: Context, node: Node, parameter: Parameter, mode: str) -> Distribution | Choice | None:
-    """The distribution of a parameter, or the values that are equally likely; None after a fault."""
     whole, dimension = parameter.is_whole, parameter.row.dimension
     found: Choice | Distribution | None = None
     if whole and parameter.several(node):

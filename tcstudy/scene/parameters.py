@@ -201,7 +201,6 @@ def loaded_scene(scene: Scene, values: Mapping[Keys, float]) -> Scene:
 
 
 def _put(record: Any, place: Place, value: float) -> Any:
-    """A record or tuple with a value at a place."""
     if not place:
         return value
     key, rest = place[0], place[1:]
@@ -211,7 +210,6 @@ def _put(record: Any, place: Place, value: float) -> Any:
 
 
 def _scaled_by(scene: Scene, factor: float) -> Scene:
-    """The scene with f, g, pressure, force and moment times a factor."""
 
     def scaled(value: Any) -> Any:
         if isinstance(value, tuple):

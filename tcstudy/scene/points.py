@@ -181,7 +181,6 @@ def idle_notes(study: Study) -> list[str]:
 
 
 def _felt(scene: Scene) -> Iterator[object]:
-    """What of heat and material the solution depends on."""
     heat, all_of = scene.heat, scene.material.all
     yield from ((one.lam, one.mu) for one in all_of)
     if needs_heat_solve(scene):

@@ -121,7 +121,6 @@ def dimensions_of(unit: str) -> Any:
 
 @lru_cache(maxsize=1024)
 def _factor(unit: str, dimension: Dimension) -> float:
-    """How many SI units one `unit` is."""
     if unit == dimension.si or unit in PLAIN.get(dimension, ()):
         return 1.0 if unit == dimension.si else PLAIN[dimension][unit]
     example = f"write for example {dimension.example}"
