@@ -22,6 +22,7 @@ from tcstudy.laws.composed import NO_JOINTS, EdgeLaws, Joints, law_along
 from tcstudy.laws.laws import Laws
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.select_point import Value, check_solved, describe, level_number, locate
+from tcstudy.scene.histories import ContactState, node_states
 from tcstudy.scene.records import Clamped, Edge, Scene
 from tcstudy.scene.study import Study
 from tcstudy.shapes.edges import edge_points
@@ -298,6 +299,13 @@ def law_of_nodes(friction: Laws | EdgeLaws, group: Any) -> Laws:
     names = str(group["edge"].attrs.get("flag_meanings", "")).split()
     xy = np.stack([group["x"].values, group["y"].values], axis=1)
     return law_along(friction, names, group["edge"].values, xy, joints_of(group))
+
+
+def states_of(friction: Laws | EdgeLaws | None, group: Any, u_T: Array, sticks: Any) -> NDArray[np.int8]:
+    """(…, m) ContactState of the nodes of a stored level; stick and slip alone where no law is known."""
+    if friction is None:
+        return np.where(sticks, ContactState.STICK, ContactState.SLIP).astype(np.int8)
+    return np.asarray(node_states(law_of_nodes(friction, group), u_T, sticks))
 
 
 def joints_of(group: Any) -> Joints:

@@ -89,13 +89,14 @@ POWER_FIRST = re.compile(r"[A-Za-z]+-?\d")
 
 
 def prefix(values: ArrayLike, units: str) -> tuple[float, str]:
-    """(divisor, units with an SI prefix) that bring the middle of the magnitudes of `values` to 1 … 1000.
+    """(divisor, units with an SI prefix) that bring the middle of the magnitudes of `values` to 1 … 1000; what is
+    rounding beside the largest does not count.
 
     Units that a prefix does not suit stay as they are: "1", "K", "s" and those that begin with a power (K-1), to which
     it would be raised as well.
     """
     sizes = np.abs(np.asarray(values, dtype=float).ravel())  # of a long sweep no list of a million numbers
-    sizes = sizes[np.isfinite(sizes) & (sizes != 0.0)]
+    sizes = sizes[np.isfinite(sizes) & (sizes > EXACT * np.max(sizes, initial=0.0, where=np.isfinite(sizes)))]
     if not len(sizes) or units in ("1", "K", "s") or POWER_FIRST.match(units):
         return 1.0, units
     middle = np.partition(sizes, len(sizes) // 2)[len(sizes) // 2]

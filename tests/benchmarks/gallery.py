@@ -1,4 +1,4 @@
-"""The pictures of the gallery in configs/README.md, of the friction laws and of pages, by one command (three minutes).
+"""The pictures of the gallery in configs/README.md, of the friction laws and of pages, by one command (about a minute).
 
     python -m tests.benchmarks.gallery           # writes gallery-NAME.png into a scratch folder and says where
     python -m tests.benchmarks.gallery die laws  # only these

@@ -3,7 +3,7 @@
 import pytest
 
 from tcstudy.data.schema import PointStatus
-from tcstudy.reports.text import failure_lines, label, scaled_labels
+from tcstudy.reports.text import failure_lines, label, prefix, scaled_labels
 
 
 def test_a_label_is_short_unless_that_makes_a_rounder_number() -> None:
@@ -22,6 +22,10 @@ def test_a_label_is_short_unless_that_makes_a_rounder_number() -> None:
 )
 def test_powers_of_ten_become_a_prefix_where_one_suits_all(values, units, shown) -> None:  # type: ignore[no-untyped-def]
     assert scaled_labels(values, {"units": units}) == shown
+
+
+def test_the_unit_of_a_column_does_not_follow_rounding() -> None:
+    assert prefix([2e-3, 3e-3, 1e-19, -4e-18, 0.0, float("nan")], "m") == (1e-3, "mm")
 
 
 BAD, ERROR = PointStatus.INCLUSION_VIOLATED, PointStatus.ERROR

@@ -35,10 +35,10 @@ from tcstudy.data.provenance import kind_of
 from tcstudy.data.reading import by_point, each_point, open_results, refuse_geometries
 from tcstudy.data.schema import LAYER, SECTION, STICKS, PointStatus
 from tcstudy.errors import UsageError
-from tcstudy.reports.picture import body_fields, contact_line, law_of_nodes, stored_study
+from tcstudy.reports.picture import body_fields, contact_line, states_of, stored_study
 from tcstudy.reports.select_point import Value, labels_by_point, level_number, matching
 from tcstudy.reports.stresses import stresses, von_mises
-from tcstudy.scene.histories import ContactState, node_states
+from tcstudy.scene.histories import ContactState
 from tcstudy.scene.records import Scene
 
 HOW = "run its study again with --set output.fields=true to keep them"
@@ -117,9 +117,7 @@ def _write_point(
         write_vtk(folder / f"{name}.vtu", body.xy, body.triangles, fields, cells, about)
         yield i, BODY, "body", f"{name}.vtu"
     sticks = group["sticks"].values == STICKS
-    law = None if scene is None else law_of_nodes(scene.friction, group)
-    states = sticks.astype(np.int8) if law is None else node_states(law, group["u_T"].values, sticks)
-    words = ("slip", "stick") if law is None else tuple(state.name.lower() for state in ContactState)
+    states = states_of(None if scene is None else scene.friction, group, group["u_T"].values, sticks)
     chains = [
         np.append(np.arange(part.start, part.stop), [part.start] if line.closed(part) else []).astype(np.intp)
         for part in line.parts
@@ -127,7 +125,7 @@ def _write_point(
     forces = [str(one) for one in group.data_vars if one == SECTION.name or str(one).startswith(LAYER)]
     names = ("u_T", "xi", *forces, "arclength", "c")
     fields = [*map(stored, names), Values("state", states)]
-    about.append(Values("state_meanings", ", ".join(f"{code} {word}" for code, word in enumerate(words))))
+    about.append(Values("state_meanings", ", ".join(f"{int(state)} {state.name.lower()}" for state in ContactState)))
     write_vtk(folder / f"{name}.vtp", np.column_stack([line.x, line.y]), chains, fields, (), about)
     yield i, LINE, "contact line", f"{name}.vtp"
 

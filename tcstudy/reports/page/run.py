@@ -26,15 +26,14 @@ from tcstudy.reports.picture import (
     contact_line,
     edge_laws,
     ends_held,
-    law_of_nodes,
     nearest,
     outline,
     sources,
+    states_of,
 )
 from tcstudy.reports.select_point import numbers_of
 from tcstudy.reports.sentences import several
 from tcstudy.reports.text import DIGITS, named, study_unit
-from tcstudy.scene.histories import ContactState, node_states
 from tcstudy.scene.points import combinations
 from tcstudy.scene.study import Study
 
@@ -215,13 +214,12 @@ def line_along(data: Any, rows: Callable[[Any], Any], box: Container) -> Json:
 
 
 def _states(stored: Stored, group: Any, u_T: Any, points: Any, sticks: Any) -> Any:
-    """(R, m) ContactState of every node of solutions of these points, −1 where there is none; only stick and slip where
-    no law is known."""
-    states, solved = np.where(sticks, ContactState.STICK, ContactState.SLIP), np.isfinite(u_T).all(axis=1)
+    """(R, m) ContactState of every node of solutions of these points, −1 where there is none."""
+    states, solved = states_of(None, group, u_T, sticks), np.isfinite(u_T).all(axis=1)
     frictions, of = frictions_of(stored)
     for k, friction in enumerate(frictions):
         rows = np.flatnonzero(solved & (of[points] == k))
-        states[rows] = node_states(law_of_nodes(friction, group), u_T[rows], sticks[rows])
+        states[rows] = states_of(friction, group, u_T[rows], sticks[rows])
     states[~solved] = -1
     return states
 
