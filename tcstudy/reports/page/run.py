@@ -250,14 +250,21 @@ def live_part(stored: Stored, box: Container) -> Json | None:
 
 
 def frictions_of(stored: Stored) -> tuple[list[Laws | EdgeLaws], NDArray[np.intp]]:
-    """The different frictions of a study, and which of them every point of its file has that is kept."""
+    """The different frictions of a study, and which of them every point of its file has that is kept.
+
+    Where one has a law of every edge all have, in one order.
+    """
     if stored.study is None or not stored.swept:
         return [], np.empty(0, dtype=np.intp)
     some, of = combinations(stored.study.scenes, "friction")
     of = of if stored.kept is None else of[stored.kept]
     _, first = np.unique(of, return_index=True)
     order = of[np.sort(first)]  # as the file has them
-    return [some[k].friction for k in order], np.argsort(order)[of]
+    found = [some[k].friction for k in order]
+    if names := next(([edge for edge, *_ in one.laws] for one in found if isinstance(one, EdgeLaws)), None):
+        each = [{edge: (law, strength) for edge, law, strength in edge_laws(one)} for one in found]
+        found = [EdgeLaws(tuple((name, *(own.get(name) or own[""])) for name in names)) for own in each]
+    return found, np.argsort(order)[of]
 
 
 def law_part(stored: Stored) -> Json | None:
@@ -270,7 +277,7 @@ def law_part(stored: Stored) -> Json | None:
         return None
     numbers, laws_of = dict[Laws, int](), [edge_laws(friction) for friction in frictions]
     index = [[numbers.setdefault(law, len(numbers)) for _, law, _ in laws] for laws in laws_of]
-    edges = [edge for edge, _, _ in max(laws_of, key=len)]
+    edges = [edge for edge, _, _ in laws_of[0]]
     return {"laws": [drawn_law(law) for law in numbers], "index": [index[k] for k in of], "edges": edges}
 
 
@@ -280,10 +287,10 @@ def _nodes(stored: Stored, line: LineFields, box: Container) -> Json:
     A joint has none of them (-1), but a mixture, which is not drawn.
     """
     frictions, of = frictions_of(stored)
-    xy, distinct = np.stack([line.x, line.y], axis=1), [one for one in frictions if isinstance(one, EdgeLaws)]
-    if not distinct:
+    xy, by_edge = np.stack([line.x, line.y], axis=1), [one for one in frictions if isinstance(one, EdgeLaws)]
+    if not by_edge:
         return {}
-    factors = np.stack([one.factors(line.edge_names, line.edge, xy, line.joints) for one in distinct])
+    factors = np.stack([one.factors(line.edge_names, line.edge, xy, line.joints) for one in by_edge])
     has = ~np.isnan(factors[0])
     mixed = has.sum(axis=0) > 1
     rows, which = np.unique(np.where(mixed, 1.0, np.nanmax(factors, axis=1)), axis=0, return_inverse=True)

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import tcstudy
 from tcstudy.cli import main
 from tcstudy.data.reading import by_point
 from tcstudy.errors import PageError
 from tcstudy.laws.shapes import SHAPES
+from tcstudy.read.study import read_study_text
 from tcstudy.reports.figures.body import ROLES
 from tcstudy.reports.page import write
 from tcstudy.reports.page.parts import Container
@@ -21,7 +23,7 @@ from tcstudy.reports.page.stored import read
 from tcstudy.reports.page.write import write_page
 from tcstudy.reports.terminal.paths import STATES
 from tcstudy.scene.histories import ContactState
-from tests.reports.conftest import Stored
+from tests.reports.conftest import FILMS, Stored
 from tests.reports.figures.shown import example_laws
 from tests.reports.page.browser import data_of, unpacked
 
@@ -153,6 +155,24 @@ def test_every_geometry_has_its_own_line_and_body(stored: Stored) -> None:
         largest = np.abs(values_of(own["lines"]["1"]["u_T"])).max(axis=1)
         place = [q for q, other in enumerate(found["run"]["home"]) if other == home].index(p)
         assert largest[place] == pytest.approx(found["run"]["numbers"]["u_T_max"]["v"][p, 1], rel=1e-4)
+
+
+def test_one_law_for_all_edges_may_stand_beside_a_law_of_each(tmp_path: Path) -> None:
+    """Each point has a law of every edge, in one order, and its own strengths along the line."""
+    split = "{shoe: {law: tresca, tau: 1}, film: {law: tresca, tau: 2, strength: 'min(1, 0.5 + x)'}}"
+    text = FILMS + f"sweep: {{friction: {{whole: {{law: tresca, tau: 2}}, split: {split}}}}}\n"
+    tcstudy.run(read_study_text(text), tmp_path / "films.nc", jobs=1)
+    found = data_of(write_page(tmp_path / "films.nc", tmp_path / "films.html").path)
+    laws, edges = found["laws"]["laws"], found["laws"]["edges"]
+    largest = [
+        {edge: max(laws[k]["pieces"]["b0"]) for edge, k in zip(edges, of, strict=True)} for of in found["laws"]["index"]
+    ]
+    assert largest == [{"film": 2.0, "shoe": 2.0}, {"film": 2.0, "shoe": 1.0}]
+    line = found["lines"]["0"]
+    strengths = values_of(line["strengths"])[line["strength_of"]]
+    film = line["of_law"] == edges.index("film")
+    assert np.allclose(strengths[0], 1.0, atol=1e-4)
+    assert np.allclose(strengths[1][film], np.minimum(1.0, 0.5 + line["x"][film]), atol=1e-4)
 
 
 def test_numbers_come_back() -> None:
