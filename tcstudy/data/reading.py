@@ -20,7 +20,7 @@ from tcstudy.data import schema
 from tcstudy.data.files import attributes, reading
 from tcstudy.data.provenance import Kind, kind_of
 from tcstudy.data.records import BlockRecord, LevelRecord
-from tcstudy.data.schema import MISSING_COUNT, PointStatus, line_variables
+from tcstudy.data.schema import SWEEP, PointStatus, line_variables
 from tcstudy.data.store import GEOMETRIES, Places, numbers, tile_shape, tiles
 from tcstudy.errors import StoreError
 from tcstudy.scene.study import Study
@@ -121,26 +121,8 @@ def opened(path: Path, group: str = "") -> Iterator[netCDF4.Dataset]:
         yield nc[group] if group else nc
 
 
-def read_status(path: Path, group: str = "") -> NDArray[np.int8]:
-    """(P, levels) PointStatus in the order of the file, or of a group of it. Raises StoreError."""
-    with opened(path, group) as nc:
-        status: NDArray[np.int8] = nc["status"][...]
-    return status.reshape(-1, status.shape[-1])
-
-
-def read_geometries(path: Path) -> Places:
-    """(P,) number of the group geometry_i that a point of a sweep over geometries belongs to, −1 for none."""
-    with opened(path) as nc:
-        return np.asarray(nc["geometry"][...], dtype=np.intp).ravel()
-
-
-def read_levels(path: Path, group: str = "") -> dict[int, LevelRecord]:
-    """The records of the levels that have a mesh, without what a page needs to solve by itself. Raises StoreError."""
-    with opened(path, group) as nc:
-        return {int(group.level): _level(nc, group) for group in nc.groups.values()}
-
-
-def _level(nc: netCDF4.Dataset, group: netCDF4.Group) -> LevelRecord:
+def read_level(nc: netCDF4.Dataset, group: netCDF4.Group) -> LevelRecord:
+    """The record of a level, without what a page needs to solve by itself. nc: file or geometry"""
     i = int(group.level)
     values: dict[str, Any] = {name: group[name][...] for name in ("arclength", "x", "y", "c", "edge")}
     values |= {name: nc[name][i].item() for name in ("h_max", "n_dof", "n_contact", "time_mesh", "time_assemble")}
@@ -158,40 +140,40 @@ def _level(nc: netCDF4.Dataset, group: netCDF4.Group) -> LevelRecord:
     )
 
 
-def read_blocks(
-    path: Path, study: Study, places: Places, wanted: NDArray[np.bool_], group: str = ""
-) -> Iterator[BlockRecord]:
-    """The points of a file as blocks of another study.
+def read_blocks(nc: netCDF4.Dataset, study: Study, places: Places, wanted: NDArray[np.bool_]) -> Iterator[BlockRecord]:
+    """The points of a file, or of one of its geometries, as blocks of another study.
 
     places: (P,) where the points of the file, in its order, stand in the sweep of `study`
     wanted: (points of study, levels) which of them are given; those that were not run never are
-    group:  of one geometry, whose points these are
     """
-    with opened(path, group) as nc:
-        shape = nc["status"].shape[:-1]
-        own = [v for v in numbers(study) if v.name in nc.variables]
-        for level in range(nc["status"].shape[-1]):
-            line = nc.groups.get(f"level_{level}")
-            for cut, start, stop in tiles(shape, tile_shape(shape, _points(line))):
-                at, status = places[start:stop], _flat(nc["status"][(*cut, level)], 0)
-                rows = np.flatnonzero((status != PointStatus.NOT_RUN) & wanted[at, level])
-                if not len(rows):
-                    continue
-                words = _flat(nc["reason"][(*cut, level)], 0)
-                more = {v.name: _number(nc[v.name], cut, level)[rows] for v in own}
-                stored = {} if line is None else line.variables
-                names = [v.name for v in (*line_variables(study), *schema.HELD[-1:]) if v.name in stored]
-                more |= {name: _flat(stored[name][cut], 1)[rows] for name in names}
-                yield BlockRecord(
-                    level=level,
-                    shape=study.shape,
-                    points=at[rows],
-                    status=status[rows],
-                    reasons={row: str(words[i]) for row, i in enumerate(rows) if words[i]},
-                    numbers=more,
-                    **_on_line(line, cut, rows),
-                    solutions=_every(line, places, start + rows),
-                )
+    shape, levels = nc["status"].shape[:-1], nc["status"].shape[-1]
+    along = [v.name for v in (*schema.CONTACT, *line_variables(study), *schema.HELD, *schema.FIELDS) if SWEEP in v.dims]
+    for level in range(levels):
+        line = nc.groups.get(f"level_{level}")
+        for cut, start, stop in tiles(shape, tile_shape(shape, _points(line))):
+
+            def by_point(values: Values) -> Values:
+                return np.asarray(values).reshape(-1, *np.shape(values)[len(shape) :])
+
+            at, status = places[start:stop], by_point(nc["status"][(*cut, level)])
+            rows = np.flatnonzero((status != PointStatus.NOT_RUN) & wanted[at, level])
+            if not len(rows):
+                continue
+            words = by_point(nc["reason"][(*cut, level)])[rows]
+            names = [v.name for v in numbers(study) if v.name in nc.variables]
+            own = {name: by_point(nc[name][(*cut, level)])[rows] for name in names}
+            if line is not None:
+                own |= {name: by_point(line[name][cut])[rows] for name in along if name in line.variables}
+            yield BlockRecord(
+                *(level, study.shape, at[rows], status[rows]),
+                reasons={row: str(one) for row, one in enumerate(words) if one},
+                u_T=own.pop("u_T", None),
+                xi=own.pop("xi", None),
+                sticks=own.pop("sticks", None),
+                fields={v.name: own.pop(v.name) for v in schema.FIELDS if v.name in own},
+                numbers=own,
+                solutions=_every(line, places, start + rows),
+            )
 
 
 def _every(group: netCDF4.Group | None, places: Places, rows: Places) -> dict[str, Values]:
@@ -207,27 +189,3 @@ def _points(group: netCDF4.Group | None) -> int:
     """How many points may be in memory at a time."""
     widths = [1] if group is None else [int(d.size) for name, d in group.dimensions.items() if name.endswith("node")]
     return max(1, VALUES // max(32, *widths))
-
-
-def _flat(values: Values, after: int) -> Values:
-    """Values by point; after: how many dimensions follow those of the sweep."""
-    array = np.asarray(values)
-    return array.reshape(-1, *array.shape[array.ndim - after :])
-
-
-def _number(variable: netCDF4.Variable, cut: tuple[slice, ...], level: int) -> Values:
-    """(P,) or (P, k) numbers of a level as records have them: NaN is missing."""
-    after = len(variable.dimensions) - len(cut) - 1
-    values = _flat(variable[(*cut, level)], after).astype(float)
-    if variable.dtype == np.int32:
-        values[values == MISSING_COUNT] = np.nan
-    return values
-
-
-def _on_line(group: netCDF4.Group | None, cut: tuple[slice, ...], rows: Places) -> dict[str, Any]:
-    """What points have on the contact line and in the body."""
-    if group is None:
-        return {}
-    found: dict[str, Any] = {name: _flat(group[name][cut], 1)[rows] for name in ("u_T", "xi", "sticks")}
-    fields = {v.name: _flat(group[v.name][cut], 1)[rows] for v in schema.FIELDS if v.name in group.variables}
-    return found | {"fields": fields}

@@ -33,7 +33,6 @@ from tcstudy.data.provenance import CONTENT, Kind, without_paths
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import (
     DIFFERENCE,
-    MISSING_COUNT,
     POINT,
     RATE,
     RESERVED,
@@ -269,10 +268,16 @@ class Results:
     attributes: Mapping[str, Any] = field(default_factory=dict)
 
 
-def write(path: Path, whole: Results, geometries: Mapping[int, Results] | None = None) -> tuple[int, int]:
+def write(
+    path: Path,
+    whole: Results,
+    geometries: Mapping[int, Results] | None = None,
+    done: Callable[[], object] = tuple,
+) -> tuple[int, int]:
     """Write all results of a run to `path`, replacing an old file in one step.
 
     geometries: of a sweep over geometries, those that have a mesh, by number; `whole` has the points of the others
+    done: called when all is read, before the old file goes
     Returns how many solutions were sought, on all levels, and how many of them failed.
 
     Raises StoreError if the file cannot be written (the old one is then untouched).
@@ -300,6 +305,7 @@ def write(path: Path, whole: Results, geometries: Mapping[int, Results] | None =
         for _ in ("made", "written"):
             left = [_put_once(group, own, bodies) for group, own in groups]
         counts.extend(_put_points(group, own, parts) for (group, own), parts in zip(groups, left, strict=True))
+        done()
 
     number = {GEOMETRIES: len(study.variants)} if study.variants else {}
     write_dataset(path, {**whole.attributes, **number}, make, KEPT)
@@ -385,15 +391,17 @@ class _Part:
         """The points of a block that lie here."""
         start, stop, places = self.tiles[0][1], self.tiles[-1][2], block.points
         rows = np.flatnonzero((places >= start) & (places < stop))
-        at = places[rows] - start
-        if self.level is None:
-            _take_numbers(self.arrays, block, rows, at)
-        elif block.u_T is not None:
-            known = ~np.isnan(block.u_T[rows]).any(axis=1)
-            along = {"u_T": block.u_T, "xi": block.xi, "sticks": block.sticks} | block.numbers
-            for name in self.arrays:
-                if (line := along.get(name)) is not None:
-                    self.arrays[name][at[known]] = line[rows[known]]
+        at: Any = places[rows] - start if self.level is not None else (places[rows] - start, block.level)
+        own = {name: getattr(block, name) for name in ("status", "u_T", "xi", "sticks")} | block.numbers
+        own["reason"] = reasons = np.full(len(block), "", dtype=object)
+        for row, reason in block.reasons.items():
+            reasons[row] = without_paths(reason)
+        for variable in self.variables:
+            if (values := own.get(variable.name)) is not None:
+                found = values[rows]
+                if found.dtype.kind == "f":  # where NaN stands for missing
+                    found = np.where(np.isnan(found), variable.missing, found)
+                self.arrays[variable.name][at] = found
 
     def write(self) -> None:
         """To the file, tile by tile, each a hyperslab."""
@@ -494,26 +502,6 @@ def _put_points(nc: netCDF4.Dataset, own: Results, left: list[_Part]) -> tuple[i
 def missing(variable: FileVariable, shape: tuple[int, ...]) -> np.ndarray[Any, Any]:
     """An array full of missing values."""
     return np.full(shape, variable.missing, dtype=object if variable.dtype == "str" else variable.dtype)
-
-
-def _take_numbers(arrays: Arrays, block: BlockRecord, rows: Places, at: Places) -> None:
-    """Status, reason and numbers of some rows of a block, to their places in the arrays of the root."""
-    words = np.full(len(block), "", dtype=object)
-    for row, reason in block.reasons.items():
-        words[row] = without_paths(reason)
-    arrays["status"][at, block.level] = block.status[rows]
-    arrays["reason"][at, block.level] = words[rows]
-    for name, values in block.numbers.items():
-        along = schema.SECTION.name, schema.HELD[-1].name
-        if name in along or name.startswith(schema.LAYER):  # of the contact line
-            continue
-        array, found = arrays[name][:, block.level], values[rows]
-        if array.dtype.kind != "f":
-            # NaN stands for missing: of several values of a point each for itself, a single one leaves what is there
-            none = MISSING_COUNT if found.ndim > 1 else array[at]
-            missing = np.isnan(found)
-            found = np.where(missing, none, np.where(missing, 0.0, found))
-        array[at] = found
 
 
 def _put_level(nc: netCDF4.Dataset, study: Study, level: LevelRecord) -> netCDF4.Group:

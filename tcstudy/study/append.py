@@ -15,23 +15,27 @@ import itertools
 import json
 import operator
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.files import attributes
 from tcstudy.data.provenance import Kind, holds, study_sha256
-from tcstudy.data.reading import opened, read_blocks, read_geometries, read_levels, read_status
+from tcstudy.data.reading import opened, read_blocks, read_level
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import PointStatus
 from tcstudy.errors import StoreError, StudyError, shortened
 from tcstudy.read.document import changes, with_sweep
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Axis, Study
+
+if TYPE_CHECKING:
+    import netCDF4
 
 Places = NDArray[np.intp]
 Keys = tuple[str, ...]
@@ -89,10 +93,10 @@ class Kept:
     @classmethod
     def of(cls, path: Path, stored: Study, study: Study) -> Kept:
         """What failed by its own numbers would fail again; on meshes that follow from solutions all points stay."""
+        with opened(path) as nc:
+            again = np.isin(nc["status"][...], (PointStatus.NOT_RUN, PointStatus.ERROR)) & (not study.mesh.open_ended)
         todo = np.ones((len(study.scenes), study.mesh.levels), dtype=bool)
-        status = read_status(path)
-        again = np.isin(status, (PointStatus.NOT_RUN, PointStatus.ERROR)) & (not study.mesh.open_ended)
-        todo[places_in(study, stored)] = again
+        todo[places_in(study, stored)] = again.reshape(-1, again.shape[-1])
         return cls(study, todo, path, stored)
 
     @classmethod
@@ -100,36 +104,48 @@ class Kept:
         return cls(study, np.ones((len(study.scenes), study.mesh.levels), dtype=bool))
 
     @cached_property
-    def _groups(self) -> dict[int, tuple[str, Study]]:
-        """Of every body of the study that the file has: its group there, and its study there."""
+    def _file(self) -> ExitStack:
+        return ExitStack()
+
+    @cached_property
+    def _groups(self) -> dict[int | None, tuple[netCDF4.Dataset, Study]]:
+        """The file and its study; of every body of the study that it has, its group there and its study there."""
         if self.stored is None:
             return {}
-        numbers = np.zeros(len(self.study.scenes), dtype=np.intp)
-        if self.study.variants:
-            numbers[:] = -1
-            numbers[places_in(self.study, self.stored)] = read_geometries(self.path)
-        of = ((i, int(numbers[body.places].max())) for i, body in enumerate(self.study.bodies))
-        theirs = [(i, n, self.stored.bodies[n].study) for i, n in of if n >= 0]
-        return {i: (f"geometry_{n}" if self.study.variants else "", own) for i, n, own in theirs if own is not None}
+        nc = self._file.enter_context(opened(self.path))
+        found: dict[int | None, tuple[netCDF4.Dataset, Study]] = {None: (nc, self.stored)}
+        if not self.study.variants:
+            return found | {0: (nc, self.stored)}
+        numbers = np.full(len(self.study.scenes), -1)  # of the groups that points belong to, −1 for none
+        numbers[places_in(self.study, self.stored)] = nc["geometry"][...].ravel()
+        for i, body in enumerate(self.study.bodies):
+            if (n := int(numbers[body.places].max())) >= 0 and (own := self.stored.bodies[n].study) is not None:
+                found[i] = nc[f"geometry_{n}"], own
+        return found
 
     def levels(self, number: int) -> list[LevelRecord]:
         """The levels of a body of the study, as a run found them."""
-        return [*read_levels(self.path, self._groups[number][0]).values()] if number in self._groups else []
+        if number not in self._groups:
+            return []
+        nc, _ = self._groups[number]
+        return [read_level(nc, group) for group in nc.groups.values()]
 
     def blocks(self, number: int) -> Iterator[BlockRecord]:
         """The points of a body that stay."""
         body = self.study.bodies[number]
         if number in self._groups and body.study is not None:
-            group, own = self._groups[number]
-            wanted = ~self.todo[body.places]
-            yield from read_blocks(self.path, body.study, places_in(body.study, own), wanted, group)
+            nc, own = self._groups[number]
+            yield from read_blocks(nc, body.study, places_in(body.study, own), ~self.todo[body.places])
 
     def before(self, attributes: Mapping[str, Any], number: int | None = None) -> Mapping[str, Any]:
         """The attributes of a run, or of one of its geometries, with the file's history before its own."""
-        if self.stored is None or number not in (None, *self._groups):
+        if number not in self._groups:
             return attributes
-        with opened(self.path, "" if number is None else self._groups[number][0]) as nc:
-            return {**attributes, "history": f"{nc.getncattr('history')}\n{attributes['history']}"}
+        return {**attributes, "history": f"{self._groups[number][0].getncattr('history')}\n{attributes['history']}"}
+
+    def close(self) -> None:
+        """Close the file, which stays open once something of it was asked for: with many groups opening takes long."""
+        self._file.close()
 
 
 def places_in(study: Study, other: Study) -> Places:

@@ -312,6 +312,7 @@ def execute(
     if problems := faults(study, output):
         raise StoreError("\n".join(problems))
     with (
+        closing(kept),
         closing((pool or WorkerPool(jobs, dask)).ready(study)) as pool,
         # two BLAS threads make the many small dense operations of a sweep slower, not faster
         threadpool_limits(1, user_api="blas"),
@@ -356,7 +357,7 @@ def execute(
         elif study.mesh.estimates and not study.mesh.listed and (levels := [level.level for level in each[0].levels()]):
             # without those that its tolerance did not need
             whole = replace(whole, study=replace(study, mesh=replace(study.mesh, levels=levels[-1] + 1)))
-        count, bad = write(output, whole, meshed if study.variants else {})
+        count, bad = write(output, whole, meshed if study.variants else {}, kept.close)
         journal.discard()
     return Summary(count, bad, sum(one.done for one in work))
 
