@@ -159,7 +159,7 @@ def _study(study: records.Study | str | FilePath) -> records.Study:
 
 
 def plan(study: Study | str | FilePath) -> Plan:
-    """What a run would do, found out without doing it: points, factorisations, sizes, what is left out and why.
+    """What a run would do, found out without doing it: points, sizes, what is left out and why.
 
     A function of its own, as it returns no results. Raises StudyError, GeometryFailed.
     """

@@ -6,9 +6,10 @@ from __future__ import annotations
 
 import inspect
 import os
+import re
 import unicodedata
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -29,6 +30,18 @@ def printable(text: str) -> str:
 def shortened(text: str, most: int = 60) -> str:
     """The text, cut so that a message stays one readable line."""
     return text if len(text) <= most else text[: most - 3] + "..."
+
+
+NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w.]*\w)")
+"""A number that stands by itself: not the 1 of u_1 or "level_1"."""
+
+
+def ranged(texts: Sequence[str]) -> str:
+    """Texts that differ in their numbers only as one, with the range of each number."""
+    columns = zip(*map(NUMBER.findall, texts), strict=True)
+    ends = [(min(column, key=float), max(column, key=float)) for column in columns]
+    shown = [low if float(low) == float(high) else f"{low} to {high}" for low, high in ends]
+    return "".join(map("".join, zip(NUMBER.split(texts[0]), [*shown, ""], strict=True)))
 
 
 @dataclass(frozen=True)

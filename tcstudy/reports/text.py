@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from tcstudy.data.provenance import without_paths
 from tcstudy.data.schema import PointStatus
+from tcstudy.errors import NUMBER, ranged
 from tcstudy.scene.keys import GREEK
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -159,9 +160,6 @@ def scaled_labels(values: Sequence[float | str], attrs: Mapping[str, Any], digit
     return (shown, units) if any("e" in one for one in scaled) else (scaled, unit)
 
 
-_NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w.]*\w)")
-"""A number that stands by itself: not the 1 of u_1 or "level_1"."""
-
 _REMEDIES = {
     PointStatus.NOT_CONVERGED: "try the other solver",
     PointStatus.INCLUSION_VIOLATED: "raise solver.tolerance, check the units, or coarsen the mesh",
@@ -174,7 +172,7 @@ _REMEDIES = {
 
 def kind(status: PointStatus, reason: str) -> tuple[PointStatus, str]:
     """What failures of the same cause have in common: the status and the reason without its numbers."""
-    return status, _NUMBER.sub("#", without_paths(reason))
+    return status, NUMBER.sub("#", without_paths(reason))
 
 
 def named(status: PointStatus) -> str:
@@ -192,10 +190,7 @@ def failure_lines(failures: Iterable[tuple[PointStatus, str, str]]) -> list[str]
         groups.setdefault(kind(status, reason), []).append((without_paths(reason), point))
     lines = []
     for (status, _), group in sorted(groups.items(), key=lambda item: -len(item[1])):
-        columns = zip(*(_NUMBER.findall(reason) for reason, _ in group), strict=True)
-        ends = [(min(column, key=float), max(column, key=float)) for column in columns]
-        shown = [low if float(low) == float(high) else f"{low} to {high}" for low, high in ends]
-        what = "".join(map("".join, zip(_NUMBER.split(group[0][0]), [*shown, ""], strict=True))).rstrip(". ")
+        what = ranged([reason for reason, _ in group]).rstrip(". ")
         what = "" if what == named(status) else what
         # reasons of the house end in their own remedy after a semicolon; an unexpected exception has none
         if status in _REMEDIES and (";" not in what or status == PointStatus.ERROR):

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -25,7 +24,7 @@ from numpy.typing import NDArray
 
 from tcstudy.data.files import check_writable
 from tcstudy.data.provenance import Kind, Remark, measured_path
-from tcstudy.errors import GeometryFailed, UsageError, UserFault
+from tcstudy.errors import NUMBER, GeometryFailed, UsageError, UserFault, ranged
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.geometry import Geometry, build
 from tcstudy.read.body import BoundaryPiece, edge_names, mesh_faults, support_fault, supports
@@ -271,30 +270,20 @@ def warnings(study: Study, text: bool = True) -> list[Remark]:
     return [Remark(note) for note in (*idle_notes(seen), *lint(seen), *locking_notes(seen.scenes))]
 
 
-NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
-
-
 def once(notes: Sequence[tuple[str, Iterable[str]]]) -> list[Remark]:
     """Every note once, with the geometries that it is of unless it is of all.
 
     notes: (words of a geometry, its notes). Those that differ in numbers only are one, with the range of each number.
     """
-    alike: dict[str, dict[str, list[str]]] = {}
+    alike: dict[str, dict[str, str]] = {}
     for words, own in notes:
         for note in own:
-            text = NUMBER.sub("{}", note.replace("{", "{{").replace("}", "}}"))
-            alike.setdefault(text, {})[words] = NUMBER.findall(note)
+            alike.setdefault(NUMBER.sub("#", note), {})[words] = note
     found = []
-    for text, numbers in alike.items():
-        said = text.format(*map(_span, zip(*numbers.values(), strict=True)))
-        few = "; ".join(numbers) if len(numbers) == 1 else f"{len(numbers)} of {len(notes)} geometries"
-        found.append(Remark(said, "" if len(numbers) == len(notes) else few))
+    for same in alike.values():
+        few = "; ".join(same) if len(same) == 1 else f"{len(same)} of {len(notes)} geometries"
+        found.append(Remark(ranged([*same.values()]), "" if len(same) == len(notes) else few))
     return found
-
-
-def _span(texts: Sequence[str]) -> str:
-    least, greatest = min(texts, key=float), max(texts, key=float)
-    return least if least == greatest else f"{least} to {greatest}"
 
 
 def output_of(study: Study, kind: Kind = "run") -> Path:

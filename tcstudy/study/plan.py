@@ -16,7 +16,6 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from tcstudy.errors import GeometryFailed
-from tcstudy.offline.heat import exchange_level
 from tcstudy.offline.level import Level
 from tcstudy.scene.points import (
     FELT,
@@ -69,8 +68,6 @@ class Plan:
     """The forecast of a run.
 
     points:          sweep points per level
-    factorisations:  of the stiffness per level: one for every ratio of its moduli to one another
-    heat_solves:     distinct (α, k, data) temperature fields per level; 0 if no heat problem is solved
     levels:          the mesh levels whose number is known beforehand, counted where their meshes are small
     left_out:        what is not computed, each with its reason
     notes:           what the user may want to know before starting
@@ -80,8 +77,6 @@ class Plan:
     """
 
     points: int
-    factorisations: int
-    heat_solves: int
     levels: tuple[LevelForecast, ...]
     left_out: tuple[str, ...]
     notes: tuple[str, ...]
@@ -99,19 +94,13 @@ def plan(study: Study) -> Plan:
     own, largest = _geometries(study)
     found = [_of_body(one, predicted(one)) for one in own]
     words = [one.words for one in study.variants if one.study is not None]
-    factors = sum(one.factorisations for one in found)
-    note = (
-        f"{len(own)} {'geometry' if len(own) == 1 else 'geometries'}: {sum(one.mesh.levels for one in own)} meshes, "
-        f"{factors * study.mesh.levels} stiffness factorisations; the points of a geometry share both. "
-        "Sizes are those of the largest"
-    )
+    meshes = f"{len(own)} {'geometry' if len(own) == 1 else 'geometries'}: {len(own) * study.mesh.levels} meshes"
+    note = f"{meshes}, which the points of a geometry share. Sizes are those of the largest"
     refused = [f"refused, {one.words}: {one.reason}" for one in study.variants if one.study is None]
     said = map(str, once([(name, one.notes) for name, one in zip(words, found, strict=True)]))
     return replace(
         found[own.index(largest)],
         points=len(study.scenes),
-        factorisations=factors,
-        heat_solves=sum(one.heat_solves for one in found),
         levels=sizes(largest),
         notes=(note, *refused, *unused(study), *said),
         bytes=sum(one.bytes for one in found),
@@ -130,26 +119,22 @@ def _of_body(study: Study, levels: tuple[LevelForecast, ...]) -> Plan:
     if study.kind == "path" and (path := study.path) is not None:  # of one scene and one level
         study = replace(study, scenes=(path.scene,), axes=())
         levels = levels if path.level is None else levels[: path.level + 1]
-    heats = {
-        (s.heat, tuple(one.k for one in s.material.all)) for s in distinct(study.scenes, *FELT) if needs_heat_solve(s)
-    }
     return Plan(
         points=len(study.scenes),
-        factorisations=_factorisations(study),
-        heat_solves=len(heats),
         levels=levels,
-        left_out=tuple(_left_out(study, bool(heats))),
+        left_out=tuple(_left_out(study)),
         notes=tuple(_notes(study, levels)),
         bytes=0 if study.kind in ("path", "fit") else expected_bytes(study, levels),
         asked=asked(study),
     )
 
 
-def _left_out(study: Study, heat_solved: bool) -> Iterator[str]:
+def _left_out(study: Study) -> Iterator[str]:
     scenes, mesh = study.scenes, study.mesh
     cold = count_points(scenes, FELT, lambda s: not needs_heat_solve(s))
     if cold:
-        yield f"heat problem{f' at {cold} of {len(scenes)} points' if heat_solved else ''}: {why_no_heat(scenes)}"
+        where = f" at {cold} of {len(scenes)} points" if cold < len(scenes) else ""
+        yield f"heat problem{where}: {why_no_heat(scenes)}"
     if mesh.tolerance is not None:
         yield (
             f"meshes finer than needed: {mesh.strategy.how} from maxh = {mesh.maxh[0]:g}"
@@ -190,10 +175,6 @@ def _notes(study: Study, levels: tuple[LevelForecast, ...]) -> Iterator[str]:
                 "nodes back before the front that comes to them, so that path and lowest state may differ by some per "
                 "cent; choose a smaller mesh.maxh or more levels"
             )
-    if any(scene.heat_by_edge and needs_heat_solve(scene) for scene in distinct(scenes, *FELT)):
-        sets = len({exchange_level(scene)[1] for scene in distinct(scenes, *FELT)})
-        modes = "one set of modes" if sets == 1 else f"{sets} sets of modes, one for each ratio of alpha between edges,"
-        yield f"heat by edge: one factorisation and {modes} on a level serve all alpha, theta_bar, theta, flux and q"
     yield from locking_notes(scenes)
     if (seconds := meshing_seconds(mesh, levels)) >= WORTH_SAYING:
         more = mesh.refine + math.ceil(math.log(seconds / WORTH_SAYING, 4)) + 1

@@ -1,9 +1,7 @@
 """What the work of a run is, known before anything is solved, and who does it: this process, workers, a dask cluster.
 
-`predicted` needs areas and lengths alone; `sizes` counts on meshes that take milliseconds. Uniform refinement of a mesh
-with V nodes, T triangles and the Euler characteristic χ makes T' = 4T and V' = V + E with E = V + T − χ edges; what the
-boundary carries (constraints, contact unknowns) grows affinely in 2^level, so that two meshes tell the sizes of all.
-Other meshes are counted while they are small, and predicted from the last one counted.
+`predicted` needs areas and lengths alone; `sizes` counts meshes while they are small, and predicts others from the last
+one counted: where h is halved, what lies in triangles grows fourfold, what lies on edges twofold.
 
 Times, which decide about workers, are those of results/speed.md, t = c Nᵖ for N displacement unknowns; what users are
 told is measured (`study.plan`).
@@ -42,8 +40,8 @@ STEP = 75.0
 """Times as long as a point of a block takes a step of a history (13 ms with 40 nodes, 33 ms with 133)."""
 MEMORY, UNKNOWN = 270e6, 2700.0
 """Bytes of the program, and more for each unknown of the finest mesh (2.79 GB at N = 939,518)."""
-MOST_NODES = 5_000
-"""Nodes up to which a mesh is made only to be counted; with its first refinement half a second."""
+MOST_NODES = 10_000
+"""Nodes up to which a mesh is made only to be counted; half a second."""
 
 
 @dataclass(frozen=True)
@@ -109,38 +107,20 @@ def sizes(study: Study) -> tuple[LevelForecast, ...]:
 
     held = tuple(item for item in scene.boundary if isinstance(item[1], Clamped | Contact))
     meshes, found = Meshes(study), list[LevelForecast]()
-
-    def counted(level: int) -> tuple[LevelForecast, int]:
-        """The level, and its triangles."""
-        mesh = meshes.next(level)
-        frames = constrain(mesh, held)
-        m = contact_line(mesh, frames, scene.edges(Contact)).m
-        return LevelForecast(rough[level].h, mesh.n_points, frames.n_dof, m, exact=True), len(mesh.triangles)
-
-    if plan.nested:  # what lies in triangles grows fourfold, what lies on edges twofold
-        first, triangles = counted(0)
-        second = counted(1)[0] if len(rough) > 1 else first
-        one, two = (np.array([v.nodes, v.n_dof, v.n_contact]) for v in (first, second))
-        inside = np.array([triangles / 2, triangles, 0])
-        grown = [one + inside * (4**i - 1) + (two - one - 3 * inside) * (2**i - 1) for i in range(len(rough))]
-        return tuple(
-            LevelForecast(v.h, round(n[0]), round(n[1]), round(n[2]), True) for v, n in zip(rough, grown, strict=True)
-        )
-    for level, guess in enumerate(rough):
-        size = guess
-        if found:  # what small features and arcs add to a mesh of a list they add to all; others grow by one factor
-            last, before = found[-1], rough[level - 1]
-            r = before.h / guess.h
-            nodes, n_dof = (
-                getattr(guess, name) + max(0, getattr(last, name) - getattr(before, name))
-                if plan.listed
-                else round(getattr(last, name) * r**2)
-                for name in ("nodes", "n_dof")
-            )
-            size = LevelForecast(guess.h, nodes, n_dof, round(last.n_contact * r))
+    for level, size in enumerate(rough):
+        if found:
+            last, before, r = found[-1], rough[level - 1], found[-1].h / size.h
+            nodes, n_dof = round(last.nodes * r**2), round(last.n_dof * r**2)
+            if plan.listed:  # what small features and arcs add to a mesh of a list they add to all
+                nodes = size.nodes + max(0, last.nodes - before.nodes)
+                n_dof = size.n_dof + max(0, last.n_dof - before.n_dof)
+            size = LevelForecast(size.h, nodes, n_dof, round(last.n_contact * r))
         if size.nodes <= MOST_NODES:
             try:
-                size = counted(level)[0]
+                mesh = meshes.next(level)
+                frames = constrain(mesh, held)
+                m = contact_line(mesh, frames, scene.edges(Contact)).m
+                size = LevelForecast(size.h, mesh.n_points, frames.n_dof, m, exact=True)
             except GeometryFailed:  # of a list, a mesh that cannot be made is a status of its points
                 if level == 0 or not plan.listed:
                     raise

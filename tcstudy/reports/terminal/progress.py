@@ -130,7 +130,6 @@ def forecast_text(study: Study, plan: Any, more: Sequence[str], output: Path, wo
     most, up_to = ("at most ", "up to ") if study.mesh.open_ended else ("", "")
     of = counted(times, "step") if study.history is not None else f"{most}{counted(times, 'level')}"
     solutions = f"{counted(plan.points, 'point')} × {of} = {most}{counted(plan.points * times, 'solution')}"
-    fields = counted(plan.heat_solves, "temperature field") if plan.heat_solves else "no temperature field"
     size = f" ({up_to}about {plan.bytes / 1e6:.2g} MB)" if plan.bytes else ""
     unit = "1" if study.units == "none" else "m"
     columns = [
@@ -139,8 +138,7 @@ def forecast_text(study: Study, plan: Any, more: Sequence[str], output: Path, wo
         TextColumn("dofs", [_count(v.n_dof, v) for v in plan.levels], 2),
         TextColumn("contact unknowns", [_count(v.n_contact, v) for v in plan.levels], 3),
     ]
-    per_level = f"per level: {counted(plan.factorisations, 'stiffness factorisation')}, {fields}"
-    above = filter(None, (solutions if plan.bytes else plan.asked, per_level, work))
+    above = filter(None, (solutions if plan.bytes else plan.asked, work))
     below = [*(f"left out: {text}" for text in plan.left_out), *(f"note: {text}" for text in plan.notes), *more]
     below += filter(None, (f"output: {output}{size}", time))
     first, last = ("\n".join(f"  {line}" for line in lines) for lines in (above, below))
