@@ -58,7 +58,7 @@ from tcstudy.data.schema import (
     result,
     step_variables,
 )
-from tcstudy.data.store import Record, axis_name, geometry_dims, missing
+from tcstudy.data.store import Record, axis_name, missing
 from tcstudy.scene.histories import START, ContactState
 from tcstudy.scene.study import Study
 
@@ -310,21 +310,21 @@ NUMBERS = (
 
 
 def convergence_record(
-    study: Study, points: Sequence[Mapping[str, Any]], meshes: Mapping[str, Any], reference: str, notes: Sequence[str]
+    study: Study, points: Sequence[Mapping[str, Any]], reference: str, notes: Sequence[str]
 ) -> Record:
     """What the file of a convergence holds. What a point does not have, although others do, is missing there.
 
     points:    of every sweep point its status (levels,) and what it has of the variables of `convergence_table`
-    meshes:    h_max, n_dof, n_contact and compared, whether a level is compared with the reference: (levels,), in a
-               sweep over geometries (…, levels) by the axes that change them, in the order of the file
     reference: what errors are measured against, in words
     """
-    levels = meshes["h_max"].shape[-1]
-    values: dict[str, Any] = {"level": np.arange(levels), **meshes}
+    levels = len(points[0]["status"])
+    values: dict[str, Any] = {"level": np.arange(levels)}
     table = convergence_table(study)
     for variable in table:
         having = [i for i, point in enumerate(points) if variable.name in point]
-        if having:
+        if having and SWEEP not in variable.dims:
+            values[variable.name] = points[0][variable.name]
+        elif having:
             shape = (len(points), *((levels,) if "level" in variable.dims else ()))
             rows = values[variable.name] = missing(variable, shape)
             if variable.dtype == "str":
@@ -336,8 +336,7 @@ def convergence_record(
 
 def convergence_table(study: Study) -> tuple[FileVariable, ...]:
     """The variables that the convergence of a study may have."""
-    by_geometry = (*geometry_dims(study), "level")
-    found = [LEVEL_COORDINATE, *(replace(one, dims=by_geometry) for one in LEVELS)]
+    found = [LEVEL_COORDINATE, *(replace(one, dims=POINT_LEVEL if study.variants else one.dims) for one in LEVELS)]
     found.append(FileVariable("status", "i1", "1", "status of the solution", coordinate=True, extra=STATUS))
     for measure in (*ERRORS, *NUMBERS):
         for part, dtype, units, dims, meaning in _ERROR_PARTS if measure in ERRORS else _NUMBER_PARTS:
@@ -358,7 +357,7 @@ LEVELS = (
     FileVariable("n_contact", "i4", "1", "number of contact unknowns", ("level",)),
     FileVariable("compared", "i1", "1", "1 if the level is compared with the reference", ("level",)),
 )
-"""What a level of a geometry has."""
+"""What a level has, of a sweep over geometries by point."""
 _ONCE = (SWEEP,)
 _ERROR_PARTS: tuple[tuple[str, Dtype, str, Dims, str], ...] = (
     ("error", "f8", "1", POINT_LEVEL, "relative {}"),

@@ -30,8 +30,8 @@ from tcstudy.accuracy.orders import (
     smoothness,
 )
 from tcstudy.data.schema import PointStatus
-from tcstudy.data.store import Record, geometry_place, geometry_shape, missing
-from tcstudy.data.tables import BY_ITSELF, LEVELS, NUMBERS, VERDICTS, convergence_record
+from tcstudy.data.store import Record
+from tcstudy.data.tables import BY_ITSELF, NUMBERS, VERDICTS, convergence_record
 from tcstudy.errors import ConvergenceError, GeometryFailed
 from tcstudy.exact.numbers import exact_energy, exact_friction_resultant, exact_slip_length, exact_xi
 from tcstudy.fem.meshes import graded_points
@@ -135,40 +135,37 @@ def converge(study: Study, say: Say = lambda text: None) -> Record:
     say: called with a line of text as work goes on
     Raises GeometryFailed if the body cannot be meshed, of several geometries if none can.
     """
-    if not study.variants:
-        return convergence_record(study, *_of_body(study, say))
-    none = {"status": np.full(study.mesh.levels, PointStatus.MESH_FAILED, dtype=np.int8)}
-    points: list[Mapping[str, Any]] = [none] * len(study.scenes)
-    meshes = {v.name: missing(v, (*geometry_shape(study), study.mesh.levels)) for v in LEVELS}
+    points: list[Mapping[str, Any]] = [{"status": np.full(study.mesh.levels, PointStatus.MESH_FAILED, dtype=np.int8)}]
+    points *= len(study.scenes)
     references, notes, lost = list[str](), list[tuple[str, list[str]]](), list[str]()
-    for variant in study.variants:
-        reason = variant.reason
-        if variant.study is not None:
-            say(f"{variant.words}:")
-            try:
-                own, own_meshes, reference, told = _of_body(variant.study, say)
-            except GeometryFailed as error:
-                reason = str(error)
-            else:
-                references.append(reference)
-                notes.append((variant.words, told))
-                for place, point in zip(variant.places, own, strict=True):
-                    points[place] = point
-                for name, values in meshes.items():
-                    values[geometry_place(study, variant)] = own_meshes[name]
-        if reason:
-            lost.append(f"{variant.words}: {reason}")
+    for body in study.bodies:
+        try:
+            if body.study is None:
+                raise GeometryFailed(body.reason)
+            if body.words:
+                say(f"{body.words}:")
+            own, reference, told = _of_body(body.study, say)
+        except GeometryFailed as error:
+            if not study.variants:
+                raise
+            lost.append(f"{body.words}: {error}")
+            continue
+        references.append(reference)
+        notes.append((body.words, told))
+        for place, point in zip(body.places, own, strict=True):
+            points[place] = point
     if not notes:
         raise GeometryFailed(f"no geometry of the sweep has a mesh ({lost[0]})", ("sweep",))
     said = [f"refused, {one}" for one in lost]
-    for note in once(notes):
+    for note in once(notes) if study.variants else ():
         each = not note.where and " points" in note.text  # counted of one
         said.append(f"each geometry: {note.text}" if each else str(note))
-    return convergence_record(study, points, meshes, "; or ".join(dict.fromkeys(references)), said)
+    said = said if study.variants else notes[0][1]
+    return convergence_record(study, points, "; or ".join(dict.fromkeys(references)), said)
 
 
-def _of_body(study: Study, say: Say) -> tuple[list[dict[str, Any]], dict[str, NDArray[Any]], str, list[str]]:
-    """Points, meshes, the reference and notes of a study with one body, as of `convergence_record`.
+def _of_body(study: Study, say: Say) -> tuple[list[dict[str, Any]], str, list[str]]:
+    """Points, the reference and notes of a study with one body, as of `convergence_record`.
 
     Raises GeometryFailed if the body cannot be meshed.
     """
@@ -179,13 +176,7 @@ def _of_body(study: Study, say: Say) -> tuple[list[dict[str, Any]], dict[str, ND
             _point(study, levels, reference, compared, index, scene)
             for index, scene in zip(np.ndindex(study.shape), study.scenes, strict=True)
         ]
-    meshes = {
-        "h_max": np.array([level.mesh.h_max for level in levels]),
-        "n_dof": np.array([level.n_dof for level in levels], dtype=np.int32),
-        "n_contact": np.array([level.line.m for level in levels], dtype=np.int32),
-        "compared": compared,
-    }
-    return points, meshes, words, [*notes, *_notes(study, levels, reference, points)]
+    return points, words, [*notes, *_notes(study, levels, reference, points)]
 
 
 def _reference(study: Study, levels: list[SolvedLevel]) -> tuple[Reference | None, str, Mask, list[str]]:
@@ -223,10 +214,12 @@ def _point(
     index: tuple[int, ...],
     scene: Scene,
 ) -> dict[str, Any]:
-    """What the file has of a point, by name: its status, errors with their rates, numbers with their limits."""
+    """What the file has of a point, by name: meshes, status, errors with their rates, numbers with their limits."""
     solutions = [level.solutions[index] for level in levels]
     h, ok = np.array([level.mesh.h_max for level in levels]), np.array([s.ok for s in solutions])
     point: dict[str, Any] = {"status": np.array([s.status for s in solutions], dtype=np.int8)}
+    point |= {"h_max": h, "n_dof": [level.n_dof for level in levels], "n_contact": [level.line.m for level in levels]}
+    point["compared"] = compared
     found = [reference.errors(one, index, scene) if reference is not None and used else Errors()
              for one, used in zip(levels, compared, strict=True)]  # fmt: skip
     size = float(np.linalg.norm(np.ptp(levels[-1].mesh.points, axis=0)))

@@ -77,7 +77,7 @@ def convergence(file: Path) -> None:
     table = [v for v in convergence_table(study) if "*" in v.dims and v.name.endswith(FEW)]
     point = {v.name: h if "level" in v.dims else "smooth" if v.dtype == "str" else 1 for v in table}
     meshes = {"h_max": h, "n_dof": ones, "n_contact": ones, "compared": ones}
-    record = convergence_record(study, [point] * len(study.scenes), meshes, "the exact solution", ["Mind it."])
+    record = convergence_record(study, [meshes | point] * len(study.scenes), "the exact solution", ["Mind it."])
     write_record(file, study, record, collect(study, ("tcstudy", "converge")))
 
 

@@ -190,13 +190,14 @@ def test_convergence_of_every_geometry_is_that_of_its_own_study(tmp_path: Path) 
     """Against the chosen solution, also where a geometry has none; the tables tell them apart."""
     tree = tcstudy.converge(read_study_text(CHOSEN), tmp_path / "all.nc")
     data = tree.to_dataset()
-    assert data["h_max"].dims == ("H", "level")
+    assert data["h_max"].dims == ("lambda", "H", "level")
     assert np.all((data["slope_u_energy"] > 0.9) & (data["slope_u_energy"] < 1.1))
     for height in (1.0, 0.5):
         changes = [f"parameters.H={height}", "sweep={lambda: [1.5, 3]}"]
         one = tcstudy.converge(read_study_text(CHOSEN, "s", changes), tmp_path / f"{height}.nc").to_dataset()
         for name in ("h_max", "n_dof", "error_u_energy", "rate_xi_L2", "limit_energy"):
-            assert np.array_equal(data[name].sel(H=height), one[name], equal_nan=True), (name, height)
+            found = data[name].sel(H=height)
+            assert np.array_equal(found, one[name].broadcast_like(found), equal_nan=True), (name, height)
     listed = "sweep={mode: list, points: [{parameters.height: 10 mm}, {parameters.height: 20 mm}]}"
     lost = tcstudy.converge(read_study_text(HOLED, "s", ["mesh.levels=2", listed]), tmp_path / "lost.nc").to_dataset()
     assert lost["status"].values.tolist() == [[PointStatus.MESH_FAILED] * 2, [PointStatus.OK] * 2]

@@ -99,18 +99,19 @@ def shown(at: Any) -> list[Measure]:
 
 def _levels(data: Any) -> Table:
     """The levels; of a sweep over geometries those of each, beside what makes it."""
-    size, unit = prefix(data["h_max"].values, data["h_max"].attrs["units"])
-    dims = [str(dim) for dim in data["h_max"].dims if dim != "level"]
-    swept = [name for name in axis_names(data) if str(data[name].dims[0]) in dims]
-    labels = {name: axis_labels(data, name) for name in swept}
+    sizes = data[["h_max", "n_dof", "n_contact"]].fillna(-1)
+    for dim in [dim for dim in sizes["h_max"].dims if dim != "level"]:
+        first = sizes.isel({dim: 0})
+        sizes = first if bool((sizes == first).all().to_array().all()) else sizes
+    divisor, unit = prefix(data["h_max"].values, data["h_max"].attrs["units"])
+    labels = {name: axis_labels(data, name) for name in axis_names(data) if data[name].dims[0] in sizes.dims}
     rows = []
-    for place in np.ndindex(*(data.sizes[dim] for dim in dims)):
-        where = dict(zip(dims, place, strict=True))
-        own = [labels[name][0][where[str(data[name].dims[0])]] for name in swept]
-        h, dofs, contact = (data[name].isel(where).values for name in ("h_max", "n_dof", "n_contact"))
-        for i in range(len(h)) if np.isfinite(h).all() else ():
-            rows.append((*own, str(i), number(h[i] / size), str(int(dofs[i])), str(int(contact[i]))))
-    header = [*(headed(name, labels[name][1]) for name in swept), "level", headed("h_max", unit)]
+    for place in np.ndindex(sizes["h_max"].shape):
+        where = dict(zip(sizes["h_max"].dims, place, strict=True))
+        h, dofs, contact = (float(sizes[name][where]) for name in ("h_max", "n_dof", "n_contact"))
+        own = (texts[where[data[name].dims[0]]] for name, (texts, _) in labels.items())
+        rows += [(*own, str(place[-1]), number(h / divisor), f"{dofs:.0f}", f"{contact:.0f}")] if h > 0.0 else []
+    header = [*(headed(name, unit) for name, (_, unit) in labels.items()), "level", headed("h_max", unit)]
     return Table.of_rows("Meshes", [*header, "dofs", "contact unknowns"], rows)
 
 

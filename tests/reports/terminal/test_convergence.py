@@ -46,7 +46,7 @@ def point(status):
 
 def write(path, points, reference="none", notes=(), counts=np.zeros(4, np.int32)):  # noqa: B008
     meshes = {"h_max": H, "n_dof": 10 * counts, "n_contact": counts, "compared": np.ones(4, dtype=bool)}
-    record = convergence_record(STUDY, points, meshes, reference, notes)
+    record = convergence_record(STUDY, [meshes | one for one in points], reference, notes)
     write_record(path, STUDY, record, collect(STUDY, ["tcstudy"]))
 
 
