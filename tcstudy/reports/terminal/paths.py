@@ -125,7 +125,7 @@ def _branches(data: Any, at: Callable[..., str]) -> Iterator[str]:
     off_path = np.bincount(data["solution_at"].values[data["solution_piece"].values < 0], minlength=data.sizes["at"])
     values, known, counts = (data[name].values for name in ("at", "at_complete", "solution_count"))
     for value, sure, count, off in zip(values, known, counts, off_path, strict=True):
-        told = f"{sentences.equilibria(count, complete=sure)} equilibria at {at(value)}"
+        told = f"{sentences.equilibria(count, complete=sure)} equilibri{'um' if count == 1 else 'a'} at {at(value)}"
         yield f"  {told}" + (f", {off} of them not on the path from the start" if off else "")
 
 

@@ -80,6 +80,15 @@ def test_bad_input_is_named() -> None:
             follow(bad, np.zeros(5), 0.0)
 
 
+def test_a_start_at_the_end_of_the_range_is_one_solution() -> None:
+    problem = softening_line(5)
+    for low, high in ((0.0, 1.0), (-1.0, 0.0)):
+        path = follow(problem, np.zeros(5), 0.0, low, high)
+        assert (path.begin, path.end) == (PathStatus.RANGE_END, PathStatus.RANGE_END)
+        assert np.all(np.diff(path.t) > 0.0)
+        assert len(solutions_at(path, 0.0)) == 1
+
+
 def integer_problem(rng: np.random.Generator, m: int) -> ParametricProblem:
     """Small whole numbers everywhere: ties, starts on kinks, singular and flat pieces are the rule."""
     A_tilde = np.eye(m) * float(rng.integers(1, 4))
