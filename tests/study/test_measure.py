@@ -62,7 +62,7 @@ def test_errors_on_a_falling_film_are_those_of_the_exact_solutions_branch() -> N
 
 def test_costs_are_those_of_the_exact_solutions_branch() -> None:
     """The lowest state of the film is 60 % of u away on every mesh."""
-    cost = _measure(read_study_text(FALLING_FILM, "study", ["mesh.levels=2"]), runs=1)
+    cost = _measure(read_study_text(FALLING_FILM, "study", ["mesh.levels=2"]))
     uniform = cost.values["error_u_energy"][0, 0]
     assert uniform[:2] == pytest.approx([0.0197, 0.00998], rel=0.01)
     assert np.isfinite(cost.values["time"][0, 0, :2]).all()
@@ -155,8 +155,8 @@ WEAK = "friction={law: slip-weakening, tau_s: 0.01, tau_k: 0.005, delta: 1}"
 SMALL = ("mesh={maxh: 0.8, levels: 3}",)
 
 
-def _measure(study: Study, runs: int = 2) -> Record:
-    return measure(at_point(study, (0,) * len(study.shape)), runs, lambda text, left: None)
+def _measure(study: Study) -> Record:
+    return measure(at_point(study, (0,) * len(study.shape)), 1, lambda text, left: None)
 
 
 def own(cost: Record) -> tuple[int, int, int]:
@@ -188,7 +188,7 @@ def test_all_families_and_solvers_are_measured_and_errors_fall(cost: Record) -> 
 
 
 def test_a_guarantee_charts_the_proved_bound_above_the_error() -> None:
-    cost = _measure(study_of(PULLED, *SMALL, "mesh.guarantee=true", WEAK), runs=1)
+    cost = _measure(study_of(PULLED, *SMALL, "mesh.guarantee=true", WEAK))
     held = cost.values["status"][:, 0] == PointStatus.OK
     bound, error = (cost.values[f"error_{name}"][:, 0][held] for name in ("u_bound", "u_energy"))
     assert np.all(bound > error)
@@ -197,7 +197,7 @@ def test_a_guarantee_charts_the_proved_bound_above_the_error() -> None:
 
 def test_uniform_errors_are_those_of_converge() -> None:
     study = tcstudy.load(CONFIGS / "convergence.yaml", ["mesh.levels=3"])
-    cost, known = _measure(study, runs=1), points(converge(study))[0]
+    cost, known = _measure(study), points(converge(study))[0]
     assert [cost.attributes[name] for name in ("reference", "reference_error")] == ["the exact solution", 0.0]
     for name, one in errors(known).items():
         slack = 0.15 if name.endswith("max") else 1e-2  # norms at nodes depend on the finest mesh
@@ -207,13 +207,13 @@ def test_uniform_errors_are_those_of_converge() -> None:
 
 
 def test_meshes_of_no_family_stand_for_themselves() -> None:
-    cost = _measure(study_of(PULLED, "mesh={maxh: 0.8, tolerance: 0.3}"), runs=1)
+    cost = _measure(study_of(PULLED, "mesh={maxh: 0.8, tolerance: 0.3}"))
     assert cost.values["family"][-1] == "study"
     assert own(cost)[:2] == (3, 0)
     assert cost.values["n_dof"][3, own(cost)[2]] > 0
     assert cost.values["error_u_energy"][own(cost)] < 0.39  # the tolerance with a margin for the estimate
     assert np.all(np.diff(cost.values["time"][3, 0, : own(cost)[2] + 1, 0]) > 0.0)
-    listed = _measure(study_of(PULLED, "mesh={maxh: [0.8, 0.6]}"), runs=1)
+    listed = _measure(study_of(PULLED, "mesh={maxh: [0.8, 0.6]}"))
     assert own(listed) == (3, 0, 1)
 
 
@@ -226,9 +226,9 @@ def test_the_named_solver_comes_first_and_failures_are_kept(monkeypatch: pytest.
 
     monkeypatch.setattr(point_module, "solve_contact", fail)
     with pytest.raises(CostError, match="reference"):
-        _measure(study_of(PULLED, *SMALL, "solver=bundle-newton"), runs=1)
+        _measure(study_of(PULLED, *SMALL, "solver=bundle-newton"))
     changes = ["mesh={maxh: 0.25, levels: 2}", "solver=bundle-newton"]
-    cost = _measure(tcstudy.load(CONFIGS / "convergence.yaml", changes), runs=1)
+    cost = _measure(tcstudy.load(CONFIGS / "convergence.yaml", changes))
     assert cost.values["solver"][0] == "bundle-newton"
     failed = (cost.values["status"] != PointStatus.OK) & (cost.values["status"] != PointStatus.NOT_RUN)
     assert failed[:, 0].any()

@@ -13,6 +13,7 @@ from tcstudy.data.schema import PointStatus
 from tcstudy.errors import GeometryFailed, StudyError
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.terminal.summary import text_of
+from tcstudy.study import cost
 from tcstudy.study.append import appended
 from tcstudy.study.plan import plan
 from tcstudy.study.run import execute
@@ -205,8 +206,11 @@ def test_convergence_of_every_geometry_is_that_of_its_own_study(tmp_path: Path) 
     assert lost.attrs["notes"].startswith("refused, parameters.height = 10 mm: body.holes[0]: ")
 
 
-def test_cost_and_path_are_of_one_geometry(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_cost_and_path_are_of_one_geometry(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Cost of that of its point, or refused with the reason; a path of the body outside the sweep."""
+    monkeypatch.setattr(cost, "RUNS", 1)
     study = read_study_text(CHOSEN)
     data = tcstudy.cost(study, tmp_path / "cost.nc", at={"H": 0.5}).to_dataset()
     own = data.sel(family="uniform").isel(level=slice(3))

@@ -70,7 +70,7 @@ def scaled(oracle: Oracle, a: float, b: float) -> Oracle:
     return rescaled
 
 
-SCALED = [(p, 2.0**-30, 2.0**30) for p in PROBLEMS[::2]] + [(p, 2.0**30, 2.0**-30) for p in PROBLEMS[1::4]]
+SCALED = [(p, 2.0**-30, 2.0**30) for p in PROBLEMS[::4]] + [(p, 2.0**30, 2.0**-30) for p in PROBLEMS[1::8]]
 
 
 @pytest.mark.parametrize(("problem", "a", "b"), SCALED)
