@@ -40,7 +40,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.expressions.expression import Expression
-from tcstudy.fem.boundary import ContactLine, edge_arms, values_at
+from tcstudy.fem.forms import ContactLine, edge_arms, values_at
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.laws.composed import EdgeLaws, law_along
 from tcstudy.laws.laws import Laws

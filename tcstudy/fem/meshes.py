@@ -3,7 +3,7 @@
 Marked triangles are bisected (netgen's longest-edge bisection, with as many neighbours as conformity asks for): old
 nodes keep their numbers, new ones on arcs are put on the arc, names of edges and regions stay. Meshes are checked.
 
-Also here: the local frames of the displacements of a mesh's nodes (made in fem/boundary.py), and the meshes of a study
+Also here: the local frames of the displacements of a mesh's nodes (made in fem/forms.py), and the meshes of a study
 that follow from its body: uniform refinements of one, one for each size, or graded ones.
 
 Graded meshes, towards the points where stresses are singular:

@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 
 from tcstudy.contact.path.piecewise_linear_approximation import piecewise_linear
 from tcstudy.contact.solve import solve_block
-from tcstudy.fem.boundary import values_at
 from tcstudy.fem.energy_error import acting, own_strain, stress_of
+from tcstudy.fem.forms import values_at
 from tcstudy.laws.composed import nodal
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.heat import Recent

@@ -44,7 +44,7 @@ from numpy.typing import NDArray
 from tcstudy.condense import Condensation, condense
 from tcstudy.contact.problem import CondensedBody, least_eigenpair
 from tcstudy.errors import GeometryFailed
-from tcstudy.fem.boundary import ContactLine, edge_arms, unknown
+from tcstudy.fem.forms import ContactLine, edge_arms, unknown
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.scene.records import Point, Role, Scene
 from tcstudy.shapes.edges import GAUSS, TriangleGeometry, segment_mass

@@ -35,8 +35,7 @@ from numpy.typing import NDArray
 
 from tcstudy.condense import Condensation, condense
 from tcstudy.expressions.expression import Expression
-from tcstudy.fem.boundary import values_at
-from tcstudy.fem.forms import Conductivity, ElasticForms, edge_load, source_load
+from tcstudy.fem.forms import Conductivity, ElasticForms, edge_load, source_load, values_at
 from tcstudy.scene.points import FELT, distinct
 from tcstudy.scene.records import Scalar, Scene, Where
 from tcstudy.shapes.edges import segment_mass

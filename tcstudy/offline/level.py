@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from tcstudy.condense import Condensation, condense
 from tcstudy.condense.condensation import EliminationPlan
 from tcstudy.contact.problem import ContactProblem, least_eigenpair
-from tcstudy.fem.boundary import constrain, contact_line, couple
-from tcstudy.fem.forms import ElasticForms, Moduli, Springs, edge_load, source_load
+from tcstudy.fem.forms import ElasticForms, Moduli, Springs, constrain, contact_line, couple, edge_load, source_load
 from tcstudy.fem.meshes import Frames, PlaneMesh
 from tcstudy.laws.composed import law_along
 from tcstudy.laws.laws import Laws

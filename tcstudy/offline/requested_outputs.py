@@ -35,8 +35,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.fem.boundary import ContactLine
 from tcstudy.fem.energy_error import own_strain, stress_of
+from tcstudy.fem.forms import ContactLine
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import BARE, DEBONDED, REGIONS, UP
 from tcstudy.offline.level import Level, mechanical_terms

@@ -39,7 +39,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tcstudy.contact.problem import ContactProblem
-from tcstudy.fem.boundary import ContactLine
+from tcstudy.fem.forms import ContactLine
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.laws.pieces import UP
 from tcstudy.scene.records import Point

@@ -32,7 +32,7 @@ from tcstudy.data.records import BlockRecord
 from tcstudy.data.schema import PointStatus, requested_variables
 from tcstudy.exact.numbers import exact_u_T
 from tcstudy.executors.processes import TIMEOUT, Job, SerialExecutor, WorkersFailed, timed
-from tcstudy.fem.boundary import ContactLine
+from tcstudy.fem.forms import ContactLine
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.laws.composed import row_laws
 from tcstudy.offline.error_bound import ErrorBounds

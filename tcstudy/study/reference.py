@@ -44,7 +44,7 @@ from tcstudy.data.schema import PointStatus
 from tcstudy.errors import GeometryFailed
 from tcstudy.exact.numbers import exact_friction_resultant, exact_u_T, exact_xi
 from tcstudy.expressions.expression import value_and_gradient
-from tcstudy.fem.boundary import ContactLine
+from tcstudy.fem.forms import ContactLine
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.level import Level
 from tcstudy.scene.records import Scene

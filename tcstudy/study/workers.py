@@ -102,7 +102,7 @@ def sizes(study: Study) -> tuple[LevelForecast, ...]:
     rough, plan, scene = predicted(study), study.mesh, study.scenes[0]
     if rough[0].nodes > MOST_NODES and not plan.listed:
         return rough
-    from tcstudy.fem.boundary import constrain, contact_line
+    from tcstudy.fem.forms import constrain, contact_line
     from tcstudy.fem.meshes import Meshes
 
     held = tuple(item for item in scene.boundary if isinstance(item[1], Clamped | Contact))

@@ -3,7 +3,7 @@
 import pytest
 
 from tcstudy.errors import GeometryFailed
-from tcstudy.fem.boundary import constrain
+from tcstudy.fem.forms import constrain
 from tcstudy.fem.geometry import build
 from tcstudy.read.study import read_study_text
 from tests.verification.scenes import mesh_family

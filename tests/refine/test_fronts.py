@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tcstudy.contact.problem import ContactProblem
-from tcstudy.fem.boundary import ContactLine
+from tcstudy.fem.forms import ContactLine
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.refine.goals import fronts, hidden_effects, slip_length, slopes

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tcstudy.fem.boundary import ContactLine, constrain
+from tcstudy.fem.forms import ContactLine, constrain
 from tcstudy.fem.geometry import GeometryFailed
 from tcstudy.scene.records import Clamped, Contact
 from tests.verification.scenes import RECTANGLE, levels_of, study_of
