@@ -2,12 +2,9 @@
 
 Marked triangles are bisected (netgen's longest-edge bisection, with as many neighbours as conformity asks for): old
 nodes keep their numbers, new ones on arcs are put on the arc, names of edges and regions stay. Meshes are checked.
-
-Also here: the local frames of the displacements of a mesh's nodes (made in fem/forms.py), and the meshes of a study
-that follow from its body: uniform refinements of one, one for each size, or graded ones.
+Also here: the local frames of their nodes (made in fem/forms.py), and the meshes of a study that follow from its body.
 
 Graded meshes, towards the points where stresses are singular:
-
 Size:       h(r) = h (r/R)^(1−μ) at distance r < R from a singular point, h beyond, with h halved from level to level
             and μ kept: about N ~ h⁻² triangles whatever μ, the smallest of size R (h/R)^(1/μ). P1 elements regain
             ‖u − u_h‖ ~ N^(−½) if μ is less than the least singular exponent λ, u ~ r^λ; μ = λ/2 spreads the
@@ -19,11 +16,9 @@ Literature: Babuška, Kellogg & Pitkäranta, Numer. Math. 33 (1979) 447–471; R
             Williams, J. Appl. Mech. 19 (1952) 526–528 (angles)
 Left out:   ends of slip zones, which no one knows before; jumps of tractions along a straight edge (r log r)
 
-Recovery of gradients of P1 functions: from one value per triangle to better values at the nodes.
-
-At every node the linear polynomial that fits the values at the centroids of the triangles around it best (area-weighted
-least squares), evaluated at the node. Nodes on the boundary and nodes with few triangles use two rings of triangles, so
-that the recovered gradient keeps its order up to the boundary.
+Recovery of gradients of P1 functions, from one value per triangle to better ones at the nodes: at every node the linear
+polynomial that fits the values at the centroids of the triangles around it best (area-weighted least squares). Nodes on
+the boundary and with few triangles use two rings of triangles, so that the gradient keeps its order up to the boundary.
 Literature: Zienkiewicz & Zhu, Int. J. Numer. Methods Eng. 33 (1992) 1331–1364 (superconvergent patch recovery)
 Left out:   patches do not stop at edges where the data jump; where materials do, nodes are split (energy_error.Pieces)
 """
@@ -85,7 +80,6 @@ class PlaneMesh(TriangleGeometry):
 
     @property
     def n_points(self) -> int:
-        """Number of mesh nodes; P1 unknown i belongs to node i."""
         return len(self.points)
 
     @property
@@ -123,7 +117,6 @@ class PlaneMesh(TriangleGeometry):
 
     @cached_property
     def boundary(self) -> BoundaryEdges:
-        """Geometry of the boundary segments."""
         ends = self.points[self.segments]
         along = ends[:, 1] - ends[:, 0]
         length = np.linalg.norm(along, axis=1)
@@ -232,7 +225,7 @@ def mesh_at(geometry: Geometry, plan: MeshPlan, level: int, coarser: PlaneMesh |
     Raises GeometryFailed if the mesher fails or its mesh is not the body.
     """
     if coarser is not None and plan.nested:
-        return refine_uniformly(coarser)
+        return refine(coarser)
     start, maxh = time.perf_counter(), plan.maxh[level]
     try:  # so many uniform refinements, new nodes put on arcs, of a mesh that is coarser
         made = OCCGeometry(geometry.shape, dim=2).GenerateMesh(maxh=maxh * 2**plan.refine / geometry.unit)
@@ -244,23 +237,18 @@ def mesh_at(geometry: Geometry, plan: MeshPlan, level: int, coarser: PlaneMesh |
     return _extract(mesh, geometry, level, start)
 
 
-def refine_uniformly(coarser: PlaneMesh) -> PlaneMesh:
-    """The next level: four congruent children of every triangle, new nodes put on arcs.
+def refine(coarser: PlaneMesh, marked: NDArray[np.bool_] | None = None) -> PlaneMesh:
+    """The next level: four congruent children of every triangle, or the marked ones (t,) bisected; new nodes on arcs.
 
     Raises GeometryFailed if it is not the body.
     """
-    start = time.perf_counter()
-    finer = coarser.mesh.ngmesh.Copy()  # the coarse mesh stays usable
-    finer.Refine()
-    return _extract(ngs.Mesh(finer), coarser.geometry, coarser.level + 1, start)
-
-
-def refine_marked(coarser: PlaneMesh, marked: NDArray[np.bool_]) -> PlaneMesh:
-    """The mesh with the marked triangles (t,) bisected, one level on. Raises GeometryFailed if it is not the body."""
-    start = time.perf_counter()
-    mesh = ngs.Mesh(coarser.mesh.ngmesh.Copy())  # the coarse mesh stays usable
-    mesh.SetRefinementFlags(marked.tolist())
-    mesh.Refine()
+    start, finer = time.perf_counter(), coarser.mesh.ngmesh.Copy()  # the coarse mesh stays usable
+    if marked is None:
+        finer.Refine()
+    mesh = ngs.Mesh(finer)
+    if marked is not None:
+        mesh.SetRefinementFlags(marked.tolist())
+        mesh.Refine()
     return _extract(mesh, coarser.geometry, coarser.level + 1, start)
 
 
@@ -359,7 +347,7 @@ def graded_mesh(
     Raises GeometryFailed if the mesher fails.
     """
     start = time.perf_counter()
-    mesh = first if coarser is None else refine_uniformly(coarser)
+    mesh = first if coarser is None else refine(coarser)
     singular = singular_points(first.geometry, boundary, plan.grading)
     points, mu = np.array(list(singular)).reshape(-1, 2), np.array(list(singular.values()))
     h, reach = first.h_max / 2**level, REACH * first.geometry.size
@@ -369,7 +357,7 @@ def graded_mesh(
         large = mesh.diameter > target * (1.0 + 1e-9)
         if not np.any(large):
             return replace(mesh, level=level, time_mesh=time.perf_counter() - start)
-        mesh = refine_marked(mesh, large)
+        mesh = refine(mesh, large)
 
 
 def graded_points(study: Study) -> dict[Point, float]:

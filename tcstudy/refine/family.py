@@ -20,7 +20,7 @@ from tcstudy.accuracy.orders import ROUNDING
 from tcstudy.contact.problem import ContactProblem
 from tcstudy.exact.numbers import known_goal
 from tcstudy.fem.energy_error import Pieces, contact_traction, energy_squares, pieces_of
-from tcstudy.fem.meshes import Meshes, PlaneMesh, refine_marked
+from tcstudy.fem.meshes import Meshes, PlaneMesh, refine
 from tcstudy.offline.level import Level
 from tcstudy.refine.goal_error import Halved, goal_error
 from tcstudy.refine.goals import Hidden, goal_value, hidden_on, hidden_shares
@@ -255,7 +255,7 @@ def bisected(mesh: PlaneMesh, shares: Array, aim: float, marking: float, hidden:
         elif own <= ENOUGH * aim * total:
             break
         fraction = min(marking, 2.0 * (1.0 - aim * total / own)) if own > 0.0 else 0.0
-        finer = refine_marked(mesh, marked(both, fraction))
+        finer = refine(mesh, marked(both, fraction))
         elapsed += finer.time_mesh
         of, _ = located(mesh, finer.centres)
         ratio = finer.area / mesh.area[of]

@@ -57,7 +57,7 @@ from tcstudy.accuracy.norms import located, prolongation
 from tcstudy.contact.problem import ContactProblem, Status
 from tcstudy.contact.solve import solve_contact
 from tcstudy.fem.energy_error import own_strain, stress_of
-from tcstudy.fem.meshes import refine_uniformly
+from tcstudy.fem.meshes import refine
 from tcstudy.offline.level import Level
 from tcstudy.refine.goals import (
     dual,
@@ -87,7 +87,7 @@ class Halved:
     def __init__(self, coarse: Level, scene: Scene, scenes: Sequence[Scene] = ()) -> None:
         """scene, scenes: as for Level. Raises GeometryFailed if the refined mesh is not the body."""
         mesh = coarse.mesh
-        self.coarse, self.level = coarse, Level(refine_uniformly(mesh), scene, scenes)
+        self.coarse, self.level = coarse, Level(refine(mesh), scene, scenes)
         fine = self.level.mesh
         self._prolong = prolongation(mesh.n_points, fine.points, fine.triangles)
         self.parent, _ = located(mesh, fine.centres)

@@ -31,7 +31,7 @@ from tcstudy.condense import NotPositiveDefinite
 from tcstudy.data.store import Record
 from tcstudy.data.tables import FIT
 from tcstudy.errors import FitError, GeometryFailed
-from tcstudy.fem.meshes import refine_uniformly
+from tcstudy.fem.meshes import refine
 from tcstudy.laws.composed import POINTS, EdgeLaws, law_slopes, number_of
 from tcstudy.laws.pieces import GrowthError
 from tcstudy.laws.shapes import LawError
@@ -126,7 +126,7 @@ def mesh_shift(tests: Tests, best: Minimum, box: Box, said: Mapping[str, Any]) -
     free, shift, finer = np.flatnonzero(~said["at_bound"]), np.full(len(best.p), np.nan), list[Compared]()
     try:
         for model in tests.models:
-            level = Level(refine_uniformly(model.level.mesh), model.plan.scene, held=held(model.plan))
+            level = Level(refine(model.level.mesh), model.plan.scene, held=held(model.plan))
             finer.append(replace(model, level=level).compared(best.p))
     except (FitError, GeometryFailed, NotPositiveDefinite, MemoryError):
         return shift

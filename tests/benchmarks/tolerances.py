@@ -15,7 +15,7 @@ import numpy as np
 
 from tcstudy.contact.solve import solve_contact
 from tcstudy.fem.geometry import GeometryFailed
-from tcstudy.fem.meshes import PlaneMesh, refine_marked, refine_uniformly
+from tcstudy.fem.meshes import PlaneMesh, refine
 from tcstudy.offline.level import Level
 from tcstudy.refine.family import Family
 from tcstudy.refine.goals import fronts, goal_value, slip_length
@@ -133,7 +133,7 @@ def reference(study: Study, goal: Goal) -> tuple[float, float]:
         values.append(_value(study, goal, level))
         if len(values) > 1 and 4 * level.frames.n_dof > FINEST:
             break
-        mesh = refine_uniformly(mesh)
+        mesh = refine(mesh)
     change = values[-1] - values[-2]
     value = values[-1] + REST * change
     return value, REST * abs(change / value)
@@ -174,7 +174,7 @@ def _bisected(study: Study, goal: Goal) -> tuple[PlaneMesh, list[Point]]:
 def _cut_at(mesh: PlaneMesh, places: list[Point]) -> PlaneMesh:
     """The mesh with the triangles bisected that touch the nodes nearest to the places."""
     nodes = [int(np.argmin(np.linalg.norm(mesh.points - np.array(place), axis=1))) for place in places]
-    return refine_marked(mesh, np.any(np.isin(mesh.triangles, nodes), axis=1))
+    return refine(mesh, np.any(np.isin(mesh.triangles, nodes), axis=1))
 
 
 def main() -> None:

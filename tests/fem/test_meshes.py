@@ -9,7 +9,7 @@ from netgen import occ
 
 from tcstudy.fem import geometry as foreign_file
 from tcstudy.fem.geometry import GeometryFailed, build, file_fault
-from tcstudy.fem.meshes import REACH, WEAK, PlaneMesh, graded_mesh, mesh_at, refine_marked, singular_points
+from tcstudy.fem.meshes import REACH, WEAK, PlaneMesh, graded_mesh, mesh_at, refine, singular_points
 from tcstudy.read.study import read_study
 from tcstudy.scene.study import Study
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, mesh_family, study_of
@@ -120,7 +120,7 @@ def test_bodies_of_every_size_have_meshes(unit: float) -> None:
         assert other.geometry.area / unit**2 == pytest.approx(one.geometry.area, rel=1e-9)
         areas, own = one.geometry.face_areas(), other.geometry.face_areas()
         assert {name: area / unit**2 for name, area in own.items()} == pytest.approx(areas, rel=1e-7)
-    assert_round(refine_marked(other, np.arange(len(other.triangles)) % 7 == 0), unit)
+    assert_round(refine(other, np.arange(len(other.triangles)) % 7 == 0), unit)
     pairs = zip(other.geometry.samples(), one.geometry.samples(), strict=True)
     for (_, points, normals), (_, expected, directions) in pairs:
         np.testing.assert_allclose(points / unit, expected, atol=1e-6)
@@ -195,6 +195,6 @@ def test_sizes_follow_the_law() -> None:
 def test_linear_data_are_recovered_exactly(text: str) -> None:
     """On irregular meshes, bisected ones too, up to the boundary and into its corners."""
     mesh = meshes_of(study_of(text, "mesh.levels=1"))[0]
-    mesh = refine_marked(mesh, np.arange(len(mesh.triangles)) % 3 == 0)
+    mesh = refine(mesh, np.arange(len(mesh.triangles)) % 3 == 0)
     recovered = mesh.recovery @ (1.0 + mesh.centres @ [2.0, -3.0])
     assert recovered == pytest.approx(1.0 + mesh.points @ [2.0, -3.0], abs=1e-11)

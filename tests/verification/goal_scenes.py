@@ -21,7 +21,7 @@ import numpy as np
 
 from tcstudy.contact.solve import solve_contact
 from tcstudy.data.records import BlockRecord, LevelRecord
-from tcstudy.fem.meshes import PlaneMesh, refine_marked, refine_uniformly
+from tcstudy.fem.meshes import PlaneMesh, refine
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.refine.family import Family
@@ -175,7 +175,7 @@ def fine_value(text: str, goal: Goal, most: int = 1500) -> float:
     study = scene_of(text)
     mesh = [level for level, _ in solved_meshes(study, goal, most)][-1].mesh
     for _ in range(2):
-        mesh = refine_uniformly(mesh)
+        mesh = refine(mesh)
     return _value(study, goal, mesh)
 
 
@@ -191,7 +191,7 @@ def value_at_corner(study: Study, goal: Goal, at: Point, most: int = 6000, steps
     values = []
     for k in range(1, steps + 1):
         node = int(np.argmin(np.linalg.norm(mesh.points - np.array(at), axis=1)))
-        mesh = refine_marked(mesh, np.any(mesh.triangles == node, axis=1))
+        mesh = refine(mesh, np.any(mesh.triangles == node, axis=1))
         if k % (steps // 3) == 0:
             values.append(_value(study, goal, mesh))
     first, second = values[1] - values[0], values[2] - values[1]
