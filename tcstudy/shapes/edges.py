@@ -38,7 +38,7 @@ abs(y) or atan2 may round to the other side."""
 
 @dataclass(frozen=True)
 class Arc:
-    """A circular arc: centre, radius, angle of its start and the angle it sweeps, positive counter-clockwise."""
+    """A circular arc; start: the angle where it begins;  sweep: positive counter-clockwise"""
 
     center: Point
     radius: float
@@ -85,13 +85,11 @@ def circle_loop(center: Point, radius: float, name: str) -> Loop:
     return Loop((Edge(right, left, name, through=top), Edge(left, right, name, through=bottom)))
 
 
-def rectangle_loop(
-    corner: Point,
-    width: float,
-    height: float,
-    names: Sequence[str] = ("bottom", "right", "top", "left"),
-) -> Loop:
-    """An upright rectangle from its lower left corner.  names: of the bottom, right, top and left edge"""
+SIDES = ("bottom", "right", "top", "left")
+
+
+def rectangle_loop(corner: Point, width: float, height: float, names: Sequence[str] = SIDES) -> Loop:
+    """An upright rectangle from its lower left corner."""
     (x, y), (x1, y1) = corner, (corner[0] + width, corner[1] + height)
     return polygon_loop([(x, y), (x1, y), (x1, y1), (x, y1)], names)
 
@@ -124,7 +122,6 @@ def edge_arc(edge: Edge) -> Arc | None:
 
 
 def edge_length(edge: Edge) -> float:
-    """Exact length of a line or an arc."""
     arc = edge_arc(edge)
     return math.dist(edge.start, edge.end) if arc is None else arc.radius * abs(arc.sweep)
 
@@ -177,8 +174,7 @@ def edge_distance(edge: Edge, points: ArrayLike) -> Array:
 
 def loop_area(loop: Loop) -> float:
     """Exact area, negative if the loop is clockwise: polygon of the vertices plus the segments under the arcs."""
-    origin = loop.edges[0].start
-    area = 0.0
+    area, origin = 0.0, loop.edges[0].start
     for edge in loop.edges:
         (ax, ay), (bx, by) = _minus(edge.start, origin), _minus(edge.end, origin)
         area += 0.5 * (ax * by - ay * bx)
@@ -189,7 +185,6 @@ def loop_area(loop: Loop) -> float:
 
 
 def body_area(body: Body) -> float:
-    """Exact area of the outline less its holes."""
     return loop_area(_outline(body)) - sum(loop_area(hole) for hole in body.holes)
 
 
@@ -199,7 +194,6 @@ def body_size(body: Body) -> float:
 
 
 def loop_size(loop: Loop) -> float:
-    """Diagonal of the bounding box, arcs included exactly."""
     points = [point for edge in loop.edges for point in (edge.start, *_extremes(edge))]
     low, high = np.min(points, axis=0), np.max(points, axis=0)
     return math.hypot(*(high - low))
@@ -238,10 +232,8 @@ def _extremes(edge: Edge) -> list[Point]:
 def edge_line(edge: Edge, size: float) -> BaseGeometry:
     """The edge as a fine polygonal line: no farther than FLATNESS · size from an arc."""
     arc = edge_arc(edge)
-    count = 1
-    if arc is not None:
-        count = 8 + math.ceil(abs(arc.sweep) * math.sqrt(arc.radius / (8.0 * FLATNESS * size)))
-        count = min(count, MAX_SEGMENTS)
+    exact = math.ceil(abs(arc.sweep) * math.sqrt(arc.radius / (8.0 * FLATNESS * size))) if arc else 0
+    count = min(8 + exact, MAX_SEGMENTS) if arc else 1
     return shapely.linestrings(edge_points(edge, count))
 
 
@@ -254,7 +246,6 @@ def loop_polygon(loop: Loop, size: float) -> BaseGeometry:
 
 
 def body_polygon(body: Body) -> BaseGeometry:
-    """The outline less its holes."""
     whole, *holes = (loop_polygon(loop, loop_size(loop)) for loop in (_outline(body), *body.holes))
     polygon = shapely.difference(whole, shapely.union_all(holes)) if holes else whole
     shapely.prepare(polygon)

@@ -64,12 +64,9 @@ class Fault:
 Found = Iterator[tuple[int | None, str, str]]
 """(number of the edge, None for the whole loop; what; remedy)."""
 Kind = Callable[[Loop, float], Found]
-Named = tuple[str, BaseGeometry]
 
 
-def loop_faults(
-    loop: Loop, place: str, size: float, kinds: Sequence[Callable[[Loop, float], Found]] = ()
-) -> list[Fault]:
+def loop_faults(loop: Loop, place: str, size: float, kinds: Sequence[Kind] = ()) -> list[Fault]:
     """Faults of one loop by itself; finer ones are looked for only when the coarser are absent.
 
     Only edges of an outline have entries of their own in the study, where `place` then says which.
