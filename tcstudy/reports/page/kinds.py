@@ -46,9 +46,9 @@ MOST_POINTS = 200
 """Points whose errors a page shows; the file has all."""
 
 
-def convergence_parts(data: Any, box: Container) -> list[Json]:
+def convergence_sections(stored: Stored, box: Container) -> list[Json]:
     """Errors over h and the tables of every sweep point."""
-    points = each_point(data)
+    data, points = stored.data, each_point(stored.data)
     shown = {}
     for where in points[:MOST_POINTS]:
         at = data.isel(where)
@@ -56,17 +56,19 @@ def convergence_parts(data: Any, box: Container) -> list[Json]:
         shown[describe(data, where) or "the point"] = [beside(*panels), *text_parts(accuracy.tables(at))]
     told = [f"Reference: {data.attrs['reference']}.", accuracy.LEGEND, *accuracy.notes(data)]
     told += [f"The first {MOST_POINTS} of {len(points)} points; the file has all."] if len(points) > MOST_POINTS else []
-    return [choice("point", "p", shown), {"part": "text", "lines": told}]
+    parts = choice("point", "p", shown), {"part": "text", "lines": told}
+    return [section("Convergence over the levels", "main-part", *parts)]
 
 
-def cost_parts(data: Any, box: Container) -> list[Json]:
+def cost_sections(stored: Stored, box: Container) -> list[Json]:
     """Every measured setting by error, and what the file advises."""
-    shown: dict[str, list[Json]] = {}
+    data, shown = stored.data, dict[str, list[Json]]()
     held = [m for m in MEASURES if f"error_{m.name}" in data]
     for m in sorted(held, key=lambda m: m.name != accuracy.DEFAULT):
         panels = [panel_part(one, box, high=330) for one in cost_panels(data, m.name).values()]
         shown[m.symbol] = [beside(*panels), *text_parts(accuracy.cost_of(data, m.name))]
-    return [choice("error of", "error", shown)] if shown else [{"part": "text", "lines": ["Nothing was measured."]}]
+    part = choice("error of", "error", shown) if shown else {"part": "text", "lines": ["Nothing was measured."]}
+    return [section("Accuracy against cost", "errors", part)]
 
 
 def path_sections(stored: Stored, box: Container) -> list[Json]:
@@ -146,9 +148,9 @@ def _line(data: Any, kept: Any, state: Any, rest: bool, box: Container) -> Json:
     return {"part": "line", "line": line, "state": box.array(state, "i1")}
 
 
-def fit_sections(data: Any, box: Container) -> list[Json]:
+def fit_sections(stored: Stored, box: Container) -> list[Json]:
     """Data and curve, what was found, and all data; a state is a datum."""
-    given, measured = fit.columns(data)
+    data, (given, measured) = stored.data, fit.columns(stored.data)
     of, panels, rows = data["measured_column"].values, fit_panels(data), np.arange(data.sizes["row"])
     first = of == 0
     places = data["datum_given"].values if given else rows + 1.0
@@ -174,3 +176,7 @@ def fit_sections(data: Any, box: Container) -> list[Json]:
         section("2  What was found", "found", *text_parts(fit.parts(data)), beside(*rest)),
         section("3  The data", "table", sheet_part(columns, "fit", states=True)),
     ]
+
+
+SECTIONS = {"convergence": convergence_sections, "cost": cost_sections, "path": path_sections, "fit": fit_sections}
+"""What makes the page of a file of each kind that has no points to choose from."""

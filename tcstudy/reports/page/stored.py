@@ -1,8 +1,7 @@
-"""A result file in memory for a page: its data, the study that stands in it, and the files of that study beside it."""
+"""A result file in memory for a page: its data, and the study that stands in it."""
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.provenance import kind_of, measured_path
+from tcstudy.data.provenance import kind_of
 from tcstudy.data.reading import GEOMETRIES, of_largest, open_results, sweep_dims
 from tcstudy.errors import StoreError
 from tcstudy.reports.picture import stored_study
@@ -31,7 +30,6 @@ class Stored:
     groups: datasets of the level groups by number; those of live data by number
     study:  the study in the file, None if its text can no longer be read (a body's own file may be gone)
     swept:  whether it has the scenes of all points
-    beside: convergence and cost files of the same study that lie beside a run's file
     homes:  what each geometry has of its own, None for one without a mesh; empty where all points share one
     kept:   which points of the file these are, in its order, None for all;  points: how many the file has
     """
@@ -42,7 +40,6 @@ class Stored:
     groups: dict[int, Any]
     live: dict[int, Any]
     study: Study | None
-    beside: tuple[Stored, ...] = ()
     homes: tuple[Stored | None, ...] = ()
     swept: bool = True
     kept: NDArray[np.intp] | None = None
@@ -77,7 +74,7 @@ def read(path: Path, whole: bool = False) -> Stored:
             shape = [int(root.sizes[dim]) for dim in sweep_dims(root)]
             numbers = np.arange(np.prod(shape)).reshape(shape)
             found = replace(found, kept=numbers[tuple(steps.values())].ravel(), points=numbers.size)
-    return replace(found, beside=tuple(_beside(found))) if kind == "run" else found
+    return found
 
 
 def _steps(root: Any) -> dict[str, slice]:
@@ -114,13 +111,3 @@ def _homes(path: Path, tree: Any, data: Any, study: Study | None) -> tuple[Store
         own = None if study is None else study.variants[i].study
         found.append(group and Stored(path, "run", group.to_dataset(inherit=False).load(), *_levels(group), own))
     return tuple(found)
-
-
-def _beside(run: Stored) -> list[Stored]:
-    """Convergence and cost files of the same study text beside a run's file."""
-    found = []
-    for path in (measured_path(run.path, "convergence"), measured_path(run.path, "cost")):
-        with suppress(StoreError):
-            if path.is_file() and (other := read(path)).data.attrs["study_yaml"] == run.data.attrs["study_yaml"]:
-                found.append(other)
-    return found

@@ -13,8 +13,8 @@ from tcstudy.data.provenance import remarks_of
 from tcstudy.data.reading import asked, each_point
 from tcstudy.errors import PageError, tell
 from tcstudy.reports import sentences
-from tcstudy.reports.page.kinds import convergence_parts, cost_parts, fit_sections, history_parts, path_sections
-from tcstudy.reports.page.parts import Container, Json, section
+from tcstudy.reports.page.kinds import SECTIONS, history_parts
+from tcstudy.reports.page.parts import Container, Json
 from tcstudy.reports.page.run import (
     body_part,
     drawn_level,
@@ -154,24 +154,11 @@ def _about(stored: Stored) -> Json:
 
 
 def _content(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
-    match stored.kind:
-        case "convergence":
-            parts = convergence_parts(stored.data, box)
-            return {"sections": [section("Convergence over the levels", "main-part", *parts)]}
-        case "cost":
-            return {"sections": [section("Accuracy against cost", "errors", *cost_parts(stored.data, box))]}
-        case "path":
-            return {"sections": path_sections(stored, box)}
-        case "fit":
-            return {"sections": fit_sections(stored.data, box)}
-        case "history":
-            data = stored.data
-            steps = [history_parts(stored, data.isel(where), without, box) for where in each_point(data)]
-            return {"run": run_part(stored, box), "steps": steps, **shape(stored.study)}
-    return _run_content(stored, without, box)
-
-
-def _run_content(stored: Stored, without: tuple[str, ...], box: Container) -> Json:
+    if stored.kind in SECTIONS:
+        return {"sections": SECTIONS[stored.kind](stored, box)}
+    if stored.kind == "history":
+        steps = [history_parts(stored, stored.data.isel(where), without, box) for where in each_point(stored.data)]
+        return {"run": run_part(stored, box), "steps": steps, **shape(stored.study)}
     content = {"run": run_part(stored, box), "laws": law_part(stored)}
     if stored.homes:
         content["run"]["home"] = stored.data["geometry"].values.ravel().tolist()
@@ -185,10 +172,6 @@ def _run_content(stored: Stored, without: tuple[str, ...], box: Container) -> Js
         level = str(live["level"])
         if level not in content["lines"]:
             content["lines"][level] = line_part(stored, live["level"], box)
-    measured = {"convergence": ("Measured convergence (tcstudy converge)", convergence_parts),
-                "cost": ("Accuracy against cost (tcstudy cost)", cost_parts)}  # fmt: skip
-    kinds = ((other, *measured[other.kind]) for other in stored.beside)
-    content["beside"] = [section(title, one.kind, *parts(one.data, box)) for one, title, parts in kinds]
     return content
 
 

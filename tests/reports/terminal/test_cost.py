@@ -12,8 +12,9 @@ from tcstudy.data.reading import load_root
 from tcstudy.data.schema import PointStatus
 from tcstudy.data.store import Record, write_record
 from tcstudy.data.tables import COST_TABLE
-from tcstudy.reports.page.kinds import cost_parts
+from tcstudy.reports.page.kinds import cost_sections
 from tcstudy.reports.page.parts import Container
+from tcstudy.reports.page.stored import read
 from tcstudy.reports.terminal.accuracy import advice, front, settings
 from tcstudy.reports.terminal.summary import text_of
 from tests.verification.scenes import RECTANGLE, study_of
@@ -89,7 +90,7 @@ def test_advice_names_what_is_faster_and_more_accurate(file: Path) -> None:
 
 
 def test_the_page_says_of_every_error_what_is_measured_of_it(file: Path) -> None:
-    [chosen] = cost_parts(load_root(file, "cost"), Container())
+    [chosen] = cost_sections(read(file), Container())[0]["parts"]
     told = {name: str(parts) for name, parts in zip(chosen["options"], chosen["parts"], strict=True)}
     assert "from 8 % to 4 %" in told["u in energy"]
     assert "from 16 % to 8 %" in told["ξ in L²(Γ_C)"]

@@ -20,11 +20,10 @@ TC.part = {
     const two = width > 760 && p.parts.length > 1;
     return TC.el("div", { class: two ? "columns" : "" }, p.parts.map((one) => TC.panel(TC.part[one.part](one, two ? Math.floor(width / 2 - 14) : width))));
   },
-  // One of several lists of parts; of as many as a run has points, that of the point.
+  // One of several lists of parts.
   choice(p, width) {
-    const run = TC.data.run, own = run && p.key === "p" && p.options.length === run.points;
-    const k = own ? TC.run.flat(TC.state.at) : Math.max(0, p.options.indexOf(TC.state[p.key])), many = p.options.length > 1 && !own;
-    return TC.el("div", {}, many ? TC.el("div", { class: "controls noprint" }, TC.choice(p.label, p.options.map((one) => [one, one]), p.options[k], (one) => TC.set({ [p.key]: one }))) : null,
+    const k = Math.max(0, p.options.indexOf(TC.state[p.key]));
+    return TC.el("div", {}, p.options.length > 1 ? TC.el("div", { class: "controls noprint" }, TC.choice(p.label, p.options.map((one) => [one, one]), p.options[k], (one) => TC.set({ [p.key]: one }))) : null,
       p.parts[k].map((one) => TC.part[one.part](one, width)));
   },
   states(p) {

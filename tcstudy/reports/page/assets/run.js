@@ -274,7 +274,6 @@ TC.run = {
     if (r.nlevels > 1) out.push(TC.el("div", { class: "columns" }, TC.panel(TC.run.changes(half, p)), TC.panel(TC.run.costs(p))));
     else out.push(TC.note("The study has one mesh; add levels to see how the numbers converge."));
     TC.fill(host, out);
-    for (const one of TC.data.beside || []) { const box = TC.el("div"); host.append(TC.h3(one.title), box); TC.show(box, one.parts); }
   },
   ROUNDING: 1e-12, // relative changes below it are none
   CONVERGED: ["u_T_max", "slip_length", "friction_resultant", "energy", "error_estimate", "error_bound_relative"],
