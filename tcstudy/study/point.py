@@ -5,13 +5,14 @@ And the numbers that a study stores of it, or of a block of points.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.all_solutions import Equilibria
 from tcstudy.contact.certificates import as_row, certify
 from tcstudy.contact.problem import Status
@@ -53,21 +54,34 @@ Array = NDArray[np.float64]
 def solve_point(
     study: Study, level: Level, place: int, neighbour: Array | None = None, exact: Array | None = None
 ) -> BlockRecord:
-    """Solve one point of the sweep on one level.
+    """Solve one point of the sweep on one level; every failure becomes a status with its reason.
 
     neighbour: the contact solution of a neighbouring point, a start where the study's branch asks for one
     exact:     the exact solution at the contact nodes, a start where the study gives one
     """
-    plan, scene = study.solver, study.scenes[place]
-    problem, condensed = level.condensed(scene).problem, level.block([scene])
-    given = plan.tolerance, plan.max_iterations, plan.branch, neighbour, exact
-    solved = [timed(solve_contact, problem, name, *given) for name in plan.names]
-    answer, seconds = solved[0]
-    proved = certify(problem, answer.v, level.lambda_1(scene), plan.tolerance, residual=answer.inclusion_residual)
-    row, laws = as_row(replace(answer, certificate=proved)), row_laws([problem.law], np.ones(1))
-    record = block_record(study, level, np.array([place]), [scene], condensed, laws, row, seconds)
-    more = {"evaluations": answer.evaluations} | (_by_solver(condensed, solved) if len(solved) > 1 else {})
-    return replace(record, numbers=record.numbers | {name: np.array([v], dtype=float) for name, v in more.items()})
+    plan, points = study.solver, np.array([place])
+    try:
+        scene = study.scenes[place]
+        problem, condensed = level.condensed(scene).problem, level.block([scene])
+        given = plan.tolerance, plan.max_iterations, plan.branch, neighbour, exact
+        solved = [timed(solve_contact, problem, name, *given) for name in plan.names]
+        answer, seconds = solved[0]
+        lambda_1, residual = level.lambda_1(scene), answer.inclusion_residual
+        proved = certify(problem, answer.v, lambda_1, plan.tolerance, residual=residual)
+        row, laws = as_row(replace(answer, certificate=proved)), row_laws([problem.law], np.ones(1))
+        record = block_record(study, level, points, [scene], condensed, laws, row, seconds)
+        more = {"evaluations": answer.evaluations} | (_by_solver(condensed, solved) if len(solved) > 1 else {})
+        fields = level.fields(scene, answer.v) if study.output.fields else {}
+        return replace(record, numbers=record.numbers | _one_row(more), fields=_one_row(fields))
+    except NotPositiveDefinite as error:
+        status, reason = PointStatus.SINGULAR, str(error)
+    except Exception as error:  # one point must not end a sweep; what it was stands in the data
+        status, reason = PointStatus.ERROR, f"{type(error).__name__}: {error}"
+    return all_failed(study, level.mesh.level, points, status, reason)
+
+
+def _one_row(values: Mapping[str, Any]) -> dict[str, Array]:
+    return {name: np.array([value], dtype=float) for name, value in values.items()}
 
 
 def all_failed(study: Study, level: int, points: NDArray[np.intp], status: PointStatus, reason: str) -> BlockRecord:
