@@ -65,7 +65,7 @@ def read_body(ctx: Context, node: Node) -> tuple[Body | None, Names | None]:
     given = [key for key in SHAPES if fields[key]]
     if len(given) != 1 and len(ctx.errors) == before:
         what = f"is given by {' and '.join(given)}" if given else "has no shape"
-        ctx.errors.at(node, what, "give exactly one of outline, rectangle, file")
+        ctx.at(node, what, "give exactly one of outline, rectangle, file")
     loops = [_loop(ctx, value, key, "block") for key in SHAPES[:2] if (value := fields[key])]
     brep = _file(ctx, value) if (value := fields["file"]) else None
     holes = []
@@ -73,12 +73,12 @@ def read_body(ctx: Context, node: Node) -> tuple[Body | None, Names | None]:
         kind, inner = only_key(ctx, item, "hole", "{circle: {center: [x, y], radius: r}}")
         holes.append(_loop(ctx, inner, kind) if kind else _unknown(""))
     if brep and (value := fields["holes"]):
-        ctx.errors.at(value, "holes are cut out of an outline, not of a file's face", "cut them in the CAD file")
+        ctx.at(value, "holes are cut out of an outline, not of a file's face", "cut them in the CAD file")
     remedy = "write {NAME: {circle: {center: [x, y], radius: r}}}"
     regions = ctx.mapping(fields["regions"], "names to shapes", remedy, least=0, named=True)
     if BODY in regions:
         what = f"{BODY!r} is the name of what of the body no region takes"
-        ctx.errors.at(regions[BODY], what, "give the region another name", on_key=True)
+        ctx.at(regions[BODY], what, "give the region another name", on_key=True)
     named = tuple(_region(ctx, item, name) for name, item in regions.items())
     body = Body(loops[-1] if loops else None, tuple(holes), named, brep)
     names = edge_names(body)
@@ -114,8 +114,7 @@ def _loop(ctx: Context, node: Node, kind: str, section: str = "", edge: str | No
         chain = [Fields(ctx, item, kind) for item in ctx.items(node, "a list of edges", 2, AN_EDGE)]
         starts, names, middles = ([one.value(key) for one in chain] for key in ("from", "edge", "through"))
         if len(starts) == 2 and middles == [None, None]:
-            remedy = "give a third edge, or an arc by `through: [x, y]`"
-            ctx.errors.at(node, "two straight edges enclose nothing", remedy)
+            ctx.at(node, "two straight edges enclose nothing", "give a third edge, or an arc by `through: [x, y]`")
         edges = map(Edge, starts, [*starts[1:], *starts[:1]], names, middles)
         return body_faults.turned(Loop(tuple(edges)))
     if kind == "polygon":
@@ -165,7 +164,7 @@ def _file(ctx: Context, node: Node) -> BrepFace:
     for name, item in named.items():
         single = isinstance(item.value, tuple) and not any(isinstance(one.value, tuple) for one in item.value)
         if single and item.value:
-            ctx.errors.at(item, "is one point, but must be a list of points", f"write [{item.brief()}]")
+            ctx.at(item, "is one point, but must be a list of points", f"write [{item.brief()}]")
         edges[name] = () if single and item.value else ctx.value(item, points)
     return BrepFace(target, fields.value("face"), scale, tuple(edges.items()), fields.value("other"))
 
@@ -256,7 +255,7 @@ def _motion(motions: Array, centre: Point, size: float) -> str:
 def check_goal(ctx: Context, node: Node, goal: Goal, body: Body, scenes: Sequence[Scene]) -> None:
     """A bound must be proved; the point of u_T must lie on a contact edge (of a body from a file, see its mesh)."""
     if goal.proved and (why := next(filter(None, map(why_no_bound, scenes)), "")):
-        ctx.errors.at(node, f"no bound is proved of this study: {why}")
+        ctx.at(node, f"no bound is proved of this study: {why}")
     if goal.at is None or body.outline is None:
         return
     contact = [name for name, role in scenes[0].boundary if isinstance(role, Contact)]
@@ -266,7 +265,7 @@ def check_goal(ctx: Context, node: Node, goal: Goal, body: Body, scenes: Sequenc
         x, y = goal.at
         remedy = f"give a point on {' or '.join(contact)}" if contact else "give an edge the role contact"
         what = f"the point ({x:g}, {y:g}) is not on a contact edge" + (f", but {away:g} away" if edges else "")
-        ctx.errors.at(node.at("u_T") or node, what, remedy)
+        ctx.at(node.at("u_T") or node, what, remedy)
 
 
 def check_mesh(ctx: Context, maxh: Node, plan: MeshPlan, body: Body) -> None:
@@ -306,11 +305,11 @@ def check_boundary(ctx: Context, node: Node, body: Body, boundary: Boundary) -> 
     """Record every corner at which edges contradict each other, and every symmetry edge that is an arc, where u_N = 0
     mirrors nothing."""
     for name, what, remedy in corner_faults(body, boundary):
-        ctx.errors.at(node.nearest(name), what, remedy)
+        ctx.at(node.nearest(name), what, remedy)
     mirrors = {name for name, role in boundary if isinstance(role, Symmetry)}
     for name in dict.fromkeys(edge.name for edge in body.edges if edge.through is not None and edge.name in mirrors):
         remedy = "use {role: clamped, u_N: 0} for a guide"
-        ctx.errors.at(node.nearest(name), "a symmetry edge is straight, but this is an arc", remedy)
+        ctx.at(node.nearest(name), "a symmetry edge is straight, but this is an arc", remedy)
 
 
 def corner_faults(body: Body, boundary: Boundary) -> Iterator[tuple[str, str, str]]:
@@ -357,7 +356,7 @@ def check_finite(ctx: Context, root: Node, section: str, value: Any, body: Body)
             points = [_on_edges(body, name) for name in edges] + ([] if section == "boundary" else [inside(body)])
             if at := _first(expression, np.concatenate(points), -math.inf):
                 what = f"the expression {str(expression)!r} has no finite value at {at}"
-                ctx.errors.at(root.nearest(section, key), what, "change it so that it is finite wherever it is used")
+                ctx.at(root.nearest(section, key), what, "change it so that it is finite wherever it is used")
 
 
 def _first(of: Scalar, points: Array, least: float) -> str:
@@ -377,15 +376,15 @@ def check_laws(ctx: Context, root: Node, friction: EdgeLaws, boundary: Iterable[
     wrong = [edge for edge in given if edge not in contact]
     for edge in wrong:
         remedy = f"the contact edges are {', '.join(contact)}"
-        ctx.errors.at(root.nearest("friction", edge), f"{edge!r} is no contact edge", remedy)
+        ctx.at(root.nearest("friction", edge), f"{edge!r} is no contact edge", remedy)
     if given and not wrong and (without := [edge for edge in contact if edge not in given]):
         remedy = f"add {without[0]}: {{law: ...}}; without friction {{law: linear, k: 0}}"
-        ctx.errors.at(root.nearest("friction"), f"the contact edge {without[0]} has no law", remedy)
+        ctx.at(root.nearest("friction"), f"the contact edge {without[0]} has no law", remedy)
     for edge, _, strength in friction.laws if body.outline is not None else ():
         for name in [edge] if edge in contact else contact if not edge else []:
             if at := _first(strength, _on_edges(body, name), 0.0):
                 what, remedy = f"the strength is negative or not finite at {at}", 'bound it, for example "max(0, ...)"'
-                ctx.errors.at(root.nearest("friction", *filter(None, (edge, "strength"))), what, remedy)
+                ctx.at(root.nearest("friction", *filter(None, (edge, "strength"))), what, remedy)
 
 
 def _in(value: Any) -> Iterator[Expression]:

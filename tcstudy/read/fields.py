@@ -126,6 +126,10 @@ class Context:
     named: dict[str, Named] = field(default_factory=dict)
     before: int = 0
 
+    def at(self, node: Node, *said: str, key: str | None = None, on_key: bool = False) -> None:
+        """Record a fault (`Collector.at`)."""
+        self.errors.at(node, *said, key=key, on_key=on_key)
+
     def sound(self) -> None:
         """End the reading of a section that has a fault."""
         if len(self.errors) > self.before:
@@ -158,7 +162,7 @@ class Context:
                 raise UnitError(f"{node.brief()} is too {size} to compute with", "check the number and its unit")
             return float(value)
         except UnitError as error:
-            self.errors.at(node, *error.args)
+            self.at(node, *error.args)
             return math.nan
 
     def _of_text(self, node: Node, text: str, dimension: Dimension, write: str) -> Scalar:
@@ -196,7 +200,7 @@ class Context:
                 raise UnitError("has a unit, but the study says units: none", "drop the unit")
             to_si("1", unit, dimension)
         except UnitError as error:
-            self.errors.at(cell, *error.args, key=key)
+            self.at(cell, *error.args, key=key)
             return False
         return True
 
@@ -206,7 +210,7 @@ class Context:
             return ()
         if isinstance(node.value, tuple) and len(node.value) >= least:
             return node.value
-        self.errors.at(node, f"must be {content}, but is {node.kind()}", f"write {content}: [{example}, ...]")
+        self.at(node, f"must be {content}, but is {node.kind()}", f"write {content}: [{example}, ...]")
         return ()
 
     def pair(self, node: Node, content: str, example: str) -> tuple[Node, Node] | None:
@@ -214,8 +218,7 @@ class Context:
         if isinstance(node.value, tuple) and len(node.value) == 2:
             return node.value[0], node.value[1]
         more = " (decimals have a point, a comma separates entries)" if len(node.entries) in (3, 4) else ""
-        remedy = f"write for example {self.example(example)}{more}"
-        self.errors.at(node, f"must be {content}, but is {node.kind()}", remedy)
+        self.at(node, f"must be {content}, but is {node.kind()}", f"write for example {self.example(example)}{more}")
         return None
 
     def mapping(
@@ -225,10 +228,10 @@ class Context:
         if node is None:
             return {}
         if not isinstance(node.value, Mapping) or len(node.value) < least:
-            self.errors.at(node, f"must be a mapping of {content}, but is {node.kind()}", remedy)
+            self.at(node, f"must be a mapping of {content}, but is {node.kind()}", remedy)
         for name, item in node.children.items() if named else ():
             if not is_name(name):
-                self.errors.at(item, f"{name!r} is not a name", "use letters, digits and _", on_key=True)
+                self.at(item, f"{name!r} is not a name", "use letters, digits and _", on_key=True)
         return dict(node.children)
 
     def integer(self, node: Node, least: int, most: int | None = None) -> int:
@@ -240,15 +243,14 @@ class Context:
             return value
         else:
             said = f"must be {f'from {least} to {most}' if most else f'{least} or more'}, but is {node.brief()}"
-        self.errors.at(node, said, f"write for example {least}")
+        self.at(node, said, f"write for example {least}")
         return least
 
     def text(self, node: Node, content: str = "a text") -> str:
         """A text that is not empty; empty after a fault."""
         if isinstance(node.value, str) and node.value.strip():
             return node.value
-        remedy = "write a text, in quotes if it looks like a number"
-        self.errors.at(node, f"must be {content}, but is {node.kind()}", remedy)
+        self.at(node, f"must be {content}, but is {node.kind()}", "write a text, in quotes if it looks like a number")
         return ""
 
     def choice(self, node: Node, words: tuple[T, ...]) -> T:
@@ -257,7 +259,7 @@ class Context:
             if node.value == word:
                 return word
         what = f"must be one of {', '.join(words)}, but is {node.kind()}"
-        self.errors.at(node, what, hint(str(node.value), words, f"write for example {words[0]}"))
+        self.at(node, what, hint(str(node.value), words, f"write for example {words[0]}"))
         return words[0]
 
     def value(self, node: Node, row: Key, dimension: Dimension | None = None) -> Any:
@@ -285,7 +287,7 @@ class Context:
                 value = self.quantity(node, dimension)
                 if must := out_of_bounds(row, value):
                     remedy = f"write for example {self.example(row.example or dimension.example)}"
-                    self.errors.at(node, f"must {must}, but is {node.brief()}", remedy)
+                    self.at(node, f"must {must}, but is {node.brief()}", remedy)
                     return math.nan
                 return value
             case "integer":
@@ -300,15 +302,13 @@ class Context:
                 return self.choice(node, row.words)
             case "flag":
                 if not isinstance(node.value, bool):
-                    self.errors.at(
-                        node, f"must be true or false, but is {node.kind()}", "write true or false, without quotes"
-                    )
+                    self.at(node, f"must be true or false, but is {node.kind()}", "write true or false, without quotes")
                 return node.value is True
             case "name":
                 if isinstance(node.value, str) and is_name(node.value):
                     return node.value
                 what = f"must be an edge name of letters, digits and _, but is {node.kind()}"
-                self.errors.at(node, what, "use letters, digits and _")
+                self.at(node, what, "use letters, digits and _")
                 return ""
             case "text":
                 return self.text(node, f"a {row.name}" if row.name == "path" else "a text")
@@ -339,7 +339,7 @@ class Fields:
             pairs = ", ".join(f"{key}: {self.rows[key].suggestion}" for key in self.required or known[:1])
             example = ctx.example(top.example if top and top.example else f"{{{pairs}}}")
             remedy = f"write a mapping with the keys {', '.join(known)}, for example {example}"
-            ctx.errors.at(node, f"must be a mapping, but is {node.kind()}", remedy)
+            ctx.at(node, f"must be a mapping, but is {node.kind()}", remedy)
             return
         free = [name for name in known if name not in node.value]
         near = {key: nearest(key, free) or nearest(key, known) for key in node.value if key not in known}
@@ -349,20 +349,19 @@ class Fields:
                 remedy = "write decimals with a point: a comma begins the next entry"
             elif not like:
                 remedy = elsewhere(key, node.path) or remedy
-            ctx.errors.at(node.value[key], "unknown key", remedy, on_key=True)
+            ctx.at(node.value[key], "unknown key", remedy, on_key=True)
         for key in self.required:
             if key not in node.value and key not in near.values():  # a misspelt key is one fault, not two
                 self.missing(key)
 
     def fault(self, key: str, *said: str, on_key: bool = False) -> None:
         """Record a fault, "what; remedy", at a key, or at the section where the key is not given."""
-        self.ctx.errors.at(self.values.get(key, self.node), *said, on_key=on_key and key in self.values)
+        self.ctx.at(self.values.get(key, self.node), *said, on_key=on_key and key in self.values)
 
     def missing(self, key: str) -> None:
         """Record that a key is missing."""
         where = f"{self.node.path}.{key}" if self.node.path else key
-        remedy = f"add {key}: {self.ctx.example(self.rows[key].suggestion)}"
-        self.ctx.errors.at(self.node, "is missing", remedy, key=where)
+        self.ctx.at(self.node, "is missing", f"add {key}: {self.ctx.example(self.rows[key].suggestion)}", key=where)
 
     def __getitem__(self, key: str) -> Node | None:
         return self.values.get(key)
@@ -386,7 +385,7 @@ def only_key(ctx: Context, node: Node, section: str, example: str) -> tuple[str,
     """The one key of a section that has no more, and its value; no key after a fault."""
     before, given = len(ctx.errors), Fields(ctx, node, section).values
     if len(given) != 1 and len(ctx.errors) == before:
-        ctx.errors.at(node, f"needs one of {', '.join(rows(section))}, not {len(given)}", f"write {example}")
+        ctx.at(node, f"needs one of {', '.join(rows(section))}, not {len(given)}", f"write {example}")
     return next(iter(given.items())) if len(ctx.errors) == before else ("", node)
 
 
@@ -410,7 +409,7 @@ def read_parameters(ctx: Context, node: Node | None) -> dict[str, Named]:
     for name, item in given.items():
         if not WORD.fullmatch(name) or name in (*VARIABLES, *CONSTANTS, *FUNCTIONS):
             taken = f"{name!r} is no name of a parameter: it has a meaning in expressions, or other signs than letters"
-            ctx.errors.at(item, taken, "use letters, digits and _", on_key=True)
+            ctx.at(item, taken, "use letters, digits and _", on_key=True)
     inner, made_of = replace(ctx, named={}), {name: words_in(item, given) for name, item in given.items()}
     try:
         for name in TopologicalSorter(made_of).static_order():
@@ -422,7 +421,7 @@ def read_parameters(ctx: Context, node: Node | None) -> dict[str, Named]:
         circle = error.args[1][:0:-1]
         first = next(i for name in given for i, one in enumerate(circle) if one == name)
         words = " → ".join([*circle[first:], *circle[: first + 1]])
-        ctx.errors.at(given[circle[first]], f"is made of itself: {words}", "give one of these a number")
+        ctx.at(given[circle[first]], f"is made of itself: {words}", "give one of these a number")
     return {name: inner.named[name] for name in given if name in inner.named}
 
 
@@ -432,7 +431,7 @@ def _number(ctx: Context, node: Node) -> Named:
         found = _of_unit(parts[1])
         if found is None:
             remedy = "units are case-sensitive: write mm, MPa, W/(m*K) and the like"
-            ctx.errors.at(node, f"{parts[1]!r} is not a unit of any number of a study", remedy)
+            ctx.at(node, f"{parts[1]!r} is not a unit of any number of a study", remedy)
             return Named(math.nan, NONE)
         dimension = found
     elif isinstance(node.value, str) and ctx.units == "SI" and ctx.named:  # plain for one that a study has not

@@ -78,9 +78,9 @@ def read_path(ctx: Context, reader: SceneReader, mesh: MeshPlan | None) -> PathP
     for i, (item, value) in enumerate(zip(fields["at"].entries if fields["at"] else (), at, strict=False)):
         if not math.isnan(value) and not within[0] <= value <= within[1]:
             remedy = f"choose a value from {within[0]:g} to {within[1]:g}, or widen from, to or within"
-            ctx.errors.at(item, f"{item.brief()} is outside the range of the path", remedy)
+            ctx.at(item, f"{item.brief()} is outside the range of the path", remedy)
         if value in at[:i]:
-            ctx.errors.at(item, f"the value {item.brief()} is repeated", "give every value once")
+            ctx.at(item, f"the value {item.brief()} is repeated", "give every value once")
     given = fields.given(name for name in fields.rows if name not in OF_PATH)
     level = {} if mesh and mesh.strategy.adapts else level_of(ctx, fields, mesh, "a path")  # a run needs no path
     ctx.sound()
@@ -118,7 +118,7 @@ def named_number(
         shorter = [short for short, full in SHORT.items() if full in names]
         why, words = "it is none that is known here", [*names, *shorter, *more]
         remedy = hint(same[0] if same else word, words, remedy)
-    ctx.errors.at(node, f"{none} {word}: {why}", remedy, on_key=on_key)
+    ctx.at(node, f"{none} {word}: {why}", remedy, on_key=on_key)
     return None
 
 
@@ -126,7 +126,7 @@ def level_of(ctx: Context, fields: Fields, mesh: MeshPlan | None, what: str) -> 
     """The key `level` of what is done on one mesh, if it is given; what: "a path"."""
     if mesh and mesh.strategy.adapts:
         remedy = f"use family: uniform or graded for {what}, for example --set mesh.family=graded"
-        ctx.errors.at(fields.node, "adaptive meshes follow from the solutions of a run", remedy, on_key=True)
+        ctx.at(fields.node, "adaptive meshes follow from the solutions of a run", remedy, on_key=True)
     elif node := fields["level"]:
         return {"level": ctx.integer(node, 0, mesh.levels - 1 if mesh else None)}
     return {}
@@ -173,7 +173,7 @@ def _memory(ctx: Context, fields: Fields, base: Scene) -> Memory:
         return Memory(given, stiffness)
     for edge in given.keys() - set(own):
         what, remedy = f"{edge} is no contact edge", f"use {', '.join(own)}"
-        ctx.errors.at(fields.values["memory"].children[edge], what, remedy, on_key=True)
+        ctx.at(fields.values["memory"].children[edge], what, remedy, on_key=True)
     ctx.sound()
     for edge in own:
         if edge not in given:
@@ -191,7 +191,7 @@ def _lines(
     own, found, changed, told = rows("step"), [], set[Keys](), False
     for item in ctx.items(fields.values["steps"], "a list of lines {theta: 60 K, in: 8, name: hot}", 1):
         if not isinstance(item.value, Mapping):
-            ctx.errors.at(item, f"must be a mapping, but is {item.kind()}", "write {theta: 60 K, in: 8, name: hot}")
+            ctx.at(item, f"must be a mapping, but is {item.kind()}", "write {theta: 60 K, in: 8, name: hot}")
             continue
         before = len(ctx.errors)
         given = {word: ctx.value(node, own[word]) for word, node in item.value.items() if word in own}
@@ -199,13 +199,13 @@ def _lines(
         named = {word: _load(ctx, word, node, known, swept) for word, node in loads.items()}
         values = {k: ctx.quantity(loads[word], known[k].row.dimension) for word, k in named.items() if k is not None}
         if len(ctx.errors) == before and not values:
-            ctx.errors.at(item, "changes nothing: no load is named", "write for example {theta: 60 K, in: 8}")
+            ctx.at(item, "changes nothing: no load is named", "write for example {theta: 60 K, in: 8}")
         if len(ctx.errors) > before:
             told = True  # what the loads are is no longer known
             continue
         if not told and all(now[keys] == value for keys, value in values.items()):
             what = "changes nothing: the loads are there already"
-            ctx.errors.at(item, what, "give one of them another value, or remove the line")
+            ctx.at(item, what, "give one of them another value, or remove the line")
         now |= values
         changed |= values.keys()
         words = ", ".join(f"{word} {node.brief()}" for word, node in loads.items())
@@ -222,7 +222,7 @@ def _load(ctx: Context, word: str, node: Node, known: Mapping[Keys, Number], swe
     """The load that a key of a line names; None after a fault."""
     keys = named_number(ctx, node, word, known, "no history changes", NOT_AFFINE, rows("step"), on_key=True)
     if keys in swept:
-        ctx.errors.at(node, "is swept, too; sweep something else, or leave it out of the steps", on_key=True)
+        ctx.at(node, "is swept, too; sweep something else, or leave it out of the steps", on_key=True)
     return keys
 
 
@@ -246,9 +246,9 @@ def check_numbers(ctx: Context, node: Node, numbers: Iterable[Sensitivity], hist
     changed = {keys for keys, *_ in history.parameters}
     for number in numbers:
         if number.path in changed or (("load",) in changed and number.path[-1] in FACTORED):
-            ctx.errors.at(node, f"{number.name} is what the history changes, so it is known", "remove it")
+            ctx.at(node, f"{number.name} is what the history changes, so it is known", "remove it")
         elif number.path == ("load",) and any(keys[-1] in FACTORED for keys in changed):
-            ctx.errors.at(node, "load is a factor of loads that the history changes", "remove it")
+            ctx.at(node, "load is a factor of loads that the history changes", "remove it")
 
 
 def read_sensitivity(
@@ -260,21 +260,21 @@ def read_sensitivity(
         return ()
     if exact is not None and exact.derived:
         what = "the loads are derived from the exact solution and would change with the number"
-        ctx.errors.at(node, what, "give the loads, or remove sensitivity")
+        ctx.at(node, what, "give the loads, or remove sensitivity")
         return ()
     known = differentiable(root, base, scenes)
     found: dict[Keys, Sensitivity] = {}
     for item in node.entries:
         word = ctx.text(item, "the name of a number")
         if (path := path_of(word)) in found:
-            ctx.errors.at(item, f"{word} is given twice", "give every number once")
+            ctx.at(item, f"{word} is given twice", "give every number once")
         elif word and (named := named_number(ctx, item, word, known, NO_DERIVATIVE, NOT_ALONE)):
             found[path] = Sensitivity(word, named, ctx.cf(known[named].row.dimension))
             if path[0] == "boundary" and path[-1].startswith("u_"):  # which a corner may share with another edge
                 moved = path_scene(base, path, 1.0 + 2.0 * abs(float(known[path].value)))  # type: ignore[arg-type]
                 if fault := next(corner_faults(base.body, moved.boundary), None):
                     remedy = "free a component of one of the two edges"
-                    ctx.errors.at(item, f"{'.'.join(path)} cannot change alone: {fault[1]}", remedy)
+                    ctx.at(item, f"{'.'.join(path)} cannot change alone: {fault[1]}", remedy)
     if history is not None:
         check_numbers(ctx, node, found.values(), history)
     return tuple(found.values())
@@ -315,9 +315,9 @@ def check_together(
         (own, "an edge has heat of its own", "one alpha and one theta_bar", derived if exact and exact.derived else ""),
     ):
         if has and output and output.live:
-            ctx.errors.at(root.nearest("output"), f"{feature}, and a live page takes {page}; remove live: true")
+            ctx.at(root.nearest("output"), f"{feature}, and a live page takes {page}; remove live: true")
         if has and exact and why:
-            ctx.errors.at(root.nearest("exact"), f"{feature}, and {why}")
+            ctx.at(root.nearest("exact"), f"{feature}, and {why}")
     kept, branch = "is not kept of a history; remove it", root.at("solver", "branch")
     errors = "errors are not estimated in a history; remove estimate and tolerance, and compare meshes of your own"
     asked: tuple[tuple[object, tuple[str, ...], str], ...] = (
@@ -330,10 +330,10 @@ def check_together(
     )
     for asks, keys, said in asked if root.at("history") else ():
         if asks:
-            ctx.errors.at(root.nearest(*keys), said, on_key=True)
+            ctx.at(root.nearest(*keys), said, on_key=True)
     for key in (key for key in ("path", "history", "fit") if root.at(key)):
         if mesh and mesh.guarantee:
-            ctx.errors.at(root.nearest("mesh", "guarantee"), f"is of single points, not of a {key}; remove it")
+            ctx.at(root.nearest("mesh", "guarantee"), f"is of single points, not of a {key}; remove it")
         if solver and solver.every and key != "history":
             remedy = "write path.complete: true" if key == "path" else "remove it"
-            ctx.errors.at(root.nearest("solver", "branch"), f"is of single points, not of a {key}", remedy)
+            ctx.at(root.nearest("solver", "branch"), f"is of single points, not of a {key}", remedy)

@@ -63,15 +63,15 @@ def read_boundary(ctx: Context, node: Node, names: tuple[str, ...] | None) -> Bo
         guessed = {edge: nearest(edge, without) or nearest(edge, names) for edge in given if edge not in names}
         for edge, near in guessed.items():
             remedy = f"did you mean {near!r}?" if near else f"the edges are {', '.join(names)}"
-            ctx.errors.at(given[edge], f"the body has no edge {edge!r}", remedy, on_key=True)
+            ctx.at(given[edge], f"the body has no edge {edge!r}", remedy, on_key=True)
         for edge in without:
             if edge not in guessed.values():  # a misspelt edge is one fault, not two
                 said = f"the edge has no role; add {edge}: free, or one of {', '.join(ROLES[:-1])}"
-                ctx.errors.at(node, said, key=f"{node.path}.{edge}")
+                ctx.at(node, said, key=f"{node.path}.{edge}")
     ctx.sound()
     if not any(isinstance(role, Contact) for role in roles.values()):
         what = "no edge is in contact, so there is no friction to study"
-        ctx.errors.at(node, what, "give the role contact to the edges that touch the foundation")
+        ctx.at(node, what, "give the role contact to the edges that touch the foundation")
     return tuple(roles.items())
 
 
@@ -101,11 +101,11 @@ def _role(ctx: Context, node: Node) -> Role:
         _check_rigid(fields, own.get("u", (None, None)), own.get("force", (0.0, 0.0)), own.get("moment"))
     if kind == "traction" and not any(fields[key] for key in ("g", "pressure", "force", "spring")):
         remedy = "write {role: traction, g: [gx, gy]} or {role: traction, pressure: p}, or the role free"
-        ctx.errors.at(node, "a traction edge needs g or pressure", remedy)
+        ctx.at(node, "a traction edge needs g or pressure", remedy)
     if kind in LOADED and (support := fields["spring"]) is not None:
         spring = Fields(ctx, support, "spring")
         if isinstance(support.value, Mapping) and not spring.values:
-            ctx.errors.at(support, "says nothing", "give normal or tangential: " + ctx.example("5e9 Pa/m"))
+            ctx.at(support, "says nothing", "give normal or tangential: " + ctx.example("5e9 Pa/m"))
         own["spring"] = spring.value("normal"), spring.value("tangential")
     return KINDS[kind](**own)
 
@@ -121,12 +121,12 @@ def _displacement(ctx: Context, node: Node, fields: Fields, kind: str) -> dict[s
     ways = [names for names in WAYS if names[0] in of_role(kind) and any(fields[name] for name in names)]
     if len(ways) > 1:
         either = "u: [u_x, u_y], or u_x and u_y" + (", or u_N and u_T" if kind == "clamped" else "")
-        ctx.errors.at(node, "the displacement is given in two ways", f"give either {either}")
+        ctx.at(node, "the displacement is given in two ways", f"give either {either}")
     if len(ways) != 1:
         return {}
     u = fields.value("u") if fields["u"] else tuple(map(fields.value, ways[0]))
     if kind == "clamped" and u == (None, None):
-        ctx.errors.at(node, "both components are free, so nothing is clamped; give the edge the role free")
+        ctx.at(node, "both components are free, so nothing is clamped; give the edge the role free")
     return {"u": u, "frame": "nt" if "u_N" in ways[0] else "xy"}
 
 
@@ -134,10 +134,10 @@ def _check_rigid(fields: Fields, u: tuple[Any, Any], force: tuple[float, float],
     if moment is not None and u != (None, None):
         fields.fault("moment", "an edge that turns moves as its forces and its moment want; leave out u, or the moment")
     elif any(isinstance(component, Expression) for component in u):
-        fields.ctx.errors.at(fields.node, "a rigid edge moves as a whole, by one number; use the role clamped")
+        fields.ctx.at(fields.node, "a rigid edge moves as a whole, by one number; use the role clamped")
     elif None not in u:
         what = "both components are given, so nothing is left for the edge to find"
-        fields.ctx.errors.at(fields.node, what, "give the edge the role clamped, or leave a component out")
+        fields.ctx.at(fields.node, what, "give the edge the role clamped, or leave a component out")
     for name, component, given in zip("xy", u, force, strict=True):
         if component is not None and given != 0.0:
             what = f"u_{name} is given, so a force in {name} would not be used"
@@ -158,9 +158,9 @@ def read_materials(
     found, remedy = [], ctx.example("write {REGION: {E: 70 GPa, nu: 0.33}}")
     for name, item in ctx.mapping(own, "regions to materials", remedy).items():
         if fault := _unknown_region(name, regions):
-            ctx.errors.at(item, *fault)
+            ctx.at(item, *fault)
         elif plane := item.at("plane"):
-            ctx.errors.at(plane, "the whole body is in plane strain or in plane stress", "give it under material")
+            ctx.at(plane, "the whole body is in plane strain or in plane stress", "give it under material")
         elif one := _material(ctx, item, material.plane):
             found.append((name, one))
     return replace(material, regions=tuple(found))
@@ -184,7 +184,7 @@ def _material(ctx: Context, node: Node, plane: Literal["strain", "stress"] | Non
     E, nu, lame = fields.value("E"), fields.value("nu"), None
     if len(pairs) == 2:
         odd = next(fields.values[key] for key in ("lambda", "mu") if fields[key])
-        ctx.errors.at(odd, "the material is given in two ways", "give either E and nu, or lambda and mu")
+        ctx.at(odd, "the material is given in two ways", "give either E and nu, or lambda and mu")
     elif pairs == [("lambda", "mu")]:
         lam, mu = lame = fields.value("lambda"), fields.value("mu")
         if 3 * lam + 2 * mu <= 0.0:
@@ -193,7 +193,7 @@ def _material(ctx: Context, node: Node, plane: Literal["strain", "stress"] | Non
             lam = math.nan
         E, nu = mu * (3 * lam + 2 * mu) / (lam + mu), lam / (2 * (lam + mu))
     if fields["alpha_T"] and fields["beta"]:
-        ctx.errors.at(fields.values["beta"], "both alpha_T and beta are given", "give one of the two")
+        ctx.at(fields.values["beta"], "both alpha_T and beta are given", "give one of the two")
     plane, alpha_T, beta, k = plane or fields.value("plane"), *(fields.value(key) for key in ("alpha_T", "beta", "k"))
     ctx.sound()
     return Material.of(E, nu, plane, k, alpha_T, beta, lame)
@@ -284,7 +284,7 @@ def read_edge_heat(ctx: Context, fields: Fields, kind: str) -> EdgeHeat | None:
         return None
     own = Fields(ctx, node, "edge_heat")
     if isinstance(node.value, Mapping) and not own.values:
-        ctx.errors.at(node, "says nothing", "give theta, or flux, or alpha and theta_bar; without heat it is insulated")
+        ctx.at(node, "says nothing", "give theta, or flux, or alpha and theta_bar; without heat it is insulated")
     if own["theta"] and (others := [key for key in own.values if key in EXCHANGE]):
         what = f"theta is held on the edge, so {', '.join(others)} would not be used"
         own.fault("theta", what, "keep theta alone, or remove it", on_key=True)
@@ -303,7 +303,7 @@ def read_heat(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) 
         fields = Fields(ctx, node, "heat", ("theta",))
         if others := [key for key in fields.values if key in fields.rows and key != "theta"]:
             what = f"theta is the known temperature, so {', '.join(others)} would not be used"
-            ctx.errors.at(fields.values["theta"], what, "keep theta alone, or remove it to compute the temperature")
+            ctx.at(fields.values["theta"], what, "keep theta alone, or remove it to compute the temperature")
         return Heat(**fields.given(("theta",)))
     fields = Fields(ctx, node, "heat")
     return Heat(**fields.given((*HEAT, "q")), omega=_omega(ctx, fields["omega"], regions))
@@ -314,13 +314,13 @@ def _omega(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) -> 
     items = () if node is None or not isinstance(node.value, str | tuple) else node.entries
     if node is not None and not items:
         remedy = "write NAME or [NAME, ...] of shapes under body.regions"
-        ctx.errors.at(node, f"must name regions of the body, but is {node.kind()}", remedy)
+        ctx.at(node, f"must name regions of the body, but is {node.kind()}", remedy)
     for item in items:
         name = ctx.text(item, "the name of a region")
         if name and (fault := _unknown_region(name, regions)):
-            ctx.errors.at(item, *fault)
+            ctx.at(item, *fault)
         if name in names:
-            ctx.errors.at(item, f"the region {name!r} is given twice", "name each region once")
+            ctx.at(item, f"the region {name!r} is given twice", "name each region once")
         names.append(name)
     return tuple(names)
 
@@ -337,7 +337,7 @@ def check_heat(ctx: Context, root: Node, heat: Heat, boundary: Boundary, materia
             remedy = "remove theta to compute the temperature, or what the edge says of heat"
             if edge not in own:
                 remedy = "add heat: {alpha: ..., theta_bar: ...}, or make the edge free or traction"
-            ctx.errors.at(root.nearest("boundary", edge), f"{what} has no meaning, because {why}", remedy)
+            ctx.at(root.nearest("boundary", edge), f"{what} has no meaning, because {why}", remedy)
         return
     for key in HEAT:  # what edges leave to the section
         lacking = [edge for edge, given in passing.items() if getattr(given, key) is None]
@@ -345,25 +345,25 @@ def check_heat(ctx: Context, root: Node, heat: Heat, boundary: Boundary, materia
         if section is None:
             for edge in lacking:
                 what, where = "is missing, and there is no section heat to take it from", ("boundary", edge, "heat")
-                ctx.errors.at(root.nearest(*where), what, said, key=".".join((*where, key)))
+                ctx.at(root.nearest(*where), what, said, key=".".join((*where, key)))
         elif not root.at("heat", key) and (lacking or not own) and isinstance(section.value, Mapping):
-            ctx.errors.at(section, "is missing", said, key=f"heat.{key}")
+            ctx.at(section, "is missing", said, key=f"heat.{key}")
     if not (passing or own) and heat.q == 0.0:  # no heat comes or goes: an alpha then is a doubt, no fault
         return
     places = (("material",), *(("materials", name) for name, _ in material.regions))
     for place, one in zip(places, material.all, strict=True):
         if one.k is None:
             key = f"{'.'.join(place)}.k"
-            ctx.errors.at(root.nearest(*place), "is missing, but heat needs it; add k: 45 W/(m*K)", key=key)
+            ctx.at(root.nearest(*place), "is missing, but heat needs it; add k: 45 W/(m*K)", key=key)
     if not passing and not any(said.theta is not None for said in own.values()) and (own or heat.alpha > 0.0):
         node, what = root.nearest("boundary", *[*own][:1]), "and none holds a temperature: no heat can leave"
         if heat.alpha > 0.0:
             node, what = alpha, "so alpha acts nowhere"
         remedy = "give the role convection to the edges that exchange heat, or give a known temperature theta"
-        ctx.errors.at(node, f"no edge has the role convection, {what}", remedy)
+        ctx.at(node, f"no edge has the role convection, {what}", remedy)
     elif section and heat.alpha == 0.0 and own and any(said.alpha is None for said in passing.values()):
         what = "with alpha = 0 the edges that have none of their own exchange nothing"
-        ctx.errors.at(alpha, what, "give alpha > 0, or make those edges free or traction")
+        ctx.at(alpha, what, "give alpha > 0, or make those edges free or traction")
     elif heat.alpha == 0.0 and not own and heat.q != 0.0:
         what = "with alpha = 0 the heat of q cannot leave the body, so there is no steady state"
-        ctx.errors.at(alpha, what, "give alpha > 0, or q: 0")
+        ctx.at(alpha, what, "give alpha > 0, or q: 0")

@@ -70,7 +70,7 @@ def _mesh(ctx: Context, section: Node) -> MeshPlan:
     for i, (coarse, fine) in enumerate(pairwise(sizes), start=1):
         if node and fine >= coarse:
             said = f"{fine:g} does not decrease after {coarse:g}; order the sizes from coarse to fine, each once"
-            ctx.errors.at(node.entries[i], said)
+            ctx.at(node.entries[i], said)
     ctx.sound()
     to_tolerance = fields["tolerance"] is not None
     family: FamilyName = fields.value("family") if fields["family"] else TO_TOLERANCE if to_tolerance else PLAIN
@@ -115,10 +115,9 @@ def _goal(ctx: Context, fields: Fields) -> Goal:
         word: Any = ctx.choice(node, (*QUANTITIES, PROVED))
         goal = Goal(proved=True) if word == PROVED else Goal(word)
         if goal.quantity == "u_T":
-            ctx.errors.at(node, "u_T needs its point on a contact edge", "write {u_T: [20 mm, 0 mm]}")
+            ctx.at(node, "u_T needs its point on a contact edge", "write {u_T: [20 mm, 0 mm]}")
     if fields["known"] and goal.quantity == "energy":
-        said = "a known value needs a goal that is a number; add goal: friction_resultant"
-        fields.fault("known", said, on_key=True)
+        fields.fault("known", "a known value needs a goal that is a number; add goal: friction_resultant", on_key=True)
     elif fields["known"]:
         of = LINE_FORCE if goal.quantity == "friction_resultant" else LENGTH
         return replace(goal, known=fields.value("known", of))
@@ -156,7 +155,7 @@ def read_output(ctx: Context, reader: SceneReader) -> OutputPlan:
     if where := fields["path"]:
         text, path = given["path"], Path(given["path"])
         if text and (path.name in ("", "..") or text.endswith("/") or text.startswith("~")):
-            ctx.errors.at(where, f"{where.brief()!r} names no file", "write a name such as results/study.nc")
+            ctx.at(where, f"{where.brief()!r} names no file", "write a name such as results/study.nc")
         given["path"] = path
     if (node := fields["quantities"]) and "section_force" in (given["quantities"] or ()):
         _check_section(ctx, node, reader)
@@ -175,7 +174,7 @@ def _check_section(ctx: Context, node: Node, reader: SceneReader) -> None:
     gaps = len({edge.start for edge in edges} - {edge.end for edge in edges}) > 1
     if bends or gaps:
         what = f"section_force: the contact line {'is not straight' if bends else 'has several parts'}"
-        ctx.errors.at(node, f"{what}, and no one section lies across it", "remove it; forces gives those of edges")
+        ctx.at(node, f"{what}, and no one section lies across it", "remove it; forces gives those of edges")
 
 
 def _probes(ctx: Context, node: Node | None, reader: SceneReader) -> tuple[Probe, ...]:
@@ -196,6 +195,6 @@ def _probes(ctx: Context, node: Node | None, reader: SceneReader) -> tuple[Probe
         on = [edge for edge, distance in zip(body.edges, away, strict=True) if distance <= NEAR * body_size(body)]
         if not on and not shape.covers(shapely.Point(probe.at)):
             what = f"the point ({probe.at[0]:g}, {probe.at[1]:g}) is {min(away):g} outside the body"
-            ctx.errors.at(places[probe.name], what, "give a point of the body")
+            ctx.at(places[probe.name], what, "give a point of the body")
         found.append(replace(probe, on_contact=any(edge.name in contact for edge in on)))
     return tuple(found)

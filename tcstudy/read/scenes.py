@@ -175,7 +175,7 @@ class SceneReader:
             if not self.loose and (held := supports(boundary)) not in self.supports:
                 self.supports.add(held)
                 if fault := supports_fault(self.body, boundary):
-                    self.ctx.errors.at(node, *fault)
+                    self.ctx.at(node, *fault)
             check_boundary(self.ctx, node, self.body, boundary)
         return boundary
 

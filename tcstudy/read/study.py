@@ -86,7 +86,7 @@ def read_study_text(
     overrides = tuple(overrides)
     ctx, root = _begun(text, name, overrides, source)
     if not isinstance(root.value, Mapping):
-        ctx.errors.at(root, f"a study is a mapping, but this is {root.kind()}", "see configs/quickstart.yaml")
+        ctx.at(root, f"a study is a mapping, but this is {root.kind()}", "see configs/quickstart.yaml")
         raise StudyError(ctx.errors.problems)
     words = {key: ctx.text(node) for key in ("title", "institution") if (node := root.at(key))}
     header = {"title": source.stem if source else name} | words | {"text": text, "source": source}
@@ -184,11 +184,11 @@ def read_variants(
     first = next((one.study for one in variants if one.study is not None), None)
     if first is None:
         what = f"no geometry of the sweep can be made ({variants[0].words}: {variants[0].reason})"
-        ctx.errors.at(sweep.axes[outer[0]].node, what, "sweep over others", on_key=True)
+        ctx.at(sweep.axes[outer[0]].node, what, "sweep over others", on_key=True)
     elif first.mesh.open_ended:
         what = "changes the body or its meshes, and with a tolerance or adaptive meshes each would end on another level"
         remedy = "use a uniform or graded family, or write one study for each geometry"
-        ctx.errors.at(sweep.axes[outer[0]].node, what, remedy, on_key=True)
+        ctx.at(sweep.axes[outer[0]].node, what, remedy, on_key=True)
     if first is None or ctx.errors.problems:
         raise StudyError(ctx.errors.problems)
     scenes = Scenes.joined([((one.study or first).scenes, one.places) for one in variants])
@@ -241,15 +241,15 @@ def without_loads(ctx: Context, root: Node, sweep: Sweep) -> Node:
         return root
     if root.at("body", "file"):
         what = "the body comes from a file, whose normals are no expressions, so loads cannot be derived"
-        ctx.errors.at(word, what, "give the loads, or describe the body by its outline")
+        ctx.at(word, what, "give the loads, or describe the body by its outline")
     if path := root.at("path"):
         what = "a path changes a load, but loads: derived leaves none to change"
-        ctx.errors.at(path, what, "remove path, or give the loads", on_key=True)
+        ctx.at(path, what, "remove path, or give the loads", on_key=True)
     for axis in sweep.axes:
         section, last = axis.path[0], axis.path[-1]
         if section in ("boundary", "loads") or (section == "heat" and last in OF_HEAT):
             remedy = "remove it from the sweep, or give the loads"
-            ctx.errors.at(axis.node, f"{axis.key} is swept, but {FOLLOWS}", remedy, on_key=True)
+            ctx.at(axis.node, f"{axis.key} is swept, but {FOLLOWS}", remedy, on_key=True)
 
     boundary, zero = root.at("boundary"), replace(word, value=0)
     roles = {name: edge.nearest("role").value for name, edge in boundary.children.items()} if boundary else {}
@@ -266,7 +266,7 @@ def without_loads(ctx: Context, root: Node, sweep: Sweep) -> Node:
         held, parts = key in COMPONENTS, given.entries if key == "u" else (given,)
         for part in parts:
             if part.value != DERIVED and not (held and part.value == "free"):
-                ctx.errors.at(part, f"is given, but {FOLLOWS}", REMEDY, on_key=part is given)
+                ctx.at(part, f"is given, but {FOLLOWS}", REMEDY, on_key=part is given)
         none = tuple(part if part.value == "free" else replace(part, value=0) for part in parts)
         new = replace(given, value=(none * 2)[:2]) if key == "u" else none[0]
         root = put(root, (*place, key), new if held else None)
@@ -283,7 +283,7 @@ def derived_scenes(ctx: Context, reader: SceneReader, exact: Exact, body: Body) 
 
     def sound(faults: Iterable[SolutionFault]) -> bool:
         for keys, what, remedy in faults:
-            ctx.errors.at(root.nearest("exact", *keys), what, remedy)
+            ctx.at(root.nearest("exact", *keys), what, remedy)
         return len(ctx.errors) == before
 
     if not sound((*_missing(exact, scenes), *checks.kinks())):

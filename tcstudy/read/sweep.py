@@ -141,7 +141,7 @@ def read_sweep(ctx: Context, root: Node, swept: bool) -> Sweep:
         return Sweep()
     if not isinstance(node.value, Mapping):
         remedy = "write one PARAMETER: [values] per line, for example alpha: [25, 100]"
-        ctx.errors.at(node, f"must be a mapping of parameters to values, but is {node.kind()}", remedy)
+        ctx.at(node, f"must be a mapping of parameters to values, but is {node.kind()}", remedy)
         return Sweep()
     tabled = isinstance((node.at("points") or node).value, str)
     mode = ctx.choice(item, MODES) if (item := node.at("mode")) else "list" if tabled else "grid"
@@ -190,7 +190,7 @@ def _parameter(ctx: Context, root: Node, key: str, item: Node) -> Parameter | No
         remedy = f"did you mean {' or '.join(map(repr, same))}?"
     else:
         remedy = hint(key, [*SHORT, *known, "mode"], "use a key path such as heat.alpha or friction.delta")
-    ctx.errors.at(item, what, remedy, on_key=True)
+    ctx.at(item, what, remedy, on_key=True)
     return None
 
 
@@ -237,11 +237,11 @@ def _check_names(ctx: Context, root: Node, sweep: Sweep) -> None:
         for other in sweep.axes:
             if value := next((one for one in other.values if words_in(one, following)), None):
                 what = f"is made of {min(words_in(value, following))}, which is swept as well"
-                ctx.errors.at(value, what, "write its values out, or put the expression where the key is")
+                ctx.at(value, what, "write its values out, or put the expression where the key is")
         for key, node in root.children.items():
             if key not in (*UNNAMED, *SECTIONS, "materials", *GEOMETRIC) and (words := words_in(node, following)):
                 what = f"is swept, but {key} depends on it ({min(words)}), and a study has one {key}"
-                ctx.errors.at(axis.node, what, "write one study for each value, with --set", on_key=True)
+                ctx.at(axis.node, what, "write one study for each value, with --set", on_key=True)
 
 
 def _check_options(ctx: Context, root: Node, sweep: Sweep) -> None:
@@ -253,7 +253,7 @@ def _check_options(ctx: Context, root: Node, sweep: Sweep) -> None:
             one = sweep.mode == "grid" and not axis.is_whole
             listed = f', --set "sweep.{axis.key}=[{lost[0].text()}]"' if one else ""
             remedy = f"leave it out here, give the sweep other values{listed}, or remove it by --set sweep=null"
-            ctx.errors.at(lost[0], f"{axis.key} is swept, so what this option says of it would not be used", remedy)
+            ctx.at(lost[0], f"{axis.key} is swept, so what this option says of it would not be used", remedy)
 
 
 def with_swept_keys(root: Node, sweep: Sweep) -> Node:
@@ -285,10 +285,9 @@ def _point_list(ctx: Context, root: Node, node: Node, given: Mapping[str, Node])
     points, stray = given.get("points"), [key for key in given if key != "points"]
     if stray:
         remedy = "put it into points: [{PARAMETER: value, ...}, ...], or use mode: grid"
-        what = f"with mode: list the parameter {stray[0]!r} belongs into points"
-        ctx.errors.at(given[stray[0]], what, remedy, on_key=True)
+        ctx.at(given[stray[0]], f"with mode: list the parameter {stray[0]!r} belongs into points", remedy, on_key=True)
     elif points is None:
-        ctx.errors.at(node, "is missing", "add points: [{alpha: 25}, {alpha: 100}]", key=f"{node.path}.points")
+        ctx.at(node, "is missing", "add points: [{alpha: 25}, {alpha: 100}]", key=f"{node.path}.points")
     axes = list[SweptAxis]()
     for key, unit, item, values in _columns(ctx, points) if points else ():
         p = _parameter(ctx, root, key, item)
@@ -311,7 +310,7 @@ def _columns(ctx: Context, points: Node) -> Iterator[tuple[str, str, Node, Nodes
         head, *lines = table_lines(ctx, points)[1] or [()]
         if len(lines) * (len(head) + 1) > MOST_VALUES:
             what = f"the table has {len(lines)} × {len(head)} values, more than a study can keep"
-            ctx.errors.at(points, what, "use fewer points, or several studies, whose files xarray joins")
+            ctx.at(points, what, "use fewer points, or several studies, whose files xarray joins")
             return
         for j, cell in enumerate(head):
             key, unit = match.groups() if (match := HEAD.fullmatch(str(cell.value))) else (str(cell.value), None)
@@ -322,7 +321,7 @@ def _columns(ctx: Context, points: Node) -> Iterator[tuple[str, str, Node, Nodes
         if not point.children or {*point.children} != {*listed[0].children}:
             names = ", ".join(point.children) or point.kind()
             what = f"names {names}, but the first point {', '.join(listed[0].children) or listed[0].kind()}"
-            ctx.errors.at(point, what, "write {PARAMETER: value, ...} with the same parameters in every point")
+            ctx.at(point, what, "write {PARAMETER: value, ...} with the same parameters in every point")
             return
     for key, item in listed[0].children.items() if listed else ():
         yield key, "", item, tuple(point.children[key] for point in listed)
@@ -339,7 +338,7 @@ def _check_axes(ctx: Context, node: Node, axes: list[SweptAxis], mode: str) -> N
     paths: dict[Keys, str] = {}
     for axis in axes:
         if (first := paths.setdefault(axis.path, axis.key)) != axis.key:
-            ctx.errors.at(axis.node, f"sweeps the same parameter as {first!r}; keep one of the two", on_key=True)
+            ctx.at(axis.node, f"sweeps the same parameter as {first!r}; keep one of the two", on_key=True)
     lengths = [len(axis.values) for axis in axes if axis.values]
     same = [  # of numbers those in SI, of others the texts
         [a if isinstance(a, float) else value.text() for a, value in zip(axis.labels, axis.values, strict=True)]
@@ -349,17 +348,17 @@ def _check_axes(ctx: Context, node: Node, axes: list[SweptAxis], mode: str) -> N
     if mode == "grid":
         repeated = [(axis.values, one) for axis, one in zip(axes, same, strict=True)]
         if (count := math.prod(lengths)) > MAX_POINTS:
-            ctx.errors.at(node, f"the sweep has {count} points; at most {MAX_POINTS}: use fewer values")
+            ctx.at(node, f"the sweep has {count} points; at most {MAX_POINTS}: use fewer values")
     elif odd := next((axis for axis in axes if axis.values and len(axis.values) != lengths[0]), None):
         remedy = "with mode: zip give all lists the same length, or use mode: grid"
-        ctx.errors.at(odd.node, f"has {len(odd.values)} values, but {axes[0].key} has {lengths[0]}", remedy)
+        ctx.at(odd.node, f"has {len(odd.values)} values, but {axes[0].key} has {lengths[0]}", remedy)
     elif axes and len(lengths) == len(axes):
         repeated = [(axes[0].values, list(zip(*same, strict=True)))]
     for nodes, identities in repeated:
         seen: set[object] = set()
         for value, identity in zip(nodes, identities, strict=True):
             if identity in seen:
-                ctx.errors.at(value, f"the value {value.brief()} is repeated", "give every value once")
+                ctx.at(value, f"the value {value.brief()} is repeated", "give every value once")
             if identity == identity:  # a value that could not be read is NaN
                 seen.add(identity)
 
@@ -376,7 +375,7 @@ def _check_law_parameters(ctx: Context, axes: list[SweptAxis], friction: Node | 
             names = [one.name for one in SHAPES[word].parameters] if word in SHAPES else [name]
             if name not in names:
                 remedy = f"it has {', '.join(names)}; sweep the whole law by friction: {{NAME: {{law: ...}}, ...}}"
-                ctx.errors.at(axis.node, f"the law {word} has no parameter {name!r}", remedy, on_key=True)
+                ctx.at(axis.node, f"the law {word} has no parameter {name!r}", remedy, on_key=True)
                 break
 
 
@@ -389,7 +388,7 @@ def _listed(ctx: Context, root: Node, key: str, node: Node, p: Parameter) -> Swe
             own = "{law: tresca, tau: 20 MPa}" if kind == "law" else "{E: 210 GPa, nu: 0.3}"
             is_one = f"is a single {kind}, not" if node.children else "must be"
             what = f"{is_one} a mapping of names to {kind}s" + ("" if node.children else f", but is {node.kind()}")
-            ctx.errors.at(node, what, ctx.example(f"write {{NAME: {own}, NAME: ...}}"))
+            ctx.at(node, what, ctx.example(f"write {{NAME: {own}, NAME: ...}}"))
     elif node.children and kind in NUMBERS:
         values = _spaced(ctx, node, p.row.dimension) or ()
     elif not values:
@@ -397,7 +396,7 @@ def _listed(ctx: Context, root: Node, key: str, node: Node, p: Parameter) -> Swe
         shown = ctx.example(p.row.dimension.example) if empty else node.brief()
         example = f"{shown}, ...] or {{linspace: [a, b, n]}}" if kind in NUMBERS else "..., ...]"
         what = "has no values" if empty else f"must be a list of values, but is {node.kind()}"
-        ctx.errors.at(node, what, f"write a list such as [{example}")
+        ctx.at(node, what, f"write a list such as [{example}")
     axis = _axis(ctx, key, node, p, values, names)
     faults, full = ctx.errors.problems, ".".join(p.path)
     if faults[first:] and (others := [one for one in _known(ctx, root) if one.endswith(f".{key}") and one != full]):
@@ -413,15 +412,15 @@ def _spaced(ctx: Context, node: Node, dimension: Dimension) -> Nodes:
     kind, item = only_key(ctx, node, "values", "{linspace: [a, b, n]}")
     ctx.sound()
     if not isinstance(item.value, tuple) or len(item.value) != 3:
-        ctx.errors.at(item, f"must be [a, b, n], but is {item.kind()}", f"write {{{kind}: [a, b, n]}}")
+        ctx.at(item, f"must be [a, b, n], but is {item.kind()}", f"write {{{kind}: [a, b, n]}}")
     ctx.sound()
     a, b = (ctx.quantity(end, dimension) for end in item.entries[:2])
     n = ctx.integer(item.entries[2], 2, MAX_POINTS)
     if kind == "geomspace" and a * b <= 0.0:
         remedy = "give two positive numbers, or use linspace"
-        ctx.errors.at(item, f"geomspace needs two ends of one sign, not {a:g} and {b:g}", remedy)
+        ctx.at(item, f"geomspace needs two ends of one sign, not {a:g} and {b:g}", remedy)
     if a == b:
-        ctx.errors.at(item, "both ends are equal, so the values are repeated", "give two different ends")
+        ctx.at(item, "both ends are equal, so the values are repeated", "give two different ends")
     ctx.sound()
     shares = [i / (n - 1) for i in range(1, n - 1)]
     if kind == "linspace":
@@ -439,7 +438,7 @@ def table_lines(ctx: Context, node: Node) -> tuple[str, list[tuple[Node, ...]]]:
     try:
         text = load_text(path)
     except StudyError as error:
-        ctx.errors.at(node, f"{path}: {error.problems[0].what}", "name a CSV table beside the study")
+        ctx.at(node, f"{path}: {error.problems[0].what}", "name a CSV table beside the study")
         return "", []
     lines = list(_csv_lines(ctx, text.removeprefix("\N{BYTE ORDER MARK}"), str(path)))
     heads, wrong = lines[0] if lines else (), [line for line in lines if len(line) != len(lines[0])]
@@ -449,18 +448,17 @@ def table_lines(ctx: Context, node: Node) -> tuple[str, list[tuple[Node, ...]]]:
     if len(ctx.errors) > before:
         pass
     elif other:
-        ctx.errors.at(heads[0], f"columns are separated by {other[0]}; write commas, and a point in decimals")
+        ctx.at(heads[0], f"columns are separated by {other[0]}; write commas, and a point in decimals")
     elif words and all(re.fullmatch(NUMBER, word) for word in words):
-        ctx.errors.at(heads[0], "the table has no headings; write a name and its unit over each column, as u_x [mm]")
+        ctx.at(heads[0], "the table has no headings; write a name and its unit over each column, as u_x [mm]")
     elif len(lines) < 2:
-        ctx.errors.at(node, f"{path} has no data", "write a heading for each column and a line for each point")
+        ctx.at(node, f"{path} has no data", "write a heading for each column and a line for each point")
     elif twice:
-        said = f"the heading {words[twice[0]]!r} stands twice; give every column its own heading"
-        ctx.errors.at(heads[twice[0]], said)
+        ctx.at(heads[twice[0]], f"the heading {words[twice[0]]!r} stands twice; give every column its own heading")
     elif wrong:
         others = f", and {len(wrong) - 1} other lines likewise" if len(wrong) > 1 else ""
         what = f"has {len(wrong[0])} entries, but the header {len(heads)}{others}"
-        ctx.errors.at(wrong[0][-1], what, "give every column a value; decimals have a point, columns a comma")
+        ctx.at(wrong[0][-1], what, "give every column a value; decimals have a point, columns a comma")
     return (text, lines) if len(ctx.errors) == before else ("", [])
 
 
@@ -489,7 +487,7 @@ def table_value(ctx: Context, cell: Node, unit: str) -> Node:
         ctx.errors.unreadable(cell.mark, cell.path, "is empty", "give every parameter a value in every line")
     number = re.fullmatch(NUMBER, word)
     if unit and split_quantity(word) is not None:
-        ctx.errors.at(cell, f"{word!r} has a unit beside that of the header", "write the number alone")
+        ctx.at(cell, f"{word!r} has a unit beside that of the header", "write the number alone")
     return cell if number is None else replace(cell, value=f"{word} {unit}" if unit else float(word))
 
 
@@ -498,14 +496,14 @@ def _design(ctx: Context, node: Node, mode: str, d: int) -> Design:
     """How many points are drawn, and from which seed; None after a fault. d: parameters"""
     points, seed = node.at("points") or node, node.at("seed")
     if not d:
-        ctx.errors.at(node, "has no parameter to draw; add one, for example alpha: {uniform: [25, 100]}")
+        ctx.at(node, "has no parameter to draw; add one, for example alpha: {uniform: [25, 100]}")
     if points is node:
-        ctx.errors.at(node, "is missing", "say how many are drawn: points: 500", key=f"{node.path}.points")
+        ctx.at(node, "is missing", "say how many are drawn: points: 500", key=f"{node.path}.points")
     ctx.sound()
     n, start = ctx.integer(points, 1, MAX_POINTS), ctx.value(seed, row("sweep", "seed")) if seed else 0
     if count(mode, n, d) > MAX_POINTS:
         what = f"{n} × ({d} + 2) points of {mode} are more than {MAX_POINTS}"
-        ctx.errors.at(points, what, "draw fewer points, or leave parameters out")
+        ctx.at(points, what, "draw fewer points, or leave parameters out")
     return Design(mode, n, start)
 
 
@@ -546,17 +544,17 @@ def _correlation(
         at = [places.get(path, places.get(("parameters", *path), -1)) for path in two]
         if len(at) != 2 or at[0] == at[1] or -1 in at:
             names = ", ".join(path[-1] for path in places)
-            ctx.errors.at(item, f"{key!r} is no pair of drawn parameters", f"name two of {names}", on_key=True)
+            ctx.at(item, f"{key!r} is no pair of drawn parameters", f"name two of {names}", on_key=True)
         elif not -1.0 < rho < 1.0:
-            ctx.errors.at(item, f"is {rho:g}", "a correlation lies between -1 and 1, without these")
+            ctx.at(item, f"is {rho:g}", "a correlation lies between -1 and 1, without these")
         else:
             R[at[0], at[1]] = R[at[1], at[0]] = rho
     ctx.sound()
     if pairs and node is not None and mode == SALTELLI:
-        ctx.errors.at(node, f"mode: {SALTELLI} takes its parameters as independent", "use mode: sobol or random")
+        ctx.at(node, f"mode: {SALTELLI} takes its parameters as independent", "use mode: sobol or random")
     elif pairs and node is not None and np.linalg.eigvalsh(R)[0] <= 0.0:
         what = "no parameters can be correlated like this: the matrix is not positive definite"
-        ctx.errors.at(node, what, "bring the numbers nearer to 0")
+        ctx.at(node, what, "bring the numbers nearer to 0")
     return R
 
 
@@ -572,14 +570,14 @@ def _distribution(ctx: Context, node: Node, parameter: Parameter, mode: str) -> 
     elif whole or not isinstance(node.value, Mapping):
         shape = f"{{NAME: {{{WHOLE[parameter.row.kind][0]}: ...}}, NAME: ...}}" if whole else "{uniform: [a, b]}"
         remedy = f"with mode: {mode} write {shape}" + ("" if whole else " or {choice: [a, b]}")
-        ctx.errors.at(node, f"must be a distribution, but is {node.kind()}", remedy)
+        ctx.at(node, f"must be a distribution, but is {node.kind()}", remedy)
     else:
         kind, item = only_key(ctx, node, "distribution", "{uniform: [a, b]}")
         ctx.sound()
         if kind == "choice":
             found = ctx.items(item, "a list of values", least=1)
         elif parameter.row.kind not in NUMBERS:
-            ctx.errors.at(item, f"{parameter.path[-1]} is no single number", "write {choice: [..., ...]}")
+            ctx.at(item, f"{parameter.path[-1]} is no single number", "write {choice: [..., ...]}")
         else:
             names, of = PARAMETERS[kind], {"sigma": NONE} if kind == "lognormal" else {}
             if names == ENDS:
@@ -590,9 +588,9 @@ def _distribution(ctx: Context, node: Node, parameter: Parameter, mode: str) -> 
             ctx.sound()
             found = Distribution(kind, tuple(zip(names, numbers, strict=True)))
             if any(found.fault):
-                ctx.errors.at(item, *found.fault)
+                ctx.at(item, *found.fault)
     ctx.sound()
     if mode == SALTELLI and not isinstance(found, Distribution):
         remedy = "give it a distribution of numbers, or write one study for each value"
-        ctx.errors.at(node, f"a choice has no indices by mode: {SALTELLI}", remedy)
+        ctx.at(node, f"a choice has no indices by mode: {SALTELLI}", remedy)
     return found
