@@ -72,8 +72,8 @@ class Study(records.Study):
 
     def __getitem__(self, key: str) -> object:
         """The value at a key path, as it is written: study["friction.delta"]. Raises UsageError where there is none."""
-        from tcstudy.read.document import tree_of
-        from tcstudy.read.node import hint, split_path
+        from tcstudy.read.document import split_path, tree_of
+        from tcstudy.read.fields import hint
 
         found = tree_of(self).at(*(split_path(key) or (key,)))
         if found is None:

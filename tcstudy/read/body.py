@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from tcstudy.expressions.expression import Expression, value_of
 from tcstudy.laws.composed import EdgeLaws
+from tcstudy.read.document import Node, split_path
 from tcstudy.read.fields import Context, Fields, only_key
-from tcstudy.read.node import Node, split_path
 from tcstudy.scene.keys import rows
 from tcstudy.scene.points import why_no_bound
 from tcstudy.scene.records import (

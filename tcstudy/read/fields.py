@@ -13,6 +13,7 @@ section that uses it, directly or by another name, is then read again for each o
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
 import sys
@@ -26,7 +27,7 @@ from typing import Any, Concatenate, Literal, ParamSpec, TypeVar
 
 from tcstudy.expressions import expression as expressions
 from tcstudy.expressions.expression import CONSTANTS, FUNCTIONS, VARIABLES, parse
-from tcstudy.read.node import Collector, Node, elsewhere, hint, is_name, nearest
+from tcstudy.read.document import Collector, Node
 from tcstudy.scene.keys import Key, rows, short_of
 from tcstudy.scene.records import Scalar
 from tcstudy.scene.units import (
@@ -50,6 +51,33 @@ from tcstudy.shapes.faults import LARGEST, SMALLEST
 P = ParamSpec("P")
 T = TypeVar("T", bound=str)
 V = TypeVar("V")
+
+
+def is_name(text: str) -> bool:
+    """Whether a text may be the name of an edge or a region: letters, digits and underscores."""
+    return text.isascii() and text.replace("_", "a").isalnum()
+
+
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """The known word most like the given one, if any is."""
+    lowered = {name.lower(): name for name in known}
+    near = difflib.get_close_matches(word.lower(), lowered, n=1, cutoff=0.55)
+    return lowered[near[0]] if near else None
+
+
+def hint(word: str, known: Iterable[str], otherwise: str) -> str:
+    """Remedy for a word that is not known: the nearest that is, or something else."""
+    near = nearest(word, known)
+    return f"did you mean {near!r}?" if near else otherwise
+
+
+def elsewhere(key: str, path: str) -> str:
+    """Where a key belongs that the section at a path does not have: another section of the study, or its top."""
+    if "." in path or "[" in path:
+        return ""
+    homes = [name for name in rows("") if name != path and key in rows(name)]
+    top = f"{key} belongs at the top of the study" if path and key in rows("") else ""
+    return f"{key} belongs in {' or '.join(homes)}" if homes else top
 
 
 class Unsound(Exception):

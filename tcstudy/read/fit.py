@@ -18,10 +18,9 @@ import numpy as np
 from tcstudy.errors import StudyError, UserFault
 from tcstudy.laws.composed import POINTS
 from tcstudy.laws.laws import Laws
-from tcstudy.read.document import whole_key
+from tcstudy.read.document import Node, whole_key
 from tcstudy.read.fields import Context, Fields, none_after_fault, out_of_bounds, users, words_in
 from tcstudy.read.loads import NO_DERIVATIVE, NOT_AFFINE, NOT_ALONE, check_fit, differentiable, level_of, named_number
-from tcstudy.read.node import Node
 from tcstudy.read.scenes import SceneReader
 from tcstudy.read.sweep import table_lines, table_value
 from tcstudy.scene.histories import HistoryPlan, Memory, UnfitLaw

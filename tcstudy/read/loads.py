@@ -16,8 +16,8 @@ from typing import Any
 
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.read.body import corner_faults, supports_fault
-from tcstudy.read.fields import Context, Fields, none_after_fault
-from tcstudy.read.node import Node, hint
+from tcstudy.read.document import Node
+from tcstudy.read.fields import Context, Fields, hint, none_after_fault
 from tcstudy.read.scenes import SceneReader
 from tcstudy.scene.histories import MOST_STEPS, HistoryLine, HistoryPlan, Memory, UnfitLaw
 from tcstudy.scene.keys import row, rows

@@ -18,8 +18,8 @@ from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import GrowthError
 from tcstudy.laws.shapes import SHAPES, LawError
-from tcstudy.read.fields import Context, Fields, Unsound, none_after_fault, word_of
-from tcstudy.read.node import Node, hint, nearest
+from tcstudy.read.document import Node
+from tcstudy.read.fields import Context, Fields, Unsound, hint, nearest, none_after_fault, word_of
 from tcstudy.scene.keys import LOADED, MOVED, OF_ALL_LAWS, law_rows, of_role, row, rows
 from tcstudy.scene.records import (
     Boundary,
@@ -285,10 +285,15 @@ def read_edge_heat(ctx: Context, fields: Fields, kind: str) -> EdgeHeat | None:
     own = Fields(ctx, node, "edge_heat")
     if isinstance(node.value, Mapping) and not own.values:
         ctx.at(node, "says nothing", "give theta, or flux, or alpha and theta_bar; without heat it is insulated")
-    if own["theta"] and (others := [key for key in own.values if key in EXCHANGE]):
-        what = f"theta is held on the edge, so {', '.join(others)} would not be used"
-        own.fault("theta", what, "keep theta alone, or remove it", on_key=True)
+    _alone(own, "theta is held on the edge")
     return EdgeHeat(**own.given())
+
+
+def _alone(fields: Fields, why: str) -> None:
+    """A temperature that is known takes nothing beside it."""
+    if fields["theta"] and (others := [key for key in fields.values if key in fields.rows and key != "theta"]):
+        said = f"{why}, so {', '.join(others)} would not be used; keep theta alone, or remove it"
+        fields.fault("theta", said)
 
 
 @none_after_fault
@@ -299,30 +304,25 @@ def read_heat(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) 
     """
     if node is None:
         return Heat()
-    if node.at("theta"):
-        fields = Fields(ctx, node, "heat", ("theta",))
-        if others := [key for key in fields.values if key in fields.rows and key != "theta"]:
-            what = f"theta is the known temperature, so {', '.join(others)} would not be used"
-            ctx.at(fields.values["theta"], what, "keep theta alone, or remove it to compute the temperature")
-        return Heat(**fields.given(("theta",)))
     fields = Fields(ctx, node, "heat")
+    _alone(fields, "theta is the known temperature")
+    if fields["theta"]:
+        return Heat(**fields.given(("theta",)))
     return Heat(**fields.given((*HEAT, "q")), omega=_omega(ctx, fields["omega"], regions))
 
 
 def _omega(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) -> tuple[str, ...]:
-    names: list[str] = []
     items = () if node is None or not isinstance(node.value, str | tuple) else node.entries
     if node is not None and not items:
         remedy = "write NAME or [NAME, ...] of shapes under body.regions"
         ctx.at(node, f"must name regions of the body, but is {node.kind()}", remedy)
-    for item in items:
-        name = ctx.text(item, "the name of a region")
+    names = tuple(ctx.text(item, "the name of a region") for item in items)
+    for i, (item, name) in enumerate(zip(items, names, strict=True)):
         if name and (fault := _unknown_region(name, regions)):
             ctx.at(item, *fault)
-        if name in names:
+        elif name in names[:i]:
             ctx.at(item, f"the region {name!r} is given twice", "name each region once")
-        names.append(name)
-    return tuple(names)
+    return names
 
 
 def check_heat(ctx: Context, root: Node, heat: Heat, boundary: Boundary, material: Material) -> None:

@@ -11,8 +11,8 @@ from typing import Any, get_args
 import numpy as np
 
 from tcstudy.read.body import check_goal, check_mesh
+from tcstudy.read.document import Node
 from tcstudy.read.fields import Context, Fields, none_after_fault
-from tcstudy.read.node import Node
 from tcstudy.read.scenes import SceneReader
 from tcstudy.scene.keys import rows
 from tcstudy.scene.records import Contact
@@ -20,10 +20,8 @@ from tcstudy.scene.study import (
     ALL,
     BUNDLE,
     FAMILIES,
-    PLAIN,
     PROVED,
     SEPARABLE,
-    TO_TOLERANCE,
     FamilyName,
     Goal,
     MeshPlan,
@@ -73,7 +71,7 @@ def _mesh(ctx: Context, section: Node) -> MeshPlan:
             ctx.at(node.entries[i], said)
     ctx.sound()
     to_tolerance = fields["tolerance"] is not None
-    family: FamilyName = fields.value("family") if fields["family"] else TO_TOLERANCE if to_tolerance else PLAIN
+    family: FamilyName = "adaptive" if to_tolerance and not fields["family"] else fields.value("family")
     for key, said in _contradictions(fields, family, len(sizes) > 1).items():
         if key and fields[key]:
             fields.fault(key, said, on_key=True)

@@ -25,9 +25,8 @@ from tcstudy.read.body import (
     supports,
     supports_fault,
 )
-from tcstudy.read.document import tree_of
+from tcstudy.read.document import Collector, Node, put, put_number, tree_of
 from tcstudy.read.fields import Context, read_parameters, users, words_in
-from tcstudy.read.node import Collector, Node, put, put_number
 from tcstudy.read.physics import check_heat, read_boundary, read_friction, read_heat, read_loads, read_materials
 from tcstudy.read.sweep import SECTIONS, Sweep
 from tcstudy.scene.parameters import Keys, numbers, path_scene

@@ -26,11 +26,20 @@ import numpy as np
 from tcstudy.errors import Problem, StudyError
 from tcstudy.exact.loads import Checks, Derivation, SolutionFault
 from tcstudy.read.body import check_finite, read_body
-from tcstudy.read.document import apply_overrides, compose, load_text, with_sweep
+from tcstudy.read.document import (
+    COMPONENTS,
+    Collector,
+    Node,
+    apply_overrides,
+    compose,
+    load_text,
+    put,
+    split_path,
+    with_sweep,
+)
 from tcstudy.read.fields import Context, Fields, none_after_fault, read_parameters, users, words_in
 from tcstudy.read.fit import read_fit, read_tests
 from tcstudy.read.loads import check_together, read_history, read_path, read_sensitivity
-from tcstudy.read.node import COMPONENTS, Collector, Node, put, split_path
 from tcstudy.read.plans import read_mesh, read_output, read_solver
 from tcstudy.read.scenes import SceneReader
 from tcstudy.read.sweep import Sweep, read_sweep, with_swept_keys

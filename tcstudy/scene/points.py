@@ -79,14 +79,6 @@ class Scenes(Sequence[Scene]):
             return tuple(self[i] for i in range(*index.indices(len(self))))
         return Scene(**{section: self.records[section][self.which[section][index]] for section in SECTIONS})
 
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Sequence) or len(other) != len(self):
-            return False
-        return all(a == b for a, b in zip(self, other, strict=True))
-
-    def __hash__(self) -> int:
-        return hash((len(self), self.records["body"], self.records["heat"], self.records["material"]))
-
     def __repr__(self) -> str:
         return f"<{len(self)} scenes>"
 

@@ -81,10 +81,6 @@ LISTED = MeshFamily("listed", "Meshes of given sizes", "one of each size")
 
 FAMILIES: dict[FamilyName, MeshFamily] = {"uniform": UNIFORM, "graded": GRADED, "adaptive": ADAPTIVE}
 """The families that a study can ask for by name."""
-PLAIN: FamilyName = "uniform"
-"""The family of a study that gives none."""
-TO_TOLERANCE: FamilyName = "adaptive"
-"""The family of a study that gives a tolerance and no family."""
 
 
 COMPARE = ("vertical", "orthogonal")
@@ -289,7 +285,7 @@ class MeshPlan:
 
     maxh: tuple[float, ...]
     levels: int
-    family: FamilyName = PLAIN
+    family: FamilyName = "uniform"
     grading: float = 0.3
     marking: float = 0.5
     goal: Goal = Goal()

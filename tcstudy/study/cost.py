@@ -26,7 +26,7 @@ from tcstudy.data.tables import BOUND, COST_TABLE, MEASURES, OWN
 from tcstudy.errors import CostError, GeometryFailed
 from tcstudy.fem.meshes import graded_points
 from tcstudy.laws.composed import EdgeLaws
-from tcstudy.scene.study import FAMILIES, SOLVERS, TO_TOLERANCE, FamilyName, Goal, MeshPlan, Study
+from tcstudy.scene.study import FAMILIES, SOLVERS, FamilyName, Goal, MeshPlan, Study
 from tcstudy.study.point import solve_point
 from tcstudy.study.reference import (
     Errors,
@@ -249,7 +249,7 @@ def reference_of(study: Study, curves: list[CostCurve], progress: Progress) -> t
         return ExactReference(study.exact), "the exact solution", 0.0
     finest = max(curve.levels[-1].n_dof for curve in curves)
     least = max(LEAST * finest, min(FINER * finest, LARGEST))
-    plan = replace(family_plan(study.mesh, TO_TOLERANCE), guarantee=False, goal=Goal())
+    plan = replace(family_plan(study.mesh, "adaptive"), guarantee=False, goal=Goal())
     plan = replace(plan, marking=max(plan.marking, 0.7))
     best: SolvedLevel | None = None
     try:

@@ -28,9 +28,8 @@ from tcstudy.errors import NUMBER, GeometryFailed, UsageError, UserFault, ranged
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.geometry import Geometry, build
 from tcstudy.read.body import BoundaryPiece, edge_names, mesh_faults, support_fault, supports
-from tcstudy.read.document import Found, located, tree_of
+from tcstudy.read.document import Collector, Found, located, tree_of
 from tcstudy.read.fields import users, words_in
-from tcstudy.read.node import Collector
 from tcstudy.scene.points import combinations, distinct, idle_notes, why_no_bound
 from tcstudy.scene.records import Body, Clamped, Contact, Convection, Scene, Traction, exchanges
 from tcstudy.scene.study import Study

@@ -3,8 +3,7 @@
 import pytest
 
 from tcstudy.errors import Problem, StudyError
-from tcstudy.read.document import apply_overrides, compose
-from tcstudy.read.node import Collector, Mark, Node, put
+from tcstudy.read.document import Collector, Mark, Node, apply_overrides, compose, put
 
 
 def tree(text: str) -> Node:

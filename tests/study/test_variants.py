@@ -91,7 +91,7 @@ def test_lists_and_draws_share_what_has_one_geometry(tmp_path: Path) -> None:
         assert one.study is not None
         again = read_study_text(study.text, "again", one.study.overrides)
         assert (again.mesh, again.axes) == (one.study.mesh, one.study.axes)
-        assert again.scenes == one.study.scenes
+        assert [*again.scenes] == [*one.study.scenes]
     tree = tcstudy.run(study, tmp_path / "out.nc")
     assert np.allclose(tree["u_T_max"].isel(level=1), [2e-4, 2e-4, 1e-4], rtol=1e-9)
     assert tree["geometry"].values.tolist() == [0, 1, 0]

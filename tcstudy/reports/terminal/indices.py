@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from tcstudy.data.files import reading
 from tcstudy.data.schema import PointStatus
 from tcstudy.errors import UsageError
-from tcstudy.read.node import hint
+from tcstudy.read.fields import hint
 from tcstudy.reports.terminal.tables import TextColumn, columns_table, wrapped
 from tcstudy.reports.text import number
 from tcstudy.scene.designs import SALTELLI
