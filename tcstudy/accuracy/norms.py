@@ -136,10 +136,7 @@ INSIDE = -1e-10
 
 
 def interpolation(mesh: TriangleGeometry, at: Array) -> sp.csr_array:
-    """(q, n) matrix from nodal values of a P1 function to its values at the points `at` (q, 2).
-
-    Where `at` are the nodes of a refinement of the mesh it is the exact prolongation.
-    """
+    """(q, n) matrix from nodal values of a P1 function to its values at the points `at` (q, 2)."""
     found, weights = located(mesh, at)
     rows = np.repeat(np.arange(len(at)), 3)
     columns = mesh.triangles[found].ravel()

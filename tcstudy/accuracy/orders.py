@@ -170,10 +170,7 @@ TIED = 1e-9
 
 
 def dominated(cost: Array, error: Array) -> NDArray[np.bool_]:
-    """(n,) points for which another costs no more and errs no more, but for TIED, and less in one of the two.
-
-    Points with NaN are dominated and dominate nothing.
-    """
+    """(n,) points for which another costs and errs no more, but for TIED, and less in one of the two; all with NaN."""
     known = np.isfinite(cost) & np.isfinite(error)
     out = np.ones(len(cost), dtype=bool)
     for i in np.flatnonzero(known):
@@ -206,10 +203,7 @@ body."""
 
 @dataclass(frozen=True)
 class Expected:
-    """An expected order with its reason; log: up to a factor 1 + |log h|, as that of P1 in the maximum norm.
-
-    analysed: all that could lower the order was looked at
-    """
+    """An order with its reason; log: up to a factor 1 + |log h|;  analysed: all that could lower it was looked at."""
 
     order: float
     reason: str

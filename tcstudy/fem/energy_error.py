@@ -1,6 +1,4 @@
-"""Strain and stress of P1 displacements, tractions at the Gauss points of edges, and ξ_h between the contact nodes.
-
-Error of a P1 displacement in the energy norm, estimated triangle by triangle: stress, temperature, interfaces.
+"""Error of a P1 displacement in the energy norm, triangle by triangle; its strain and stress, tractions on edges.
 
 Estimate:   η_K² = ‖σ* − σ_h‖²_{c⁻¹,K} + (h_K/π)²/(2μ) ‖f + div σ*‖²_K + Σ_e h_e/(2πμ) ‖r_e‖²_e
             σ* recovered stress (continuous P1) less βθI, r_e = what σ* leaves of the boundary condition on the edge e:
@@ -11,25 +9,18 @@ Dirichlet:  + Σ_e 2πμ/h_e ‖u_D − u_h‖²_e, since given displacements ho
 Why:        for v and an interpolant Iv, a(u − u_h, v) = ∫(σ* − σ_h):ε(v − Iv) + ∫(f + div σ*)·(v − Iv)
             − Σ_e ∫ r_e·(v − Iv), so that the sum bounds the error up to a constant; the second and third term hold the
             oscillation of f and g, because div σ* is constant on K, and are of higher order where u is smooth
-
-Temperature, and what its error does to the displacement:
-Estimate:   η_K² = k‖q* − ∇θ_h‖²_K + (h_K/π)²/k ‖qχ_ω + k div q*‖²_K + Σ_e h_e/(πk) ‖k q*·n + α(θ_h − θ̄)‖²_e,
-            q* the recovered gradient, α = 0 off Γ_θ; as for the stress
+Heat:       η_K² = k‖q* − ∇θ_h‖²_K + (h_K/π)²/k ‖qχ_ω + k div q*‖²_K + Σ_e h_e/(πk) ‖k q*·n + α(θ_h − θ̄)‖²_e,
+            q* the recovered gradient, α = 0 off Γ_θ
 Coupling:   + β²/(λ+μ) ‖θ − θ_h‖²_K with ‖θ − θ_h‖_K ≈ (h_K/π) η_K/√k: temperature loads the body through its L² error,
             one order of h better than its gradient (Aubin–Nitsche, in its local form)
-
-Materials that differ by region: recovery stops at interfaces, whose nodes are one for each material (`Pieces`), since σ
-jumps along an interface where λ, μ or β do; only the traction is continuous there, and the flux.
-Interface:  + Σ_e h_e/(2π max μ) ‖[σ*n]‖²_e, half of it to either side. The stiffer side bounds v − Iv on e, hence its μ
-Heat:       + β²/(λ+μ) (h_K/π)²/k · h_e/(π max k) ‖[k ∇θ* · n]‖²_e, as the temperature's error loads the body
-
+Interfaces: recovery stops there, nodes being one for each material (`Pieces`), since σ jumps where λ, μ or β do; the
+            traction is continuous: + Σ_e h_e/(2π max μ) ‖[σ*n]‖²_e, half of it to either side (the stiffer side bounds
+            v − Iv), and the flux: + β²/(λ+μ) (h_K/π)²/k · h_e/(π max k) ‖[k ∇θ* · n]‖²_e
 Literature: Zienkiewicz & Zhu, Int. J. Numer. Methods Eng. 33 (1992) 1331–1364; Carstensen & Bartels, Math. Comp. 71
             (2002) 945–969 (every averaging is reliable up to oscillation); Bartels & Carstensen, Numer. Math. 99
             (2004) 225–249 (contact)
-Left out:   the amplification 1/(1 − ω/λ₁) by softening (Céa's constant of the problem), what arcs lose as polygons, the
-            energy of springs, of higher order in the error; pollution: at a re-entrant corner the L² error of θ is
-            larger than its local part; singular ends of interfaces and corners of regions, beyond what refinement
-            there leaves
+Left out:   the amplification 1/(1 − ω/λ₁) by softening (Céa's constant), what arcs lose as polygons, the energy of
+            springs (of higher order); the pollution of θ from re-entrant corners; singular ends of interfaces
 """
 
 from __future__ import annotations
@@ -250,10 +241,7 @@ def heat_estimate(mesh: PlaneMesh, theta: Array, scene: Scene) -> Array:
 
 
 def coupling(mesh: PlaneMesh, theta: Array, scene: Scene) -> Array:
-    """(t,) β²/(λ+μ) ‖θ − θ_h‖²_K, the error that temperature puts into the displacement [J/m].
-
-    θ comes from the heat problem, or it is known, and θ_h is its interpolant.
-    """
+    """(t,) β²/(λ+μ) ‖θ − θ_h‖²_K, the error that a temperature, computed or known, puts into the displacement [J/m]."""
     lam, mu, beta, k = (mesh.of_material(scene, name) for name in ("lam", "mu", "beta", "k"))
     factor = beta**2 / (lam + mu)
     if needs_heat_solve(scene):

@@ -1,9 +1,7 @@
-"""Estimated errors of all points of one level: what to refine, and whether to go on.
+"""Estimated errors of all points of a level, and the meshes that follow from them.
 
-All points of a sweep share their mesh. A triangle is as important as it is to the point that needs it most: its share
-of that point's relative error. A tolerance holds when it holds for every point that was solved.
-
-The meshes of a study, one after the other: each may depend on what was found on the one before.
+All points of a sweep share their mesh: a triangle is as important as its share of the relative error of the point that
+needs it most, and a tolerance holds when it holds for every point that was solved.
 """
 
 from __future__ import annotations
@@ -194,10 +192,9 @@ class ErrorEstimator:
         return [e for e in found if e.error > (self.plan.tolerance or 0.0)] or found
 
     def aim(self) -> float:
-        """What the next mesh is to leave of the sum of all shares, if each falls by half where its triangle is cut.
-
-        One step with the study's marking. With the tolerance of a goal, whose estimate is several times as dear as a
-        solution, several (STEPS), but with any tolerance no less than it needs (in the energy norm shares are squares).
+        """What the next mesh is to leave of the sum of all shares, if each falls by half where its triangle is cut: one
+        step with the study's marking, or several with the tolerance of a goal, whose estimate is several times as dear
+        as a solution, but no less than a tolerance needs (in the energy norm shares are squares).
         """
         asked, one = self.plan.tolerance, 1.0 - 0.5 * self.plan.marking
         if asked is None or not asked < self.error < math.inf:
@@ -268,10 +265,8 @@ ENOUGH = 1.05
 
 
 class Family(Meshes):
-    """The meshes of one run, each of an adaptive family after the estimates on the one before.
-
-    An adaptive mesh follows from the solutions on the mesh before and from nothing else, so that a run that is resumed
-    comes to the same meshes.
+    """The meshes of one run, each of an adaptive family after the estimates on the one before and from nothing else, so
+    that a run that is resumed comes to the same meshes.
     """
 
     def __init__(self, study: Study) -> None:

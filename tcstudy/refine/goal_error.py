@@ -78,11 +78,7 @@ Array = NDArray[np.float64]
 
 
 class Halved:
-    """The finer level of `coarse`, and what carries functions over.
-
-    level:  the same body on the uniformly refined mesh
-    parent: (t_f,) the coarse triangle that each fine one is part of
-    """
+    """The finer level of `coarse`, and what carries functions over; parent: (t_f,) coarse triangle of each fine one."""
 
     def __init__(self, coarse: Level, scene: Scene, scenes: Sequence[Scene] = ()) -> None:
         """scene, scenes: as for Level. Raises GeometryFailed if the refined mesh is not the body."""
@@ -102,9 +98,8 @@ class Halved:
         return (self._prolong @ by_component[:, : self.coarse.mesh.n_points].T).T.ravel()
 
     def start(self, v: Array, u: Array) -> Array:
-        """A contact solution v (m,) of the level, with its u (2n,), as a start on the finer one (m_f,).
-
-        Between a held node and a free one the displacement given there counts.
+        """A contact solution v (m,) of the level, with its u (2n,), as a start on the finer one (m_f,); beside held
+        nodes the displacement given there counts.
         """
         line, n, nodes = self.coarse.line, self.coarse.mesh.n_points, self.level.line.nodes
         beside_held = (self._prolong @ line.nodal(np.zeros(line.m), n, 1.0))[nodes] > 0.0

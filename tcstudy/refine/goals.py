@@ -114,9 +114,8 @@ def fronts(line: ContactLine, problem: ContactProblem, v: Array) -> list[SlipFro
 
 
 def _beyond(line: ContactLine, i: int, towards: int, stick: Flags, slip: Array) -> tuple[list[int], list[float]]:
-    """Up to three nodes that slip one way from segment i on, and how far they are from the node before them all.
-
-    towards: 1 along the line, −1 against it
+    """Up to three nodes that slip one way from segment i on, along the line (towards = 1) or against it, and how far
+    they are from the node before them all.
     """
     nodes, at, ends, inner = list[int](), list[float](), line.unknowns, 1 if towards > 0 else 0
     while True:

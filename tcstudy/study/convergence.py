@@ -62,9 +62,8 @@ NOTABLE = 0.1
 
 
 def orders_to_expect(study: Study, finest: SolvedLevel, solution: Solution, scene: Scene) -> dict[str, Expected]:
-    """Expected orders from the corners and from stick and slip on the finest level, or as the study gives them.
-
-    Of the contact nodes beside held ones those that carry next to no ξ make no difference.
+    """Expected orders from corners, stick and slip on the finest level, or as the study gives them; where a node beside
+    a held one carries next to no ξ, that it is makes no difference.
     """
     sticks, line = solution.sticks, finest.line
     mixed = solution.ok and 0 < int(np.count_nonzero(sticks)) < len(sticks)
@@ -92,10 +91,7 @@ def own_error(order: float) -> float:
 
 
 def verdict(fitted: Fit, expected: float, nested: bool, log: float = 0.0, analysed: bool = True) -> str:
-    """What the rates say, see data.tables.VERDICTS.
-
-    log: how far below `expected` a factor |log h| puts them;  analysed: whether all that may lower it was looked at
-    """
+    """What the rates say, of data.tables.VERDICTS. log: how far below `expected` a factor |log h| puts them"""
     if fitted.exact:
         return "exact"
     if np.count_nonzero(np.isfinite(fitted.rate)) < 2:
@@ -116,11 +112,7 @@ STUCK = 0.95
 
 
 def converge_to_file(study: Study, path: Path, say: Say, command: Sequence[str] = ("tcstudy",)) -> None:
-    """Measure the convergence of a study into a file.
-
-    Raises ConvergenceError if the study's levels do not suit, StoreError if the file cannot be written, GeometryFailed
-    if the body cannot be meshed.
-    """
+    """Measure the convergence of a study into a file. Raises ConvergenceError, StoreError, GeometryFailed."""
     if study.mesh.levels < 2:
         raise ConvergenceError("one level has no convergence; give mesh.levels: 4 or more, or --set mesh.levels=4")
     if study.mesh.strategy.adapts:
@@ -132,7 +124,6 @@ def converge_to_file(study: Study, path: Path, say: Say, command: Sequence[str] 
 def converge(study: Study, say: Say = lambda text: None) -> Record:
     """The convergence of a study; of several geometries each is measured on its own levels.
 
-    say: called with a line of text as work goes on
     Raises GeometryFailed if the body cannot be meshed, of several geometries if none can.
     """
     points: list[Mapping[str, Any]] = [{"status": np.full(study.mesh.levels, PointStatus.MESH_FAILED, dtype=np.int8)}]
@@ -165,10 +156,7 @@ def converge(study: Study, say: Say = lambda text: None) -> Record:
 
 
 def _of_body(study: Study, say: Say) -> tuple[list[dict[str, Any]], str, list[str]]:
-    """Points, the reference and notes of a study with one body, as of `convergence_record`.
-
-    Raises GeometryFailed if the body cannot be meshed.
-    """
+    """Points, the reference in words and notes of a study with one body, as of `convergence_record`."""
     with threadpool_limits(1, user_api="blas"):
         levels = solve_levels(study, say)
         reference, words, compared, notes = _reference(study, levels)

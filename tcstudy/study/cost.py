@@ -64,19 +64,13 @@ SAME = 1e-8
 def cost_to_file(
     study: Study, index: tuple[int, ...], point: str, runs: int, path: Path, progress: Progress, command: Sequence[str]
 ) -> None:
-    """Measure accuracy against cost at one sweep point into a file. point: its labels.
-
-    Raises CostError, StoreError if the file cannot be written, GeometryFailed if the body cannot be meshed.
-    """
+    """Measure accuracy against cost at a sweep point into a file. Raises CostError, StoreError, GeometryFailed."""
     alone = at_point(study, index)
     to_file(path, study, command, lambda: measure(alone, runs, progress, {"point": point}), alone)
 
 
 def at_point(study: Study, index: tuple[int, ...]) -> Study:
-    """The study of one point of the sweep alone, on its own geometry.
-
-    Raises GeometryFailed with the reason where the geometry is refused.
-    """
+    """The study of one point of the sweep alone, on its own geometry. Raises GeometryFailed where that is refused."""
     row = place = int(np.ravel_multi_index(index, study.shape))
     if study.variants:
         variant = next(one for one in study.variants if place in one.places)
@@ -88,9 +82,8 @@ def at_point(study: Study, index: tuple[int, ...]) -> Study:
 
 
 def measure(study: Study, runs: int, progress: Progress, told: dict[str, Any] | None = None) -> Record:
-    """Errors and wall times of a study of one point on all families with all solvers.
+    """Errors and wall times of a study of one point on all families with all solvers, all of it timed `runs` times.
 
-    runs: how often everything is timed;  told: attributes of the record
     Raises CostError if no mesh could be solved, GeometryFailed if the body cannot be meshed.
     """
     (scene,) = study.scenes
@@ -240,10 +233,8 @@ def walk(
 
 
 def reference_of(study: Study, curves: list[CostCurve], progress: Progress) -> tuple[Reference, str, float]:
-    """What errors are measured against, in words, and its own estimated relative error: the exact solution, or that on
-    an adaptive mesh.
-
-    Raises CostError if it is not solved, GeometryFailed if there is no mesh that is fine enough.
+    """What errors are measured against, in words too, and its own estimated relative error. Raises CostError if it is
+    not solved, GeometryFailed if there is no mesh that is fine enough.
     """
     if study.exact is not None:
         return ExactReference(study.exact), "the exact solution", 0.0
@@ -273,10 +264,8 @@ def reference_of(study: Study, curves: list[CostCurve], progress: Progress) -> t
 def errors_of(
     study: Study, curves: list[CostCurve], reference: Reference, runs: int, progress: Progress
 ) -> dict[str, Any]:
-    """The variables of the file but times and what is dominated: sizes, states and errors of all curves, padded to the
-    longest; errors relative to the norms on the finest mesh.
-
-    Raises CostError if there is no solution to compare with.
+    """The variables of the file but times and what is dominated, padded to the longest curve; errors relative to the
+    norms on the finest mesh. Raises CostError if there is no solution to compare with.
     """
     solvers, levels = study.solver.names, max(len(curve.levels) for curve in curves)
     sizes = {"family": len(curves), "solver": len(solvers), "level": levels, "run": runs}

@@ -134,11 +134,7 @@ class SolvedLevel:
 
 
 def solve_levels(study: Study, say: Say = lambda text: None) -> list[SolvedLevel]:
-    """Solve every sweep point on every level, as a run does, and keep the fields.
-
-    say: called with a line of text when a level is ready and when a point fails
-    Raises GeometryFailed if the body cannot be meshed.
-    """
+    """Every sweep point on every level, as a run solves it, with its fields. Raises GeometryFailed."""
     # errors are measured on all levels; estimates are kept beside bounds that are asked for
     mesh = replace(study.mesh, tolerance=None, estimate=study.mesh.guarantee)
     study = replace(study, output=replace(study.output, fields=True), mesh=mesh)
@@ -220,9 +216,10 @@ class ExactReference:
 
 @dataclass(frozen=True)
 class _Places:
-    """Where a fine mesh lies in a coarse one: of every fine triangle's centre the triangle and the weights of its
-    nodes; P1 functions at both ends of the fine segments, one after the other; the contact node of every half of them
-    (s, 2); the fine contact node at each contact node, None where there may be none."""
+    """Where a fine mesh lies in a coarse one: triangle and weights of every centre; P1 functions at both ends of the
+    fine segments; the contact node of every half of them (s, 2), and that at each coarse one, None where there may be
+    none.
+    """
 
     triangle: NDArray[np.intp]
     weights: Array

@@ -38,10 +38,7 @@ BELOW = 1.7
 
 
 def convergence_figure(data: Any, point: Mapping[str, Value] | None, look: style.Look) -> tuple[Figure, str]:
-    """The errors of one sweep point, the first unless named, and which it is.
-
-    Raises DrawError if there is no such point or nothing to draw.
-    """
+    """The errors of one sweep point, the first unless named, and which it is. Raises DrawError."""
     where = locate(data, point)
     at, words = data.isel(where), describe(data, where)
     panels, states = convergence_panels(at), {_state(at, m.name) for m in shown(at)}

@@ -57,10 +57,8 @@ def convergence_verdict(data: Any) -> tuple[str, str, bool]:
 
 
 def convergence_parts(data: Any, full: bool = True, point: Mapping[str, Value] | None = None) -> Iterator[Part]:
-    """Everything the report says, in order. Raises DrawError if there is no such point.
-
-    point: the sweep point whose tables to show;  full: the tables of every point where none is named, else of a sweep
-           the orders alone
+    """Everything the report says, in order; not `full`, of a sweep the orders alone. Raises DrawError if there is no
+    such point.
     """
     yield Heading(f"Convergence: {data.attrs['title']}", 1)
     yield f"Reference: {data.attrs['reference']}."

@@ -39,10 +39,7 @@ ORDERS = ("first order", "total")
 
 @dataclass(frozen=True, eq=False)
 class SobolIndices:
-    """What the points of a design say of a number: sentences before the table, its caption, and estimates by heading.
-
-    names: (d,) swept parameters, in the order of each estimate
-    """
+    """What a design says of a number: sentences before the table, its caption, and estimates (3, d) by heading."""
 
     names: tuple[str, ...]
     said: list[str]
@@ -122,10 +119,7 @@ def indices_json(file: Path, of: str) -> dict[str, Any]:
 
 
 def sobol(f: Array, seed: int = 0) -> list[Estimate]:
-    """First-order and total indices of (n, d + 2) values at A, B and the d mixtures, n ≥ 2; 0 if nothing varies.
-
-    Intervals are percentiles of resampled rows.
-    """
+    """First-order and total indices of (n, d + 2) values at A, B and the d mixtures, n ≥ 2; 0 if nothing varies."""
     n = len(f)
     least = (ROUNDING * np.abs(f).max()) ** 2
     f = f - f[:, :2].mean()
