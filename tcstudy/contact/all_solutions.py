@@ -10,7 +10,7 @@ Stable:    a strict local minimum of L̃: no node inside a jump down, and Ã + C
            off the jumps
 
 Left out: laws with exponential pieces; their polygon is another problem
-(`path.piecewise_linear_approximation`), which the caller names.
+(`laws.composed.piecewise_linear`), which the caller names.
 
 The search makes boxes that hold all solutions smaller by proof and splits them until none bends.
 
@@ -38,8 +38,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.contact.certificates import energy_reach, largest_push, strict_minimum
-from tcstudy.contact.path.piecewise_linear_approximation import piecewise_linear
 from tcstudy.contact.problem import CondensedBody, ContactProblem
+from tcstudy.laws.composed import piecewise_linear
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import BEND
 

@@ -23,11 +23,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.path.piecewise_linear_approximation import piecewise_linear
 from tcstudy.contact.solve import solve_block
 from tcstudy.fem.energy_error import acting, own_strain, stress_of
 from tcstudy.fem.forms import values_at
-from tcstudy.laws.composed import nodal
+from tcstudy.laws.composed import nodal, piecewise_linear
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.heat import Recent
 from tcstudy.offline.level import Level

@@ -342,7 +342,7 @@ class PathPlan:
     hysteresis: whether the loop between begin and end is computed
     level:      mesh level, None for the finest
     law_error:  relative error of the piecewise-linear stand-in for a law with exponential pieces
-    complete:   whether every branch between begin and end is sought, and proved to be all (contact/path/complete.py)
+    complete:   whether every branch between begin and end is sought, and proved to be all (contact/path/query.py)
     """
 
     parameter: tuple[str, ...]

@@ -20,11 +20,18 @@ from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.all_solutions import Limits
 from tcstudy.contact.certificates import certify_rows, solution_boxes
 from tcstudy.contact.history.steps import hysteresis
-from tcstudy.contact.path.complete import Branches, all_branches
 from tcstudy.contact.path.follow import Follower, ParametricProblem, Path
-from tcstudy.contact.path.piecewise_linear_approximation import piecewise_linear
 from tcstudy.contact.path.problem import WHOLE, PathStatus, by_code
-from tcstudy.contact.path.query import PathSolution, folds, lowest, proved_minima, solutions_at, solutions_of
+from tcstudy.contact.path.query import (
+    Branches,
+    PathSolution,
+    all_branches,
+    folds,
+    lowest,
+    proved_minima,
+    solutions_at,
+    solutions_of,
+)
 from tcstudy.contact.path.walk import NoSolutionError
 from tcstudy.contact.problem import Status
 from tcstudy.contact.solve import TIE, solve_contact
@@ -32,6 +39,7 @@ from tcstudy.data.provenance import SHORTFALLS, Remark, tell
 from tcstudy.data.store import Record
 from tcstudy.data.tables import PATH
 from tcstudy.errors import GeometryFailed, PathError
+from tcstudy.laws.composed import piecewise_linear
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level
 from tcstudy.scene.histories import ContactState, contact_states

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from tcstudy.contact.certificates import bends_below_tangent, least_slopes, value_range
-from tcstudy.contact.path.piecewise_linear_approximation import piecewise_linear
-from tcstudy.laws.composed import total
+from tcstudy.laws.composed import piecewise_linear, total
 from tcstudy.laws.laws import NONE, Laws
 from tcstudy.laws.pieces import BEND
 from tcstudy.laws.shapes import SHAPES

@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.path.piecewise_linear_approximation import piecewise_linear
+from tcstudy.laws.composed import piecewise_linear
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.histories import Memory
 

@@ -180,7 +180,7 @@ def law_graph(law: Laws) -> LawGraph:
     if not law.piecewise_linear:
         raise ValueError(
             f"the law {law.name} is not piecewise linear; replace it first by piecewise_linear(law, …) of "
-            "tcstudy.contact.path.piecewise_linear_approximation"
+            "tcstudy.laws.composed"
         )
     table = law.tables
     laws, count = table.kinks.shape

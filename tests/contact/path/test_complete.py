@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from tcstudy.contact.all_solutions import Cells, Limits, PolygonProblems, all_solutions
-from tcstudy.contact.path.complete import all_branches
 from tcstudy.contact.path.problem import ParametricProblem, PathStatus
+from tcstudy.contact.path.query import all_branches
 from tests.contact.contact_cases import spring
 from tests.contact.random_polygons import by_brute_force, random_problem
 
