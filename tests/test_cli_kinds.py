@@ -129,7 +129,7 @@ def test_history_writes_a_file_and_a_table_and_goes_on(tmp_path: Path) -> None:
     assert "output.fields" not in planned  # nothing that a history refuses is offered
     result = tcstudy_command("run", "block.yaml", cwd=tmp_path, code=0)
     assert result.stderr == ""
-    assert "History of theta: 8 steps in 2 cycles; memory friction" in result.stdout
+    assert "History of theta; memory friction" in result.stdout
     assert "a closed loop: the last cycle leaves no slip behind; it dissipates " in result.stdout
     shown = tcstudy_command("show", "results/block-history.nc", cwd=tmp_path)
     assert shown.stdout.strip() in result.stdout

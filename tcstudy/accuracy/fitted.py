@@ -28,6 +28,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Literal
 
 import numpy as np
@@ -180,24 +181,21 @@ def minimise(
 
     prior: residuals at the end that are no measurements: the loss does not act on them
     """
-    known: dict[bytes, tuple[Array, Array]] = {}
-    costs: list[float] = []
+    low, span, margin, costs = box.inner(box.low), box.span, 1e-9, list[float]()
 
-    def at(q: Array) -> tuple[Array, Array]:
-        key = q.tobytes()
-        if key not in known:
-            known[key] = model(box.outer(q))
-            cost = 0.5 * float(np.sum(_rho(known[key][0] ** 2, loss, prior)[0]))
-            if not costs or cost < costs[-1]:
-                costs.append(cost)
-        return known[key]
+    @cache
+    def at(z: bytes) -> tuple[Array, Array, Array]:
+        p = box.outer(low + np.frombuffer(z) * span)
+        residual, jacobian = model(p)
+        cost = 0.5 * float(np.sum(_rho(residual**2, loss, prior)[0]))
+        if not costs or cost < costs[-1]:
+            costs.append(cost)
+        return p, residual, jacobian
 
-    low, span = box.inner(box.low), box.span
-    margin = 1e-9
     found = optimize.least_squares(
-        lambda z: at(low + z * span)[0],
+        lambda z: at(z.tobytes())[1],
         np.clip((box.inner(start) - low) / span, margin, 1.0 - margin),
-        jac=lambda z: at(low + z * span)[1] * box.rate(box.outer(low + z * span)) * span,
+        jac=lambda z: at(z.tobytes())[2] * box.rate(at(z.tobytes())[0]) * span,
         bounds=(0.0, 1.0),  # its norms of steps must not depend on units
         method="trf",
         x_scale="jac",
@@ -207,9 +205,8 @@ def minimise(
         gtol=1e-10,
         max_nfev=MOST,
     )
-    residual, jacobian = at(low + found.x * span)
-    p = box.outer(low + found.x * span)
-    return Minimum(p, residual, jacobian, tuple(costs), len(known), np.zeros((0, len(p))))
+    count = at.cache_info().misses
+    return Minimum(*at(found.x.tobytes()), tuple(costs), count, np.zeros((0, len(start))))
 
 
 def _rho(z: Array, loss: str, prior: int) -> Array:

@@ -8,7 +8,6 @@ a run reads the few variables that it speaks of, and of them only the last level
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -382,62 +381,51 @@ OPEN = {
 # -- histories ---------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class CycleChange:
-    """What the last cycle has changed.
-
-    kind:  "shakedown", "closed", "settled", "walking", "ratcheting", "settling"; "" where there are less than two
-    words: the same as a sentence
-    """
-
-    kind: str
-    words: str
-
-
 def cycle_change(
     v: Array, dissipated: Array, units: tuple[str, str] = ("m", "J m-1"), rounding: float = 0.0
-) -> CycleChange:
-    """The change from cycle to cycle, from the slips at their ends.
+) -> tuple[str, str]:
+    """(its kind, the same as a sentence) of the change from cycle to cycle, from the slips at their ends.
 
     shakedown:  the last cycle changed no slip and dissipated nothing
     closed:     it changed no slip;  walking, ratcheting: it changed slips as the one before did
     settled:    it changed them otherwise, but by no more than EQUAL of the largest;  settling: by more
+    "":         there are less than two
 
     v: (C + 1, m) at the start and the end of every cycle;  dissipated: (C,) in each;  units: of both
     rounding: what rounding of the forces may move the slips by in a cycle
     """
     if len(v) < 3:
-        return CycleChange("", "")
+        return "", ""
     size = float(np.max(np.abs(v))) or 1.0
     last, before = v[-1] - v[-2], v[-2] - v[-3]
     largest, same = float(np.max(np.abs(last))), max(SAME * size, rounding)
     moved = with_unit(largest, units[0], 6)
     if largest <= same and dissipated[-1] <= SAME * float(np.max(dissipated)):
         words = "shakedown: the last cycle leaves the slips as they were and dissipates nothing"
-        return CycleChange("shakedown", words)
+        return "shakedown", words
     if largest <= same:
         one, two = dissipated[-2:]
         spent = [with_unit(float(each), units[1], 6) for each in (two, one)]
         words = f"the last cycle leaves no slip behind; it dissipates {spent[0]}, the one before {spent[1]}"
         if abs(two - one) <= SPENT * max(one, two) and float(np.max(np.abs(before))) <= same:
             words = "the last two cycles dissipate the same and leave no slip behind"
-        return CycleChange("closed", f"a closed loop: {words}")
+        return "closed", f"a closed loop: {words}"
     if np.max(np.abs(last - before)) <= max(EQUAL * largest, rounding):
         whole = np.ptp(last) <= max(EQUAL * largest, rounding)
         kind = "walking" if whole else "ratcheting"
         what = "moved the whole contact line by" if whole else "added slips of up to"
-        return CycleChange(kind, f"{kind}: the last two cycles each {what} {moved}")
+        return kind, f"{kind}: the last two cycles each {what} {moved}"
     if largest <= EQUAL * size:
         share = f"{largest / size:.0e}"
-        return CycleChange("settled", f"settled to {share} of the slip, by which the last cycle changed it at most")
-    return CycleChange("settling", f"not settled: the last cycle changed slips by up to {moved}, unlike the one before")
+        return "settled", f"settled to {share} of the slip, by which the last cycle changed it at most"
+    return "settling", f"not settled: the last cycle changed slips by up to {moved}, unlike the one before"
 
 
 KINDS = {
     "shakedown": "shake down", "closed": "close their loop", "settled": "have settled", "walking": "walk",
     "ratcheting": "ratchet", "settling": "have not settled",
 }  # fmt: skip
-"""What the histories of a sweep do, by `CycleChange.kind`."""
+"""What the histories of a sweep do, by the kind of `cycle_change`."""
 
 
 WHOLE = "all branches of equilibria in the range are proved to be known"

@@ -82,15 +82,10 @@ class Memory:
         found = of[edge]
         for node, before in zip(joints.node, of[joints.edge], strict=True):
             if before != found[node]:
-                found[node] = self._between(law.single(int(node)), (before, found[node]))
+                fits = "damage" in (before, found[node])
+                fits = fits and not any(replace(self, name="damage").unfit(law.single(int(node))))
+                found[node] = "damage" if fits else "friction"
         return found
-
-    def _between(self, law: Laws, names: Sequence[str]) -> MemoryName:
-        try:
-            replace(self, name="damage").check(law)
-        except UnfitLaw:
-            return "friction"
-        return "damage" if "damage" in names else "friction"
 
     def fits(self, friction: Laws | EdgeLaws) -> None:
         """Raise UnfitLaw unless the memory of every edge can be made of its law."""
@@ -102,29 +97,51 @@ class Memory:
 
     def check(self, law: Laws) -> None:
         """Raise UnfitLaw unless the memory `name` can be made of every node's law."""
-        for own in law.laws:
-            if own.vanishes or self.name == "none":
-                continue
-            _check_virgin(own)
-            if self.name == "elastic-plastic":
-                self._check_spring(own)
-            elif self.name == "damage":
-                _check_secant(own)
+        for said in (said for own in law.laws for said in self.unfit(own)):
+            raise UnfitLaw(said)
 
-    def _check_spring(self, law: Laws) -> None:
-        """Backward Euler needs a return map with one answer: the law falls less steeply than the spring."""
-        k = self.stiffness
-        if k is None or not (np.isfinite(k) and k > 0.0):
-            raise UnfitLaw("elastic-plastic memory needs a stiffness above 0; add stiffness: 100 MPa/mm")
-        if not law.piecewise_linear:
-            raise UnfitLaw(f"elastic-plastic memory needs a law of straight pieces, and {law.name} has exponential "
-                           "ones; give it by its points (piecewise-linear)")  # fmt: skip
-        if np.any(law.kinds[law.kinks > 0.0] == UP):
-            raise UnfitLaw("elastic-plastic memory needs a law without up-jumps at s > 0; make them steep slopes")
-        if not law.omega < k:
-            raise UnfitLaw(f"the spring is too soft for the law: stiffness k = {k:g} Pa/m must be above the "
-                           f"steepest fall h = {law.omega:g} Pa/m, or the slip of a step has several values; take a "
-                           "stiffer spring or a law that falls more slowly")  # fmt: skip
+    def unfit(self, law: Laws) -> Iterator[str]:
+        """Why it cannot be made of one law, and what to do.
+
+        Every law is odd and opposes slip everywhere. Backward Euler needs a return map with one answer, so that a law
+        falls less steeply than the spring. Where τ(κ)/κ rises a film would heal by being pulled.
+        """
+        if law.vanishes or self.name == "none":
+            return
+        after, ups, k = law.kinks[law.kinks > 0.0], law.kinks[(law.kinds == UP) & (law.kinks > 0.0)], self.stiffness
+        starts = np.concatenate([[0.0], after])
+        if not is_odd(law):
+            yield (f"a history needs an odd law, b(-s) = -b(s), and {law.name} is not: what is remembered has no "
+                   "sides; leave out odd: false")  # fmt: skip
+        least = float(np.min(np.concatenate([law.b(starts, +1), law.b(after, -1)])))
+        if least < -1e-12 * law.b_scale:
+            yield (f"a history needs a law that opposes slip, but b falls to {least:g} Pa at s > 0 and would push; "
+                   "let it end at 0")  # fmt: skip
+        if self.name == "elastic-plastic":
+            if k is None or not (np.isfinite(k) and k > 0.0):
+                yield "elastic-plastic memory needs a stiffness above 0; add stiffness: 100 MPa/mm"
+            if not law.piecewise_linear:
+                yield (f"elastic-plastic memory needs a law of straight pieces, and {law.name} has exponential ones; "
+                       "give it by its points (piecewise-linear)")  # fmt: skip
+            if len(ups):
+                yield "elastic-plastic memory needs a law without up-jumps at s > 0; make them steep slopes"
+            if not law.omega < (k or 0.0):
+                yield (f"the spring is too soft for the law: stiffness k = {k:g} Pa/m must be above the steepest fall "
+                       f"h = {law.omega:g} Pa/m, or the slip of a step has several values; take a stiffer spring or a "
+                       "law that falls more slowly")  # fmt: skip
+        elif self.name == "damage":
+            other = "use memory: friction, or a law that only falls"
+            if len(ups):
+                yield f"damage needs a law whose secant b(s)/s never rises, but b jumps up at s = {ups[0]:g} m; {other}"
+            piece = int(law.piece(0.0, +1)) + np.arange(len(starts))
+            ends = np.append(after, starts[-1] + 40.0 / (float(law.rate[piece[-1]]) or 1.0))
+            s, piece = np.stack([starts, ends], axis=1).ravel(), np.repeat(piece, 2)
+            value, slope = law.value(s, piece), law.slope(s, piece)
+            size = np.maximum(np.maximum(np.abs(value), np.abs(slope * s)), law.b_scale)
+            for i in np.flatnonzero(value - slope * s < -1e-12 * size):
+                secant = value[i] / (s[i] or np.inf)
+                yield (f"damage needs a law whose secant b(s)/s never rises, but b climbs faster than its secant at "
+                       f"s = {s[i]:g} m (slope {slope[i]:g}, secant {secant:g} Pa/m); {other}")  # fmt: skip
 
 
 def is_odd(law: Laws) -> bool:
@@ -134,37 +151,6 @@ def is_odd(law: Laws) -> bool:
     anchors = (law.s_0 == -law.s_0[mirror]) | ((law.q == 0.0) & (law.a == 0.0))
     rates = (law.r == -law.r[mirror]) | (law.a == 0.0)
     return bool(np.array_equal(law.kinks, -law.kinks[mirror]) and np.all([*pieces, anchors, rates]))
-
-
-def _check_virgin(law: Laws) -> None:
-    """Raise UnfitLaw unless the law is odd and opposes slip everywhere."""
-    if not is_odd(law):
-        raise UnfitLaw(f"a history needs an odd law, b(-s) = -b(s), and {law.name} is not: what is remembered has no "
-                       "sides; leave out odd: false")  # fmt: skip
-    after = law.kinks[law.kinks > 0.0]
-    starts = np.concatenate([[0.0], after])
-    least = float(np.min(np.concatenate([law.b(starts, +1), law.b(after, -1)])))
-    if least < -1e-12 * law.b_scale:
-        raise UnfitLaw(f"a history needs a law that opposes slip, but b falls to {least:g} Pa at s > 0 and would push; "
-                       "let it end at 0")  # fmt: skip
-
-
-def _check_secant(law: Laws) -> None:
-    """Raise UnfitLaw where τ(κ)/κ rises: such a film would heal by being pulled."""
-    ups = law.kinks[(law.kinds == UP) & (law.kinks > 0.0)]
-    if len(ups):
-        raise UnfitLaw(f"damage needs a law whose secant b(s)/s never rises, but b jumps up at s = {ups[0]:g} m; use "
-                       "memory: friction, or a law that only falls")  # fmt: skip
-    first = int(law.piece(0.0, +1))
-    starts = np.concatenate([[0.0], law.kinks[law.kinks > 0.0]])
-    for piece, start, end in zip(range(first, len(law.q)), starts, [*starts[1:], np.inf], strict=True):
-        last = end if np.isfinite(end) else start + 40.0 / (float(law.rate[piece]) or 1.0)
-        for s in (float(start), float(last)):
-            value, slope = float(law.value(s, piece)), float(law.slope(s, piece))
-            if value - slope * s < -1e-12 * max(abs(value), abs(slope * s), law.b_scale):
-                raise UnfitLaw(f"damage needs a law whose secant b(s)/s never rises, but b climbs faster than its "
-                               f"secant at s = {s:g} m (slope {slope:g}, secant {value / s if s else 0.0:g} Pa/m); use "
-                               "memory: friction, or a law that only falls")  # fmt: skip
 
 
 def short_names(paths: Sequence[Keys]) -> tuple[str, ...]:

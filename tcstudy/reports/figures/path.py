@@ -165,7 +165,7 @@ def draw_history(
     names, steps = loop_names(data, x, y), counted(data.sizes["step"] - 1, "step")
     panels = history_panels(data, *names)
     facts = [style.point_words(words)]
-    facts.append(";  ".join(filter(None, [f"memory: {data.attrs['memory']}", steps, last_change(data).words])))
+    facts.append(";  ".join(filter(None, [f"memory: {data.attrs['memory']}", steps, last_change(data)[1]])))
     rows = [
         (("spent", "change") if name == "spent" else (name, name), HEIGHTS[name]) for name in panels if name in HEIGHTS
     ]

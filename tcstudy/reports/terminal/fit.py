@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from tcstudy.reports.terminal.tables import Heading, Part, Table
 from tcstudy.reports.text import counted, number, prefix
 
-WIDE = 1.0
-"""Half width of an interval, of the estimate, above which the data hardly say anything of a number."""
 DOUBT = 0.05
 """Probability below which a fit is doubted."""
 RIVAL = 3.84
@@ -98,14 +96,6 @@ def fit_doubts(data: Any) -> list[tuple[str, bool]]:
     if about["not_determined"]:
         told = f"not determined: {about['not_determined']}; the data determine {about['determined']} only"
         found.append((told, True))
-    wide = [
-        str(data["parameter"].values[i])
-        for i in range(data.sizes["parameter"])
-        if not about["not_determined"]
-        and np.ptp(data["interval"].values[i]) > 2.0 * WIDE * abs(float(data["estimate"][i]))
-    ]
-    if wide:
-        found.append((f"hardly determined: {', '.join(wide)}: the interval is wider than the number", True))
     if int(about["known_noise"]):
         p = float(about["fit_probability"])
         verdict = "the data do not agree with the study and this noise" if p < DOUBT else "as the noise lets expect"

@@ -13,7 +13,7 @@ from tcstudy.data.reading import asked, by_point, each_point
 from tcstudy.data.schema import PointStatus
 from tcstudy.reports import sentences
 from tcstudy.reports.select_point import describe
-from tcstudy.reports.sentences import KINDS, LENGTHS, CycleChange, cycle_change
+from tcstudy.reports.sentences import KINDS, LENGTHS, cycle_change
 from tcstudy.reports.terminal.tables import Heading, Part, Table, TextColumn, columns_table, quantity
 from tcstudy.reports.text import counted, digits_lost, number, prefix, proved, with_unit
 from tcstudy.scene.histories import AT_REST
@@ -212,10 +212,10 @@ def history_verdict(data: Any) -> tuple[str, str, bool]:
     if len(points) == 1:
         done, reason = int(np.count_nonzero(solved)) - 1, data["reason"].values.item()
         count = f"all {what} solved" if whole else f"{max(done, 0)} of {what} solved, then: {reason}"
-        answer.append(changes[0].words)
+        answer.append(changes[0][1])
     else:
         count = f"{whole} of {len(points)} histories of {what} followed to their end"
-        kinds = [change.kind for change in changes if change.kind]
+        kinds = [kind for kind, _ in changes if kind]
         answer.append(", ".join(f"{kinds.count(kind)} {KINDS[kind]}" for kind in dict.fromkeys(kinds)))
     jumped = int(np.where(solved, by_point(data["jumps"], data), 0).sum())
     answer.append(counted(jumped, "jump") if jumped else "no jumps")
@@ -232,8 +232,7 @@ def history_parts(data: Any, every_row: bool = False, *_: Any) -> Iterator[Part]
     how = "the state of least energy found" if attrs["branch"] == "lowest" else "along its exact path"
     lost = digits_lost(float(data["lambda_1_error"].max())) if "lambda_1_error" in data else ""
     yield (
-        f"  History of {', '.join(_loads(data))}: {counted(data.sizes['step'] - 1, 'step')} in "
-        f"{counted(int(data['cycle'].max()), 'cycle')}; memory {attrs['memory']}; each step {how}\n"
+        f"  History of {', '.join(_loads(data))}; memory {attrs['memory']}; each step {how}\n"
         f"  level {int(data['level'])}: {int(data['n_dof'])} dofs, {int(data['n_contact'])} contact unknowns"
         + (f"\n  {lost}" if lost else "")
     )
@@ -241,8 +240,6 @@ def history_parts(data: Any, every_row: bool = False, *_: Any) -> Iterator[Part]
         name, part = describe(data, where), data.isel(where)
         table = [_steps(part, every_row)] if every_row or len(points) == 1 else []
         yield "\n".join([*([f"  {name}"] if name else []), *table, *(f"  {one}" for one in sentences_of(part))])
-    if ended := int(np.count_nonzero(data["reason"].values != "")):
-        yield f"  {ended} of {len(points)} histories ended early"
     if len(shown) < len(points):
         yield f"  … {len(points) - len(shown)} more points; --verbose shows all"
 
@@ -276,8 +273,8 @@ def _loads(data: Any) -> list[str]:
     return str(data.attrs["loads"]).split()
 
 
-def last_change(part: Any) -> CycleChange:
-    """What the last whole cycle of a point's history has changed.
+def last_change(part: Any) -> tuple[str, str]:
+    """What the last whole cycle of a point's history has changed (`cycle_change`).
 
     What rounding of the forces may do to slips is that to tractions over the margin; 0 where nothing bounds it [m].
     """
@@ -299,13 +296,11 @@ def sentences_of(part: Any) -> list[str]:
     reason = str(part["reason"].values.item())
     if not len(done):
         return [f"no step was solved: {reason}"]
-    worst, defect = (float(np.nanmax(part[name].values[done])) for name in ("inclusion_residual", "identity"))
+    defect = number(float(np.nanmax(part["identity"].values[done])), 2)
     missed, spent = (float(np.abs(part[name].values[done]).sum()) for name in ("closure", "dissipated"))
-    jumps = int(part["jumps"].values[done].sum())
     told = [
-        last_change(part).words,
-        f"{counted(len(done) - 1, 'step')} solved, worst residual {number(worst, 2)}, energy identity to "
-        f"{number(defect, 2)}" + (f", {counted(jumps, 'jump')}" if jumps else ""),
+        last_change(part)[1],
+        f"{counted(len(done) - 1, 'step')} solved, energy identity to {defect}",
         f"finite steps miss {sentences.percent(missed / spent)} of the energy dissipated; take more steps"
         if 0.0 < MISSED * spent < missed
         else "",
