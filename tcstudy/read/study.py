@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from tcstudy.errors import Problem, StudyError
-from tcstudy.exact.loads import Checks, Derivation, SolutionFault
+from tcstudy.exact.solution import Checks, Derivation, SolutionFault
 from tcstudy.read.body import check_finite, read_body
 from tcstudy.read.document import (
     COMPONENTS,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tcstudy.accuracy.norms import located
 from tcstudy.accuracy.orders import ROUNDING
 from tcstudy.contact.problem import ContactProblem
-from tcstudy.exact.numbers import known_goal
+from tcstudy.exact.solution import known_goal
 from tcstudy.fem.energy_error import Pieces, contact_traction, energy_squares, pieces_of
 from tcstudy.fem.meshes import Meshes, PlaneMesh, refine
 from tcstudy.offline.level import Level

@@ -33,7 +33,7 @@ from tcstudy.data.schema import PointStatus
 from tcstudy.data.store import Record
 from tcstudy.data.tables import BY_ITSELF, NUMBERS, VERDICTS, convergence_record
 from tcstudy.errors import ConvergenceError, GeometryFailed
-from tcstudy.exact.numbers import exact_energy, exact_friction_resultant, exact_slip_length, exact_xi
+from tcstudy.exact.solution import exact_energy, exact_friction_resultant, exact_slip_length, exact_xi
 from tcstudy.fem.meshes import graded_points
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Acceptance, Study

@@ -30,7 +30,7 @@ from tcstudy.contact.problem import CondensedBody
 from tcstudy.contact.solve import solve_block
 from tcstudy.data.records import BlockRecord
 from tcstudy.data.schema import PointStatus, requested_variables
-from tcstudy.exact.numbers import exact_u_T
+from tcstudy.exact.solution import exact_u_T
 from tcstudy.executors.processes import TIMEOUT, Job, SerialExecutor, WorkersFailed, timed
 from tcstudy.fem.forms import ContactLine
 from tcstudy.fem.meshes import PlaneMesh

@@ -42,7 +42,7 @@ from tcstudy.contact.solve import TIE
 from tcstudy.data.records import BlockRecord
 from tcstudy.data.schema import PointStatus
 from tcstudy.errors import GeometryFailed
-from tcstudy.exact.numbers import exact_friction_resultant, exact_u_T, exact_xi
+from tcstudy.exact.solution import exact_friction_resultant, exact_u_T, exact_xi
 from tcstudy.expressions.expression import value_and_gradient
 from tcstudy.fem.forms import ContactLine
 from tcstudy.fem.meshes import PlaneMesh

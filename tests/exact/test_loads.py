@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tcstudy.errors import StudyError
-from tcstudy.exact.loads import body_edges, edge_samples, normal_field
+from tcstudy.exact.solution import body_edges, edge_samples, normal_field
 from tcstudy.expressions.expression import Expression, parse, scalar, value_and_gradient, value_of
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.records import Body, Scene

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tcstudy.exact.numbers import exact_slip_length
+from tcstudy.exact.solution import exact_slip_length
 from tcstudy.read.study import read_study_text
 
 

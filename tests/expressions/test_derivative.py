@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tcstudy.exact.loads import kinks
+from tcstudy.exact.solution import kinks
 from tcstudy.expressions.expression import Expression, derivative, parse, term, value_and_gradient
 
 X, Y = np.array([0.3, 0.8, 1.7]), np.array([0.6, 0.25, 1.1])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tcstudy.data.store import Record
-from tcstudy.exact.numbers import exact_xi
+from tcstudy.exact.solution import exact_xi
 from tcstudy.fem.geometry import build
 from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
