@@ -35,21 +35,21 @@ class Estimate:
 
     n_dof:      displacement unknowns of the level
     energy:     relative error √(Σ η_K²)/‖u_h‖ in the energy norm
-    value:      J(u_h) of the goal, NaN without one;  limit: estimated J(u)
-    goal:       estimated |J(u) − J(u_h)|, in the unit of J
     error:      what the tolerance is compared with: relative error of the goal, or in the energy norm without one
     indicators: (t,) shares of the triangles in error² (energy) or error (goal)
+    value:      J(u_h) of the goal, NaN without one;  limit: estimated J(u)
+    goal:       estimated |J(u) − J(u_h)|, in the unit of J
     hidden:     (s,) what segments of Γ_C beside held nodes hide of `goal`, empty for the energy norm
     """
 
     n_dof: int
     energy: float
-    value: float
-    limit: float
-    goal: float
     error: float
     indicators: Array
-    hidden: Array
+    value: float = math.nan
+    limit: float = math.nan
+    goal: float = math.nan
+    hidden: Array = field(default_factory=lambda: np.empty(0))
 
     @property
     def scale(self) -> float:
@@ -112,12 +112,12 @@ class ErrorEstimator:
     # -- one solution ------------------------------------------------------------------------------
 
     def _estimate(self, index: Index, scene: Scene, v: Array) -> Estimate:
-        goal, n_dof, nan = self.plan.goal, self.level.frames.n_dof, math.nan
+        goal, n_dof = self.plan.goal, self.level.frames.n_dof
         u, problem = self.level.displacement(scene, v), self.level.condensed(scene).problem
         squares, norm = self.energy_squares(scene, problem, v, u)
         energy = _ratio(math.sqrt(float(squares.sum())), norm)
         if goal.quantity == "energy":
-            return Estimate(n_dof, energy, nan, nan, nan, energy, squares, np.empty(0))
+            return Estimate(n_dof, energy, energy, squares)
         if self._halved is None:
             self._halved = Halved(self.level, scene, self.scenes)
         found = goal_error(goal, self._halved, scene, problem, v, u)
@@ -132,8 +132,7 @@ class ErrorEstimator:
             error = max(error, LEAST_ERROR * abs(old.limit - old.value) * old.n_dof / n_dof)
         # A goal may not feel the solution, for example u_T where the body sticks.
         shares = found.shares if np.any(found.shares) else squares
-        relative, hidden = _ratio(error, abs(value)), found.hidden
-        return Estimate(n_dof, energy, value, found.limit, error, relative, shares, hidden)
+        return Estimate(n_dof, energy, _ratio(error, abs(value)), shares, value, found.limit, error, found.hidden)
 
     def energy_squares(self, scene: Scene, problem: ContactProblem, v: Array, u: Array) -> tuple[Array, float]:
         """(t,) η_K² of the energy norm [J/m] and ‖u_h‖ [√(J/m)] of a solution v (m,) with the displacement u (2n,)."""

@@ -18,6 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from tcstudy.accuracy.corners import sticking_near, vertices
 from tcstudy.accuracy.orders import (
+    NOT_ANALYSED,
     ROUNDING,
     Expected,
     Fit,
@@ -183,14 +184,14 @@ def _reference(study: Study, levels: list[SolvedLevel]) -> tuple[Reference | Non
     between = ", ".join(str(i) for i in range(last + 1, n - 1))
     skipped = f"levels {between} are not used" if "," in between else f"level {between} is not used"
     words = f"level {n - 1}, the finest (levels compared are at least {2**GAP} times coarser; {skipped})"
-    notes = []
     areas = [float(level.mesh.area.sum()) for level in levels]
-    if not study.mesh.nested or np.ptp(areas) > 1e-9 * areas[-1]:
-        notes.append(
-            "Levels are no uniform refinements of one another, or the boundary is curved: a coarse solution counts on "
-            "each triangle of the reference as what it is at its centre, which is exact where the reference refines "
-            "its mesh."
-        )
+    apart = (
+        "Levels are no uniform refinements of one another, or the boundary is curved: a coarse solution counts on each "
+    )
+    apart += (
+        "triangle of the reference as what it is at its centre, which is exact where the reference refines its mesh."
+    )
+    notes = [apart] if not study.mesh.nested or np.ptp(areas) > 1e-9 * areas[-1] else []
     return FineReference(levels[-1], study.mesh.nested), words, compared, notes
 
 
@@ -246,8 +247,7 @@ def _point(
 def _notes(
     study: Study, levels: list[SolvedLevel], reference: Reference | None, points: list[dict[str, Any]]
 ) -> Iterator[str]:
-    known = vertices(levels[-1].mesh.geometry.corners, study.scenes[0], lambda edge, at: False)
-    if study.exact is None and any(math.isnan(one.exponent) for one in known):
+    if any(NOT_ANALYSED in point.get("reason_u_energy", "") for point in points):
         yield (
             "Corners where edges meet without an angle are not analysed: expected orders are those of a solution that "
             "is smooth there, and lower ones are not called slow."

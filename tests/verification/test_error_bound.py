@@ -16,7 +16,7 @@ from tcstudy.errors import StudyError
 from tcstudy.fem.energy_error import own_strain, stress_of
 from tcstudy.offline.error_bound import ErrorBounds
 from tcstudy.offline.level import Level
-from tcstudy.reports.sentences import verdict
+from tcstudy.reports.terminal.summary import verdict_of
 from tcstudy.scene.points import why_no_bound
 from tcstudy.scene.records import Scene
 from tests.verification.scenes import levels_of, study_of
@@ -167,7 +167,7 @@ def test_a_tolerance_may_be_of_the_bound(tmp_path: Path) -> None:
     assert (bound[:, -1] <= 0.15).all()
     assert not (bound[:, :-1] <= 0.15).all(axis=0).any()
     assert "tolerance 0.15 met: bound of the relative error" in str(data["stop"].values[-1])
-    assert "error of u proved to be at most 1" in verdict(tmp_path / "s.nc")[0]
+    assert "error of u proved to be at most 1" in verdict_of(tmp_path / "s.nc")[0]
     (tmp_path / "s.yaml").write_text(text.replace("delta: 0.12", "delta: 0.05"))
     data = tcstudy.run(tmp_path / "s.yaml", tmp_path / "steep.nc").to_dataset()
     assert "no bound converges where ω ≥ λ₁ of the body" in str(data["stop"].values[-1])

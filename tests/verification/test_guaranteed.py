@@ -16,7 +16,7 @@ from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import slip_weakening
 from tcstudy.offline.guaranteed import Band, shape_constants
 from tcstudy.offline.level import Level
-from tcstudy.reports.sentences import verdict
+from tcstudy.reports.terminal.summary import verdict_of
 from tcstudy.scene.records import Scene
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, study_of
 
@@ -160,7 +160,7 @@ def test_a_study_says_what_is_proved_of_the_body(tmp_path: Path) -> None:
         (tmp_path / "s.yaml").write_text(STABILITY + f"solver: {name}\n")
         tree = tcstudy.run(tmp_path / "s.yaml", tmp_path / f"{len(found)}.nc")
         found.append(tree.to_dataset().load())
-        assert "of them for the body itself" in verdict(tmp_path / f"{len(found) - 1}.nc")[0]
+        assert "of them for the body itself" in verdict_of(tmp_path / f"{len(found) - 1}.nc")[0]
     data, other = found
     for name in ("lambda_1_low", "lambda_1_high", "lambda_1_dual", "proved_unique"):
         np.testing.assert_allclose(data[name], other[name], rtol=1e-12)
