@@ -22,7 +22,7 @@ from tcstudy.scene import study as records
 from tcstudy.scene.keys import rows
 
 if TYPE_CHECKING:
-    from tcstudy.data.provenance import Kind
+    from tcstudy.data.files import Kind
     from tcstudy.study.plan import Plan
 
 Changes = Sequence[str] | Mapping[str, object]
@@ -243,7 +243,7 @@ def _result(
 ) -> Result:
     """These results, computed unless their file holds them already; without a name that is one of the cache."""
     from tcstudy.commands.run import do, what_decides
-    from tcstudy.data.provenance import tell_stored
+    from tcstudy.data.files import tell_stored
 
     target, why = FilePath(output or ""), "computed now"
     if output is None:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-    from tcstudy.data.provenance import Kind
+    from tcstudy.data.files import Kind
     from tcstudy.scene.study import Study
 
 MOST_CACHED = 2**31
@@ -76,7 +76,7 @@ class Result:
 
     def to_dataframe(self) -> pandas.DataFrame:
         """A row a point and level (of a path a vertex, of a fit a datum), as `export` writes it to CSV; SI units."""
-        from tcstudy.data.provenance import kind_from
+        from tcstudy.data.files import kind_from
         from tcstudy.reports.export.table import ROWS
 
         data = self.tree.to_dataset()
@@ -135,7 +135,7 @@ def cached(kind: Kind, study: Study, **asked: object) -> FilePath:
 
     Its name has all that decides them: study, options, and versions of the program and its libraries.
     """
-    from tcstudy.data.provenance import program, study_sha256
+    from tcstudy.data.files import program, study_sha256
 
     key = sha256(repr((kind, study_sha256(study), sorted(asked.items()), program())).encode()).hexdigest()
     folder = os.environ.get("XDG_CACHE_HOME") or FilePath.home() / ".cache"

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import tcstudy
-from tcstudy.data.provenance import remarks_of
+from tcstudy.data.files import remarks_of
 from tcstudy.read.study import read_study_text
 from tests.commands import tcstudy_command
 

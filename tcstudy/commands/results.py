@@ -24,8 +24,7 @@ _INDICES = "of a run with drawn points: the number whose Sobol indices to show (
 )
 def show(options: argparse.Namespace) -> int:
     """Print again what run, converge or cost said."""
-    from tcstudy.data.files import attributes
-    from tcstudy.data.provenance import kind_of
+    from tcstudy.data.files import attributes, kind_of
     from tcstudy.scene.designs import SALTELLI
 
     kind = kind_of(options.file)
@@ -88,7 +87,7 @@ def exported(
     file: Path, form: str, target: Path | None, point: Mapping[str, Any] | None, level: int | None
 ) -> tuple[Path, list[str]]:
     """Write a result file in one of FORMS; what was written, and what there is to say of it."""
-    from tcstudy.data.provenance import tell_stored
+    from tcstudy.data.files import tell_stored
     from tcstudy.reports.text import counted
 
     tell_stored(file)

@@ -14,7 +14,7 @@ from tcstudy.commands import shared
 from tcstudy.commands.shared import MANNER, OK, SOME_FAILED, STUDY, Option, command, fail, file_name, option
 
 if TYPE_CHECKING:
-    from tcstudy.data.provenance import Kind
+    from tcstudy.data.files import Kind
     from tcstudy.scene.study import Study
 
 KEPT = {
@@ -157,7 +157,7 @@ def _dry_run(options: argparse.Namespace, study: Study) -> int:
     output = usable(study.kind, study, options.output)
     if study.kind == "path":
         study = options.read = outside_the_sweep(study)
-    from tcstudy.data.provenance import already_there
+    from tcstudy.data.files import already_there
     from tcstudy.reports.export.table import json_text
     from tcstudy.reports.terminal.progress import expected_words, forecast_text
     from tcstudy.study.plan import hands, plan, resources
@@ -237,7 +237,7 @@ def do(
             if not kept.todo.any():
                 return output, True, "has all these points" if append else there
         elif kind != "history" and not force:
-            from tcstudy.data.provenance import holds
+            from tcstudy.data.files import holds
 
             if holds(output, kind, study, **what_decides(kind, study, at)):
                 return output, True, there
@@ -293,7 +293,7 @@ def failures(output: Path) -> tuple[int, int]:
     import netCDF4
     import numpy as np
 
-    from tcstudy.data.provenance import SHORTFALLS
+    from tcstudy.data.files import SHORTFALLS
     from tcstudy.data.schema import PointStatus
 
     with netCDF4.Dataset(output) as nc:

@@ -119,8 +119,7 @@ def say(options: argparse.Namespace, path: Path, below: Sequence[str] = (), of: 
 
     Raises StoreError where the file was changed after it was written and does not hold what it should.
     """
-    from tcstudy.data.files import attributes, reading
-    from tcstudy.data.provenance import remarks_of, tell
+    from tcstudy.data.files import attributes, reading, remarks_of, tell
     from tcstudy.reports.terminal.summary import text_of, verdict_of
     from tcstudy.reports.terminal.tables import wrapped
 

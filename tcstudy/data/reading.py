@@ -1,13 +1,13 @@
 """Finished files read: as xarray has them, and back as the records that they were written of, to the bit.
 
 For studies that grow or are mended: what is read here goes through the one writer again. Not here: which
-points of which study these are (`tcstudy.study.append`), and the group `live`, which is made of the whole sweep.
+study a file has (`tcstudy.study.append`), and the group `live`, which is made of the whole sweep.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import product
 from pathlib import Path
@@ -17,13 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data import schema
-from tcstudy.data.files import attributes, reading
-from tcstudy.data.provenance import Kind, kind_of
+from tcstudy.data.files import Kind, attributes, kind_of, reading
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import SWEEP, PointStatus, line_variables
 from tcstudy.data.store import GEOMETRIES, Places, numbers, tile_shape, tiles
 from tcstudy.errors import StoreError
-from tcstudy.scene.study import Study
+from tcstudy.scene.study import Axis, Study
 
 if TYPE_CHECKING:
     import netCDF4
@@ -189,3 +188,18 @@ def _points(group: netCDF4.Group | None) -> int:
     """How many points may be in memory at a time."""
     widths = [1] if group is None else [int(d.size) for name, d in group.dimensions.items() if name.endswith("node")]
     return max(1, VALUES // max(32, *widths))
+
+
+def places_in(study: Study, other: Study) -> Places:
+    """(P,) where the points of another study with the same axes stand in this one, in C order of both; −1: nowhere."""
+    if not study.axes:
+        return np.zeros(1, dtype=np.intp)
+    own = {point: i for i, point in enumerate(points_of(study, study, lambda axis: axis.labels))}
+    return np.array([own.get(point, -1) for point in points_of(other, study, lambda axis: axis.labels)], dtype=np.intp)
+
+
+def points_of(study: Study, order: Study, of: Callable[[Axis], Iterable[Any]]) -> Iterator[tuple[Any, ...]]:
+    """What every point has of the axes, these in the order of another study, in C order of the points."""
+    at = [next(i for i, axis in enumerate(study.axes) if axis.path == one.path) for one in order.axes]
+    every = product if study.mode == "grid" else zip
+    return (tuple(point[i] for i in at) for point in every(*map(of, study.axes)))

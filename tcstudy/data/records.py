@@ -26,8 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.files import PARTIAL, remove_stale, special_file, sync_directory
-from tcstudy.data.provenance import program, study_sha256
+from tcstudy.data.files import PARTIAL, program, remove_stale, special_file, study_sha256, sync_directory
 from tcstudy.errors import StoreError, shortened
 from tcstudy.scene.study import Study
 

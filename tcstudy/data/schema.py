@@ -52,7 +52,7 @@ POINT = "point"
 """The one sweep dimension of a study in list mode."""
 T, RATE = "t", "J m-1/t"
 """Stand for the units of a path's parameter, and of an energy per unit of it, in a `FileVariable.units`."""
-POINT_LEVEL, _LEVEL = (SWEEP, "level"), ("level",)
+POINT_LEVEL, LEVEL = (SWEEP, "level"), ("level",)
 MISSING_COUNT = -1
 
 
@@ -139,9 +139,9 @@ _ROUNDED = "limited_by_rounding: above the tolerance by default, but no larger t
 _SLIVERS = f"unbalanced where heat_balance exceeds {HEAT_BOUND:g}: thin triangles cost digits of theta"
 
 ROOT: tuple[FileVariable, ...] = (
-    FileVariable("h_max", "f8", "m", "longest element edge", _LEVEL),
-    count("n_dof", "displacement unknowns", _LEVEL, {}),
-    count("n_contact", "contact unknowns m", _LEVEL, {}),
+    FileVariable("h_max", "f8", "m", "longest element edge", LEVEL),
+    count("n_dof", "displacement unknowns", LEVEL, {}),
+    count("n_contact", "contact unknowns m", LEVEL, {}),
     FileVariable("status", "i1", "1", "status of the point", extra=STATUS),
     FileVariable("reason", "str", "", "reason of the status", comment="why the point is not ok"),
     result("energy", "J m-1", "energy", "of the discrete problem at the solution, per unit thickness"),
@@ -175,7 +175,7 @@ ROOT: tuple[FileVariable, ...] = (
     result("theta_mean", "K", "mean temperature", "of the body above its stress-free state"),
     result("heat_balance", "1", "defect of heat balance", "heat through edges against heat put in, relative"),
     flag("heat_status", "verdict on heat balance", ("not_judged", "balanced", "unbalanced"), comment=_SLIVERS),
-    *(_time(what, _LEVEL) for what in ("mesh", "assemble")),
+    *(_time(what, LEVEL) for what in ("mesh", "assemble")),
     *(_time(what) for what in ("condense", "solve")),
 )
 
@@ -230,7 +230,7 @@ SOLVERS: tuple[FileVariable, ...] = (
 
 ESTIMATES: tuple[FileVariable, ...] = (
     result("error_estimate", "1", "estimated error", "of the displacement in the energy norm, over its own norm"),
-    FileVariable("stop", "str", "", "why refinement ended", _LEVEL),
+    FileVariable("stop", "str", "", "why refinement ended", LEVEL),
 )
 """What is kept where errors are estimated."""
 
@@ -270,7 +270,7 @@ def goal_variables(goal: Goal, exact: bool) -> tuple[FileVariable, ...]:
     return own[:2] if goal.known is None and not exact else own
 
 
-LEVEL_COORDINATE = FileVariable("level", "i4", "1", "mesh level", _LEVEL, coordinate=True)
+LEVEL_COORDINATE = FileVariable("level", "i4", "1", "mesh level", LEVEL, coordinate=True)
 
 _NODE, _END, _MESH_NODE = ("node",), ("held_end",), ("mesh_node",)
 _AT_NODE, _ON_LINE = {"coordinates": "arclength x y"}, (SWEEP, "node")

@@ -8,7 +8,7 @@ The file of a run is written once, from the records of the journal. Values by po
 tiles, as many at a time as MEMORY holds; blocks come in any order, so that each time all of them are looked through.
 
 The file of a sweep over geometries has one table of all points, with what a level has (h_max, n_dof, times) by
-geometry, and a group geometry_i with all that the file of a run of that geometry alone has, also /level_0, … with
+point, and a group geometry_i with all that the file of a run of that geometry alone has, also /level_0, … with
 profiles and fields, whose lengths differ from mesh to mesh. A point of a refused geometry has the status mesh_failed
 and its reason; such a geometry has no group, and −1 stands in place of its number in the variable `geometry`, by point.
 """
@@ -28,12 +28,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data import schema
-from tcstudy.data.files import FINISHED, write_dataset
-from tcstudy.data.provenance import CONTENT, Kind, without_paths
+from tcstudy.data.files import CONTENT, FINISHED, Kind, without_paths, write_dataset
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import (
     DIFFERENCE,
+    LEVEL,
     POINT,
+    POINT_LEVEL,
     RATE,
     RESERVED,
     SWEEP,
@@ -46,7 +47,7 @@ from tcstudy.data.schema import (
 from tcstudy.errors import StoreError
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import BODY
-from tcstudy.scene.study import Axis, Study, Variant
+from tcstudy.scene.study import Axis, Study
 
 if TYPE_CHECKING:
     import netCDF4
@@ -62,40 +63,15 @@ _WHAT = "i of the group geometry_i; -1 where the geometry was refused or has no 
 NUMBER = FileVariable("geometry", "i4", "1", "number of the geometry", (SWEEP,), _WHAT)
 
 
-def sweep_dims(study: Study) -> tuple[str, ...]:
-    """Names of the sweep dimensions, in the order of `study.shape`."""
-    return _dims_of(study, study.axes)
-
-
-def _dims_of(study: Study, axes: Sequence[Axis]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(axis_name(axis) if study.mode == "grid" else POINT for axis in axes))
-
-
-def outer_axes(study: Study) -> list[Axis]:
-    """The axes that change the geometry: those that its variants fix, in the order of the study."""
-    inner = next({axis.path for axis in one.study.axes} for one in study.variants if one.study is not None)
-    return [axis for axis in study.axes if axis.path not in inner]
-
-
-def geometry_dims(study: Study) -> tuple[str, ...]:
-    """Dimensions of what every geometry has once; none if there is one geometry."""
-    return _dims_of(study, outer_axes(study)) if study.variants else ()
+def sweep_dims(study: Study, *axes: Axis) -> tuple[str, ...]:
+    """Names of the dimensions of these axes, or of the whole sweep in the order of `study.shape`."""
+    return tuple(dict.fromkeys(axis_name(axis) if study.mode == "grid" else POINT for axis in axes or study.axes))
 
 
 def names_of(where: netCDF4.Dataset, variable: FileVariable, study: Study) -> tuple[str, ...]:
     """Names of the dimensions of a variable in a group; a list of points within a geometry has another length."""
     own = OWN_POINT if _GEOMETRY.match(where.path) else POINT
     return tuple(own if name == POINT else name for name in expand(variable.dims, study))
-
-
-def geometry_place(study: Study, variant: Variant) -> tuple[Any, ...]:
-    """Where a geometry stands along these dimensions."""
-    return tuple(variant.index) if study.mode == "grid" else (variant.places,)
-
-
-def geometry_shape(study: Study) -> tuple[int, ...]:
-    """Extent of these dimensions."""
-    return study.shape if study.mode != "grid" else tuple(len(axis.values) for axis in outer_axes(study))
 
 
 def expand(dims: tuple[str, ...], study: Study) -> tuple[str, ...]:
@@ -208,7 +184,7 @@ def dimensions(where: netCDF4.Dataset) -> dict[str, int]:
 def put_axes(nc: netCDF4.Dataset, study: Study) -> None:
     """Dimensions and coordinates of the sweep."""
     for axis in study.axes:
-        labels, dims = axis_labels(axis), _dims_of(study, (axis,))
+        labels, dims = axis_labels(axis), sweep_dims(study, axis)
         kind: Dtype = "str" if labels.dtype == object else "f8"
         extra = axis_attributes(axis)
         put(nc, FileVariable(axis_name(axis), kind, axis.units, "", dims, extra=extra, coordinate=True), study, labels)
@@ -241,7 +217,7 @@ def sweep_points(study: Study) -> xarray.Dataset:
 
     data = xarray.Dataset(attrs={"sweep_mode": study.mode})
     for axis in study.axes:
-        coordinate = (_dims_of(study, (axis,)), axis_labels(axis), axis_attributes(axis))
+        coordinate = (sweep_dims(study, axis), axis_labels(axis), axis_attributes(axis))
         data = data.assign_coords({axis_name(axis): coordinate})
     data["status"] = (sweep_dims(study), np.zeros(study.shape, dtype=np.int8))
     return data
@@ -259,7 +235,7 @@ class Results:
 
     levels, blocks: read anew whenever they are called, so that they need not fit into memory; of two records of one
                 point the last one counts, and points without any stay "not run"
-    attributes: global ones (`tcstudy.data.provenance`)
+    attributes: global ones (`tcstudy.data.files`)
     """
 
     study: Study
@@ -447,17 +423,18 @@ def _put_once(nc: netCDF4.Dataset, own: Results, geometries: Mapping[int, Result
             put(nc, FileVariable(dim, "str", "", what, (dim,), coordinate=True), study, list(names))
     sizes = {"level": study.mesh.levels, "start": len(schema.START_NAMES), "solver": len(study.solver.names)}
     left = _parts(nc, None, study, variables, sizes)
-    shape = (*(geometry_shape(study) if study.variants else ()), study.mesh.levels)
-    by_level = [(v, missing(v, shape)) for v in variables if v.dims == ("level",)]
+    shape, dims = (study.shape, POINT_LEVEL) if study.variants else ((), LEVEL)
+    by_level = [(v, missing(v, (math.prod(shape), study.mesh.levels))) for v in variables if v.dims == LEVEL]
     numbers = np.full(len(study.scenes), -1, dtype=np.int32)
     for number, one in geometries.items() if study.variants else ((0, own),):
-        place = geometry_place(study, study.variants[number]) if study.variants else ()
         numbers[study.bodies[number].places] = number
         for level in one.levels():
             for variable, values in by_level:
-                values[(*place, level.level)] = getattr(level, variable.name)
+                values[study.bodies[number].places if study.variants else 0, level.level] = getattr(
+                    level, variable.name
+                )
     for variable, values in by_level:
-        put(nc, replace(variable, dims=(*geometry_dims(study), "level")), study, values)
+        put(nc, replace(variable, dims=dims), study, values.reshape(*shape, -1))
     if study.variants:
         put(nc, NUMBER, study, numbers.reshape(study.shape))
         return left

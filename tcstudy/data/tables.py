@@ -30,8 +30,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.files import StoreError
-from tcstudy.data.provenance import OTHER_OUTPUT
+from tcstudy.data.files import OTHER_OUTPUT, StoreError
 from tcstudy.data.reading import by_point, load_root
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import (

@@ -229,7 +229,7 @@ def _geometries(
             own.append(f"{path}={json.dumps(value.plain(), ensure_ascii=False)}")
             with suppress(KeyError):  # something else stands there, which the section's reader records
                 made = put(made, split_path(path) or (), value)
-        yield Variant(", ".join(words), index, np.array(places, dtype=np.intp), None), made, rest, tuple(own)
+        yield Variant(", ".join(words), np.array(places, dtype=np.intp), None), made, rest, tuple(own)
 
 
 DERIVED = "derived"

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tcstudy.data.provenance import without_paths
+from tcstudy.data.files import without_paths
 from tcstudy.data.schema import PointStatus
 from tcstudy.errors import NUMBER, ranged
 from tcstudy.scene.keys import GREEK

@@ -542,7 +542,7 @@ class Study:
     @property
     def bodies(self) -> tuple[Variant, ...]:
         """The geometries of the sweep; without any the study itself as one."""
-        return self.variants or (Variant("", (), np.arange(len(self.scenes)), self),)
+        return self.variants or (Variant("", np.arange(len(self.scenes)), self),)
 
 
 @dataclass(frozen=True, eq=False)
@@ -550,14 +550,12 @@ class Variant:
     """One geometry of a sweep over numbers of the body or its meshes: its points share its mesh and factor.
 
     words:  its swept numbers, for messages
-    index:  place of each among the values of its axis
     places: (P,) its points in the sweep of the whole study, counted in C order
     study:  its study; None where the geometry is refused
     reason: why it is refused, in words
     """
 
     words: str
-    index: tuple[int, ...]
     places: NDArray[np.intp]
     study: Study | None
     reason: str = ""

@@ -28,8 +28,7 @@ from tcstudy.contact.history.memory import MemoryModel
 from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
 from tcstudy.contact.history.steps import HALFWAY, STEPS, derivative, history
 from tcstudy.contact.problem import CondensedBody
-from tcstudy.data.files import attributes
-from tcstudy.data.provenance import OTHER_OUTPUT, collect, holds, study_sha256, tell
+from tcstudy.data.files import OTHER_OUTPUT, attributes, collect, holds, study_sha256, tell
 from tcstudy.data.records import BlockRecord, Journal
 from tcstudy.data.schema import AT_EVENT, DIFFERENTIABLE, STEP_QUANTITIES, PointStatus, name_of
 from tcstudy.data.schema import SENSITIVITY_STATUS as SLOPES_STATUS
@@ -157,7 +156,7 @@ def _steps(
 
     def sent(point: int) -> Future[list[BlockRecord]]:
         pair = replace(study, scenes=(study.scenes[0], study.scenes[point]))
-        return submit(who, follow_point, pair, key, point, ends[point], name=f"history {point}")
+        return submit(who, follow_point, pair, key, point, ends[point], name=f"history {point}", seconds=each.seconds)
 
     for point, answer in zip(todo, in_order(who, map(sent, todo)), strict=True):
         try:

@@ -22,8 +22,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.files import check_writable
-from tcstudy.data.provenance import Kind, Remark, measured_path
+from tcstudy.data.files import Kind, Remark, check_writable
 from tcstudy.errors import NUMBER, GeometryFailed, UsageError, UserFault, ranged
 from tcstudy.expressions.expression import Expression
 from tcstudy.fem.geometry import Geometry, build
@@ -291,7 +290,7 @@ def output_of(study: Study, kind: Kind = "run") -> Path:
     stem = study.source.stem if study.source is not None else "study"
     output = study.output.path or Path("results") / f"{stem}.nc"
     if kind in ("convergence", "cost"):
-        return measured_path(output, kind)
+        return output.with_name(f"{output.stem}.{kind}.nc")
     return output if kind == "run" else output.with_name(f"{output.stem}-{kind}{output.suffix or '.nc'}")
 
 

@@ -11,21 +11,21 @@ points, and this process alone writes; a geometry that is long or large is solve
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from itertools import chain
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from tcstudy.data.files import check_writable
-from tcstudy.data.provenance import Remark, collect, holds, tell
+from tcstudy.data.files import Remark, check_writable, collect, holds, tell
+from tcstudy.data.reading import opened, places_in, read_blocks, read_level
 from tcstudy.data.records import BlockRecord, Journal, LevelRecord
 from tcstudy.data.schema import LIVE_PREFIX, PointStatus
 from tcstudy.data.store import Record, Results, write, write_record
@@ -36,7 +36,6 @@ from tcstudy.offline.level import Level, live_arrays
 from tcstudy.refine.family import ErrorEstimator, Family
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study, Variant
-from tcstudy.study.append import Kept, appended
 from tcstudy.study.level_solver import LevelSolver, Times, keeps_solutions
 from tcstudy.study.lint import built_faults, faults, output_of, warnings
 from tcstudy.study.point import all_failed
@@ -50,6 +49,9 @@ from tcstudy.study.workers import (
     predicted,
     submit,
 )
+
+if TYPE_CHECKING:
+    import netCDF4
 
 
 @dataclass(frozen=True)
@@ -273,13 +275,87 @@ class Summary:
     resumed: int
 
 
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """What a finished file has of a study, and what is still to be solved.
+
+    todo:   (P, levels) points that are not there, or broke down unexpectedly
+    stored: the study of the file; None where nothing is kept
+    """
+
+    study: Study
+    todo: NDArray[np.bool_]
+    path: Path = Path()
+    stored: Study | None = None
+
+    @classmethod
+    def of(cls, path: Path, stored: Study, study: Study) -> Kept:
+        """What failed by its own numbers would fail again; on meshes that follow from solutions all points stay."""
+        with opened(path) as nc:
+            again = np.isin(nc["status"][...], (PointStatus.NOT_RUN, PointStatus.ERROR)) & (not study.mesh.open_ended)
+        todo = np.ones((len(study.scenes), study.mesh.levels), dtype=bool)
+        todo[places_in(study, stored)] = again.reshape(-1, again.shape[-1])
+        return cls(study, todo, path, stored)
+
+    @classmethod
+    def none(cls, study: Study) -> Kept:
+        return cls(study, np.ones((len(study.scenes), study.mesh.levels), dtype=bool))
+
+    @cached_property
+    def _file(self) -> ExitStack:
+        return ExitStack()
+
+    @cached_property
+    def _groups(self) -> dict[int | None, tuple[netCDF4.Dataset, Study]]:
+        """The file and its study; of every body of the study that it has, its group there and its study there."""
+        if self.stored is None:
+            return {}
+        nc = self._file.enter_context(opened(self.path))
+        found: dict[int | None, tuple[netCDF4.Dataset, Study]] = {None: (nc, self.stored)}
+        if not self.study.variants:
+            return found | {0: (nc, self.stored)}
+        numbers = np.full(len(self.study.scenes), -1)  # of the groups that points belong to, −1 for none
+        numbers[places_in(self.study, self.stored)] = nc["geometry"][...].ravel()
+        for i, body in enumerate(self.study.bodies):
+            if (n := int(numbers[body.places].max())) >= 0 and (own := self.stored.bodies[n].study) is not None:
+                found[i] = nc[f"geometry_{n}"], own
+        return found
+
+    def levels(self, number: int) -> list[LevelRecord]:
+        """The levels of a body of the study, as a run found them."""
+        if number not in self._groups:
+            return []
+        nc, _ = self._groups[number]
+        return [read_level(nc, group) for group in nc.groups.values()]
+
+    def blocks(self, number: int) -> Iterator[BlockRecord]:
+        """The points of a body that stay."""
+        body = self.study.bodies[number]
+        if number in self._groups and body.study is not None:
+            nc, own = self._groups[number]
+            yield from read_blocks(nc, body.study, places_in(body.study, own), ~self.todo[body.places])
+
+    def before(self, attributes: Mapping[str, Any], number: int | None = None) -> Mapping[str, Any]:
+        """The attributes of a run, or of one of its geometries, with the file's history before its own."""
+        if number not in self._groups:
+            return attributes
+        return {**attributes, "history": f"{self._groups[number][0].getncattr('history')}\n{attributes['history']}"}
+
+    def close(self) -> None:
+        """Close the file, which stays open once something of it was asked for: with many groups opening takes long."""
+        self._file.close()
+
+
 def what_is_left(study: Study, output: Path, force: bool, append: bool) -> tuple[Study, Kept]:
     """(the study of the whole file, what the file keeps of it).
 
     append: the file may have other points of the study, which stay. Raises StoreError if it holds something else.
     """
     if append:
-        return appended(output, study)
+        from tcstudy.study.append import appended  # which reads the study of the file again
+
+        old, study = appended(output, study)
+        return study, Kept.of(output, old, study)
     there = not force and holds(output, "run", study)
     return study, Kept.of(output, study, study) if there else Kept.none(study)
 

@@ -18,7 +18,7 @@ import scipy.linalg
 
 import tcstudy
 from tcstudy.contact.problem import CondensedBody
-from tcstudy.data.provenance import collect
+from tcstudy.data.files import collect
 from tcstudy.data.records import Journal
 from tcstudy.data.store import Results, write
 from tcstudy.executors.processes import keep_freed_memory

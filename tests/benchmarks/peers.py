@@ -29,7 +29,7 @@ from tcstudy.contact.bundle import solve_with_bundle
 from tcstudy.contact.problem import ContactProblem, Status
 from tcstudy.contact.solution import polished
 from tcstudy.contact.solve import solve_contact
-from tcstudy.data.provenance import package_versions
+from tcstudy.data.files import package_versions
 from tests.benchmarks.cases import Case, families, publish
 from tests.benchmarks.semismooth import semismooth_newton
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data import store
-from tcstudy.data.provenance import collect
+from tcstudy.data.files import collect
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import PointStatus
 from tcstudy.scene.study import Study

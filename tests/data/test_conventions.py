@@ -12,7 +12,7 @@ import netCDF4
 import numpy as np
 import pytest
 
-from tcstudy.data.provenance import collect
+from tcstudy.data.files import collect
 from tcstudy.data.store import write_record
 from tcstudy.data.tables import convergence_record, convergence_table
 from tcstudy.read.study import read_study_text

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tcstudy.data.provenance import collect, git_commit, study_sha256, without_paths
+from tcstudy.data.files import collect, git_commit, study_sha256, without_paths
 from tcstudy.laws.laws import Laws
 from tcstudy.scene.records import Body, BrepFace, Heat, Material, Scene
 from tcstudy.scene.study import Study

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 import xarray
 
-from tcstudy.data import provenance as provenance_module
-from tcstudy.data.files import StoreError, attributes, change_of, check_writable, is_foreign, reading, seal_of
-from tcstudy.data.provenance import holds
+from tcstudy.data import files as provenance_module
+from tcstudy.data.files import StoreError, attributes, change_of, check_writable, holds, is_foreign, reading, seal_of
 from tcstudy.data.reading import open_results
 from tcstudy.scene.study import Study
 from tcstudy.study.append import stored_study

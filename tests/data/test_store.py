@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from tcstudy.data import schema, store
-from tcstudy.data.files import StoreError
-from tcstudy.data.provenance import collect
+from tcstudy.data.files import StoreError, collect
 from tcstudy.data.reading import open_results
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import PointStatus

@@ -5,11 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tcstudy.data.reading import places_in
 from tcstudy.data.store import sweep_points
 from tcstudy.errors import StoreError, StudyError
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import Study
-from tcstudy.study.append import merge_studies, places_in
+from tcstudy.study.append import merge_studies
 
 BASE = """
 body: {rectangle: {width: 2 m, height: 1 m}}

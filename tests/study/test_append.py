@@ -8,12 +8,13 @@ import xarray as xr
 
 import tcstudy
 from tcstudy.cli import main
+from tcstudy.data.reading import places_in
 from tcstudy.data.schema import PointStatus
 from tcstudy.errors import StudyError
 from tcstudy.laws.laws import Laws
 from tcstudy.read.study import read_study_text
 from tcstudy.study import level_solver
-from tcstudy.study.append import differences, merge_studies, places_in
+from tcstudy.study.append import differences, merge_studies
 from tests.commands import CONFIGS
 from tests.verification.scenes import RECTANGLE, study_of
 

@@ -14,9 +14,8 @@ from tcstudy.errors import GeometryFailed, StudyError
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.terminal.summary import text_of
 from tcstudy.study import cost
-from tcstudy.study.append import appended
 from tcstudy.study.plan import plan
-from tcstudy.study.run import execute
+from tcstudy.study.run import execute, what_is_left
 from tests.study.test_append import Counted
 
 BAR = """
@@ -55,7 +54,7 @@ def test_a_bar_of_several_lengths_has_the_closed_form_and_the_bits_of_single_run
     """u_end = g L/E, in P1 exactly; lengths are sorted in the file, profiles are those of a study of one length."""
     tree = xr.load_datatree(bar)
     data = tree.to_dataset()
-    assert data["h_max"].dims == ("width", "level")
+    assert data["h_max"].dims == ("width", "E", "level")
     assert data["width"].values.tolist() == [0.1, 0.2, 0.4]
     assert right(tree)
     group = tree[f"geometry_{int(data['geometry'].sel(width=0.1)[0])}"]
@@ -149,7 +148,7 @@ def test_files_of_geometries_grow_and_are_mended(tmp_path: Path, monkeypatch: py
     execute(read_study_text(ONE, "s", ["sweep={body.rectangle.width: [400 mm, 100 mm], E: [70 GPa]}"]), path)
     shutil.copy(path, before)
     more = read_study_text(ONE, "s", ["sweep={body.rectangle.width: [0.1, 0.2], E: [70 GPa, 35 GPa]}"])
-    study, kept = appended(path, more)
+    study, kept = what_is_left(more, path, force=False, append=True)
     counted.most = 2 + 1
     with pytest.raises(KeyboardInterrupt):
         execute(study, path, kept=kept)

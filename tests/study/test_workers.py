@@ -15,11 +15,11 @@ from netgen import occ
 
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import PointStatus
-from tcstudy.executors.processes import ProcessExecutor, SerialExecutor
+from tcstudy.executors.processes import ProcessExecutor, SerialExecutor, WorkersFailed
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.study import workers as who
-from tcstudy.study.append import Kept
-from tcstudy.study.run import LevelWork, execute, run, solve_geometry
+from tcstudy.study.history_run import execute_history
+from tcstudy.study.run import Kept, LevelWork, execute, run, solve_geometry
 from tcstudy.study.workers import Resources, submit
 from tests.benchmarks.kills import assert_same, children
 from tests.executors.test_processes import CRUEL
@@ -134,6 +134,24 @@ def test_a_geometry_that_kills_its_workers_is_told_and_the_rest_goes_on(
     assert told.startswith("WorkerDied: the worker process that solved this died: ")
     execute(study, path, jobs=1, kept=Kept.of(path, study, study))
     assert_same(alone, path)
+
+
+def test_a_long_history_is_not_taken_for_one_that_hangs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A worker may take many times what its steps are expected to take, though that be hours."""
+    allowed = list[float]()
+
+    class Asked(SerialExecutor):
+        def submit(self, call: Any, *given: Any) -> Future[Any]:
+            allowed.append(call.timeout)
+            raise WorkersFailed("asked")
+
+    monkeypatch.setattr(who.WorkerPool, "whole", lambda *_: Asked())
+    steps = "history={memory: friction, steps: [{f_x: 0.1, in: 50000}]}"
+    for number in ("50000", "5"):
+        study = study_of(RECTANGLE, steps.replace("50000", number), "loads.f=[0, 0]")
+        with pytest.raises(WorkersFailed, match="asked"):
+            execute_history(study, tmp_path / "out.nc", force=True)
+    assert allowed[0] > 10 * allowed[1] > 0
 
 
 def test_a_body_from_a_file_travels_as_its_content(tmp_path: Path) -> None:

@@ -30,8 +30,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.files import reading, replace_file
-from tcstudy.data.provenance import kind_of
+from tcstudy.data.files import kind_of, reading, replace_file
 from tcstudy.data.reading import by_point, each_point, open_results, refuse_geometries
 from tcstudy.data.schema import LAYER, SECTION, STICKS, PointStatus
 from tcstudy.errors import UsageError

@@ -21,8 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tcstudy.data.files import check_writable, reading, replace_file
-from tcstudy.data.provenance import WARNINGS, kind_of, remarks_of
+from tcstudy.data.files import WARNINGS, check_writable, kind_of, reading, remarks_of, replace_file
 from tcstudy.data.reading import load_root, open_root
 from tcstudy.errors import StoreError, UsageError
 from tcstudy.reports.page.parts import Json, flag_words, plain

@@ -8,8 +8,7 @@ from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tcstudy.data.files import attributes, reading
-from tcstudy.data.provenance import Kind, kind_of, remarks_of
+from tcstudy.data.files import Kind, attributes, kind_of, reading, remarks_of
 from tcstudy.data.reading import load_root
 from tcstudy.errors import UsageError, tell
 from tcstudy.reports.figures import style

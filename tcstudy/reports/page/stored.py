@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.data.provenance import kind_of
+from tcstudy.data.files import kind_of
 from tcstudy.data.reading import GEOMETRIES, of_largest, open_results, sweep_dims
 from tcstudy.errors import StoreError
 from tcstudy.reports.picture import stored_study

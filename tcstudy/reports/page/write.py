@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
-from tcstudy.data.files import check_writable, reading, replace_file
-from tcstudy.data.provenance import remarks_of
+from tcstudy.data.files import check_writable, reading, remarks_of, replace_file
 from tcstudy.data.reading import asked, each_point
 from tcstudy.errors import PageError, tell
 from tcstudy.reports import sentences

@@ -12,7 +12,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
-from tcstudy.data.provenance import without_paths
+from tcstudy.data.files import without_paths
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import PointStatus
 from tcstudy.data.store import sweep_points

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tcstudy.data.provenance import kind_of
+from tcstudy.data.files import kind_of
 from tcstudy.data.reading import (
     GEOMETRIES,
     asked,

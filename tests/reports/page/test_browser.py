@@ -12,7 +12,7 @@ import pytest
 import tcstudy
 from tcstudy.cli import main
 from tcstudy.contact.problem import ContactProblem
-from tcstudy.data.provenance import collect
+from tcstudy.data.files import collect
 from tcstudy.data.store import write_record
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.shapes import LENGTH, SHAPES, STIFFNESS, TRACTION

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tcstudy.commands.draw import picture
-from tcstudy.data.provenance import collect
+from tcstudy.data.files import collect
 from tcstudy.data.schema import PointStatus
 from tcstudy.data.store import write_record
 from tcstudy.data.tables import VERDICTS, convergence_record

@@ -7,7 +7,7 @@ import pytest
 
 from tcstudy.accuracy.orders import dominated
 from tcstudy.commands.draw import picture
-from tcstudy.data.provenance import collect
+from tcstudy.data.files import collect
 from tcstudy.data.reading import load_root
 from tcstudy.data.schema import PointStatus
 from tcstudy.data.store import Record, write_record
