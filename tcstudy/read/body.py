@@ -297,7 +297,8 @@ def mesh_faults(plan: MeshPlan, area: float, size: float, units: str) -> Iterato
         triangles = min(area / (math.sqrt(3.0) / 4.0) / h / h * 4.0**refinements, sys.float_info.max)
         if triangles > MAX_TRIANGLES:
             least = h * math.sqrt(triangles / MAX_TRIANGLES)
-            remedy = f"choose maxh above {least:.2g}{unit}" + (" or fewer levels" if refinements else "")
+            larger = f"choose maxh above {least:.2g}{unit}" + (" or fewer levels" if refinements else "")
+            remedy = larger if least <= size else "give fewer levels"
             yield i, f"about 10^{math.log10(triangles):.1f} triangles are more than a study can use", remedy
 
 

@@ -182,9 +182,10 @@ class Collector:
     def at_mark(self, mark: Mark, key: str, *said: str) -> None:
         self._count += 1
         what, remedy = halves(said)
-        if mark in self._unreadable or (self.point and not {(mark, key), what}.isdisjoint(self._met)):
+        same: set[object] = {(mark, key), (key.rpartition(".")[2].partition("[")[0], what)}  # or of another value of it
+        if mark in self._unreadable or (self.point and not same.isdisjoint(self._met)):
             return
-        self._met |= {(mark, key), what}
+        self._met |= same
         if self.point and (self.drawn or not key.startswith("sweep")):
             what = f"{what} ({'' if self.drawn else 'with '}{self.point})"
         problem = Problem(mark.file, mark.line, mark.column, key, what, remedy)

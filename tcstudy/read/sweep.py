@@ -318,8 +318,8 @@ def _columns(ctx: Context, points: Node) -> Iterator[tuple[str, str, Node, Nodes
     listed = ctx.items(points, "a list of points {PARAMETER: value, ...}", least=1)
     for point in listed:
         if not point.children or {*point.children} != {*listed[0].children}:
-            names = ", ".join(point.children) or point.kind()
-            what = f"names {names}, but the first point {', '.join(listed[0].children) or listed[0].kind()}"
+            said = f"names {', '.join(point.children)}" if point.children else f"is {point.kind()}"
+            what = f"{said}, but the first point names {', '.join(listed[0].children) or 'nothing'}"
             ctx.at(point, what, "write {PARAMETER: value, ...} with the same parameters in every point")
             return
     for key, item in listed[0].children.items() if listed else ():
