@@ -524,7 +524,7 @@ def _drawn(
             values = tuple(replace(node, value=value, shown_in=unit) for value in found.at(u).tolist())
             axes.append(_axis(ctx, key, node, parameter, values, (), str(found)))
         elif found is not None:
-            names, entries = (tuple(found), tuple(found.values())) if isinstance(found, dict) else ((), found)
+            names, entries = found
             which = np.minimum((u * len(entries)).astype(int), len(entries) - 1).tolist()
             said = f"choice({', '.join(names or [entry.text() for entry in entries])})"
             values, labels = tuple(entries[i] for i in which), tuple(names[i] for i in which if names)
@@ -557,15 +557,16 @@ def _correlation(
     return R
 
 
-Choice = dict[str, Node] | tuple[Node, ...]
+Choice = tuple[tuple[str, ...], Nodes]
+"""Names, if laws or materials have some, and values."""
 
 
 @none_after_fault
 def _distribution(ctx: Context, node: Node, parameter: Parameter, mode: str) -> Distribution | Choice | None:
     whole, dimension = parameter.is_whole, parameter.row.dimension
     found: Choice | Distribution | None = None
-    if whole and parameter.several(node):
-        found = parameter.several(node)
+    if several := parameter.several(node) if whole else {}:
+        found = tuple(several), tuple(several.values())
     elif whole or not isinstance(node.value, Mapping):
         shape = f"{{NAME: {{{WHOLE[parameter.row.kind][0]}: ...}}, NAME: ...}}" if whole else "{uniform: [a, b]}"
         remedy = f"with mode: {mode} write {shape}" + ("" if whole else " or {choice: [a, b]}")
@@ -574,7 +575,7 @@ def _distribution(ctx: Context, node: Node, parameter: Parameter, mode: str) -> 
         kind, item = only_key(ctx, node, "distribution", "{uniform: [a, b]}")
         ctx.sound()
         if kind == "choice":
-            found = ctx.items(item, "a list of values", least=1)
+            found = (), ctx.items(item, "a list of values", least=1)
         elif parameter.row.kind not in NUMBERS:
             ctx.at(item, f"{parameter.path[-1]} is no single number", "write {choice: [..., ...]}")
         else:
@@ -586,8 +587,9 @@ def _distribution(ctx: Context, node: Node, parameter: Parameter, mode: str) -> 
                 numbers = tuple(inner.value(name, of.get(name, dimension)) for name in names)
             ctx.sound()
             found = Distribution(kind, tuple(zip(names, numbers, strict=True)))
-            if any(found.fault):
-                ctx.at(item, *found.fault)
+            if not found.is_sound:
+                remedy = "its ends grow, those of a logarithm, sigma and a median are above 0, a mode is between ends"
+                ctx.at(item, f"{found} is no distribution", remedy)
     ctx.sound()
     if mode == SALTELLI and not isinstance(found, Distribution):
         remedy = "give it a distribution of numbers, or write one study for each value"

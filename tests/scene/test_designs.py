@@ -59,5 +59,5 @@ Z = special.ndtri(U)
 )  # fmt: skip
 def test_values_are_quantiles(kind: str, numbers: dict[str, float], expected: np.ndarray) -> None:
     one = Distribution(kind, tuple(numbers.items()))
-    assert one.fault == ("", "")
+    assert one.is_sound
     np.testing.assert_allclose(one.at(U), expected, rtol=1e-13)
