@@ -20,8 +20,8 @@ from tcstudy.condense import NotPositiveDefinite
 from tcstudy.contact.all_solutions import Limits
 from tcstudy.contact.certificates import certify_rows, solution_boxes
 from tcstudy.contact.history.steps import hysteresis
-from tcstudy.contact.path.follow import Follower, ParametricProblem, Path
-from tcstudy.contact.path.problem import WHOLE, PathStatus, by_code
+from tcstudy.contact.path.follow import Follower, ParametricProblem, Path, Progress
+from tcstudy.contact.path.problem import WHOLE, PathStatus
 from tcstudy.contact.path.query import (
     Branches,
     PathSolution,
@@ -42,7 +42,7 @@ from tcstudy.errors import GeometryFailed, PathError
 from tcstudy.laws.composed import piecewise_linear
 from tcstudy.laws.laws import Laws
 from tcstudy.offline.level import Level
-from tcstudy.scene.histories import ContactState, contact_states
+from tcstudy.scene.histories import ContactState, node_states
 from tcstudy.scene.parameters import path_scene
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Acceptance, Branch, Direction, PathPlan, Study
@@ -51,7 +51,6 @@ from tcstudy.study.run import stages, to_file
 
 Array = NDArray[np.float64]
 Values = dict[str, Any]
-Progress = Callable[[int, float], None]
 LIMITS = Limits(boxes=20_000, seconds=20.0)
 """Of each of the slabs that a range is proved in."""
 
@@ -131,7 +130,7 @@ def followed(
     begin: float,
     direction: Direction,
     name: str,
-    progress: Callable[[int, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> tuple[Path, Array]:
     """The path from a solution at t = begin, and that (m,); branch: of `solve_contact`;  name: of t, for messages.
 
@@ -178,7 +177,6 @@ def follow_path(study: Study, progress: Progress | None = None) -> Record:
     if plan.complete:
         every = all_branches(straight, plan.begin, plan.end, lambda_1, LIMITS, plan.at)
     told: Values = {"parameter": plan.name, "parameter_range": np.array([plan.begin, plan.end])}
-    told["parameter_within"] = np.array(plan.within)
     for name, status in (("begin", path.begin), ("end", path.end)):
         told |= {f"{name}_status": status.name.lower(), f"{name}_reason": status.reason}
     low = lowest(path)
@@ -205,7 +203,7 @@ def follow_path(study: Study, progress: Progress | None = None) -> Record:
 
 
 def _curve(load: AffineLoad, path: Path) -> Values:
-    state = by_code(path.problem.law, contact_states)[path.codes]
+    state = node_states(path.problem.law, 0.5 * (path.u[1:] + path.u[:-1]), sticks=False)
     return {
         **load.states("", path.t, path.u, path.traction, path.problem.law),
         "energy_rate": load.constant.deriv()(path.t) - path.conjugate,

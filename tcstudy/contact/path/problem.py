@@ -11,7 +11,6 @@ law, so that a piece's code says of which law it is and whatever is asked by cod
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
@@ -162,14 +161,6 @@ class LawGraph:
         """Sense in which |s| grows on a segment that lies on one side of 0, else 0."""
         sense = np.where(self.low >= 0.0, 1.0, np.where(self.high <= 0.0, -1.0, 0.0))
         return np.asarray(self.free * sense)
-
-
-def by_code(law: Laws, answer: Callable[[Laws], NDArray[Any]]) -> NDArray[Any]:
-    """What `answer` says of the pieces (2K+1,) of a law, by the codes of its graph."""
-    table = law.tables
-    rows = [answer(own) for own in table.laws]
-    width = 2 * table.kinks.shape[1] + 1
-    return np.concatenate([np.append(row, np.repeat(row[-1:], width - len(row))) for row in rows])
 
 
 def law_graph(law: Laws) -> LawGraph:
