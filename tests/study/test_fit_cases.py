@@ -146,7 +146,9 @@ def test_a_law_of_two_points_cannot_be_smooth(tmp_path: Path) -> None:
 
 def test_an_assumed_noise_does_not_end_the_search(tmp_path: Path) -> None:
     """A known one does (test_fit)."""
-    found = tcstudy.run(heated(tmp_path, HEATED.replace("  noise: {", "  # {")), tmp_path / "b.nc")
+    found = tcstudy.run(
+        heated(tmp_path, HEATED.replace("  noise: {", "  # {").replace("maxh: 20 mm", "maxh: 50 mm")), tmp_path / "b.nc"
+    )
     assert found["start_count"].values.tolist() == [5]  # all agree
     words = "u_T_max and friction_resultant are measured equally well, in parts of their ranges"
     assert found.attrs["noise_assumed"] == words

@@ -71,7 +71,7 @@ boundary: {bottom: contact, left: clamped, right: free, top: {role: traction, g:
 material: {E: 1, nu: 0.3}
 friction: {law: tresca, tau: "0.01*s"}
 mesh: {maxh: 0.2, levels: 2}
-sweep: {parameters.s: [2, 1, 1.5, 1.2], E: [1, 2, 3]}
+sweep: {parameters.s: [2, 1, 1.5], E: [1, 2, 3]}
 """
 """With a body that is too short for its hole."""
 
@@ -111,8 +111,8 @@ def test_workers_write_the_file_of_one_process_though_one_is_killed(alone: Path,
 
     watch = Watch(2, kill)
     summary = execute(read_study_text(BARS), tmp_path / "out.nc", watch, jobs=2)
-    assert (summary.points, summary.failed) == (24, 0)
-    assert (watch.levels, watch.points, sum(work.points for work in watch.work)) == (8, 24, 24)
+    assert (summary.points, summary.failed) == (18, 0)
+    assert (watch.levels, watch.points, sum(work.points for work in watch.work)) == (6, 18, 18)
     assert_same(alone, tmp_path / "out.nc")
     assert [one.name for one in tmp_path.iterdir()] == ["out.nc"]
 
@@ -125,7 +125,7 @@ def test_a_geometry_that_kills_its_workers_is_told_and_the_rest_goes_on(
     with monkeypatch.context() as patched:
         patched.setattr(who, "ProcessExecutor", partial(ProcessExecutor, command=(CRUEL, "kill", "0.015", str(pids))))
         summary = execute(study, path, jobs=2)
-    assert (summary.points, summary.failed) == (24, 6)
+    assert (summary.points, summary.failed) == (18, 6)
     assert len(set(pids.read_text().split())) == 2
     with xr.open_datatree(path) as tree:
         assert np.all(tree["status"].sel(s=1.5) == PointStatus.ERROR)

@@ -212,10 +212,10 @@ def test_estimates_against_the_finest_of_nested_levels(text: str) -> None:
 
 @pytest.fixture(scope="module")
 def errors() -> dict[str, np.ndarray]:
-    """(unknowns, true error, estimate) by family; the reference has some 40,000 unknowns."""
+    """(unknowns, true error, estimate) by family; the reference has some 20,000 unknowns."""
     singular = tcstudy.load(Path(__file__).parents[2] / "configs" / "singular.yaml")
     maxh, most = singular.mesh.maxh, 5000
-    adaptive = list(solved_levels(singular, MeshPlan(maxh, 60, "adaptive"), 40_000))
+    adaptive = list(solved_levels(singular, MeshPlan(maxh, 60, "adaptive"), 20_000))
     families = {
         "adaptive": [s for s in adaptive if s.n_dof <= most],
         "graded": list(solved_levels(singular, MeshPlan(maxh, 3, "graded"))),
