@@ -322,8 +322,8 @@ def _rows_along(
     return row, np.sign(sign)
 
 
-BONUS_ORDER = 4
-"""Extra quadrature order for data given as expressions; products of numbers and P1 functions are exact without it."""
+DEGREES = {ngs.SEGM: 6, ngs.TRIG: 5}
+"""Up to which quadrature of data given as expressions is exact, times φ; of numbers 1 is enough."""
 
 Moduli = tuple[tuple[Where, float, float], ...]
 """Where the body has which λ and μ [Pa]."""
@@ -417,7 +417,7 @@ def source_load(mesh: PlaneMesh, density: Scalar, omega: tuple[str, ...]) -> Arr
 
 def _load(mesh: PlaneMesh, density: Scalar, nodes: NDArray[np.intp], size: Array, kind: Any) -> Array:
     """∫ q φ_i over segments or triangles with these nodes (e, k) and sizes over that of the unit one (e,)."""
-    rule = ngs.IntegrationRule(kind, 1 + BONUS_ORDER * isinstance(density, Expression))
+    rule = ngs.IntegrationRule(kind, DEGREES[kind] if isinstance(density, Expression) else 1)
     corners, parts = mesh.points[nodes], np.zeros(nodes.shape)
     for at, weight in zip(rule.points, rule.weights, strict=True):
         phi = np.array([*at, 1.0 - sum(at)])

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from tcstudy.fem.forms import ContactLine, constrain
+from tcstudy.expressions.expression import parse
+from tcstudy.fem.forms import ContactLine, constrain, edge_load, source_load
 from tcstudy.fem.geometry import GeometryFailed
 from tcstudy.scene.records import Clamped, Contact
 from tests.verification.scenes import RECTANGLE, levels_of, study_of
@@ -35,6 +36,13 @@ def test_a_corner_of_the_contact_line_is_held() -> None:
     assert np.allclose(line.xy[floor, 1], 0)
     assert np.allclose(line.xy[~floor, 0], 1)
     assert line.c[floor].sum() == pytest.approx(1.0)
+
+
+def test_loads_integrate_polynomials_of_degree_4_and_5_times_hats() -> None:
+    mesh = levels_of(study_of(L_SHAPE, "mesh.levels=1"))[0].mesh
+    x = mesh.points[:, 0]
+    assert x @ source_load(mesh, parse("x^4"), ()) == pytest.approx((1 + 2 * 63) / 6, rel=1e-13)
+    assert x @ edge_load(mesh, parse("x^5"), ("floor",)) == pytest.approx(1 / 7, rel=1e-13)
 
 
 def test_two_separate_parts_and_a_closed_hole() -> None:
