@@ -6,7 +6,12 @@ lies on the straight line. All steps of all points share the mesh, and those of 
 Of a sweep whole histories are work for workers, where these pay: each makes the mesh once and follows one point after
 the other; this process takes their steps in the order of the sweep and alone writes.
 
-Derivatives are differences of whole histories on the same mesh (`contact.history.steps`), all side by side.
+Derivatives are differences of whole histories on the same mesh, all side by side. These are exact to rounding, and
+smooth in a number p but for events, where one-sided derivatives differ. With D± = ±(f(p ± h) − f(p))/h at two steps h
+the part of D⁺ − D⁻ that stays as h → 0 is such a difference; what falls like h is curvature, which D at both steps
+gives on either side, also where an event lies between the steps of the other one. Of the values that either step gives
+that is taken which errs least. Where a number can only grow, or only fall, D is looked at on one side, at three steps:
+for a smooth f they lie on a line. What errs by more than AGREES is NaN.
 """
 
 from __future__ import annotations
@@ -24,9 +29,8 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from tcstudy.condense import NotPositiveDefinite
-from tcstudy.contact.history.memory import MemoryModel
-from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
-from tcstudy.contact.history.steps import HALFWAY, STEPS, derivative, history
+from tcstudy.contact.history.memory import HistoryProblem, HistoryStep, MemoryModel
+from tcstudy.contact.history.steps import history
 from tcstudy.contact.problem import CondensedBody
 from tcstudy.data.files import OTHER_OUTPUT, attributes, collect, holds, study_sha256, tell
 from tcstudy.data.records import BlockRecord, Journal
@@ -300,6 +304,38 @@ def step_derivatives(study: Study, level: Level, scene: Scene, point: int) -> It
         if not np.all(np.isfinite(list(found.values()))):
             found[SLOPES_STATUS] = AT_EVENT
         yield found
+
+
+STEPS = (1e-4, 1e-5)
+"""Of a number, relative to its scale."""
+HALFWAY = 0.5 * (STEPS[0] + STEPS[1])
+"""The third step where there is but one side."""
+AGREES, SMALL = 2e-6, 1e-2
+"""Of a derivative, or of this part of f per scale if that is more, by which it may err."""
+
+
+def derivative(middle: Array, beside: Array, scale: float) -> Array:
+    """(n,) df/dp from f (n,) at p and f beside it; NaN where there is none.
+
+    beside: (4, n) at p + STEPS and at p − STEPS times the scale of p; or (3, n) at p + STEPS and HALFWAY, scale < 0
+            where p can only fall
+    """
+    one, other = STEPS
+    if len(beside) == 4:
+        h = np.array(STEPS)[:, None] * scale
+        plus, minus = (beside[:2] - middle) / h, (middle - beside[2:]) / h
+        (far, near), apart = 0.5 * (plus + minus), plus - minus
+        above, below = ((side[0] - side[1]) * other / (one - other) for side in (plus, -minus))
+        bend = np.array([0.0 * above, above + below, 2.0 * above, 2.0 * below])
+        values, errors = np.array([far, *(near + 0.0 * bend)]), np.array([apart[0], *(apart[1] - bend)])
+    else:
+        far, near, between = (beside - middle) / (np.array([*STEPS, HALFWAY])[:, None] * scale)
+        values = ((one * near - other * far) / (one - other))[None]
+        errors = (between - 0.5 * (far + near))[None]
+    errors = np.where(np.isfinite(errors), np.abs(errors), np.inf)
+    at = np.argmin(errors, axis=0), np.arange(errors.shape[1])
+    value, error = values[at], errors[at]
+    return np.where(error <= AGREES * np.maximum(np.abs(value), SMALL * np.abs(middle / scale)), value, np.nan)
 
 
 def _value(plan: HistoryPlan, level: Level, scene: Scene, number: Sensitivity) -> tuple[float, float]:

@@ -297,7 +297,7 @@ def _loop(
         "energy_lost": loop.lost,
         "loop_area": loop.area,
         "loop_closed": int(loop.closed),
-        "loop_complete": int(loop.complete),
+        "loop_complete": int(not loop.reason),
     }, loop.reason or "both ends of the range of t were reached"
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tcstudy.contact.history.problem import HistoryStep
+from tcstudy.contact.history.memory import HistoryStep
 from tcstudy.data.schema import DIFFERENTIABLE, PointStatus, name_of
 from tcstudy.errors import StoreError
 from tcstudy.executors.processes import ProcessExecutor

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tcstudy.contact.history.memory import MemoryModel
-from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
+from tcstudy.contact.history.memory import HistoryProblem, HistoryStep, MemoryModel
 from tcstudy.contact.history.steps import history
 from tcstudy.contact.problem import CondensedBody
 from tcstudy.laws.laws import Laws

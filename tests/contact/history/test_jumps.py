@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tcstudy.contact.history.problem import HistoryStep
+from tcstudy.contact.history.memory import HistoryStep
 from tcstudy.contact.history.steps import history
 from tcstudy.laws.laws import Laws
 from tcstudy.matrices import law

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tcstudy.contact.history.problem import HistoryProblem
+from tcstudy.contact.history.memory import HistoryProblem
 from tcstudy.contact.history.steps import next_step
 from tcstudy.matrices import law
 from tcstudy.scene.histories import Memory

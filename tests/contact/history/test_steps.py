@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tcstudy.contact.history.problem import HistoryProblem, HistoryStep
+from tcstudy.contact.history.memory import HistoryProblem, HistoryStep
 from tcstudy.contact.history.steps import history
 from tcstudy.contact.problem import Status
 from tcstudy.laws.laws import Laws
