@@ -154,9 +154,7 @@ def _attributes(path: Path) -> dict[str, Any]:
 
 def change_of(path: Path) -> str:
     """That another program has changed a result file since tcstudy wrote it; empty if none has.
-
-    Raises StoreError if it is no result file.
-    """
+    Raises StoreError if it is no result file."""
     attributes(path)
     return "" if seal_of(path) else f"{path} was changed since tcstudy wrote it"
 
@@ -233,9 +231,7 @@ def aside_of(path: Path) -> Path:
 
 def check_writable(path: Path, expected_bytes: int | None = None) -> list[str]:
     """Why `path` could not take a result file of this size, None for any other file; empty if it can.
-
-    Leaves nothing behind.
-    """
+    Leaves nothing behind."""
     try:
         fault = _fault(path, expected_bytes)
     except (OSError, ValueError) as error:  # no UTF-8 text, as netCDF needs it, or a NUL character
@@ -276,9 +272,7 @@ def _fault(path: Path, expected_bytes: int | None) -> str:
 
 def special_file(path: Path) -> str:
     """What stands at a path if it is neither a file nor a folder: "a device", …; empty otherwise.
-
-    Raises OSError where symbolic links go in a circle.
-    """
+    Raises OSError where symbolic links go in a circle."""
     try:
         mode = os.stat(path).st_mode
     except (FileNotFoundError, NotADirectoryError):
@@ -386,9 +380,7 @@ def tell_stored(path: Path) -> None:
 
 def collect(study: Study, command: Sequence[str], remarks: Sequence[Remark] = ()) -> dict[str, Any]:
     """Global attributes of a result file: those of CF, and all that is needed to repeat the run.
-
-    command: the words of the command line;  remarks: warnings that the file keeps
-    """
+    command: the words of the command line;  remarks: warnings that the file keeps"""
     date = datetime.now(UTC).isoformat(timespec="seconds")
     versions = {"python": platform.python_version(), **package_versions(PACKAGES)}
     words = re.sub(r"^__main__\.py\b", "tcstudy", shlex.join(without_directories(command)))  # of python -m
@@ -417,9 +409,7 @@ def collect(study: Study, command: Sequence[str], remarks: Sequence[Remark] = ()
 
 def study_sha256(study: Study) -> str:
     """SHA-256 of all that decides the results: YAML text, overrides, and the bytes of its geometry files.
-
-    Without overrides and geometry files it is the checksum of the YAML file.
-    """
+    Without overrides and geometry files it is the checksum of the YAML file."""
     digest = hashlib.sha256(study.text.encode())
     for override in study.overrides:
         digest.update(b"\0" + override.encode())

@@ -112,9 +112,7 @@ GROUPS = ("numbers", "fields", "solutions")
 
 def encode(record: BlockRecord | LevelRecord, body: int = 0) -> Row:
     """A record as a row: scalars as JSON (exact for floats), arrays as their bytes one after the other.
-
-    body: of a sweep over geometries, which it is of
-    """
+    body: of a sweep over geometries, which it is of"""
     values = vars(record)
     groups = {name: values[name] for name in GROUPS if name in values}
     arrays = {name: v for name, v in values.items() if isinstance(v, np.ndarray)}
@@ -168,9 +166,7 @@ class Journal:
     @classmethod
     def open(cls, output: Path, study: Study) -> Journal:
         """Create the journal of `output`, or resume it if it is of the same study and numerics.
-
-        Raises StoreError if another run is writing to the same output or the directory cannot be written.
-        """
+        Raises StoreError if another run is writing to the same output or the directory cannot be written."""
         path = Path(os.path.realpath(output))
         path = Path(os.path.realpath(path.with_name(path.name + PARTIAL)))
         try:

@@ -394,9 +394,7 @@ def _parts(
     group: netCDF4.Dataset, level: int | None, study: Study, variables: Iterable[FileVariable], sizes: dict[str, int]
 ) -> list[_Part]:
     """Define the variables by point of a group, and cut them into parts of a quarter of MEMORY at most.
-
-    sizes: of the dimensions after those of the sweep
-    """
+    sizes: of the dimensions after those of the sweep"""
     own = [v for v in variables if SWEEP in v.dims]
     shapes = {v.name: tuple(sizes[d] for d in v.dims if d != SWEEP) for v in own}
     widths = [math.prod(shapes[v.name]) * (8 if v.dtype == "str" else np.dtype(v.dtype).itemsize) for v in own]
@@ -411,9 +409,7 @@ def _parts(
 
 def _put_once(nc: netCDF4.Dataset, own: Results, geometries: Mapping[int, Results]) -> list[_Part]:
     """All that does not lie along the sweep; what does is made, and cut into parts.
-
-    geometries: of a sweep over them, whose levels the root has, while their profiles are in their groups
-    """
+    geometries: of a sweep over them, whose levels the root has, while their profiles are in their groups"""
     study, variables = own.study, root_variables(own.study)
     put_axes(nc, study)
     put(nc, schema.LEVEL_COORDINATE, study, np.arange(study.mesh.levels))

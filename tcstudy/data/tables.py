@@ -476,9 +476,7 @@ def history_record(study: Study, line: LevelRecord, steps: Iterable[BlockRecord]
 
 def stored_steps(path: Path, study: Study) -> Iterator[BlockRecord]:
     """The first steps of this study's history that a file of it has, whatever steps follow there.
-
-    Raises StoreError where the file has other loads.
-    """
+    Raises StoreError where the file has other loads."""
     data, loads = load_root(path), load_variables(study)
     both = min(len(loads[0][1]), data.sizes["step"])
     for variable, own in loads:

@@ -37,9 +37,7 @@ class DaskExecutor(PackedExecutor):
 
     def __init__(self, address: str, workers: int | None = None, command: tuple[str, ...] = WORKER) -> None:
         """address: LOCAL or tcp://host:port;  workers: of a local one, None for one on each processor
-
-        command: what Python runs beside a dask worker. Raises WorkersFailed.
-        """
+        command: what Python runs beside a dask worker. Raises WorkersFailed."""
         super().__init__()
         self.address, self.command, self._closed = address, command, False
         self._own, self._client = _connected(address, workers)

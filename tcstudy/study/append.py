@@ -27,9 +27,7 @@ from tcstudy.scene.study import Axis, Study
 
 def appended(path: Path, new: Study) -> tuple[Study, Study]:
     """The study of a finished file, and that with its points and those of `new`.
-
-    Raises StoreError if they differ in more than the sweep.
-    """
+    Raises StoreError if they differ in more than the sweep."""
     old = stored_study(path, new.source)
     if found := differences(old, new):
         remedy = "give another --output, or --force to compute all anew"
@@ -39,9 +37,7 @@ def appended(path: Path, new: Study) -> tuple[Study, Study]:
 
 def stored_study(path: Path, source: Path | None = None, kind: Kind = "run") -> Study:
     """The study of a file of this kind. source: file of a study beside which its geometry lies, if any.
-
-    Raises StoreError if it is of another, was computed by another version, or if its study cannot be read again.
-    """
+    Raises StoreError if it is of another, was computed by another version, or if its study cannot be read again."""
     found = attributes(path)
     holds(path, kind, None)
     overrides = tuple(filter(None, str(found["overrides"]).split("\n")))
@@ -62,9 +58,7 @@ def stored_study(path: Path, source: Path | None = None, kind: Kind = "run") -> 
 
 def merge_studies(old: Study, new: Study) -> Study:
     """The study with the points of both; one of the two where it has them all. Raises StoreError, StudyError.
-
-    Title, output and the like are those of the new one.
-    """
+    Title, output and the like are those of the new one."""
     for one, other in ((new, old), (old, new)):
         if np.all(places_in(one, other) >= 0):
             return one

@@ -139,9 +139,7 @@ class LevelSolver:
 
     def _records(self, block: Block, pending: Pending) -> Iterator[BlockRecord]:
         """All points at once; where that breaks down, half of them at a time, to find the one that does it.
-
-        Every failure becomes a status with its reason: one point must not end a sweep.
-        """
+        Every failure becomes a status with its reason: one point must not end a sweep."""
         try:
             yield self._completed(pending())
             return
@@ -173,9 +171,7 @@ class LevelSolver:
 
     def _submitted(self, block: Block, near: Array | None) -> Pending:
         """Condense a block and hand its contact problems to the executor.
-
-        near: (P, m) solutions that the points begin from, NaN in rows without; None if there are none
-        """
+        near: (P, m) solutions that the points begin from, NaN in rows without; None if there are none"""
         plan, level = self.study.solver, self.level
         scenes = [self.study.scenes[int(place)] for place in block.points]
         condensed = level.block(scenes)
@@ -328,9 +324,7 @@ class Solutions:
 
     def beside(self, points: Places) -> Array:
         """(P, m) the solutions one step back along the last sweep dimension that has a step back and a solution there.
-
-        NaN in rows without one. One that is solved later counts as none, so that a resumed run has the same bits.
-        """
+        NaN in rows without one. One that is solved later counts as none, so that a resumed run has the same bits."""
         found = np.full((len(points), self._v.shape[1]), np.nan)
         index = np.array(np.unravel_index(points, self._shape)) if self._shape else np.zeros((0, len(points)), int)
         for d in range(len(self._shape)):  # the last dimension overwrites those before

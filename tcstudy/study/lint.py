@@ -296,9 +296,7 @@ def output_of(study: Study, kind: Kind = "run") -> Path:
 
 def check_kind(study: Study, kind: str, name: str) -> None:
     """Raise UsageError where a command would leave out what a study is about, or needs meshes that only a run makes.
-
-    A history is no set of static points; a path is of one mesh, and adaptive ones follow from the points of a run.
-    """
+    A history is no set of static points; a path is of one mesh, and adaptive ones follow from the points of a run."""
     if study.history is not None and kind not in ("history", "fit"):
         command = "converge" if kind == "convergence" else kind
         raise UsageError(

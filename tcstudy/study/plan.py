@@ -86,9 +86,7 @@ class Plan:
 
 def plan(study: Study) -> Plan:
     """The forecast of a study that the reader has accepted; of geometries the sizes of the largest.
-
-    Raises GeometryFailed where a run would before it solves anything.
-    """
+    Raises GeometryFailed where a run would before it solves anything."""
     if not study.variants:
         return _of_body(study, sizes(study))
     own, largest = _geometries(study)
@@ -163,8 +161,6 @@ def _notes(study: Study, levels: tuple[LevelForecast, ...]) -> Iterator[str]:
         others = [name for name in ("history", "path") if getattr(study, name) is not None and name != study.kind]
         left = f"section {others[0]}" if others else "points of the sweep"
         yield f"{asked(study)}: run does this; for the {left} add --set {study.kind}=null"
-    if study.exact is not None:
-        yield "exact solution given: measure the errors against it with tcstudy converge"
     if study.history is not None and (body := scenes[0].body).brep is None:
         lengths = boundary_lengths(body)
         contact = sum(lengths[name] for name in scenes[0].edges(Contact))
@@ -180,9 +176,6 @@ def _notes(study: Study, levels: tuple[LevelForecast, ...]) -> Iterator[str]:
         more = mesh.refine + math.ceil(math.log(seconds / WORTH_SAYING, 4)) + 1
         remedy = f"mesh.refine: {more} makes meshes of this size from coarser ones, much faster"
         yield f"meshing takes about {seconds:.0f} s; {remedy}"
-    down = count_points(scenes, ("friction",), lambda s: any(math.isinf(law.omega) for law in s.laws))
-    if down:
-        yield f"{down} of {len(scenes)} points have a law with down-jumps: solutions may not be unique"
 
 
 def asked(study: Study) -> str:

@@ -167,9 +167,7 @@ def _every(
     found: Sequence[Equilibria], points: NDArray[np.intp], factor: Array, condensed: CondensedBlock
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """What a block stores of all solutions of its points by variable name: (P,), and one row a solution.
-
-    points: (P,) places in the sweep;  factor: (P,) stiffness of a point's body over that of the block's
-    """
+    points: (P,) places in the sweep;  factor: (P,) stiffness of a point's body over that of the block's"""
     count = np.array([len(one) for one in found])
     complete = np.array([one.complete for one in found], dtype=bool)
     polygon = np.array([one.law_error > 0.0 for one in found], dtype=bool)

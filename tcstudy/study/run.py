@@ -156,9 +156,7 @@ def stages(
 
 def level_of(study: Study, scene: Scene, number: int | None, held: bool = True) -> Level:
     """One level of a study by its number, None for the finest; held: whether more than friction holds the body.
-
-    Coarser meshes are only stations on the way to it. Raises GeometryFailed.
-    """
+    Coarser meshes are only stations on the way to it. Raises GeometryFailed."""
     meshes, count = Meshes(study), study.mesh.levels if number is None else number + 1
     return Level([meshes.next(i) for i in range(count)][-1], scene, held=held)
 
@@ -224,9 +222,7 @@ def level_record(study: Study, mesh: PlaneMesh, level: Level) -> LevelRecord:
 
 def as_start(study: Study, block: BlockRecord) -> BlockRecord:
     """What the run needs of a finished block: which points, and their solutions if others begin from them.
-
-    Copies, since a journal's arrays are views of all that the block has; the rest stays on the disk.
-    """
+    Copies, since a journal's arrays are views of all that the block has; the rest stays on the disk."""
     u_T = block.u_T if study.mesh.estimates or keeps_solutions(study) else None
     own = block.points.copy(), block.status.copy(), block.reasons
     return BlockRecord(block.level, block.shape, *own, numbers={}, u_T=None if u_T is None else u_T.copy())
@@ -348,9 +344,7 @@ class Kept:
 
 def what_is_left(study: Study, output: Path, force: bool, append: bool) -> tuple[Study, Kept]:
     """(the study of the whole file, what the file keeps of it).
-
-    append: the file may have other points of the study, which stay. Raises StoreError if it holds something else.
-    """
+    append: the file may have other points of the study, which stay. Raises StoreError if it holds something else."""
     if append:
         from tcstudy.study.append import appended  # which reads the study of the file again
 
@@ -454,9 +448,7 @@ def _found(
     study: Study, finished: Sequence[Sequence[BlockRecord]], pool: WorkerPool
 ) -> Iterator[Callable[[], Iterable[LevelRecord | BlockRecord]]]:
     """What finds the records of every body that are not finished, here or by a worker that makes its mesh.
-
-    A geometry that takes long or has large results, or points from before, is solved here, block by block.
-    """
+    A geometry that takes long or has large results, or points from before, is solved here, block by block."""
     sent, answers = dict[int, tuple[Study, Resources]](), iter(list[Future[Records]]())
     for i, body in enumerate(study.variants):
         if (own := body.study) is not None and not finished[i]:
@@ -481,9 +473,7 @@ def _found(
 
 def _same_mesh(old: LevelRecord, new: LevelRecord) -> LevelRecord:
     """A level that was solved in part before, with what a page needs of all points.
-
-    Raises StoreError for another mesh.
-    """
+    Raises StoreError for another mesh."""
     if not all(np.array_equal(getattr(old, name), getattr(new, name)) for name in ("n_dof", "x", "y", "c", "edge")):
         what = f"the mesh of level {old.level} is not that of the points solved before, which stay"
         raise StoreError(f"{what}; run the whole study with --force")

@@ -95,10 +95,7 @@ def predicted(study: Study) -> tuple[LevelForecast, ...]:
 
 
 def sizes(study: Study) -> tuple[LevelForecast, ...]:
-    """The same, counted on meshes that are small.
-
-    Raises GeometryFailed where a run would before it solves anything.
-    """
+    """The same, counted on meshes that are small. Raises GeometryFailed where a run would before it solves anything."""
     rough, plan, scene = predicted(study), study.mesh, study.scenes[0]
     if rough[0].nodes > MOST_NODES and not plan.listed:
         return rough
@@ -210,9 +207,7 @@ SLOW = 50.0
 
 def paying(seconds: float, jobs: int | None, start: float = 0.0) -> int:
     """Worker processes for work of so many seconds; 1 means that this process does it itself.
-
-    jobs: as the user asks, None for as many as pay;  start: seconds that each needs before it works
-    """
+    jobs: as the user asks, None for as many as pay;  start: seconds that each needs before it works"""
     if os.name != "posix":
         return 1
     if jobs is not None:
