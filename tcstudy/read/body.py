@@ -57,9 +57,7 @@ Names = tuple[str, ...]
 
 def read_body(ctx: Context, node: Node) -> tuple[Body | None, Names | None]:
     """The body, None after a fault, and the names of its edges, None if they are not known after a fault.
-
-    Its shape is not checked yet (see check_shape).
-    """
+    Its shape is not checked yet (see check_shape)."""
     before = len(ctx.errors)
     fields = Fields(ctx, node, "body")
     given = [key for key in SHAPES if fields[key]]
@@ -316,9 +314,7 @@ def check_boundary(ctx: Context, node: Node, body: Body, boundary: Boundary) -> 
 def corner_faults(body: Body, boundary: Boundary) -> Iterator[tuple[str, str, str]]:
     """(edge, what, remedy) of every corner of a polygon body at which d·u = value have no common solution u, or two
     edges hold different temperatures, where heat without end would flow.
-
-    Near-parallel directions (a smooth junction) count as parallel.
-    """
+    Near-parallel directions (a smooth junction) count as parallel."""
     roles = dict(boundary)
     for edge, following in (pair for loop in body.loops for pair in loop.corners) if body.outline else ():
         (x, y), own, rows = edge.end, [roles.get(one.name, Free()) for one in (edge, following)], []

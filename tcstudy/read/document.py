@@ -227,9 +227,7 @@ def place_of(root: Node, path: Keys) -> Keys:
 
 def put_number(root: Node, path: Keys, new: Node) -> Node:
     """A copy of the tree with a number put where it stands (`place_of`); of a pair that is not given the other is 0.
-
-    Raises KeyError as `put` does.
-    """
+    Raises KeyError as `put` does."""
     keys = place_of(root, path)
     if keys != path and keys[-2] != "points" and root.at(*keys[:-1]) is None:
         root = put(root, keys[:-1], replace(new, value=(replace(new, value=0),) * 2))
@@ -316,10 +314,8 @@ def load_text(path: Path) -> str:
 
 def compose(text: str, file: str, errors: Collector, path: str = "", *, option: bool = False) -> Node:
     """The tree of a YAML text; raises StudyError if the text is no YAML, collects what else is wrong.
-
     path:   key path of the text's root
-    option: the text is the value of a `--set` option, so that marks have no line
-    """
+    option: the text is the value of a `--set` option, so that marks have no line"""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", YAMLWarning)  # an anchor may be used again, says YAML 1.2
@@ -422,10 +418,8 @@ class _Builder:
 
 def apply_overrides(root: Node, overrides: Sequence[str], short: Mapping[str, str], errors: Collector) -> Node:
     """The tree with the values of `--set key=value` options put in, one after the other.
-
     short: short names of keys, such as alpha for heat.alpha. The value null removes a key.
-    An option that a later one replaces is a fault: it would be lost without a word.
-    """
+    An option that a later one replaces is a fault: it would be lost without a word."""
     given: list[tuple[Keys, str]] = []
     for option in overrides:
         file = f"--set {option}"

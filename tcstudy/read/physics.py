@@ -52,9 +52,7 @@ MOST_PLACES = 400
 @none_after_fault
 def read_boundary(ctx: Context, node: Node, names: tuple[str, ...] | None) -> Boundary:
     """The roles of all edges in the order of the study; None after a fault.
-
-    names: the edges of the body, each of which has a role, as every role has an edge; None if they are not known
-    """
+    names: the edges of the body, each of which has a role, as every role has an edge; None if they are not known"""
     remedy = f"write one EDGE: role per line; roles are {', '.join(ROLES)}"
     given = ctx.mapping(node, "edges to roles", remedy, least=0)
     roles = {edge: _role(ctx, item) for edge, item in given.items()}
@@ -149,9 +147,7 @@ def read_materials(
     ctx: Context, node: Node, own: Node | None, regions: tuple[str, ...] | None = None
 ) -> Material | None:
     """The material with those that regions have of their own; None after a fault.
-
-    own: the section `materials`;  regions: names of the regions of the body; None if they are not known
-    """
+    own: the section `materials`;  regions: names of the regions of the body; None if they are not known"""
     material = _material(ctx, node)
     if material is None:
         return None
@@ -176,9 +172,7 @@ def _unknown_region(name: str, regions: tuple[str, ...] | None) -> tuple[str, st
 @none_after_fault
 def _material(ctx: Context, node: Node, plane: Literal["strain", "stress"] | None = None) -> Material:
     """The material of the plane problem; None after a fault.
-
-    plane: the assumption for the whole body, where that is read already
-    """
+    plane: the assumption for the whole body, where that is read already"""
     pairs = [pair for pair in (("E", "nu"), ("lambda", "mu")) if any(node.at(key) for key in pair)]
     fields = Fields(ctx, node, "material", (pairs or [("E", "nu")])[0] if len(pairs) < 2 else ())
     E, nu, lame = fields.value("E"), fields.value("nu"), None
@@ -215,9 +209,7 @@ def laws_by_edge(node: Node | None) -> dict[str, Node]:
 @none_after_fault
 def read_friction(ctx: Context, node: Node, lines: Mapping[str, Sequence[Edge]]) -> Laws | EdgeLaws:
     """The friction law, or the laws of the contact edges; None after a fault.
-
-    lines: of each contact edge, and of all by the name "", for strengths that are random along them
-    """
+    lines: of each contact edge, and of all by the name "", for strengths that are random along them"""
     each = (laws_by_edge(node) or {"": node}).items()
     laws = [(edge, _law(ctx, own, lines.get(edge, ()))) for edge, own in each]
     ctx.sound()
@@ -299,9 +291,7 @@ def _alone(fields: Fields, why: str) -> None:
 @none_after_fault
 def read_heat(ctx: Context, node: Node | None, regions: tuple[str, ...] | None) -> Heat:
     """The heat problem; zero temperature without the section; None after a fault.
-
-    regions: names of the regions of the body; None if they are not known
-    """
+    regions: names of the regions of the body; None if they are not known"""
     if node is None:
         return Heat()
     fields = Fields(ctx, node, "heat")

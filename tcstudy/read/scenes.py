@@ -51,9 +51,7 @@ class SceneReader:
 
     def __init__(self, ctx: Context, root: Node, sweep: Sweep, loose: bool = False, study: Study | None = None) -> None:
         """loose: whether the supports may leave rigid motions, which friction alone resists.
-
-        study: with whose sweep points scenes are asked for (`at`)
-        """
+        study: with whose sweep points scenes are asked for (`at`)"""
         self.ctx, self.root, self.sweep, self.loose, self.named, self.study = ctx, root, sweep, loose, ctx.named, study
         self.body: Body | None
         self.body, self.names = read_body(ctx, node) if (node := root.at("body")) else (None, None)

@@ -164,10 +164,8 @@ def read_variants(
     read: Callable[..., Study],
 ) -> Study:
     """The study of all geometries; a refused one has the scenes of the first that is not.
-
     said: options that make the text this study;  read: (ctx, root, sweep, said) → Study, for one geometry
-    Raises StudyError with the faults of the first geometry that has some, or if all are refused.
-    """
+    Raises StudyError with the faults of the first geometry that has some, or if all are refused."""
     outer, variants = geometric(root, sweep), list[Variant]()
 
     def of(one: Variant, root: Node, rest: Sweep, said: tuple[str, ...]) -> tuple[Variant, tuple[Problem, ...]]:
@@ -242,9 +240,7 @@ REMEDY = "leave it out, or remove exact.loads to give all loads yourself"
 
 def without_loads(ctx: Context, root: Node, sweep: Sweep) -> Node:
     """The study with 0 for all loads that will be derived; those that are given are recorded as faults.
-
-    A misspelt word asks for derived loads as well, so that it is the only fault.
-    """
+    A misspelt word asks for derived loads as well, so that it is the only fault."""
     word = root.at("exact", "loads")
     if word is None or word.value == "given" or not isinstance(root.value, Mapping):
         return root

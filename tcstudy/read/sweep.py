@@ -188,7 +188,7 @@ def _parameter(ctx: Context, root: Node, key: str, item: Node) -> Parameter | No
         same = [nearest(key, same) or same[0]] if path[1:] else same
         remedy = f"did you mean {' or '.join(map(repr, same))}?"
     else:
-        remedy = hint(key, [*SHORT, *known, "mode"], "use a key path such as heat.alpha or friction.delta")
+        remedy = hint(key, [*SHORT, *known, "mode", "friction", "material"], "use a key path such as heat.alpha")
     ctx.at(item, what, remedy, on_key=True)
     return None
 
