@@ -166,10 +166,9 @@ class Geometry:
                 points.append(np.array([value[0], value[1]]))
                 sides.append(Side(names.get(edge.name, ""), (float(x), float(y)), edge.name))
         together: dict[int, list[Side]] = {}
-        for side, near in zip(
-            sides, cKDTree(points).query_ball_point(points, 1e-6 * self.size / self.unit), strict=True
-        ):
-            together.setdefault(min(near), []).append(side)
+        near = cKDTree(points).query_ball_point(points, 1e-6 * self.size / self.unit)
+        for side, same in zip(sides, near, strict=True):
+            together.setdefault(min(same), []).append(side)
         reach = max(AHEAD * min(edge.mass for edge in edges), NEAREST)
         corners = [self._corner(points[place], around, reach) for place, around in together.items()]
         return tuple(sorted(corners, key=lambda c: (c.cut, int(c.sides[0].tag[1:]) if c.sides[0].name else 0)))
@@ -178,11 +177,13 @@ class Geometry:
         """The corner at a point of the shape, a cusp where no region is found. reach: how far from it to look."""
         sides = sorted(sides, key=lambda side: math.atan2(*side.away[::-1]))
         turns = [math.atan2(*side.away[::-1]) for side in sides]
-        wedges = []
+        wedges, plain = list[tuple[float, str]](), len(sides) == 2 and all(side.name for side in sides)
         for turn, angle in zip(turns, np.diff([*turns, turns[0] + 2.0 * math.pi]).tolist(), strict=True):
             x, y = at + reach * np.array([math.cos(turn + 0.5 * angle), math.sin(turn + 0.5 * angle)])
             there = occ.Vertex(occ.Pnt(x, y, 0))
-            wedges.append((angle, next((f.name for f in self.shape.faces if f.Distance(there) < 1e-3 * reach), "")))
+            outside = plain and any(region for _, region in wedges)  # as only the other of two wedges is
+            faces = () if outside else self.shape.faces
+            wedges.append((angle, next((f.name for f in faces if f.Distance(there) < 1e-3 * reach), "")))
         first = next((i for i, (_, region) in enumerate(wedges) if region and not wedges[i - 1][1]), 0)
         sides, wedges = [*sides[first:], *sides[:first]], [*wedges[first:], *wedges[:first]]
         last = next((i for i, (_, region) in enumerate(wedges) if not region), len(wedges))
