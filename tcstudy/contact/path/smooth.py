@@ -146,7 +146,7 @@ class SmoothPath:
                 point = end
                 continue
             if sense * slope(end) >= 0.0:
-                return self._zero(slope, point, end)
+                return self._zero(slope, point, end) if end.s != point.s else end
             if not 0 <= after < self.path.pieces:
                 return corner
             point = self.beside(after, corner.v, corner.t)
@@ -189,7 +189,8 @@ class SmoothPath:
                 known[s] = self._found(self.at(one.side, (one.row, one.time), s, v, t))
             return known[s]
 
-        return at(brentq(lambda s: slope(at(s)), one.s, other.s, xtol=np.finfo(float).tiny, rtol=PLACE))
+        place = PLACE * max(abs(one.s), abs(other.s))
+        return at(brentq(lambda s: slope(at(s)), one.s, other.s, xtol=place))
 
 
 def fold_beside(path: Path, law: Laws, slip: float) -> tuple[float, Array] | None:
