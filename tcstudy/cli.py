@@ -10,12 +10,11 @@ from collections.abc import Callable, Sequence
 from importlib import metadata
 from typing import Any, NoReturn
 
-from tcstudy.commands import draw, results, run
+from tcstudy.commands import results, run
 from tcstudy.commands.shared import BAD_INPUT, OK, file_name, named
-from tcstudy.errors import StudyWarning, UserFault, printable
-from tcstudy.reports.terminal.stream import guarded_streams, is_lost
+from tcstudy.errors import StudyWarning, UserFault, guarded_streams, is_lost, printable
 
-LISTED = run.run, run.converge, run.cost, results.show, draw.draw, results.report, results.export, run.init
+LISTED = run.run, run.converge, run.cost, results.show, results.draw, results.report, results.export, run.init
 COMMANDS = {command.run.__name__: command for command in LISTED}
 """By their words."""
 COMPLETED = {"bash": "_shtab_compgen_files", "zsh": "_files", "tcsh": "f"}

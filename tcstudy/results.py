@@ -77,7 +77,7 @@ class Result:
     def to_dataframe(self) -> pandas.DataFrame:
         """A row a point and level (of a path a vertex, of a fit a datum), as `export` writes it to CSV; SI units."""
         from tcstudy.data.files import kind_from
-        from tcstudy.reports.export.table import ROWS
+        from tcstudy.reports.export import ROWS
 
         data = self.tree.to_dataset()
         dims = data["status"].dims if "status" in data else (ROWS[kind_from(data.attrs)],)
@@ -209,7 +209,7 @@ def draw(
     Parameters that are not drawn have the value that `at` gives them, the first unless named. Raises StoreError,
     DrawError, UsageError.
     """
-    from tcstudy.commands.draw import picture
+    from tcstudy.commands.results import picture
 
     if wanted.get("ax") is not None and target is not None:
         raise UsageError("ax: your own figure saves itself; leave the file name out")

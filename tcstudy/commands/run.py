@@ -145,7 +145,7 @@ def _made(
     if kind == "run":
         below = [f"{asked - failed} of {asked} solutions found{' before' if whole else ''}; data in {output}"]
     if options.plot is not None:
-        from tcstudy.commands.draw import picture
+        from tcstudy.commands.results import picture
 
         below.insert(0, str(picture(output, options.plot, at=drawn)))
     shared.say(options, output, ["", *(f"  {line}" for line in below)])
@@ -158,7 +158,7 @@ def _dry_run(options: argparse.Namespace, study: Study) -> int:
     if study.kind == "path":
         study = options.read = outside_the_sweep(study)
     from tcstudy.data.files import already_there
-    from tcstudy.reports.export.table import json_text
+    from tcstudy.reports.export import json_text
     from tcstudy.reports.terminal.progress import expected_words, forecast_text
     from tcstudy.study.plan import hands, plan, resources
 
@@ -241,8 +241,8 @@ def do(
 
             if holds(output, kind, study, **what_decides(kind, study, at)):
                 return output, True, there
+        from tcstudy.errors import Stream
         from tcstudy.reports.terminal.progress import Progress
-        from tcstudy.reports.terminal.stream import Stream
 
         with closing(Progress(study, Stream(None) if first is None else None)) as progress:
             if first:

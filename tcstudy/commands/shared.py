@@ -105,7 +105,7 @@ def point_of(options: argparse.Namespace) -> dict[str, str]:
 @contextmanager
 def spoken(options: argparse.Namespace) -> Iterator[None]:
     """Tables fit the terminal for the time of a `with`: $COLUMNS or its width; files, pipes and --verbose have all."""
-    from tcstudy.reports.terminal.tables import fitting
+    from tcstudy.reports.text import fitting
 
     width = shutil.get_terminal_size((0, 0)).columns
     with fitting(max(width, NARROWEST) if width and options.manner != "verbose" else None):
@@ -121,7 +121,7 @@ def say(options: argparse.Namespace, path: Path, below: Sequence[str] = (), of: 
     """
     from tcstudy.data.files import attributes, reading, remarks_of, tell
     from tcstudy.reports.terminal.summary import text_of, verdict_of
-    from tcstudy.reports.terminal.tables import wrapped
+    from tcstudy.reports.text import wrapped
 
     with reading(path), spoken(options):
         remarks = remarks_of(attributes(path))
@@ -129,7 +129,7 @@ def say(options: argparse.Namespace, path: Path, below: Sequence[str] = (), of: 
             tell(remarks)
             print(f"{path}: {verdict_of(path)[0]}")
         elif options.manner == "json":
-            from tcstudy.reports.export.table import brief, json_text
+            from tcstudy.reports.export import brief, json_text
             from tcstudy.reports.terminal.indices import indices_json
 
             print(json_text(brief(path) | ({"indices": indices_json(path, of)} if of else {})))

@@ -18,7 +18,7 @@ from tcstudy.offline.level import Level
 from tcstudy.read.study import read_study_text
 from tcstudy.reports.picture import read_picture
 from tcstudy.reports.terminal.summary import text_of
-from tcstudy.reports.terminal.tables import fitting
+from tcstudy.reports.text import fitting
 from tcstudy.scene.records import Scene
 from tcstudy.study import level_solver
 from tcstudy.study.level_solver import blocks_of

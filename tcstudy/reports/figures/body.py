@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from tcstudy.errors import DrawError
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.panels import Array, Labels, Scale, Sheet, scale
-from tcstudy.reports.picture import BodyFields, NamedEdge, Picture, nearest
-from tcstudy.reports.stresses import COMPONENTS, recovered
+from tcstudy.reports.picture import COMPONENTS, BodyFields, NamedEdge, Picture, nearest, recovered
 from tcstudy.reports.text import number, pretty
 
 if TYPE_CHECKING:

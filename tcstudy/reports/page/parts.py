@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tcstudy.reports.figures import style
 from tcstudy.reports.figures.panels import Panel
-from tcstudy.reports.terminal.tables import Heading, Part, Table
+from tcstudy.reports.text import Heading, Part, Table
 
 COLOURS = {
     style.INK: "var(--ink)",

@@ -17,8 +17,7 @@ from tcstudy.errors import DrawError
 from tcstudy.reports import sentences
 from tcstudy.reports.select_point import Value, axis_labels, describe, locate
 from tcstudy.reports.sentences import percent
-from tcstudy.reports.terminal.tables import Heading, Part, Table, TextColumn
-from tcstudy.reports.text import counted, headed, number, prefix
+from tcstudy.reports.text import Heading, Part, Table, TextColumn, counted, headed, number, prefix
 
 # -- convergence -------------------------------------------------------------------------------------------------------
 

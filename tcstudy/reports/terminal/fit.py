@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.reports.terminal.tables import Heading, Part, Table
-from tcstudy.reports.text import counted, number, prefix
+from tcstudy.reports.text import Heading, Part, Table, counted, number, prefix
 
 DOUBT = 0.05
 """Probability below which a fit is doubted."""

@@ -23,8 +23,7 @@ from tcstudy.data.files import reading
 from tcstudy.data.schema import PointStatus
 from tcstudy.errors import UsageError
 from tcstudy.read.fields import hint
-from tcstudy.reports.terminal.tables import TextColumn, columns_table, wrapped
-from tcstudy.reports.text import number
+from tcstudy.reports.text import TextColumn, columns_table, number, wrapped
 from tcstudy.scene.designs import SALTELLI
 
 Array = NDArray[np.float64]

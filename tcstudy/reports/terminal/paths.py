@@ -14,8 +14,20 @@ from tcstudy.data.schema import PointStatus
 from tcstudy.reports import sentences
 from tcstudy.reports.select_point import describe
 from tcstudy.reports.sentences import KINDS, LENGTHS, cycle_change
-from tcstudy.reports.terminal.tables import Heading, Part, Table, TextColumn, columns_table, quantity
-from tcstudy.reports.text import counted, digits_lost, number, prefix, proved, with_unit
+from tcstudy.reports.text import (
+    Heading,
+    Part,
+    Table,
+    TextColumn,
+    columns_table,
+    counted,
+    digits_lost,
+    number,
+    prefix,
+    proved,
+    quantity,
+    with_unit,
+)
 from tcstudy.scene.histories import AT_REST
 from tcstudy.scene.keys import symbol
 

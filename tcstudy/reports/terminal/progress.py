@@ -16,10 +16,20 @@ from tcstudy.data.files import without_paths
 from tcstudy.data.records import BlockRecord, LevelRecord
 from tcstudy.data.schema import PointStatus
 from tcstudy.data.store import sweep_points
+from tcstudy.errors import Stream, visible
 from tcstudy.reports.select_point import naming
-from tcstudy.reports.terminal.stream import Stream, visible
-from tcstudy.reports.terminal.tables import TextColumn, columns_table, quantity, wrapped
-from tcstudy.reports.text import counted, kind, named, number, span, with_unit
+from tcstudy.reports.text import (
+    TextColumn,
+    columns_table,
+    counted,
+    kind,
+    named,
+    number,
+    quantity,
+    span,
+    with_unit,
+    wrapped,
+)
 from tcstudy.scene.study import Study
 
 BAR = 30

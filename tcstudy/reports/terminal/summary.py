@@ -24,15 +24,21 @@ from tcstudy.data.schema import DIFFERENTIABLE, LIMITED, UNBALANCED, PointStatus
 from tcstudy.reports import sentences
 from tcstudy.reports.select_point import Value, axis_labels, describe, matching
 from tcstudy.reports.terminal import accuracy, fit, paths
-from tcstudy.reports.terminal.tables import (
+from tcstudy.reports.text import (
+    PROOFS,
     Heading,
     Part,
     Table,
     TextColumn,
+    counted,
+    digits_lost,
+    failure_lines,
+    headed,
+    number,
+    proved,
     quantity,
     render,
 )
-from tcstudy.reports.text import PROOFS, counted, digits_lost, failure_lines, headed, number, proved
 
 NOT_SAID = ("start_energy", "start_used", "iterations", "evaluations", "omega", "uniqueness_margin")
 """Variables of which a summary says nothing: of a long sweep they need not be in memory."""

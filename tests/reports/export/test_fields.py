@@ -8,9 +8,8 @@ import pytest
 
 import tcstudy
 from tcstudy.errors import DrawError
-from tcstudy.reports.export.fields import write_fields
-from tcstudy.reports.picture import BodyFields
-from tcstudy.reports.stresses import principal, recovered, stresses, von_mises
+from tcstudy.reports.export import write_fields
+from tcstudy.reports.picture import BodyFields, principal, recovered, stresses, von_mises
 from tcstudy.scene.records import Material
 from tests.reports.conftest import Stored
 

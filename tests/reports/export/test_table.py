@@ -10,7 +10,7 @@ import pytest
 import tcstudy
 from tcstudy.data.reading import load_root, open_results
 from tcstudy.errors import DrawError, UsageError
-from tcstudy.reports.export.table import brief, json_text, write_table
+from tcstudy.reports.export import brief, json_text, write_table
 from tests.reports.conftest import REASON, Stored
 
 
@@ -34,7 +34,7 @@ def test_pandas_reads_the_table_to_the_bit(stored: Stored, tmp_path: Path, monke
     assert (found["units"]["energy"], [row["level"] for row in found["rows"]]) == ("J m-1", [0, 1])
     assert found["rows"][1]["energy"] == wanted["energy"].loc[(0.0, "weak", 1)]
     whole = file.read_bytes()
-    monkeypatch.setattr("tcstudy.reports.export.table.VALUES", 1)  # in memory at a time: the rows of one label
+    monkeypatch.setattr("tcstudy.reports.export.VALUES", 1)  # in memory at a time: the rows of one label
     write_table(stored("block"), file)
     assert file.read_bytes() == whole
 

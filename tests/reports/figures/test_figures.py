@@ -10,7 +10,7 @@ import xarray as xr
 
 pytest.importorskip("matplotlib")
 
-from tcstudy.commands.draw import picture
+from tcstudy.commands.results import picture
 from tcstudy.data.reading import load_root
 from tcstudy.errors import DrawError, UsageError
 from tcstudy.laws.shapes import SHAPES

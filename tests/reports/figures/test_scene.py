@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import tcstudy
-from tcstudy.commands.draw import picture
+from tcstudy.commands.results import picture
 from tcstudy.errors import StudyError
 from tests.commands import CONFIGS
 

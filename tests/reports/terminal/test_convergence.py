@@ -4,7 +4,7 @@ import netCDF4
 import numpy as np
 import pytest
 
-from tcstudy.commands.draw import picture
+from tcstudy.commands.results import picture
 from tcstudy.data.files import collect
 from tcstudy.data.schema import PointStatus
 from tcstudy.data.store import write_record

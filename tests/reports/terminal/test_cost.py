@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from tcstudy.accuracy.orders import dominated
-from tcstudy.commands.draw import picture
+from tcstudy.commands.results import picture
 from tcstudy.data.files import collect
 from tcstudy.data.reading import load_root
 from tcstudy.data.schema import PointStatus
 from tcstudy.data.store import Record, write_record
 from tcstudy.data.tables import COST_TABLE
-from tcstudy.reports.page.kinds import cost_sections
 from tcstudy.reports.page.parts import Container
-from tcstudy.reports.page.stored import read
+from tcstudy.reports.page.run import read
+from tcstudy.reports.page.write import cost_sections
 from tcstudy.reports.terminal.accuracy import advice, front, settings
 from tcstudy.reports.terminal.summary import text_of
 from tests.verification.scenes import RECTANGLE, study_of

@@ -5,7 +5,7 @@ import io
 
 import pytest
 
-from tcstudy.reports.terminal.stream import Stream, is_lost
+from tcstudy.errors import Stream, is_lost
 
 
 @pytest.mark.parametrize(

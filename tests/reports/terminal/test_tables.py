@@ -1,6 +1,6 @@
 """Tables and words that fit."""
 
-from tcstudy.reports.terminal.tables import Table, columns_table, fitting, render, wrapped
+from tcstudy.reports.text import Table, columns_table, fitting, render, wrapped
 
 TABLE = Table.of_rows(
     "Error of u_T",

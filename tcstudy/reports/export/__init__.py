@@ -1,4 +1,0 @@
-"""Results for other programs: fields for ParaView, tables for spreadsheets.
-
-Not here: the result file itself (data).
-"""
