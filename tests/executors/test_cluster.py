@@ -125,6 +125,18 @@ def test_a_local_cluster_starts_in_a_script_that_is_not_guarded_and_leaves_nobod
     assert (done.returncode, done.stdout) == (0, "imported\n"), done.stderr
 
 
+TIMED = """
+import sys, time
+import distributed  # whose import takes its time on a busy machine
+from tcstudy.cli import main
+began = time.monotonic()
+try:
+    sys.exit(main(sys.argv[1:]))
+finally:
+    print(time.monotonic() - began)
+"""
+
+
 @pytest.mark.parametrize("answer", [b"", b"HTTP/1.1 400 Bad Request\r\nConnection: close\r\n\r\n"])
 def test_no_scheduler_is_said_in_one_line_before_any_work(tmp_path: Path, answer: bytes) -> None:
     """Nobody there (an empty answer), or something else, which once was said to want memory."""
@@ -142,10 +154,9 @@ def test_no_scheduler_is_said_in_one_line_before_any_work(tmp_path: Path, answer
             threading.Thread(target=serve, daemon=True).start()
         else:
             other.close()
-        words = [sys.executable, "-m", "tcstudy", "run", "study.yaml", "--dask", address]
-        began = time.monotonic()
-        done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=120)
-        assert time.monotonic() - began < CONNECT + CLOSE + 20.0  # of these most is for imports on a busy machine
+        words = [sys.executable, "-c", TIMED, "run", "study.yaml", "--dask", address]
+        done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=240)
+        assert float(done.stdout) < CONNECT + CLOSE + 20.0
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
     assert line.startswith(f"study.yaml: no dask scheduler answers at {address} (")

@@ -67,13 +67,17 @@ def test_workers_find_the_same_to_the_bit(pool: ProcessExecutor, changes: tuple[
     assert_same(solved(study, pool), solved(study, SerialExecutor()))
 
 
+READY = "import tests.executors.cruel; from tcstudy.executors.worker import main; main()"
+"""A worker that needs no time for imports when it is asked, on however busy a machine."""
+
+
 @pytest.mark.parametrize(
     ("what", "words"), [("kill", "signal SIGKILL, perhaps for want of memory"), ("hang", "no answer within 1.5 s")]
 )
 def test_a_call_whose_worker_dies_is_tried_once_more_and_then_told(tmp_path: Path, what: str, words: str) -> None:
     """And takes nothing along: the calls before and after it are answered, those of other workers too."""
     once, always = tmp_path / "once", tmp_path / "always"
-    with ProcessExecutor(2) as workers:
+    with ProcessExecutor(2, command=("-c", READY)) as workers:
         around = [workers.submit(divmod, i, 3) for i in range(6)]
         mended, lost = (workers.submit(Job(treat, "", 1.5), what, seen, seen == once) for seen in (once, always))
         around += [workers.submit(divmod, i, 3) for i in range(6, 12)]
@@ -142,8 +146,12 @@ from tcstudy.study import level_solver, workers
 from tcstudy.study.run import execute
 level_solver.POINTS = 2
 workers.ProcessExecutor = partial(workers.ProcessExecutor, command=tuple(sys.argv[3:]))
+class Watch:
+    def begin(self, work): ...
+    def level(self, record, geometry): ...
+    def block(self, record): print("block", flush=True)
 try:
-    execute(read_study(Path(sys.argv[1])), Path(sys.argv[2]), jobs=2)
+    execute(read_study(Path(sys.argv[1])), Path(sys.argv[2]), Watch(), jobs=2)
 except KeyboardInterrupt:
     sys.exit(130)
 """
@@ -155,18 +163,19 @@ def test_an_interrupted_run_leaves_its_points_and_no_workers(tmp_path: Path, kil
     file, output, pids = tmp_path / "study.yaml", tmp_path / "out.nc", tmp_path / "pids"
     file.write_text(text := SWEPT.replace("levels: 3", "levels: 1"))
     words = [sys.executable, "-c", LONG, str(file), str(output), CRUEL, "hang", "0.03", str(pids)]
-    parent = subprocess.Popen(words, start_new_session=True)
+    parent = subprocess.Popen(words, start_new_session=True, stdout=subprocess.PIPE, text=True)
+    assert parent.stdout is not None
     try:
+        assert parent.stdout.readline() == "block\n"  # the first, which the other worker has, is solved and safe
         deadline = time.monotonic() + 120
         while not pids.exists() and time.monotonic() < deadline:
             time.sleep(0.05)
-        time.sleep(2.0)  # the first block, which the other worker has, is solved and safe
         os.killpg(parent.pid, kill) if kill == signal.SIGINT else parent.send_signal(kill)
         assert parent.wait(30) in (-kill, 130)
         assert all(gone(int(pid)) for pid in pids.read_text().split())
     finally:  # no child outlives the test
         parent.kill()
-        parent.wait()
+        parent.communicate()
     assert (tmp_path / "out.nc.partial").exists()
     summary = execute(study_of(text), output)
     assert (summary.resumed, summary.failed) == (2, 0)

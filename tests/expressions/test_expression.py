@@ -54,10 +54,10 @@ HOSTILE = [
 
 @pytest.mark.parametrize("text", HOSTILE, ids=range(len(HOSTILE)))
 def test_hostile_text_is_refused_at_once(text: str) -> None:
-    start = time.monotonic()
+    start = time.process_time()
     with pytest.raises(ExpressionError) as caught:
         parse(text)
-    assert time.monotonic() - start < 2.0
+    assert time.process_time() - start < 2.0
     assert 10 < len(str(caught.value)) < 600
 
 

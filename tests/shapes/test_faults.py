@@ -126,9 +126,9 @@ FAULTY = [
 
 @pytest.mark.parametrize(("body", "where", "words"), FAULTY)
 def test_faults_are_named_with_place_and_remedy_in_any_unit_of_length(body: Body, where: str, words: str) -> None:
-    start = time.monotonic()
+    start = time.process_time()
     faults = check_body(body)
-    assert time.monotonic() - start < 5.0
+    assert time.process_time() - start < 5.0
     found = " ".join(f"{fault.what}; {fault.remedy}" for fault in faults if fault.where == where)
     assert re.search(words, found), faults
     assert all(fault.what and fault.remedy for fault in faults)
