@@ -43,6 +43,7 @@ from numpy.typing import NDArray
 
 from tcstudy.accuracy.norms import LineFunction, integral
 from tcstudy.expressions.expression import (
+    NUMBER,
     ONE,
     ZERO,
     Expression,
@@ -174,9 +175,9 @@ def kinks(of: Scalar) -> tuple[Expression, ...]:
         return ()
     found = dict[Term, None]()
     for node in of.order:
-        if node.kind == "Call" and node.name in ("abs", "min", "max"):
+        if node.name in ("abs", "min", "max"):
             found[node.parts[0] - (ZERO if node.name == "abs" else node.parts[1])] = None
-    return tuple(Expression("kink", node) for node in found if node.kind != "Number")
+    return tuple(Expression("kink", node) for node in found if node.name != NUMBER)
 
 
 def sides(bend: Expression, body: Body) -> tuple[Array, Array]:

@@ -23,7 +23,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache, reduce
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -31,39 +31,38 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-MAX_INTEGER_POWER = 64
-ARITHMETIC = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv}
 _NAMES = ["sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "sqrt", "abs", "sinh", "cosh", "tanh"]
 FUNCTIONS: dict[str, Callable[..., Any]] = {name: getattr(np, name) for name in _NAMES}
 FUNCTIONS |= {"min": np.minimum, "max": np.maximum}
+NUMBER, NEGATIVE = "#", "~"
+OPERATIONS = FUNCTIONS | {NEGATIVE: operator.neg, "+": operator.add, "-": operator.sub, "*": operator.mul}
+OPERATIONS |= {"/": operator.truediv, "**": operator.pow}
 
 
 @dataclass(frozen=True, eq=False)
 class Term:
     """A part of an expression. Made by `number`, `variable`, `call` and arithmetic, numbers beside it being terms, too.
 
-    kind:  "Number", "Coordinate", "Negative" (−part), "Binary" (left operator right) or "Call" (function(parts))
-    name:  of the coordinate, the operator (one of + - * / **) or the function
+    name:  of a coordinate, or of what makes the term of its parts, one of OPERATIONS; NUMBER of a number
     parts: the terms that it is made of;  value: of a number
 
     Arithmetic simplifies: a + 0, a − a, 1·a, 0·a, a/1, a^0, a^1 and −(−a) vanish, numbers in a product come first.
     0·a = 0 also where a has no value.
     """
 
-    kind: Literal["Number", "Coordinate", "Negative", "Binary", "Call"]
-    name: str = ""
+    name: str
     parts: tuple[Term, ...] = ()
     value: float = 0.0
     __array_ufunc__ = None  # a NumPy number beside a term leaves the operation to it
 
     def __neg__(self) -> Term:
-        return self.parts[0] if self.kind == "Negative" else made("Negative", "", self)
+        return self.parts[0] if self.name == NEGATIVE else made(NEGATIVE, self)
 
     def __add__(self, other: Term | float) -> Term:
         a, b = self, term(other)
         if a is ZERO or b is ZERO:
             return b if a is ZERO else a
-        return a - b.parts[0] if b.kind == "Negative" else made("Binary", "+", a, b)
+        return a - b.parts[0] if b.name == NEGATIVE else made("+", a, b)
 
     def __sub__(self, other: Term | float) -> Term:
         a, b = self, term(other)
@@ -71,27 +70,27 @@ class Term:
             return ZERO
         if a is ZERO or b is ZERO:
             return a if b is ZERO else -b
-        return a + b.parts[0] if b.kind == "Negative" else made("Binary", "-", a, b)
+        return a + b.parts[0] if b.name == NEGATIVE else made("-", a, b)
 
     def __mul__(self, other: Term | float) -> Term:
-        a, b = (term(other), self) if term(other).kind == "Number" else (self, term(other))
+        a, b = (term(other), self) if term(other).name == NUMBER else (self, term(other))
         if a is ZERO or b is ZERO:
             return ZERO
         if a is ONE:
             return b
-        if a.kind == "Number" and b.kind == "Binary" and b.name == "*" and b.parts[0].kind == "Number":
+        if a.name == NUMBER and b.name == "*" and b.parts[0].name == NUMBER:
             a, b = number(a.value * b.parts[0].value), b.parts[1]
-        return made("Binary", "*", a, b)
+        return made("*", a, b)
 
     def __truediv__(self, other: Term | float) -> Term:
         a, b = self, term(other)
-        return a if b is ONE or a is ZERO else made("Binary", "/", a, b)
+        return a if b is ONE or a is ZERO else made("/", a, b)
 
     def __pow__(self, other: Term | float) -> Term:
         b = term(other)
         if b is ZERO:
             return ONE
-        return self if b is ONE else made("Binary", "**", self, b)
+        return self if b is ONE else made("**", self, b)
 
     def __rsub__(self, other: float) -> Term:
         return term(other) - self
@@ -105,30 +104,29 @@ class Term:
 _TERMS: WeakValueDictionary[tuple[object, ...], Term] = WeakValueDictionary()
 
 
-def made(kind: Any, name: str, *parts: Term, value: float = 0.0) -> Term:
+def made(name: str, *parts: Term, value: float = 0.0) -> Term:
     """The one term like this; the number that it is, if all its parts are numbers."""
-    new = Term(kind, name, parts, value)
-    if parts and all(part.kind == "Number" for part in parts):
+    if parts and all(part.name == NUMBER for part in parts):
         with np.errstate(all="ignore"):  # floats, as no power of integers would ever end
-            return number(float(applied(new, [np.float64(part.value) for part in parts], FUNCTIONS)))
-    return _TERMS.setdefault((kind, name, parts, value), new)
+            return number(float(OPERATIONS[name](*(np.float64(part.value) for part in parts))))
+    return _TERMS.setdefault((name, parts, value), Term(name, parts, value))
 
 
 def number(value: float) -> Term:
     """A constant."""
-    return made("Number", "", value=float(value) + 0.0)  # −0 and 0 are one constant
+    return made(NUMBER, value=float(value) + 0.0)  # −0 and 0 are one constant
 
 
 def variable(name: str) -> Term:
     """x or y."""
-    return made("Coordinate", name)
+    return made(name)
 
 
 def call(function: str, first: Term | float, *others: Term | float) -> Term:
     """function(arguments); min and max of several are those of the first ones and the last."""
     if function in ("min", "max"):
-        return reduce(lambda a, b: made("Call", function, a, term(b)), others, term(first))
-    return made("Call", function, term(first), *map(term, others))
+        return reduce(lambda a, b: made(function, a, term(b)), others, term(first))
+    return made(function, term(first), *map(term, others))
 
 
 def term(of: Scalar | Term) -> Term:
@@ -155,21 +153,6 @@ def ordered(root: Term) -> Order:
             stack.append((node, True))
             stack.extend((child, False) for child in reversed(node.parts))
     return tuple(done)
-
-
-def applied(node: Term, values: list[Any], functions: Mapping[str, Callable[..., Any]]) -> Any:
-    """One term applied to the values of its parts."""
-    if node.kind == "Negative":
-        return -values[0]
-    if node.kind == "Call":  # of min and max a number comes last
-        return functions[node.name](
-            *(values[::-1] if node.name in ("min", "max") and type(values[0]) is float else values)
-        )
-    if node.name != "**":
-        return ARITHMETIC[node.name](*values)
-    left, right = values
-    whole = type(right) is float and right.is_integer() and abs(right) <= MAX_INTEGER_POWER
-    return left ** (int(right) if whole else right)
 
 
 T = TypeVar("T")
@@ -215,7 +198,7 @@ class Expression:
 
     def __reduce__(self) -> tuple[Callable[..., Expression], tuple[str, Any]]:
         place = {node: i for i, node in enumerate(self.order)}  # so that nothing recurses
-        nodes = [(one.kind, one.name, [place[part] for part in one.parts], one.value) for one in self.order]
+        nodes = [(one.name, [place[part] for part in one.parts], one.value) for one in self.order]
         return _unpacked, (self.text, nodes)
 
     @cached_property
@@ -226,50 +209,44 @@ class Expression:
     @cached_property
     def variables(self) -> frozenset[str]:
         """The variables that occur: a subset of {"x", "y"}."""
-        return frozenset(node.name for node in self.order if node.kind == "Coordinate")
+        return frozenset(node.name for node in self.order if not node.parts and node.name != NUMBER)
 
     @property
     def constant(self) -> float | None:
         """The value if no variable occurs (possibly not finite), else None."""
-        return self.root.value if self.root.kind == "Number" else None
+        return self.root.value if self.root.name == NUMBER else None
 
     def evaluate(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Values at the points (x, y), broadcast against each other; not finite where the expression is not."""
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
         with np.errstate(all="ignore"):
-            values = self.fold({"x": x, "y": y}, FUNCTIONS)
+            values = self.fold({"x": x, "y": y})
         return np.array(np.broadcast_to(np.asarray(values, dtype=float), x.shape))
 
     def bound(self, values: Mapping[str, float]) -> Expression:
         """The expression with numbers in place of names."""
         new: dict[Term, Term] = {}
         for node in self.order:
-            named = node.kind == "Coordinate" and node.name in values
             parts = (new[part] for part in node.parts)
-            new[node] = number(values[node.name]) if named else made(node.kind, node.name, *parts, value=node.value)
+            new[node] = number(values[node.name]) if node.name in values else made(node.name, *parts, value=node.value)
         return Expression(self.text, new[self.root])
 
-    def fold(self, variables: Mapping[str, T], functions: Mapping[str, Callable[..., T]]) -> T | float:
-        """The expression in another arithmetic: Python's operators on the variables, functions by name.
-
-        Parts without a variable arrive as floats, so functions are called only with at least one T.
-        min and max are called with two arguments, the first a T. A power with a constant whole exponent of at most
-        MAX_INTEGER_POWER in size gets an int as exponent.
-        """
+    def fold(self, variables: Mapping[str, T]) -> T | float:
+        """The expression in another arithmetic, that of Python's operators and NumPy's functions on the variables."""
         values: dict[Term, Any] = {}
         for node in self.order:
-            if node.kind in ("Number", "Coordinate"):
-                values[node] = node.value if node.kind == "Number" else variables[node.name]
+            if node.parts:
+                values[node] = OPERATIONS[node.name](*(values[part] for part in node.parts))
             else:
-                values[node] = applied(node, [values[part] for part in node.parts], functions)
+                values[node] = node.value if node.name == NUMBER else variables[node.name]
         found: T | float = values[self.root]
         return found
 
 
-def _unpacked(text: str, nodes: list[tuple[str, str, list[int], float]]) -> Expression:
+def _unpacked(text: str, nodes: list[tuple[str, list[int], float]]) -> Expression:
     terms = list[Term]()
-    for kind, name, parts, value in nodes:
-        terms.append(made(kind, name, *(terms[part] for part in parts), value=value))
+    for name, parts, value in nodes:
+        terms.append(made(name, *(terms[part] for part in parts), value=value))
     return Expression(text, terms[-1])
 
 
@@ -286,7 +263,7 @@ def value_of(scalar: Scalar, x: ArrayLike, y: ArrayLike) -> Array:
 
 def scalar(of: Term, text: str = "derived") -> Scalar:
     """A number if the term is one, else an expression."""
-    return of.value if of.kind == "Number" else Expression(text, of)
+    return of.value if of.name == NUMBER else Expression(text, of)
 
 
 def parse(text: str, names: tuple[str, ...] = ()) -> Expression:
@@ -355,9 +332,9 @@ def _node(node: ast.AST, depth: int) -> Term:
             return variable(name[1:])
         case ast.UnaryOp(operand=operand):
             inner = _node(operand, depth + 1)
-            return made("Negative", "", inner) if isinstance(node.op, ast.USub) else inner
+            return made(NEGATIVE, inner) if isinstance(node.op, ast.USub) else inner
         case ast.BinOp(left=left, right=right) if type(node.op) in OPERATORS:
-            return made("Binary", OPERATORS[type(node.op)], _node(left, depth + 1), _node(right, depth + 1))
+            return made(OPERATORS[type(node.op)], _node(left, depth + 1), _node(right, depth + 1))
         case ast.Call(func=ast.Name(id=name), args=args) if name[1:] in FUNCTIONS:
             count, words = (2, "two arguments, atan2(y, x)") if name == "_atan2" else (1, "one argument")
             if name in ("_min", "_max"):
@@ -408,7 +385,7 @@ def product(one: Scalar, other: Scalar) -> Scalar:
 
 def step(s: Term) -> Term:
     """1 where s ≥ 0, 0 elsewhere: 1 − atan2(0, s + 0)/π, which is never 0/0; atan2(0, −0) alone would be π."""
-    return 1.0 - call("atan2", ZERO, made("Binary", "+", s, ZERO)) / math.pi
+    return 1.0 - call("atan2", ZERO, made("+", s, ZERO)) / math.pi
 
 
 @lru_cache(maxsize=512)  # scenes of a sweep ask for the same ones
@@ -432,24 +409,24 @@ def _slope(node: Term, slopes: list[Term], by: str) -> Term:
     if all(slope is ZERO for slope in slopes):
         return ZERO
     a, b, da, db = node.parts[0], node.parts[-1], slopes[0], slopes[-1]
-    match node.kind, node.name:
-        case "Negative", _:
+    match node.name:
+        case "~":
             return -da
-        case _, "+":
+        case "+":
             return da + db
-        case _, "-":
+        case "-":
             return da - db
-        case _, "*":
+        case "*":
             return da * b + a * db
-        case _, "/":
+        case "/":
             return (da - node * db) / b
-        case _, "**":
+        case "**":
             return b * a ** (b - 1.0) * da + node * call("log", a) * db
-        case _, "atan2":
+        case "atan2":
             return (da * b - a * db) / (a**2 + b**2)
-        case _, "min":
+        case "min":
             return db + step(-(a - b)) * (da - db)
-        case _, "max":
+        case "max":
             return db + step(a - b) * (da - db)
     return OUTER[node.name](a, node) * da
 

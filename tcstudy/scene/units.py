@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tcstudy.expressions.expression import FUNCTIONS, VARIABLES, Expression, parse
+from tcstudy.expressions.expression import VARIABLES, Expression, parse
 
 
 @dataclass(frozen=True)
@@ -189,7 +189,7 @@ def units_of(expression: Expression, named: Mapping[str, Named]) -> Any:
     given = {name: quantity(np.float64(one.value), one.dimension.si or "dimensionless") for name, one in named.items()}
     try:
         with np.errstate(all="ignore"):
-            return getattr(expression.fold(given, FUNCTIONS), "dimensionality", dimensions_of(""))
+            return getattr(expression.fold(given), "dimensionality", dimensions_of(""))
     except DimensionalityError as error:
         one, two = (in_words(dimensions_of(str(unit))) for unit in (error.units1, error.units2))
         remedy = "give all terms the same unit, functions plain numbers; one with a unit needs a name of parameters"
