@@ -129,18 +129,21 @@ def of_rows(
         solved = ContactProblem.on(body, loads[row], laws.at(index[row]))
         v = at.u[sure, 0]
         energy, stable = solved.energy(v), strict_minimum(solved, v)
-        reason = _reason(int(cells.boxes[i]), bool(cells.stopped[i]), len(undecided), len(row), limits)
+        limit = f"{limits.boxes:g} boxes" if cells.boxes[i] > limits.boxes else f"{limits.seconds:g} seconds"
+        reason = unproved(f"{limit} was met" if cells.stopped[i] else "", len(undecided), len(row))
         k = np.argsort(energy, kind="stable")
         v, told = v[k], (not reason, reason, undecided, int(cells.boxes[i]), float(errors[i]))
         found.append(Equilibria(v, solved.xi(v), energy[k], stable[k], cells.sides[sure][k], *told))
     return found
 
 
-def _reason(boxes: int, stopped: bool, undecided: int, count: int, limits: Limits) -> str:
-    """Why a list is not proved complete; empty if it is."""
-    if stopped:
-        what = "boxes" if boxes > limits.boxes else "seconds"
-        return f"the limit of {getattr(limits, what):g} {what} was met"
+def unproved(limit: str, undecided: int, count: int) -> str:
+    """Why solutions of a load, or of a range, are not proved to be all; empty if they are.
+
+    limit: that was met, in words;  count: of the solutions, where a range begins
+    """
+    if limit:
+        return f"the limit of {limit}"
     if undecided:
         return (
             f"{undecided} combination{'s' if undecided > 1 else ''} of pieces of the law cannot be decided within "

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.contact.all_solutions import Equilibria, Limits, PolygonProblems, all_solutions
+from tcstudy.contact.all_solutions import Equilibria, Limits, PolygonProblems, all_solutions, unproved
 from tcstudy.contact.certificates import Proofs
 from tcstudy.contact.path.follow import Follower
 from tcstudy.contact.path.problem import ParametricProblem, Path, PathStatus
@@ -89,15 +89,14 @@ def solutions_of(law: Laws, path: Path, t: float) -> list[PathSolution]:
     """The solutions of the law that the path's law approximates, by Newton's method from those of the path.
 
     Each node keeps its place: on the same jump, or on the piece of `law` in which it lies. A solution that does not
-    carry over (its residual says so) is handed to active_set.polished; judge every answer by its residual.
+    carry over (its residual says so) is polished on the pieces identified there; judge every answer by its residual.
     """
     problem, curve, found = path.problem.with_law(law).at(t), SmoothPath(path, law), list[PathSolution]()
     for solution in solutions_at(path, t):
         point = curve.at(solution.piece, (np.zeros(problem.m), 1.0), t, solution.v, t)
-        residual = np.inf if point is None else problem.inclusion_residual(point.v)
-        other = polished(problem, solution.v, exact=False) if not residual <= CARRIED else None
-        carried = point is not None and (other is None or residual <= other.residual)
-        v = point.v if carried and point is not None else other.v if other is not None else solution.v
+        v, residual = (solution.v, np.inf) if point is None else (point.v, problem.inclusion_residual(point.v))
+        if not residual <= CARRIED and (other := polished(problem, solution.v, exact=False)).residual < residual:
+            v = other.v
         found.append(solution._replace(v=v))
     return found
 
@@ -254,9 +253,12 @@ def all_branches(
         missing += len(ends) > 1 or not ends <= {PathStatus.RANGE_END, PathStatus.CLOSED_LOOP}
         on_branch |= through
         branches.append(branch)
-    count = sum(float(t) == low for branch in branches for t in branch.t[[0, -1]])
-    reason = _reason(cells.stopped, undecided or missing, edge, (low, high))
-    reason = reason or ("" if count % 2 else f"{count} solutions were found at {low:g}, which must be odd")
+    count, limit = sum(float(t) == low for branch in branches for t in branch.t[[0, -1]]), ""
+    if stopped:
+        t_of, turns = low + (high - low) * edge, np.flatnonzero(np.diff(cells.stopped, prepend=False, append=False))
+        parts = [f"{t_of[i]:g} to {t_of[j]:g}" for i, j in turns.reshape(-1, 2)]
+        limit = f"boxes or time was met where the parameter is {', '.join(parts)}"
+    reason = unproved(limit, undecided or missing, count)
     return Branches(tuple(branches), reason, listed)
 
 
@@ -266,16 +268,3 @@ def _sides(problem: ParametricProblem) -> Index:
     kept = np.ones((len(kinds), 2 * kinds.shape[1] + 1), dtype=bool)
     kept[:, 1::2] = kinds != BEND
     return np.asarray((np.cumsum(kept, axis=-1) - 1).ravel(), dtype=np.intp)
-
-
-def _reason(stopped: Flags, undecided: int, edge: Array, ends: tuple[float, float]) -> str:
-    """Why the branches are not proved to be all; empty if they are."""
-    if np.any(stopped):
-        t = ends[0] + (ends[1] - ends[0]) * edge
-        turns = np.flatnonzero(np.diff(stopped, prepend=False, append=False))
-        parts = [f"{t[i]:g} to {t[j]:g}" for i, j in turns.reshape(-1, 2)]
-        return f"the limit of boxes or time was met where the parameter is {', '.join(parts)}"
-    if undecided:
-        what = "a segment through a corner of its cell, as exact symmetry makes them, or a singular piece"
-        return f"{undecided} cells cannot be decided within rounding ({what})"
-    return ""
