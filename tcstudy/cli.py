@@ -61,7 +61,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _command(arguments: list[str]) -> int:
-    """What the words ask for."""
     if now := FORMER.get("".join(arguments[:1])):
         print(f"tcstudy: {arguments[0]} is now: {now}", file=sys.stderr)
         raise SystemExit(BAD_INPUT)
@@ -114,14 +113,11 @@ def _memory_is_short(error: Exception) -> bool:
 
 
 class _Parser(argparse.ArgumentParser):
-    """Bad usage is said in one line."""
-
     def error(self, message: str) -> NoReturn:
         self.exit(BAD_INPUT, f"{self.prog}: {printable(message)}; see {self.prog} --help\n")
 
 
 def parser_of() -> argparse.ArgumentParser:
-    """The parser with all commands."""
     parser = _Parser(
         prog="tcstudy",
         description="Parametric studies of thermoelastic contact with nonmonotone, multivalued friction.",

@@ -106,7 +106,6 @@ class UserFault(Exception):
     keys: tuple[str, ...] | None = None
 
     def _render_traceback_(self) -> list[str]:
-        """What IPython shows in place of a traceback: what is wrong, where, and what to do."""
         return [f"{type(self).__name__}: {self}"]
 
 

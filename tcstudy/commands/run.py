@@ -153,7 +153,6 @@ def _made(
 
 
 def _dry_run(options: argparse.Namespace, study: Study) -> int:
-    """Every check that a run makes, and what the run would do."""
     output = usable(study.kind, study, options.output)
     if study.kind == "path":
         study = options.read = outside_the_sweep(study)

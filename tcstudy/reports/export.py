@@ -110,7 +110,6 @@ def write_fields(path: Path, folder: Path, point: Mapping[str, Value] | None = N
 def _write_point(
     stem: str, folder: Path, i: int, point: list[tuple[str, float | str, str]], group: Any, scene: Scene | None
 ) -> Iterator[tuple[int, int, str, str]]:
-    """Write a point's body, if there is one, and its contact line."""
     name, line = _file_name(f"{stem}_{i:04d}", point), contact_line(group)
     about = [Values(key, label if isinstance(label, str) else np.array([label]), unit) for key, label, unit in point]
 
@@ -226,7 +225,6 @@ def _section(name: str, arrays: Sequence[Values]) -> str:
 
 
 def _array(values: Values) -> str:
-    """One <DataArray>."""
     if isinstance(values.array, str):
         codes = " ".join(str(byte) for byte in (*values.array.encode(), 0))
         head = f'type="String" Name={quoteattr(values.name)} NumberOfTuples="1" format="ascii"'

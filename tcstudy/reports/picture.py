@@ -213,7 +213,6 @@ def read_picture(path: Path, point: Mapping[str, Value] | None = None, level: in
 
 
 def _place(root: Any, where: Mapping[str, int]) -> int:
-    """The number of a point in the sweep."""
     dims = sweep_dims(root)
     return int(np.ravel_multi_index([where[d] for d in dims], [root.sizes[d] for d in dims])) if dims else 0
 
@@ -309,7 +308,6 @@ def states_of(friction: Laws | EdgeLaws | None, group: Any, u_T: Array, sticks: 
 
 
 def joints_of(group: Any) -> Joints:
-    """The nodes of a stored level where contact edges meet."""
     return Joints(*(group[v.name].values for v in JOINTS)) if "joint_node" in group else NO_JOINTS
 
 
@@ -358,7 +356,6 @@ def sources(study: Study | None) -> list[Array]:
 
 
 def _polyline(edge: Edge) -> Array:
-    """A straight edge as its two ends, an arc as a chain of points (n, 2)."""
     return edge_points(edge, 1 if edge.through is None else ARC_POINTS - 1)
 
 

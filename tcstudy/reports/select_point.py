@@ -82,7 +82,6 @@ def quantity(data: Any, given: str) -> str:
 
 
 def _by_name(data: Any, point: Mapping[str, Value]) -> dict[str, Value]:
-    """The wanted values by the names that the axes have in the data."""
     said: dict[str, str] = {}
     for given in point:
         if (name := parameter(data, given)) in said:
@@ -146,7 +145,6 @@ def axis_labels(data: Any, name: str, digits: int = 4) -> tuple[list[str], str]:
 
 
 def _stated(data: Any, name: str, place: int) -> str:
-    """A value of a swept parameter, "alpha = 100 W m-2 K-1"."""
     shown, unit = axis_labels(data, name, 6)
     return f"{name} = {shown[place]}" + (f" {unit}" if unit != "1" else "")
 
@@ -182,7 +180,6 @@ def _fits(name: str, axis: Any, value: Value) -> NDArray[np.bool_]:
 
 
 def _as_number(name: str, value: Any, units: str) -> float:
-    """The value in the units of the axis."""
     with suppress(ValueError, TypeError):
         return float(value)
     quantity, dimension = u.split_quantity(str(value)), next((d for d in u.DIMENSIONS if d.cf == units), None)
@@ -195,6 +192,5 @@ def _as_number(name: str, value: Any, units: str) -> float:
 
 
 def _has(given: str, names: Sequence[str], most: int = 8) -> str:
-    """What there is instead, and what may be meant."""
     meant = hint(given, names, "")
     return f"{meant} there is {', '.join(names[:most])}{', …' * (len(names) > most)}".strip()

@@ -214,7 +214,6 @@ def _fill(sheet: Sheet, axes: Axes, shape: Drawn, body: BodyFields, field: Field
 
 
 def edge_words(edge: NamedEdge) -> str:
-    """What an edge is and does, "end: convection, traction"."""
     return f"{edge.name}: {edge.role}" + (", traction" if edge.loaded and edge.role != "traction" else "")
 
 

@@ -118,7 +118,6 @@ def line_panels(picture: Picture, below: Scale | None) -> dict[str, Panel]:
 
 
 def stick_text(line: LineFields) -> str:
-    """How much of the contact line sticks, in words."""
     if not line.sticks.any():
         return "all of it slips"
     if line.sticks.all():
@@ -281,7 +280,6 @@ def law_figure(point: Picture, of: Operating, look: style.Look) -> Figure:
 
 
 def _facts(point: Picture) -> list[str]:
-    """The point, and what the law says of uniqueness."""
     steep, at = "", point.at
     if "lambda_1" in at and np.isfinite(at["lambda_1"]):
         units = str(at["omega"].attrs.get("units", "1"))

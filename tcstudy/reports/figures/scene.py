@@ -135,7 +135,6 @@ def _scales(points: Array) -> tuple[Array, Array, Array]:
 def _sheet(
     look: style.Look, title: str, facts: Sequence[str], size: Array, above: float, law: bool = False
 ) -> tuple[Sheet, Axes]:
-    """The sheet, and axes in inches with room above and below a body of this size."""
     rows, heights = [["scene"], ["law"]], [size[1] + 2.0 * above, 1.5]
     sheet = Sheet(look, title, facts, rows[: 1 + law], heights[: 1 + law])
     axes = sheet.panels["scene"]
@@ -162,7 +161,6 @@ def _wrapped(parts: Sequence[str]) -> str:
 
 
 def _draw_mesh(axes: Axes, points: Array, triangles: NDArray[np.intp], region: NDArray[np.intp]) -> None:
-    """Regions in their colours, and sides of triangles that are not too small."""
     from matplotlib.colors import ListedColormap
 
     how: dict[str, Any] = {"cmap": ListedColormap(FILLS), "vmin": -0.5, "vmax": len(FILLS) - 0.5}

@@ -165,7 +165,6 @@ def _along(axis: Any, name: str, held: NDArray[Any]) -> Along:
 
 
 def _sheet(sweep: SweepPicture, look: style.Look) -> tuple[Sheet, Axes]:
-    """The sheet with what is the same at all points, and its panel."""
     same = ",  ".join(map(style.point_words, sweep.fixed))
     sheet = Sheet(look, sweep.title, [same, sweep.left_out + " (×)" * bool(sweep.left_out)])
     return sheet, sheet.panels[""]

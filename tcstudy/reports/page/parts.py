@@ -58,7 +58,6 @@ LOOKS = ("color", "linewidth", "linestyle", "marker", "markersize", "markerfacec
 
 
 def _item(kind: str, x: Any, y: Any, how: Mapping[str, Any], box: Container) -> Json:
-    """What is drawn and how, in colours that follow the theme."""
     found: Json = {"kind": kind, "x": box.array(x, "f4"), "y": box.array(y, "f4")}
     found |= {key: how[key] for key in LOOKS if key in how}
     if "color" in how:

@@ -130,7 +130,6 @@ def _levels(tree: Any, steps: dict[str, slice] | None = None) -> tuple[dict[int,
 
 
 def _homes(path: Path, tree: Any, data: Any, study: Study | None) -> tuple[Stored | None, ...]:
-    """The geometries of a sweep over several, in the order of their numbers."""
     found: list[Stored | None] = []
     for i in range(int(data.attrs.get(GEOMETRIES, 0))):
         group = tree.children.get(f"geometry_{i}")

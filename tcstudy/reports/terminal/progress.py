@@ -109,7 +109,6 @@ class Progress:
         self._failures.clear()
 
     def _bar(self) -> None:
-        """How far a run is, and how long it may still take."""
         whole, new = sum(w.points * w.weight for w in self._work), self._spent - self._before
         left = (time.monotonic() - self._start) * (whole - self._spent) / new if new else None
         told = "" if left is None else f", {span(left)} left"
@@ -122,7 +121,6 @@ class Progress:
             self.event(text)
 
     def _rewrite(self, text: str) -> None:
-        """The line anew, or empty; only a terminal and a notebook have it."""
         if self._shown and (text or self._width):
             # blanks, as a notebook knows no escape that empties a line
             self._stream.write(f"\r{visible(text):<{self._width}}" + ("" if text else "\r"))
