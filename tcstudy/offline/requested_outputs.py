@@ -1,29 +1,21 @@
 """Numbers of a solved point: by law along Γ_C, forces of edges and sections, what else a study asks for.
 
-What a law does along the contact line, in numbers: how long each of its regions is, where it slips and pulls most.
-
-u_T is linear between the nodes of Γ_C, so that the part of a segment with slips up to a breakpoint s of its law is
-(s − min u_T)/(max u_T − min u_T), and lengths of regions (`LawPieces.regions`) are exact differences of such parts. The
-law of a segment is that of its edge; where strength varies along it, each half has the law of its own node.
-
-Forces of a solved scene by equilibrium: of every edge on the body, with its work, and of sections along Γ_C.
-
-Edges:    what loads, springs and supports of an edge do at its nodes: g, p, resultants, −S_e u, and r = Au + Su − l_θ
-          where the edge holds or touches the body; their sum with ∫f is 0 to rounding. Work: force times displacement.
-Sections: N(s), positive in tension, is −Σ_{s_j < s} F_j·t of all forces F_j on the nodes before the section across Γ_C
-          at s, as the triangles have them there, ∫σ:∇φ. Of a segment the mean over its sections is taken, which is
-          exact for nodal forces of P1: l(φt), φ = 1 before it, 0 behind it and linear on it, is a(u, φt) but for
-          rounding. Friction adds ∫ξ/c over the cells S_i, so that N(s) between the middles of segments is exact where
-          the line carries no other load.
-Layers:   N of a region with a material of its own, of the forces of its triangles. They are in balance with all
-          others: with that of the rest N of all sum to that of the body. But what passes between two layers is that of
-          P1 elements, so that N of one has an error that falls with h.
-Left out: lines that bend.
-
-Numbers of a solved point that a study asks for: u, θ and σ at points, reactions, θ by edge, the largest stress.
-
+Lengths:    u_T is linear between the nodes of Γ_C, so that the part of a segment with slips up to a breakpoint s of its
+            law is (s − min u_T)/(max u_T − min u_T), and lengths of regions (`LawPieces.regions`) are exact differences
+            of such parts. The law of a segment is that of its edge; where strength varies along it, each half has the
+            law of its own node
+Edges:      what loads, springs and supports of an edge do at its nodes: g, p, resultants, −S_e u, and r = Au + Su − l_θ
+            where the edge holds or touches the body; their sum with ∫f is 0 to rounding. Work: force times displacement
+Sections:   N(s), positive in tension, is −Σ_{s_j < s} F_j·t of all forces F_j on the nodes before the section across
+            Γ_C at s, as the triangles have them there, ∫σ:∇φ. Of a segment the mean over its sections is taken, which
+            is exact for nodal forces of P1: l(φt), φ = 1 before it, 0 behind it and linear on it, is a(u, φt) but
+            for rounding. Friction adds ∫ξ/c over the cells S_i, so that N(s) between the middles of segments is exact
+            where the line carries no other load
+Layers:     N of a region with a material of its own, of the forces of its triangles; with that of the rest they sum to
+            that of the body. What passes between two layers is that of P1, so that N of one has an error that falls
+            with h
 Stress:     σ = cε(u) − βθI, one on each triangle, θ being its mean there; in plane strain σ_zz = λ div u − βθ
-Reactions:  r = Au + Su − l_θ at the nodes that are held or in contact (S: springs); Σ r + Σ loads − ΣSu = 0 to rounding
+Left out:   lines that bend.
 """
 
 from __future__ import annotations
