@@ -233,8 +233,8 @@ def _branches(plan: PathPlan, load: AffineLoad, path: Path, every: Branches) -> 
     }
 
 
-SAME = 1e-7
-"""Of the largest slip, by which the same solution may differ on the path and on its branch."""
+SAME, ROUNDED = 1e-7, 1e-12
+"""Of its largest slip, and of that on the path, by which a solution may differ on the path and on its branch."""
 
 
 def _solutions(
@@ -251,7 +251,7 @@ def _solutions(
         if every is not None and law.piecewise_linear:
             known[n] = every.complete_at(t)
             for v, stable in every.solutions(t):
-                size = SAME * float(np.max(np.abs(v), initial=0.0))
+                size = max(SAME * float(np.max(np.abs(v), initial=0.0)), ROUNDED * float(np.max(np.abs(path.u))))
                 if all(np.max(np.abs(v - one.v)) > size for one in found[n]):
                     found[n].append(PathSolution(v, stable, -1))
     count = np.array([len(group) for group in found], dtype=np.intp)

@@ -125,6 +125,17 @@ def test_the_joint_has_thirteen_loops() -> None:
     assert np.count_nonzero(np.array(values["solution_piece"]) < 0) == 26
 
 
+def test_without_load_a_law_without_jumps_has_one_solution() -> None:
+    """Its slips are rounding, other on the path than on its branch."""
+    law = "friction={law: piecewise-linear, points: [[0, 0 kPa], [0.1 mm, 100 kPa], [0.5 mm, 20 kPa]]}"
+    ends = ["path.from=2 mm", "path.to=0 mm", "path.within=[-1 mm, 3 mm]", "path.at=[0 mm, 1e-10 mm]"]
+    study = read_study(PAD, ["mesh.levels=1", "path.complete=true", "path.hysteresis=false", law, *ends])
+    values = follow_path(study).values
+    assert values["complete"]
+    assert values["solution_count"] == [1, 1]
+    assert values["solution_unique"].all()
+
+
 def test_where_the_range_is_not_proved_values_are(monkeypatch: pytest.MonkeyPatch) -> None:
     """The loop is followed from what is listed at 0.9 mm, and what is known of each value is said."""
     monkeypatch.setattr(path_run, "LIMITS", replace(Limits(), boxes=40))
