@@ -27,7 +27,7 @@ from tcstudy.errors import CostError, GeometryFailed
 from tcstudy.fem.meshes import graded_points
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.scene.study import FAMILIES, SOLVERS, FamilyName, Goal, MeshPlan, Study
-from tcstudy.study.point import solve_point
+from tcstudy.study.level_solver import solve_point
 from tcstudy.study.reference import (
     Errors,
     ExactReference,

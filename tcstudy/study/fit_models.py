@@ -45,7 +45,7 @@ from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Direction, FitPlan, Sensitivity
 from tcstudy.study.history_run import followed as followed_steps
 from tcstudy.study.path_run import affine_load, followed, straightened
-from tcstudy.study.point import rates_of
+from tcstudy.study.sensitivities import rates_of
 
 Array = NDArray[np.float64]
 DIFFERENCE = 1e-6

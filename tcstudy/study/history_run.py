@@ -50,8 +50,8 @@ from tcstudy.scene.parameters import loaded_scene, numbers
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Sensitivity, Study
 from tcstudy.study.append import DECIDE_NOTHING, differences, stored_study
+from tcstudy.study.level_solver import STATUS
 from tcstudy.study.lint import warnings
-from tcstudy.study.point import STATUS
 from tcstudy.study.run import Summary, level_of, level_record
 from tcstudy.study.workers import WorkerPool, of_history, submit
 

@@ -3,7 +3,7 @@
 A block depends on the study and on the size of the contact line alone, so that a run that was stopped, or that others
 help with, has the same blocks and in them the same numbers, to the bit. Points of a block share λ/μ; their loads are
 rows of one array and their laws rows of one table (tcstudy.contact). Points for which the study names several solvers
-or the bundle method are solved one by one, here.
+or the bundle method are solved one by one, here, by any solver, by several, for comparison.
 
 The contact line has the normals of the exact curve: the mesh cuts arcs into chords; errors, and the exact solution as a
 start, belong to the curve.
@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -25,23 +25,39 @@ from numpy.typing import NDArray
 
 from tcstudy.accuracy.norms import LineFunction
 from tcstudy.condense import NotPositiveDefinite
-from tcstudy.contact.all_solutions import Limits
-from tcstudy.contact.problem import CondensedBody
-from tcstudy.contact.solve import solve_block
+from tcstudy.contact.all_solutions import Equilibria, Limits
+from tcstudy.contact.certificates import as_row, certify
+from tcstudy.contact.problem import CondensedBody, Status
+from tcstudy.contact.solve import Answer, solve_block, solve_contact
 from tcstudy.data.records import BlockRecord
-from tcstudy.data.schema import PointStatus, requested_variables
+from tcstudy.data.schema import (
+    ALL_PROVED,
+    BALANCED,
+    HEAT_BOUND,
+    LIMITED,
+    MET,
+    NOT_ALL,
+    NOT_JUDGED,
+    OF_POLYGON,
+    UNBALANCED,
+    UNKNOWN,
+    PointStatus,
+    requested_variables,
+)
 from tcstudy.exact.solution import exact_u_T
 from tcstudy.executors.processes import TIMEOUT, Job, SerialExecutor, WorkersFailed, timed
 from tcstudy.fem.forms import ContactLine
 from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.laws.composed import row_laws
+from tcstudy.laws.laws import Laws
+from tcstudy.laws.pieces import UP
 from tcstudy.offline.error_bound import ErrorBounds
-from tcstudy.offline.level import Level
+from tcstudy.offline.level import CondensedBlock, Level
+from tcstudy.offline.requested_outputs import line_numbers
 from tcstudy.refine.family import ErrorEstimator
 from tcstudy.scene.points import combinations, of_stiffness
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
-from tcstudy.study.point import all_failed, block_record, derivatives_of, solve_point
 
 Array = NDArray[np.float64]
 Pending = Callable[[], BlockRecord]
@@ -145,13 +161,10 @@ class LevelSolver:
             return
         except WorkersFailed:
             raise
-        except NotPositiveDefinite as error:
-            status, reason = PointStatus.SINGULAR, str(error)
         except Exception as error:  # what it was stands in the data
-            status, reason = PointStatus.ERROR, f"{type(error).__name__}: {error}"
-        if len(block.points) == 1:
-            yield all_failed(self.study, self.level.mesh.level, block.points, status, reason)
-            return
+            if len(block.points) == 1:
+                yield all_failed(self.study, self.level.mesh.level, block.points, *failed_by(error))
+                return
         halves = [replace(block, points=part) for part in np.array_split(block.points, 2)]
         for half, one in [(half, self._started(half)) for half in halves]:
             yield from self._records(half, one)
@@ -206,6 +219,8 @@ class LevelSolver:
         if output.probes or output.quantities:
             found.append(RequestedOutputs(self.level, output).of)
         if output.sensitivity:
+            from tcstudy.study.sensitivities import derivatives_of
+
             found.append(lambda scene, v: derivatives_of(self.level, scene, v, output.sensitivity))
         return found
 
@@ -344,3 +359,161 @@ def at_contact_nodes(function: LineFunction, mesh: PlaneMesh, line: ContactLine)
     normals[line.segments] = mesh.end_normals[line.which]
     x, y = line.xy.T
     return function(x, y, normals[line.nodes])
+
+
+# -- what is recorded of a block, and of a point that is solved by itself ------------------------------------------
+
+
+def solve_point(
+    study: Study, level: Level, place: int, neighbour: Array | None = None, exact: Array | None = None
+) -> BlockRecord:
+    """Solve one point of the sweep on one level; every failure becomes a status with its reason.
+
+    neighbour: the contact solution of a neighbouring point, a start where the study's branch asks for one
+    exact:     the exact solution at the contact nodes, a start where the study gives one
+    """
+    plan, points = study.solver, np.array([place])
+    try:
+        scene = study.scenes[place]
+        problem, condensed = level.condensed(scene).problem, level.block([scene])
+        given = plan.tolerance, plan.max_iterations, plan.branch, neighbour, exact
+        solved = [timed(solve_contact, problem, name, *given) for name in plan.names]
+        answer, seconds = solved[0]
+        lambda_1, residual = level.lambda_1(scene), answer.inclusion_residual
+        proved = certify(problem, answer.v, lambda_1, plan.tolerance, residual=residual)
+        row, laws = as_row(replace(answer, certificate=proved)), row_laws([problem.law], np.ones(1))
+        record = block_record(study, level, points, [scene], condensed, laws, row, seconds)
+        more = {"evaluations": answer.evaluations} | (_by_solver(condensed, solved) if len(solved) > 1 else {})
+        fields = level.fields(scene, answer.v) if study.output.fields else {}
+        return replace(record, numbers=record.numbers | _one_row(more), fields=_one_row(fields))
+    except Exception as error:  # one point must not end a sweep; what it was stands in the data
+        return all_failed(study, level.mesh.level, points, *failed_by(error))
+
+
+def failed_by(error: Exception) -> tuple[PointStatus, str]:
+    """The status and the reason of points that an exception ends."""
+    singular = isinstance(error, NotPositiveDefinite)
+    return (PointStatus.SINGULAR, str(error)) if singular else (PointStatus.ERROR, f"{type(error).__name__}: {error}")
+
+
+def _one_row(values: Mapping[str, Any]) -> dict[str, Array]:
+    return {name: np.array([value], dtype=float) for name, value in values.items()}
+
+
+def all_failed(study: Study, level: int, points: NDArray[np.intp], status: PointStatus, reason: str) -> BlockRecord:
+    """Points of a level without results."""
+    count = len(points)
+    failed = np.full(count, int(status), dtype=np.int8)
+    return BlockRecord(level, study.shape, points, failed, dict.fromkeys(range(count), reason), {})
+
+
+STATUS = np.full(max(Status) + 1, int(PointStatus.NOT_CONVERGED), dtype=np.int8)
+"""Statuses of the data by those of a solver."""
+STATUS[Status.CONVERGED] = PointStatus.OK
+STATUS[Status.INCLUSION_VIOLATED] = PointStatus.INCLUSION_VIOLATED
+STATUS[Status.NOT_POSITIVE_DEFINITE] = PointStatus.SINGULAR
+
+
+def block_record(
+    study: Study,
+    level: Level,
+    points: NDArray[np.intp],
+    scenes: Sequence[Scene],
+    condensed: CondensedBlock,
+    laws: Laws,
+    answers: Answer,
+    seconds: float,
+) -> BlockRecord:
+    """The record of a block of answers, units as in data.schema. laws: of its rows;  seconds: for all of them."""
+    proved, error, count = answers.certificate, condensed.lambda_1_error, len(points)
+    assert proved is not None
+    factor = condensed.mu / condensed.mu[0]  # stiffness of a point's body over that of the block's
+    solved = answers.status == Status.CONVERGED
+    # no friction leaves a solution nothing but rounding of ξ; how far from 0 that is is its inclusion residual
+    nothing = solved & np.array([scene.friction.vanishes for scene in scenes])
+    xi = np.where(nothing[:, None], 0.0, answers.xi * factor[:, None])
+    sticks = np.where(np.isnan(answers.v), UNKNOWN, laws.kind(laws.locate(answers.v)) == UP)
+    lambda_1, omega, balance = condensed.mu * condensed.lambda_1, proved.omega * factor, condensed.heat_balance
+    unbalanced = np.where(balance <= HEAT_BOUND, BALANCED, UNBALANCED)
+    values = {
+        "energy": answers.energy * factor + condensed.constant,
+        "inclusion_residual": answers.inclusion_residual,
+        "inclusion_rounding": answers.rounding,
+        "inclusion_status": np.where(solved, np.where(answers.limited, LIMITED, MET), NOT_JUDGED),
+        "iterations": answers.iterations,
+        "u_T_max": np.max(np.abs(answers.v), axis=-1, initial=0.0),
+        "friction_resultant": xi.sum(axis=-1),
+        "lambda_1": lambda_1,
+        "lambda_1_error": np.full(count, error),
+        "omega": omega,
+        "uniqueness_margin": proved.margin * factor,
+        "unique": proved.unique,
+        "strict_minimum": proved.strict_minimum,
+        "global_minimum": proved.global_minimum,
+        "start_used": answers.start,
+        "start_energy": answers.energies * factor[:, None] + condensed.constant[:, None],
+        "theta_mean": condensed.theta_mean,
+        "heat_balance": balance,
+        "heat_status": np.where(np.isnan(balance), NOT_JUDGED, unbalanced),
+        "time_condense": np.full(count, condensed.time / count),
+        "time_solve": np.full(count, seconds / count),
+        **line_numbers(level, scenes, laws, answers.v, xi / condensed.c),
+    }
+    if condensed.band is not None:
+        values |= condensed.band.numbers(omega, condensed.mu)
+    solutions: dict[str, Array] = {}
+    if answers.solutions is not None:
+        more, solutions = _every(answers.solutions, points, factor, condensed)
+        values |= more
+    return BlockRecord(
+        level=level.mesh.level,
+        shape=study.shape,
+        points=points,
+        status=STATUS[answers.status],
+        reasons={row: reason for row, reason in enumerate(answers.reason) if reason},
+        numbers={name: np.asarray(value, dtype=float) for name, value in values.items()},
+        u_T=answers.v,
+        xi=xi / condensed.c,
+        sticks=sticks.astype(np.int8),
+        solutions=solutions,
+    )
+
+
+def _every(
+    found: Sequence[Equilibria], points: NDArray[np.intp], factor: Array, condensed: CondensedBlock
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """What a block stores of all solutions of its points by variable name: (P,), and one row a solution.
+    points: (P,) places in the sweep;  factor: (P,) stiffness of a point's body over that of the block's"""
+    count = np.array([len(one) for one in found])
+    complete = np.array([one.complete for one in found], dtype=bool)
+    polygon = np.array([one.law_error > 0.0 for one in found], dtype=bool)
+    numbers = {
+        "solutions": count,
+        "stable_solutions": np.array([np.count_nonzero(one.stable) for one in found]),
+        "complete": np.where(complete, np.where(polygon, OF_POLYGON, ALL_PROVED), NOT_ALL),
+    }
+    row = np.repeat(np.arange(len(count)), count)
+    solutions: dict[str, Any] = {
+        "solution_point": points[row].astype(np.int32),
+        "solution_energy": np.concatenate([one.energy for one in found]) * factor[row] + condensed.constant[row],
+        "solution_stable": np.concatenate([one.stable for one in found]).astype(np.int8),
+        "solution_u_T": np.concatenate([one.v for one in found]),
+        "solution_xi": np.concatenate([one.xi for one in found]) * factor[row, None] / condensed.c,
+        "solution_piece": np.concatenate([one.sides for one in found]).astype(np.int32),
+    }
+    return numbers, solutions
+
+
+def _by_solver(condensed: CondensedBlock, solved: Sequence[tuple[Answer, float]]) -> dict[str, Any]:
+    """What each solver found, and how far from the first one's solution."""
+    answers, times = zip(*solved, strict=True)
+    first = answers[0].v
+    scale = float(np.max(np.abs(first), initial=0.0))
+    apart = [float(np.max(np.abs(a.v - first), initial=0.0)) for a in answers]
+    return {
+        "solver_residual": [a.inclusion_residual for a in answers],
+        "solver_energy": [a.energy + float(condensed.constant[0]) for a in answers],
+        "solver_iterations": [a.iterations for a in answers],
+        "solver_time": times,
+        "solver_difference": [d / scale if scale > 0.0 else d for d in apart],
+    }

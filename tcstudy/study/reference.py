@@ -49,8 +49,7 @@ from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.level import Level
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Exact, Study
-from tcstudy.study.level_solver import at_contact_nodes
-from tcstudy.study.point import solve_point
+from tcstudy.study.level_solver import at_contact_nodes, solve_point
 from tcstudy.study.run import stages
 
 Array = NDArray[np.float64]

@@ -36,9 +36,8 @@ from tcstudy.offline.level import Level, live_arrays
 from tcstudy.refine.family import ErrorEstimator, Family
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study, Variant
-from tcstudy.study.level_solver import LevelSolver, Times, keeps_solutions
+from tcstudy.study.level_solver import LevelSolver, Times, all_failed, keeps_solutions
 from tcstudy.study.lint import built_faults, faults, output_of, warnings
-from tcstudy.study.point import all_failed
 from tcstudy.study.workers import (
     BlockExecutor,
     Resources,

@@ -23,8 +23,7 @@ import numpy as np
 
 from tcstudy.data import schema
 from tcstudy.errors import GeometryFailed
-from tcstudy.executors.cluster import DaskExecutor
-from tcstudy.executors.processes import TIMEOUT, Job, ProcessExecutor, SerialExecutor, available
+from tcstudy.executors.processes import TIMEOUT, Job, PackedExecutor, ProcessExecutor, SerialExecutor, available
 from tcstudy.scene.points import Scenes
 from tcstudy.scene.records import Clamped, Contact
 from tcstudy.scene.study import MeshPlan, Study
@@ -241,7 +240,7 @@ class WorkerPool:
     def __init__(self, jobs: int | None = None, dask: str | None = None) -> None:
         """jobs: worker processes, None for as many as pay;  dask: address of a scheduler whose workers do it"""
         self.jobs, self.dask = jobs, dask
-        self._cluster: DaskExecutor | None = None
+        self._cluster: PackedExecutor | None = None
         self._pool: ProcessExecutor | None = None
 
     def ready(self, study: Study) -> WorkerPool:
@@ -251,6 +250,8 @@ class WorkerPool:
         if the scheduler does not answer.
         """
         if self.dask is not None:
+            from tcstudy.executors.cluster import DaskExecutor
+
             self._cluster = self._cluster or DaskExecutor(self.dask, self.jobs)
         elif self._pool is None:
             count = 1

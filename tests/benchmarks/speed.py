@@ -27,7 +27,7 @@ from tcstudy.fem.meshes import PlaneMesh
 from tcstudy.offline.level import Level
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
-from tcstudy.study.point import solve_point
+from tcstudy.study.level_solver import solve_point
 from tests.benchmarks.cases import publish
 from tests.benchmarks.peers import machine
 from tests.verification.scenes import mesh_family

@@ -20,7 +20,7 @@ from tcstudy.errors import CostError
 from tcstudy.read.study import read_study_text
 from tcstudy.scene.study import MeshPlan, Study
 from tcstudy.study import cost as cost_module
-from tcstudy.study import point as point_module
+from tcstudy.study import level_solver as point_module
 from tcstudy.study.convergence import converge
 from tcstudy.study.cost import CostCurve, at_point, cost_to_file, follow, measure, walk
 from tcstudy.study.level_solver import Times

@@ -20,7 +20,7 @@ from tcstudy.reports.picture import read_picture
 from tcstudy.reports.terminal.summary import text_of
 from tcstudy.reports.text import fitting
 from tcstudy.scene.records import Scene
-from tcstudy.study import level_solver
+from tcstudy.study import sensitivities
 from tcstudy.study.level_solver import blocks_of
 from tests.verification.scenes import HEATED_BRACKET, RECTANGLE, levels_of, study_of
 
@@ -193,14 +193,14 @@ def test_linear_fields_are_exact(tmp_path: Path, plane: str) -> None:
 
 def test_a_number_that_breaks_down_ends_its_point_and_no_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The solution stays in the file with the reason beside it, and nothing of what was asked for."""
-    original = level_solver.derivatives_of
+    original = sensitivities.derivatives_of
 
     def broken(level: Level, scene: Scene, *more: Any) -> dict[str, float]:
         if not scene.material.expands:
             raise RuntimeError("no such element")
         return original(level, scene, *more)
 
-    monkeypatch.setattr(level_solver, "derivatives_of", broken)
+    monkeypatch.setattr(sensitivities, "derivatives_of", broken)
     data = run(tmp_path, BAR.replace("output: {", "output: {sensitivity: [E], ")).isel(level=0)
     assert data["status"].values.tolist() == [PointStatus.ERROR, PointStatus.OK]
     assert str(data["reason"][0].values) == "numbers on request: RuntimeError: no such element"

@@ -17,7 +17,7 @@ from tcstudy.read.study import read_study_text
 from tcstudy.reports.terminal.summary import text_of
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Study
-from tcstudy.study.point import derivatives_of
+from tcstudy.study.sensitivities import derivatives_of
 from tests.study.test_joints import FALLING, SLOW, block
 
 QUANTITIES = ("u_T_max", "friction_resultant", "theta_mean", "energy", "lambda_1", "omega")
