@@ -43,8 +43,11 @@ STATES = ("sticks", "slips", "slips and softens", "on a drop of b", "slips, weak
 
 
 def folds_of(data: Any) -> NDArray[np.intp]:
-    """Vertices of the folds."""
-    return data["fold_vertex"].values.astype(np.intp) if "fold_vertex" in data else np.zeros(0, dtype=np.intp)
+    """Vertices of the folds; older files list smaller turns, too, with how far t steps back at each."""
+    found = data["fold_vertex"].values.astype(np.intp) if "fold_vertex" in data else np.zeros(0, dtype=np.intp)
+    if "fold_size" not in data:
+        return found
+    return found[data["fold_size"].values >= 0.005 * abs(float(np.diff(data.attrs["parameter_range"])[0]))]
 
 
 def path_verdict(data: Any) -> tuple[str, str, bool]:

@@ -4,8 +4,16 @@ import numpy as np
 import xarray as xr
 
 from tcstudy.data.reading import load_root
-from tcstudy.reports.terminal.paths import _loop, path_verdict, sentences_of
+from tcstudy.reports.terminal.paths import _loop, folds_of, path_verdict, sentences_of
 from tests.reports.conftest import Stored
+
+
+def test_small_turns_of_an_old_file_are_no_folds() -> None:
+    sizes = [0.3, 1e-3, 1e-3, 0.3]
+    folds = {"fold_vertex": ("fold", np.arange(4)), "fold_size": ("fold", np.array(sizes))}
+    data = xr.Dataset(folds, attrs={"parameter_range": [0.0, -2.0]})
+    assert folds_of(data).tolist() == [0, 3]
+    assert folds_of(data.drop_vars("fold_size")).tolist() == [0, 1, 2, 3]
 
 
 def test_the_peak_is_said_as_a_force_and_in_the_mean() -> None:
