@@ -314,13 +314,28 @@ def columns_table(columns: Sequence[TextColumn]) -> str:
     Where the width is too small for all, the highest ranks go first, those of 0 never, and a line says which went.
     """
     kept, gone = list(columns), list[str]()
-    while sum(max(map(len, column.lines)) + 2 for column in kept) > (_width.get() or math.inf):
+    while not fits(kept):
         last = max(range(len(kept)), key=lambda i: (kept[i].rank, i))
         if kept[last].rank == 0:
             break
         gone.append(kept.pop(last).title)
     text = _aligned(kept)
     return "\n".join([text, wrapped(f"  no room for {', '.join(gone)} (-v has all)")] if gone else [text])
+
+
+def fits(columns: Sequence[TextColumn]) -> bool:
+    """Whether a table of all these columns has room."""
+    return sum(max(map(len, column.lines)) + 2 for column in columns) <= (_width.get() or math.inf)
+
+
+def split_table(labels: Sequence[TextColumn], columns: Iterable[TextColumn]) -> str:
+    """All columns in as many tables as the width asks for, each with the labels."""
+    parts = list[list[TextColumn]]([[]])
+    for column in columns:
+        if parts[-1] and not fits([*labels, *parts[-1], column]):
+            parts.append([])
+        parts[-1].append(column)
+    return "\n\n".join(_aligned([*labels, *part]) for part in parts)
 
 
 def _aligned(columns: Sequence[TextColumn]) -> str:

@@ -33,7 +33,7 @@ from tcstudy.reports.figures.panels import ROUND, Array, Labels, Panel, Sheet, s
 from tcstudy.reports.figures.point import draw_law, slip_range
 from tcstudy.reports.picture import edge_laws
 from tcstudy.reports.text import counted, number, pretty, scaled_labels, with_unit
-from tcstudy.scene.keys import symbol
+from tcstudy.scene.keys import law_rows, symbol
 from tcstudy.scene.parameters import Number, numbers
 from tcstudy.scene.points import distinct
 from tcstudy.scene.records import BODY, Body, Clamped, Role, Scalar
@@ -280,12 +280,22 @@ def varied(study: Study) -> str:
 
 
 def laws_drawn(study: Study) -> list[tuple[str, Laws]]:
-    """Laws of a study under the names that the sweep gives them, or their edges and kinds; of many some."""
+    """Laws of a study under the names of sweep and edges and what differs; of many some, the name says how many."""
     axis = next((axis for axis in study.axes if axis.path == ("friction",)), None)
     found = [one for scene in distinct(study.scenes, "friction") for one in edge_laws(scene.friction)]
-    named = axis is not None and len(found) == len(axis.labels)
-    names = map(str, axis.labels) if axis and named else (f"{edge} {law.name}".strip() for edge, law, _ in found)
-    shown = [(name, law) for name, (_, law, _) in zip(names, found, strict=True) if not law.vanishes]
+    every = dict[str, Laws]()
+    for k, (edge, law, _) in enumerate(found):
+        same = [one.made.values for at, one, _ in found if (at, one.name) == (edge, law.name) and one.made]
+        rows = {row.name: row for row in law_rows(law.made.shape)} if law.made else {}
+        differ = [
+            f"{symbol(name)} = {_value(Number(rows[name], value), study.units == 'SI')}"
+            for name, value in (law.made.values if law.made else {}).items()
+            if isinstance(value, float) and any(other.get(name) != value for other in same)
+        ]
+        given = axis is not None and len(found) == len(axis.labels)
+        name = str(axis.labels[k]) if axis and given else " ".join(filter(None, [edge, law.name, ", ".join(differ)]))
+        every.setdefault(name, law)
+    shown = [(name, law) for name, law in every.items() if not law.vanishes]
     if len(shown) > MOST_LAWS:
         some = np.unique(np.linspace(0, len(shown) - 1, MOST_LAWS).round().astype(int))
         return [(f"{len(some)} of {len(shown)} laws", shown[k][1]) for k in some]

@@ -49,6 +49,8 @@ OPEN_KEY: dict[str, Any] = {"hatch": "///", "facecolor": "#31688e"}
 SEVERAL: dict[str, Any] = {"edgecolor": style.VERMILLION, "linewidth": 1.8, "zorder": 4}
 FOLD: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 1.4}
 EQUAL: dict[str, Any] = {"color": "black", "linewidth": 1.4, "linestyle": "--"}
+BOUND: dict[str, Any] = {"color": "black", "linewidth": 0.8, "linestyle": "-"}
+BAND = ("lambda_1_low", "lambda_1_high")
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,8 @@ class SweepPicture:
     values:  (P,) the number in the units of the file, NaN where there is none
     proved:  (P,) to be the only solution;  several: (P,) starts led to solutions of different energies
     at_least: (P,) of numbers of equilibria, those not proved to be all; None for any other number
-    excess:  (P,) ω − λ₁, below 0 where one solution is proved; NaN where it is not known
+    excess:  (P,) ω − λ₁, below 0 where one solution is proved; NaN where it is not known; then, where they are known,
+             those of the lower and the upper bound of λ₁ of the body itself
     """
 
     title: str
@@ -96,7 +99,7 @@ class SweepPicture:
     proved: Flags
     several: Flags
     at_least: Flags | None
-    excess: Array
+    excess: tuple[Array, ...]
 
     @property
     def words(self) -> str:
@@ -121,7 +124,7 @@ def read_sweep(
             raise DrawError(f"{names[0]} is named twice; name two different swept parameters")
         name, n = quantity(data, number), level_number(data, level)
         keep, fixed = fitting(data, point, names)
-        needed = (name, "status", "unique", "start_energy", "complete", "omega", "lambda_1")
+        needed = (name, "status", "unique", "start_energy", "complete", "omega", "lambda_1", *BAND)
         at = data[[key for key in dict.fromkeys(needed) if key in data]].isel(level=n).load()
         labelled, about = labels_by_point(data), {"long_name": name, "units": "1"} | data[name].attrs
 
@@ -136,7 +139,8 @@ def read_sweep(
     ]
     left_out = f"{int((~good).sum())} of {counted(len(good), 'point')} left out: {', '.join(gone)}" if gone else ""
     with np.errstate(invalid="ignore"):
-        excess = np.where(good, flat("omega") - flat("lambda_1"), np.nan)
+        of = ["lambda_1", *(one for one in BAND if one in at)]
+        excess = tuple(np.where(good, flat("omega") - flat(one), np.nan) for one in of)
     return SweepPicture(
         title=str(data.attrs["title"]),
         quantity=name,
@@ -252,12 +256,12 @@ def _cells(sheet: Sheet, axes: Axes, sweep: SweepPicture, values: Array, how: di
             raise DrawError(f"several points of the list have {where}; choose one value of another parameter")
         grid[row, column] = i
     there, shown = grid >= 0, np.where(grid >= 0, values[grid], np.nan)
-    known, counts = there & np.isfinite(shown), sweep.at_least is not None
+    known, counts, mesh = there & np.isfinite(shown), sweep.at_least is not None, len(sweep.excess) > 1
     open_ = known & (sweep.at_least[grid] if sweep.at_least is not None else ~sweep.proved[grid])
     drawn = axes.pcolormesh(np.ma.masked_invalid(shown), edgecolors="white", linewidth=0.0 if counts else 0.4, **how)
     kinds: tuple[tuple[Flags, dict[str, Any], dict[str, Any], str], ...] = (
         (there & ~known, GONE, {}, "no solution"),
-        (open_, OPEN, OPEN_KEY, "at least so many" if counts else "not proved unique"),
+        (open_, OPEN, OPEN_KEY, "at least so many" if counts else "not proved unique" + " on the mesh" * mesh),
         (known & sweep.several[grid] & (not counts), SEVERAL, {}, "several solutions found"),
     )
     for which, look, in_key, name in kinds:  # hatches or outlines of the cells (rows, columns)
@@ -270,11 +274,13 @@ def _cells(sheet: Sheet, axes: Axes, sweep: SweepPicture, values: Array, how: di
         for row, column in np.argwhere(np.isfinite(a) & np.isfinite(b) & (a != b)):
             ends = [column + 1] * 2, [row, row + 1]
             axes.plot(*(ends[::-1] if turned else ends), **FOLD)
-    excess = np.where(there, sweep.excess[grid], np.nan)
-    if min(grid.shape) > 1 and np.isfinite(excess).all() and excess.min() < 0.0 < excess.max():
-        middles = [np.arange(size) + 0.5 for size in grid.shape[::-1]]
-        axes.contour(*middles, excess, levels=[0.0], **{f"{key}s": value for key, value in EQUAL.items()})
-        axes.plot([], [], **EQUAL, label="ω = $λ_1$")
+    looks = (EQUAL, "ω = $λ_1$" + " of the mesh" * mesh), (BOUND, "bounds of $λ_1$ of the body"), (BOUND, None)
+    for above, (line, label) in zip(sweep.excess, looks, strict=False):
+        excess = np.where(there, above[grid], np.nan)
+        if min(grid.shape) > 1 and np.isfinite(excess).all() and excess.min() < 0.0 < excess.max():
+            middles = [np.arange(size) + 0.5 for size in grid.shape[::-1]]
+            axes.contour(*middles, excess, levels=[0.0], **{f"{key}s": value for key, value in line.items()})
+            axes.plot([], [], **line, label=label)
     most_across = max(2, sheet.look.columns(0.6 * sheet.width) // (max(map(len, x.labels)) + 2))
     most_up = max(2, int(0.6 * sheet.height / (1.6 * sheet.em)))
     for axis, one, most in ((axes.xaxis, x, most_across), (axes.yaxis, y, most_up)):

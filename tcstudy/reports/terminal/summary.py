@@ -1,4 +1,7 @@
-"""What the terminal says of any result file; of a run one table of levels, one of the finest level's points."""
+"""What the terminal says of any result file.
+
+Of a run one table of levels, one of the finest level's points, and a row for each of several solvers.
+"""
 
 from __future__ import annotations
 
@@ -33,11 +36,13 @@ from tcstudy.reports.text import (
     counted,
     digits_lost,
     failure_lines,
+    fits,
     headed,
     number,
     proved,
     quantity,
     render,
+    split_table,
 )
 
 NOT_SAID = ("start_energy", "start_used", "iterations", "evaluations", "omega", "uniqueness_margin")
@@ -92,6 +97,7 @@ def run_parts(data: Any, full: bool = False, point: Mapping[str, Value] | None =
     if "stop" in data and data["stop"].values[-1]:
         yield f"  stopped: {data['stop'].values[-1]}"
     yield from _points(data, None if full else MOST_ROWS, point or {})
+    yield from _solvers(data)
     for line in _said(data):
         yield f"  {line}"
 
@@ -173,7 +179,8 @@ def _points(data: Any, most: int | None, point: Mapping[str, Value]) -> Iterator
     usual = [one for one in _COLUMNS if one[0] in fine and np.isfinite(fine[one[0]].values).any()]
     # a reaction is the force of a held edge: once is enough
     more = [n for n in asked(data) if not (n.startswith("reaction_") and n.replace("reaction_", "force_", 1) in fine)]
-    columns = [*labels, *(column(*one) for one in usual), *(column(name, name, 1) for name in more)]
+    columns = [*labels, *(column(*one) for one in usual)]
+    wanted = [column(name, name, 0) for name in more]
     if "solutions" in fine:
         told = zip(*(first(name).tolist() for name in ("solutions", "stable_solutions", "complete")), strict=True)
         words = [sentences.equilibria(*one) if good else "–" for one, good in zip(told, solved, strict=True)]
@@ -198,8 +205,45 @@ def _points(data: Any, most: int | None, point: Mapping[str, Value]) -> Iterator
         legend.append("failed: no solution; the numbers in (parentheses) are those of the last step")
     few = f" first {len(shown)} of {len(own)} points" if len(shown) < len(own) else ""
     yield f"  Level {int(fine['level'])}, the finest:{few}"
-    yield Table("", [*columns, *rest])
+    if wanted and not fits([*columns, *wanted, *rest]):
+        yield Table("", [*columns, *rest])
+        yield "  Asked for by output:"
+        yield split_table(labels, wanted)
+    else:
+        yield Table("", [*columns, *wanted, *rest])
     yield "\n".join(f"  {line}" for line in legend)
+
+
+SAME = 1e-9
+"""Difference of energies, relative to the largest of a point, that is rounding."""
+
+
+def _solvers(data: Any) -> Iterator[Part]:
+    """Solvers compared where a run kept them side by side."""
+    if "solver" not in data.dims:
+        return
+
+    def by_solver(name: str) -> Any:
+        values = data[f"solver_{name}"].transpose("solver", ...).values.astype(float)
+        return values.reshape(values.shape[0], -1)[:, known]
+
+    known: Any = slice(None)
+    known = np.isfinite(by_solver("energy")).any(axis=0)
+    energy, steps, time = by_solver("energy"), by_solver("iterations"), np.nansum(by_solver("time"), axis=1)
+    size = np.max(np.abs(np.nan_to_num(energy)), axis=0)
+    lowest = np.count_nonzero(energy <= np.nanmin(energy, axis=0) + SAME * size, axis=1)
+    worst, apart = (np.fmax.reduce(by_solver(name), axis=1) for name in ("residual", "difference"))
+    names = data["solver"].values.tolist()
+    yield f"  Solvers compared on all points and levels; the solutions stored are those of {names[0]}:"
+    columns = [
+        TextColumn("solver", names),
+        quantity("worst residual", worst, digits=2, rank=1),
+        TextColumn("steps", [f"{one[one > 0].sum():.0f}" for one in steps], 2),
+        quantity("solve [s]", time, digits=2, rank=3),
+        TextColumn("lowest found", [f"{n}/{energy.shape[1]}" for n in lowest], 4),
+        quantity("largest difference of u_T", apart, digits=2, rank=5),
+    ]
+    yield Table("", columns)
 
 
 def _said(data: Any) -> Iterator[str]:

@@ -84,7 +84,9 @@ def test_a_map_tells_solved_cells_from_others_and_where_omega_is_lambda_1(stored
     with style.styled():
         figure = map_figure(shown, style.Look())
         above = np.array([-1.0, -2.0, 1.0, 2.0, 1.0, 1.0])
-        bounded = map_figure(replace(shown, excess=above), style.Look())
+        bounded = map_figure(replace(shown, excess=(above,)), style.Look())
+        band = above, above + 0.5, above - 0.5
+        of_body = map_figure(replace(shown, excess=band, proved=above > 9.0), style.Look())
     (mesh,) = figure.axes[0].collections
     missing = [[False] * 3, [False, False, True]]
     np.testing.assert_array_equal(np.ma.getmaskarray(mesh.get_array()), missing)
@@ -92,6 +94,8 @@ def test_a_map_tells_solved_cells_from_others_and_where_omega_is_lambda_1(stored
     open_ = np.count_nonzero(~shown.proved & np.isfinite(shown.values))
     assert [sum(str(hatch) == one for hatch in hatches) for one in ("//", "xxx")] == [open_, 1]
     assert key_of(bounded)[-1] == "ω = $λ_1$"
+    assert key_of(of_body)[-2:] == ["ω = $λ_1$ of the mesh", "bounds of $λ_1$ of the body"]
+    assert "not proved unique on the mesh" in key_of(of_body)
 
 
 def test_points_of_a_list_and_random_ones_are_not_joined(stored: Stored) -> None:

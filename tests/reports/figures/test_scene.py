@@ -39,7 +39,7 @@ def test_values_are_said_where_they_act() -> None:
     assert "q =" not in " ".join(text.get_text() for text in figure.texts)
     swept = {"friction": {"law": "tresca"}, "sweep": {"tau": [1e6, 2e6]}, "path": None}
     legend = picture(tcstudy.load(CONFIGS / "isola.yaml").with_(swept), None).axes[1].get_legend()
-    assert [text.get_text() for text in legend.get_texts()] == ["tresca"]
+    assert [text.get_text() for text in legend.get_texts()] == ["tresca τ = 1 MPa", "tresca τ = 2 MPa"]
 
 
 CROSSED = """

@@ -57,6 +57,23 @@ def test_what_failed_is_marked_in_its_row(tmp_path: Path) -> None:
     assert ["1", "2", "nothing", "–"] in rows
 
 
+def test_solvers_side_by_side(tmp_path: Path) -> None:
+    """Only what every solver stored; where the second found more energy, it is not the least."""
+    study = replace(STUDY, solver=replace(SolverPlan(), names=("separable-newton", "bundle-newton")))
+    points = []
+    for i in range(3):
+        energies = (-1.0, -1.0 if i else -0.5)
+        numbers = {"solver_energy": energies, "solver_residual": (1e-14, 3e-12), "solver_iterations": (4, 40 + i),
+                   "solver_time": (0.25, 1.0), "solver_difference": (0.0, 0.0 if i else 0.125)}  # fmt: skip
+        points += [replace(point(i, n), numbers=numbers) for n in range(2)]
+    points[-1] = missed(2, 1, "3e-09")
+    rows = [line.split() for line in said(tmp_path, *points, study=study).splitlines() if "-newton " in line]
+    assert rows[-2:] == [
+        ["separable-newton", "1e-14", "20", "1.2", "5/5", "0"],
+        ["bundle-newton", "3e-12", "204", "5", "3/5", "0.12"],
+    ]
+
+
 def test_heat_that_does_not_balance_is_said_and_the_points_stay_solved(tmp_path: Path) -> None:
     balances = {(0, 0): 1e-15, (0, 1): 5e-5, (1, 0): 1e-15, (1, 1): 2e-9, (2, 0): 1e-12, (2, 1): 1e-12}
     text = said(tmp_path, *(point(i, n, balance) for (i, n), balance in balances.items()))
