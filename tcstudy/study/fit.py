@@ -126,7 +126,7 @@ def mesh_shift(tests: Tests, best: Minimum, box: Box, said: Mapping[str, Any]) -
     free, shift, finer = np.flatnonzero(~said["at_bound"]), np.full(len(best.p), np.nan), list[Compared]()
     try:
         for model in tests.models:
-            level = Level(refine(model.level.mesh), model.plan.scene, held=held(model.plan))
+            level = Level(refine(model.level.mesh), model.plan.scene, held=model.level.held)
             finer.append(replace(model, level=level).compared(best.p))
     except (FitError, GeometryFailed, NotPositiveDefinite, MemoryError):
         return shift
@@ -145,13 +145,9 @@ def model_of(study: Study, plan: FitPlan) -> FitModel:
         for c in (*plan.measured, *plan.given)
     ]
     noise = np.repeat(sigma[: len(plan.measured)], len(plan.measured[0].values))
-    level = level_of(study, plan.scene, plan.level, held(plan))
+    held = plan.history is None or not plan.history.loose
+    level = level_of(study, plan.scene, plan.level, held)
     return FitModel(plan, SceneReader.of(study), level, noise, sigma[-1] if plan.given else 1.0, study.solver.tolerance)
-
-
-def held(plan: FitPlan) -> bool:
-    """Whether more than friction holds the body."""
-    return plan.history is None or not plan.history.loose
 
 
 def box_of(plan: FitPlan) -> Box:

@@ -325,7 +325,7 @@ class HistoryProblem:
 
     body:       Ã and c; a body that nothing but friction holds is a loose one, with Ã only semidefinite
     model:      the scene's law and what is remembered of it
-    branch:     "lowest": lowest found of the step from all starts; "continued": along its path (continued.py)
+    branch:     "lowest": lowest found of the step from all starts; "continued": along its path (steps.py)
     tolerance:  of the inclusion residual, as in `solve_contact`
     max_pieces: of a path that is followed at once
     """
