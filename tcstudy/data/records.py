@@ -230,12 +230,18 @@ class Journal:
         self.close()
 
 
+LEAST = 512
+"""Bytes of the smallest database: SQLite begins what is shorter anew, whatever it is."""
+
+
 def connect(path: Path, header: str) -> tuple[sqlite3.Connection, str]:
     """An open, locked journal, and why it is not one with this header ("" if it is). Raises StoreError."""
     if what := special_file(path):
         raise StoreError(f"{path} is {what}, no file. Remove it or {OTHER}")
     connection: sqlite3.Connection | None = None
     try:
+        if path.exists() and 0 < path.stat().st_size < LEAST:
+            return sqlite3.connect(":memory:"), "is damaged (too short for a journal)"
         connection = sqlite3.connect(path, timeout=0.2, isolation_level=None)
         # locked before anything is judged: what another run is writing must not be set aside
         for statement in ("PRAGMA locking_mode = EXCLUSIVE", "PRAGMA journal_mode = WAL", "BEGIN EXCLUSIVE"):

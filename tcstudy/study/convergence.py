@@ -247,6 +247,13 @@ def _point(
 def _notes(
     study: Study, levels: list[SolvedLevel], reference: Reference | None, points: list[dict[str, Any]]
 ) -> Iterator[str]:
+    if isinstance(reference, ExactReference):
+        worst = max(reference.inclusion(levels[-1], scene) for scene in study.scenes)
+        if worst > 1e-8:
+            yield (
+                f"The exact solution misses the friction law by {worst:.2g} of its scale: it does not solve this "
+                "problem, so errors will level off; check exact, friction and the loads."
+            )
     if any(NOT_ANALYSED in point.get("reason_u_energy", "") for point in points):
         yield (
             "Corners where edges meet without an angle are not analysed: expected orders are those of a solution that "

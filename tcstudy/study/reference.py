@@ -46,6 +46,7 @@ from tcstudy.exact.solution import exact_friction_resultant, exact_u_T, exact_xi
 from tcstudy.expressions.expression import value_and_gradient
 from tcstudy.fem.forms import ContactLine
 from tcstudy.fem.meshes import PlaneMesh
+from tcstudy.laws.composed import law_along
 from tcstudy.offline.level import Level
 from tcstudy.scene.records import Scene
 from tcstudy.scene.study import Exact, Study
@@ -211,6 +212,16 @@ class ExactReference:
         v, at = (at_contact_nodes(of, one.mesh, one.line) for of in (u_T, xi))
         found |= _at_nodes(one, own, (v, at), (v, at))
         return _with_numbers(found, own, {"friction_resultant": exact_friction_resultant(scene, xi)}, scene)
+
+    def inclusion(self, one: SolvedLevel, scene: Scene) -> float:
+        """max dist(ξ, b̂(u_T)) over the contact nodes of a level, over the scale of b: whether the solution is one."""
+        line, of = one.line, (exact_u_T(self._exact), exact_xi(self._exact, scene))
+        slip, xi = (at_contact_nodes(function, one.mesh, line) for function in of)
+        law = law_along(scene.friction, line.edge_names, line.edge.astype(np.intp), line.xy)
+        low, high = law.interval(slip, 1e-9 * np.max(np.abs(slip), initial=0.0))
+        worst = float(np.max(np.maximum(low - xi, xi - high), initial=0.0))
+        scale = max(law.b_scale, float(np.max(np.abs(xi), initial=0.0)))
+        return worst / scale if scale > 0.0 else worst
 
 
 @dataclass(frozen=True)

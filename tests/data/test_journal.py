@@ -203,7 +203,7 @@ def test_a_journal_of_another_study_or_program_is_set_aside_never_deleted(
             assert kept.execute("SELECT place FROM record WHERE kind = 'block'").fetchall() == [(place,)]
 
 
-@pytest.mark.parametrize("size", [0, 600, 4096, 9000, -5000])
+@pytest.mark.parametrize("size", [0, 1, 100, 600, 4096, 9000, -5000])
 def test_a_torn_journal_is_set_aside_and_an_empty_one_used(output: Path, study: Study, size: int) -> None:
     fill(output, study, long(0, m=1000), long(1, m=1000))
     torn = partial(output).read_bytes()[:size]
