@@ -197,7 +197,7 @@ class Follower:
             step, first = walk.reach()
             if not np.isfinite(step):
                 return PathStatus.UNBOUNDED
-            if first == walk.m and step == 0.0:  # a piece without length would be a second solution there
+            if first == walk.m and step == 0.0 and not pieces:  # one without length would be a second solution there
                 return PathStatus.RANGE_END
             at, codes = walk.arrive(step, first), walk.codes.copy()
             if first == walk.m and careful:
