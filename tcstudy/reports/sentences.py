@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcstudy.data.schema import OF_POLYGON, UNBALANCED, PointStatus
+from tcstudy.data.store import OWN_POINT
 from tcstudy.reports.text import number, pretty, scaled_labels, with_unit
 from tcstudy.scene.keys import symbol
 
@@ -122,8 +123,11 @@ class RunSeen:
 
     def friction(self, place: tuple[int, ...]) -> float:
         """∫|ξ| on the last level at a point."""
-        home = f"geometry_{int(self.nc['geometry'][place])}/" if "geometry" in self.nc.variables else ""
-        group, where = self.nc[f"{home}level_{self.levels - 1}"], dict(zip(self.dims, place, strict=True))
+        home, where = "", dict(zip(self.dims, place, strict=True))
+        if "geometry" in self.nc.variables:
+            of = self.nc["geometry"][...]
+            home, where[OWN_POINT] = f"geometry_{of[place]}/", np.count_nonzero(of[: place[0]] == of[place])
+        group = self.nc[f"{home}level_{self.levels - 1}"]
         xi = group["xi"][tuple(where[dim] for dim in group["xi"].dimensions[:-1])]
         return float(np.abs(xi) @ group["c"][...])
 

@@ -95,6 +95,7 @@ def test_lists_and_draws_share_what_has_one_geometry(tmp_path: Path) -> None:
     assert np.allclose(tree["u_T_max"].isel(level=1), [2e-4, 2e-4, 1e-4], rtol=1e-9)
     assert tree["geometry"].values.tolist() == [0, 1, 0]
     assert tree["geometry_0/level_0"]["u_T"].dims == ("own_point", "node")
+    assert "3 of 3 solved" in text_of(tmp_path / "out.nc")
     drawn = "sweep={mode: sobol, points: 4, body.rectangle.width: {uniform: [100 mm, 200 mm]}}"
     assert len(read_study_text(BAR, "s", [drawn]).variants) == 4
 
