@@ -186,3 +186,16 @@ def test_a_number_at_the_end_of_what_it_may_be_has_the_derivative_of_its_side(tm
         ends = [run["friction_resultant"].values for run in runs]
         exact = (4.0 * ends[1] - ends[2] - 3.0 * ends[0]) / (2.0 * change)
         assert data[name_of("friction_resultant", name)].values == pytest.approx(exact, rel=1e-5, abs=1e-9)
+
+
+def test_a_path_that_passes_its_step_by_rounding_ends_it(tmp_path: Path) -> None:
+    long = """
+body: {rectangle: {width: 6 m, height: 200 mm}}
+boundary: {bottom: contact, left: symmetry, top: free, right: {role: traction, g: [0 MPa, 0]}}
+material: {E: 30 GPa, nu: 0.1, plane: stress, alpha_T: 12e-6 1/K}
+heat: {theta: 0 K}
+friction: {law: slip-weakening, tau_s: 0.4 MPa, tau_k: 0.2 MPa, delta: 1 mm}
+mesh: {maxh: 80 mm}
+"""
+    loads = "{theta: 40 K, in: 4}, {theta: -10 K, in: 4}, {boundary.right.g_x: 0.6 MPa}, {boundary.right.g_x: 0 MPa}"
+    assert np.all(followed(tmp_path, long, f"{{memory: friction, steps: [{loads}]}}")["status"] == 1)
