@@ -106,7 +106,7 @@ SIZES = "h_max: longest edge; mesh.maxh is what the mesher aims at, its longest 
 """Measured on all uniform meshes in configs/ and eight more."""
 _ESTIMATED = (
     ("error_estimate", "est. rel. error"),
-    ("error_bound_relative", "bound of it"),
+    ("error_bound_relative", "rel. error bound"),
     ("goal_estimate", "est. error of goal"),
     ("goal_error", "its true error"),
     ("goal_effectivity", "est./true"),
