@@ -10,7 +10,7 @@ the extension of contact nodes,
 exactly, for E, ν, alpha_T, beta and k of the body or of a region, stiffness of springs, α of edges (the heat problem
 solved once more with what the change puts in: −∫_e (θ − θ̄)φ, −∫_ω ∇θ·∇φ), and all in which the load is affine: the
 derivative is then the load of the scene with p = 1 and nothing else. Numbers of a law, or its strength, change b and
-its kinks by the numbers that the law is made of (`laws.derivatives`).
+its kinks by the numbers that the law is made of (`laws.composed`).
 
 Left out: the geometry, which moves the mesh.
 """

@@ -1,6 +1,6 @@
 """Derivatives by numbers of a study at the solution of a point, for the variables of `data.schema`.
 
-A point is linearised once at its solution (`contact.linearised`); a number then costs O(m²).
+A point is linearised once at its solution (`contact.solution.Linearised`); a number then costs O(m²).
 """
 
 from __future__ import annotations
