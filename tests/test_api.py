@@ -11,12 +11,7 @@ import tcstudy
 PUSHED = {"role": "clamped", "u_x": 0.3, "u_y": 0}
 SECTIONS = {
     "body": {"rectangle": {"width": 2.0, "height": 1.0}},
-    "boundary": {
-        "bottom": "contact",
-        "top": {"role": "clamped", "u_x": 0.3, "u_y": 0},
-        "left": "free",
-        "right": "free",
-    },
+    "boundary": {"bottom": "contact", "top": PUSHED, "left": "free", "right": "free"},
     "material": {"E": np.float64(1.0), "nu": 0.3},
     "friction": {"law": "slip-weakening", "tau_s": 0.1, "tau_k": 0.05, "delta": 0.1},
     "mesh": {"maxh": 0.5, "levels": 3},

@@ -3,13 +3,7 @@
 import numpy as np
 import pytest
 
-from tcstudy.contact.certificates import (
-    bends_below_tangent,
-    certify,
-    definite,
-    quotient,
-    solution_boxes,
-)
+from tcstudy.contact.certificates import bends_below_tangent, certify, definite, quotient, solution_boxes
 from tcstudy.contact.problem import CondensedBody, ContactProblem
 from tcstudy.contact.solve import nearest_minimum
 from tcstudy.laws.laws import Laws

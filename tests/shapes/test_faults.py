@@ -11,12 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tcstudy.scene.records import Body, Edge, Loop, Point, Region
-from tcstudy.shapes.edges import (
-    circle_loop,
-    loop_area,
-    polygon_loop,
-    rectangle_loop,
-)
+from tcstudy.shapes.edges import circle_loop, loop_area, polygon_loop, rectangle_loop
 from tcstudy.shapes.faults import check_body
 
 SQUARE = rectangle_loop((0.0, 0.0), 1.0, 1.0)
