@@ -182,8 +182,9 @@ def _parameter(ctx: Context, root: Node, key: str, item: Node) -> Parameter | No
     if path[0] in FIXED:
         what, remedy = f"{path[0]} cannot be swept", FIXED[path[0]]
     elif key in OF_DESIGNS:
-        what = f"{key} {'are' if key == 'points' else 'is'} for modes that list or draw points"
-        remedy = f"add mode: list, or one of {', '.join(DESIGNS)}"
+        lists = key == "points"
+        what = f"{key} {'are for modes that list or' if lists else 'is for modes that'} draw points"
+        remedy = f"add mode: {'list, or ' * lists}one of {', '.join(DESIGNS)}"
     elif same:
         same = [nearest(key, same) or same[0]] if path[1:] else same
         remedy = f"did you mean {' or '.join(map(repr, same))}?"
@@ -282,7 +283,9 @@ def _axis(
 def _point_list(ctx: Context, root: Node, node: Node, given: Mapping[str, Node]) -> list[SweptAxis]:
     """mode: list, whose points all name the same parameters, or stand in a table."""
     points, stray = given.get("points"), [key for key in given if key != "points"]
-    if stray:
+    if stray and stray[0] in OF_DESIGNS:
+        ctx.at(given[stray[0]], f"{stray[0]} is for modes that draw points; remove it", on_key=True)
+    elif stray:
         remedy = "put it into points: [{PARAMETER: value, ...}, ...], or use mode: grid"
         ctx.at(given[stray[0]], f"with mode: list the parameter {stray[0]!r} belongs into points", remedy, on_key=True)
     elif points is None:
