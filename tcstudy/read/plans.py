@@ -127,12 +127,13 @@ def read_solver(ctx: Context, node: Node | None) -> SolverPlan:
     """The solver by name, or several to compare, with its options; None after a fault."""
     if node is None:
         return SolverPlan()
-    fields = Fields(ctx, node, "solver")
+    fields, before = Fields(ctx, node, "solver"), len(ctx.errors)
     given = fields.given()
     names = given.pop("name", SolverPlan().names)
-    if len(set(names)) < len(names):
+    read = len(ctx.errors) == before  # else a name may be another one than was written
+    if read and len(set(names)) < len(names):
         fields.fault("name", "names a solver twice", "name each solver once")
-    if BUNDLE not in names and fields["max_iterations"]:
+    if read and BUNDLE not in names and fields["max_iterations"]:
         fields.fault("max_iterations", f"is of {BUNDLE} alone", f"remove it, or choose name: {BUNDLE}")
     every = given.get("branch") == ALL
     for key in ("max_boxes", "max_seconds"):
