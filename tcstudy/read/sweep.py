@@ -360,7 +360,8 @@ def _check_axes(ctx: Context, node: Node, axes: list[SweptAxis], mode: str) -> N
         seen: set[object] = set()
         for value, identity in zip(nodes, identities, strict=True):
             if identity in seen:
-                ctx.at(value, f"the value {value.brief()} is repeated", "give every value once")
+                what = f"the {'value' if mode == 'grid' else 'point of the value'} {value.brief()} is repeated"
+                ctx.at(value, what, f"give every {'value' if mode == 'grid' else 'point'} once")
             if identity == identity:  # a value that could not be read is NaN
                 seen.add(identity)
 

@@ -81,7 +81,7 @@ def test_points_stand_in_a_table_and_then_in_the_study(tmp_path: Path) -> None:
         ("E [m],nu\n1,0.2\n", "points.csv:1:1: E: 'm' is not a unit of a stress"),
         ("E,  nuu\n1,0.2\n", "points.csv:1:5: the study has no parameter 'nuu'"),
         ("E;nu\n1;0.2\n", "points.csv:1:1: columns are separated by semicolons; write commas"),
-        ("E,nu\n1,0.2\n2,0.2\n1.0,0.2\n", "points.csv:4:1: sweep.E: the value 1.0 is repeated"),
+        ("E,nu\n1,0.2\n2,0.2\n1.0,0.2\n", "points.csv:4:1: sweep.E: the point of the value 1.0 is repeated"),
         ("E,E\n1,2\n", "points.csv:1:3: the heading 'E' stands twice"),
         ("friction\nsoft\n", "points.csv:2:1: sweep.friction: must be a mapping, but is the text 'soft'"),
         ('E,nu\n"1,0.2\n', "points.csv:2:1: a quote is not"),
