@@ -128,7 +128,8 @@ def parser_of() -> argparse.ArgumentParser:
     for name, one in COMMANDS.items():
         own = parsers.add_parser(name, help=one.help, epilog=_EPILOG)
         own.set_defaults(read=None, kept="nothing was written", run=one.run)
-        choice = own.add_mutually_exclusive_group()  # how a command prints, or which form it writes
+        said = any(told.get("action") == "store_const" for _, told in one.options)
+        choice = own.add_mutually_exclusive_group() if said else own  # how a command prints, or which form it writes
         for flags, told in one.options:
             action = (choice if told.get("action") == "store_const" else own).add_argument(*flags, **told)
             if told.get("type") in (named, file_name):

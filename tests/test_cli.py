@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import tcstudy
+from tcstudy.cli import COMMANDS
 from tests.commands import Said, tcstudy_command, tcstudy_process
 
 STUDY = """units: none
@@ -145,6 +146,11 @@ def test_a_picture_without_matplotlib_is_refused_before_any_work(folder: Path, m
 def test_version_and_no_word_at_all(folder: Path) -> None:
     assert tcstudy_command("--version", cwd=folder).stdout == f"tcstudy {tcstudy.__version__}\n"
     assert tcstudy_command(cwd=folder).returncode == 2
+
+
+def test_every_command_has_help(folder: Path) -> None:
+    for name in COMMANDS:
+        assert f"tcstudy {name} [-h]" in tcstudy_command(name, "--help", cwd=folder, code=0).stdout
 
 
 def test_help_and_faults_load_nothing_heavy(folder: Path) -> None:
