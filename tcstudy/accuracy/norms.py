@@ -18,12 +18,15 @@ node moves to the arc, and the coarse function is carried along.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from tcstudy.shapes.edges import INNER, TriangleGeometry
+
+if TYPE_CHECKING:
+    import scipy.sparse as sp
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -121,6 +124,8 @@ def line_norms(ends: Array, normals: Array, v: list[Array], f: LineFunction | No
 
 def prolongation(coarse: int, fine_points: Array, fine_triangles: Indices) -> sp.csr_array:
     """(n_fine, n_coarse) from nodal values of a mesh of so many nodes to those on its uniform refinement."""
+    import scipy.sparse as sp  # here, since who reads a study alone does not wait for it
+
     n, n_fine = coarse, len(fine_points)
     sides = np.concatenate([fine_triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
     half = (sides >= n).sum(axis=1) == 1
@@ -137,6 +142,8 @@ INSIDE = -1e-10
 
 def interpolation(mesh: TriangleGeometry, at: Array) -> sp.csr_array:
     """(q, n) matrix from nodal values of a P1 function to its values at the points `at` (q, 2)."""
+    import scipy.sparse as sp
+
     found, weights = located(mesh, at)
     rows = np.repeat(np.arange(len(at)), 3)
     columns = mesh.triangles[found].ravel()
