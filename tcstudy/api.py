@@ -15,7 +15,7 @@ from dataclasses import fields
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from tcstudy.errors import UsageError
+from tcstudy.errors import UsageError, hint
 from tcstudy.read.study import read_study, read_study_text
 from tcstudy.results import Result, cached, picture_html, why_again
 from tcstudy.scene import study as records
@@ -73,7 +73,6 @@ class Study(records.Study):
     def __getitem__(self, key: str) -> object:
         """The value at a key path, as it is written: study["friction.delta"]. Raises UsageError where there is none."""
         from tcstudy.read.document import split_path, tree_of
-        from tcstudy.read.fields import hint
 
         found = tree_of(self).at(*(split_path(key) or (key,)))
         if found is None:

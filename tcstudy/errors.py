@@ -4,6 +4,7 @@ once: its text is printed without a traceback, the exit code is 2. And the strea
 
 from __future__ import annotations
 
+import difflib
 import errno
 import inspect
 import io
@@ -35,6 +36,19 @@ def printable(text: str) -> str:
 def shortened(text: str, most: int = 60) -> str:
     """The text, cut so that a message stays one readable line."""
     return text if len(text) <= most else text[: most - 3] + "..."
+
+
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """The known word most like the given one, if any is."""
+    lowered = {name.lower(): name for name in known}
+    near = difflib.get_close_matches(word.lower(), lowered, n=1, cutoff=0.55)
+    return lowered[near[0]] if near else None
+
+
+def hint(word: str, known: Iterable[str], otherwise: str) -> str:
+    """Remedy for a word that is not known: the nearest that is, or something else."""
+    near = nearest(word, known)
+    return f"did you mean {near!r}?" if near else otherwise
 
 
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w.]*\w)")

@@ -13,7 +13,6 @@ section that uses it, directly or by another name, is then read again for each o
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 import sys
@@ -25,6 +24,7 @@ from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import Any, Concatenate, Literal, ParamSpec, TypeVar
 
+from tcstudy.errors import hint, nearest
 from tcstudy.expressions import expression as expressions
 from tcstudy.expressions.expression import CONSTANTS, FUNCTIONS, VARIABLES, parse
 from tcstudy.read.document import Collector, Node
@@ -56,19 +56,6 @@ V = TypeVar("V")
 def is_name(text: str) -> bool:
     """Whether a text may be the name of an edge or a region: letters, digits and underscores."""
     return text.isascii() and text.replace("_", "a").isalnum()
-
-
-def nearest(word: str, known: Iterable[str]) -> str | None:
-    """The known word most like the given one, if any is."""
-    lowered = {name.lower(): name for name in known}
-    near = difflib.get_close_matches(word.lower(), lowered, n=1, cutoff=0.55)
-    return lowered[near[0]] if near else None
-
-
-def hint(word: str, known: Iterable[str], otherwise: str) -> str:
-    """Remedy for a word that is not known: the nearest that is, or something else."""
-    near = nearest(word, known)
-    return f"did you mean {near!r}?" if near else otherwise
 
 
 def elsewhere(key: str, path: str) -> str:

@@ -14,10 +14,11 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from tcstudy.errors import hint
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.read.body import corner_faults, supports_fault
 from tcstudy.read.document import Node
-from tcstudy.read.fields import Context, Fields, hint, none_after_fault
+from tcstudy.read.fields import Context, Fields, none_after_fault
 from tcstudy.read.scenes import SceneReader
 from tcstudy.scene.histories import MOST_STEPS, HistoryLine, HistoryPlan, Memory, UnfitLaw
 from tcstudy.scene.keys import row, rows

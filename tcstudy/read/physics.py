@@ -13,13 +13,14 @@ from typing import Any, Literal
 
 import numpy as np
 
+from tcstudy.errors import hint, nearest
 from tcstudy.expressions.expression import SPACING, Expression, product, random_field
 from tcstudy.laws.composed import EdgeLaws
 from tcstudy.laws.laws import Laws
 from tcstudy.laws.pieces import GrowthError
 from tcstudy.laws.shapes import SHAPES, LawError
 from tcstudy.read.document import Node
-from tcstudy.read.fields import Context, Fields, Unsound, hint, nearest, none_after_fault, word_of
+from tcstudy.read.fields import Context, Fields, Unsound, none_after_fault, word_of
 from tcstudy.scene.keys import LOADED, MOVED, OF_ALL_LAWS, law_rows, of_role, row, rows
 from tcstudy.scene.records import (
     Boundary,

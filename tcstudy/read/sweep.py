@@ -25,10 +25,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.errors import StudyError
+from tcstudy.errors import StudyError, hint, nearest
 from tcstudy.laws.shapes import SHAPES
 from tcstudy.read.document import Mark, Node, load_text, place_of, put_number, split_path
-from tcstudy.read.fields import UNNAMED, Context, Fields, hint, nearest, none_after_fault, only_key, users, words_in
+from tcstudy.read.fields import UNNAMED, Context, Fields, none_after_fault, only_key, users, words_in
 from tcstudy.read.physics import keys_of, laws_by_edge
 from tcstudy.scene.designs import DESIGNS, ENDS, PARAMETERS, SALTELLI, Design, Distribution, correlated, count, cube
 from tcstudy.scene.histories import short_names

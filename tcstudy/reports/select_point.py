@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from tcstudy.data.reading import axis_names, sweep_dims
 from tcstudy.data.schema import PointStatus
-from tcstudy.errors import DrawError
-from tcstudy.read.fields import hint
+from tcstudy.errors import DrawError, hint
 from tcstudy.reports.text import number, scaled_labels
 from tcstudy.scene import units as u
 

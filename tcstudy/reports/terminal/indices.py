@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 
 from tcstudy.data.files import reading
 from tcstudy.data.schema import PointStatus
-from tcstudy.errors import UsageError
-from tcstudy.read.fields import hint
+from tcstudy.errors import UsageError, hint
 from tcstudy.reports.text import TextColumn, columns_table, number, wrapped
 from tcstudy.scene.designs import SALTELLI
 
