@@ -185,7 +185,7 @@ ROWS: tuple[Key, ...] = (
     ),
     needed("friction", "law", "a law, or one for each contact edge: `{EDGE: {law: …}, …}`", example=_LAW, swept=True),
     needed("mesh", "section", "element sizes; [which meshes there are](#meshes-that-follow-the-error)", example=_SIZE),
-    key("solver", "section", "a name, a list of names, which the file compares, or its keys", short="name"),
+    key("solver", "section", "a name, a list of names, which the summary compares, or its keys", short="name"),
     key("sweep", "section", "[what varies](#sweeps): `alpha: [1, 10]`, `E: {linspace: [1 GPa, 2 GPa, 9]}`"),
     key("exact", "section", "the exact solution, if you know it"),
     key("path", "section", "[equilibria on the branch from rest](#equilibria-along-a-parameter)"),
