@@ -1,6 +1,5 @@
-"""The command line with streams that are closed, full, without a reader or without Greek, and with little memory."""
+"""The command line with streams that are closed, full or without a reader, and with little memory."""
 
-import io
 import os
 import subprocess
 import sys
@@ -35,15 +34,6 @@ def test_a_run_finishes_whoever_reads(tmp_path: Path, redirection: str) -> None:
     shown = tcstudy_command("show", tmp_path / "a.nc", code=0).stdout
     assert "\x1b" not in shown
     assert "\\x1b[31mred" in shown
-
-
-def test_a_summary_in_another_encoding(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "block.yaml").write_text(STUDY)
-    raw = io.BytesIO()
-    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(raw, encoding="ascii"))
-    assert cli.main(["run", str(tmp_path / "block.yaml"), "--output", str(tmp_path / "a.nc")]) == 0
-    assert r"\u03bb\u2081" in raw.getvalue().decode("ascii")
-    assert b"40 of 40 solutions found" in raw.getvalue()
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
