@@ -93,8 +93,9 @@ ASKED = ("force_", "work_", "section_force_", "probe_", "reaction_", "theta_mean
 
 
 def asked(data: Any) -> list[str]:
-    """Names of these numbers in a run's data, in the order of the file."""
-    return [str(name) for name in data.data_vars if str(name).startswith(ASKED)]
+    """Names of these numbers in a run's data, in the order of the file; a load `force_x` of a history is none."""
+    loads = str(data.attrs.get("loads", "")).split()
+    return [str(name) for name in data.data_vars if str(name).startswith(ASKED) and name not in loads]
 
 
 def of_largest(data: Any) -> Any:

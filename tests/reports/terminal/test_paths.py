@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from tcstudy.data.reading import load_root
+from tcstudy.data.reading import asked, load_root
 from tcstudy.reports.terminal.paths import _loop, folds_of, path_verdict, sentences_of
 from tests.reports.conftest import Stored
 
@@ -45,3 +45,8 @@ def test_energy_that_finite_steps_miss_is_said_where_it_counts(stored: Stored) -
     assert not any("finite steps" in one for one in sentences_of(part))
     part["closure"].values[3] = -0.25 * part["dissipated"].values.sum()
     assert "finite steps miss 25 % of the energy dissipated; take more steps" in sentences_of(part)
+
+
+def test_a_load_of_a_history_is_no_number_that_was_asked_for() -> None:
+    names = ("force_x", "force_end_x")
+    assert asked(xr.Dataset(dict.fromkeys(names, 0.0), attrs={"loads": "force_x theta"})) == ["force_end_x"]
