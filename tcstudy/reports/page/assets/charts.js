@@ -27,7 +27,11 @@ TC.logTicks = function (lo, hi, count) {
 };
 TC.tickText = function (ticks) {
   const most = Math.max(...ticks.map(Math.abs)), step = ticks.length > 1 ? Math.min(...ticks.slice(1).map((t, i) => Math.abs(t - ticks[i]))) : most;
-  if (most >= 1e6 || (most < 1e-3 && most > 0)) return (v) => TC.number(v, 3);
+  if (most >= 1e6 || (most < 1e-3 && most > 0)) {
+    let digits = 3; // of which powers show all but one
+    while (digits < 8 && ticks.some((t) => Math.abs(Number(t.toPrecision(digits - 1)) - t) > 0.01 * step)) digits++;
+    return (v) => TC.number(v, digits);
+  }
   const decimals = Math.max(0, Math.min(8, -Math.floor(Math.log10(step || 1) + 1e-9) + (String(Number((step / 10 ** Math.floor(Math.log10(step || 1))).toPrecision(3))) === "2.5" ? 1 : 0)));
   return (v) => v.toFixed(decimals).replace("-", "−");
 };
