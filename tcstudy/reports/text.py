@@ -61,6 +61,8 @@ def spelled(text: str) -> str:
 
 EXACT = 1e-12
 """Relative difference that counts as the rounding of a value computed from others (0.1 + 0.2 is shown as 0.3)."""
+ROUNDING = 1e-9
+"""Part of the largest number of a column below which another has no say in its unit."""
 MOST_DIGITS = 15
 
 
@@ -101,7 +103,7 @@ def prefix(values: ArrayLike, units: str) -> tuple[float, str]:
     it would be raised as well.
     """
     sizes = np.abs(np.asarray(values, dtype=float).ravel())  # of a long sweep no list of a million numbers
-    sizes = sizes[np.isfinite(sizes) & (sizes > EXACT * np.max(sizes, initial=0.0, where=np.isfinite(sizes)))]
+    sizes = sizes[np.isfinite(sizes) & (sizes > ROUNDING * np.max(sizes, initial=0.0, where=np.isfinite(sizes)))]
     if not len(sizes) or units in ("1", "K", "s") or POWER_FIRST.match(units):
         return 1.0, units
     middle = np.partition(sizes, len(sizes) // 2)[len(sizes) // 2]

@@ -25,7 +25,7 @@ def test_powers_of_ten_become_a_prefix_where_one_suits_all(values, units, shown)
 
 
 def test_the_unit_of_a_column_does_not_follow_rounding() -> None:
-    assert prefix([2e-3, 3e-3, 1e-19, -4e-18, 0.0, float("nan")], "m") == (1e-3, "mm")
+    assert prefix([2e-3, 3e-3, 1e-13, -4e-13, 2e-14, 0.0, float("nan")], "m") == (1e-3, "mm")
 
 
 BAD, ERROR = PointStatus.INCLUSION_VIOLATED, PointStatus.ERROR

@@ -48,7 +48,7 @@ class SobolIndices:
 def indices(file: Path, of: str) -> SobolIndices:
     """The indices of a number at the points of a design, on the finest level; points without a solution are left out.
 
-    Raises UsageError where there is no such number, or too few points have a solution.
+    Raises UsageError where there is no such number, or too few points have it.
     """
     with reading(file), netCDF4.Dataset(file) as nc:
         drawn = {name: one for name, one in nc.variables.items() if "distribution" in one.ncattrs()}
@@ -69,7 +69,7 @@ def indices(file: Path, of: str) -> SobolIndices:
         proved = bool(np.all(nc["unique"][:, level][ok] == 1))
     whole = np.isfinite(f).all(axis=1)
     if np.count_nonzero(whole) < 2:
-        raise UsageError(f"{of} has no whole rows of the design: too few points have a solution")
+        raise UsageError(f"{of} has no whole rows of the design: too few points have this number")
     f, x = f[whole], x[whole]
     confidence = f"{f'{LEVEL:.0%}'} confidence by resampling them"
     said = [f"{f.size} points of {len(f)} base points, {confidence}"]
