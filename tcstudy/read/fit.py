@@ -21,8 +21,8 @@ from tcstudy.laws.laws import Laws
 from tcstudy.read.document import Node, whole_key
 from tcstudy.read.fields import Context, Fields, none_after_fault, out_of_bounds, users, words_in
 from tcstudy.read.loads import NO_DERIVATIVE, NOT_AFFINE, NOT_ALONE, check_fit, differentiable, level_of, named_number
+from tcstudy.read.points import table_lines, table_value
 from tcstudy.read.scenes import SceneReader
-from tcstudy.read.sweep import table_lines, table_value
 from tcstudy.scene.histories import HistoryPlan, Memory, UnfitLaw
 from tcstudy.scene.keys import Key
 from tcstudy.scene.parameters import Number, affine_numbers

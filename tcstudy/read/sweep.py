@@ -1,15 +1,6 @@
 """Reads the section `sweep`: which parameters take which values, how they are combined, and their labels in the data.
 
 The values stay nodes of the study: a sweep point is the study with these nodes put at their paths.
-
-A table has a header of parameters with their units and a line for each point, `alpha [W/(m^2*K)],friction.delta [um]`
-and then `25,40`: separated by commas, decimals with a point, texts with a comma in double quotes; empty lines and
-lines that begin with # are left out. Every cell knows its line and column, and the study keeps the values, so that its
-results need no table afterwards.
-
-Points are drawn by `mode: random`, `latin-hypercube`, `sobol` or `saltelli`: every parameter has a distribution; what
-comes out are the same axes that a list of points has. A drawn point that the study cannot have is refused like a
-written one, before any work: left out, it would bend the distribution that the user asked for.
 """
 
 from __future__ import annotations
@@ -20,51 +11,41 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcstudy.errors import StudyError, hint, nearest
+from tcstudy.errors import hint, nearest
 from tcstudy.laws.shapes import SHAPES
-from tcstudy.read.document import Mark, Node, load_text, place_of, put_number, split_path
-from tcstudy.read.fields import UNNAMED, Context, Fields, none_after_fault, only_key, users, words_in
+from tcstudy.read.document import Node, place_of, put_number, split_path
+from tcstudy.read.fields import UNNAMED, Context, none_after_fault, only_key, users, words_in
 from tcstudy.read.physics import keys_of, laws_by_edge
-from tcstudy.scene.designs import DESIGNS, ENDS, PARAMETERS, SALTELLI, Design, Distribution, correlated, count, cube
+from tcstudy.read.points import (
+    MAX_POINTS,
+    Nodes,
+    Parameter,
+    read_correlation,
+    read_design,
+    read_distribution,
+    table_lines,
+    table_value,
+)
+from tcstudy.scene.designs import DESIGNS, Design, Distribution, correlated, cube
 from tcstudy.scene.histories import short_names
 from tcstudy.scene.keys import OF_ALL_LAWS, Key, row, rows
-from tcstudy.scene.parameters import FIXED, NUMBERS, OF_POINT, SHORT, WHOLE, Keys, path_of, swept_row
+from tcstudy.scene.parameters import FIXED, NUMBERS, OF_POINT, SHORT, Keys, path_of, swept_row
 from tcstudy.scene.points import GEOMETRIC
 from tcstudy.scene.study import Axis
-from tcstudy.scene.units import LENGTH, NONE, NUMBER, Dimension, common_unit, split_quantity
+from tcstudy.scene.units import LENGTH, Dimension, common_unit
 
 SECTIONS = ("boundary", "material", "loads", "heat", "friction")
 """What makes up a scene beside the body."""
 MODES = row("sweep", "mode").words
-MAX_POINTS = 1_000_000
-CELL = re.compile(r'\s*("(?:[^"]|"")*"|[^,"]*)\s*(?:,|$)')
 HEAD = re.compile(r"([^\s\[\]]+)\s*(?:\[(.+)\])?")
 MOST_VALUES = 400_000
 OF_DESIGNS = ("points", "seed", "correlation")
 """Keys of a sweep whose points are drawn."""
-Nodes = tuple[Node, ...]
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """What a sweep may vary: its key path and its row."""
-
-    path: Keys
-    row: Key
-
-    @property
-    def is_whole(self) -> bool:
-        """Whether its values are whole laws or materials, by name."""
-        return self.row.kind in WHOLE
-
-    def several(self, node: Node) -> dict[str, Node]:
-        """The laws or materials of a node by name; none of a single one, or of what is no mapping."""
-        return {} if any(key in node.children for key in WHOLE[self.row.kind]) else dict(node.children)
 
 
 @dataclass(frozen=True)
@@ -153,7 +134,7 @@ def read_sweep(ctx: Context, root: Node, swept: bool) -> Sweep:
         if mode not in DESIGNS:
             axes = [_listed(ctx, root, key, item, p) for key, (item, p) in found.items()]
         else:
-            design = _design(ctx, node, mode, len(items))
+            design = read_design(ctx, node, mode, len(items))
             axes = _drawn(ctx, design, found, node.at("correlation")) if design else []
     _check_axes(ctx, node, axes, mode)
     _check_law_parameters(ctx, axes, root.at("friction"))
@@ -435,86 +416,11 @@ def _spaced(ctx: Context, node: Node, dimension: Dimension) -> Nodes:
     return tuple(replace(item, value=value, shown_in=unit) for value in numbers)
 
 
-def table_lines(ctx: Context, node: Node) -> tuple[str, list[tuple[Node, ...]]]:
-    """Text of the CSV table that a key names, and the cells of its lines, the headings first; nothing after a fault."""
-    before, path = len(ctx.errors), ctx.folder / ctx.text(node, "the path of a table")
-    try:
-        text = load_text(path)
-    except StudyError as error:
-        ctx.at(node, f"{path}: {error.problems[0].what}", "name a CSV table beside the study")
-        return "", []
-    lines = list(_csv_lines(ctx, text.removeprefix("\N{BYTE ORDER MARK}"), str(path)))
-    heads, wrong = lines[0] if lines else (), [line for line in lines if len(line) != len(lines[0])]
-    words = [str(cell.value) for cell in heads]
-    twice = [k for k, word in enumerate(words) if word and word in words[:k]]
-    other = [name for name, mark in {"semicolons": ";", "tabs": "\t"}.items() if len(words) == 1 and mark in words[0]]
-    if len(ctx.errors) > before:
-        pass
-    elif other:
-        ctx.at(heads[0], f"columns are separated by {other[0]}; write commas, and a point in decimals")
-    elif words and all(re.fullmatch(NUMBER, word) for word in words):
-        ctx.at(heads[0], "the table has no headings; write a name and its unit over each column, as u_x [mm]")
-    elif len(lines) < 2:
-        ctx.at(node, f"{path} has no data", "write a heading for each column and a line for each point")
-    elif twice:
-        ctx.at(heads[twice[0]], f"the heading {words[twice[0]]!r} stands twice; give every column its own heading")
-    elif wrong:
-        others = f", and {len(wrong) - 1} other lines likewise" if len(wrong) > 1 else ""
-        what = f"has {len(wrong[0])} entries, but the header {len(heads)}{others}"
-        ctx.at(wrong[0][-1], what, "give every column a value; decimals have a point, columns a comma")
-    return (text, lines) if len(ctx.errors) == before else ("", [])
-
-
-def _csv_lines(ctx: Context, text: str, file: str) -> Iterator[tuple[Node, ...]]:
-    for number, line in enumerate(text.splitlines(), 1):
-        if not line.strip() or line.lstrip().startswith("#"):
-            continue
-        cells, at = [], 0
-        while at <= len(line):
-            match = CELL.match(line, at)
-            if match is None:
-                mark = Mark(file, number, at + 1)
-                ctx.errors.at_mark(mark, "", "a quote is not where a text begins or ends", 'write "..." around a text')
-                break
-            mark = Mark(file, number, match.start(1) + 1)
-            word = match[1].strip()
-            cells.append(Node(word[1:-1].replace('""', '"') if word[:1] == '"' else word, "", mark, mark))
-            at = match.end() + (not match[0].endswith(","))
-        yield tuple(cells)
-
-
-def table_value(ctx: Context, cell: Node, unit: str) -> Node:
-    """A cell as the study would have it."""
-    word = str(cell.value)
-    if not word:
-        ctx.errors.unreadable(cell.mark, cell.path, "is empty", "give every parameter a value in every line")
-    number = re.fullmatch(NUMBER, word)
-    if unit and split_quantity(word) is not None:
-        ctx.at(cell, f"{word!r} has a unit beside that of the header", "write the number alone")
-    return cell if number is None else replace(cell, value=f"{word} {unit}" if unit else float(word))
-
-
-@none_after_fault
-def _design(ctx: Context, node: Node, mode: str, d: int) -> Design:
-    """How many points are drawn, and from which seed; None after a fault. d: parameters"""
-    points, seed = node.at("points") or node, node.at("seed")
-    if not d:
-        ctx.at(node, "has no parameter to draw; add one, for example alpha: {uniform: [25, 100]}")
-    if points is node:
-        ctx.at(node, "is missing", "say how many are drawn: points: 500", key=f"{node.path}.points")
-    ctx.sound()
-    n, start = ctx.integer(points, 1, MAX_POINTS), ctx.value(seed, row("sweep", "seed")) if seed else 0
-    if count(mode, n, d) > MAX_POINTS:
-        what = f"{n} × ({d} + 2) points of {mode} are more than {MAX_POINTS}"
-        ctx.at(points, what, "draw fewer points, or leave parameters out")
-    return Design(mode, n, start)
-
-
 def _drawn(
     ctx: Context, design: Design, items: Mapping[str, tuple[Node, Parameter]], correlation: Node | None
 ) -> list[SweptAxis]:
-    read = {key: _distribution(ctx, node, parameter, design.mode) for key, (node, parameter) in items.items()}
-    R = _correlation(ctx, correlation, design.mode, {p.path: i for i, (_, p) in enumerate(items.values())})
+    read = {key: read_distribution(ctx, node, parameter, design.mode) for key, (node, parameter) in items.items()}
+    R = read_correlation(ctx, correlation, design.mode, {p.path: i for i, (_, p) in enumerate(items.values())})
     if not items or R is None or any(found is None for found in read.values()):
         return []
     axes, points = list[SweptAxis](), cube(design, len(items))
@@ -534,68 +440,3 @@ def _drawn(
             values, labels = tuple(entries[i] for i in which), tuple(names[i] for i in which if names)
             axes.append(_axis(ctx, key, node, parameter, values, labels, said))
     return axes
-
-
-@none_after_fault
-def _correlation(
-    ctx: Context, node: Node | None, mode: str, places: Mapping[tuple[str, ...], int]
-) -> np.ndarray[Any, Any] | None:
-    R = np.eye(len(places))
-    pairs = ctx.mapping(node, "pairs to numbers", 'write {"E, tau_s": 0.6}', least=0)
-    for key, item in pairs.items():
-        rho, two = ctx.quantity(item, NONE), [path_of(name.strip()) for name in key.split(",")]
-        at = [places.get(path, places.get(("parameters", *path), -1)) for path in two]
-        if len(at) != 2 or at[0] == at[1] or -1 in at:
-            names = ", ".join(path[-1] for path in places)
-            ctx.at(item, f"{key!r} is no pair of drawn parameters", f"name two of {names}", on_key=True)
-        elif not -1.0 < rho < 1.0:
-            ctx.at(item, f"is {rho:g}", "a correlation lies between -1 and 1, without these")
-        else:
-            R[at[0], at[1]] = R[at[1], at[0]] = rho
-    ctx.sound()
-    if pairs and node is not None and mode == SALTELLI:
-        ctx.at(node, f"mode: {SALTELLI} takes its parameters as independent", "use mode: sobol or random")
-    elif pairs and node is not None and np.linalg.eigvalsh(R)[0] <= 0.0:
-        what = "no parameters can be correlated like this: the matrix is not positive definite"
-        ctx.at(node, what, "bring the numbers nearer to 0")
-    return R
-
-
-Choice = tuple[tuple[str, ...], Nodes]
-"""Names, if laws or materials have some, and values."""
-
-
-@none_after_fault
-def _distribution(ctx: Context, node: Node, parameter: Parameter, mode: str) -> Distribution | Choice | None:
-    whole, dimension = parameter.is_whole, parameter.row.dimension
-    found: Choice | Distribution | None = None
-    if several := parameter.several(node) if whole else {}:
-        found = tuple(several), tuple(several.values())
-    elif whole or not isinstance(node.value, Mapping):
-        shape = f"{{NAME: {{{WHOLE[parameter.row.kind][0]}: ...}}, NAME: ...}}" if whole else "{uniform: [a, b]}"
-        remedy = f"with mode: {mode} write {shape}" + ("" if whole else " or {choice: [a, b]}")
-        ctx.at(node, f"must be a distribution, but is {node.kind()}", remedy)
-    else:
-        kind, item = only_key(ctx, node, "distribution", "{uniform: [a, b]}")
-        ctx.sound()
-        if kind == "choice":
-            found = (), ctx.items(item, "a list of values", least=1)
-        elif parameter.row.kind not in NUMBERS:
-            ctx.at(item, f"{parameter.path[-1]} is no single number", "write {choice: [..., ...]}")
-        else:
-            names, of = PARAMETERS[kind], {"sigma": NONE} if kind == "lognormal" else {}
-            if names == ENDS:
-                numbers = ctx.value(item, row("distribution", kind), dimension)
-            else:
-                inner = Fields(ctx, item, kind)
-                numbers = tuple(inner.value(name, of.get(name, dimension)) for name in names)
-            ctx.sound()
-            found = Distribution(kind, tuple(zip(names, numbers, strict=True)))
-            if not found.is_sound:
-                remedy = "its ends grow, those of a logarithm, sigma and a median are above 0, a mode is between ends"
-                ctx.at(item, f"{found} is no distribution", remedy)
-    ctx.sound()
-    if mode == SALTELLI and not isinstance(found, Distribution):
-        remedy = "give it a distribution of numbers, or write one study for each value"
-        ctx.at(node, f"a choice has no indices by mode: {SALTELLI}", remedy)
-    return found
